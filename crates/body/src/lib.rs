@@ -1,0 +1,29 @@
+//! Kinematic trees, spatial algebra and dynamics, linear in the inertial parameters.
+//!
+//! A [`Model`] is constant; a [`State`] is the scratch that one frame needs. Every algorithm takes both
+//! and allocates nothing. Vectors of spatial quantities are ordered *linear, angular* (as in Pinocchio);
+//! coordinates `q` hold, per joint: free `[x y z qx qy qz qw]`, spherical `[qx qy qz qw]`, revolute and
+//! prismatic `[q]`, fixed nothing; velocities `v` hold: free `[linear; angular]` and spherical `[angular]`,
+//! both in the axes of the moving link.
+//!
+//! The ten inertial parameters of a link are those of the paper's eq. 4, about the link-frame origin:
+//! `φ = [m, mc_x, mc_y, mc_z, Ixx, Iyy, Izz, Iyz, Izx, Ixy]`.
+
+pub mod base_parameters;
+mod error;
+pub mod inertia;
+pub mod model;
+pub mod motion;
+pub mod state;
+pub mod subject;
+
+pub use base_parameters::{BaseParameter, BaseParameters};
+pub use error::BodyError;
+pub use inertia::{LinkInertia, PHI_NAMES, Phi};
+pub use model::{Joint, JointKind, JointSpec, Link, LinkSpec, Model, ModelSpec};
+pub use motion::Motion;
+pub use state::State;
+pub use subject::{ModelMarker, PersonFacts, Sex, Subject};
+
+/// Standard gravity in m/s², used where a laboratory states nothing else.
+pub const STANDARD_GRAVITY_MPS2: f64 = 9.80665;

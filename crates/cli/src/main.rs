@@ -1,0 +1,2 @@
+//! The `aloft` command.
+fn main() {}

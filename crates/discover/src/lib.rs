@@ -1,0 +1,1 @@
+//! Which effect is missing, how sure, and what it can be confused with

@@ -1,0 +1,1 @@
+//! Physical effects that a model may be missing, one file each

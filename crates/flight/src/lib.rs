@@ -1,0 +1,1 @@
+//! When no external force acts

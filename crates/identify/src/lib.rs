@@ -1,0 +1,1 @@
+//! Base parameters, their scale and uncertainty, and consistent links

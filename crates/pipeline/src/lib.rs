@@ -1,0 +1,1 @@
+//! Configuration, stage graph, cache and runner: where functions meet files

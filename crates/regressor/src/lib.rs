@@ -1,0 +1,1 @@
+//! Rows and factors: what one flight says about the parameters

@@ -1,0 +1,1 @@
+//! Landmarks and anthropometry to a person's own model

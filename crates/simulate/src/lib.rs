@@ -1,0 +1,1 @@
+//! Forward dynamics and synthetic laboratories with known truth

@@ -1,0 +1,53 @@
+//! Marker sets: which label sits on which link and which landmark it marks. Data in `configs/markersets/`, never code.
+
+use serde::{Deserialize, Serialize};
+
+/// A marker set as its file states it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MarkerSet {
+    /// Identifier, also the file's stem.
+    pub name: String,
+    /// One line for people.
+    pub title: String,
+    /// Name of the model in `configs/models/` whose links the markers name.
+    pub model: String,
+    /// Distance from skin to marker centre, m.
+    #[serde(default)]
+    pub marker_radius_m: f64,
+    /// The markers.
+    pub markers: Vec<MarkerDefinition>,
+}
+
+/// One marker of a set.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MarkerDefinition {
+    /// Canonical label.
+    pub label: String,
+    /// Link that carries it.
+    pub link: String,
+    /// Anatomical landmark that it marks, where it marks one (`asis_l`, `knee_medial_r`, `hip_center_l` …).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub landmark: Option<String>,
+    /// Other labels that mean the same marker.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub aliases: Vec<String>,
+    /// Weight in inverse kinematics.
+    #[serde(default = "one")]
+    pub weight: f64,
+    /// False for points that define geometry but are not tracked (derived joint centres).
+    #[serde(default = "yes")]
+    pub tracking: bool,
+    /// True for markers worn in the static trial only.
+    #[serde(default)]
+    pub static_only: bool,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+fn yes() -> bool {
+    true
+}

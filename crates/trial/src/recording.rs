@@ -1,0 +1,89 @@
+//! The recording itself.
+
+use nalgebra::{Rotation3, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// Marker trajectories, m, world frame.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Markers {
+    /// Sampling rate, Hz.
+    pub rate_hz: f64,
+    /// Number of the first frame in the source (1-based as in C3D).
+    pub first_frame: u32,
+    /// Frames.
+    pub n_frames: usize,
+    /// Labels, canonical after a marker set was applied.
+    pub labels: Vec<String>,
+    /// `trajectories[marker][frame]`, m; NaN where missing.
+    pub trajectories: Vec<Vec<Vector3<f64>>>,
+}
+
+impl Markers {
+    /// Index of a label.
+    pub fn index(&self, label: &str) -> Option<usize> {
+        self.labels.iter().position(|l| l == label)
+    }
+    /// Position, or `None` where missing.
+    pub fn position(&self, marker: usize, frame: usize) -> Option<Vector3<f64>> {
+        let p = self.trajectories[marker][frame];
+        p.iter().all(|x| x.is_finite()).then_some(p)
+    }
+}
+
+/// One force plate: the reaction on the subject, in the world frame.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Plate {
+    /// Name (`FP1` …).
+    pub name: String,
+    /// Sampling rate of the forces, Hz (the analog rate).
+    pub rate_hz: f64,
+    /// Corners, m, world frame (empty where the source does not say).
+    pub corners_m: Vec<Vector3<f64>>,
+    /// Force on the subject, N, world frame.
+    pub force_n: Vec<Vector3<f64>>,
+    /// Moment on the subject about the world origin, N·m, world frame.
+    pub moment_nm: Vec<Vector3<f64>>,
+}
+
+/// An event in the recording.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Event {
+    /// Label, for example `Foot Off`.
+    pub label: String,
+    /// Context, for example `Left`; empty where the source has none.
+    pub context: String,
+    /// Seconds since the first frame of this recording.
+    pub time_s: f64,
+}
+
+/// A computed point (angle, force, moment, power, scalar) that some software stored among the markers; units as the source states.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ComputedPoint {
+    /// Label.
+    pub label: String,
+    /// `angle`, `force`, `moment`, `power` or `scalar`.
+    pub kind: String,
+    /// Unit as the source states it.
+    pub unit: String,
+    /// Values frame by frame; NaN where missing.
+    pub values: Vec<Vector3<f64>>,
+}
+
+/// One recording in SI and one world frame.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Trial {
+    /// Name: the file's stem.
+    pub name: String,
+    /// Markers.
+    pub markers: Markers,
+    /// Plates; empty where the laboratory has none.
+    pub plates: Vec<Plate>,
+    /// Events.
+    pub events: Vec<Event>,
+    /// Computed points, kept apart.
+    pub computed: Vec<ComputedPoint>,
+    /// Rotation that was applied to everything to make Z the vertical.
+    pub world_from_source: Rotation3<f64>,
+    /// What was odd, in words.
+    pub warnings: Vec<String>,
+}
