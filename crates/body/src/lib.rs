@@ -14,6 +14,10 @@ mod error;
 pub mod inertia;
 pub mod model;
 pub mod motion;
+pub mod rotation;
+mod dynamics;
+mod regressor;
+mod spec;
 pub mod state;
 pub mod subject;
 

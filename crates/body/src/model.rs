@@ -1,7 +1,9 @@
 //! The kinematic tree.
 
-use crate::{BodyError, LinkInertia};
-use nalgebra::{Isometry3, Unit, Vector3};
+use crate::rotation::{left_jacobian, left_jacobian_inverse, quaternion_exp, quaternion_log, quaternion_near};
+pub use crate::spec::{JointSpec, LinkSpec, ModelSpec};
+use crate::BodyError;
+use nalgebra::{Isometry3, Quaternion, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// How a link moves against its parent.
@@ -54,6 +56,17 @@ pub struct Joint {
     pub v_offset: usize,
 }
 
+impl Joint {
+    /// Where this joint's quaternion (x y z w) starts in `q`, for joints that have one.
+    pub fn quaternion_offset(&self) -> Option<usize> {
+        match self.kind {
+            JointKind::Free => Some(self.q_offset + 3),
+            JointKind::Spherical => Some(self.q_offset),
+            _ => None,
+        }
+    }
+}
+
 /// One rigid link and the joint that carries it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Link {
@@ -80,91 +93,197 @@ pub struct Model {
     pub nv: usize,
 }
 
-/// What a model file says (YAML through serde, in `pipeline`; or URDF).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ModelSpec {
-    /// Name of the model.
-    pub name: String,
-    /// Links, parents first.
-    pub links: Vec<LinkSpec>,
-}
-
-/// One link of a [`ModelSpec`].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct LinkSpec {
-    /// Name, unique in the model.
-    pub name: String,
-    /// Name of the parent; none for the root.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub parent: Option<String>,
-    /// Kind of joint.
-    pub joint: JointSpec,
-    /// Joint position in the parent frame, m (zero where scaling decides).
-    #[serde(default)]
-    pub position_m: [f64; 3],
-    /// Joint orientation in the parent frame at zero, roll-pitch-yaw as in URDF, rad.
-    #[serde(default)]
-    pub rpy_rad: [f64; 3],
-    /// Inertia where the model knows it (robots).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub inertia: Option<LinkInertia>,
-}
-
-/// The joint of a [`LinkSpec`], as written in YAML: `free`, `spherical`, `fixed`, `revolute_x|y|z`, or with any axis.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum JointSpec {
-    /// Root with six degrees of freedom.
-    Free,
-    /// Three rotations.
-    Spherical,
-    /// No motion.
-    Fixed,
-    /// Rotation about the child's z axis (the convention of `human34` and `two_link`).
-    RevoluteZ,
-    /// Rotation about any axis in child axes.
-    Revolute([f64; 3]),
-    /// Translation along any axis in child axes.
-    Prismatic([f64; 3]),
-}
-
 impl Model {
     /// Builds the tree from a specification. Gravity is set to (0, 0, −g0); change the field for another laboratory.
-    pub fn from_spec(_spec: &ModelSpec) -> Result<Self, BodyError> {
-        todo!()
+    ///
+    /// # Errors
+    /// No links, a root that is not free or has a parent, a free joint elsewhere, a name used twice, a parent that does
+    /// not stand before its child, an axis without direction, a value that is not finite.
+    pub fn from_spec(spec: &ModelSpec) -> Result<Self, BodyError> {
+        let problem = |problem: String| BodyError::Spec { model: spec.name.clone(), problem };
+        if spec.links.is_empty() {
+            return Err(problem("it has no links".to_owned()));
+        }
+        let mut links: Vec<Link> = Vec::with_capacity(spec.links.len());
+        let (mut nq, mut nv) = (0, 0);
+        for link in &spec.links {
+            let name = &link.name;
+            if links.iter().any(|known| known.name == *name) {
+                return Err(problem(format!("two links have the name `{name}`")));
+            }
+            let parent = match &link.parent {
+                None if links.is_empty() => None,
+                None => return Err(problem(format!("link `{name}` has no parent, and only the first link may be the root"))),
+                Some(parent) => Some(links.iter().position(|known| known.name == *parent).ok_or_else(|| {
+                    BodyError::UnknownParent { model: spec.name.clone(), link: name.clone(), parent: parent.clone() }
+                })?),
+            };
+            if parent.is_none() != (link.joint == JointSpec::Free) {
+                return Err(problem(format!("link `{name}`: the root, and only the root, has a `free` joint")));
+            }
+            if link.position_m.iter().chain(&link.rpy_rad).any(|x| !x.is_finite()) {
+                return Err(problem(format!("link `{name}`: its joint placement is not finite")));
+            }
+            let Some(kind) = link.joint.kind() else {
+                return Err(problem(format!("link `{name}`: the axis of its joint has no direction")));
+            };
+            let [roll, pitch, yaw] = link.rpy_rad;
+            let parent_from_joint = Isometry3::from_parts(
+                Vector3::from(link.position_m).into(),
+                UnitQuaternion::from_euler_angles(roll, pitch, yaw),
+            );
+            links.push(Link {
+                name: name.clone(),
+                parent,
+                joint: Joint { kind, parent_from_joint, q_offset: nq, v_offset: nv },
+            });
+            nq += kind.nq();
+            nv += kind.nv();
+        }
+        let gravity_mps2 = Vector3::new(0.0, 0.0, -crate::STANDARD_GRAVITY_MPS2);
+        Ok(Self { name: spec.name.clone(), gravity_mps2, links, nq, nv })
     }
+
     /// Index of a link by name.
-    pub fn link_index(&self, _name: &str) -> Result<usize, BodyError> {
-        todo!()
+    ///
+    /// # Errors
+    /// [`BodyError::UnknownLink`] with the names that exist.
+    pub fn link_index(&self, name: &str) -> Result<usize, BodyError> {
+        self.links.iter().position(|link| link.name == name).ok_or_else(|| BodyError::UnknownLink {
+            model: self.name.clone(),
+            link: name.to_owned(),
+            known: self.links.iter().map(|link| format!("`{}`", link.name)).collect::<Vec<_>>().join(", "),
+        })
     }
+
     /// Number of links.
     pub fn n_links(&self) -> usize {
         self.links.len()
     }
+
     /// `q` of the neutral posture (identity rotations, zeros). Length `nq`.
     pub fn neutral(&self) -> Vec<f64> {
-        todo!()
+        let mut q = vec![0.0; self.nq];
+        for joint in self.joints() {
+            if let Some(first) = joint.quaternion_offset() {
+                q[first + 3] = 1.0;
+            }
+        }
+        q
     }
+
     /// `q_out = q ⊕ dv` (exponential map on rotations; free joints as SE(3) with body velocities, as Pinocchio's `integrate`).
-    pub fn integrate(&self, _q: &[f64], _dv: &[f64], _q_out: &mut [f64]) {
-        todo!()
+    /// Quaternions stay in the hemisphere of `q` and have unit length.
+    ///
+    /// # Panics
+    /// If a slice is shorter than `nq` (`q`, `q_out`) or `nv` (`dv`).
+    pub fn integrate(&self, q: &[f64], dv: &[f64], q_out: &mut [f64]) {
+        for joint in self.joints() {
+            let (iq, iv) = (joint.q_offset, joint.v_offset);
+            match joint.kind {
+                JointKind::Free => {
+                    let start = quaternion_at(q, iq + 3);
+                    let omega = vector_at(dv, iv + 3);
+                    let shift = start * (left_jacobian(&omega) * vector_at(dv, iv));
+                    for k in 0..3 {
+                        q_out[iq + k] = q[iq + k] + shift[k];
+                    }
+                    write_quaternion(&(start * quaternion_exp(&omega)), &start, &mut q_out[iq + 3..iq + 7]);
+                }
+                JointKind::Spherical => {
+                    let start = quaternion_at(q, iq);
+                    let end = start * quaternion_exp(&vector_at(dv, iv));
+                    write_quaternion(&end, &start, &mut q_out[iq..iq + 4]);
+                }
+                JointKind::Revolute(_) | JointKind::Prismatic(_) => q_out[iq] = q[iq] + dv[iv],
+                JointKind::Fixed => {}
+            }
+        }
     }
-    /// `dv = q1 ⊖ q0`, inverse of [`Model::integrate`] (as Pinocchio's `difference(q0, q1)`).
-    pub fn difference(&self, _q0: &[f64], _q1: &[f64], _dv_out: &mut [f64]) {
-        todo!()
+
+    /// `dv = q1 ⊖ q0`, inverse of [`Model::integrate`] (as Pinocchio's `difference(q0, q1)`). Rotations take the shorter way.
+    ///
+    /// # Panics
+    /// If a slice is shorter than `nq` (`q0`, `q1`) or `nv` (`dv_out`).
+    pub fn difference(&self, q0: &[f64], q1: &[f64], dv_out: &mut [f64]) {
+        for joint in self.joints() {
+            let (iq, iv) = (joint.q_offset, joint.v_offset);
+            match joint.kind {
+                JointKind::Free => {
+                    let (start, end) = (quaternion_at(q0, iq + 3), quaternion_at(q1, iq + 3));
+                    let omega = quaternion_log(&(start.inverse() * end));
+                    let shift = start.inverse_transform_vector(&(vector_at(q1, iq) - vector_at(q0, iq)));
+                    let linear = left_jacobian_inverse(&omega) * shift;
+                    dv_out[iv..iv + 3].copy_from_slice(linear.as_slice());
+                    dv_out[iv + 3..iv + 6].copy_from_slice(omega.as_slice());
+                }
+                JointKind::Spherical => {
+                    let omega = quaternion_log(&(quaternion_at(q0, iq).inverse() * quaternion_at(q1, iq)));
+                    dv_out[iv..iv + 3].copy_from_slice(omega.as_slice());
+                }
+                JointKind::Revolute(_) | JointKind::Prismatic(_) => dv_out[iv] = q1[iq] - q0[iq],
+                JointKind::Fixed => {}
+            }
+        }
     }
+
     /// Brings quaternions back to unit length.
-    pub fn normalize(&self, _q: &mut [f64]) {
-        todo!()
+    ///
+    /// # Panics
+    /// If `q` is shorter than `nq`.
+    pub fn normalize(&self, q: &mut [f64]) {
+        for joint in self.joints() {
+            if let Some(first) = joint.quaternion_offset() {
+                let part = &mut q[first..first + 4];
+                let norm = part.iter().map(|x| x * x).sum::<f64>().sqrt();
+                part.iter_mut().for_each(|x| *x /= norm);
+            }
+        }
     }
+
     /// Names of the coordinates in `q` order and their units, for tables (`pelvis.x` …, `shank_r.angle`, `torso.qx` …).
+    /// Positions and `displacement` are in m, `angle` in rad, quaternion components have no unit.
     pub fn coordinate_names(&self) -> Vec<String> {
-        todo!()
+        self.names(|kind| match kind {
+            JointKind::Free => &["x", "y", "z", "qx", "qy", "qz", "qw"],
+            JointKind::Spherical => &["qx", "qy", "qz", "qw"],
+            JointKind::Revolute(_) => &["angle"],
+            JointKind::Prismatic(_) => &["displacement"],
+            JointKind::Fixed => &[],
+        })
     }
-    /// Names of the velocities in `v` order (`pelvis.vx`, `pelvis.wx`, `torso.wx`, `shank_r.rate` …).
+
+    /// Names of the velocities in `v` order (`pelvis.vx`, `pelvis.wx`, `torso.wx`, `shank_r.rate` …), in m/s and rad/s;
+    /// a prismatic joint has a `speed`.
     pub fn velocity_names(&self) -> Vec<String> {
-        todo!()
+        self.names(|kind| match kind {
+            JointKind::Free => &["vx", "vy", "vz", "wx", "wy", "wz"],
+            JointKind::Spherical => &["wx", "wy", "wz"],
+            JointKind::Revolute(_) => &["rate"],
+            JointKind::Prismatic(_) => &["speed"],
+            JointKind::Fixed => &[],
+        })
     }
+
+    fn names(&self, of: impl Fn(&JointKind) -> &'static [&'static str]) -> Vec<String> {
+        self.links.iter().flat_map(|l| of(&l.joint.kind).iter().map(move |part| format!("{}.{part}", l.name))).collect()
+    }
+
+    fn joints(&self) -> impl Iterator<Item = &Joint> {
+        self.links.iter().map(|link| &link.joint)
+    }
+}
+
+fn vector_at(values: &[f64], first: usize) -> Vector3<f64> {
+    Vector3::new(values[first], values[first + 1], values[first + 2])
+}
+
+/// The quaternion stored as x y z w, brought to unit length.
+fn quaternion_at(q: &[f64], first: usize) -> UnitQuaternion<f64> {
+    UnitQuaternion::new_normalize(Quaternion::new(q[first + 3], q[first], q[first + 1], q[first + 2]))
+}
+
+fn write_quaternion(value: &UnitQuaternion<f64>, near: &UnitQuaternion<f64>, out: &mut [f64]) {
+    let value = quaternion_near(value, near).normalize();
+    out.copy_from_slice(value.coords.as_slice());
 }

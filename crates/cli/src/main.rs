@@ -1,2 +1,33 @@
-//! The `aloft` command.
-fn main() {}
+//! The `aloft` command. `main` maps results to exit codes: 0 all well; 1 some trials failed (the others are done and kept);
+//! 2 the command or configuration is wrong.
+
+mod args;
+mod commands;
+mod progress;
+mod render;
+
+use clap::Parser;
+use std::process::ExitCode;
+
+/// How a command ended when it could be carried out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Success {
+    /// Everything worked.
+    Full,
+    /// Some trials failed.
+    Partial,
+}
+
+fn main() -> ExitCode {
+    let cli = args::Cli::parse();
+    let result = commands::dispatch(cli);
+    match result {
+        Ok(Success::Full) => ExitCode::SUCCESS,
+        Ok(Success::Partial) => ExitCode::from(1),
+        Err(commands::Stop::PipeClosed) => ExitCode::SUCCESS,
+        Err(commands::Stop::Error(report)) => {
+            render::error(&report);
+            ExitCode::from(2)
+        }
+    }
+}

@@ -1,4 +1,4 @@
-//! What can be wrong with a recording.
+//! What can be wrong with a recording. One line each: trial, place, what was found, what was expected, what to do.
 
 /// Errors of this crate; every variant names the trial.
 #[derive(Debug, thiserror::Error)]
@@ -11,5 +11,59 @@ pub enum TrialError {
         trial: String,
         #[doc(hidden)]
         problem: String,
+    },
+    /// The source has no bytes.
+    #[error("{trial}: the file is empty (0 bytes); hint: export the trial again")]
+    EmptyFile {
+        #[doc(hidden)]
+        trial: String,
+    },
+    /// The source has no frames.
+    #[error("{trial}: no frames: found 0, expected at least 1; hint: export the trial again or exclude it")]
+    NoFrames {
+        #[doc(hidden)]
+        trial: String,
+    },
+    /// The source has no markers.
+    #[error("{trial}: no labelled marker: found {found}; expected at least 1; hint: label the trial before exporting it")]
+    NoMarkers {
+        #[doc(hidden)]
+        trial: String,
+        #[doc(hidden)]
+        found: String,
+    },
+    /// The sampling rate cannot be.
+    #[error("{trial}: {place}: sampling rate {found} Hz; expected a value above 0")]
+    Rate {
+        #[doc(hidden)]
+        trial: String,
+        #[doc(hidden)]
+        place: &'static str,
+        #[doc(hidden)]
+        found: f64,
+    },
+    /// A text file (TRC, MOT, STO) breaks its format at one place.
+    #[error("{trial}: {format} line {line}: found {found}, expected {expected}")]
+    Text {
+        #[doc(hidden)]
+        trial: String,
+        #[doc(hidden)]
+        format: &'static str,
+        #[doc(hidden)]
+        line: usize,
+        #[doc(hidden)]
+        found: String,
+        #[doc(hidden)]
+        expected: String,
+    },
+    /// A unit that is not a length.
+    #[error("{trial}: {place}: unit `{found}`; expected mm, cm, m, in or ft; hint: state the unit with `point_unit`")]
+    Unit {
+        #[doc(hidden)]
+        trial: String,
+        #[doc(hidden)]
+        place: &'static str,
+        #[doc(hidden)]
+        found: String,
     },
 }

@@ -69,6 +69,14 @@ pub struct ComputedPoint {
     pub values: Vec<Vector3<f64>>,
 }
 
+impl ComputedPoint {
+    /// True for vectors in laboratory axes (ground reactions). Joint forces and moments are stored in the axes of a segment
+    /// that the file does not define, angles are no vectors, and powers and scalars have no direction.
+    pub fn in_laboratory_axes(&self) -> bool {
+        (self.kind == "force" || self.kind == "moment") && self.label.to_ascii_lowercase().contains("groundreaction")
+    }
+}
+
 /// One recording in SI and one world frame.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Trial {

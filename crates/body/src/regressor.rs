@@ -1,0 +1,123 @@
+//! Matrices that make forces, momenta and first moments linear in the inertial parameters.
+//!
+//! Each link contributes a block of ten columns; with every vector expressed in one common frame (root axes or world
+//! axes) a block depends on this link alone, so the tree needs no backward pass.
+
+use crate::state::{angular, linear};
+use crate::{Model, State};
+use nalgebra::{DMatrix, Matrix3, Vector3};
+
+/// Columns of `R [I-part]` for `I a` with `a` in link axes: the six inertia columns of φ order, as 3-vectors in link axes.
+fn inertia_columns(a: &Vector3<f64>) -> [Vector3<f64>; 6] {
+    [
+        Vector3::new(a.x, 0.0, 0.0),
+        Vector3::new(0.0, a.y, 0.0),
+        Vector3::new(0.0, 0.0, a.z),
+        Vector3::new(0.0, a.z, a.y),
+        Vector3::new(a.z, 0.0, a.x),
+        Vector3::new(a.y, a.x, 0.0),
+    ]
+}
+
+fn put(out: &mut [f64], column: usize, upper: &Vector3<f64>, lower: &Vector3<f64>) {
+    let c = &mut out[6 * column..6 * column + 6];
+    c[..3].copy_from_slice(upper.as_slice());
+    c[3..].copy_from_slice(lower.as_slice());
+}
+
+impl State {
+    /// The ten columns of one link of the base-wrench regressor: acceleration of its origin less gravity `a`, the matrix
+    /// `[ω̇]× + [ω]×²` applied to first moments, and the inertia columns.
+    fn wrench_block(&self, model: &Model, i: usize, out: &mut [f64]) {
+        let root = &self.rotation[0];
+        let root_from_link = root.tr_mul(&self.rotation[i]);
+        let origin =
+            root.tr_mul(&(self.world_from_link[i].translation.vector - self.world_from_link[0].translation.vector));
+        let (lin, w) = (linear(&self.velocity[i]), angular(&self.velocity[i]));
+        let (a_lin, dw) = (linear(&self.acceleration[i]), angular(&self.acceleration[i]));
+        // All in link axes first.
+        let a = a_lin + w.cross(&lin) - self.rotation[i].tr_mul(&model.gravity_mps2);
+        let a_root = root_from_link * a;
+        put(out, 0, &a_root, &origin.cross(&a_root));
+        let (xx, yy, zz) = (w.x * w.x, w.y * w.y, w.z * w.z);
+        let (xy, yz, zx) = (w.x * w.y, w.y * w.z, w.z * w.x);
+        let spin = Matrix3::new(
+            -yy - zz,
+            xy - dw.z,
+            zx + dw.y,
+            xy + dw.z,
+            -xx - zz,
+            yz - dw.x,
+            zx - dw.y,
+            yz + dw.x,
+            -xx - yy,
+        );
+        let spin_root = root_from_link * spin;
+        for k in 0..3 {
+            let force: Vector3<f64> = spin_root.column(k).into_owned();
+            let e: Vector3<f64> = root_from_link.column(k).into_owned();
+            put(out, 1 + k, &force, &(origin.cross(&force) - a_root.cross(&e)));
+        }
+        // I ω̇ + ω × (I ω)
+        let columns = inertia_columns(&dw);
+        let momenta = inertia_columns(&w);
+        for k in 0..6 {
+            put(out, 4 + k, &Vector3::zeros(), &(root_from_link * (columns[k] + w.cross(&momenta[k]))));
+        }
+    }
+
+    fn momentum_block(&self, i: usize, origin_in_world: &Vector3<f64>, out: &mut [f64]) {
+        let r = &self.rotation[i];
+        let arm = self.world_from_link[i].translation.vector - origin_in_world;
+        let v = r * linear(&self.velocity[i]);
+        let w_link = angular(&self.velocity[i]);
+        let w = r * w_link;
+        put(out, 0, &v, &arm.cross(&v));
+        for k in 0..3 {
+            let e: Vector3<f64> = r.column(k).into_owned();
+            let p = w.cross(&e);
+            put(out, 1 + k, &p, &(arm.cross(&p) + e.cross(&v)));
+        }
+        for (k, column) in inertia_columns(&w_link).iter().enumerate() {
+            put(out, 4 + k, &Vector3::zeros(), &(r * column));
+        }
+    }
+
+    /// 6 × 10n regressor of the base wrench (the paper's Y_O): root axes about the root origin, linear then angular,
+    /// `Y φ = F_ext` with gravity on the left. Needs [`State::forward_acceleration`].
+    ///
+    /// # Panics
+    /// If `out` is not 6 × 10n.
+    pub fn base_wrench_regressor(&self, model: &Model, out: &mut DMatrix<f64>) {
+        assert_eq!(out.shape(), (6, 10 * model.n_links()), "shape of the base-wrench regressor");
+        for (i, block) in out.as_mut_slice().chunks_exact_mut(60).enumerate() {
+            self.wrench_block(model, i, block);
+        }
+    }
+
+    /// 6 × 10n regressor of the spatial momentum in world axes about `origin_in_world` (a fixed point):
+    /// rows 0-2 linear momentum, rows 3-5 angular momentum. Needs [`State::forward_velocity`].
+    ///
+    /// # Panics
+    /// If `out` is not 6 × 10n.
+    pub fn momentum_regressor(&self, model: &Model, origin_in_world: &Vector3<f64>, out: &mut DMatrix<f64>) {
+        assert_eq!(out.shape(), (6, 10 * model.n_links()), "shape of the momentum regressor");
+        for (i, block) in out.as_mut_slice().chunks_exact_mut(60).enumerate() {
+            self.momentum_block(i, origin_in_world, block);
+        }
+    }
+
+    /// 3 × 10n regressor of the first moment of mass Σ m (p − origin) in world axes. Needs poses.
+    ///
+    /// # Panics
+    /// If `out` is not 3 × 10n.
+    pub fn first_moment_regressor(&self, model: &Model, origin_in_world: &Vector3<f64>, out: &mut DMatrix<f64>) {
+        assert_eq!(out.shape(), (3, 10 * model.n_links()), "shape of the first-moment regressor");
+        for (i, block) in out.as_mut_slice().chunks_exact_mut(30).enumerate() {
+            let arm = self.world_from_link[i].translation.vector - origin_in_world;
+            block.fill(0.0);
+            block[..3].copy_from_slice(arm.as_slice());
+            block[3..12].copy_from_slice(self.rotation[i].as_slice());
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! Text of a file: bytes that are usually ASCII, sometimes UTF-8, sometimes Windows-1252, and kept as they are.
+
+use std::fmt;
+
+/// Bytes of a name, description or string as stored, so that writing gives back what was read.
+#[derive(Clone, PartialEq, Eq, Default, Hash)]
+pub struct Text(pub Vec<u8>);
+
+impl Text {
+    /// As a string: UTF-8 where valid, else one character per byte (Latin-1).
+    pub fn decode(&self) -> String {
+        decode(&self.0)
+    }
+    /// Whether the text, without regard to ASCII case and blanks around it, is this name.
+    pub fn is(&self, name: &str) -> bool {
+        trim(&self.0).eq_ignore_ascii_case(name.as_bytes())
+    }
+}
+
+impl From<&str> for Text {
+    fn from(text: &str) -> Self {
+        Self(text.as_bytes().to_vec())
+    }
+}
+
+impl fmt::Display for Text {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.decode())
+    }
+}
+
+impl fmt::Debug for Text {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:?}", self.decode())
+    }
+}
+
+/// Decodes after cutting blanks and NULs at both ends.
+pub(crate) fn decode(bytes: &[u8]) -> String {
+    let bytes = trim(bytes);
+    match std::str::from_utf8(bytes) {
+        Ok(text) => text.to_owned(),
+        Err(_) => bytes.iter().map(|&b| char::from(b)).collect(),
+    }
+}
+
+fn trim(bytes: &[u8]) -> &[u8] {
+    let blank = |b: &u8| *b == 0 || b.is_ascii_whitespace();
+    let start = bytes.iter().position(|b| !blank(b)).unwrap_or(bytes.len());
+    let end = bytes.iter().rposition(|b| !blank(b)).map_or(start, |last| last + 1);
+    &bytes[start..end]
+}
+
+/// A label without its subject: `Anna:LASI` becomes `LASI`.
+pub fn strip_subject(label: &str) -> &str {
+    match label.rsplit_once(':') {
+        Some((_, rest)) if !rest.trim().is_empty() => rest.trim_start(),
+        _ => label,
+    }
+}
+
+/// Whether a label is one that software gives to trajectories nobody named: empty, `*12`, `U12`, `C_12`.
+pub fn is_unlabelled(label: &str) -> bool {
+    let label = strip_subject(label.trim());
+    let number = |rest: &str| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit());
+    label.is_empty() || label.starts_with('*') || ["U", "C_", "U_"].iter().any(|p| label.strip_prefix(p).is_some_and(number))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn regress_text_keeps_odd_bytes() {
+        assert_eq!(decode(b"  LASI \0\0"), "LASI");
+        assert_eq!(decode(b"Gew\xf6lbe "), "Gew\u{f6}lbe");
+        assert_eq!(decode("Gewölbe".as_bytes()), "Gewölbe");
+        assert_eq!(decode(b"\0\0"), "");
+    }
+
+    #[test]
+    fn regress_subjects_and_unlabelled() {
+        assert_eq!(strip_subject("Anna:LASI"), "LASI");
+        assert_eq!(strip_subject("LASI"), "LASI");
+        assert_eq!(strip_subject("Anna:"), "Anna:");
+        assert!(is_unlabelled("*12") && is_unlabelled("") && is_unlabelled("Anna:*3") && is_unlabelled("C_7") && is_unlabelled("U12"));
+        assert!(!is_unlabelled("C7") && !is_unlabelled("LASI") && !is_unlabelled("UPA"));
+    }
+}

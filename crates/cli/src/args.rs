@@ -1,0 +1,167 @@
+//! The words that a user types. Help, man pages and completions are made from these definitions.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Learns the mass properties of a moving body from its motion in the air, and finds the physics that a model is missing.
+#[derive(Debug, Parser)]
+#[command(
+    name = "aloft",
+    version,
+    arg_required_else_help = true,
+    after_help = "The loop:\n  aloft run P.yaml           from recordings to identified mass properties\n  aloft compare P.yaml       model against measurement\n  aloft status P.yaml        what is done, stale or failed\n\nExit codes: 0 all well; 1 some trials failed, the others are done and kept; 2 the command or configuration is wrong."
+)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// A pipeline and the folders that it works on.
+#[derive(Debug, Args, Clone)]
+pub struct PipelineArgs {
+    /// Pipeline file (YAML).
+    pub pipeline: PathBuf,
+    /// Folder of recordings, instead of the pipeline's.
+    #[arg(long, value_name = "DIR")]
+    pub data: Option<PathBuf>,
+    /// Folder of results, instead of the pipeline's.
+    #[arg(long, value_name = "DIR")]
+    pub workspace: Option<PathBuf>,
+}
+
+/// Rows that results are built on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum RowsArg {
+    /// The paper's acceleration rows.
+    Paper,
+    /// Weak momentum rows.
+    Weak,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run the stages of a pipeline; what is up to date is kept.
+    #[command(after_help = "Examples:\n  aloft run pipelines/demo.yaml\n  aloft run pipelines/human.yaml --data lab/s01 --workspace out/s01\n  aloft run P.yaml --from filter            after a change of the cut-off\n  aloft run P.yaml --trial 'jump0*' --dry-run")]
+    Run {
+        /// The pipeline.
+        #[command(flatten)]
+        pipeline: PipelineArgs,
+        /// Begin with this stage; earlier ones must be up to date.
+        #[arg(long, value_name = "STAGE")]
+        from: Option<String>,
+        /// Run this stage only.
+        #[arg(long, value_name = "STAGE", conflicts_with_all = ["from", "until"])]
+        only: Option<String>,
+        /// End with this stage.
+        #[arg(long, value_name = "STAGE")]
+        until: Option<String>,
+        /// Only these trials (name or pattern; may be given several times).
+        #[arg(long, value_name = "GLOB")]
+        trial: Vec<String>,
+        /// Say what would run, and run nothing.
+        #[arg(long)]
+        dry_run: bool,
+        /// Run also what is up to date.
+        #[arg(long)]
+        force: bool,
+        /// Threads (all cores where not given).
+        #[arg(short = 'j', value_name = "N")]
+        jobs: Option<usize>,
+    },
+    /// Check configuration, labels and files; changes nothing.
+    Check {
+        /// The pipeline.
+        #[command(flatten)]
+        pipeline: PipelineArgs,
+    },
+    /// Show the grid of trials and stages: ok, warning, stale, failed, blocked, missing, excluded.
+    Status {
+        /// The pipeline.
+        #[command(flatten)]
+        pipeline: PipelineArgs,
+        /// Machine-readable output.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Say why a result is stale or failed: which input, parameter or version changed.
+    Explain {
+        /// The pipeline.
+        #[command(flatten)]
+        pipeline: PipelineArgs,
+        /// Trial (or `_study` for stages that run once).
+        trial: String,
+        /// Stage.
+        stage: String,
+    },
+    /// Show what is in a C3D or TRC file and what is wrong with it.
+    Inspect {
+        /// Recording.
+        file: PathBuf,
+        /// Machine-readable output.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Show the identified parameters with intervals and the prior beside them.
+    Parameters {
+        /// The pipeline.
+        #[command(flatten)]
+        pipeline: PipelineArgs,
+        /// Rows to show instead of the pipeline's choice.
+        #[arg(long, value_enum)]
+        rows: Option<RowsArg>,
+        /// Machine-readable output.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Compare the model with measurement: by trial, phase, axis, segment.
+    Compare {
+        /// The pipeline.
+        #[command(flatten)]
+        pipeline: PipelineArgs,
+        /// Also the table of rows and estimators on the same held-out data.
+        #[arg(long)]
+        estimators: bool,
+        /// Machine-readable output.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Write one self-contained HTML page.
+    Report {
+        /// The pipeline.
+        #[command(flatten)]
+        pipeline: PipelineArgs,
+        /// Where to write it (`report.html` in the workspace where not given).
+        #[arg(long, value_name = "FILE")]
+        out: Option<PathBuf>,
+    },
+    /// Make a laboratory folder of C3D trials with known truth.
+    Simulate {
+        /// Scenario file (YAML), or the name of a built-in scenario.
+        scenario: String,
+        /// New or empty folder for the recordings.
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+        /// Seed instead of the scenario's.
+        #[arg(long)]
+        seed: Option<u64>,
+    },
+    /// Look at a folder of recordings and write a commented pipeline for it.
+    Init {
+        /// Folder of recordings.
+        folder: PathBuf,
+        /// Pipeline file to write (`aloft.yaml` in the current folder where not given).
+        #[arg(long, value_name = "FILE")]
+        out: Option<PathBuf>,
+    },
+    /// Show the JSON schema of pipeline files, for editors.
+    Schema,
+    /// Print shell completions.
+    Completions {
+        /// Shell.
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page (troff).
+    Man,
+}

@@ -1,0 +1,49 @@
+//! Tables and messages for people. Data goes to stdout, messages to stderr.
+
+use crate::commands::Stop;
+use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
+use std::io::Write;
+
+/// An empty table with a header; the first column is left-aligned, the others right-aligned.
+pub fn table(header: &[&str]) -> Table {
+    let mut table = Table::new();
+    table.load_preset(presets::NOTHING).set_content_arrangement(ContentArrangement::Disabled).set_header(header);
+    for (i, column) in table.column_iter_mut().enumerate() {
+        column.set_padding((0, 2));
+        if i > 0 {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    table
+}
+
+/// Prints to stdout; a closed pipe ends the command quietly.
+pub fn out(text: impl std::fmt::Display) -> Result<(), Stop> {
+    writeln!(std::io::stdout(), "{text}").map_err(|e| match e.kind() {
+        std::io::ErrorKind::BrokenPipe => Stop::PipeClosed,
+        _ => Stop::Error(miette::miette!("cannot write to the standard output: {e}")),
+    })
+}
+
+/// Prints a line to stderr.
+pub fn note(text: impl std::fmt::Display) {
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
+
+/// Prints an error with its place and hint.
+pub fn error(report: &miette::Report) {
+    note(format!("{report:?}"));
+}
+
+/// A number with so many significant digits.
+pub fn significant(value: f64, digits: usize) -> String {
+    if !value.is_finite() {
+        return "–".to_owned();
+    }
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    let magnitude = value.abs().log10().floor() as i32;
+    let decimals = (digits as i32 - 1 - magnitude).clamp(0, 12) as usize;
+    format!("{value:.decimals$}")
+}

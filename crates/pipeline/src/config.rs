@@ -1,0 +1,411 @@
+//! The pipeline's YAML: what a user may write, with its defaults. Every section belongs to the stage of the same name,
+//! so that a changed value makes just that stage (and what follows from it) stale.
+
+use crate::error::PipelineError;
+use miette::{NamedSource, SourceOffset, SourceSpan};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A pipeline file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PipelineConfig {
+    /// Name of the pipeline; also the name of its default workspace.
+    pub name: String,
+    /// Folder of recordings, relative to this file. `--data` replaces it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub data: Option<String>,
+    /// Folder for results, relative to this file. `--workspace` replaces it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub workspace: Option<String>,
+    /// Model: a name in `configs/models/` or a path to a YAML or URDF file.
+    pub model: String,
+    /// Marker set: a name in `configs/markersets/` or a path.
+    pub marker_set: String,
+    /// Object description (links whose frames are defined by markers): a name in `configs/objects/` or a path. Leave out for people.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub object: Option<String>,
+    /// Facts about the subject; what is not said here is taken from `subject.yaml`, `object.yaml` or `participants.tsv` beside the recordings.
+    #[serde(default)]
+    pub subject: SubjectConfig,
+    /// Which recordings play which part.
+    #[serde(default)]
+    pub trials: TrialsConfig,
+    /// Reading of recordings.
+    #[serde(default)]
+    pub import: ImportConfig,
+    /// Static trial to subject.
+    #[serde(default)]
+    pub scale: ScaleConfig,
+    /// Refinement of geometry over the dynamic trials.
+    #[serde(default)]
+    pub calibrate: CalibrateConfig,
+    /// Markers to joint motion.
+    #[serde(default)]
+    pub ik: IkConfig,
+    /// Low-pass filter of joint coordinates and forces.
+    #[serde(default)]
+    pub filter: FilterConfig,
+    /// Search for free flight.
+    #[serde(default)]
+    pub flight: FlightConfig,
+    /// Rows and factors.
+    #[serde(default)]
+    pub regressor: RegressorConfig,
+    /// Estimation.
+    #[serde(default)]
+    pub identify: IdentifyConfig,
+    /// Model against measurement.
+    #[serde(default)]
+    pub compare: CompareConfig,
+}
+
+/// Facts about the subject.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SubjectConfig {
+    /// Identifier.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// `F` or `M`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sex: Option<String>,
+    /// Stature, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub height_m: Option<f64>,
+    /// Mass from a scale, kg.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mass_kg: Option<f64>,
+    /// Magnitude of gravity at the laboratory, m/s² (9.80665 where nothing else is known).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gravity_mps2: Option<f64>,
+}
+
+/// Which recordings play which part. Patterns are relative to the data folder; a recording plays the first part that matches it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TrialsConfig {
+    /// Standing still, all markers visible.
+    #[serde(default = "default_static")]
+    pub r#static: Vec<String>,
+    /// Functional calibration (a hinge swung by hand).
+    #[serde(default = "default_calibration")]
+    pub calibration: Vec<String>,
+    /// Held out for comparison: never used to identify.
+    #[serde(default = "default_validate")]
+    pub validate: Vec<String>,
+    /// Motion to identify from.
+    #[serde(default = "default_identify")]
+    pub identify: Vec<String>,
+    /// Force files beside TRC files; `{trial}` stands for the marker file's stem.
+    #[serde(default = "default_forces")]
+    pub forces: Vec<String>,
+    /// Recordings to leave out, with the reason.
+    #[serde(default)]
+    pub exclude: Vec<Exclusion>,
+    /// Frames of a dynamic trial that serve as static trial: `{trial: jump01, first: 1, last: 60}`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub static_frames: Option<StaticFrames>,
+}
+
+impl Default for TrialsConfig {
+    fn default() -> Self {
+        Self {
+            r#static: default_static(),
+            calibration: default_calibration(),
+            validate: default_validate(),
+            identify: default_identify(),
+            forces: default_forces(),
+            exclude: Vec::new(),
+            static_frames: None,
+        }
+    }
+}
+
+fn strings(list: &[&str]) -> Vec<String> {
+    list.iter().map(|s| (*s).to_owned()).collect()
+}
+fn default_static() -> Vec<String> {
+    strings(&["**/*[sS]tatic*.c3d", "**/*[sS]tatic*.trc"])
+}
+fn default_calibration() -> Vec<String> {
+    strings(&["**/*calib*.c3d"])
+}
+fn default_validate() -> Vec<String> {
+    strings(&["**/*exercise*.c3d", "**/squat*.trc"])
+}
+fn default_identify() -> Vec<String> {
+    strings(&["**/*.c3d", "**/*.trc"])
+}
+fn default_forces() -> Vec<String> {
+    strings(&["{trial}.mot", "{trial}_grf.mot", "../forces/{trial}_grf.mot", "../forces/{trial}.mot"])
+}
+
+/// A recording that is left out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Exclusion {
+    /// Name or pattern of the trial.
+    pub trial: String,
+    /// Why, for the tables.
+    pub reason: String,
+}
+
+/// Frames of a dynamic trial that serve as static trial.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StaticFrames {
+    /// Name of the trial.
+    pub trial: String,
+    /// First frame, counted from 1.
+    pub first: usize,
+    /// Last frame, counted from 1.
+    pub last: usize,
+}
+
+macro_rules! section {
+    ($(#[$meta:meta])* $name:ident { $($(#[$field_meta:meta])* $field:ident : $type:ty = $default:expr,)* }) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+        #[serde(deny_unknown_fields, default)]
+        pub struct $name { $($(#[$field_meta])* pub $field: $type,)* }
+        impl Default for $name {
+            fn default() -> Self { Self { $($field: $default,)* } }
+        }
+    };
+}
+
+/// Vertical axis of a recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Vertical {
+    /// Decide from the file, the plates and the markers.
+    Auto,
+    /// X up.
+    X,
+    /// Y up.
+    Y,
+    /// Z up.
+    Z,
+}
+
+section! {
+/// Reading of recordings.
+ImportConfig {
+    /// Vertical axis of the recordings.
+    up_axis: Vertical = Vertical::Auto,
+    /// Strip `Subject:` from labels.
+    strip_prefix: bool = true,
+    /// Labels of this laboratory and the marker of the set that each means.
+    aliases: BTreeMap<String, String> = BTreeMap::new(),
+    /// Gaps up to this length are filled, s.
+    fill_gaps_s: f64 = 0.1,
+    /// Fill gaps of a marker from its segment's other markers, up to this length, s.
+    rigid_fill_s: f64 = 0.25,
+    /// Repair spikes and label swaps (they are reported in any case).
+    repair: bool = false,
+}}
+
+section! {
+/// Static trial to subject.
+ScaleConfig {
+    /// Anthropometric table: a name in `configs/anthropometry/` (`de_leva`, `dumas`, `winter`) or a path.
+    anthropometry: String = "de_leva".to_owned(),
+    /// Regression of the hip joint centre: `harrington`, `bell`, `hara`, `davis`.
+    hip: String = "harrington".to_owned(),
+}}
+
+section! {
+/// Refinement of geometry over the dynamic trials.
+CalibrateConfig {
+    /// Whether to refine: `auto` keeps it only when held-out marker error falls.
+    enabled: Switch = Switch::Auto,
+    /// Number of frames used, over all trials.
+    frames: usize = 300,
+}}
+
+/// On, off, or decided from held-out data.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Switch {
+    /// Decided from held-out data.
+    Auto,
+    /// Always.
+    On,
+    /// Never.
+    Off,
+}
+
+section! {
+/// Markers to joint motion.
+IkConfig {
+    /// Weights of single markers, replacing those of the marker set.
+    weights: BTreeMap<String, f64> = BTreeMap::new(),
+    /// Standard deviation of a marker about its place on the link, m.
+    marker_sd_m: f64 = 0.002,
+}}
+
+section! {
+/// Low-pass filter of joint coordinates and forces.
+FilterConfig {
+    /// Order of one pass; two passes double the effective order.
+    order: usize = 3,
+    /// Stated cut-off, Hz.
+    cutoff_hz: f64 = 10.0,
+    /// `none` designs each pass at the stated cut-off; `winter` moves it so that both passes together are −3 dB there.
+    cutoff_correction: Correction = Correction::None,
+}}
+
+/// Correction of the cut-off for two passes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Correction {
+    /// None.
+    None,
+    /// Winter's.
+    Winter,
+}
+
+/// How flights are found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FlightSource {
+    /// Plates where there are any and motion agrees; motion otherwise.
+    Auto,
+    /// Plates alone.
+    Plates,
+    /// Motion alone.
+    Motion,
+}
+
+section! {
+/// Search for free flight.
+FlightConfig {
+    /// How flights are found.
+    source: FlightSource = FlightSource::Auto,
+    /// Force below which a plate counts as unloaded, N.
+    threshold_n: f64 = 20.0,
+    /// Shortest flight, s.
+    min_duration_s: f64 = 0.12,
+    /// Frames to leave out at both ends of each flight for the paper's rows (filter edges), s.
+    margin_s: f64 = 0.07,
+}}
+
+/// Rows that the identification uses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Rows {
+    /// Acceleration rows as in the paper.
+    Paper,
+    /// Weak momentum rows.
+    Weak,
+}
+
+impl Rows {
+    /// Both kinds, in the order of the tables.
+    pub const ALL: [Self; 2] = [Self::Weak, Self::Paper];
+    /// The word that users type.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Paper => "paper",
+            Self::Weak => "weak",
+        }
+    }
+}
+
+section! {
+/// Rows and factors.
+RegressorConfig {
+    /// Rows that the results are built on; the other kind is computed beside them.
+    rows: Rows = Rows::Weak,
+    /// Length of a weak window, s; 0 lets flight length and noise decide.
+    window_s: f64 = 0.0,
+}}
+
+/// Estimator of the base parameters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Estimator {
+    /// Regularised where the rows alone do not see every parameter; mass-constrained otherwise.
+    Auto,
+    /// Right singular vector of the smallest singular value (the paper).
+    NullVector,
+    /// Least squares with the body mass known.
+    MassConstrained,
+    /// Least squares with the body mass known and the anthropometric prior.
+    Regularized,
+}
+
+section! {
+/// Estimation.
+IdentifyConfig {
+    /// Estimator.
+    estimator: Estimator = Estimator::Auto,
+    /// Weight of the prior; 0 lets held-out error decide.
+    prior_weight: f64 = 0.0,
+    /// Whether plate-measured contact stretches of the identification trials take part.
+    contact: bool = false,
+    /// Bootstrap resamples over flights for the intervals.
+    bootstrap: usize = 200,
+}}
+
+section! {
+/// Model against measurement.
+CompareConfig {
+    /// Time left out on both sides of each change between flight and contact, s.
+    edge_s: f64 = 0.05,
+    /// Length of the windows of the weak comparison, s.
+    window_s: f64 = 0.3,
+}}
+
+/// Parses YAML with errors that point at the place.
+pub fn parse_yaml<T: serde::de::DeserializeOwned>(file: &str, text: &str) -> Result<T, PipelineError> {
+    serde_yaml::from_str(text).map_err(|error| {
+        let at = error
+            .location()
+            .map(|l| SourceSpan::new(SourceOffset::from_location(text, l.line(), l.column()), token_length(text, l.index())));
+        let full = error.to_string();
+        let problem = match full.rfind(" at line ") {
+            Some(cut) => full[..cut].to_owned(),
+            None => full,
+        };
+        let problem = match error.location() {
+            Some(l) => format!("line {}: {problem}", l.line()),
+            None => problem,
+        };
+        PipelineError::Config {
+            file: file.to_owned(),
+            problem,
+            text: NamedSource::new(file, text.to_owned()),
+            at,
+            hint: None,
+        }
+    })
+}
+
+fn token_length(text: &str, index: usize) -> usize {
+    text.get(index..).map_or(0, |rest| rest.find([' ', ':', '\n']).unwrap_or(rest.len())).max(1)
+}
+
+/// A configuration error that points at the first line on which `key:` stands.
+pub fn error_at_key(file: &str, text: &str, key: &str, problem: impl Into<String>, hint: Option<String>) -> PipelineError {
+    let mut offset = 0;
+    let mut at = None;
+    for line in text.split_inclusive('\n') {
+        let trimmed = line.trim_start();
+        if trimmed.starts_with(key) && trimmed[key.len()..].trim_start().starts_with(':') {
+            let start = offset + line.len() - trimmed.len();
+            at = Some(SourceSpan::new(SourceOffset::from(start), trimmed.trim_end().len()));
+            break;
+        }
+        offset += line.len();
+    }
+    PipelineError::Config {
+        file: file.to_owned(),
+        problem: problem.into(),
+        text: NamedSource::new(file, text.to_owned()),
+        at,
+        hint,
+    }
+}

@@ -1,0 +1,113 @@
+//! What can go wrong between a configuration and its results. Configuration errors carry the text and the place in it.
+
+use miette::{Diagnostic, NamedSource, SourceSpan};
+use std::path::PathBuf;
+
+/// Errors of this crate.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+#[non_exhaustive]
+pub enum PipelineError {
+    /// A configuration file says something that cannot be.
+    #[error("{file}: {problem}")]
+    #[diagnostic(code(aloft::config))]
+    Config {
+        /// The file's name as the user gave it.
+        file: String,
+        /// What was found and what was expected.
+        problem: String,
+        /// The file's text.
+        #[source_code]
+        text: NamedSource<String>,
+        /// Where in the text.
+        #[label("here")]
+        at: Option<SourceSpan>,
+        /// What to do about it.
+        #[help]
+        hint: Option<String>,
+    },
+    /// Something on the disk cannot be read or written.
+    #[error("{}: cannot {action}: {source}", path.display())]
+    #[diagnostic(code(aloft::io))]
+    Io {
+        /// What was tried, for example `read`.
+        action: &'static str,
+        /// Where.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// A table of the workspace cannot be read or written.
+    #[error("{}: {problem}", path.display())]
+    #[diagnostic(code(aloft::table), help("delete the file's folder and run again; the stage will be redone"))]
+    Table {
+        /// Where.
+        path: PathBuf,
+        /// What is wrong.
+        problem: String,
+    },
+    /// A command or configuration asks for something that is not there.
+    #[error("{problem}")]
+    #[diagnostic(code(aloft::request))]
+    Request {
+        /// What was asked and what there is.
+        problem: String,
+        /// What to do about it.
+        #[help]
+        hint: Option<String>,
+    },
+    /// Another run holds the workspace.
+    #[error("workspace {} is in use by {holder}", path.display())]
+    #[diagnostic(code(aloft::locked), help("wait for it to end, or give this run another --workspace"))]
+    Locked {
+        /// The workspace.
+        path: PathBuf,
+        /// Who holds it.
+        holder: String,
+    },
+}
+
+impl PipelineError {
+    /// An [`PipelineError::Io`] for `path`.
+    pub fn io(action: &'static str, path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.into();
+        move |source| Self::Io { action, path, source }
+    }
+
+    /// A [`PipelineError::Request`] without a hint.
+    pub fn request(problem: impl Into<String>) -> Self {
+        Self::Request { problem: problem.into(), hint: None }
+    }
+
+    /// A [`PipelineError::Request`] with a hint.
+    pub fn request_hint(problem: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::Request { problem: problem.into(), hint: Some(hint.into()) }
+    }
+}
+
+/// Why one stage failed for one trial: one line for people, and a hint.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct StageFailure {
+    /// What was found and what was expected, naming file and place.
+    pub problem: String,
+    /// What to do about it.
+    pub hint: Option<String>,
+}
+
+impl StageFailure {
+    /// A failure without a hint.
+    pub fn new(problem: impl Into<String>) -> Self {
+        Self { problem: problem.into(), hint: None }
+    }
+
+    /// A failure with a hint.
+    pub fn with_hint(problem: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self { problem: problem.into(), hint: Some(hint.into()) }
+    }
+}
+
+impl From<PipelineError> for StageFailure {
+    fn from(error: PipelineError) -> Self {
+        let hint = error.help().map(|h| h.to_string());
+        Self { problem: error.to_string(), hint }
+    }
+}

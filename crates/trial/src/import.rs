@@ -1,0 +1,278 @@
+//! Sources to [`Trial`]: C3D, or TRC with MOT. Everything leaves in SI and in the world frame.
+
+use crate::mot::read_ground_reactions;
+use crate::options::{disambiguate, metres_per, require_content, split_prefix, to_world};
+use crate::trc::read_trc;
+use crate::{ComputedPoint, Event, ImportOptions, Markers, Plate, Trial, TrialError, UpAxis};
+use aloft_c3d::{C3dFile, PointKind};
+use nalgebra::Vector3;
+use std::collections::BTreeSet;
+
+impl Trial {
+    /// Reads a C3D file from memory. `name` is the trial's name (the file's stem).
+    ///
+    /// Lengths become metres, plates become wrenches on the subject about the world origin, events count seconds from the first
+    /// frame, unlabelled points (`*12`) are dropped, repeated labels are kept and numbered; what was odd stands in `warnings`.
+    ///
+    /// # Errors
+    /// The bytes are not C3D, or hold no frames, no labelled marker, no usable rate or unit.
+    pub fn from_c3d(name: &str, bytes: &[u8], options: &ImportOptions) -> Result<Self, TrialError> {
+        if bytes.is_empty() {
+            return Err(TrialError::EmptyFile { trial: name.to_owned() });
+        }
+        let file = C3dFile::from_bytes(bytes)
+            .map_err(|e| TrialError::Unreadable { trial: name.to_owned(), problem: e.to_string() })?;
+        Self::from_c3d_file(name, &file, options)
+    }
+
+    /// As [`Trial::from_c3d`], from a file that was read already.
+    ///
+    /// # Errors
+    /// No frames, no labelled marker, no usable rate or unit.
+    pub fn from_c3d_file(name: &str, file: &C3dFile, options: &ImportOptions) -> Result<Self, TrialError> {
+        let mut trial = Self { name: name.to_owned(), ..Self::default() };
+        trial.warnings.extend(file.warnings.iter().map(|w| w.message.clone()));
+        read_points(&mut trial, file, options)?;
+        require_content(&trial, || format!("{} points, none of them a labelled marker", file.points.len()))?;
+        read_plates(&mut trial, file);
+        read_events(&mut trial, file);
+        to_world(&mut trial, options, UpAxis::Z);
+        correct_reaction_sign(&mut trial);
+        Ok(trial)
+    }
+
+    /// Reads TRC markers and, where given, ground reactions from MOT or STO text.
+    ///
+    /// # Errors
+    /// Names the line that breaks the format; or no frames, no markers.
+    pub fn from_trc_mot(
+        name: &str,
+        trc_text: &str,
+        mot_text: Option<&str>,
+        options: &ImportOptions,
+    ) -> Result<Self, TrialError> {
+        if trc_text.trim().is_empty() {
+            return Err(TrialError::EmptyFile { trial: name.to_owned() });
+        }
+        let mut trial = Self { name: name.to_owned(), ..Self::default() };
+        let start_s = read_trc(&mut trial, trc_text, options)?;
+        require_content(&trial, || "no labels".to_owned())?;
+        if let Some(text) = mot_text {
+            read_ground_reactions(&mut trial, text, start_s)?;
+        }
+        to_world(&mut trial, options, UpAxis::Y);
+        correct_reaction_sign(&mut trial);
+        Ok(trial)
+    }
+}
+
+/// Markers and computed points, in metres (computed: the unit that the source states), source axes.
+fn read_points(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Result<(), TrialError> {
+    let metres = length_unit(trial, file, options)?;
+    let markers: Vec<usize> = (0..file.points.len()).filter(|&i| file.points[i].kind == PointKind::Marker).collect();
+    let use_descriptions = options.full_names && labels_were_cut(file, &markers);
+    if use_descriptions {
+        trial.warnings.push("labels are cut to four characters and repeat: full names taken from POINT:DESCRIPTIONS".to_owned());
+    }
+    let mut unlabelled = 0;
+    let mut subjects: BTreeSet<String> = BTreeSet::new();
+    let mut labels = Vec::new();
+    let mut tracks = Vec::new();
+    for &index in &markers {
+        let point = &file.points[index];
+        let stored = if use_descriptions { point.description.trim() } else { point.label.trim() };
+        let (bare, subject) = split_prefix(stored);
+        if bare.is_empty() || bare.starts_with('*') {
+            unlabelled += 1;
+            continue;
+        }
+        if let Some(subject) = subject {
+            subjects.insert(subject.to_owned());
+        }
+        labels.push(if options.strip_prefix { bare.to_owned() } else { stored.to_owned() });
+        tracks.push(
+            point
+                .xyz
+                .iter()
+                .map(|p| {
+                    let p = Vector3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2])) * metres;
+                    if p.iter().all(|x| x.is_finite()) { p } else { Vector3::repeat(f64::NAN) }
+                })
+                .collect::<Vec<_>>(),
+        );
+    }
+    if unlabelled > 0 {
+        trial.warnings.push(format!("{unlabelled} unlabelled points (`*…`) left out"));
+    }
+    if subjects.len() > 1 {
+        let names: Vec<_> = subjects.iter().cloned().collect();
+        trial.warnings.push(format!("labels of several subjects: {}", names.join(", ")));
+    }
+    disambiguate(&mut labels, &mut trial.warnings);
+    trial.markers = Markers {
+        rate_hz: file.point_rate_hz,
+        first_frame: file.first_frame,
+        n_frames: file.n_frames,
+        labels,
+        trajectories: tracks,
+    };
+    for track in &mut trial.markers.trajectories {
+        track.resize(file.n_frames, Vector3::repeat(f64::NAN));
+    }
+    warn_of_scale(trial);
+
+    for point in file.points.iter().filter(|p| p.kind != PointKind::Marker) {
+        let kind = match point.kind {
+            PointKind::Angle => "angle",
+            PointKind::Force => "force",
+            PointKind::Moment => "moment",
+            PointKind::Power => "power",
+            _ => "scalar",
+        };
+        trial.computed.push(ComputedPoint {
+            label: split_prefix(&point.label).0.to_owned(),
+            kind: kind.to_owned(),
+            unit: computed_unit(kind).to_owned(),
+            values: point
+                .xyz
+                .iter()
+                .map(|p| Vector3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2])))
+                .collect(),
+        });
+    }
+    Ok(())
+}
+
+/// Unit that the exporting programs use where the file states none for a kind of computed point.
+fn computed_unit(kind: &str) -> &'static str {
+    match kind {
+        "angle" => "deg",
+        "force" => "N/kg",
+        "moment" => "Nmm/kg",
+        "power" => "W/kg",
+        _ => "",
+    }
+}
+
+/// Metres per unit of the markers; a file without a unit is read as millimetres, or as metres where everything lies within 20 units.
+fn length_unit(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Result<f64, TrialError> {
+    let stated = options.point_unit.as_deref().unwrap_or(&file.point_unit).trim();
+    if let Some(metres) = metres_per(stated) {
+        return Ok(metres);
+    }
+    if !stated.is_empty() {
+        return Err(TrialError::Unit { trial: trial.name.clone(), place: "POINT:UNITS", found: stated.to_owned() });
+    }
+    let mut largest = 0.0_f32;
+    for point in file.points.iter().filter(|p| p.kind == PointKind::Marker) {
+        for p in &point.xyz {
+            largest = p.iter().filter(|x| x.is_finite()).fold(largest, |m, x| m.max(x.abs()));
+        }
+    }
+    let (metres, unit) = if largest > 0.0 && largest < 20.0 { (1.0, "m") } else { (1e-3, "mm") };
+    trial.warnings.push(format!("POINT:UNITS is not stated: read as {unit}, since coordinates reach {largest:.1}"));
+    Ok(metres)
+}
+
+/// Says so when all markers together are absurdly near or far.
+fn warn_of_scale(trial: &mut Trial) {
+    let mut low = Vector3::repeat(f64::INFINITY);
+    let mut high = Vector3::repeat(f64::NEG_INFINITY);
+    for p in trial.markers.trajectories.iter().flatten().filter(|p| p.iter().all(|x| x.is_finite())) {
+        low = low.inf(p);
+        high = high.sup(p);
+    }
+    let size = (high - low).norm();
+    if size.is_finite() && trial.markers.labels.len() > 1 && !(0.02..200.0).contains(&size) {
+        trial.warnings.push(format!(
+            "all markers lie within {size:.4} m: the unit of the source is probably wrong; hint: state `point_unit`"
+        ));
+    }
+}
+
+/// Labels of at most four characters that repeat, while the descriptions are all there and all different.
+fn labels_were_cut(file: &C3dFile, markers: &[usize]) -> bool {
+    let mut labels = BTreeSet::new();
+    let mut descriptions = BTreeSet::new();
+    let mut repeats = false;
+    for &index in markers {
+        let point = &file.points[index];
+        let (label, description) = (point.label.trim(), point.description.trim());
+        if label.starts_with('*') {
+            continue;
+        }
+        if label.chars().count() > 4 || description.is_empty() || !descriptions.insert(description) {
+            return false;
+        }
+        repeats |= !labels.insert(label);
+    }
+    repeats
+}
+
+/// Plates as wrenches, SI, source axes.
+fn read_plates(trial: &mut Trial, file: &C3dFile) {
+    for (index, description) in file.plates.iter().enumerate() {
+        let wrench = match file.plate_wrench(index) {
+            Ok(wrench) => wrench,
+            Err(problem) => {
+                trial.warnings.push(format!("plate {}: {problem}; it is left out", index + 1));
+                continue;
+            }
+        };
+        let metres = metres_per(&file.point_unit).unwrap_or(1e-3);
+        let corners_m: Vec<_> =
+            description.corners.iter().map(|c| Vector3::new(c[0], c[1], c[2]) * metres).collect();
+        let known = corners_m.iter().any(|c| c.norm() > 0.0);
+        if !known {
+            trial.warnings.push(format!("plate {}: corners are all zero; its place is taken as the origin", index + 1));
+        }
+        trial.plates.push(Plate {
+            name: format!("FP{}", index + 1),
+            rate_hz: file.analog_rate_hz,
+            corners_m: if known { corners_m } else { Vec::new() },
+            force_n: wrench.force_n.iter().map(|f| Vector3::from(*f)).collect(),
+            moment_nm: wrench.moment_nm.iter().map(|m| Vector3::from(*m)).collect(),
+        });
+    }
+}
+
+/// Events, seconds since the first frame of this recording; those outside it are kept with a warning.
+fn read_events(trial: &mut Trial, file: &C3dFile) {
+    let start_s = (f64::from(file.first_frame) - 1.0).max(0.0) / file.point_rate_hz;
+    let length_s = file.n_frames as f64 / file.point_rate_hz;
+    let mut outside = 0;
+    for event in &file.events {
+        let time_s = event.time_s - start_s;
+        outside += usize::from(!(-0.5 / file.point_rate_hz..=length_s).contains(&time_s));
+        // Some files keep the name in the context and leave the label empty.
+        let (label, context) = match (event.label.trim(), event.context.trim()) {
+            ("", context) => (context, ""),
+            pair => pair,
+        };
+        trial.events.push(Event { label: label.to_owned(), context: context.to_owned(), time_s });
+    }
+    trial.events.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    if outside > 0 {
+        trial.warnings.push(format!("{outside} events lie outside of the recording"));
+    }
+}
+
+/// The reaction on a subject points up. A plate whose loaded samples point down stores the action on the plate: turned, with a warning.
+fn correct_reaction_sign(trial: &mut Trial) {
+    for plate in &mut trial.plates {
+        let strongest = plate.force_n.iter().map(|f| f.z.abs()).filter(|z| z.is_finite()).fold(0.0, f64::max);
+        if strongest < 50.0 {
+            continue;
+        }
+        let loaded: f64 = plate.force_n.iter().map(|f| f.z).filter(|z| z.is_finite() && z.abs() > 0.3 * strongest).sum();
+        if loaded < 0.0 {
+            for vector in plate.force_n.iter_mut().chain(&mut plate.moment_nm) {
+                *vector = -*vector;
+            }
+            trial.warnings.push(format!(
+                "plate `{}` pushes the subject down: the source stores the action on the plate; all its forces and moments are turned",
+                plate.name
+            ));
+        }
+    }
+}

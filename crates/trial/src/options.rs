@@ -1,0 +1,117 @@
+//! Choices of import that a pipeline may state, and the little reading helpers that all formats share.
+
+use crate::world::{rotate, up_axis_from_plates};
+use crate::{Trial, TrialError, UpAxis};
+use serde::{Deserialize, Serialize};
+
+/// How a recording is read.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ImportOptions {
+    /// Axis of the source that points up; none: told by the plates, else by the format's habit (C3D Z, TRC Y).
+    pub up_axis: Option<UpAxis>,
+    /// Cut `Subject:` from labels.
+    pub strip_prefix: bool,
+    /// Length unit of the source where it states none or a wrong one (`mm`, `cm`, `m`, `in`, `ft`).
+    pub point_unit: Option<String>,
+    /// Take full names from POINT:DESCRIPTIONS where labels were cut to four characters.
+    pub full_names: bool,
+    /// In text formats: three exact zeros mean that the marker was not seen (only in markers that are elsewhere non-zero).
+    pub zero_is_missing: bool,
+}
+
+impl Default for ImportOptions {
+    fn default() -> Self {
+        Self { up_axis: None, strip_prefix: true, point_unit: None, full_names: true, zero_is_missing: true }
+    }
+}
+
+/// Metres per unit.
+pub(crate) fn metres_per(unit: &str) -> Option<f64> {
+    match unit.trim().trim_end_matches('.').to_ascii_lowercase().as_str() {
+        "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => Some(1e-3),
+        "cm" | "centimeter" | "centimeters" | "centimetre" | "centimetres" => Some(1e-2),
+        "m" | "meter" | "meters" | "metre" | "metres" => Some(1.0),
+        "in" | "inch" | "inches" => Some(0.0254),
+        "ft" | "foot" | "feet" => Some(0.3048),
+        _ => None,
+    }
+}
+
+/// Label without `Subject:`; the second value is the subject.
+pub(crate) fn split_prefix(label: &str) -> (&str, Option<&str>) {
+    match label.rsplit_once(':') {
+        Some((subject, rest)) if !rest.trim().is_empty() => (rest.trim(), Some(subject.trim())),
+        _ => (label.trim(), None),
+    }
+}
+
+/// Gives repeated labels a number (`RKNE`, `RKNE#2`) and says so. Both stay.
+pub(crate) fn disambiguate(labels: &mut [String], warnings: &mut Vec<String>) {
+    let mut seen: std::collections::BTreeMap<String, usize> = std::collections::BTreeMap::new();
+    let taken: std::collections::BTreeSet<String> = labels.iter().cloned().collect();
+    for label in labels.iter_mut() {
+        let count = seen.entry(label.clone()).or_insert(0);
+        *count += 1;
+        if *count > 1 {
+            let mut number = *count;
+            let mut unique = format!("{label}#{number}");
+            while taken.contains(&unique) {
+                number += 1;
+                unique = format!("{label}#{number}");
+            }
+            *label = unique;
+        }
+    }
+    for (label, count) in seen.iter().filter(|(_, count)| **count > 1) {
+        warnings.push(format!("label `{label}` stands {count} times; the later ones are kept as `{label}#2` …"));
+    }
+}
+
+/// Turns the recording into the world frame: the stated axis, else what the plates tell, else the format's habit.
+pub(crate) fn to_world(trial: &mut Trial, options: &ImportOptions, habit: UpAxis) {
+    let told = up_axis_from_plates(trial);
+    let up = match (options.up_axis, told) {
+        (Some(stated), Some((seen, by))) if stated != seen => {
+            trial.warnings.push(format!("up axis stated as {stated}, but {by} say {seen}; the stated one is used"));
+            stated
+        }
+        (Some(stated), _) => stated,
+        (None, Some((seen, by))) => {
+            if seen != habit {
+                trial.warnings.push(format!("up axis {seen}, told by {by}"));
+            }
+            seen
+        }
+        (None, None) => habit,
+    };
+    rotate(trial, up);
+}
+
+/// A median of finite values; NaN if there are none. Reorders the slice.
+pub(crate) fn median(values: &mut [f64]) -> f64 {
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    let middle = values.len() / 2;
+    let (_, &mut upper, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
+    if values.len() % 2 == 1 {
+        return upper;
+    }
+    let lower = values[..middle].iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    0.5 * (lower + upper)
+}
+
+/// The checks that every source must pass to become a trial.
+pub(crate) fn require_content(trial: &Trial, found: impl FnOnce() -> String) -> Result<(), TrialError> {
+    if trial.markers.labels.is_empty() {
+        return Err(TrialError::NoMarkers { trial: trial.name.clone(), found: found() });
+    }
+    if trial.markers.n_frames == 0 {
+        return Err(TrialError::NoFrames { trial: trial.name.clone() });
+    }
+    if !(trial.markers.rate_hz > 0.0 && trial.markers.rate_hz.is_finite()) {
+        return Err(TrialError::Rate { trial: trial.name.clone(), place: "markers", found: trial.markers.rate_hz });
+    }
+    Ok(())
+}
