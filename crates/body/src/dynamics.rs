@@ -56,7 +56,8 @@ impl State {
             let wrench = self.wrench[i];
             project(&joint.kind, &wrench, &mut tau[joint.v_offset..]);
             if let Some(parent) = model.links[i].parent {
-                self.wrench[parent] += self.wrench_in_parent(i, &wrench);
+                let carried = self.wrench_in_parent(i, &wrench);
+                self.wrench[parent] += carried;
             }
         }
     }

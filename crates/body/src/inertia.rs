@@ -100,7 +100,14 @@ pub fn phi_from_pseudo_inertia(j: &Matrix4<f64>) -> Phi {
 
 /// 10×10 matrix T with `φ_new = T φ_old`, for the same body seen from another frame (`new_from_old`).
 pub fn phi_transform(new_from_old: &Isometry3<f64>) -> SMatrix<f64, 10, 10> {
-    let t = new_from_old.to_homogeneous();
+    phi_transform_by(&new_from_old.rotation.to_rotation_matrix().into_inner(), &new_from_old.translation.vector)
+}
+
+/// [`phi_transform`] from a rotation matrix and the old origin in the new frame.
+pub(crate) fn phi_transform_by(rotation: &Matrix3<f64>, origin: &Vector3<f64>) -> SMatrix<f64, 10, 10> {
+    let mut t = Matrix4::identity();
+    t.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation);
+    t.fixed_view_mut::<3, 1>(0, 3).copy_from(origin);
     let mut out = SMatrix::<f64, 10, 10>::zeros();
     for k in 0..10 {
         let mut unit = Phi::zeros();

@@ -16,8 +16,10 @@ pub mod model;
 pub mod motion;
 pub mod rotation;
 mod dynamics;
+mod formula;
 mod regressor;
 mod spec;
+mod urdf;
 pub mod state;
 pub mod subject;
 

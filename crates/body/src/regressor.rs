@@ -4,7 +4,8 @@
 //! axes) a block depends on this link alone, so the tree needs no backward pass.
 
 use crate::state::{angular, linear};
-use crate::{Model, State};
+use crate::base_parameters::KeptColumns;
+use crate::{BaseParameters, Model, State};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 /// Columns of `R [I-part]` for `I a` with `a` in link axes: the six inertia columns of φ order, as 3-vectors in link axes.
@@ -83,6 +84,13 @@ impl State {
         }
     }
 
+    fn first_moment_block(&self, i: usize, origin_in_world: &Vector3<f64>, out: &mut [f64]) {
+        let arm = self.world_from_link[i].translation.vector - origin_in_world;
+        out[..3].copy_from_slice(arm.as_slice());
+        out[3..12].copy_from_slice(self.rotation[i].as_slice());
+        out[12..30].fill(0.0);
+    }
+
     /// 6 × 10n regressor of the base wrench (the paper's Y_O): root axes about the root origin, linear then angular,
     /// `Y φ = F_ext` with gravity on the left. Needs [`State::forward_acceleration`].
     ///
@@ -114,10 +122,80 @@ impl State {
     pub fn first_moment_regressor(&self, model: &Model, origin_in_world: &Vector3<f64>, out: &mut DMatrix<f64>) {
         assert_eq!(out.shape(), (3, 10 * model.n_links()), "shape of the first-moment regressor");
         for (i, block) in out.as_mut_slice().chunks_exact_mut(30).enumerate() {
-            let arm = self.world_from_link[i].translation.vector - origin_in_world;
-            block.fill(0.0);
-            block[..3].copy_from_slice(arm.as_slice());
-            block[3..12].copy_from_slice(self.rotation[i].as_slice());
+            self.first_moment_block(i, origin_in_world, block);
+        }
+    }
+
+    /// The base columns of [`State::base_wrench_regressor`], 6 × n_base, without the full matrix: `Y_B = Y K`.
+    ///
+    /// # Panics
+    /// If `out` is not 6 × n_base, or `base` belongs to a larger model.
+    pub fn base_wrench_rows(&self, model: &Model, base: &BaseParameters, out: &mut DMatrix<f64>) {
+        assert_eq!(out.shape(), (6, base.len()), "shape of the base-wrench rows");
+        write_base::<60>(base, out.as_mut_slice(), |i, block| self.wrench_block(model, i, block));
+    }
+
+    /// The base columns of [`State::momentum_regressor`], 6 × n_base.
+    ///
+    /// # Panics
+    /// If `out` is not 6 × n_base, or `base` belongs to a larger model.
+    pub fn momentum_rows(&self, base: &BaseParameters, origin_in_world: &Vector3<f64>, out: &mut DMatrix<f64>) {
+        assert_eq!(out.shape(), (6, base.len()), "shape of the momentum rows");
+        write_base::<60>(base, out.as_mut_slice(), |i, block| self.momentum_block(i, origin_in_world, block));
+    }
+
+    /// The base columns of [`State::first_moment_regressor`], 3 × n_base.
+    ///
+    /// # Panics
+    /// If `out` is not 3 × n_base, or `base` belongs to a larger model.
+    pub fn first_moment_rows(&self, base: &BaseParameters, origin_in_world: &Vector3<f64>, out: &mut DMatrix<f64>) {
+        assert_eq!(out.shape(), (3, base.len()), "shape of the first-moment rows");
+        write_base::<30>(base, out.as_mut_slice(), |i, block| self.first_moment_block(i, origin_in_world, block));
+    }
+}
+
+/// Writes base columns link by link; `block` fills the ten columns of one link. `LENGTH` is ten times the number of rows.
+fn write_base<const LENGTH: usize>(base: &BaseParameters, out: &mut [f64], block: impl Fn(usize, &mut [f64])) {
+    let rows = LENGTH / 10;
+    let mut full = [0.0; LENGTH];
+    for (i, kept) in base.kept.iter().enumerate() {
+        let start = rows * kept.first;
+        match &kept.columns {
+            KeptColumns::Run(_, 0) => {}
+            KeptColumns::Run(0, 10) => block(i, &mut out[start..start + LENGTH]),
+            KeptColumns::Run(first, number) => {
+                block(i, &mut full);
+                out[start..start + rows * number].copy_from_slice(&full[rows * first..rows * (first + number)]);
+            }
+            KeptColumns::Some(columns) => {
+                block(i, &mut full);
+                for (to, from) in out[start..].chunks_exact_mut(rows).zip(columns) {
+                    to.copy_from_slice(&full[rows * from..rows * (from + 1)]);
+                }
+            }
+            KeptColumns::Mixed(matrix) => {
+                block(i, &mut full);
+                for (to, column) in out[start..].chunks_exact_mut(rows).zip(matrix.column_iter()) {
+                    to.fill(0.0);
+                    for (from, factor) in full.chunks_exact(rows).zip(column.iter()) {
+                        for (t, f) in to.iter_mut().zip(from) {
+                            *t += f * factor;
+                        }
+                    }
+                }
+            }
+        }
+    }
+    // Masses on prismatic joints are counted in the parent as well.
+    let mut link = usize::MAX;
+    for (column, from, factor) in &base.crossing {
+        if link != from / 10 {
+            link = from / 10;
+            block(link, &mut full);
+        }
+        let from = rows * (from % 10);
+        for (t, f) in out[rows * column..rows * (column + 1)].iter_mut().zip(&full[from..from + rows]) {
+            *t += f * factor;
         }
     }
 }

@@ -1,10 +1,10 @@
 //! What a model file says, before it becomes a [`crate::Model`].
 
-use crate::{BodyError, JointKind, LinkInertia};
+use crate::{JointKind, LinkInertia};
 use nalgebra::{Unit, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// What a model file says (YAML through serde, in `pipeline`; or URDF through [`ModelSpec::from_urdf`]).
+/// What a model file says (YAML through serde, in `pipeline`; or URDF).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelSpec {

@@ -21,8 +21,6 @@ pub struct State {
     pub(crate) parent_from_link: Vec<Matrix3<f64>>,
     /// Origin of each link in its parent, m.
     pub(crate) origin_in_parent: Vec<Vector3<f64>>,
-    /// Rotation of each joint frame in its parent at zero, constant.
-    parent_from_joint: Vec<Matrix3<f64>>,
     /// Forces on the links in backward passes.
     pub(crate) wrench: Vec<Vector6<f64>>,
     /// Composite inertias in backward passes.
@@ -57,8 +55,7 @@ fn joint_motion(kind: &JointKind, values: &[f64], first: usize) -> (Vector3<f64>
 }
 
 impl State {
-    /// Scratch for one model. Holds the constant rotations of the joint frames, so make a new one when joint places
-    /// of the model change.
+    /// Scratch for a model with this number of links. It keeps nothing of the model, so joint places may change between calls.
     pub fn new(model: &Model) -> Self {
         let n = model.n_links();
         Self {
@@ -68,11 +65,6 @@ impl State {
             rotation: vec![Matrix3::identity(); n],
             parent_from_link: vec![Matrix3::identity(); n],
             origin_in_parent: vec![Vector3::zeros(); n],
-            parent_from_joint: model
-                .links
-                .iter()
-                .map(|link| link.joint.parent_from_joint.rotation.to_rotation_matrix().into_inner())
-                .collect(),
             wrench: vec![Vector6::zeros(); n],
             composite: vec![Phi::zeros(); n],
         }

@@ -1,8 +1,13 @@
-//! The structure of a file.
+//! The structure of a file: what a reader of recordings needs, typed, and beside it the parameter tree as stored.
 
-use crate::{C3dError, Warning};
+use std::sync::Arc;
+
+use crate::{ByteOrder, HeaderEvent, Parameters, Storage, Warning, layout::Layout};
 
 /// A whole C3D file.
+///
+/// The typed fields are what [`C3dFile::to_bytes`] writes: it brings the standard parameters in line with them and
+/// leaves every other parameter as it was.
 #[derive(Debug, Clone)]
 pub struct C3dFile {
     /// Point rate, Hz.
@@ -11,7 +16,7 @@ pub struct C3dFile {
     pub first_frame: u32,
     /// Frames that the file holds.
     pub n_frames: usize,
-    /// Unit of the markers, as in POINT:UNITS (`mm`, `m` …).
+    /// Unit of the markers, as in POINT:UNITS (`mm`, `m` …); `mm` where the file does not say.
     pub point_unit: String,
     /// Points: markers and computed points.
     pub points: Vec<Point>,
@@ -19,40 +24,82 @@ pub struct C3dFile {
     pub analogs: Vec<Analog>,
     /// Analog samples a second.
     pub analog_rate_hz: f64,
-    /// Events.
+    /// Events of the group EVENT, or those of the header where that group has none.
     pub events: Vec<FileEvent>,
     /// Force plates as described (not yet wrenches).
     pub plates: Vec<PlateDescription>,
     /// Oddities.
     pub warnings: Vec<Warning>,
+    /// All groups and parameters as stored.
+    pub groups: Parameters,
+    /// Events of the header.
+    pub header_events: Vec<HeaderEvent>,
+    /// Byte order of the source, and of what is written.
+    pub byte_order: ByteOrder,
+    /// Integer or float samples, in the source and in what is written.
+    pub storage: Storage,
+    /// POINT:SCALE without its sign: unit of integer coordinates, and of residuals in both storages.
+    pub point_scale: f32,
+    /// ANALOG:GEN_SCALE.
+    pub analog_general_scale: f64,
+    /// Whether raw integer samples and offsets of the channels are unsigned.
+    pub analog_unsigned: bool,
+    /// Where the bytes came from: lets a re-write keep what the typed fields cannot hold.
+    pub(crate) source: Option<Source>,
+}
+
+/// Header and samples as they were read.
+#[derive(Debug, Clone)]
+pub(crate) struct Source {
+    pub header: Box<[u8; 512]>,
+    pub data: Arc<[u8]>,
+    pub layout: Layout,
+    pub order: ByteOrder,
+    pub point_scale: f32,
+    pub analog_unsigned: bool,
 }
 
 /// What a stored point is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum PointKind {
     /// Marker.
+    #[default]
     Marker,
     /// Listed in POINT:ANGLES.
     Angle,
-    /// Force.
+    /// Listed in POINT:FORCES.
     Force,
-    /// Moment.
+    /// Listed in POINT:MOMENTS.
     Moment,
-    /// Power.
+    /// Listed in POINT:POWERS.
     Power,
-    /// Scalar.
+    /// Listed in POINT:SCALARS.
     Scalar,
 }
 
+impl PointKind {
+    /// The computed kinds with the name of the list that announces each.
+    pub const LISTS: [(&'static str, Self); 5] = [
+        ("ANGLES", Self::Angle),
+        ("FORCES", Self::Force),
+        ("MOMENTS", Self::Moment),
+        ("POWERS", Self::Power),
+        ("SCALARS", Self::Scalar),
+    ];
+}
+
 /// One point over all frames.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Point {
-    /// Label as stored.
+    /// Label as stored, without blanks around it.
     pub label: String,
     /// Description as stored.
     pub description: String,
     /// What it is.
     pub kind: PointKind,
+    /// Unit as the file states it for this kind of point.
+    pub unit: String,
     /// Coordinates in the file's units; NaN where invalid.
     pub xyz: Vec<[f32; 3]>,
     /// Residual in the file's units (0 for computed), NaN where invalid.
@@ -62,7 +109,7 @@ pub struct Point {
 }
 
 /// One analog channel, scaled.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Analog {
     /// Label.
     pub label: String,
@@ -70,54 +117,78 @@ pub struct Analog {
     pub description: String,
     /// Unit as stated.
     pub unit: String,
-    /// Values in that unit.
+    /// ANALOG:SCALE of this channel.
+    pub scale: f64,
+    /// ANALOG:OFFSET of this channel, in raw counts.
+    pub offset: f64,
+    /// Values in that unit: (raw − offset) × scale × general scale.
     pub values: Vec<f64>,
 }
 
 /// An event.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct FileEvent {
     /// Label.
     pub label: String,
-    /// Context.
+    /// Context; empty where the file has none.
     pub context: String,
     /// Seconds on the clock of the original trial, in which frame 1 is 0 s.
     pub time_s: f64,
+    /// Subject; empty where the file has none.
+    pub subject: String,
+    /// Description; empty where the file has none.
+    pub description: String,
 }
 
 /// A plate as the file describes it.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct PlateDescription {
     /// Type 1-7.
     pub kind: i32,
     /// Corners in the file's point units, world frame of the file.
     pub corners: [[f64; 3]; 4],
-    /// Origin in the file's point units.
+    /// Origin in the file's point units: from the sensor's origin to the centre of the surface, in plate axes (its z is
+    /// usually negative: the plate's z points down). Type 3 holds sensor distances a, b and the depth.
     pub origin: [f64; 3],
     /// Zero-based indices into `analogs`.
     pub channels: Vec<usize>,
+    /// CAL_MATRIX of this plate, `matrix[row][column]` with a row for each output; empty where the file has none.
+    pub calibration: Vec<Vec<f64>>,
+    /// FORCE_PLATFORM:ZERO as stored: first and last frame of the unloaded baseline, 1-based; (0, 0) and (1, 0) mean none.
+    pub zero_frames: [i32; 2],
 }
 
 /// A plate's wrench on the subject, in the file's world axes, SI: force N, moment N·m about the origin of the file's world.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct PlateWrench {
     /// Force on the subject, N, at the analog rate.
     pub force_n: Vec<[f64; 3]>,
     /// Moment about the world origin, N·m.
     pub moment_nm: Vec<[f64; 3]>,
+    /// What had to be decided or repaired: sign, units, baseline.
+    pub warnings: Vec<Warning>,
 }
 
 impl C3dFile {
-    /// Reads a file from memory.
-    pub fn from_bytes(_bytes: &[u8]) -> Result<Self, C3dError> {
-        todo!()
+    /// Index of a point by its label as stored.
+    pub fn point_index(&self, label: &str) -> Option<usize> {
+        self.points.iter().position(|p| p.label == label)
     }
-    /// Writes the file.
-    pub fn to_bytes(&self) -> Result<Vec<u8>, C3dError> {
-        todo!()
+    /// Index of a channel by its label as stored.
+    pub fn analog_index(&self, label: &str) -> Option<usize> {
+        self.analogs.iter().position(|a| a.label == label)
     }
-    /// The calibrated wrench of plate `index` as reaction on the subject.
-    pub fn plate_wrench(&self, _index: usize) -> Result<PlateWrench, C3dError> {
-        todo!()
+    /// Markers, computed points left out.
+    pub fn markers(&self) -> impl Iterator<Item = &Point> {
+        self.points.iter().filter(|p| p.kind == PointKind::Marker)
+    }
+    /// Analog samples in one point frame; 0 without channels.
+    pub fn samples_per_frame(&self) -> usize {
+        let samples = self.analogs.first().map_or(0, |a| a.values.len());
+        samples.checked_div(self.n_frames).unwrap_or(0)
+    }
+    /// Metres in one point unit; `None` for a unit nobody knows.
+    pub fn metres_per_point_unit(&self) -> Option<f64> {
+        crate::unit::metres(&self.point_unit)
     }
 }

@@ -25,7 +25,9 @@ pub enum TrialError {
         trial: String,
     },
     /// The source has no markers.
-    #[error("{trial}: no labelled marker: found {found}; expected at least 1; hint: label the trial before exporting it")]
+    #[error(
+        "{trial}: no labelled marker: found {found}; expected at least 1; hint: label the trial before exporting it"
+    )]
     NoMarkers {
         #[doc(hidden)]
         trial: String,

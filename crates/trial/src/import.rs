@@ -72,7 +72,9 @@ fn read_points(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Re
     let markers: Vec<usize> = (0..file.points.len()).filter(|&i| file.points[i].kind == PointKind::Marker).collect();
     let use_descriptions = options.full_names && labels_were_cut(file, &markers);
     if use_descriptions {
-        trial.warnings.push("labels are cut to four characters and repeat: full names taken from POINT:DESCRIPTIONS".to_owned());
+        trial
+            .warnings
+            .push("labels are cut to four characters and repeat: full names taken from POINT:DESCRIPTIONS".to_owned());
     }
     let mut unlabelled = 0;
     let mut subjects: BTreeSet<String> = BTreeSet::new();
@@ -133,11 +135,7 @@ fn read_points(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Re
             label: split_prefix(&point.label).0.to_owned(),
             kind: kind.to_owned(),
             unit: computed_unit(kind).to_owned(),
-            values: point
-                .xyz
-                .iter()
-                .map(|p| Vector3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2])))
-                .collect(),
+            values: point.xyz.iter().map(|p| Vector3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2]))).collect(),
         });
     }
     Ok(())
@@ -220,8 +218,7 @@ fn read_plates(trial: &mut Trial, file: &C3dFile) {
             }
         };
         let metres = metres_per(&file.point_unit).unwrap_or(1e-3);
-        let corners_m: Vec<_> =
-            description.corners.iter().map(|c| Vector3::new(c[0], c[1], c[2]) * metres).collect();
+        let corners_m: Vec<_> = description.corners.iter().map(|c| Vector3::new(c[0], c[1], c[2]) * metres).collect();
         let known = corners_m.iter().any(|c| c.norm() > 0.0);
         if !known {
             trial.warnings.push(format!("plate {}: corners are all zero; its place is taken as the origin", index + 1));
@@ -264,7 +261,8 @@ fn correct_reaction_sign(trial: &mut Trial) {
         if strongest < 50.0 {
             continue;
         }
-        let loaded: f64 = plate.force_n.iter().map(|f| f.z).filter(|z| z.is_finite() && z.abs() > 0.3 * strongest).sum();
+        let loaded: f64 =
+            plate.force_n.iter().map(|f| f.z).filter(|z| z.is_finite() && z.abs() > 0.3 * strongest).sum();
         if loaded < 0.0 {
             for vector in plate.force_n.iter_mut().chain(&mut plate.moment_nm) {
                 *vector = -*vector;

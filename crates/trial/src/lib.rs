@@ -2,18 +2,28 @@
 //!
 //! Missing is missing: a marker that was not seen is NaN, from import to export, never zero and never the last value.
 
+pub mod artefacts;
 pub mod error;
+pub mod gaps;
 mod import;
+pub mod labels;
 pub mod marker_set;
 pub mod mot;
 pub mod options;
+pub mod quality;
 pub mod recording;
+pub mod rigid;
 mod trc;
 pub mod world;
 
+pub use artefacts::{ArtefactOptions, Finding, FindingKind, find_artefacts};
 pub use error::TrialError;
+pub use gaps::{FillMethod, GapFill, GapOptions, fill_gaps, fill_gaps_with_poses};
+pub use labels::{MarkerSetMatch, apply_marker_set, recognise};
 pub use marker_set::{MarkerDefinition, MarkerSet};
 pub use mot::Table;
 pub use options::ImportOptions;
+pub use quality::{MarkerQuality, QualityOptions, QualityReason, Severity, TrialQuality, assess};
 pub use recording::{ComputedPoint, Event, Markers, Plate, Trial};
+pub use rigid::fit_pose;
 pub use world::UpAxis;

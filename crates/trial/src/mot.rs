@@ -101,7 +101,9 @@ fn parse_column(label: &str) -> Option<(String, Quantity, usize)> {
         "" if tokens.iter().any(|t| *t == "p" || *t == "cop") => Quantity::Point,
         _ => return None,
     };
-    tokens.retain(|t| !matches!(*t, "ground" | "force" | "torque" | "moment" | "reaction" | "grf" | "v" | "p" | "m" | "cop"));
+    tokens.retain(|t| {
+        !matches!(*t, "ground" | "force" | "torque" | "moment" | "reaction" | "grf" | "v" | "p" | "m" | "cop")
+    });
     Some((tokens.join("_"), quantity, axis))
 }
 
@@ -146,7 +148,8 @@ pub(crate) fn read_ground_reactions(trial: &mut Trial, text: &str, first_frame_t
             (shift - lead) / rate_hz
         ));
     }
-    let limit = 10.0 * (table.columns[0].len() as f64 + trial.markers.n_frames as f64 * rate_hz / trial.markers.rate_hz);
+    let limit =
+        10.0 * (table.columns[0].len() as f64 + trial.markers.n_frames as f64 * rate_hz / trial.markers.rate_hz);
     if shift.abs() > limit {
         trial.warnings.push(format!("MOT starts {:.1} s away from the markers: no plates", lead / rate_hz));
         return Ok(());
@@ -170,7 +173,8 @@ pub(crate) fn read_ground_reactions(trial: &mut Trial, text: &str, first_frame_t
                 columns.key
             ));
         } else {
-            let far = (0..times.len()).map(|row| vector(point, row).amax()).filter(|x| x.is_finite()).fold(0.0, f64::max);
+            let far =
+                (0..times.len()).map(|row| vector(point, row).amax()).filter(|x| x.is_finite()).fold(0.0, f64::max);
             if far > 50.0 {
                 scale = 1e-3;
                 trial.warnings.push(format!(

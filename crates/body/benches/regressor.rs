@@ -1,0 +1,76 @@
+//! Kinematics and rows of the 34-DOF human, one frame at a time on one core.
+#![allow(missing_docs)] // criterion's macros make public items
+
+use aloft_body::{BaseParameters, LinkInertia, Model, ModelSpec, Phi, State};
+use criterion::{Criterion, criterion_group, criterion_main};
+use nalgebra::{DMatrix, Matrix3, Vector3};
+use std::hint::black_box;
+
+fn human() -> Model {
+    let spec: ModelSpec =
+        serde_yaml::from_str(include_str!("../../../configs/models/human34.yaml")).expect("the model file is valid");
+    let mut model = Model::from_spec(&spec).expect("the model is valid");
+    for (i, link) in model.links.iter_mut().enumerate().skip(1) {
+        link.joint.parent_from_joint.translation.vector = Vector3::new(0.01, -0.3 + 0.01 * i as f64, 0.1);
+    }
+    model
+}
+
+fn regressor(c: &mut Criterion) {
+    let model = human();
+    let base = BaseParameters::of(&model);
+    let mut q = model.neutral();
+    let dv: Vec<f64> = (0..model.nv).map(|i| (0.7 * i as f64).sin()).collect();
+    let start = q.clone();
+    model.integrate(&start, &dv, &mut q);
+    let v: Vec<f64> = (0..model.nv).map(|i| (1.1 * i as f64).cos()).collect();
+    let a: Vec<f64> = (0..model.nv).map(|i| (1.7 * i as f64).sin()).collect();
+    let phi: Vec<Phi> = (0..model.n_links())
+        .map(|_| {
+            LinkInertia {
+                mass_kg: 4.0,
+                com_m: Vector3::new(0.01, -0.15, 0.0),
+                inertia_com_kgm2: Matrix3::from_diagonal_element(0.05),
+            }
+            .to_phi()
+        })
+        .collect();
+    let mut state = State::new(&model);
+    let mut full = DMatrix::zeros(6, 10 * model.n_links());
+    let mut rows = DMatrix::zeros(6, base.len());
+    let mut rows3 = DMatrix::zeros(3, base.len());
+    let mut jacobian = DMatrix::zeros(3, model.nv);
+    let mut mass = DMatrix::zeros(model.nv, model.nv);
+    let mut tau = vec![0.0; model.nv];
+    let origin = Vector3::zeros();
+
+    c.bench_function("forward_position", |b| b.iter(|| state.forward_position(&model, black_box(&q))));
+    c.bench_function("forward_velocity", |b| b.iter(|| state.forward_velocity(&model, black_box(&q), &v)));
+    c.bench_function("forward_acceleration", |b| b.iter(|| state.forward_acceleration(&model, black_box(&q), &v, &a)));
+    c.bench_function("base_wrench_regressor", |b| b.iter(|| state.base_wrench_regressor(&model, black_box(&mut full))));
+    c.bench_function("base_wrench_rows", |b| b.iter(|| state.base_wrench_rows(&model, &base, black_box(&mut rows))));
+    c.bench_function("momentum_rows", |b| b.iter(|| state.momentum_rows(&base, &origin, black_box(&mut rows))));
+    c.bench_function("first_moment_rows", |b| b.iter(|| state.first_moment_rows(&base, &origin, black_box(&mut rows3))));
+    c.bench_function("frame: accelerations and base-wrench rows", |b| {
+        b.iter(|| {
+            state.forward_acceleration(&model, black_box(&q), &v, &a);
+            state.base_wrench_rows(&model, &base, black_box(&mut rows));
+        });
+    });
+    c.bench_function("frame: velocities and momentum rows", |b| {
+        b.iter(|| {
+            state.forward_velocity(&model, black_box(&q), &v);
+            state.momentum_rows(&base, &origin, black_box(&mut rows));
+        });
+    });
+    let foot = model.n_links() - 1;
+    c.bench_function("point_jacobian", |b| {
+        b.iter(|| state.point_jacobian(&model, foot, &origin, black_box(&mut jacobian)));
+    });
+    c.bench_function("inverse_dynamics", |b| b.iter(|| state.inverse_dynamics(&model, &phi, black_box(&mut tau))));
+    c.bench_function("mass_matrix", |b| b.iter(|| state.mass_matrix(&model, &phi, black_box(&mut mass))));
+    c.bench_function("base_parameters", |b| b.iter(|| BaseParameters::of(black_box(&model))));
+}
+
+criterion_group!(benches, regressor);
+criterion_main!(benches);

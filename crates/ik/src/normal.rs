@@ -1,0 +1,214 @@
+//! Normal equations of one frame in the pattern of the tree.
+//!
+//! A marker of weight w moves only with the joints above it, so JᵀWJ is the joint-space inertia matrix of point masses
+//! w at the markers, and it is built as such: moments of order 0, 1, 2 gathered for each link, added up towards the
+//! root, then one force for each column met with the columns above it (composite rigid bodies: Featherstone, *Rigid
+//! Body Dynamics Algorithms*, 2008, §6.2). The factorisation H = LᵀDL from the leaves to the root has no fill-in
+//! (ibid. §6.5). Row k is stored as the entries of its ancestors, root first, then its diagonal; since the ancestors of
+//! an ancestor are a prefix, every inner loop runs over two contiguous prefixes.
+
+use crate::tree::{NONE, Pose, Tree};
+use nalgebra::Vector3;
+
+/// Weighted moments of the markers at and above a link's branch, about the pose's reference point.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Moments {
+    mass: f64,
+    first: Vector3<f64>,
+    /// xx, yy, zz, xy, xz, yz
+    second: [f64; 6],
+    force: Vector3<f64>,
+    torque: Vector3<f64>,
+}
+
+impl Moments {
+    /// Adds a marker at `arm` from the reference point, with weight and weighted residual (model minus measured).
+    pub fn add_point(&mut self, arm: &Vector3<f64>, weight: f64, residual: &Vector3<f64>) {
+        let weighted = arm * weight;
+        self.mass += weight;
+        self.first += weighted;
+        self.second[0] += weighted.x * arm.x;
+        self.second[1] += weighted.y * arm.y;
+        self.second[2] += weighted.z * arm.z;
+        self.second[3] += weighted.x * arm.y;
+        self.second[4] += weighted.x * arm.z;
+        self.second[5] += weighted.y * arm.z;
+        let force = residual * weight;
+        self.force += force;
+        self.torque += arm.cross(&force);
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.mass += other.mass;
+        self.first += other.first;
+        for i in 0..6 {
+            self.second[i] += other.second[i];
+        }
+        self.force += other.force;
+        self.torque += other.torque;
+    }
+
+    /// Force and torque that unit rate of a column needs when the markers are masses.
+    fn response(&self, linear: &Vector3<f64>, angular: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+        let [xx, yy, zz, xy, xz, yz] = self.second;
+        let spin = Vector3::new(
+            (yy + zz) * angular.x - xy * angular.y - xz * angular.z,
+            -xy * angular.x + (xx + zz) * angular.y - yz * angular.z,
+            -xz * angular.x - yz * angular.y + (xx + yy) * angular.z,
+        );
+        (linear * self.mass + angular.cross(&self.first), self.first.cross(linear) + spin)
+    }
+}
+
+/// A symmetric matrix in the tree's pattern (or its factor), and a right-hand side.
+#[derive(Debug, Clone)]
+pub(crate) struct Packed {
+    pub values: Vec<f64>,
+    /// First entry of each row.
+    pub start: Vec<usize>,
+    pub gradient: Vec<f64>,
+}
+
+impl Packed {
+    pub fn new(tree: &Tree) -> Self {
+        let mut start = Vec::with_capacity(tree.nv);
+        let mut size = 0;
+        for column in 0..tree.nv {
+            start.push(size);
+            size += tree.ancestors[column].len() + 1;
+        }
+        Self { values: vec![0.0; size], start, gradient: vec![0.0; tree.nv] }
+    }
+
+    /// Index of a diagonal entry.
+    pub fn diagonal(&self, tree: &Tree, row: usize) -> usize {
+        self.start[row] + tree.ancestors[row].len()
+    }
+
+    /// Fills matrix and gradient from the moments of each link, which are added up towards the root on the way.
+    pub fn assemble(&mut self, tree: &Tree, pose: &Pose, moments: &mut [Moments]) {
+        for index in (1..moments.len()).rev() {
+            let parent = tree.links[index].parent;
+            if parent != NONE {
+                let below = moments[index];
+                moments[parent].add(&below);
+            }
+        }
+        for column in 0..tree.nv {
+            let branch = &moments[tree.column_link[column]];
+            let (linear, angular) = (&pose.linear[column], &pose.angular[column]);
+            let (force, torque) = branch.response(linear, angular);
+            self.gradient[column] = linear.dot(&branch.force) + angular.dot(&branch.torque);
+            let above = &tree.ancestors[column];
+            let row = &mut self.values[self.start[column]..=self.start[column] + above.len()];
+            for (entry, &other) in row.iter_mut().zip(above) {
+                *entry = pose.linear[other].dot(&force) + pose.angular[other].dot(&torque);
+            }
+            row[above.len()] = linear.dot(&force) + angular.dot(&torque);
+        }
+    }
+
+    /// Takes coordinates out of the problem.
+    pub fn lock(&mut self, tree: &Tree, locked: &[bool]) {
+        for row in 0..tree.nv {
+            let above = &tree.ancestors[row];
+            let at = self.start[row];
+            for (i, &other) in above.iter().enumerate() {
+                if locked[row] || locked[other] {
+                    self.values[at + i] = 0.0;
+                }
+            }
+            if locked[row] {
+                self.values[at + above.len()] = 1.0;
+                self.gradient[row] = 0.0;
+            }
+        }
+    }
+
+    /// Factorises `source` with its diagonal multiplied by `1 + damping` into `self`. False when it is not positive definite.
+    pub fn factorise(&mut self, tree: &Tree, source: &Self, damping: f64) -> bool {
+        self.values.copy_from_slice(&source.values);
+        if damping > 0.0 {
+            for row in 0..tree.nv {
+                let at = self.diagonal(tree, row);
+                self.values[at] *= 1.0 + damping;
+            }
+        }
+        for k in (0..tree.nv).rev() {
+            let above = &tree.ancestors[k];
+            let at = self.start[k];
+            let pivot = self.values[at + above.len()];
+            if pivot.is_nan() || pivot <= 1e-13 * source.values[at + above.len()] || pivot <= 0.0 {
+                return false;
+            }
+            let inverse = 1.0 / pivot;
+            let (head, row) = self.values.split_at_mut(at);
+            for (a, &i) in above.iter().enumerate().rev() {
+                let factor = row[a] * inverse;
+                if factor != 0.0 {
+                    let target = &mut head[self.start[i]..=self.start[i] + a];
+                    for (t, r) in target.iter_mut().zip(&row[..=a]) {
+                        *t -= factor * r;
+                    }
+                }
+                row[a] = factor;
+            }
+        }
+        true
+    }
+
+    /// Solves `H x = b` in place with a factor.
+    pub fn solve(&self, tree: &Tree, x: &mut [f64]) {
+        self.solve_upper(tree, x);
+        for k in 0..tree.nv {
+            let above = &tree.ancestors[k];
+            let at = self.start[k];
+            let mut value = x[k] / self.values[at + above.len()];
+            for (entry, &i) in self.values[at..at + above.len()].iter().zip(above) {
+                value -= entry * x[i];
+            }
+            x[k] = value;
+        }
+    }
+
+    /// Solves `Lᵀ x = b` in place.
+    pub fn solve_upper(&self, tree: &Tree, x: &mut [f64]) {
+        for k in (0..tree.nv).rev() {
+            let above = &tree.ancestors[k];
+            let at = self.start[k];
+            let value = x[k];
+            if value != 0.0 {
+                for (entry, &i) in self.values[at..at + above.len()].iter().zip(above) {
+                    x[i] -= entry * value;
+                }
+            }
+        }
+    }
+
+    /// The entries of H⁻¹ that lie in the tree's pattern, from a factor (Takahashi's recursion, root to leaves).
+    pub fn invert(&mut self, tree: &Tree, factor: &Self) {
+        for k in 0..tree.nv {
+            let above = &tree.ancestors[k];
+            let depth = above.len();
+            let at = self.start[k];
+            let low = &factor.values[at..at + depth];
+            let (head, row) = self.values.split_at_mut(at);
+            for (a, &i) in above.iter().enumerate() {
+                let mut sum = 0.0;
+                let row_i = &head[self.start[i]..=self.start[i] + a];
+                for (l, z) in low[..=a].iter().zip(row_i) {
+                    sum += l * z;
+                }
+                for (b, &m) in above.iter().enumerate().skip(a + 1) {
+                    sum += low[b] * head[self.start[m] + a];
+                }
+                row[a] = -sum;
+            }
+            let mut diagonal = 1.0 / factor.values[at + depth];
+            for (l, z) in low.iter().zip(&row[..depth]) {
+                diagonal -= l * z;
+            }
+            row[depth] = diagonal;
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! The paper's rows: six a frame from filtered accelerations, in root axes about the root origin.
+//!
+//! `Y_O(q, q̇, q̈) φ = F_ext` (Ayusawa, Venture, Nakamura 2010, eqs. 5 and 6), regrouped to base parameters.
+//! Flow: filtered `Motion` and flights in, one [`Factor`] per stretch out.
+
+use crate::stretch::Acting;
+use crate::{Columns, Factor, RegressorError, RowKind, Stretch};
+use aloft_body::{BaseParameters, Model, Motion, State};
+use faer::Mat;
+use nalgebra::{DMatrix, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// How acceleration rows are formed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AccelerationOptions {
+    /// Time left out at both ends of a stretch, s: the filter carries contact forces that far into a flight.
+    pub margin_s: f64,
+    /// Weight of the three force rows, 1/N.
+    pub force_weight: f64,
+    /// Weight of the three moment rows, 1/(N·m).
+    pub moment_weight: f64,
+}
+
+impl Default for AccelerationOptions {
+    /// 70 ms margins (the support of a third-order 10 Hz zero-phase filter), newtons and newton-metres alike as in the paper.
+    fn default() -> Self {
+        Self { margin_s: 0.07, force_weight: 1.0, moment_weight: 1.0 }
+    }
+}
+
+/// Factor of one stretch from acceleration rows.
+///
+/// Frames with NaN are left out. The motion must carry velocities and accelerations.
+///
+/// # Errors
+/// [`RegressorError::NotFiltered`] without velocities or accelerations, [`RegressorError::TooShort`] when no frame is
+/// left, [`RegressorError::NoWrench`] for contact without plates.
+pub fn acceleration_factor(
+    model: &Model,
+    base: &BaseParameters,
+    motion: &Motion,
+    stretch: &Stretch,
+    acting: Acting<'_>,
+    options: &AccelerationOptions,
+) -> Result<Factor, RegressorError> {
+    stretch.check(motion)?;
+    acting.check(motion, stretch)?;
+    for (series, missing) in [(&motion.v, "velocities"), (&motion.a, "accelerations")] {
+        if series.len() != motion.n_frames() * motion.nv {
+            return Err(RegressorError::NotFiltered { trial: motion.trial.clone(), missing });
+        }
+    }
+    let margin = (options.margin_s.max(0.0) * motion.rate_hz).round() as usize;
+    let frames: Vec<usize> = (stretch.first_frame + margin..stretch.end_frame.saturating_sub(margin))
+        .filter(|&f| {
+            motion.is_valid(f)
+                && motion.v(f).iter().chain(motion.a(f)).all(|x| x.is_finite())
+                && acting.is_finite(stretch, f)
+        })
+        .collect();
+    if frames.is_empty() {
+        return Err(RegressorError::TooShort {
+            trial: stretch.trial.clone(),
+            stretch: stretch.index,
+            frames: 0,
+            needed: 1,
+        });
+    }
+    let columns = Columns {
+        parameters: base.parameters.iter().map(|p| p.name.clone()).collect(),
+        effects: acting.effects.map_or_else(Vec::new, |e| e.names.clone()),
+    };
+    let (p, k) = (base.len(), acting.n_effects());
+    let mut rows = Mat::<f64>::zeros(6 * frames.len(), p + k + 1);
+    let mut scratch = AccelerationRows::new(model, base);
+    let weights = [options.force_weight, options.moment_weight];
+    for (i, &frame) in frames.iter().enumerate() {
+        let y = scratch.base_rows(motion.q(frame), motion.v(frame), motion.a(frame));
+        for r in 0..6 {
+            for c in 0..p {
+                rows[(6 * i + r, c)] = weights[r / 3] * y[(r, c)];
+            }
+        }
+        let world_from_root = scratch.state.world_from_link[0];
+        let into_root = |force: Vector3<f64>, moment: Vector3<f64>| {
+            let about_root = moment - world_from_root.translation.vector.cross(&force);
+            let rotation = world_from_root.rotation.inverse();
+            (rotation * force, rotation * about_root)
+        };
+        let mut put = |column: usize, sign: f64, force: Vector3<f64>, moment: Vector3<f64>| {
+            let (force, moment) = into_root(force, moment);
+            for axis in 0..3 {
+                rows[(6 * i + axis, column)] = sign * weights[0] * force[axis];
+                rows[(6 * i + 3 + axis, column)] = sign * weights[1] * moment[axis];
+            }
+        };
+        if let Some(effects) = acting.effects {
+            for e in 0..k {
+                let column = effects.wrench[frame].column(e);
+                put(p + e, -1.0, column.fixed_rows::<3>(0).into(), column.fixed_rows::<3>(3).into());
+            }
+        }
+        let wrench = acting.wrench(stretch, frame);
+        put(p + k, 1.0, wrench.fixed_rows::<3>(0).into(), wrench.fixed_rows::<3>(3).into());
+    }
+    Factor::from_rows(stretch, RowKind::Acceleration, columns, rows.as_ref())
+}
+
+/// Scratch that turns a frame into its 6 × n_base rows without allocating.
+#[derive(Debug, Clone)]
+pub struct AccelerationRows<'a> {
+    model: &'a Model,
+    base: &'a BaseParameters,
+    state: State,
+    full: DMatrix<f64>,
+    regrouped: DMatrix<f64>,
+}
+
+impl<'a> AccelerationRows<'a> {
+    /// Scratch for one model.
+    pub fn new(model: &'a Model, base: &'a BaseParameters) -> Self {
+        Self {
+            model,
+            base,
+            state: State::new(model),
+            full: DMatrix::zeros(6, 10 * model.n_links()),
+            regrouped: DMatrix::zeros(6, base.len()),
+        }
+    }
+    /// Rows of one frame in root axes about the root origin: three of force (N per unit), three of moment (N·m per unit).
+    pub fn base_rows(&mut self, q: &[f64], v: &[f64], a: &[f64]) -> &DMatrix<f64> {
+        self.state.forward_acceleration(self.model, q, v, a);
+        self.state.base_wrench_regressor(self.model, &mut self.full);
+        self.full.mul_to(&self.base.to_full, &mut self.regrouped);
+        &self.regrouped
+    }
+    /// Pose of the root in the world, of the frame that [`AccelerationRows::base_rows`] was called for last.
+    pub fn world_from_root(&self) -> &nalgebra::Isometry3<f64> {
+        &self.state.world_from_link[0]
+    }
+}

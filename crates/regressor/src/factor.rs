@@ -1,0 +1,484 @@
+//! The hinge of the whole program: one small upper triangle per flight or contact phase.
+//!
+//! Rows read `Y φ_B − E θ = w`, with base parameters φ_B, effect coefficients θ and measured wrench w. A factor is the
+//! R of a QR factorisation of `[Y | −E | w]`, so that `‖Y φ_B − E θ − w‖ = ‖R [φ_B; θ; −1]‖` for every φ_B and θ: all
+//! estimates, comparisons of effects, and resampling work on R and never on frames again. Factors of many flights
+//! stack: the R of stacked R's is the R of all rows. Diagonals are made non-negative, which makes R unique where the
+//! rows have full rank, whatever the order of merging.
+
+use crate::{RegressorError, Stretch, StretchKind};
+use faer::{Mat, MatRef};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Where the rows of a factor come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RowKind {
+    /// Six rows a frame from accelerations (the paper).
+    Acceleration,
+    /// Six rows a window from momentum and first moment.
+    Weak,
+    /// Rows of a prior.
+    Prior,
+}
+
+/// Names of a factor's columns.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Columns {
+    /// Base parameters, in the order of [`aloft_body::BaseParameters`].
+    pub parameters: Vec<String>,
+    /// Effects.
+    pub effects: Vec<String>,
+}
+
+impl Columns {
+    /// All columns, the measured one included.
+    pub fn len(&self) -> usize {
+        self.parameters.len() + self.effects.len() + 1
+    }
+    /// Never true: the measured column is always there.
+    pub fn is_empty(&self) -> bool {
+        false
+    }
+    fn words(&self) -> String {
+        format!("{} parameters and the effects [{}]", self.parameters.len(), self.effects.join(", "))
+    }
+}
+
+/// Upper trapezoid of one stretch, or of many merged.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Factor {
+    /// Trial; `merged` after merging several trials.
+    pub trial: String,
+    /// Index of the stretch in its trial (0 after merging).
+    pub stretch: usize,
+    /// What acted there.
+    pub kind: StretchKind,
+    /// How the rows were formed.
+    pub rows: RowKind,
+    /// Columns.
+    pub columns: Columns,
+    /// Rows that went in.
+    pub n_rows: usize,
+    /// Packed row by row: row `i` holds the columns `i ..`.
+    packed: Vec<f64>,
+}
+
+impl Factor {
+    /// Factor of dense rows `[Y | −E | w]`.
+    ///
+    /// # Errors
+    /// [`RegressorError::Numeric`] when a row is not finite, [`RegressorError::Length`] when columns do not fit.
+    pub fn from_rows(
+        stretch: &Stretch,
+        rows: RowKind,
+        columns: Columns,
+        matrix: MatRef<'_, f64>,
+    ) -> Result<Self, RegressorError> {
+        if matrix.ncols() != columns.len() {
+            return Err(RegressorError::Length {
+                trial: stretch.trial.clone(),
+                what: "columns of the rows",
+                expected: columns.len(),
+                found: matrix.ncols(),
+            });
+        }
+        let mut factor = Self {
+            trial: stretch.trial.clone(),
+            stretch: stretch.index,
+            kind: stretch.kind,
+            rows,
+            columns,
+            n_rows: matrix.nrows(),
+            packed: Vec::new(),
+        };
+        factor.packed = triangle(matrix);
+        if factor.packed.iter().any(|x| !x.is_finite()) {
+            return Err(RegressorError::Numeric {
+                trial: factor.trial,
+                stretch: factor.stretch,
+                problem: "a row holds a number that is not finite".to_owned(),
+            });
+        }
+        Ok(factor)
+    }
+
+    /// A factor from its parts, as stored by a cache: `values` is what [`Factor::values`] gave.
+    ///
+    /// # Errors
+    /// [`RegressorError::Length`] when the number of values is not that of an upper trapezoid.
+    pub fn from_values(
+        stretch: &Stretch,
+        rows: RowKind,
+        columns: Columns,
+        n_rows: usize,
+        values: Vec<f64>,
+    ) -> Result<Self, RegressorError> {
+        let n = columns.len();
+        let kept = n_rows.min(n);
+        let expected = kept * n - kept * kept.saturating_sub(1) / 2;
+        if values.len() != expected {
+            return Err(RegressorError::Length {
+                trial: stretch.trial.clone(),
+                what: "values of a factor",
+                expected,
+                found: values.len(),
+            });
+        }
+        let (trial, index, kind) = (stretch.trial.clone(), stretch.index, stretch.kind);
+        Ok(Self { trial, stretch: index, kind, rows, columns, n_rows, packed: values })
+    }
+
+    /// The upper trapezoid packed row by row: row `i` from column `i` on; `min(n_rows, columns)` rows.
+    pub fn values(&self) -> &[f64] {
+        &self.packed
+    }
+
+    /// Rows of the trapezoid: `min(n_rows, columns)`.
+    pub fn height(&self) -> usize {
+        self.n_rows.min(self.columns.len())
+    }
+
+    /// Number of base parameters.
+    pub fn n_parameters(&self) -> usize {
+        self.columns.parameters.len()
+    }
+
+    /// Number of effect columns.
+    pub fn n_effects(&self) -> usize {
+        self.columns.effects.len()
+    }
+
+    /// The trapezoid as a dense matrix, zeros below the diagonal.
+    pub fn dense(&self) -> DMatrix<f64> {
+        let n = self.columns.len();
+        let mut out = DMatrix::zeros(self.height(), n);
+        for (i, row) in self.packed_rows().enumerate() {
+            for (j, value) in row.iter().enumerate() {
+                out[(i, i + j)] = *value;
+            }
+        }
+        out
+    }
+
+    /// The stretch that this factor is of (frames are not kept).
+    pub fn as_stretch(&self) -> Stretch {
+        Stretch { trial: self.trial.clone(), index: self.stretch, kind: self.kind, first_frame: 0, end_frame: 0 }
+    }
+
+    /// Sum of squares of `A x − w` over all rows, with x = [φ_B; θ].
+    pub fn sum_of_squares(&self, x: &DVector<f64>) -> f64 {
+        let m = x.len();
+        self.packed_rows()
+            .enumerate()
+            .map(|(i, row)| {
+                let fitted: f64 = row.iter().zip(i..m).map(|(r, j)| r * x[j]).sum();
+                let residual = fitted - row[row.len() - 1];
+                residual * residual
+            })
+            .sum()
+    }
+
+    /// All rows multiplied by a positive weight.
+    pub fn scaled(&self, weight: f64) -> Self {
+        let mut out = self.clone();
+        out.packed.iter_mut().for_each(|x| *x *= weight);
+        out
+    }
+
+    /// The same rows with only some of the effect columns, in the order asked for.
+    ///
+    /// # Errors
+    /// [`RegressorError::Columns`] for an effect that the factor does not hold.
+    pub fn with_effects(&self, effects: &[&str]) -> Result<Self, RegressorError> {
+        let p = self.n_parameters();
+        let mut picked: Vec<usize> = (0..p).collect();
+        for name in effects {
+            match self.columns.effects.iter().position(|e| e == name) {
+                Some(k) => picked.push(p + k),
+                None => {
+                    return Err(RegressorError::Columns {
+                        trial: self.trial.clone(),
+                        stretch: self.stretch,
+                        expected: format!("the effect {name}"),
+                        found: self.columns.words(),
+                    });
+                }
+            }
+        }
+        picked.push(self.columns.len() - 1);
+        let dense = self.dense();
+        let rows = Mat::from_fn(dense.nrows(), picked.len(), |i, j| dense[(i, picked[j])]);
+        let columns = Columns {
+            parameters: self.columns.parameters.clone(),
+            effects: effects.iter().map(|&e| e.to_owned()).collect(),
+        };
+        let mut out = self.clone();
+        out.packed = triangle(rows.as_ref());
+        out.columns = columns;
+        Ok(out)
+    }
+
+    pub(crate) fn packed_rows(&self) -> impl Iterator<Item = &[f64]> {
+        let n = self.columns.len();
+        let mut rest = self.packed.as_slice();
+        (0..self.height()).map(move |i| {
+            let (row, tail) = rest.split_at(n - i);
+            rest = tail;
+            row
+        })
+    }
+
+    /// Merges factors with the same columns over a binary tree that depends on their order alone, so that the result
+    /// is the same on any number of threads, and the same to rounding in any order.
+    ///
+    /// # Errors
+    /// [`RegressorError::Empty`] without factors, [`RegressorError::Columns`] when columns differ.
+    pub fn merge(factors: &[Self]) -> Result<Self, RegressorError> {
+        let all: Vec<&Self> = factors.iter().collect();
+        Self::merge_refs(&all)
+    }
+
+    /// [`Factor::merge`] for factors that live elsewhere.
+    ///
+    /// # Errors
+    /// As [`Factor::merge`].
+    pub fn merge_refs(factors: &[&Self]) -> Result<Self, RegressorError> {
+        let first = factors.first().ok_or(RegressorError::Empty)?;
+        for factor in factors {
+            first.check_columns(factor)?;
+        }
+        Ok(merge_tree(factors))
+    }
+
+    /// Adds one factor to another.
+    ///
+    /// # Errors
+    /// [`RegressorError::Columns`] when columns differ.
+    pub fn merged_with(&self, other: &Self) -> Result<Self, RegressorError> {
+        self.check_columns(other)?;
+        Ok(merge_pair(self, other))
+    }
+
+    fn check_columns(&self, other: &Self) -> Result<(), RegressorError> {
+        if self.columns == other.columns {
+            return Ok(());
+        }
+        Err(RegressorError::Columns {
+            trial: other.trial.clone(),
+            stretch: other.stretch,
+            expected: self.columns.words(),
+            found: other.columns.words(),
+        })
+    }
+}
+
+/// Calls `each(i, all but factor i)` for every factor, in parallel and without going back to the rows: what lies before and
+/// what lies behind is merged once (3 n merges in all).
+///
+/// # Errors
+/// As [`Factor::merge`]; [`RegressorError::Empty`] for fewer than two factors.
+pub fn leave_one_out<T: Send>(
+    factors: &[Factor],
+    each: impl Fn(usize, &Factor) -> T + Sync,
+) -> Result<Vec<T>, RegressorError> {
+    let groups: Vec<usize> = (0..factors.len()).collect();
+    leave_group_out(factors, &groups, each)
+}
+
+/// As [`leave_one_out`], leaving out all factors of a group (a trial) at once: `group_of[i]` numbers the group of factor `i` from zero;
+/// `each` is called once for every group that has factors, in the order of group numbers.
+///
+/// # Errors
+/// As [`Factor::merge`]; [`RegressorError::Empty`] for fewer than two groups.
+pub fn leave_group_out<T: Send>(
+    factors: &[Factor],
+    group_of: &[usize],
+    each: impl Fn(usize, &Factor) -> T + Sync,
+) -> Result<Vec<T>, RegressorError> {
+    let n_groups = group_of.iter().max().map_or(0, |g| g + 1);
+    let members: Vec<(usize, Vec<&Factor>)> = (0..n_groups)
+        .map(|g| (g, factors.iter().zip(group_of).filter(|(_, k)| **k == g).map(|(f, _)| f).collect::<Vec<_>>()))
+        .filter(|(_, m)| !m.is_empty())
+        .collect();
+    if members.len() < 2 {
+        return Err(RegressorError::Empty);
+    }
+    let first = members[0].1[0];
+    for factor in factors {
+        first.check_columns(factor)?;
+    }
+    let merged: Vec<(usize, Factor)> = members.par_iter().map(|(g, m)| (*g, merge_tree(m))).collect();
+    let n = merged.len();
+    let mut before: Vec<Factor> = Vec::with_capacity(n - 1);
+    before.push(merged[0].1.clone());
+    for i in 1..n - 1 {
+        before.push(merge_pair(&before[i - 1], &merged[i].1));
+    }
+    // the suffixes are walked backwards in blocks, so that only the prefixes are all kept
+    let mut out: Vec<Option<T>> = (0..n).map(|_| None).collect();
+    let block = 64;
+    let mut behind: Option<Factor> = None;
+    let mut end = n;
+    while end > 0 {
+        let start = end.saturating_sub(block);
+        let mut suffixes: Vec<Option<Factor>> = Vec::with_capacity(end - start);
+        for i in (start..end).rev() {
+            suffixes.push(behind.clone());
+            behind = Some(match &behind {
+                None => merged[i].1.clone(),
+                Some(tail) => merge_pair(&merged[i].1, tail),
+            });
+        }
+        suffixes.reverse();
+        let results: Vec<Option<T>> = (start..end)
+            .into_par_iter()
+            .map(|i| {
+                let rest = match (i.checked_sub(1).map(|k| &before[k]), &suffixes[i - start]) {
+                    (Some(a), Some(b)) => merge_pair(a, b),
+                    (Some(a), None) => a.clone(),
+                    (None, Some(b)) => b.clone(),
+                    (None, None) => return None,
+                };
+                Some(each(merged[i].0, &rest))
+            })
+            .collect();
+        for (slot, result) in out[start..end].iter_mut().zip(results) {
+            *slot = result;
+        }
+        end = start;
+    }
+    Ok(out.into_iter().flatten().collect())
+}
+
+/// Leaves of up to eight factors go into one factorisation; above them a binary tree by position.
+fn merge_tree(factors: &[&Factor]) -> Factor {
+    if factors.len() <= 8 {
+        return stack(factors);
+    }
+    let half = factors.len().div_ceil(2);
+    let (left, right) = rayon::join(|| merge_tree(&factors[..half]), || merge_tree(&factors[half..]));
+    merge_pair(&left, &right)
+}
+
+fn stack(factors: &[&Factor]) -> Factor {
+    if let [only] = factors {
+        return (*only).clone();
+    }
+    let n = factors[0].columns.len();
+    let height: usize = factors.iter().map(|f| f.height()).sum();
+    let mut rows = Mat::zeros(height, n);
+    let mut at = 0;
+    for factor in factors {
+        for (i, row) in factor.packed_rows().enumerate() {
+            for (j, value) in row.iter().enumerate() {
+                rows[(at + i, i + j)] = *value;
+            }
+        }
+        at += factor.height();
+    }
+    joined(factors, triangle(rows.as_ref()))
+}
+
+fn joined(factors: &[&Factor], packed: Vec<f64>) -> Factor {
+    let first = factors[0];
+    let same_trial = factors.iter().all(|f| f.trial == first.trial);
+    let same_kind = factors.iter().all(|f| f.kind == first.kind);
+    Factor {
+        trial: if same_trial { first.trial.clone() } else { "merged".to_owned() },
+        stretch: 0,
+        kind: if same_kind { first.kind } else { StretchKind::Merged },
+        rows: first.rows,
+        columns: first.columns.clone(),
+        n_rows: factors.iter().map(|f| f.n_rows).sum(),
+        packed,
+    }
+}
+
+/// R of `[R1; R2]` by Householder reflections that touch only what is not zero: column `j` reflects the diagonal of R1
+/// with the first `j + 1` rows of R2.
+fn merge_pair(a: &Factor, b: &Factor) -> Factor {
+    let n = a.columns.len();
+    if a.height() < n {
+        return if b.height() < n {
+            stack(&[a, b])
+        } else {
+            let swapped = merge_pair(b, a);
+            joined(&[a, b], swapped.packed)
+        };
+    }
+    let mut top = a.packed.clone();
+    // the lower trapezoid by columns, so that the inner loops run over contiguous memory
+    let height = b.height();
+    let mut low = vec![0.0; height * n];
+    for (i, row) in b.packed_rows().enumerate() {
+        for (j, value) in row.iter().enumerate() {
+            low[(i + j) * height + i] = *value;
+        }
+    }
+    let mut start = 0;
+    for j in 0..n {
+        let depth = (j + 1).min(height);
+        let (head, tail) = low.split_at_mut((j + 1) * height);
+        let pivot_column = &mut head[j * height..j * height + depth];
+        let below: f64 = dot(pivot_column, pivot_column);
+        let row = &mut top[start..start + n - j];
+        start += n - j;
+        if below == 0.0 {
+            if row[0] < 0.0 {
+                row.iter_mut().for_each(|x| *x = -*x);
+            }
+            continue;
+        }
+        let diagonal = row[0];
+        let norm = (diagonal * diagonal + below).sqrt();
+        let alpha = if diagonal > 0.0 { -norm } else { norm };
+        let v0 = diagonal - alpha;
+        let beta = 2.0 / (v0 * v0 + below);
+        // the reflection maps the column to alpha; flip the row where alpha is negative
+        let sign = if alpha < 0.0 { -1.0 } else { 1.0 };
+        row[0] = sign * alpha;
+        for (k, element) in row[1..].iter_mut().enumerate() {
+            let column = &mut tail[k * height..k * height + depth];
+            let s = beta * (v0 * *element + dot(pivot_column, column));
+            *element = sign * (*element - s * v0);
+            for (c, p) in column.iter_mut().zip(pivot_column.iter()) {
+                *c -= s * p;
+            }
+        }
+    }
+    joined(&[a, b], top)
+}
+
+/// Dot product over four running sums: the same order on every machine, and quick.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 8];
+    let (a8, a_rest) = a.as_chunks::<8>();
+    let (b8, b_rest) = b.as_chunks::<8>();
+    for (x, y) in a8.iter().zip(b8) {
+        for k in 0..8 {
+            sums[k] += x[k] * y[k];
+        }
+    }
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(x, y)| x * y).sum();
+    sums.iter().sum::<f64>() + rest
+}
+
+/// Packed upper trapezoid of a matrix, diagonals non-negative.
+fn triangle(matrix: MatRef<'_, f64>) -> Vec<f64> {
+    let (m, n) = (matrix.nrows(), matrix.ncols());
+    let kept = m.min(n);
+    if kept == 0 {
+        return Vec::new();
+    }
+    let qr = matrix.qr();
+    let r = qr.thin_R();
+    let mut packed = Vec::with_capacity(kept * n - kept * (kept - 1) / 2);
+    for i in 0..kept {
+        let sign = if r[(i, i)] < 0.0 { -1.0 } else { 1.0 };
+        packed.extend((i..n).map(|j| sign * r[(i, j)]));
+    }
+    packed
+}

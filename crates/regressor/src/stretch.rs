@@ -1,0 +1,155 @@
+//! A stretch of frames that gives rows: a flight, or a contact phase whose wrench plates measured; and what acts there.
+
+use crate::RegressorError;
+use aloft_body::Motion;
+use nalgebra::{DMatrix, Vector6};
+use serde::{Deserialize, Serialize};
+
+/// What acts on the body during a stretch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StretchKind {
+    /// Gravity alone.
+    Flight,
+    /// Gravity and a measured wrench (the paper's eq. 6).
+    Contact,
+    /// Several stretches merged.
+    Merged,
+}
+
+/// Frames `first_frame .. end_frame` (the end is not part of it) of one trial.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Stretch {
+    /// Name of the trial.
+    pub trial: String,
+    /// Index of the stretch in its trial, from zero.
+    pub index: usize,
+    /// What acts there.
+    pub kind: StretchKind,
+    /// First frame.
+    pub first_frame: usize,
+    /// One past the last frame.
+    pub end_frame: usize,
+}
+
+impl Stretch {
+    /// A flight.
+    pub fn flight(trial: impl Into<String>, index: usize, first_frame: usize, end_frame: usize) -> Self {
+        Self { trial: trial.into(), index, kind: StretchKind::Flight, first_frame, end_frame }
+    }
+    /// A contact phase.
+    pub fn contact(trial: impl Into<String>, index: usize, first_frame: usize, end_frame: usize) -> Self {
+        Self { trial: trial.into(), index, kind: StretchKind::Contact, first_frame, end_frame }
+    }
+    /// Number of frames.
+    pub fn n_frames(&self) -> usize {
+        self.end_frame.saturating_sub(self.first_frame)
+    }
+    pub(crate) fn check(&self, motion: &Motion) -> Result<(), RegressorError> {
+        if self.end_frame > motion.n_frames() || self.first_frame >= self.end_frame {
+            return Err(RegressorError::OutOfRange {
+                trial: self.trial.clone(),
+                stretch: self.index,
+                first: self.first_frame,
+                end: self.end_frame,
+                n_frames: motion.n_frames(),
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Unit wrenches of candidate effects in every frame of a motion: the effect `k` with coefficient `θ` exerts
+/// `θ · (force, moment)` on the whole body.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct EffectColumns {
+    /// Names of the columns.
+    pub names: Vec<String>,
+    /// One matrix per frame of the motion, 6 × k: world force (N per unit of the coefficient) and moment about the
+    /// world origin (N·m per unit). A frame with NaN gives no rows.
+    pub wrench: Vec<DMatrix<f64>>,
+}
+
+impl EffectColumns {
+    /// No effects.
+    pub fn none() -> Self {
+        Self::default()
+    }
+    pub(crate) fn check(&self, motion: &Motion) -> Result<(), RegressorError> {
+        if self.names.is_empty() {
+            return Ok(());
+        }
+        if self.wrench.len() != motion.n_frames() {
+            return Err(RegressorError::Length {
+                trial: motion.trial.clone(),
+                what: "frames of the effect columns",
+                expected: motion.n_frames(),
+                found: self.wrench.len(),
+            });
+        }
+        match self.wrench.iter().find(|w| w.nrows() != 6 || w.ncols() != self.names.len()) {
+            Some(bad) => Err(RegressorError::Length {
+                trial: motion.trial.clone(),
+                what: "entries of an effect's wrench matrix",
+                expected: 6 * self.names.len(),
+                found: bad.len(),
+            }),
+            None => Ok(()),
+        }
+    }
+    pub(crate) fn is_finite(&self, frame: usize) -> bool {
+        self.names.is_empty() || self.wrench[frame].iter().all(|x| x.is_finite())
+    }
+}
+
+/// What acts on the body beside gravity, frame by frame.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Acting<'a> {
+    /// Wrench that plates measured, at the frames of the motion: world force (N) and moment about the world origin
+    /// (N·m) on the body. Needed for contact stretches, ignored in flights. NaN frames give no rows.
+    pub measured: Option<&'a [Vector6<f64>]>,
+    /// Columns of candidate effects.
+    pub effects: Option<&'a EffectColumns>,
+}
+
+impl Acting<'_> {
+    /// Gravity alone.
+    pub fn nothing() -> Self {
+        Self::default()
+    }
+    pub(crate) fn n_effects(&self) -> usize {
+        self.effects.map_or(0, |e| e.names.len())
+    }
+    pub(crate) fn check(&self, motion: &Motion, stretch: &Stretch) -> Result<(), RegressorError> {
+        if let Some(effects) = self.effects {
+            effects.check(motion)?;
+        }
+        if stretch.kind == StretchKind::Contact {
+            match self.measured {
+                None => {
+                    return Err(RegressorError::NoWrench { trial: stretch.trial.clone(), stretch: stretch.index });
+                }
+                Some(wrench) if wrench.len() != motion.n_frames() => {
+                    return Err(RegressorError::Length {
+                        trial: motion.trial.clone(),
+                        what: "frames of the measured wrench",
+                        expected: motion.n_frames(),
+                        found: wrench.len(),
+                    });
+                }
+                Some(_) => {}
+            }
+        }
+        Ok(())
+    }
+    /// Measured wrench of a frame; zero in flight.
+    pub(crate) fn wrench(&self, stretch: &Stretch, frame: usize) -> Vector6<f64> {
+        match (stretch.kind, self.measured) {
+            (StretchKind::Contact, Some(measured)) => measured[frame],
+            _ => Vector6::zeros(),
+        }
+    }
+    pub(crate) fn is_finite(&self, stretch: &Stretch, frame: usize) -> bool {
+        self.effects.is_none_or(|e| e.is_finite(frame)) && self.wrench(stretch, frame).iter().all(|x| x.is_finite())
+    }
+}

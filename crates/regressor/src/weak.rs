@@ -1,0 +1,402 @@
+//! Weak rows: momentum and first moment against smooth test functions; no second derivative of measured data, no filter.
+//!
+//! For a window inside a stretch let `o(t)` be a smooth path of known derivatives, fitted to the path of the centre of mass as the
+//! prior sees it: in flight a parabola that falls with g, in contact a cubic. With the first moment of mass `C = Σ m (r − o)` and the
+//! angular momentum `H = Σ (r − o) × m (ṙ − ȯ) + I ω` about that path, exactly and for every choice of it,
+//!
+//! ```text
+//!  ∫ψ̈ C dt − ∫ψ m (g − ö) dt        = ∫ψ f dt                 three rows of force: positions only
+//! −∫ψ̇ H dt − ∫ψ C × (g − ö) dt      = ∫ψ (n₀ − o × f) dt       three rows of moment: velocities too
+//! ```
+//!
+//! with the applied force f and its moment n₀ about the world origin, world axes. In flight g − ö = 0 and both right sides vanish: the
+//! path falls with the body, so the great numbers of translation never meet the small ones of rotation, and their noise stays out of
+//! the moment rows. Everything is linear in φ. Rows of force are divided by `M g ∫ψ`, rows of moment by `M g ℓ ∫ψ` (fixed weights, which no
+//! residual can move); [`crate::noise`] whitens them instead where parameters, not effects, are sought.
+
+use crate::noise::{Noise, whiten};
+use crate::stretch::Acting;
+use crate::test_function::{MIN_HALF_WINDOW, TestFunction, window_centers};
+use crate::{Columns, Factor, RegressorError, RowKind, Stretch, StretchKind};
+use aloft_body::{BaseParameters, JointKind, Model, Motion, Phi, State};
+use faer::Mat;
+use nalgebra::{DMatrix, Matrix3, Vector3, Vector6};
+use serde::{Deserialize, Serialize};
+
+/// How weak rows are formed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct WeakOptions {
+    /// Length of a window, s; nothing: 0.6 of the stretch, within 0.15 to 0.4 s (see [`crate::window::choose_window`] for a choice over
+    /// all flights).
+    pub window_s: Option<f64>,
+    /// Step between windows in window lengths.
+    pub hop: f64,
+    /// Power p of ψ = (1 − τ²)^p.
+    pub power: u32,
+    /// Time left out at both ends of a stretch, s.
+    pub margin_s: f64,
+    /// Length ℓ that turns moments into forces in the fixed weights, m.
+    pub moment_length_m: f64,
+}
+
+impl Default for WeakOptions {
+    fn default() -> Self {
+        Self { window_s: None, hop: 0.25, power: 5, margin_s: 0.0, moment_length_m: 0.1 }
+    }
+}
+
+impl WeakOptions {
+    /// Frames on each side of a window's centre for a stretch of `n_frames`.
+    pub fn half_window(&self, n_frames: usize, rate_hz: f64) -> usize {
+        let duration_s = n_frames as f64 / rate_hz;
+        let window_s = self.window_s.unwrap_or_else(|| (0.6 * duration_s).clamp(0.15, 0.4)).min(duration_s);
+        let half = (window_s * rate_hz / 2.0).round() as usize;
+        half.saturating_sub(1).max(MIN_HALF_WINDOW)
+    }
+}
+
+/// Factor of one stretch from weak rows, with fixed weights or whitened by `noise`.
+///
+/// `prior` gives the path of the moment origin, the mass of the fixed weights and the propagation of noise; rows are exact whatever
+/// it says. The motion's coordinates should not be filtered; its velocities are not used. Windows that meet a missing frame are left out.
+///
+/// # Errors
+/// [`RegressorError::TooShort`] when no window fits, [`RegressorError::NoWrench`] for contact without plates,
+/// [`RegressorError::Numeric`] when the noise covariance is singular.
+#[allow(clippy::too_many_arguments)] // one call says all that rows depend on
+pub fn weak_factor(
+    model: &Model,
+    base: &BaseParameters,
+    prior: &[Phi],
+    motion: &Motion,
+    stretch: &Stretch,
+    acting: Acting<'_>,
+    options: &WeakOptions,
+    noise: Option<&Noise<'_>>,
+) -> Result<Factor, RegressorError> {
+    let columns = Columns {
+        parameters: base.parameters.iter().map(|p| p.name.clone()).collect(),
+        effects: acting.effects.map_or_else(Vec::new, |e| e.names.clone()),
+    };
+    let mut rows = weak_rows(model, base, prior, motion, stretch, acting, options)?;
+    match noise {
+        None => rows.apply_fixed_weights(options.moment_length_m),
+        Some(noise) => whiten(model, prior, motion, stretch, &mut rows, noise)?,
+    }
+    Factor::from_rows(stretch, RowKind::Weak, columns, rows.matrix.as_ref())
+}
+
+/// Weak rows of one stretch before weighting.
+#[derive(Debug, Clone)]
+pub struct WeakRows {
+    /// Six rows a window (force x y z in N·s, moment x y z in N·m·s), columns `[Y | −E | w]`.
+    pub matrix: Mat<f64>,
+    /// Frame at the centre of each window.
+    pub centers: Vec<usize>,
+    /// The test function of all windows.
+    pub test: TestFunction,
+    /// Path of the moment origin at the frames of each window, m, world.
+    pub origin: Vec<Vec<Origin>>,
+    /// Whole mass of the prior times gravity, N.
+    pub weight_n: f64,
+}
+
+/// Moment origin at one instant, world.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Origin {
+    /// Position, m.
+    pub position: Vector3<f64>,
+    /// Velocity, m/s.
+    pub velocity: Vector3<f64>,
+}
+
+impl WeakRows {
+    /// Divides rows of force by `M g ∫ψ` and rows of moment by `M g ℓ ∫ψ`.
+    pub fn apply_fixed_weights(&mut self, moment_length_m: f64) {
+        let force = 1.0 / (self.weight_n * self.test.integral_s());
+        let moment = force / moment_length_m;
+        for i in 0..self.matrix.nrows() {
+            let weight = if i % 6 < 3 { force } else { moment };
+            for j in 0..self.matrix.ncols() {
+                self.matrix[(i, j)] *= weight;
+            }
+        }
+    }
+}
+
+/// First moment and momentum of one frame about the fixed point of the stretch: rows C (3), P (3), H (3) over 10 n columns.
+struct FrameRows(DMatrix<f64>);
+
+/// Weak rows of one stretch, unweighted: [`weak_factor`] weights them and keeps their triangle.
+///
+/// # Errors
+/// As [`weak_factor`].
+pub fn weak_rows(
+    model: &Model,
+    base: &BaseParameters,
+    prior: &[Phi],
+    motion: &Motion,
+    stretch: &Stretch,
+    acting: Acting<'_>,
+    options: &WeakOptions,
+) -> Result<WeakRows, RegressorError> {
+    stretch.check(motion)?;
+    acting.check(motion, stretch)?;
+    if prior.len() != model.n_links() {
+        return Err(RegressorError::Length {
+            trial: stretch.trial.clone(),
+            what: "links of the prior",
+            expected: model.n_links(),
+            found: prior.len(),
+        });
+    }
+    if !(options.hop > 0.0 && options.hop <= 1.0) {
+        return Err(RegressorError::Option { option: "hop", problem: format!("{} is not within 0 to 1", options.hop) });
+    }
+    let margin = (options.margin_s.max(0.0) * motion.rate_hz).round() as usize;
+    let (first, end) = (stretch.first_frame + margin, stretch.end_frame.saturating_sub(margin));
+    let half = options.half_window(end.saturating_sub(first + 2), motion.rate_hz);
+    let test = TestFunction::new(half, options.power, motion.rate_hz)?;
+    let hop = ((options.hop * test.length_s() * motion.rate_hz).floor() as usize).max(1);
+    let runs = valid_runs(first, end, |f| motion.is_valid(f) && acting.is_finite(stretch, f));
+    let windows: Vec<(usize, usize, Vec<usize>)> = runs
+        .iter()
+        .map(|&(a, b)| (a, b, window_centers(a + 1, b.saturating_sub(1), half, hop)))
+        .filter(|w| !w.2.is_empty())
+        .collect();
+    let n_windows: usize = windows.iter().map(|w| w.2.len()).sum();
+    if n_windows == 0 {
+        return Err(RegressorError::TooShort {
+            trial: stretch.trial.clone(),
+            stretch: stretch.index,
+            frames: runs.iter().map(|(a, b)| b - a).max().unwrap_or(0),
+            needed: test.n_frames() + 2,
+        });
+    }
+    let (p, k, n10) = (base.len(), acting.n_effects(), 10 * model.n_links());
+    let mut out = WeakRows {
+        matrix: Mat::zeros(6 * n_windows, p + k + 1),
+        centers: Vec::with_capacity(n_windows),
+        test,
+        origin: Vec::with_capacity(n_windows),
+        weight_n: prior.iter().map(|phi| phi[0]).sum::<f64>() * model.gravity_mps2.norm(),
+    };
+    let mut state = State::new(model);
+    let mut full = DMatrix::zeros(6, n10);
+    let mut regrouped = DMatrix::zeros(6, p);
+    for (start, end, centers) in &windows {
+        let (fixed, frames, path) = run_rows(model, prior, motion, *start, *end, &mut state);
+        for &center in centers {
+            let begin = center - half - start;
+            let span = begin..begin + out.test.n_frames();
+            let (origin, fall) = fit_origin(&path[span.clone()], &out.test, stretch.kind, &model.gravity_mps2);
+            full.fill(0.0);
+            for (i, frame) in frames[span].iter().enumerate() {
+                accumulate(&mut full, &frame.0, &out.test, i, &fixed, &origin[i], &fall[i]);
+            }
+            full.mul_to(&base.to_full, &mut regrouped);
+            let row = 6 * out.centers.len();
+            for r in 0..6 {
+                for c in 0..p {
+                    out.matrix[(row + r, c)] = regrouped[(r, c)];
+                }
+            }
+            for (i, at) in origin.iter().enumerate() {
+                let frame = center - half + i;
+                let psi = out.test.psi[i];
+                let mut add = |column: usize, sign: f64, force: Vector3<f64>, moment: Vector3<f64>| {
+                    let about = moment - at.position.cross(&force);
+                    for axis in 0..3 {
+                        out.matrix[(row + axis, column)] += sign * psi * force[axis];
+                        out.matrix[(row + 3 + axis, column)] += sign * psi * about[axis];
+                    }
+                };
+                if let Some(effects) = acting.effects {
+                    for e in 0..k {
+                        let unit = effects.wrench[frame].column(e);
+                        add(p + e, -1.0, unit.fixed_rows::<3>(0).into(), unit.fixed_rows::<3>(3).into());
+                    }
+                }
+                let wrench: Vector6<f64> = acting.wrench(stretch, frame);
+                add(p + k, 1.0, wrench.fixed_rows::<3>(0).into(), wrench.fixed_rows::<3>(3).into());
+            }
+            out.centers.push(center);
+            out.origin.push(origin);
+        }
+    }
+    Ok(out)
+}
+
+/// Runs of frames for which `good` holds, as half-open ranges.
+fn valid_runs(first: usize, end: usize, good: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
+    let mut runs = Vec::new();
+    let mut begin = None;
+    for f in first..=end {
+        let ok = f < end && good(f);
+        match (begin, ok) {
+            (None, true) => begin = Some(f),
+            (Some(b), false) => {
+                runs.push((b, f));
+                begin = None;
+            }
+            _ => {}
+        }
+    }
+    runs
+}
+
+/// Rows of every frame of a run about one fixed point, that point, and the path of the prior's centre of mass.
+fn run_rows(
+    model: &Model,
+    prior: &[Phi],
+    motion: &Motion,
+    start: usize,
+    end: usize,
+    state: &mut State,
+) -> (Vector3<f64>, Vec<FrameRows>, Vec<Vector3<f64>>) {
+    let n10 = 10 * model.n_links();
+    state.forward_position(model, motion.q((start + end) / 2));
+    let fixed = state.center_of_mass(prior).1;
+    let mut velocity = Velocity::new(model);
+    let mut momentum = DMatrix::zeros(6, n10);
+    let mut first_moment = DMatrix::zeros(3, n10);
+    let mut frames = Vec::with_capacity(end - start);
+    let mut path = Vec::with_capacity(end - start);
+    for frame in start..end {
+        let v = velocity.at(model, motion, start, end, frame);
+        state.forward_velocity(model, motion.q(frame), v);
+        state.first_moment_regressor(model, &fixed, &mut first_moment);
+        state.momentum_regressor(model, &fixed, &mut momentum);
+        let mut rows = DMatrix::zeros(9, n10);
+        rows.rows_mut(0, 3).copy_from(&first_moment);
+        rows.rows_mut(3, 6).copy_from(&momentum);
+        frames.push(FrameRows(rows));
+        path.push(state.center_of_mass(prior).1);
+    }
+    (fixed, frames, path)
+}
+
+/// Velocities by central differences on the manifold: sixth order inside a run, fourth and second next to its ends.
+pub(crate) struct Velocity {
+    difference: Vec<f64>,
+    v: Vec<f64>,
+    free_root: bool,
+}
+
+/// Weights of q(t + k dt) − q(t − k dt), k = 1…, over dt.
+pub(crate) const CENTRAL: [&[f64]; 4] =
+    [&[], &[1.0 / 2.0], &[2.0 / 3.0, -1.0 / 12.0], &[3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0]];
+
+impl Velocity {
+    pub(crate) fn new(model: &Model) -> Self {
+        let free_root = model.links.first().is_some_and(|l| l.joint.kind == JointKind::Free);
+        Self { difference: vec![0.0; model.nv], v: vec![0.0; model.nv], free_root }
+    }
+    /// Velocity at a frame of the run `start .. end`; zero at its first and last frame, where no window looks.
+    pub(crate) fn at(&mut self, model: &Model, motion: &Motion, start: usize, end: usize, frame: usize) -> &[f64] {
+        let reach = (frame - start).min(end - 1 - frame).min(3);
+        self.v.fill(0.0);
+        let here = motion.q(frame);
+        let mut world_velocity = Vector3::zeros();
+        for (k, weight) in CENTRAL[reach].iter().enumerate() {
+            for (sign, other) in [(1.0, frame + k + 1), (-1.0, frame - k - 1)] {
+                let c = sign * weight * motion.rate_hz;
+                model.difference(here, motion.q(other), &mut self.difference);
+                for (v, d) in self.v.iter_mut().zip(&self.difference) {
+                    *v += c * d;
+                }
+                if self.free_root {
+                    for axis in 0..3 {
+                        world_velocity[axis] += c * (motion.q(other)[axis] - here[axis]);
+                    }
+                }
+            }
+        }
+        if self.free_root {
+            // the root's path is differenced in the world, where a ballistic one is a polynomial
+            let q = nalgebra::Quaternion::new(here[6], here[3], here[4], here[5]);
+            let body = nalgebra::UnitQuaternion::from_quaternion(q).inverse() * world_velocity;
+            self.v[..3].copy_from_slice(body.as_slice());
+        }
+        &self.v
+    }
+}
+
+/// A smooth path through the centre of mass over one window, and `g − ö` along it.
+fn fit_origin(
+    path: &[Vector3<f64>],
+    test: &TestFunction,
+    kind: StretchKind,
+    gravity: &Vector3<f64>,
+) -> (Vec<Origin>, Vec<Vector3<f64>>) {
+    let reach = test.length_s() / 2.0;
+    let flying = kind == StretchKind::Flight;
+    let degree = if flying { 1 } else { 3 };
+    // normal equations in Legendre-like scaled powers; windows are symmetric, so they are well conditioned
+    let n = degree + 1;
+    let mut normal = DMatrix::<f64>::zeros(n, n);
+    let mut right = DMatrix::<f64>::zeros(n, 3);
+    for (i, point) in path.iter().enumerate() {
+        let t = test.time_s(i);
+        let target = if flying { point - gravity * (0.5 * t * t) } else { *point };
+        for a in 0..n {
+            let pa = (t / reach).powi(a as i32);
+            for b in 0..n {
+                normal[(a, b)] += pa * (t / reach).powi(b as i32);
+            }
+            for axis in 0..3 {
+                right[(a, axis)] += pa * target[axis];
+            }
+        }
+    }
+    let c = normal.lu().solve(&right).unwrap_or_else(|| DMatrix::zeros(n, 3));
+    let coefficient = |a: usize| -> Vector3<f64> {
+        if a < n { Vector3::new(c[(a, 0)], c[(a, 1)], c[(a, 2)]) / reach.powi(a as i32) } else { Vector3::zeros() }
+    };
+    let (c0, c1, c2, c3) = (coefficient(0), coefficient(1), coefficient(2), coefficient(3));
+    let g = if flying { *gravity } else { Vector3::zeros() };
+    let mut origin = Vec::with_capacity(path.len());
+    let mut fall = Vec::with_capacity(path.len());
+    for i in 0..path.len() {
+        let t = test.time_s(i);
+        origin.push(Origin {
+            position: c0 + c1 * t + c2 * (t * t) + c3 * (t * t * t) + g * (0.5 * t * t),
+            velocity: c1 + c2 * (2.0 * t) + c3 * (3.0 * t * t) + g * t,
+        });
+        fall.push(if flying { Vector3::zeros() } else { gravity - (c2 * 2.0 + c3 * (6.0 * t)) });
+    }
+    (origin, fall)
+}
+
+/// Adds frame `i` of a window to its six rows over all 10 n columns.
+fn accumulate(
+    full: &mut DMatrix<f64>,
+    frame: &DMatrix<f64>,
+    test: &TestFunction,
+    i: usize,
+    fixed: &Vector3<f64>,
+    origin: &Origin,
+    fall: &Vector3<f64>,
+) {
+    let (psi, psi_dot, psi_ddot) = (test.psi[i], test.psi_dot[i], test.psi_ddot[i]);
+    let d = origin.position - fixed;
+    let d_cross: Matrix3<f64> = d.cross_matrix();
+    let velocity_cross = origin.velocity.cross_matrix();
+    let fall_cross = fall.cross_matrix();
+    for c in 0..full.ncols() {
+        let column = frame.column(c);
+        let mass = if c % 10 == 0 { 1.0 } else { 0.0 };
+        // C about the moving origin, and H from the fixed point to it
+        let first: Vector3<f64> = Vector3::from(column.fixed_rows::<3>(0)) - d * mass;
+        let linear: Vector3<f64> = column.fixed_rows::<3>(3).into();
+        let angular: Vector3<f64> =
+            Vector3::from(column.fixed_rows::<3>(6)) - d_cross * linear + velocity_cross * first;
+        let force = first * psi_ddot - fall * (psi * mass);
+        let moment = -angular * psi_dot + fall_cross * first * psi;
+        for axis in 0..3 {
+            full[(axis, c)] += force[axis];
+            full[(3 + axis, c)] += moment[axis];
+        }
+    }
+}

@@ -1,0 +1,215 @@
+//! Anthropometric tables as data: `configs/anthropometry/*.yaml`, read by `pipeline`, used by [`crate::prior`].
+//!
+//! A table holds, for one or both sexes, the segments of a body: which link carries each, between which anatomical points its
+//! length runs, and mass, centre of mass and radii of gyration as fractions. Nothing in here is code, so that another
+//! population is another file.
+
+use crate::ScaleError;
+use aloft_body::Sex;
+use serde::{Deserialize, Serialize};
+
+/// One published table.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Anthropometry {
+    /// Identifier, also the file's stem.
+    pub name: String,
+    /// One line for people.
+    pub title: String,
+    /// Publication.
+    pub source: String,
+    /// What was filled in or chosen and why.
+    #[serde(default)]
+    pub notes: Vec<String>,
+    /// Points between two others, that segments may name.
+    #[serde(default)]
+    pub derived_points: Vec<DerivedPoint>,
+    /// One body each; a table that does not distinguish the sexes holds a single one without `sex`.
+    pub bodies: Vec<TableBody>,
+}
+
+/// A point on the line between two anatomical points.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DerivedPoint {
+    /// Name.
+    pub name: String,
+    /// Point at fraction 0.
+    pub from: String,
+    /// Point at fraction 1.
+    pub to: String,
+    /// Where, women.
+    pub fraction_female: f64,
+    /// Where, men.
+    pub fraction_male: f64,
+}
+
+/// The segments of one sex.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TableBody {
+    /// Sex, where the table distinguishes it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sex: Option<Sex>,
+    /// Stature of the body whose lengths stand in `reference_length_m`; 1 when those are fractions of stature.
+    pub reference_height_m: f64,
+    /// Segments; limbs once, for both sides.
+    pub segments: Vec<TableSegment>,
+}
+
+/// Where a segment's axes point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SegmentAxes {
+    /// y points from `to` to `from` (limbs: proximal is up), z as near to the link's as that allows.
+    Down,
+    /// y points from `from` to `to`.
+    Up,
+    /// x points from `from` to `to` (the foot, heel to toe).
+    Forward,
+    /// The link's own ISB axes; the two points give the length only.
+    Link,
+}
+
+/// Where a segment's length comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LengthFrom {
+    /// The distance of the two points in this person; the reference length scaled by stature where a point is unknown.
+    #[default]
+    Measured,
+    /// Always the reference length scaled by stature.
+    Stature,
+}
+
+/// One segment.
+///
+/// Anatomical points: `vertex cervicale neck lumbar mid_hip suprasternale xiphoid` and, by side, `shoulder elbow wrist
+/// hand_distal hip knee ankle heel toe_tip toe`; and the table's derived points.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TableSegment {
+    /// Name.
+    pub name: String,
+    /// Link that carries it; without `_r`, `_l` for limbs.
+    pub link: String,
+    /// Point from which the centre of mass is measured.
+    pub from: String,
+    /// Other end.
+    pub to: String,
+    /// Axes.
+    pub axes: SegmentAxes,
+    /// Length of the reference body, m (or a fraction of stature: [`TableBody::reference_height_m`]).
+    pub reference_length_m: f64,
+    /// Which length counts.
+    #[serde(default)]
+    pub length: LengthFrom,
+    /// Fraction of body mass.
+    pub mass: f64,
+    /// Centre of mass from `from` in segment axes, fractions of length (right side; the left mirrors z).
+    pub com: [f64; 3],
+    /// `[rxx, ryy, rzz, rxy, rxz, ryz]` about the centre of mass, fractions of length: `I_ij = ± m (r_ij L)²`, the sign that
+    /// of the entry (a published "i" is a minus). Right side; the left mirrors xz and yz.
+    pub radii: [f64; 6],
+    /// How sure the table is of a single person.
+    pub sd: SegmentSd,
+}
+
+/// Standard deviations of a table's prediction for one person.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SegmentSd {
+    /// Of the mass, relative.
+    pub mass: f64,
+    /// Of the centre of mass, fraction of length.
+    pub com: f64,
+    /// Of the radii of gyration, relative.
+    pub radius: f64,
+}
+
+/// Links that stand once; every other link of a table is a limb and stands for both sides.
+const CENTRAL_LINKS: [&str; 3] = ["pelvis", "torso", "head"];
+
+impl TableSegment {
+    /// True for a segment that the body has twice.
+    pub fn is_limb(&self) -> bool {
+        !CENTRAL_LINKS.contains(&self.link.as_str())
+    }
+}
+
+impl TableBody {
+    /// Sum of the mass fractions, limbs counted twice.
+    pub fn mass_sum(&self) -> f64 {
+        self.segments.iter().map(|s| if s.is_limb() { 2.0 * s.mass } else { s.mass }).sum()
+    }
+    /// Reference length of a segment between two points as a fraction of stature, where the table has one.
+    pub fn length_of(&self, from: &str, to: &str) -> Option<f64> {
+        self.segments
+            .iter()
+            .find(|s| (s.from == from && s.to == to) || (s.from == to && s.to == from))
+            .map(|s| s.reference_length_m / self.reference_height_m)
+    }
+}
+
+impl Anthropometry {
+    /// The bodies to use for a person and the weight of each: the person's sex, the only body there is, or, with the sex
+    /// unknown, both by halves.
+    ///
+    /// # Errors
+    /// [`ScaleError::Table`] when the table has no body for this sex.
+    pub fn bodies_for(&self, sex: Option<Sex>) -> Result<Vec<(&TableBody, f64)>, ScaleError> {
+        let chosen: Vec<&TableBody> =
+            self.bodies.iter().filter(|b| b.sex.is_none() || sex.is_none() || b.sex == sex).collect();
+        if chosen.is_empty() {
+            return Err(self.error(format!("no body for {sex:?}")));
+        }
+        let weight = 1.0 / chosen.len() as f64;
+        Ok(chosen.into_iter().map(|b| (b, weight)).collect())
+    }
+
+    /// Checks what a file may get wrong: mass sums, signs, lengths, names.
+    ///
+    /// # Errors
+    /// [`ScaleError::Table`] naming the segment and the value.
+    pub fn validate(&self) -> Result<(), ScaleError> {
+        if self.bodies.is_empty() {
+            return Err(self.error("no bodies".into()));
+        }
+        for body in &self.bodies {
+            if !(body.reference_height_m > 0.0 && body.reference_height_m < 3.0) {
+                return Err(self.error(format!("reference height {} m", body.reference_height_m)));
+            }
+            let sum = body.mass_sum();
+            if (sum - 1.0).abs() > 5e-3 {
+                return Err(self.error(format!("the mass fractions of {:?} add up to {sum:.4}, not to 1", body.sex)));
+            }
+            for s in &body.segments {
+                let bad = |what: &str, x: f64| self.error(format!("segment `{}`: {what} {x}", s.name));
+                if !(s.mass > 0.0 && s.mass < 1.0) {
+                    return Err(bad("mass fraction", s.mass));
+                }
+                if !(s.reference_length_m > 0.0 && s.reference_length_m < 1.0) {
+                    return Err(bad("reference length", s.reference_length_m));
+                }
+                if let Some(&c) = s.com.iter().find(|c| !(c.abs() <= 1.5)) {
+                    return Err(bad("centre of mass", c));
+                }
+                if let Some(&r) = s.radii[..3].iter().find(|&&r| !(r > 0.0 && r < 2.0)) {
+                    return Err(bad("radius of gyration", r));
+                }
+                if let Some(&r) = s.radii[3..].iter().find(|r| !(r.abs() < 2.0)) {
+                    return Err(bad("product radius", r));
+                }
+                let sd = [s.sd.mass, s.sd.com, s.sd.radius];
+                if let Some(&x) = sd.iter().find(|&&x| !(x > 0.0 && x < 2.0)) {
+                    return Err(bad("standard deviation", x));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn error(&self, problem: String) -> ScaleError {
+        ScaleError::Table { table: self.name.clone(), problem }
+    }
+}

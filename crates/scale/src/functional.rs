@@ -1,0 +1,269 @@
+//! Functional calibration: joint centres and axes from the relative motion of two rigid segments.
+//!
+//! * [`fit_pose`]: pose of a cloud of markers of known shape (Horn's absolute orientation by SVD, Arun et al. 1987).
+//! * [`score`]: symmetrical centre of rotation, Ehrig, Taylor, Duda, Heller, *J Biomech* 39 (2006) 2798.
+//! * [`sara`]: symmetrical axis of rotation, Ehrig, Taylor, Duda, Heller, *J Biomech* 40 (2007) 2150.
+//!
+//! The poses that go in must be of the same frames. Objects refine what comes out of here with [`crate::bundle`].
+
+use crate::ScaleError;
+use crate::geometry::{apply, unit};
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+/// Pose `world_from_body` that best maps `local` onto `measured` (points that are not finite are left out), with the root mean square
+/// distance in m. `None` with fewer than three common points or when they lie on a line.
+pub fn fit_pose(local: &[Vector3<f64>], measured: &[Vector3<f64>]) -> Option<(Isometry3<f64>, f64)> {
+    let finite = |p: &Vector3<f64>| p.iter().all(|x| x.is_finite());
+    let pairs = || local.iter().zip(measured).filter(|(a, b)| finite(a) && finite(b));
+    let n = pairs().count();
+    if n < 3 {
+        return None;
+    }
+    let (sum_a, sum_b) = pairs().fold((Vector3::zeros(), Vector3::zeros()), |(a, b), (p, q)| (a + p, b + q));
+    let (mean_a, mean_b) = (sum_a / n as f64, sum_b / n as f64);
+    let mut cross = Matrix3::zeros();
+    for (p, q) in pairs() {
+        cross += (q - mean_b) * (p - mean_a).transpose();
+    }
+    let svd = cross.svd(true, true);
+    let (u, v_t) = (svd.u?, svd.v_t?);
+    // Two directions must be seen; the third follows from handedness.
+    let mut sigma: Vec<f64> = svd.singular_values.iter().copied().collect();
+    sigma.sort_by(|a, b| b.total_cmp(a));
+    if sigma[0].is_nan() || sigma[1] <= 1e-6 * sigma[0] || sigma[0] <= 0.0 {
+        return None;
+    }
+    // The reflection, where one is needed, goes to the smallest singular value.
+    let smallest = svd.singular_values.imin();
+    let mut sign = Matrix3::identity();
+    sign[(smallest, smallest)] = (u * v_t).determinant().signum();
+    let rotation = u * sign * v_t;
+    let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+    let pose = Isometry3::from_parts(Translation3::from(mean_b - q * mean_a), q);
+    let rms = (pairs().map(|(p, r)| (apply(&pose, p) - r).norm_squared()).sum::<f64>() / n as f64).sqrt();
+    Some((pose, rms))
+}
+
+/// A centre of rotation seen from both segments.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FunctionalCentre {
+    /// In the parent's frame, m.
+    pub in_parent: Vector3<f64>,
+    /// In the child's frame, m.
+    pub in_child: Vector3<f64>,
+    /// Root mean square distance of the two world points over the frames, m.
+    pub residual_rms_m: f64,
+    /// Smallest over largest singular value of the system; below about 0.05 the motion is nearly about one axis.
+    pub conditioning: f64,
+}
+
+/// An axis of rotation seen from both segments; the points are those of the axis nearest to each frame's origin.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FunctionalAxis {
+    /// Point of the axis in the parent's frame, m.
+    pub point_in_parent: Vector3<f64>,
+    /// Direction in the parent's frame, unit.
+    pub direction_in_parent: Vector3<f64>,
+    /// Point of the axis in the child's frame, m (not the same material point as `point_in_parent`).
+    pub point_in_child: Vector3<f64>,
+    /// Direction in the child's frame, unit, same sense.
+    pub direction_in_child: Vector3<f64>,
+    /// Root mean square distance between the two lines' foot points over the frames, m.
+    pub residual_rms_m: f64,
+    /// Smallest over second smallest singular value: small when the motion has one clear axis.
+    pub axis_clarity: f64,
+}
+
+/// The stacked system `R_p c_p − R_c c_c = t_c − t_p` of both methods, thinned into its normal equations.
+fn normal_equations(parent: &[Isometry3<f64>], child: &[Isometry3<f64>]) -> Result<(DMatrix<f64>, DVector<f64>, f64), ScaleError> {
+    if parent.len() != child.len() || parent.len() < 3 {
+        return Err(ScaleError::Functional {
+            problem: format!("{} parent and {} child poses; at least three common ones are needed", parent.len(), child.len()),
+        });
+    }
+    let mut h = DMatrix::zeros(6, 6);
+    let mut g = DVector::zeros(6);
+    let mut square = 0.0;
+    for (p, c) in parent.iter().zip(child) {
+        let rp = p.rotation.to_rotation_matrix().into_inner();
+        let rc = c.rotation.to_rotation_matrix().into_inner();
+        let d = c.translation.vector - p.translation.vector;
+        if !d.iter().chain(rp.iter()).chain(rc.iter()).all(|x| x.is_finite()) {
+            return Err(ScaleError::Functional { problem: "a pose is not finite".into() });
+        }
+        let cross: Matrix3<f64> = rp.transpose() * rc;
+        for i in 0..3 {
+            h[(i, i)] += 1.0;
+            h[(i + 3, i + 3)] += 1.0;
+            for j in 0..3 {
+                h[(i, j + 3)] -= cross[(i, j)];
+                h[(j + 3, i)] -= cross[(i, j)];
+            }
+        }
+        let gp = rp.transpose() * d;
+        let gc = -(rc.transpose() * d);
+        for i in 0..3 {
+            g[i] += gp[i];
+            g[i + 3] += gc[i];
+        }
+        square += d.norm_squared();
+    }
+    Ok((h, g, square))
+}
+
+struct Decomposed {
+    /// Ascending.
+    values: Vec<f64>,
+    vectors: DMatrix<f64>,
+}
+
+fn decompose(h: &DMatrix<f64>) -> Decomposed {
+    let eigen = h.clone().symmetric_eigen();
+    let mut order: Vec<usize> = (0..h.nrows()).collect();
+    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
+    let values = order.iter().map(|&i| eigen.eigenvalues[i].max(0.0)).collect();
+    let vectors = DMatrix::from_fn(h.nrows(), h.nrows(), |r, c| eigen.eigenvectors[(r, order[c])]);
+    Decomposed { values, vectors }
+}
+
+fn rms(h: &DMatrix<f64>, g: &DVector<f64>, square: f64, x: &DVector<f64>, n: usize) -> f64 {
+    ((x.dot(&(h * x)) - 2.0 * g.dot(x) + square).max(0.0) / n as f64).sqrt()
+}
+
+/// Centre of rotation between two segments (SCoRE).
+///
+/// # Errors
+/// [`ScaleError::Functional`] with fewer than three frames or when the motion leaves the centre open along an axis
+/// (use [`sara`] for a hinge).
+pub fn score(parent: &[Isometry3<f64>], child: &[Isometry3<f64>]) -> Result<FunctionalCentre, ScaleError> {
+    let (h, g, square) = normal_equations(parent, child)?;
+    let d = decompose(&h);
+    let conditioning = (d.values[0] / d.values[5]).sqrt();
+    if conditioning < 1e-6 {
+        return Err(ScaleError::Functional { problem: "the segments turn about one axis only: their centre is a line".into() });
+    }
+    let mut x = DVector::zeros(6);
+    for k in 0..6 {
+        let v = d.vectors.column(k);
+        x += v * (v.dot(&g) / d.values[k]);
+    }
+    Ok(FunctionalCentre {
+        in_parent: Vector3::new(x[0], x[1], x[2]),
+        in_child: Vector3::new(x[3], x[4], x[5]),
+        residual_rms_m: rms(&h, &g, square, &x, parent.len()),
+        conditioning,
+    })
+}
+
+/// Axis of rotation between two segments (SARA). The sign of the direction is arbitrary, but the same in both segments.
+///
+/// # Errors
+/// [`ScaleError::Functional`] with fewer than three frames or when the segments do not turn against each other.
+pub fn sara(parent: &[Isometry3<f64>], child: &[Isometry3<f64>]) -> Result<FunctionalAxis, ScaleError> {
+    let (h, g, square) = normal_equations(parent, child)?;
+    let d = decompose(&h);
+    let axis_clarity = (d.values[0] / d.values[1].max(f64::MIN_POSITIVE)).sqrt();
+    if d.values[1] < 1e-6 * d.values[5] {
+        return Err(ScaleError::Functional {
+            problem: format!(
+                "the segments hardly turn against each other (singular values {:.2e}, {:.2e} of {:.2e})",
+                d.values[0].sqrt(),
+                d.values[1].sqrt(),
+                d.values[5].sqrt()
+            ),
+        });
+    }
+    // Minimum-norm solution without the null direction, which is the axis.
+    let mut x = DVector::zeros(6);
+    for k in 1..6 {
+        let v = d.vectors.column(k);
+        x += v * (v.dot(&g) / d.values[k]);
+    }
+    let v = d.vectors.column(0);
+    let open = || ScaleError::Functional { problem: "no axis was found".into() };
+    let direction_in_parent = unit(&Vector3::new(v[0], v[1], v[2])).ok_or_else(open)?;
+    let direction_in_child = unit(&Vector3::new(v[3], v[4], v[5])).ok_or_else(open)?;
+    let foot = |p: Vector3<f64>, a: &Vector3<f64>| p - a * a.dot(&p);
+    Ok(FunctionalAxis {
+        point_in_parent: foot(Vector3::new(x[0], x[1], x[2]), &direction_in_parent),
+        direction_in_parent,
+        point_in_child: foot(Vector3::new(x[3], x[4], x[5]), &direction_in_child),
+        direction_in_child,
+        residual_rms_m: rms(&h, &g, square, &x, parent.len()),
+        axis_clarity,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn swing(i: usize) -> Isometry3<f64> {
+        let t = i as f64 * 0.17;
+        Isometry3::from_parts(
+            Translation3::new(0.3 * t.sin(), 0.2 * (1.3 * t).cos(), 1.0 + 0.1 * t.sin()),
+            UnitQuaternion::from_euler_angles(0.4 * t.sin(), 0.3 * (0.7 * t).cos(), 0.5 * t),
+        )
+    }
+
+    #[test]
+    fn prop_fit_pose_returns_the_pose() {
+        let local = [
+            Vector3::new(0.1, 0.0, 0.02),
+            Vector3::new(-0.1, 0.05, 0.0),
+            Vector3::new(0.0, -0.07, 0.03),
+            Vector3::new(f64::NAN, 0.0, 0.0),
+        ];
+        let pose = swing(11);
+        let measured: Vec<_> = local.iter().map(|p| apply(&pose, p)).collect();
+        let (found, rms) = fit_pose(&local, &measured).unwrap();
+        assert!(rms < 1e-14 && found.rotation.angle_to(&pose.rotation) < 1e-12);
+        assert!((found.translation.vector - pose.translation.vector).norm() < 1e-13);
+        let line = [Vector3::zeros(), Vector3::x(), 2.0 * Vector3::x()];
+        assert!(fit_pose(&line, &line).is_none());
+        assert!(fit_pose(&line[..2], &line[..2]).is_none());
+    }
+
+    #[test]
+    fn prop_score_finds_the_centre() {
+        let (cp, cc) = (Vector3::new(0.05, -0.2, 0.1), Vector3::new(0.01, 0.3, -0.02));
+        let parent: Vec<_> = (0..60).map(swing).collect();
+        let child: Vec<_> = parent
+            .iter()
+            .enumerate()
+            .map(|(i, p)| {
+                let r = p.rotation * UnitQuaternion::from_euler_angles(0.5 * (i as f64 * 0.3).sin(), 0.4 * (i as f64 * 0.2).cos(), 0.1);
+                Isometry3::from_parts(Translation3::from(apply(p, &cp) - r * cc), r)
+            })
+            .collect();
+        let c = score(&parent, &child).unwrap();
+        assert!((c.in_parent - cp).norm() < 1e-10 && (c.in_child - cc).norm() < 1e-10);
+        assert!(c.residual_rms_m < 1e-7);
+    }
+
+    #[test]
+    fn prop_sara_finds_the_axis_and_score_refuses_a_hinge() {
+        let axis = Vector3::new(0.2, 1.0, -0.4).normalize();
+        let point = Vector3::new(0.05, 0.0, 0.1);
+        let zero = UnitQuaternion::from_euler_angles(0.3, -0.2, 0.9);
+        let parent: Vec<_> = (0..80).map(swing).collect();
+        let child: Vec<_> = parent
+            .iter()
+            .enumerate()
+            .map(|(i, p)| {
+                let turn = UnitQuaternion::from_scaled_axis(axis * (i as f64 * 0.25).sin());
+                let r = p.rotation * turn * zero;
+                let at = apply(p, &(point + turn * (zero * Vector3::new(0.2, 0.0, 0.0))));
+                Isometry3::from_parts(Translation3::from(at), r)
+            })
+            .collect();
+        let a = sara(&parent, &child).unwrap();
+        assert!(a.direction_in_parent.cross(&axis).norm() < 1e-9);
+        assert!((a.point_in_parent - point).cross(&axis).norm() < 1e-9);
+        assert!(((zero * a.direction_in_child) - a.direction_in_parent).norm() < 1e-8);
+        assert!(a.residual_rms_m < 1e-7);
+        assert!(score(&parent, &child).is_err());
+        let still = vec![parent[0]; 20];
+        assert!(sara(&still, &still).is_err());
+    }
+}

@@ -1,0 +1,10 @@
+//! The physics of the simulator: forward dynamics of a floating tree, force laws, a Runge-Kutta step.
+
+pub mod dynamics;
+pub mod forces;
+pub mod plant;
+pub mod rk4;
+
+pub use dynamics::{Drive, ForwardDynamics};
+pub use forces::{ForceField, Wrench};
+pub use plant::Plant;
