@@ -50,7 +50,9 @@ fn regressor(c: &mut Criterion) {
     c.bench_function("base_wrench_regressor", |b| b.iter(|| state.base_wrench_regressor(&model, black_box(&mut full))));
     c.bench_function("base_wrench_rows", |b| b.iter(|| state.base_wrench_rows(&model, &base, black_box(&mut rows))));
     c.bench_function("momentum_rows", |b| b.iter(|| state.momentum_rows(&base, &origin, black_box(&mut rows))));
-    c.bench_function("first_moment_rows", |b| b.iter(|| state.first_moment_rows(&base, &origin, black_box(&mut rows3))));
+    c.bench_function("first_moment_rows", |b| {
+        b.iter(|| state.first_moment_rows(&base, &origin, black_box(&mut rows3)))
+    });
     c.bench_function("frame: accelerations and base-wrench rows", |b| {
         b.iter(|| {
             state.forward_acceleration(&model, black_box(&q), &v, &a);

@@ -52,18 +52,7 @@ pub fn steiner(c: &Vector3<f64>) -> Matrix3<f64> {
 /// Parameters from mass (kg), first moment (kg·m) and inertia tensor about the frame origin (kg·m²; the upper triangle is read).
 pub fn phi_from_parts(mass_kg: f64, first_moment_kgm: &Vector3<f64>, inertia_origin_kgm2: &Matrix3<f64>) -> Phi {
     let (h, i) = (first_moment_kgm, inertia_origin_kgm2);
-    Phi::from([
-        mass_kg,
-        h.x,
-        h.y,
-        h.z,
-        i[(0, 0)],
-        i[(1, 1)],
-        i[(2, 2)],
-        i[(1, 2)],
-        i[(0, 2)],
-        i[(0, 1)],
-    ])
+    Phi::from([mass_kg, h.x, h.y, h.z, i[(0, 0)], i[(1, 1)], i[(2, 2)], i[(1, 2)], i[(0, 2)], i[(0, 1)]])
 }
 
 /// First moment of mass about the link-frame origin in link axes, kg·m.
@@ -81,8 +70,7 @@ pub fn inertia_about_origin(phi: &Phi) -> Matrix3<f64> {
 pub fn pseudo_inertia(phi: &Phi) -> Matrix4<f64> {
     let half_trace = 0.5 * (phi[4] + phi[5] + phi[6]);
     let mut j = Matrix4::zeros();
-    j.fixed_view_mut::<3, 3>(0, 0)
-        .copy_from(&(Matrix3::from_diagonal_element(half_trace) - inertia_about_origin(phi)));
+    j.fixed_view_mut::<3, 3>(0, 0).copy_from(&(Matrix3::from_diagonal_element(half_trace) - inertia_about_origin(phi)));
     for k in 0..3 {
         j[(k, 3)] = phi[1 + k];
         j[(3, k)] = phi[1 + k];

@@ -10,18 +10,18 @@
 //! `φ = [m, mc_x, mc_y, mc_z, Ixx, Iyy, Izz, Iyz, Izx, Ixy]`.
 
 pub mod base_parameters;
+mod dynamics;
 mod error;
+mod formula;
 pub mod inertia;
 pub mod model;
 pub mod motion;
-pub mod rotation;
-mod dynamics;
-mod formula;
 mod regressor;
+pub mod rotation;
 mod spec;
-mod urdf;
 pub mod state;
 pub mod subject;
+mod urdf;
 
 pub use base_parameters::{BaseParameter, BaseParameters};
 pub use error::BodyError;

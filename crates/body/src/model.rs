@@ -1,8 +1,8 @@
 //! The kinematic tree.
 
+use crate::BodyError;
 use crate::rotation::{left_jacobian, left_jacobian_inverse, quaternion_exp, quaternion_log, quaternion_near};
 pub use crate::spec::{JointSpec, LinkSpec, ModelSpec};
-use crate::BodyError;
 use nalgebra::{Isometry3, Quaternion, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -113,7 +113,11 @@ impl Model {
             }
             let parent = match &link.parent {
                 None if links.is_empty() => None,
-                None => return Err(problem(format!("link `{name}` has no parent, and only the first link may be the root"))),
+                None => {
+                    return Err(problem(format!(
+                        "link `{name}` has no parent, and only the first link may be the root"
+                    )));
+                }
                 Some(parent) => Some(links.iter().position(|known| known.name == *parent).ok_or_else(|| {
                     BodyError::UnknownParent { model: spec.name.clone(), link: name.clone(), parent: parent.clone() }
                 })?),

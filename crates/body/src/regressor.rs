@@ -3,8 +3,8 @@
 //! Each link contributes a block of ten columns; with every vector expressed in one common frame (root axes or world
 //! axes) a block depends on this link alone, so the tree needs no backward pass.
 
-use crate::state::{angular, linear};
 use crate::base_parameters::KeptColumns;
+use crate::state::{angular, linear};
 use crate::{BaseParameters, Model, State};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 

@@ -181,8 +181,7 @@ impl State {
         let (v, a) = (&self.velocity[link], &self.acceleration[link]);
         let (lin, ang) = (linear(v), angular(v));
         let classical = linear(a) + ang.cross(&lin);
-        self.rotation[link]
-            * (classical + angular(a).cross(point_in_link) + ang.cross(&ang.cross(point_in_link)))
+        self.rotation[link] * (classical + angular(a).cross(point_in_link) + ang.cross(&ang.cross(point_in_link)))
     }
 
     /// 3 × nv Jacobian of a point's world position by `v`, written into `out` (columns of joints that do not move the point are zero). Needs poses.

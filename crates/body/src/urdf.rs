@@ -42,15 +42,14 @@ fn from_robot(robot: &Robot) -> Result<ModelSpec, BodyError> {
         root = &joint.child.link;
     }
 
-    let mut links =
-        vec![LinkSpec {
-            name: root.to_owned(),
-            parent: None,
-            joint: JointSpec::Free,
-            position_m: [0.0; 3],
-            rpy_rad: [0.0; 3],
-            inertia: Some(inertia_of(robot, root)),
-        }];
+    let mut links = vec![LinkSpec {
+        name: root.to_owned(),
+        parent: None,
+        joint: JointSpec::Free,
+        position_m: [0.0; 3],
+        rpy_rad: [0.0; 3],
+        inertia: Some(inertia_of(robot, root)),
+    }];
     let mut next = 0;
     while next < links.len() {
         let parent = links[next].name.clone();

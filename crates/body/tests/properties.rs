@@ -24,7 +24,7 @@ fn at_time(model: &Model, q: &[f64], v: &[f64], a: &[f64], t: f64) -> (Vec<f64>,
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
     fn prop_regressor_times_parameters_is_newton_euler(seed: u64, n in 1usize..10) {

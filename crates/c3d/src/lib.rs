@@ -22,3 +22,4 @@ pub use header::HeaderEvent;
 pub use number::{ByteOrder, Storage};
 pub use parameters::{Group, Parameter, Parameters, Values};
 pub use text::{Text, is_unlabelled, strip_subject};
+pub use wrench::PlateFrame;

@@ -16,7 +16,7 @@ pub(crate) fn metres(unit: &str) -> Option<f64> {
 /// Newtons in a force unit.
 pub(crate) fn newtons(unit: &str) -> Option<f64> {
     match unit.trim().to_ascii_lowercase().as_str() {
-        "n" | "newton" | "newtons" => Some(1.0),
+        "n" | "nt" | "newton" | "newtons" => Some(1.0),
         "kn" => Some(1e3),
         "lb" | "lbf" | "lbs" => Some(4.448_221_615_260_5),
         "kgf" | "kg" | "kp" => Some(9.806_65),
@@ -27,7 +27,7 @@ pub(crate) fn newtons(unit: &str) -> Option<f64> {
 /// Newton metres in a moment unit: `Nmm`, `N.m`, `N*mm`, `N-m`, `Newton-mm` …
 pub(crate) fn newton_metres(unit: &str) -> Option<f64> {
     let plain: String = unit.chars().filter(|c| c.is_ascii_alphabetic()).collect::<String>().to_ascii_lowercase();
-    for force in ["newtons", "newton", "kn", "n", "lbf", "lbs", "lb"] {
+    for force in ["newtons", "newton", "nt", "kn", "n", "lbf", "lbs", "lb"] {
         if let Some(length) = plain.strip_prefix(force)
             && let (Some(f), Some(l)) = (newtons(force), metres(length))
         {

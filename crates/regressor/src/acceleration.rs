@@ -4,6 +4,7 @@
 //! Flow: filtered `Motion` and flights in, one [`Factor`] per stretch out.
 
 use crate::stretch::Acting;
+use crate::weak::check_base;
 use crate::{Columns, Factor, RegressorError, RowKind, Stretch};
 use aloft_body::{BaseParameters, Model, Motion, State};
 use faer::Mat;
@@ -45,6 +46,7 @@ pub fn acceleration_factor(
     options: &AccelerationOptions,
 ) -> Result<Factor, RegressorError> {
     stretch.check(motion)?;
+    check_base(model, base, &stretch.trial)?;
     acting.check(motion, stretch)?;
     for (series, missing) in [(&motion.v, "velocities"), (&motion.a, "accelerations")] {
         if series.len() != motion.n_frames() * motion.nv {
@@ -113,8 +115,7 @@ pub struct AccelerationRows<'a> {
     model: &'a Model,
     base: &'a BaseParameters,
     state: State,
-    full: DMatrix<f64>,
-    regrouped: DMatrix<f64>,
+    rows: DMatrix<f64>,
 }
 
 impl<'a> AccelerationRows<'a> {
@@ -124,16 +125,14 @@ impl<'a> AccelerationRows<'a> {
             model,
             base,
             state: State::new(model),
-            full: DMatrix::zeros(6, 10 * model.n_links()),
-            regrouped: DMatrix::zeros(6, base.len()),
+            rows: DMatrix::zeros(6, base.len()),
         }
     }
     /// Rows of one frame in root axes about the root origin: three of force (N per unit), three of moment (N·m per unit).
     pub fn base_rows(&mut self, q: &[f64], v: &[f64], a: &[f64]) -> &DMatrix<f64> {
         self.state.forward_acceleration(self.model, q, v, a);
-        self.state.base_wrench_regressor(self.model, &mut self.full);
-        self.full.mul_to(&self.base.to_full, &mut self.regrouped);
-        &self.regrouped
+        self.state.base_wrench_rows(self.model, self.base, &mut self.rows);
+        &self.rows
     }
     /// Pose of the root in the world, of the frame that [`AccelerationRows::base_rows`] was called for last.
     pub fn world_from_root(&self) -> &nalgebra::Isometry3<f64> {

@@ -2,7 +2,7 @@
 //!
 //! Everything a flight can say is linear in the base parameters φ_B and in the coefficients θ of candidate effects.
 //! This crate turns the motion of one flight (or of one contact phase with plates) into such rows, either the paper's
-//! from accelerations ([`acceleration_factor`]) or weak ones from momentum, and keeps of them only the
+//! from accelerations ([`acceleration_factor`]) or weak ones from momentum ([`weak_factor`]), and keeps of them only the
 //! upper triangle of a QR factorisation, a [`Factor`]. Estimation, resampling, leaving out and adding work on factors.
 //!
 //! Stands between `flight` and `identify`.
@@ -10,9 +10,15 @@
 pub mod acceleration;
 mod error;
 pub mod factor;
+pub mod noise;
 pub mod stretch;
+pub mod test_function;
+pub mod weak;
 
 pub use acceleration::{AccelerationOptions, AccelerationRows, acceleration_factor};
 pub use error::RegressorError;
 pub use factor::{Columns, Factor, RowKind, leave_group_out, leave_one_out};
+pub use noise::{CoordinateNoise, Noise};
 pub use stretch::{Acting, EffectColumns, Stretch, StretchKind};
+pub use test_function::TestFunction;
+pub use weak::{WeakOptions, WeakRows, weak_factor, weak_rows};

@@ -27,8 +27,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WeakOptions {
-    /// Length of a window, s; nothing: 0.6 of the stretch, within 0.15 to 0.4 s (see [`crate::window::choose_window`] for a choice over
-    /// all flights).
+    /// Length of a window, s; nothing: 0.6 of the stretch, within 0.15 to 0.4 s.
     pub window_s: Option<f64>,
     /// Step between windows in window lengths.
     pub hop: f64,
@@ -125,7 +124,7 @@ impl WeakRows {
     }
 }
 
-/// First moment and momentum of one frame about the fixed point of the stretch: rows C (3), P (3), H (3) over 10 n columns.
+/// First moment and momentum of one frame about the fixed point of the stretch: rows C (3), P (3), H (3) over base columns.
 struct FrameRows(DMatrix<f64>);
 
 /// Weak rows of one stretch, unweighted: [`weak_factor`] weights them and keeps their triangle.
@@ -143,6 +142,7 @@ pub fn weak_rows(
 ) -> Result<WeakRows, RegressorError> {
     stretch.check(motion)?;
     acting.check(motion, stretch)?;
+    check_base(model, base, &stretch.trial)?;
     if prior.len() != model.n_links() {
         return Err(RegressorError::Length {
             trial: stretch.trial.clone(),
@@ -174,7 +174,7 @@ pub fn weak_rows(
             needed: test.n_frames() + 2,
         });
     }
-    let (p, k, n10) = (base.len(), acting.n_effects(), 10 * model.n_links());
+    let (p, k) = (base.len(), acting.n_effects());
     let mut out = WeakRows {
         matrix: Mat::zeros(6 * n_windows, p + k + 1),
         centers: Vec::with_capacity(n_windows),
@@ -183,23 +183,21 @@ pub fn weak_rows(
         weight_n: prior.iter().map(|phi| phi[0]).sum::<f64>() * model.gravity_mps2.norm(),
     };
     let mut state = State::new(model);
-    let mut full = DMatrix::zeros(6, n10);
-    let mut regrouped = DMatrix::zeros(6, p);
+    let mut sums = DMatrix::zeros(6, p);
     for (start, end, centers) in &windows {
-        let (fixed, frames, path) = run_rows(model, prior, motion, *start, *end, &mut state);
+        let (fixed, frames, path) = run_rows(model, base, prior, motion, *start, *end, &mut state);
         for &center in centers {
             let begin = center - half - start;
             let span = begin..begin + out.test.n_frames();
             let (origin, fall) = fit_origin(&path[span.clone()], &out.test, stretch.kind, &model.gravity_mps2);
-            full.fill(0.0);
+            sums.fill(0.0);
             for (i, frame) in frames[span].iter().enumerate() {
-                accumulate(&mut full, &frame.0, &out.test, i, &fixed, &origin[i], &fall[i]);
+                accumulate(&mut sums, &frame.0, &out.test, i, &fixed, &origin[i], &fall[i]);
             }
-            full.mul_to(&base.to_full, &mut regrouped);
             let row = 6 * out.centers.len();
             for r in 0..6 {
                 for c in 0..p {
-                    out.matrix[(row + r, c)] = regrouped[(r, c)];
+                    out.matrix[(row + r, c)] = sums[(r, c)];
                 }
             }
             for (i, at) in origin.iter().enumerate() {
@@ -228,6 +226,18 @@ pub fn weak_rows(
     Ok(out)
 }
 
+pub(crate) fn check_base(model: &Model, base: &BaseParameters, trial: &str) -> Result<(), RegressorError> {
+    if base.is_empty() || base.from_full.ncols() != 10 * model.n_links() {
+        return Err(RegressorError::Length {
+            trial: trial.to_owned(),
+            what: "link parameters that the base parameters regroup",
+            expected: 10 * model.n_links(),
+            found: base.from_full.ncols(),
+        });
+    }
+    Ok(())
+}
+
 /// Runs of frames for which `good` holds, as half-open ranges.
 fn valid_runs(first: usize, end: usize, good: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
     let mut runs = Vec::new();
@@ -249,26 +259,27 @@ fn valid_runs(first: usize, end: usize, good: impl Fn(usize) -> bool) -> Vec<(us
 /// Rows of every frame of a run about one fixed point, that point, and the path of the prior's centre of mass.
 fn run_rows(
     model: &Model,
+    base: &BaseParameters,
     prior: &[Phi],
     motion: &Motion,
     start: usize,
     end: usize,
     state: &mut State,
 ) -> (Vector3<f64>, Vec<FrameRows>, Vec<Vector3<f64>>) {
-    let n10 = 10 * model.n_links();
+    let p = base.len();
     state.forward_position(model, motion.q((start + end) / 2));
     let fixed = state.center_of_mass(prior).1;
     let mut velocity = Velocity::new(model);
-    let mut momentum = DMatrix::zeros(6, n10);
-    let mut first_moment = DMatrix::zeros(3, n10);
+    let mut momentum = DMatrix::zeros(6, p);
+    let mut first_moment = DMatrix::zeros(3, p);
     let mut frames = Vec::with_capacity(end - start);
     let mut path = Vec::with_capacity(end - start);
     for frame in start..end {
         let v = velocity.at(model, motion, start, end, frame);
         state.forward_velocity(model, motion.q(frame), v);
-        state.first_moment_regressor(model, &fixed, &mut first_moment);
-        state.momentum_regressor(model, &fixed, &mut momentum);
-        let mut rows = DMatrix::zeros(9, n10);
+        state.first_moment_rows(base, &fixed, &mut first_moment);
+        state.momentum_rows(base, &fixed, &mut momentum);
+        let mut rows = DMatrix::zeros(9, p);
         rows.rows_mut(0, 3).copy_from(&first_moment);
         rows.rows_mut(3, 6).copy_from(&momentum);
         frames.push(FrameRows(rows));
@@ -369,7 +380,7 @@ fn fit_origin(
     (origin, fall)
 }
 
-/// Adds frame `i` of a window to its six rows over all 10 n columns.
+/// Adds frame `i` of a window to its six rows. The first base parameter is the whole mass, so a shift of the origin meets that column alone.
 fn accumulate(
     full: &mut DMatrix<f64>,
     frame: &DMatrix<f64>,
@@ -386,7 +397,7 @@ fn accumulate(
     let fall_cross = fall.cross_matrix();
     for c in 0..full.ncols() {
         let column = frame.column(c);
-        let mass = if c % 10 == 0 { 1.0 } else { 0.0 };
+        let mass = if c == 0 { 1.0 } else { 0.0 };
         // C about the moving origin, and H from the fixed point to it
         let first: Vector3<f64> = Vector3::from(column.fixed_rows::<3>(0)) - d * mass;
         let linear: Vector3<f64> = column.fixed_rows::<3>(3).into();

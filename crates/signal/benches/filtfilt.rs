@@ -17,8 +17,12 @@ fn filtfilt(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("filtfilt");
     group.sample_size(10);
     group.throughput(Throughput::Elements((CHANNELS * SAMPLES) as u64));
-    group.bench_function("channel-major 105 x 100000", |b| b.iter(|| filter.filtfilt_channels(black_box(&mut data), SAMPLES)));
-    group.bench_function("frame-major 105 x 100000", |b| b.iter(|| filter.filtfilt_interleaved(black_box(&mut data), CHANNELS)));
+    group.bench_function("channel-major 105 x 100000", |b| {
+        b.iter(|| filter.filtfilt_channels(black_box(&mut data), SAMPLES))
+    });
+    group.bench_function("frame-major 105 x 100000", |b| {
+        b.iter(|| filter.filtfilt_interleaved(black_box(&mut data), CHANNELS))
+    });
     group.throughput(Throughput::Elements(SAMPLES as u64));
     group.bench_function("plain 1 x 100000", |b| b.iter(|| filter.filtfilt(black_box(&mut data[..SAMPLES]))));
     group.finish();

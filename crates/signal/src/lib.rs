@@ -1,12 +1,38 @@
 //! Zero-phase filters, derivatives and spectra of sampled signals.
 //!
 //! Signals are plain slices of `f64` at a fixed rate; NaN is missing, and no operation reaches across it. Nothing here knows of bodies.
+//!
+//! | module | what it gives |
+//! |---|---|
+//! | [`butterworth`] | [`LowPass`] as a user states it, [`Butterworth::filtfilt`] forward and backward, on one channel or many |
+//! | [`derivative`] | first and second derivative by fourth-order differences |
+//! | [`residual_analysis`](mod@residual_analysis) | cut-off against residual, and a suggested cut-off |
+//! | [`resample`](mod@resample) | values at other times, plates to camera frames |
+//! | [`spectrum`] | power spectral density |
+//!
+//! ```
+//! use aloft_signal::{Butterworth, CutoffCorrection, LowPass, derivatives};
+//!
+//! let spec = LowPass { order: 3, cutoff_hz: 10.0, correction: CutoffCorrection::None };
+//! println!("{:?}", spec.describe(200.0)?); // effective order 6, −3 dB at 8.6 Hz
+//! let mut angle_rad: Vec<f64> = (0..400).map(|i| (0.01 * i as f64).sin()).collect();
+//! let lost = Butterworth::design(spec, 200.0)?.filtfilt(&mut angle_rad);
+//! assert_eq!(lost, 0);
+//! let (_rate, _acceleration) = derivatives(&angle_rad, 200.0);
+//! # Ok::<(), aloft_signal::DesignError>(())
+//! ```
 
 pub mod butterworth;
 pub mod derivative;
 mod multichannel;
+pub mod resample;
+pub mod residual_analysis;
 pub mod runs;
+pub mod spectrum;
 
 pub use butterworth::{Butterworth, CutoffCorrection, DesignError, FilterFacts, LowPass, Section};
 pub use derivative::derivatives;
+pub use resample::{Interpolation, filter_and_resample, resample};
+pub use residual_analysis::{ResidualAnalysis, residual_analysis};
 pub use runs::{finite_runs, runs_where};
+pub use spectrum::{Spectrum, welch};

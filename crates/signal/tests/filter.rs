@@ -1,4 +1,5 @@
 //! The filter against scipy's goldens (`tests/peers/signal_scipy.py`), and its fast versions against the plain one.
+#![allow(clippy::unwrap_used, reason = "a golden that cannot be read fails the test")]
 
 use aloft_signal::{Butterworth, CutoffCorrection, DesignError, LowPass};
 use proptest::prelude::*;
@@ -39,14 +40,14 @@ fn validate_winter_design_cutoffs() {
     for case in golden("signal_winter.json")["cases"].as_array().unwrap() {
         let order = case["order"].as_u64().unwrap() as usize;
         let (cutoff, rate) = (case["cutoff_hz"].as_f64().unwrap(), case["rate_hz"].as_f64().unwrap());
-        let facts =
-            LowPass { correction: CutoffCorrection::Winter, ..spec(order, cutoff) }.describe(rate).unwrap();
+        let facts = LowPass { correction: CutoffCorrection::Winter, ..spec(order, cutoff) }.describe(rate).unwrap();
         assert!((facts.design_cutoff_hz - case["design_cutoff_hz"].as_f64().unwrap()).abs() < 1e-10);
         assert!((facts.true_minus3db_hz - cutoff).abs() < 1e-10);
         assert_eq!(facts.effective_order, 2 * order);
     }
     // published figures for two passes of second order
-    let winter = |rate, cutoff| LowPass { correction: CutoffCorrection::Winter, ..spec(2, cutoff) }.describe(rate).unwrap();
+    let winter =
+        |rate, cutoff| LowPass { correction: CutoffCorrection::Winter, ..spec(2, cutoff) }.describe(rate).unwrap();
     for (rate, cutoff, design) in [
         (100.0, 6.0, 7.43088),
         (200.0, 6.0, 7.46682),
@@ -66,7 +67,9 @@ fn prop_impossible_filters_are_refused() {
     for (order, cutoff, rate) in [(0, 6.0, 100.0), (13, 6.0, 100.0)] {
         assert!(matches!(Butterworth::design(spec(order, cutoff), rate), Err(DesignError::Order { .. })));
     }
-    for (cutoff, rate) in [(50.0, 100.0), (0.0, 100.0), (-1.0, 100.0), (f64::NAN, 100.0), (6.0, f64::NAN), (6.0, f64::INFINITY)] {
+    for (cutoff, rate) in
+        [(50.0, 100.0), (0.0, 100.0), (-1.0, 100.0), (f64::NAN, 100.0), (6.0, f64::NAN), (6.0, f64::INFINITY)]
+    {
         assert!(matches!(Butterworth::design(spec(3, cutoff), rate), Err(DesignError::Cutoff { .. })));
     }
 }

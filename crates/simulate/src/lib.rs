@@ -1,1 +1,11 @@
-//! Forward dynamics and synthetic laboratories with known truth
+//! Forward dynamics and synthetic laboratories with known truth.
+
+pub mod error;
+pub mod hidden;
+pub mod motion;
+pub mod physics;
+pub mod scenario;
+
+pub use error::SimulateError;
+pub use hidden::Hidden;
+pub use scenario::*;

@@ -36,7 +36,8 @@ impl Trial {
         require_content(&trial, || format!("{} points, none of them a labelled marker", file.points.len()))?;
         read_plates(&mut trial, file);
         read_events(&mut trial, file);
-        to_world(&mut trial, options, UpAxis::Z);
+        let screen = file.groups.get("POINT", "Y_SCREEN").and_then(|p| p.string());
+        to_world(&mut trial, options, screen.as_deref().and_then(UpAxis::parse), UpAxis::Z);
         correct_reaction_sign(&mut trial);
         Ok(trial)
     }
@@ -60,7 +61,7 @@ impl Trial {
         if let Some(text) = mot_text {
             read_ground_reactions(&mut trial, text, start_s)?;
         }
-        to_world(&mut trial, options, UpAxis::Y);
+        to_world(&mut trial, options, None, UpAxis::Y);
         correct_reaction_sign(&mut trial);
         Ok(trial)
     }
@@ -134,25 +135,32 @@ fn read_points(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Re
         trial.computed.push(ComputedPoint {
             label: split_prefix(&point.label).0.to_owned(),
             kind: kind.to_owned(),
-            unit: computed_unit(kind).to_owned(),
+            unit: computed_unit(file, kind),
             values: point.xyz.iter().map(|p| Vector3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2]))).collect(),
         });
     }
     Ok(())
 }
 
-/// Unit that the exporting programs use where the file states none for a kind of computed point.
-fn computed_unit(kind: &str) -> &'static str {
+/// Unit of a kind of computed point: POINT:ANGLE_UNITS … where the file has it, else what the usual programs write.
+fn computed_unit(file: &C3dFile, kind: &str) -> String {
+    let parameter = format!("{}_UNITS", kind.to_uppercase());
+    if let Some(stated) = file.groups.get("POINT", &parameter).and_then(|p| p.string())
+        && !stated.is_empty()
+    {
+        return stated;
+    }
     match kind {
         "angle" => "deg",
-        "force" => "N/kg",
-        "moment" => "Nmm/kg",
-        "power" => "W/kg",
+        "force" => "N",
+        "moment" => "Nmm",
+        "power" => "W",
         _ => "",
     }
+    .to_owned()
 }
 
-/// Metres per unit of the markers; a file without a unit is read as millimetres, or as metres where everything lies within 20 units.
+/// Metres per unit of the markers; a file without a unit is read as millimetres.
 fn length_unit(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Result<f64, TrialError> {
     let stated = options.point_unit.as_deref().unwrap_or(&file.point_unit).trim();
     if let Some(metres) = metres_per(stated) {
@@ -161,15 +169,8 @@ fn length_unit(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Re
     if !stated.is_empty() {
         return Err(TrialError::Unit { trial: trial.name.clone(), place: "POINT:UNITS", found: stated.to_owned() });
     }
-    let mut largest = 0.0_f32;
-    for point in file.points.iter().filter(|p| p.kind == PointKind::Marker) {
-        for p in &point.xyz {
-            largest = p.iter().filter(|x| x.is_finite()).fold(largest, |m, x| m.max(x.abs()));
-        }
-    }
-    let (metres, unit) = if largest > 0.0 && largest < 20.0 { (1.0, "m") } else { (1e-3, "mm") };
-    trial.warnings.push(format!("POINT:UNITS is not stated: read as {unit}, since coordinates reach {largest:.1}"));
-    Ok(metres)
+    trial.warnings.push("POINT:UNITS is not stated: read as mm".to_owned());
+    Ok(1e-3)
 }
 
 /// Says so when all markers together are absurdly near or far.

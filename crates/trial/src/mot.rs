@@ -97,7 +97,7 @@ fn parse_column(label: &str) -> Option<(String, Quantity, usize)> {
         "p" | "cop" => Quantity::Point,
         "m" | "t" => Quantity::Moment,
         "" if tokens.iter().any(|t| *t == "torque" || *t == "moment" || *t == "m") => Quantity::Moment,
-        "" if tokens.iter().any(|t| *t == "v") => Quantity::Force,
+        "" if tokens.contains(&"v") => Quantity::Force,
         "" if tokens.iter().any(|t| *t == "p" || *t == "cop") => Quantity::Point,
         _ => return None,
     };

@@ -68,9 +68,10 @@ pub(crate) fn disambiguate(labels: &mut [String], warnings: &mut Vec<String>) {
     }
 }
 
-/// Turns the recording into the world frame: the stated axis, else what the plates tell, else the format's habit.
-pub(crate) fn to_world(trial: &mut Trial, options: &ImportOptions, habit: UpAxis) {
-    let told = up_axis_from_plates(trial);
+/// Turns the recording into the world frame: the stated axis, else what the plates tell, else what the file `declares`, else the
+/// format's habit.
+pub(crate) fn to_world(trial: &mut Trial, options: &ImportOptions, declared: Option<UpAxis>, habit: UpAxis) {
+    let told = up_axis_from_plates(trial).or(declared.map(|up| (up, "the file's screen axes")));
     let up = match (options.up_axis, told) {
         (Some(stated), Some((seen, by))) if stated != seen => {
             trial.warnings.push(format!("up axis stated as {stated}, but {by} say {seen}; the stated one is used"));

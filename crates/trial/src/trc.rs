@@ -149,7 +149,7 @@ pub(crate) fn rate_from_times(times: &[f64], stated_hz: f64, place: &str, warnin
         && last > first
     {
         let measured_hz = (times.len() - 1) as f64 / (last - first);
-        if !(stated_hz > 0.0) || (measured_hz / stated_hz - 1.0).abs() > 0.005 {
+        if stated_hz <= 0.0 || (measured_hz / stated_hz - 1.0).abs() > 0.005 {
             if stated_hz > 0.0 {
                 warnings.push(format!(
                     "{place} states {stated_hz} Hz but its times run at {measured_hz:.3} Hz; the times are used"

@@ -24,11 +24,10 @@ const LINKS: [&str; 17] = [
     "link1",
 ];
 const MIDLINE: [&str; 6] = ["vertex", "c7", "t10", "suprasternale", "xiphoid", "sacrum"];
-const SIDED: [&str; 22] = [
+const SIDED: &[&str] = &[
     "head_front",
     "head_back",
     "acromion",
-    "suprasternale",
     "elbow_lateral",
     "elbow_medial",
     "wrist_radial",
@@ -46,7 +45,6 @@ const SIDED: [&str; 22] = [
     "toe",
     "mt1",
     "mt5",
-    "xiphoid",
 ];
 
 fn root() -> PathBuf {
@@ -97,7 +95,12 @@ fn prop_sets_are_sound() {
                     "{}: landmark {landmark}",
                     set.name
                 );
-                assert!(landmarks.insert(landmark), "{}: landmark {landmark} stands twice", set.name);
+                // A point of the midline may be the mean of several markers.
+                assert!(
+                    landmarks.insert(landmark) || MIDLINE.contains(&landmark.as_str()),
+                    "{}: landmark {landmark} stands twice",
+                    set.name
+                );
                 let side = landmark.rsplit('_').next().unwrap();
                 if matches!(side, "l" | "r") && marker.link.contains('_') {
                     assert!(marker.link.ends_with(side), "{}: {landmark} on {}", set.name, marker.link);

@@ -3,8 +3,10 @@
 pub mod dynamics;
 pub mod forces;
 pub mod plant;
+pub mod player;
 pub mod rk4;
 
 pub use dynamics::{Drive, ForwardDynamics};
 pub use forces::{ForceField, Wrench};
-pub use plant::Plant;
+pub use plant::{Body, Plant};
+pub use player::{Player, TrueMotion};

@@ -1,0 +1,259 @@
+//! One frame: damped Gauss-Newton on the manifold of joint coordinates.
+
+use crate::normal::{Moments, Packed};
+use crate::problem::{FEWEST_MARKERS, Problem};
+use crate::tree::{Pose, quaternion};
+use aloft_body::JointKind;
+use nalgebra::Vector3;
+
+/// How a minimisation ended.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Fit {
+    /// ½ Σ w r² plus the soft priors.
+    pub cost: f64,
+    pub iterations: usize,
+    pub converged: bool,
+}
+
+/// Scratch for one sequence of frames. Nothing is allocated after construction.
+#[derive(Debug, Clone)]
+pub(crate) struct Solver<'a> {
+    pub problem: &'a Problem,
+    /// Measured positions of the problem's markers, m; NaN where missing.
+    pub targets: Vec<Vector3<f64>>,
+    /// Markers that are there.
+    pub visible: Vec<usize>,
+    pub pose: Pose,
+    /// Model minus measured, m, of the visible markers at the last evaluation.
+    pub residual: Vec<Vector3<f64>>,
+    moments: Vec<Moments>,
+    normal: Packed,
+    factor: Packed,
+    pub inverse: Packed,
+    step: Vec<f64>,
+    q_try: Vec<f64>,
+}
+
+impl<'a> Solver<'a> {
+    pub fn new(problem: &'a Problem) -> Self {
+        let tree = &problem.tree;
+        let n = problem.markers.len();
+        let packed = Packed::new(tree);
+        Self {
+            problem,
+            targets: vec![Vector3::repeat(f64::NAN); n],
+            visible: Vec::with_capacity(n),
+            pose: tree.pose(),
+            residual: vec![Vector3::zeros(); n],
+            moments: vec![Moments::default(); tree.links.len()],
+            normal: packed.clone(),
+            factor: packed.clone(),
+            inverse: packed,
+            step: vec![0.0; tree.nv],
+            q_try: vec![0.0; tree.nq],
+        }
+    }
+
+    /// Notes which targets are there. False when there are too few to start.
+    pub fn look(&mut self) -> bool {
+        self.visible.clear();
+        for (i, target) in self.targets.iter().enumerate() {
+            if target.x.is_finite() && target.y.is_finite() && target.z.is_finite() {
+                self.visible.push(i);
+            }
+        }
+        self.visible.len() >= FEWEST_MARKERS
+    }
+
+    /// Cost at `q`; leaves poses, residuals and moments behind.
+    pub fn evaluate(&mut self, q: &[f64]) -> f64 {
+        let problem = self.problem;
+        problem.tree.forward(q, &mut self.pose);
+        let reference = self.pose.origin[0];
+        self.moments.fill(Moments::default());
+        let mut cost = 0.0;
+        for &i in &self.visible {
+            let marker = &problem.markers[i];
+            let point = self.pose.origin[marker.link] + self.pose.rotation[marker.link] * marker.position;
+            let residual = point - self.targets[i];
+            let squared = residual.norm_squared();
+            let mut weight = marker.weight;
+            if squared > problem.huber * problem.huber {
+                let distance = squared.sqrt();
+                cost += weight * problem.huber * (distance - 0.5 * problem.huber);
+                weight *= problem.huber / distance;
+            } else {
+                cost += 0.5 * weight * squared;
+            }
+            self.residual[i] = residual;
+            self.moments[marker.link].add_point(&(point - reference), weight, &residual);
+        }
+        cost + self.prior_cost(q)
+    }
+
+    fn prior_cost(&self, q: &[f64]) -> f64 {
+        let problem = self.problem;
+        let mut cost = 0.0;
+        for link in &problem.tree.links {
+            let at = link.q_offset;
+            match link.kind {
+                JointKind::Spherical => {
+                    let dot: f64 = (at..at + 4).map(|i| q[i] * problem.rest_q[i]).sum();
+                    cost += 2.0 * problem.rest_weight * (1.0 - dot * dot);
+                }
+                JointKind::Revolute(_) | JointKind::Prismatic(_) => {
+                    cost += 0.5 * problem.rest_weight * (q[at] - problem.rest_q[at]).powi(2);
+                }
+                JointKind::Free | JointKind::Fixed => {}
+            }
+        }
+        for hinge in &problem.hinges {
+            let excess = self.limit_excess(hinge.flexion(q[hinge.q_index]));
+            cost += 0.5 * problem.limit_weight * excess * excess;
+        }
+        cost
+    }
+
+    /// How far a flexion lies outside the soft limits, signed, rad.
+    fn limit_excess(&self, flexion: f64) -> f64 {
+        if flexion < -self.problem.overextension {
+            flexion + self.problem.overextension
+        } else if flexion > self.problem.flexion_limit {
+            flexion - self.problem.flexion_limit
+        } else {
+            0.0
+        }
+    }
+
+    /// Normal equations at the last evaluated `q`.
+    fn linearise(&mut self, q: &[f64]) {
+        let problem = self.problem;
+        let tree = &problem.tree;
+        tree.columns(&mut self.pose);
+        self.normal.assemble(tree, &self.pose, &mut self.moments);
+        for link in &tree.links {
+            let (iq, iv) = (link.q_offset, link.v_offset);
+            match link.kind {
+                JointKind::Spherical => {
+                    let turn = quaternion(&problem.rest_q[iq..iq + 4]).inverse() * quaternion(&q[iq..iq + 4]);
+                    let pull = turn.imag() * (2.0 * turn.w * problem.rest_weight);
+                    for i in 0..3 {
+                        self.normal.gradient[iv + i] += pull[i];
+                        let at = self.normal.diagonal(tree, iv + i);
+                        self.normal.values[at] += problem.rest_weight;
+                    }
+                }
+                JointKind::Revolute(_) | JointKind::Prismatic(_) => {
+                    self.normal.gradient[iv] += problem.rest_weight * (q[iq] - problem.rest_q[iq]);
+                    let at = self.normal.diagonal(tree, iv);
+                    self.normal.values[at] += problem.rest_weight;
+                }
+                JointKind::Free | JointKind::Fixed => {}
+            }
+        }
+        for hinge in &problem.hinges {
+            let excess = self.limit_excess(hinge.flexion(q[hinge.q_index]));
+            if excess != 0.0 {
+                self.normal.gradient[hinge.v_index] += problem.limit_weight * excess * hinge.sense;
+                let at = self.normal.diagonal(tree, hinge.v_index);
+                self.normal.values[at] += problem.limit_weight;
+            }
+        }
+        if problem.any_locked {
+            self.normal.lock(tree, &problem.locked);
+        }
+    }
+
+    /// Minimises from `q` in place. Afterwards poses and residuals belong to the result.
+    pub fn minimise(&mut self, q: &mut [f64]) -> Fit {
+        let problem = self.problem;
+        let tree = &problem.tree;
+        let mut cost = self.evaluate(q);
+        let mut damping = 0.0;
+        let mut fit = Fit { cost, iterations: 0, converged: false };
+        while fit.iterations < problem.max_iterations {
+            self.linearise(q);
+            let accepted = loop {
+                if damping > 1e9 {
+                    break None;
+                }
+                if !self.factor.factorise(tree, &self.normal, damping) {
+                    damping = f64::max(1e-6, 10.0 * damping);
+                    continue;
+                }
+                for (step, gradient) in self.step.iter_mut().zip(&self.normal.gradient) {
+                    *step = -gradient;
+                }
+                self.factor.solve(tree, &mut self.step);
+                let gain: f64 = -self.step.iter().zip(&self.normal.gradient).map(|(s, g)| s * g).sum::<f64>();
+                let longest = self.step.iter().fold(0.0, |m: f64, s| m.max(s.abs()));
+                if longest > 1.0 && cost.is_finite() && fit.iterations > 0 {
+                    self.step.iter_mut().for_each(|s| *s /= longest);
+                }
+                tree.retract(q, &self.step, &mut self.q_try);
+                let q_try = std::mem::take(&mut self.q_try);
+                let cost_try = self.evaluate(&q_try);
+                self.q_try = q_try;
+                fit.iterations += 1;
+                if cost_try <= cost + 1e-12 * cost + 1e-12 {
+                    break Some((cost_try, gain));
+                }
+                if fit.iterations >= problem.max_iterations {
+                    break None;
+                }
+                damping = f64::max(1e-3, 10.0 * damping);
+            };
+            let Some((cost_new, gain)) = accepted else {
+                cost = self.evaluate(q);
+                break;
+            };
+            q.copy_from_slice(&self.q_try);
+            cost = cost_new;
+            if gain < problem.tolerance {
+                fit.converged = true;
+                break;
+            }
+            damping = if damping < 1e-6 { 0.0 } else { 0.1 * damping };
+        }
+        fit.cost = cost;
+        fit
+    }
+
+    /// Covariance at `q` for markers of their nominal variance, into [`Solver::inverse`]. False when a coordinate is free.
+    pub fn covariance(&mut self, q: &[f64]) -> bool {
+        self.linearise(q);
+        if !self.factor.factorise(&self.problem.tree, &self.normal, 0.0) {
+            return false;
+        }
+        self.inverse.invert(&self.problem.tree, &self.factor);
+        true
+    }
+
+    /// Variance of one coordinate from [`Solver::covariance`].
+    pub fn variance(&self, column: usize) -> f64 {
+        self.inverse.values[self.inverse.diagonal(&self.problem.tree, column)]
+    }
+
+    /// Factor of the residuals' variance over the nominal one, by degrees of freedom. Needs [`Solver::covariance`].
+    pub fn variance_factor(&self) -> f64 {
+        let problem = self.problem;
+        let chi2: f64 = self.visible.iter().map(|&i| problem.markers[i].weight * self.residual[i].norm_squared()).sum();
+        let mut spent = 0.0;
+        for (column, locked) in problem.locked.iter().enumerate() {
+            let prior = match problem.tree.links[problem.tree.column_link[column]].kind {
+                JointKind::Free | JointKind::Fixed => 0.0,
+                _ => problem.rest_weight,
+            };
+            if !locked {
+                spent += 1.0 - (prior * self.variance(column)).min(1.0);
+            }
+        }
+        chi2 / f64::max(1.0, 3.0 * self.visible.len() as f64 - spent)
+    }
+
+    /// Root mean square of the visible residuals, m.
+    pub fn rms(&self) -> f64 {
+        let sum: f64 = self.visible.iter().map(|&i| self.residual[i].norm_squared()).sum();
+        (sum / self.visible.len() as f64).sqrt()
+    }
+}

@@ -1,0 +1,104 @@
+//! `check`: configuration, labels and files; changes nothing.
+
+use crate::error::PipelineError;
+use crate::stages::import::{abridged, read_recording};
+use crate::study::{Role, Study};
+use aloft_trial::{QualityOptions, Severity, apply_marker_set, assess};
+use rayon::prelude::*;
+use serde::Serialize;
+
+/// What was found.
+#[derive(Debug, Clone, Serialize)]
+pub struct Check {
+    /// One row a recording.
+    pub trials: Vec<CheckRow>,
+    /// About the study as a whole.
+    pub remarks: Vec<String>,
+}
+
+/// One recording.
+#[derive(Debug, Clone, Serialize)]
+pub struct CheckRow {
+    /// Trial.
+    pub name: String,
+    /// Its part, or `excluded`.
+    pub role: String,
+    /// Frames.
+    pub frames: Option<usize>,
+    /// Rate, Hz.
+    pub rate_hz: Option<f64>,
+    /// Markers of the set that were found, of all.
+    pub markers: String,
+    /// Plates.
+    pub plates: Option<usize>,
+    /// True when the recording cannot be used.
+    pub broken: bool,
+    /// In words.
+    pub remarks: Vec<String>,
+}
+
+/// Reads every recording and says what is missing.
+pub fn check(study: &Study) -> Result<Check, PipelineError> {
+    let trials: Vec<CheckRow> = study
+        .trials
+        .par_iter()
+        .map(|entry| {
+            let mut row = CheckRow {
+                name: entry.name.clone(),
+                role: entry.role.word().to_owned(),
+                frames: None,
+                rate_hz: None,
+                markers: String::new(),
+                plates: None,
+                broken: false,
+                remarks: Vec::new(),
+            };
+            if let Some(reason) = &entry.excluded {
+                row.role = "excluded".to_owned();
+                row.remarks.push(format!("excluded: {reason}"));
+                return row;
+            }
+            let mut trial = match read_recording(study, entry) {
+                Ok(trial) => trial,
+                Err(failure) => {
+                    row.broken = true;
+                    row.remarks.push(failure.problem);
+                    return row;
+                }
+            };
+            let matched = apply_marker_set(&mut trial, &study.marker_set, &study.config.import.aliases);
+            let quality = assess(&trial, Some(&matched), &[], &[], &QualityOptions::default());
+            row.frames = Some(trial.markers.n_frames);
+            row.rate_hz = Some(trial.markers.rate_hz);
+            row.markers = format!("{}/{}", matched.present.len(), matched.present.len() + matched.missing.len());
+            row.plates = Some(trial.plates.len());
+            row.broken = matched.present.is_empty() || quality.reasons.iter().any(|r| r.severity() == Severity::Unusable);
+            row.remarks.extend(trial.warnings.iter().cloned());
+            row.remarks.extend(quality.reasons.iter().filter(|r| r.severity() != Severity::Note).map(ToString::to_string));
+            if !matched.unknown.is_empty() {
+                row.remarks.push(format!("labels that the set does not know: {}", abridged(&matched.unknown)));
+            }
+            row
+        })
+        .collect();
+    let mut remarks = Vec::new();
+    let count = |role: Role| study.included().filter(|t| t.role == role).count();
+    if count(Role::Static) == 0 && study.config.trials.static_frames.is_none() {
+        remarks.push("no static trial: name frames of a dynamic trial under `trials: {static_frames: …}`".to_owned());
+    }
+    if count(Role::Identify) == 0 {
+        remarks.push("no trial to identify from: see `trials: {identify: …}`".to_owned());
+    }
+    if study.object.is_none() {
+        if study.facts.person.sex.is_none() {
+            remarks.push("the subject's sex is not known: the mean of both sexes' tables is used".to_owned());
+        }
+        if study.facts.person.height_m.is_none() {
+            remarks.push("the subject's stature is not known: segment lengths come from the markers alone".to_owned());
+        }
+    }
+    for t in study.included().filter(|t| t.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("trc")) && t.forces.is_none()) {
+        remarks.push(format!("{}: no force file beside it; see `trials: {{forces: …}}`", t.name));
+    }
+    Ok(Check { trials, remarks })
+}

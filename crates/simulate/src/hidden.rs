@@ -1,0 +1,198 @@
+//! What a scenario may hide from the laboratory: forces that no model knows of, and faults of the instruments.
+//!
+//! The laws of the forces are evaluated in [`crate::physics::forces`], written apart from any estimator, so that a
+//! recovery of their coefficients proves something.
+
+use serde::{Deserialize, Serialize};
+
+fn air() -> f64 {
+    1.2
+}
+fn origin() -> [f64; 3] {
+    [0.0; 3]
+}
+fn yes() -> bool {
+    true
+}
+
+/// One hidden effect. Points are in the named link's frame (m), world vectors in the capture frame (Z up).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "effect", rename_all = "snake_case", deny_unknown_fields)]
+#[allow(missing_docs, reason = "fields of the variants are documented on the variant")]
+pub enum Hidden {
+    /// Air resistance `−½ ρ C_dA_i |u| u` at each link's centre of mass, `u` relative to still air; `drag_area_m2` (Σ C_dA)
+    /// is spread over the links by their size.
+    QuadraticDrag {
+        drag_area_m2: f64,
+        #[serde(default = "air")]
+        air_density_kgpm3: f64,
+    },
+    /// `−c_i u` at each link's centre of mass; `coefficient_nspm` (Σ c, N·s/m) spread over the links by their size.
+    LinearDrag { coefficient_nspm: f64 },
+    /// `−c ω_i` on each link, N·m·s/rad.
+    RotationalDrag { coefficient_nmsprad: f64 },
+    /// Quadratic drag in air that moves with `velocity_mps`.
+    Wind {
+        velocity_mps: [f64; 3],
+        drag_area_m2: f64,
+        #[serde(default = "air")]
+        air_density_kgpm3: f64,
+    },
+    /// A force constant in the world at a point of a link.
+    ConstantForce {
+        link: String,
+        #[serde(default = "origin")]
+        point_m: [f64; 3],
+        force_n: [f64; 3],
+    },
+    /// Gravity leans from the capture frame's vertical by these angles about x and y (the wand was not level).
+    GravityTilt { about_x_deg: f64, about_y_deg: f64 },
+    /// Gravity is `factor` times what the laboratory states.
+    GravityScale { factor: f64 },
+    /// The cameras' true rate; the files state the nominal one.
+    TimeBase { true_rate_hz: f64 },
+    /// Every length is `factor` times too long in the files (the wand was shorter than thought).
+    LengthScale { factor: f64 },
+    /// An elastic line from a point of a link to an anchor: `k (d − l₀) + c ḋ` towards the anchor, and nothing when slack.
+    Tether {
+        link: String,
+        #[serde(default = "origin")]
+        point_m: [f64; 3],
+        anchor_m: [f64; 3],
+        rest_length_m: f64,
+        stiffness_npm: f64,
+        #[serde(default)]
+        damping_nspm: f64,
+    },
+    /// A line of constant tension from a point of a link over a pulley at `pulley_m` (body-weight support).
+    Crane {
+        link: String,
+        #[serde(default = "origin")]
+        point_m: [f64; 3],
+        pulley_m: [f64; 3],
+        tension_n: f64,
+    },
+    /// A wheel in a link with constant spin momentum (link axes, N·m·s).
+    Flywheel { link: String, momentum_nms: [f64; 3] },
+    /// A wheel whose spin changes: momentum along `axis` is `mean_nms + swing_nms · sin(2π frequency_hz t)`.
+    Rotor { link: String, axis: [f64; 3], mean_nms: f64, swing_nms: f64, frequency_hz: f64 },
+    /// Something carried on a link in some trials only (`trials`: names or prefixes; all when empty).
+    Payload {
+        link: String,
+        #[serde(default = "origin")]
+        point_m: [f64; 3],
+        mass_kg: f64,
+        #[serde(default)]
+        trials: Vec<String>,
+    },
+    /// A part of a link's own mass hangs on springs: `mass_kg` at `point_m`, natural frequency and damping ratio.
+    WobblingMass { link: String, point_m: [f64; 3], mass_kg: f64, frequency_hz: f64, damping_ratio: f64 },
+    /// Inertia without weight at a point of a link (air or water that is carried along): `−m_a · acceleration`.
+    AddedMass {
+        link: String,
+        #[serde(default = "origin")]
+        point_m: [f64; 3],
+        mass_kg: f64,
+    },
+    /// A force fixed in a link, on for `on_s` of every `period_s` (always on where `period_s` is zero).
+    Thrust {
+        link: String,
+        #[serde(default = "origin")]
+        point_m: [f64; 3],
+        force_n: [f64; 3],
+        #[serde(default)]
+        period_s: f64,
+        #[serde(default)]
+        on_s: f64,
+    },
+    /// The plates' samples come `offset_s` later than the cameras' (negative: earlier).
+    PlateTimeOffset { offset_s: f64 },
+    /// The plates' clock runs fast by `rate_ppm`; recordings start `spacing_s` apart in a session that began synchronous.
+    ClockDrift {
+        rate_ppm: f64,
+        #[serde(default)]
+        spacing_s: f64,
+    },
+    /// Plate `plate` (1-based) reads this when unloaded, plate axes.
+    PlateTare { plate: usize, force_n: [f64; 3], moment_nm: [f64; 3] },
+    /// Plate `plate` truly lies `shift_m` (world) from where the file says.
+    PlateOrigin { plate: usize, shift_m: [f64; 3] },
+    /// Plate `plate` is truly turned by this rotation vector (world, degrees) about its centre.
+    PlateRotation { plate: usize, turn_deg: [f64; 3] },
+    /// Plate `plate` multiplies its six channels.
+    PlateGain { plate: usize, gain: [f64; 6] },
+    /// More soft-tissue movement on one link: markers shift by about `amplitude_m` for a turn of half a radian in its joint.
+    SoftTissue {
+        link: String,
+        amplitude_m: f64,
+        #[serde(default = "yes")]
+        along_bone: bool,
+    },
+    /// The reconstruction is bent: markers shift quadratically with their distance from the middle of the volume,
+    /// by `amplitude_m` at 1 m.
+    CameraWarp { amplitude_m: f64 },
+    /// The scale reads `error_kg` too much.
+    BodyMass { error_kg: f64 },
+}
+
+impl Hidden {
+    /// Name as written in YAML.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::QuadraticDrag { .. } => "quadratic_drag",
+            Self::LinearDrag { .. } => "linear_drag",
+            Self::RotationalDrag { .. } => "rotational_drag",
+            Self::Wind { .. } => "wind",
+            Self::ConstantForce { .. } => "constant_force",
+            Self::GravityTilt { .. } => "gravity_tilt",
+            Self::GravityScale { .. } => "gravity_scale",
+            Self::TimeBase { .. } => "time_base",
+            Self::LengthScale { .. } => "length_scale",
+            Self::Tether { .. } => "tether",
+            Self::Crane { .. } => "crane",
+            Self::Flywheel { .. } => "flywheel",
+            Self::Rotor { .. } => "rotor",
+            Self::Payload { .. } => "payload",
+            Self::WobblingMass { .. } => "wobbling_mass",
+            Self::AddedMass { .. } => "added_mass",
+            Self::Thrust { .. } => "thrust",
+            Self::PlateTimeOffset { .. } => "plate_time_offset",
+            Self::ClockDrift { .. } => "clock_drift",
+            Self::PlateTare { .. } => "plate_tare",
+            Self::PlateOrigin { .. } => "plate_origin",
+            Self::PlateRotation { .. } => "plate_rotation",
+            Self::PlateGain { .. } => "plate_gain",
+            Self::SoftTissue { .. } => "soft_tissue",
+            Self::CameraWarp { .. } => "camera_warp",
+            Self::BodyMass { .. } => "body_mass",
+        }
+    }
+
+    /// The link that the effect acts on, where it names one.
+    pub fn link(&self) -> Option<&str> {
+        match self {
+            Self::ConstantForce { link, .. }
+            | Self::Tether { link, .. }
+            | Self::Crane { link, .. }
+            | Self::Flywheel { link, .. }
+            | Self::Rotor { link, .. }
+            | Self::Payload { link, .. }
+            | Self::WobblingMass { link, .. }
+            | Self::AddedMass { link, .. }
+            | Self::Thrust { link, .. }
+            | Self::SoftTissue { link, .. } => Some(link),
+            _ => None,
+        }
+    }
+
+    /// The plate that the fault is in, 1-based.
+    pub fn plate(&self) -> Option<usize> {
+        match self {
+            Self::PlateTare { plate, .. }
+            | Self::PlateOrigin { plate, .. }
+            | Self::PlateRotation { plate, .. }
+            | Self::PlateGain { plate, .. } => Some(*plate),
+            _ => None,
+        }
+    }
+}

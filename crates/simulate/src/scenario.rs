@@ -1,0 +1,268 @@
+//! A scenario: who or what is recorded, doing what, by which instruments, with what hidden. Plain data; the pipeline
+//! reads it from YAML.
+
+use crate::error::SimulateError;
+use crate::hidden::Hidden;
+use aloft_body::{ModelSpec, Sex};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A whole laboratory session to be simulated.
+///
+/// Everything drawn at random follows from `seed`: the same scenario gives the same bytes. Scenarios that differ in
+/// `hidden` alone share body, choreography and noise, so a scenario and its [`Scenario::twin`] can be compared one to one.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scenario {
+    /// Name, also of the subject or object in the files.
+    pub name: String,
+    /// Seed of every random draw.
+    #[serde(default)]
+    pub seed: u64,
+    /// Who or what is recorded, and what it does.
+    pub body: BodySpec,
+    /// The instruments.
+    #[serde(default)]
+    pub capture: CaptureSpec,
+    /// What the laboratory does not know.
+    #[serde(default)]
+    pub hidden: Vec<Hidden>,
+    /// Write the true motion of every trial as `truth/truth_<trial>.npz`.
+    #[serde(default)]
+    pub trajectories: bool,
+}
+
+impl Scenario {
+    /// The same session with nothing hidden.
+    pub fn twin(&self) -> Self {
+        Self { name: format!("{}_twin", self.name), hidden: Vec::new(), ..self.clone() }
+    }
+
+    pub(crate) fn value_error(&self, field: &str, found: impl ToString, expected: &str) -> SimulateError {
+        SimulateError::Value {
+            scenario: self.name.clone(),
+            field: field.to_owned(),
+            found: found.to_string(),
+            expected: expected.to_owned(),
+        }
+    }
+
+    pub(crate) fn expect(
+        &self,
+        field: &str,
+        value: f64,
+        range: std::ops::RangeInclusive<f64>,
+        expected: &str,
+    ) -> Result<(), SimulateError> {
+        if range.contains(&value) { Ok(()) } else { Err(self.value_error(field, value, expected)) }
+    }
+}
+
+/// Who or what is recorded.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum BodySpec {
+    /// Two links with one passive hinge, thrown and caught.
+    Chain(ChainLab),
+    /// A person of 15 links who jumps and moves on two force plates.
+    Human(HumanLab),
+    /// Any model, thrown and caught like the chain.
+    Custom(CustomLab),
+}
+
+/// The chain and its session.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ChainLab {
+    /// The object.
+    pub object: ChainSpec,
+    /// The throws.
+    pub throws: ThrowProtocol,
+}
+
+/// A two-link chain. Its shape follows the seed around a bar of 235 mm with an arm of 205 mm.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ChainSpec {
+    /// Mass of both links, kg.
+    pub mass_kg: f64,
+    /// How much the individual differs from the design (0: not at all; 1: by some per cent).
+    pub variation: f64,
+    /// Viscous friction of the hinge, N·m·s/rad.
+    pub hinge_damping_nmsprad: f64,
+    /// Dry friction of the hinge, N·m.
+    pub hinge_friction_nm: f64,
+}
+
+impl Default for ChainSpec {
+    fn default() -> Self {
+        Self { mass_kg: 0.997, variation: 1.0, hinge_damping_nmsprad: 1.5e-4, hinge_friction_nm: 6e-4 }
+    }
+}
+
+/// Any other object: a model with inertias, markers on it, and passive joints.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CustomLab {
+    /// The model; every link needs its inertia.
+    pub model: ModelSpec,
+    /// Markers: label → link and place in its frame.
+    pub markers: BTreeMap<String, MarkerSpec>,
+    /// Viscous friction of every joint, N·m·s/rad (N·s/m).
+    #[serde(default)]
+    pub joint_damping: f64,
+    /// Dry friction of every joint, N·m (N).
+    #[serde(default)]
+    pub joint_friction: f64,
+    /// The throws.
+    #[serde(default)]
+    pub throws: ThrowProtocol,
+}
+
+/// Where a marker sits.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MarkerSpec {
+    /// Link that carries it.
+    pub link: String,
+    /// Place in the link frame, m.
+    pub position_m: [f64; 3],
+}
+
+/// How an object is thrown.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ThrowProtocol {
+    /// Recordings `throws_01`, `throws_02` …
+    pub recordings: usize,
+    /// Throws in each.
+    pub throws: usize,
+    /// Shortest and longest flight, s.
+    pub flight_s: [f64; 2],
+    /// Slowest and fastest tumbling at release, rad/s.
+    pub spin_radps: [f64; 2],
+    /// Fastest joint rate at release, rad/s.
+    pub joint_rate_radps: f64,
+    /// Seconds between throws (caught, carried, taken up again).
+    pub carry_s: [f64; 2],
+}
+
+impl Default for ThrowProtocol {
+    fn default() -> Self {
+        Self {
+            recordings: 5,
+            throws: 6,
+            flight_s: [0.6, 0.8],
+            spin_radps: [2.0, 9.0],
+            joint_rate_radps: 9.0,
+            carry_s: [1.7, 2.3],
+        }
+    }
+}
+
+/// A person and the session.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HumanLab {
+    /// The person.
+    pub person: PersonSpec,
+    /// What is done.
+    #[serde(default)]
+    pub protocol: JumpProtocol,
+}
+
+/// A person. Geometry and masses follow sex and stature, and differ individually by the seed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PersonSpec {
+    /// Sex.
+    pub sex: Sex,
+    /// Stature, m.
+    pub height_m: f64,
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// How much the individual differs from the tables (0: not at all, 1: as people do).
+    #[serde(default = "one")]
+    pub variation: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// What a person does.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct JumpProtocol {
+    /// Trials `jump01`, `jump02` …
+    pub jumps: usize,
+    /// Fewest and most flights in a jump trial.
+    pub flights: [usize; 2],
+    /// Shortest and longest flight, s.
+    pub flight_s: [f64; 2],
+    /// Trials `exercise01` … with both feet on the plates.
+    pub exercises: usize,
+    /// Length of an exercise, s.
+    pub exercise_s: f64,
+    /// Length of the static trial, s.
+    pub static_s: f64,
+    /// How strongly arms, legs and trunk move in the air: 1 is vigorous, 0.3 a plain jump.
+    pub vigour: f64,
+    /// Force plates under the feet.
+    pub plates: bool,
+}
+
+impl Default for JumpProtocol {
+    fn default() -> Self {
+        Self {
+            jumps: 8,
+            flights: [2, 3],
+            flight_s: [0.47, 0.6],
+            exercises: 2,
+            exercise_s: 5.2,
+            static_s: 2.0,
+            vigour: 1.0,
+            plates: true,
+        }
+    }
+}
+
+/// The instruments.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CaptureSpec {
+    /// Camera rate, Hz.
+    pub point_rate_hz: f64,
+    /// Plate samples per camera frame.
+    pub analog_per_frame: usize,
+    /// White noise of a marker, each axis, m.
+    pub marker_noise_m: f64,
+    /// Soft-tissue artefact of a person's markers, root mean square, m (smooth function of joint angles).
+    pub soft_tissue_m: f64,
+    /// Fraction of marker frames lost in gaps.
+    pub gap_fraction: f64,
+    /// Shortest and longest gap, frames.
+    pub gap_frames: [usize; 2],
+    /// White noise of a plate's force channels, N (moments: 0.3 of it in N·m).
+    pub plate_noise_n: f64,
+    /// Slow drift of a plate's force channels over a trial, N.
+    pub plate_drift_n: f64,
+    /// Magnitude of gravity that the laboratory states, m/s².
+    pub gravity_mps2: f64,
+}
+
+impl Default for CaptureSpec {
+    fn default() -> Self {
+        Self {
+            point_rate_hz: 200.0,
+            analog_per_frame: 5,
+            marker_noise_m: 0.3e-3,
+            soft_tissue_m: 3e-3,
+            gap_fraction: 2e-3,
+            gap_frames: [5, 40],
+            plate_noise_n: 1.0,
+            plate_drift_n: 0.8,
+            gravity_mps2: 9.81,
+        }
+    }
+}

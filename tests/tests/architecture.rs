@@ -1,0 +1,84 @@
+//! Dependencies point one way, as ARCHITECTURE.md says; every crate has its caption there.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Crates from bottom to top: each may use only those above it in this list.
+const ORDER: [&str; 17] = [
+    "c3d", "body", "signal", "trial", "scale", "ik", "flight", "effects", "regressor", "identify", "compare", "discover",
+    "simulate", "export", "report", "pipeline", "cli",
+];
+
+fn workspace() -> cargo_metadata::Metadata {
+    cargo_metadata::MetadataCommand::new()
+        .manifest_path(Path::new(env!("CARGO_MANIFEST_DIR")).join("../Cargo.toml"))
+        .no_deps()
+        .exec()
+        .unwrap()
+}
+
+fn dependencies() -> BTreeMap<String, Vec<(String, bool)>> {
+    workspace()
+        .packages
+        .iter()
+        .map(|p| {
+            let uses = p
+                .dependencies
+                .iter()
+                .map(|d| (d.name.clone(), d.kind == cargo_metadata::DependencyKind::Development))
+                .collect();
+            (p.name.to_string(), uses)
+        })
+        .collect()
+}
+
+#[test]
+fn prop_dependencies_point_one_way() {
+    let all = dependencies();
+    for (name, uses) in &all {
+        let Some(own) = name.strip_prefix("aloft-") else { continue };
+        let Some(place) = ORDER.iter().position(|o| *o == own) else { continue };
+        for (used, for_tests) in uses {
+            let Some(other) = used.strip_prefix("aloft-") else { continue };
+            let at = ORDER.iter().position(|o| *o == other).unwrap_or_else(|| panic!("{used} is not in the order"));
+            assert!(*for_tests || at < place, "{own} must not use {other}");
+        }
+    }
+    for crate_name in ORDER {
+        assert!(all.contains_key(&format!("aloft-{crate_name}")), "no crate {crate_name}");
+    }
+}
+
+#[test]
+fn prop_bottom_crates_know_nothing_of_the_others() {
+    let all = dependencies();
+    for bottom in ["c3d", "body", "signal"] {
+        let own: Vec<_> = all[&format!("aloft-{bottom}")].iter().filter(|(d, t)| !t && d.starts_with("aloft-")).collect();
+        assert!(own.is_empty(), "{bottom} uses {own:?}");
+    }
+}
+
+#[test]
+fn prop_science_reads_no_yaml_and_knows_no_terminal() {
+    let all = dependencies();
+    for (name, uses) in &all {
+        let own = name.trim_start_matches("aloft-");
+        for (used, for_tests) in uses {
+            if *for_tests {
+                continue;
+            }
+            let yaml = ["serde_norway", "serde_yaml", "polars"].contains(&used.as_str());
+            assert!(!yaml || ["pipeline", "export", "cli", "tests"].contains(&own), "{own} must not use {used}");
+            let terminal = ["clap", "indicatif", "comfy-table"].contains(&used.as_str());
+            assert!(!terminal || own == "cli", "{own} must not use {used}");
+        }
+    }
+}
+
+#[test]
+fn prop_every_crate_has_its_caption() {
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../ARCHITECTURE.md")).unwrap();
+    for crate_name in ORDER {
+        assert!(text.contains(&format!("| `{crate_name}` |")), "ARCHITECTURE.md has no caption for {crate_name}");
+    }
+}
