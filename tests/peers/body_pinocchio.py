@@ -140,6 +140,7 @@ def case(name, links, n_frames):
 
 
 def tree():
+    # Branches one after the other: Pinocchio's composite-rigid-body algorithm needs each subtree in one piece.
     return [
         random_link("root", None, "free", place=False),
         random_link("ball", "root", "spherical"),
@@ -147,10 +148,10 @@ def tree():
         random_link("hinge", "slider", "revolute", RNG.normal(size=3)),
         random_link("bolt", "hinge", "fixed"),
         random_link("ball2", "bolt", "spherical"),
-        random_link("hinge_x", "root", "revolute", [1, 0, 0]),
-        random_link("hinge_y", "hinge_x", "revolute", [0, 1, 0]),
         random_link("slider_z", "ball", "prismatic", [0, 0, 1]),
         random_link("hinge_z", "slider_z", "revolute", [0, 0, 1]),
+        random_link("hinge_x", "root", "revolute", [1, 0, 0]),
+        random_link("hinge_y", "hinge_x", "revolute", [0, 1, 0]),
     ]
 
 

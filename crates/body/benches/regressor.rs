@@ -1,4 +1,5 @@
 //! Kinematics and rows of the 34-DOF human, one frame at a time on one core.
+#![allow(clippy::expect_used)] // a bench may stop
 #![allow(missing_docs)] // criterion's macros make public items
 
 use aloft_body::{BaseParameters, LinkInertia, Model, ModelSpec, Phi, State};

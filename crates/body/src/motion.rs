@@ -30,7 +30,7 @@ pub struct Motion {
 impl Motion {
     /// Number of frames.
     pub fn n_frames(&self) -> usize {
-        if self.nq == 0 { 0 } else { self.q.len() / self.nq }
+        self.q.len().checked_div(self.nq).unwrap_or(0)
     }
     /// Coordinates of a frame.
     pub fn q(&self, frame: usize) -> &[f64] {

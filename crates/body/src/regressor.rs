@@ -4,11 +4,12 @@
 //! axes) a block depends on this link alone, so the tree needs no backward pass.
 
 use crate::base_parameters::KeptColumns;
+use crate::rotation::{columns, times, transposed_times};
 use crate::state::{angular, linear};
 use crate::{BaseParameters, Model, State};
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::{DMatrix, Vector3};
 
-/// Columns of `R [I-part]` for `I a` with `a` in link axes: the six inertia columns of φ order, as 3-vectors in link axes.
+/// Columns of `I a` in the order of φ's inertia elements, in the axes of `a`.
 fn inertia_columns(a: &Vector3<f64>) -> [Vector3<f64>; 6] {
     [
         Vector3::new(a.x, 0.0, 0.0),
@@ -20,7 +21,7 @@ fn inertia_columns(a: &Vector3<f64>) -> [Vector3<f64>; 6] {
     ]
 }
 
-fn put(out: &mut [f64], column: usize, upper: &Vector3<f64>, lower: &Vector3<f64>) {
+fn put(out: &mut [f64; 60], column: usize, upper: &Vector3<f64>, lower: &Vector3<f64>) {
     let c = &mut out[6 * column..6 * column + 6];
     c[..3].copy_from_slice(upper.as_slice());
     c[3..].copy_from_slice(lower.as_slice());
@@ -29,62 +30,62 @@ fn put(out: &mut [f64], column: usize, upper: &Vector3<f64>, lower: &Vector3<f64
 impl State {
     /// The ten columns of one link of the base-wrench regressor: acceleration of its origin less gravity `a`, the matrix
     /// `[ω̇]× + [ω]×²` applied to first moments, and the inertia columns.
-    fn wrench_block(&self, model: &Model, i: usize, out: &mut [f64]) {
-        let root = &self.rotation[0];
-        let root_from_link = root.tr_mul(&self.rotation[i]);
-        let origin =
-            root.tr_mul(&(self.world_from_link[i].translation.vector - self.world_from_link[0].translation.vector));
+    fn wrench_block(&self, model: &Model, i: usize, out: &mut [f64; 60]) {
+        let (root, r) = (&self.rotation[0], &self.rotation[i]);
+        let e = columns(r).map(|column| transposed_times(root, &column));
+        let to_root = |v: &Vector3<f64>| e[0] * v.x + e[1] * v.y + e[2] * v.z;
+        let arm = self.world_from_link[i].translation.vector - self.world_from_link[0].translation.vector;
+        let origin = transposed_times(root, &arm);
         let (lin, w) = (linear(&self.velocity[i]), angular(&self.velocity[i]));
         let (a_lin, dw) = (linear(&self.acceleration[i]), angular(&self.acceleration[i]));
         // All in link axes first.
-        let a = a_lin + w.cross(&lin) - self.rotation[i].tr_mul(&model.gravity_mps2);
-        let a_root = root_from_link * a;
+        let a = a_lin + w.cross(&lin) - transposed_times(r, &model.gravity_mps2);
+        let a_root = to_root(&a);
         put(out, 0, &a_root, &origin.cross(&a_root));
         let (xx, yy, zz) = (w.x * w.x, w.y * w.y, w.z * w.z);
         let (xy, yz, zx) = (w.x * w.y, w.y * w.z, w.z * w.x);
-        let spin = Matrix3::new(
-            -yy - zz,
-            xy - dw.z,
-            zx + dw.y,
-            xy + dw.z,
-            -xx - zz,
-            yz - dw.x,
-            zx - dw.y,
-            yz + dw.x,
-            -xx - yy,
-        );
-        let spin_root = root_from_link * spin;
+        // Columns of [ω̇]× + [ω]×²
+        let spin = [
+            Vector3::new(-yy - zz, xy + dw.z, zx - dw.y),
+            Vector3::new(xy - dw.z, -xx - zz, yz + dw.x),
+            Vector3::new(zx + dw.y, yz - dw.x, -xx - yy),
+        ];
         for k in 0..3 {
-            let force: Vector3<f64> = spin_root.column(k).into_owned();
-            let e: Vector3<f64> = root_from_link.column(k).into_owned();
-            put(out, 1 + k, &force, &(origin.cross(&force) - a_root.cross(&e)));
+            let force = to_root(&spin[k]);
+            put(out, 1 + k, &force, &(origin.cross(&force) - a_root.cross(&e[k])));
         }
         // I ω̇ + ω × (I ω)
-        let columns = inertia_columns(&dw);
-        let momenta = inertia_columns(&w);
-        for k in 0..6 {
-            put(out, 4 + k, &Vector3::zeros(), &(root_from_link * (columns[k] + w.cross(&momenta[k]))));
+        let inertial = [
+            Vector3::new(dw.x, zx, -xy),
+            Vector3::new(-yz, dw.y, xy),
+            Vector3::new(yz, -zx, dw.z),
+            Vector3::new(yy - zz, dw.z - xy, dw.y + zx),
+            Vector3::new(dw.z + xy, zz - xx, dw.x - yz),
+            Vector3::new(dw.y - zx, dw.x + yz, xx - yy),
+        ];
+        for (k, column) in inertial.iter().enumerate() {
+            put(out, 4 + k, &Vector3::zeros(), &to_root(column));
         }
     }
 
-    fn momentum_block(&self, i: usize, origin_in_world: &Vector3<f64>, out: &mut [f64]) {
+    fn momentum_block(&self, i: usize, origin_in_world: &Vector3<f64>, out: &mut [f64; 60]) {
         let r = &self.rotation[i];
         let arm = self.world_from_link[i].translation.vector - origin_in_world;
-        let v = r * linear(&self.velocity[i]);
+        let v = times(r, &linear(&self.velocity[i]));
         let w_link = angular(&self.velocity[i]);
-        let w = r * w_link;
+        let w = times(r, &w_link);
         put(out, 0, &v, &arm.cross(&v));
+        let e = columns(r);
         for k in 0..3 {
-            let e: Vector3<f64> = r.column(k).into_owned();
-            let p = w.cross(&e);
-            put(out, 1 + k, &p, &(arm.cross(&p) + e.cross(&v)));
+            let p = w.cross(&e[k]);
+            put(out, 1 + k, &p, &(arm.cross(&p) + e[k].cross(&v)));
         }
         for (k, column) in inertia_columns(&w_link).iter().enumerate() {
-            put(out, 4 + k, &Vector3::zeros(), &(r * column));
+            put(out, 4 + k, &Vector3::zeros(), &times(r, column));
         }
     }
 
-    fn first_moment_block(&self, i: usize, origin_in_world: &Vector3<f64>, out: &mut [f64]) {
+    fn first_moment_block(&self, i: usize, origin_in_world: &Vector3<f64>, out: &mut [f64; 30]) {
         let arm = self.world_from_link[i].translation.vector - origin_in_world;
         out[..3].copy_from_slice(arm.as_slice());
         out[3..12].copy_from_slice(self.rotation[i].as_slice());
@@ -98,7 +99,7 @@ impl State {
     /// If `out` is not 6 × 10n.
     pub fn base_wrench_regressor(&self, model: &Model, out: &mut DMatrix<f64>) {
         assert_eq!(out.shape(), (6, 10 * model.n_links()), "shape of the base-wrench regressor");
-        for (i, block) in out.as_mut_slice().chunks_exact_mut(60).enumerate() {
+        for (i, block) in out.as_mut_slice().as_chunks_mut::<60>().0.iter_mut().enumerate() {
             self.wrench_block(model, i, block);
         }
     }
@@ -110,7 +111,7 @@ impl State {
     /// If `out` is not 6 × 10n.
     pub fn momentum_regressor(&self, model: &Model, origin_in_world: &Vector3<f64>, out: &mut DMatrix<f64>) {
         assert_eq!(out.shape(), (6, 10 * model.n_links()), "shape of the momentum regressor");
-        for (i, block) in out.as_mut_slice().chunks_exact_mut(60).enumerate() {
+        for (i, block) in out.as_mut_slice().as_chunks_mut::<60>().0.iter_mut().enumerate() {
             self.momentum_block(i, origin_in_world, block);
         }
     }
@@ -121,7 +122,7 @@ impl State {
     /// If `out` is not 3 × 10n.
     pub fn first_moment_regressor(&self, model: &Model, origin_in_world: &Vector3<f64>, out: &mut DMatrix<f64>) {
         assert_eq!(out.shape(), (3, 10 * model.n_links()), "shape of the first-moment regressor");
-        for (i, block) in out.as_mut_slice().chunks_exact_mut(30).enumerate() {
+        for (i, block) in out.as_mut_slice().as_chunks_mut::<30>().0.iter_mut().enumerate() {
             self.first_moment_block(i, origin_in_world, block);
         }
     }
@@ -155,14 +156,20 @@ impl State {
 }
 
 /// Writes base columns link by link; `block` fills the ten columns of one link. `LENGTH` is ten times the number of rows.
-fn write_base<const LENGTH: usize>(base: &BaseParameters, out: &mut [f64], block: impl Fn(usize, &mut [f64])) {
+fn write_base<const LENGTH: usize>(base: &BaseParameters, out: &mut [f64], block: impl Fn(usize, &mut [f64; LENGTH])) {
     let rows = LENGTH / 10;
     let mut full = [0.0; LENGTH];
-    for (i, kept) in base.kept.iter().enumerate() {
+    // From the last link to the first: a link that keeps all but its first columns writes its whole block in place, over
+    // the end of its predecessor's, which is then written in its turn.
+    for (i, kept) in base.kept.iter().enumerate().rev() {
         let start = rows * kept.first;
         match &kept.columns {
             KeptColumns::Run(_, 0) => {}
-            KeptColumns::Run(0, 10) => block(i, &mut out[start..start + LENGTH]),
+            KeptColumns::Run(first, number) if first + number == 10 && *first <= kept.first => {
+                if let Some(place) = out[start - rows * first..].first_chunk_mut() {
+                    block(i, place);
+                }
+            }
             KeptColumns::Run(first, number) => {
                 block(i, &mut full);
                 out[start..start + rows * number].copy_from_slice(&full[rows * first..rows * (first + number)]);

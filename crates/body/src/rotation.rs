@@ -49,10 +49,10 @@ pub fn skew(a: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::new(0.0, -a.z, a.y, a.z, 0.0, -a.x, -a.y, a.x, 0.0)
 }
 
-/// Rotation matrix of a quaternion of any length but zero.
-pub(crate) fn rotation_matrix(x: f64, y: f64, z: f64, w: f64) -> Matrix3<f64> {
-    let s = 2.0 / (x * x + y * y + z * z + w * w);
-    let (xs, ys, zs) = (x * s, y * s, z * s);
+/// Rotation matrix of a unit quaternion.
+pub(crate) fn rotation_matrix(q: &UnitQuaternion<f64>) -> Matrix3<f64> {
+    let (x, y, z, w) = (q.coords.x, q.coords.y, q.coords.z, q.coords.w);
+    let (xs, ys, zs) = (x + x, y + y, z + z);
     let (wx, wy, wz) = (w * xs, w * ys, w * zs);
     let (xx, xy, xz) = (x * xs, x * ys, x * zs);
     let (yy, yz, zz) = (y * ys, y * zs, z * zs);
@@ -67,6 +67,40 @@ pub(crate) fn rotation_matrix(x: f64, y: f64, z: f64, w: f64) -> Matrix3<f64> {
         yz + wx,
         1.0 - (xx + yy),
     )
+}
+
+/// `m v`, written out: the compiler does better with nine products than with a loop.
+#[inline(always)]
+pub(crate) fn times(m: &Matrix3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
+    Vector3::new(
+        m.m11 * v.x + m.m12 * v.y + m.m13 * v.z,
+        m.m21 * v.x + m.m22 * v.y + m.m23 * v.z,
+        m.m31 * v.x + m.m32 * v.y + m.m33 * v.z,
+    )
+}
+
+/// `mᵀ v`, written out.
+#[inline(always)]
+pub(crate) fn transposed_times(m: &Matrix3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
+    Vector3::new(
+        m.m11 * v.x + m.m21 * v.y + m.m31 * v.z,
+        m.m12 * v.x + m.m22 * v.y + m.m32 * v.z,
+        m.m13 * v.x + m.m23 * v.y + m.m33 * v.z,
+    )
+}
+
+/// Columns of a matrix.
+#[inline(always)]
+pub(crate) fn columns(m: &Matrix3<f64>) -> [Vector3<f64>; 3] {
+    [Vector3::new(m.m11, m.m21, m.m31), Vector3::new(m.m12, m.m22, m.m32), Vector3::new(m.m13, m.m23, m.m33)]
+}
+
+/// `a b`, written out.
+#[inline(always)]
+pub(crate) fn product(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Matrix3<f64> {
+    let [x, y, z] = columns(b);
+    let (x, y, z) = (times(a, &x), times(a, &y), times(a, &z));
+    Matrix3::new(x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z)
 }
 
 /// The matrix V with `exp([v, ω]) = (exp ω, V(ω) v)`: translation reached by a constant body twist in unit time

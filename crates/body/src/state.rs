@@ -2,7 +2,7 @@
 //!
 //! This file holds kinematics; dynamics and regressors are in their own files as further methods of [`State`].
 
-use crate::rotation::rotation_matrix;
+use crate::rotation::{product, rotation_matrix, times, transposed_times};
 use crate::{JointKind, Model, Phi};
 use nalgebra::{DMatrix, Isometry3, Matrix3, Quaternion, UnitQuaternion, Vector3, Vector6};
 
@@ -98,8 +98,7 @@ impl State {
                 }
                 JointKind::Fixed => (base.translation.vector, base.rotation),
             };
-            let c = quaternion.coords;
-            let local = rotation_matrix(c.x, c.y, c.z, c.w);
+            let local = rotation_matrix(&quaternion);
             self.parent_from_link[i] = local;
             self.origin_in_parent[i] = origin;
             match link.parent {
@@ -109,9 +108,9 @@ impl State {
                 }
                 Some(p) => {
                     let parent = self.world_from_link[p];
-                    self.rotation[i] = self.rotation[p] * local;
+                    self.rotation[i] = product(&self.rotation[p], &local);
                     self.world_from_link[i] = Isometry3::from_parts(
-                        (parent.translation.vector + self.rotation[p] * origin).into(),
+                        (parent.translation.vector + times(&self.rotation[p], &origin)).into(),
                         parent.rotation * quaternion,
                     );
                 }
@@ -130,8 +129,8 @@ impl State {
             if let Some(p) = link.parent {
                 let (parent_lin, parent_ang) = (linear(&self.velocity[p]), angular(&self.velocity[p]));
                 let r = &self.parent_from_link[i];
-                lin += r.tr_mul(&(parent_lin + parent_ang.cross(&self.origin_in_parent[i])));
-                ang += r.tr_mul(&parent_ang);
+                lin += transposed_times(r, &(parent_lin + parent_ang.cross(&self.origin_in_parent[i])));
+                ang += transposed_times(r, &parent_ang);
             }
             self.velocity[i] = spatial(&lin, &ang);
         }
@@ -148,8 +147,8 @@ impl State {
             if let Some(p) = link.parent {
                 let (parent_lin, parent_ang) = (linear(&self.acceleration[p]), angular(&self.acceleration[p]));
                 let r = &self.parent_from_link[i];
-                lin += r.tr_mul(&(parent_lin + parent_ang.cross(&self.origin_in_parent[i])));
-                ang += r.tr_mul(&parent_ang);
+                lin += transposed_times(r, &(parent_lin + parent_ang.cross(&self.origin_in_parent[i])));
+                ang += transposed_times(r, &parent_ang);
                 // Motion of the joint's own axes: the link's twist crossed with the joint's part of it.
                 let (joint_lin, joint_ang) = joint_motion(&link.joint.kind, v, link.joint.v_offset);
                 let (link_lin, link_ang) = (linear(&self.velocity[i]), angular(&self.velocity[i]));
@@ -226,5 +225,6 @@ impl State {
 }
 
 fn unit_quaternion(x: f64, y: f64, z: f64, w: f64) -> UnitQuaternion<f64> {
-    UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z))
+    let scale = 1.0 / (x * x + y * y + z * z + w * w).sqrt();
+    UnitQuaternion::new_unchecked(Quaternion::new(w * scale, x * scale, y * scale, z * scale))
 }

@@ -1,4 +1,5 @@
 //! Against Pinocchio 4.1: see tests/peers/body_pinocchio.py.
+#![allow(clippy::unwrap_used, clippy::panic)] // functions shared by tests may stop them
 
 mod common;
 

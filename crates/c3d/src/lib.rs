@@ -1,5 +1,6 @@
 //! C3D files, bytes to structure and back, losing nothing. Nothing biomechanical is decided here.
 
+mod builder;
 mod error;
 mod events;
 mod file;
@@ -7,6 +8,7 @@ mod header;
 mod layout;
 mod number;
 mod parameter_reader;
+mod parameter_sync;
 mod parameters;
 mod plate_reader;
 mod read;
@@ -16,6 +18,7 @@ mod unit;
 mod wrench;
 mod write;
 
+pub use builder::C3dBuilder;
 pub use error::{C3dError, Warning, WarningKind};
 pub use file::{Analog, C3dFile, FileEvent, PlateDescription, PlateWrench, Point, PointKind};
 pub use header::HeaderEvent;

@@ -243,7 +243,7 @@ fn decide_layout(
 }
 
 /// TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD, each two words, the lower first.
-fn trial_range(groups: &Parameters) -> Option<(usize, usize)> {
+pub(crate) fn trial_range(groups: &Parameters) -> Option<(usize, usize)> {
     let field = |name: &str| {
         let words = groups.get("TRIAL", name)?.counts();
         let low = words.first().copied().flatten()?;
@@ -377,7 +377,7 @@ fn decide_analog_rate(groups: &Parameters, layout: &Layout, point_rate_hz: f64, 
 }
 
 /// Points with labels, kinds and units, still without samples. Also the markers' unit.
-fn describe_points(groups: &Parameters, layout: &Layout, warnings: &mut Vec<Warning>) -> (Vec<Point>, String) {
+pub(crate) fn describe_points(groups: &Parameters, layout: &Layout, warnings: &mut Vec<Warning>) -> (Vec<Point>, String) {
     let mut labels = groups.merged_strings("POINT", "LABELS").into_iter();
     let mut descriptions = groups.merged_strings("POINT", "DESCRIPTIONS").into_iter();
     let unit = groups.get("POINT", "UNITS").and_then(|p| p.string()).filter(|u| !u.is_empty());
@@ -432,7 +432,7 @@ fn warn_about_labels(points: &[Point], warnings: &mut Vec<Warning>) {
 }
 
 /// Whether raw integers and offsets are unsigned: ANALOG:FORMAT says so, or 16-bit samples exceed 32,767.
-fn raw_is_unsigned(groups: &Parameters, layout: &Layout, data: &[u8], order: ByteOrder) -> bool {
+pub(crate) fn raw_is_unsigned(groups: &Parameters, layout: &Layout, data: &[u8], order: ByteOrder) -> bool {
     match groups.get("ANALOG", "FORMAT").and_then(|p| p.string()).map(|f| f.to_ascii_uppercase()) {
         Some(format) if format.starts_with("UNSIGNED") => return true,
         Some(format) if format.starts_with("SIGNED") => return false,
@@ -455,7 +455,7 @@ fn raw_is_unsigned(groups: &Parameters, layout: &Layout, data: &[u8], order: Byt
 }
 
 /// Channels with labels, units and scaling, still without samples.
-fn describe_analogs(groups: &Parameters, layout: &Layout, unsigned: bool, warnings: &mut Vec<Warning>) -> Vec<Analog> {
+pub(crate) fn describe_analogs(groups: &Parameters, layout: &Layout, unsigned: bool, warnings: &mut Vec<Warning>) -> Vec<Analog> {
     let n = layout.n_channels;
     if n == 0 {
         return Vec::new();

@@ -1,1 +1,21 @@
-//! Base parameters, their scale and uncertainty, and consistent links
+//! Base parameters, their scale and uncertainty, and consistent links.
+
+mod error;
+pub mod null_vector;
+pub mod prior;
+mod system;
+
+pub use error::IdentifyError;
+pub use null_vector::{ColumnScaling, NullVector, Sigma, null_vector};
+pub use prior::Prior;
+
+use aloft_regressor::Factor;
+use nalgebra::DVector;
+
+/// Least squares with the mass held: base parameters and effect coefficients of a merged factor.
+///
+/// # Errors
+/// [`IdentifyError::Option`] for a mass that is not positive, [`IdentifyError::Numeric`] for rows that are not finite.
+pub fn mass_constrained(merged: &Factor, mass_kg: f64) -> Result<DVector<f64>, IdentifyError> {
+    Ok(system::System::new(merged, mass_kg, None)?.solve(0.0).x)
+}

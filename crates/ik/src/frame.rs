@@ -187,7 +187,7 @@ impl<'a> Solver<'a> {
                 self.factor.solve(tree, &mut self.step);
                 let gain: f64 = -self.step.iter().zip(&self.normal.gradient).map(|(s, g)| s * g).sum::<f64>();
                 let longest = self.step.iter().fold(0.0, |m: f64, s| m.max(s.abs()));
-                if longest > 1.0 && cost.is_finite() && fit.iterations > 0 {
+                if longest > 1.0 {
                     self.step.iter_mut().for_each(|s| *s /= longest);
                 }
                 tree.retract(q, &self.step, &mut self.q_try);

@@ -1,1 +1,23 @@
-//! Markers to joint motion
+//! Markers to joint motion.
+//!
+//! Stands between scaling and filtering: a [`aloft_body::Subject`] says where the markers sit on the links, a
+//! [`aloft_trial::Trial`] where they were seen, and [`solve()`] finds the joint coordinates of every frame
+//! ([`aloft_body::Motion`]). [`calibrate()`] improves the subject's joint centres, hinge axes and marker places with
+//! the trials themselves, on markers alone.
+//!
+//! Missing markers drop out; a frame that cannot be solved is NaN and counted, never an error.
+
+mod error;
+mod frame;
+mod normal;
+mod options;
+mod problem;
+mod report;
+mod solve;
+mod start;
+mod tree;
+
+pub use error::IkError;
+pub use options::IkOptions;
+pub use report::{IkReport, MarkerFit};
+pub use solve::{IkResult, solve};

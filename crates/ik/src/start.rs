@@ -2,7 +2,7 @@
 
 use crate::frame::Solver;
 use crate::problem::{Hinge, best_rotation};
-use crate::tree::{NONE, axis_angle_matrix, matrix_quaternion};
+use crate::tree::{NONE, Pose, Tree, axis_angle_matrix};
 use aloft_body::JointKind;
 use nalgebra::{Matrix3, Vector3};
 
@@ -130,7 +130,7 @@ impl Solver<'_> {
     }
 
     /// A marker in a link's frame, with the weight it has there: full on the link, little further out (at rest beyond).
-    fn arm_on_branch(&self, link: usize, marker: usize, rest: &crate::tree::Pose) -> Option<(Vector3<f64>, f64)> {
+    fn arm_on_branch(&self, link: usize, marker: usize, rest: &Pose) -> Option<(Vector3<f64>, f64)> {
         let marker = &self.problem.markers[marker];
         if marker.link == link {
             return Some((marker.position, marker.weight));
@@ -190,7 +190,6 @@ impl Solver<'_> {
 }
 
 /// Rotation of a joint at rest, in the joint's own frame.
-fn rest_local(tree: &crate::tree::Tree, rest: &crate::tree::Pose, index: usize) -> Matrix3<f64> {
-    let local = tree.joint_rotation(index, rest).transpose() * rest.rotation[index];
-    matrix_quaternion(&local).to_rotation_matrix().into_inner()
+fn rest_local(tree: &Tree, rest: &Pose, index: usize) -> Matrix3<f64> {
+    tree.joint_rotation(index, rest).transpose() * rest.rotation[index]
 }

@@ -37,8 +37,6 @@ pub(crate) struct Tree {
     pub column_link: Vec<usize>,
     /// Columns above each column, root first; `ancestors[i]` is a prefix of `ancestors[j]` for each i in it.
     pub ancestors: Vec<Vec<usize>>,
-    /// Last column that moves each link (`NONE` when nothing does).
-    pub last_column: Vec<usize>,
 }
 
 /// Poses of all links and the motion vector of each column.
@@ -61,7 +59,7 @@ impl Tree {
         let mut links = Vec::with_capacity(model.links.len());
         let mut column_link = Vec::with_capacity(model.nv);
         let mut ancestors: Vec<Vec<usize>> = Vec::with_capacity(model.nv);
-        let mut last_column = Vec::with_capacity(model.links.len());
+        let mut last_column: Vec<usize> = Vec::with_capacity(model.links.len());
         for (index, link) in model.links.iter().enumerate() {
             let rotation = link.joint.parent_from_joint.rotation.to_rotation_matrix().into_inner();
             let parent = link.parent.unwrap_or(NONE);
@@ -91,7 +89,7 @@ impl Tree {
                 v_offset: link.joint.v_offset,
             });
         }
-        Self { links, nq: model.nq, nv: model.nv, column_link, ancestors, last_column }
+        Self { links, nq: model.nq, nv: model.nv, column_link, ancestors }
     }
 
     pub fn pose(&self) -> Pose {

@@ -158,12 +158,12 @@ pub fn run(study: &Study, selection: &Selection, progress: &dyn Progress) -> Res
     let workspace = Workspace::open(&study.workspace);
     let _lock = if selection.dry_run { None } else { Some(workspace.lock()?) };
     let mut manifests = Manifests::read(study, &workspace, STAGES);
-    for stage in &STAGES[..from] {
+    for stage in STAGES[..from].iter().copied() {
         refuse_if_not_current(stage, study, &workspace, &manifests)?;
     }
     let mut report = RunReport::default();
     let mut would_change: Vec<(String, String)> = Vec::new();
-    for stage in &STAGES[from..until] {
+    for stage in STAGES[from..until].iter().copied() {
         let mut todo = Vec::new();
         let mut line: Vec<TaskReport> = Vec::new();
         for trial in stage.tasks(study) {

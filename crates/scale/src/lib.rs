@@ -1,1 +1,34 @@
-//! Landmarks and anthropometry to a person's own model
+//! From what a laboratory measures standing still to a body's own model.
+//!
+//! Second stage of the flow, between `trial` and `ik`: a static trial, a marker set and anthropometric tables give a
+//! [`Subject`](aloft_body::Subject): joint places, marker coordinates in link frames, prior inertias, and the posture in which
+//! the static was recorded.
+//!
+//! * People: [`scale_person`] — [`statics`] (quiet frames) → [`landmarks`] → joint centres ([`hip`] and `skeleton`) → [`prior`]
+//!   from [`anthropometry`] → [`report`] with a closed list of warnings. [`observe`] names the coordinates that no marker sees.
+//!   A calibration over dynamic trials starts from [`JointUncertainty`] and lays the prior anew with [`attach_prior`].
+//! * Objects: a hinge is where the object turns, not where a marker says: [`functional`] calibration (SCoRE, SARA).
+//!
+//! Link axes follow the ISB (x forward, y up, z right, origin at the proximal joint); the world is Z up; lengths are metres.
+
+pub mod anthropometry;
+mod error;
+pub mod functional;
+mod geometry;
+pub mod hip;
+pub mod landmarks;
+pub mod observe;
+mod person;
+mod plausibility;
+pub mod prior;
+pub mod report;
+mod skeleton;
+pub mod statics;
+
+pub use anthropometry::Anthropometry;
+pub use error::ScaleError;
+pub use functional::{FunctionalAxis, FunctionalCentre, fit_pose, sara, score};
+pub use hip::HipMethod;
+pub use person::{PersonInput, ScaleOptions, Scaled, scale_person};
+pub use prior::{StaticAnatomy, attach_prior, prior_spread};
+pub use report::{JointMethod, JointUncertainty, PlausibilityLimits, ScaleReport, ScaleWarning};

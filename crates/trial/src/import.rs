@@ -214,7 +214,7 @@ fn read_plates(trial: &mut Trial, file: &C3dFile) {
         let wrench = match file.plate_wrench(index) {
             Ok(wrench) => wrench,
             Err(problem) => {
-                trial.warnings.push(format!("plate {}: {problem}; it is left out", index + 1));
+                trial.warnings.push(format!("{problem}; plate {} is left out", index + 1));
                 continue;
             }
         };

@@ -63,8 +63,11 @@ pub(crate) fn disambiguate(labels: &mut [String], warnings: &mut Vec<String>) {
             *label = unique;
         }
     }
-    for (label, count) in seen.iter().filter(|(_, count)| **count > 1) {
-        warnings.push(format!("label `{label}` stands {count} times; the later ones are kept as `{label}#2` …"));
+    let repeated: Vec<String> =
+        seen.iter().filter(|(_, count)| **count > 1).map(|(label, count)| format!("`{label}` ({count})")).collect();
+    if let Some(first) = repeated.first() {
+        let more = if repeated.len() > 1 { format!(" and {} other labels", repeated.len() - 1) } else { String::new() };
+        warnings.push(format!("label {first}{more} repeated; all are kept, the later ones as `…#2`, `…#3`"));
     }
 }
 

@@ -79,7 +79,7 @@ pub fn status(study: &Study) -> Result<Status, PipelineError> {
 
 /// Why one result stands as it does.
 pub fn explain(study: &Study, trial: &str, stage: &str) -> Result<Explanation, PipelineError> {
-    let stage = &STAGES[stage_index(stage)?];
+    let stage = STAGES[stage_index(stage)?];
     let ws = Workspace::open(&study.workspace);
     let manifests = Manifests::read(study, &ws, STAGES);
     let task = stage.tasks(study).into_iter().find(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()) == trial);

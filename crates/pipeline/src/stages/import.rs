@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 /// The stage.
-pub const STAGE: Stage = Stage {
+pub static STAGE: Stage = Stage {
     name: "import",
     version: 1,
     scope: Scope::Trial(&[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),

@@ -1,0 +1,43 @@
+//! What can be wrong with the input of a comparison.
+
+/// Errors of this crate.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CompareError {
+    /// There is nothing to compare.
+    #[error("nothing to compare: no model was given")]
+    NoModel,
+    /// Something has another length than the model or the motion needs.
+    #[error("{of}: {what}: expected {expected}, found {found}")]
+    Length {
+        #[doc(hidden)]
+        of: String,
+        #[doc(hidden)]
+        what: &'static str,
+        #[doc(hidden)]
+        expected: usize,
+        #[doc(hidden)]
+        found: usize,
+    },
+    /// The motion carries no derivatives.
+    #[error("{trial}: the motion has no {missing}: filter it first")]
+    NotFiltered {
+        #[doc(hidden)]
+        trial: String,
+        #[doc(hidden)]
+        missing: &'static str,
+    },
+    /// A plate cannot be filtered like the motion.
+    #[error("{trial}, plate {plate}: {source}")]
+    Plate {
+        #[doc(hidden)]
+        trial: String,
+        #[doc(hidden)]
+        plate: String,
+        #[doc(hidden)]
+        source: aloft_signal::DesignError,
+    },
+    /// Weak rows cannot be formed.
+    #[error(transparent)]
+    Rows(#[from] aloft_regressor::RegressorError),
+}

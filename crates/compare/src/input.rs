@@ -1,0 +1,176 @@
+//! What a comparison is made of: a body, models of it, and trials.
+
+use crate::{CompareError, Measured};
+use aloft_body::{BaseParameters, Model, Motion, Phi};
+use aloft_regressor::EffectColumns;
+use nalgebra::DVector;
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+
+/// The body that all models describe.
+#[derive(Debug, Clone, Copy)]
+pub struct Body<'a> {
+    /// Kinematic tree with this body's geometry.
+    pub model: &'a Model,
+    /// Its base parameters.
+    pub base: &'a BaseParameters,
+    /// Link parameters that give the path about which weak windows take moments; errors are exact whatever they are.
+    pub prior: &'a [Phi],
+}
+
+/// One model of the body: a name and base parameters, the same for all trials or (leave-one-trial-out) one set for each.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Candidate {
+    /// Name, for example `identified` or `prior`.
+    pub name: String,
+    /// Base parameters: one vector, or one for each trial.
+    base: Vec<DVector<f64>>,
+    /// Effects of this model and their coefficients.
+    effects: Vec<(String, f64)>,
+}
+
+impl Candidate {
+    /// From link parameters (`[m, mc, I]` of every link).
+    pub fn links(name: impl Into<String>, base: &BaseParameters, phi: &[Phi]) -> Self {
+        Self::base(name, base.regroup(phi))
+    }
+    /// From base parameters φ_B.
+    pub fn base(name: impl Into<String>, parameters: DVector<f64>) -> Self {
+        Self { name: name.into(), base: vec![parameters], effects: Vec::new() }
+    }
+    /// From base parameters for each trial, in the order of the trials: what was identified without it.
+    pub fn per_trial(name: impl Into<String>, parameters: Vec<DVector<f64>>) -> Self {
+        Self { name: name.into(), base: parameters, effects: Vec::new() }
+    }
+    /// Adds effects: their columns come with each trial and are found by name; a trial without such a column has no such effect.
+    #[must_use]
+    pub fn with_effects(mut self, effects: impl IntoIterator<Item = (String, f64)>) -> Self {
+        self.effects.extend(effects);
+        self
+    }
+    pub(crate) fn parameters(&self, trial: usize) -> &DVector<f64> {
+        &self.base[if self.base.len() == 1 { 0 } else { trial }]
+    }
+    pub(crate) fn coefficients(&self, columns: &[String]) -> DVector<f64> {
+        DVector::from_fn(columns.len(), |i, _| {
+            self.effects.iter().filter(|(name, _)| *name == columns[i]).map(|(_, theta)| theta).sum()
+        })
+    }
+    pub(crate) fn check(&self, body: &Body<'_>, trials: usize) -> Result<(), CompareError> {
+        let length = |what, expected, found| CompareError::Length { of: self.name.clone(), what, expected, found };
+        if self.base.len() != 1 && self.base.len() != trials {
+            return Err(length("sets of base parameters, one for each trial", trials, self.base.len()));
+        }
+        match self.base.iter().find(|b| b.len() != body.base.len()) {
+            Some(b) => Err(length("base parameters", body.base.len(), b.len())),
+            None => Ok(()),
+        }
+    }
+}
+
+/// One trial.
+#[derive(Debug, Clone, Copy)]
+pub struct TrialInput<'a> {
+    /// Filtered motion with velocities and accelerations.
+    pub motion: &'a Motion,
+    /// The same motion before filtering, for weak windows and the noise floor; without it both are left out.
+    pub unfiltered: Option<&'a Motion>,
+    /// Measured wrench at the motion's frames, tared; without plates the trial speaks in flight only.
+    pub measured: Option<&'a Measured>,
+    /// Flights, `first..end` (end not included).
+    pub flights: &'a [Range<usize>],
+    /// Frames in which everything that the body touches is measured; without it, all.
+    pub complete: Option<&'a [bool]>,
+    /// Columns of effects at the motion's frames.
+    pub effects: Option<&'a EffectColumns>,
+    /// True when no contact frame of this trial was used to identify any of the models.
+    pub held_out_contact: bool,
+    /// True when no flight of this trial was used.
+    pub held_out_flight: bool,
+}
+
+impl<'a> TrialInput<'a> {
+    /// A held-out trial without plates; set the fields that it has more.
+    pub fn new(motion: &'a Motion, flights: &'a [Range<usize>]) -> Self {
+        Self {
+            motion,
+            unfiltered: None,
+            measured: None,
+            flights,
+            complete: None,
+            effects: None,
+            held_out_contact: true,
+            held_out_flight: true,
+        }
+    }
+    pub(crate) fn check(&self, body: &Body<'_>) -> Result<(), CompareError> {
+        let m = self.motion;
+        let n = m.n_frames();
+        let length = |what, expected, found| {
+            if expected == found {
+                Ok(())
+            } else {
+                Err(CompareError::Length { of: m.trial.clone(), what, expected, found })
+            }
+        };
+        length("coordinates a frame", body.model.nq, m.nq)?;
+        length("velocities a frame", body.model.nv, m.nv)?;
+        for (series, missing) in [(&m.v, "velocities"), (&m.a, "accelerations")] {
+            if series.len() != n * m.nv {
+                return Err(CompareError::NotFiltered { trial: m.trial.clone(), missing });
+            }
+        }
+        if let Some(u) = self.unfiltered {
+            length("coordinates a frame of the unfiltered motion", m.nq, u.nq)?;
+            length("frames of the unfiltered motion", n, u.n_frames())?;
+        }
+        if let Some(w) = self.measured {
+            length("frames of the measured wrench", n, w.filtered.len())?;
+            length("frames of the unfiltered measured wrench", n, w.unfiltered.len())?;
+        }
+        if let Some(c) = self.complete {
+            length("frames of the mask of complete measurement", n, c.len())?;
+        }
+        if let Some(e) = self.effects.filter(|e| !e.names.is_empty()) {
+            length("frames of the effect columns", n, e.wrench.len())?;
+            for w in &e.wrench {
+                length("effect columns of a frame", 6 * e.names.len(), w.len())?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// How errors are taken.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CompareOptions {
+    /// Time left out of contact on both sides of a flight, s.
+    pub edge_s: f64,
+    /// Time left out at both ends inside a flight, s: as far as the filter carries contact into it.
+    pub flight_margin_s: f64,
+    /// Frames left out at both ends of every run without gaps: the filter's own edges.
+    pub end_margin_frames: usize,
+    /// Contact this near to a flight is called take-off or landing, s.
+    pub transition_s: f64,
+    /// Length of the weak windows, s.
+    pub window_s: f64,
+    /// Repetitions with drawn noise for the noise floor (0: none is estimated).
+    pub noise_draws: usize,
+    /// Seed of the drawn noise.
+    pub seed: u64,
+}
+
+impl Default for CompareOptions {
+    fn default() -> Self {
+        Self {
+            edge_s: 0.05,
+            flight_margin_s: 0.07,
+            end_margin_frames: 10,
+            transition_s: 0.3,
+            window_s: 0.3,
+            noise_draws: 2,
+            seed: 1,
+        }
+    }
+}

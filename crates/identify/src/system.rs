@@ -1,0 +1,210 @@
+//! Least squares with the mass held and, if wanted, a prior: the one linear system behind the estimators.
+//!
+//! Unknown are the base parameters without the mass, x, and the effect coefficients θ. With merged rows `A x + E θ ≈ b` (the column of the
+//! mass moved to the right) and a prior of mean x₀ and covariance P = L Lᵀ (conditional on the mass), minimise
+//!
+//! ```text
+//! ‖A x + E θ − b‖² + w ‖L⁻¹ (x − x₀)‖²
+//! ```
+//!
+//! θ is eliminated first; then one singular value decomposition of A L solves for every weight w.
+
+use crate::{IdentifyError, Prior};
+use aloft_regressor::Factor;
+use faer::Mat;
+use nalgebra::{DMatrix, DVector};
+
+/// Merged rows, ready to solve for any weight of the prior.
+#[derive(Debug, Clone)]
+pub(crate) struct System {
+    n_parameters: usize,
+    n_effects: usize,
+    mass_kg: f64,
+    n_rows: usize,
+    /// R of `[E | A]`, diagonal blocks kept apart: effects triangle, its coupling to the parameters and to the right side.
+    effects: DMatrix<f64>,
+    coupling: DMatrix<f64>,
+    effects_right: DVector<f64>,
+    /// Mean of the prior (zero without) and root of its covariance (column norms without), given the mass.
+    mean: DVector<f64>,
+    root: DMatrix<f64>,
+    pub has_prior: bool,
+    /// A L = U S Vᵀ; Uᵀ (b − A x₀).
+    singular: DVector<f64>,
+    v: DMatrix<f64>,
+    projected: DVector<f64>,
+    /// Squares of the right side outside the range of A.
+    outside: f64,
+}
+
+/// One solution of a [`System`].
+#[derive(Debug, Clone)]
+pub(crate) struct Solution {
+    /// Base parameters (mass first) and effects.
+    pub x: DVector<f64>,
+    /// Sum of squares of the rows' residuals, the prior left out.
+    pub rss: f64,
+    /// Effective number of parameters that the rows determine (effects included).
+    pub effective_parameters: f64,
+    /// Directions that neither rows nor prior determine.
+    pub deficient: usize,
+}
+
+impl System {
+    pub fn new(merged: &Factor, mass_kg: f64, prior: Option<&Prior>) -> Result<Self, IdentifyError> {
+        if !(mass_kg > 0.0 && mass_kg.is_finite()) {
+            return Err(IdentifyError::Option { option: "mass_kg", problem: format!("{mass_kg}") });
+        }
+        let (p, k) = (merged.n_parameters(), merged.n_effects());
+        let dense = merged.dense();
+        let (h, n) = (dense.nrows(), p + k + 1);
+        let (mean, root) = match prior {
+            Some(prior) => prior.given_mass(p, mass_kg)?,
+            None => {
+                // scaling by column norms makes the rank decision independent of units
+                let norms = DVector::from_fn(p - 1, |j, _| {
+                    let norm = dense.column(j + 1).norm();
+                    if norm > 0.0 { norm.recip() } else { 1.0 }
+                });
+                (DVector::zeros(p - 1), DMatrix::from_diagonal(&norms))
+            }
+        };
+        let a = dense.columns(1, p - 1);
+        let right = dense.column(n - 1) - dense.column(0) * mass_kg - a * &mean;
+        let scaled = a * &root;
+        let rows = h.max(k);
+        let stacked = Mat::from_fn(rows, k + p, |i, j| {
+            if i >= h {
+                0.0
+            } else if j < k {
+                dense[(i, p + j)]
+            } else if j < k + p - 1 {
+                scaled[(i, j - k)]
+            } else {
+                right[i]
+            }
+        });
+        let qr = stacked.qr();
+        let r = qr.thin_R();
+        let height = r.nrows();
+        let get = |i: usize, j: usize| if i < height && i <= j { r[(i, j)] } else { 0.0 };
+        let effects = DMatrix::from_fn(k, k, get);
+        let coupling = DMatrix::from_fn(k, p - 1, |i, j| get(i, k + j));
+        let effects_right = DVector::from_fn(k, |i, _| get(i, k + p - 1));
+        let block = Mat::from_fn(p - 1, p - 1, |i, j| get(k + i, k + j));
+        let target = DVector::from_fn(p - 1, |i, _| get(k + i, k + p - 1));
+        let last = get(k + p - 1, k + p - 1);
+        let svd =
+            block.thin_svd().map_err(|_| IdentifyError::Numeric("the singular value decomposition failed".to_owned()))?;
+        let m = p - 1;
+        let singular = DVector::from_iterator(m, svd.S().column_vector().iter().copied());
+        let v = DMatrix::from_fn(m, m, |i, j| svd.V()[(i, j)]);
+        let u = DMatrix::from_fn(m, m, |i, j| svd.U()[(i, j)]);
+        let projected = u.tr_mul(&target);
+        if singular.iter().chain(projected.iter()).any(|x| !x.is_finite()) {
+            return Err(IdentifyError::Numeric("the merged rows hold numbers that are not finite".to_owned()));
+        }
+        Ok(Self {
+            n_parameters: p,
+            n_effects: k,
+            mass_kg,
+            n_rows: merged.n_rows,
+            effects,
+            coupling,
+            effects_right,
+            mean,
+            root,
+            has_prior: prior.is_some(),
+            singular,
+            v,
+            projected,
+            outside: last * last,
+        })
+    }
+
+    pub fn n_rows(&self) -> usize {
+        self.n_rows
+    }
+
+    /// Solution for a weight w of the prior (0 without one).
+    pub fn solve(&self, weight: f64) -> Solution {
+        let m = self.singular.len();
+        let floor = if self.has_prior && weight > 0.0 { 0.0 } else { 1e-13 * self.singular.max() };
+        let mut z = DVector::zeros(m);
+        let (mut rss, mut effective, mut deficient) = (self.outside, self.n_effects as f64, 0);
+        for i in 0..m {
+            let s = self.singular[i];
+            if s <= floor {
+                rss += self.projected[i] * self.projected[i];
+                deficient += 1;
+                continue;
+            }
+            let share = s * s / (s * s + weight);
+            z[i] = share * self.projected[i] / s;
+            let left = (1.0 - share) * self.projected[i];
+            rss += left * left;
+            effective += share;
+        }
+        let y = &self.v * z;
+        let theta = if self.n_effects > 0 {
+            let right = &self.effects_right - &self.coupling * &y;
+            self.effects.solve_upper_triangular(&right).unwrap_or_else(|| DVector::zeros(self.n_effects))
+        } else {
+            DVector::zeros(0)
+        };
+        let rest = &self.mean + &self.root * y;
+        let mut x = DVector::zeros(self.n_parameters + self.n_effects);
+        x[0] = self.mass_kg;
+        x.rows_mut(1, self.n_parameters - 1).copy_from(&rest);
+        x.rows_mut(self.n_parameters, self.n_effects).copy_from(&theta);
+        Solution { x, rss, effective_parameters: effective, deficient }
+    }
+
+    /// Variance of a row that makes the fit agree with itself, `s² = rss / (rows − effective parameters)` at the weight `λ s²`.
+    pub fn row_variance(&self, lambda: f64) -> f64 {
+        let n = self.n_rows as f64;
+        let mut variance = self.solve(0.0).rss.max(f64::MIN_POSITIVE) / n;
+        if !self.has_prior {
+            let s = self.solve(0.0);
+            return s.rss / (n - s.effective_parameters).max(1.0);
+        }
+        for _ in 0..50 {
+            let s = self.solve(lambda * variance);
+            let next = s.rss / (n - s.effective_parameters).max(1.0);
+            if (next - variance).abs() <= 1e-6 * variance {
+                return next;
+            }
+            variance = next;
+        }
+        variance
+    }
+
+    /// Inverse of `AᵀA + w P⁻¹` (θ included) times nothing: the bread of every covariance, (parameters + effects)², zero for the mass.
+    pub fn bread(&self, weight: f64) -> DMatrix<f64> {
+        let m = self.singular.len();
+        let floor = 1e-13 * self.singular.max();
+        let scaled = DMatrix::from_fn(m, m, |i, j| {
+            let s = self.singular[j];
+            let d = s * s + weight;
+            // what nothing determines has no finite variance; infinities would spoil the rest
+            if s <= floor && weight == 0.0 { 0.0 } else { self.v[(i, j)] / d.sqrt() }
+        });
+        // y = V z; x = L y; θ = E⁻¹ (… − coupling y)
+        let x_of = &self.root * &scaled;
+        let p = self.n_parameters;
+        let n = p + self.n_effects;
+        let mut factor = DMatrix::zeros(n, m + self.n_effects);
+        factor.view_mut((1, 0), (p - 1, m)).copy_from(&x_of);
+        if self.n_effects > 0 {
+            let inverse = self
+                .effects
+                .clone()
+                .solve_upper_triangular(&DMatrix::identity(self.n_effects, self.n_effects))
+                .unwrap_or_else(|| DMatrix::zeros(self.n_effects, self.n_effects));
+            let by_y = -&inverse * (&self.coupling * &scaled);
+            factor.view_mut((p, 0), (self.n_effects, m)).copy_from(&by_y);
+            factor.view_mut((p, m), (self.n_effects, self.n_effects)).copy_from(&inverse);
+        }
+        &factor * factor.transpose()
+    }
+}

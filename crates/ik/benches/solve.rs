@@ -1,0 +1,34 @@
+//! Frames a second of inverse kinematics, one thread.
+//!
+//! `cargo bench -p aloft-ik`
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use aloft_ik::{IkOptions, solve};
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+
+fn bench(c: &mut Criterion) {
+    let n = 500;
+    let mut person45 = common::person();
+    // ten more markers, so that the body wears 45
+    let more: Vec<_> = person45.markers.iter().step_by(3).take(10).cloned().collect();
+    for mut marker in more {
+        marker.label.push('2');
+        marker.position_m *= 0.9;
+        person45.markers.push(marker);
+    }
+    let mut group = c.benchmark_group("solve");
+    group.throughput(Throughput::Elements(n as u64));
+    for (name, subject) in [("chain_9_markers", common::chain()), ("person_35_markers", common::person()), ("person_45_markers", person45)] {
+        let truth = common::motion(&subject, n, 200.0, 0.3, 1);
+        let trial = common::trial(&subject, &truth, 200.0, 1e-3, 1);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let Ok(pool) = pool else { return };
+        group.bench_function(name, |b| b.iter(|| pool.install(|| solve(&subject, &trial, &IkOptions::default()))));
+    }
+    group.finish();
+}
+
+criterion_group!(benches, bench);
+criterion_main!(benches);

@@ -1,0 +1,312 @@
+//! A trial, frame after frame.
+//!
+//! Each frame starts from the motion of the two frames before it. It starts afresh, from several closed forms, where
+//! there is no frame before, or where its fit is suddenly worse. Hinges whose markers cannot tell the two sides of a bent
+//! limb apart are also started on the flexed side whenever they are near or beyond straight. Long trials are cut into
+//! pieces of fixed length, each with a few frames of warm-up, so that the result is the same at any number of threads.
+
+use crate::frame::{Fit, Solver};
+use crate::problem::{FEWEST_MARKERS, Problem};
+use crate::{IkError, IkOptions, IkReport};
+use aloft_body::{JointKind, Motion, Subject};
+use aloft_trial::Trial;
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+/// Flexion below which the flexed side of a watched hinge is tried as well, rad.
+const NEAR_STRAIGHT_RAD: f64 = 0.15;
+/// χ² by which a fit on the flexed side may be worse whatever the noise.
+const FLEXED_SLACK: f64 = 9.0;
+
+/// Motion of one trial and how well the markers fit it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct IkResult {
+    /// Joint coordinates (world frame, SI), residuals and standard deviations; velocities and accelerations are empty.
+    pub motion: Motion,
+    /// Figures by marker and by frame.
+    pub report: IkReport,
+}
+
+/// Finds the joint coordinates of every frame of a trial.
+///
+/// Weighted non-linear least squares over all coordinates: ½ Σ w_k |p_k(q) − y_k|² / σ² plus soft priors, where p_k is a
+/// model marker and y_k the measured one, matched by label. Markers that are missing in a frame drop out. Frames in which
+/// the root cannot be placed are NaN in the motion and counted in the report.
+///
+/// `motion.q_sd` holds standard deviations from the inverse of the normal equations, scaled by each frame's residual
+/// variance (in the tangent space of `v`: m and rad).
+///
+/// # Errors
+/// [`IkError::TooFewMarkers`] when fewer than three markers are common to trial and subject; [`IkError::Mismatch`] and
+/// [`IkError::Option`] when subject or options do not fit the model.
+pub fn solve(subject: &Subject, trial: &Trial, options: &IkOptions) -> Result<IkResult, IkError> {
+    let mut problem = Problem::new(subject, options)?;
+    let all: Vec<String> = problem.markers.iter().map(|m| m.label.clone()).collect();
+    problem.markers.retain(|m| trial.markers.index(&m.label).is_some());
+    let sources: Vec<usize> = problem.markers.iter().filter_map(|m| trial.markers.index(&m.label)).collect();
+    if problem.markers.len() < FEWEST_MARKERS {
+        return Err(IkError::TooFewMarkers {
+            trial: trial.name.clone(),
+            subject: subject.facts.name.clone(),
+            found: problem.markers.len(),
+            needed: FEWEST_MARKERS,
+            expected: all.join(" "),
+        });
+    }
+    let n_frames = trial.markers.n_frames;
+    let n_pieces = n_frames.div_ceil(options.chunk_frames);
+    let pieces: Vec<Piece> = (0..n_pieces)
+        .into_par_iter()
+        .map(|i| {
+            let start = i * options.chunk_frames;
+            let end = (start + options.chunk_frames).min(n_frames);
+            track(&problem, options, trial, &sources, start.saturating_sub(options.warm_up_frames), start, end)
+        })
+        .collect();
+
+    let labels: Vec<String> = problem.markers.iter().map(|m| m.label.clone()).collect();
+    let (nq, nv, n) = (problem.tree.nq, problem.tree.nv, labels.len());
+    let mut motion = Motion {
+        trial: trial.name.clone(),
+        rate_hz: trial.markers.rate_hz,
+        nq,
+        nv,
+        q: Vec::with_capacity(n_frames * nq),
+        residual_m: Vec::with_capacity(n_frames * n),
+        q_sd: Vec::with_capacity(n_frames * nv),
+        marker_labels: labels,
+        ..Motion::default()
+    };
+    for piece in &pieces {
+        motion.q.extend_from_slice(&piece.q);
+        motion.residual_m.extend_from_slice(&piece.residual_m);
+        motion.q_sd.extend_from_slice(&piece.q_sd);
+    }
+    let mut last: Option<Vec<f64>> = None;
+    for q in motion.q.chunks_exact_mut(nq) {
+        if q[0].is_finite() {
+            if let Some(like) = &last {
+                problem.tree.align_signs(like, q);
+            }
+            last = Some(q.to_vec());
+        }
+    }
+    let solved: Vec<bool> = (0..n_frames).map(|f| motion.is_valid(f)).collect();
+    let mut report = IkReport::gather(&trial.name, &motion.marker_labels, &motion.residual_m, &solved);
+    for piece in &pieces {
+        report.n_unconverged += piece.n_unconverged;
+        report.n_restarts += piece.n_restarts;
+        report.n_branch_changes += piece.n_branch_changes;
+        report.mean_iterations += piece.iterations as f64;
+    }
+    report.mean_iterations /= n_frames.max(1) as f64;
+    report.missing_labels = all.into_iter().filter(|l| trial.markers.index(l).is_none()).collect();
+    report.unused_labels =
+        trial.markers.labels.iter().filter(|l| !motion.marker_labels.contains(l)).cloned().collect();
+    Ok(IkResult { motion, report })
+}
+
+/// Frames `start..end` of a trial.
+#[derive(Debug, Default)]
+struct Piece {
+    q: Vec<f64>,
+    residual_m: Vec<f64>,
+    q_sd: Vec<f64>,
+    n_unconverged: usize,
+    n_restarts: usize,
+    n_branch_changes: usize,
+    iterations: usize,
+}
+
+/// What a sequence remembers from frame to frame.
+struct Memory {
+    last: Vec<f64>,
+    before: Vec<f64>,
+    /// How many frames in a row are remembered: 0, 1 or 2.
+    depth: usize,
+    /// True once any frame was solved.
+    any: bool,
+    rms: f64,
+}
+
+fn track(
+    problem: &Problem,
+    options: &IkOptions,
+    trial: &Trial,
+    sources: &[usize],
+    from: usize,
+    start: usize,
+    end: usize,
+) -> Piece {
+    let (nq, nv, n) = (problem.tree.nq, problem.tree.nv, problem.markers.len());
+    let mut piece = Piece {
+        q: vec![f64::NAN; (end - start) * nq],
+        residual_m: vec![f64::NAN; (end - start) * n],
+        q_sd: vec![f64::NAN; (end - start) * nv],
+        ..Piece::default()
+    };
+    let mut solver = Solver::new(problem);
+    let mut tracker = Tracker { q: problem.rest_q.clone(), other: problem.rest_q.clone(), options };
+    let mut memory =
+        Memory { last: problem.rest_q.clone(), before: problem.rest_q.clone(), depth: 0, any: false, rms: f64::NAN };
+    for frame in from..end {
+        for (target, &source) in solver.targets.iter_mut().zip(sources) {
+            *target = trial.markers.trajectories[source].get(frame).copied().unwrap_or(Vector3::repeat(f64::NAN));
+        }
+        let outcome = if solver.look() { tracker.frame(&mut solver, &memory) } else { Outcome::default() };
+        if frame >= start {
+            piece.iterations += outcome.iterations;
+            piece.n_restarts += usize::from(outcome.restarted);
+            piece.n_branch_changes += usize::from(outcome.branch_changed);
+        }
+        if !outcome.solved {
+            memory.depth = 0;
+            continue;
+        }
+        memory.before.copy_from_slice(&memory.last);
+        memory.last.copy_from_slice(&tracker.q);
+        memory.depth = if outcome.restarted || outcome.branch_changed { 1 } else { (memory.depth + 1).min(2) };
+        memory.any = true;
+        memory.rms = solver.rms();
+        if frame >= start {
+            let at = frame - start;
+            piece.n_unconverged += usize::from(!outcome.converged);
+            piece.q[at * nq..(at + 1) * nq].copy_from_slice(&tracker.q);
+            for &i in &solver.visible {
+                piece.residual_m[at * n + i] = solver.residual[i].norm();
+            }
+            let factor = solver.variance_factor();
+            for column in 0..nv {
+                let locked = problem.locked[column];
+                piece.q_sd[at * nv + column] =
+                    if locked { 0.0 } else { (factor * solver.variance(column)).max(0.0).sqrt() };
+            }
+        }
+    }
+    piece
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Outcome {
+    solved: bool,
+    converged: bool,
+    restarted: bool,
+    branch_changed: bool,
+    iterations: usize,
+}
+
+struct Tracker<'o> {
+    /// Result of the frame.
+    q: Vec<f64>,
+    other: Vec<f64>,
+    options: &'o IkOptions,
+}
+
+impl Tracker<'_> {
+    fn frame(&mut self, solver: &mut Solver<'_>, memory: &Memory) -> Outcome {
+        let tree = &solver.problem.tree;
+        let mut outcome = Outcome::default();
+        let mut best: Option<Fit> = None;
+        if memory.depth > 0 {
+            if memory.depth > 1 {
+                tree.extrapolate(&memory.before, &memory.last, &mut self.q);
+            } else {
+                self.q.copy_from_slice(&memory.last);
+            }
+            let fit = solver.minimise(&mut self.q);
+            outcome.iterations += fit.iterations;
+            best = Some(fit);
+        }
+        let jumped = solver.rms() > self.options.restart_factor * memory.rms + self.options.restart_margin_m;
+        if best.is_none_or(|fit| jumped || !fit.cost.is_finite()) {
+            outcome.restarted = true;
+            best = self.start_afresh(solver, memory, best, &mut outcome);
+        }
+        let Some(mut fit) = best else { return outcome };
+        for index in 0..solver.problem.hinges.len() {
+            if solver.problem.hinges[index].watched || outcome.restarted {
+                fit = self.try_flexed(solver, index, fit, &mut outcome);
+            }
+        }
+        solver.evaluate(&self.q);
+        outcome.converged = fit.converged;
+        outcome.solved = fit.cost.is_finite() && solver.covariance(&self.q) && self.root_is_known(solver);
+        outcome
+    }
+
+    /// The best of several starts that do not need the frame before; `best` belongs to `self.q`.
+    fn start_afresh(
+        &mut self,
+        solver: &mut Solver<'_>,
+        memory: &Memory,
+        mut best: Option<Fit>,
+        outcome: &mut Outcome,
+    ) -> Option<Fit> {
+        for attempt in 0..5 {
+            let ready = match attempt {
+                0 | 1 => solver.start_at_rest(&mut self.other, true),
+                2 | 3 => solver.start_at_rest(&mut self.other, false),
+                _ => {
+                    self.other.copy_from_slice(&memory.last);
+                    memory.any
+                }
+            };
+            if !ready {
+                continue;
+            }
+            if attempt == 1 || attempt == 3 {
+                solver.descend(&mut self.other);
+            }
+            let fit = solver.minimise(&mut self.other);
+            outcome.iterations += fit.iterations;
+            if fit.cost.is_finite() && best.is_none_or(|b| fit.cost < b.cost * (1.0 - 1e-9)) {
+                best = Some(fit);
+                std::mem::swap(&mut self.q, &mut self.other);
+            }
+        }
+        best
+    }
+
+    /// Tries a hinge near or beyond straight on its flexed side, and keeps that unless it fits clearly worse.
+    fn try_flexed(&mut self, solver: &mut Solver<'_>, index: usize, fit: Fit, outcome: &mut Outcome) -> Fit {
+        let hinge = &solver.problem.hinges[index];
+        let now = hinge.flexion(self.q[hinge.q_index]);
+        if now > NEAR_STRAIGHT_RAD {
+            return fit;
+        }
+        self.other.copy_from_slice(&self.q);
+        if !solver.start_flexed(hinge, &mut self.other) {
+            return fit;
+        }
+        let tried = solver.minimise(&mut self.other);
+        outcome.iterations += tried.iterations;
+        let then = hinge.flexion(self.other[hinge.q_index]);
+        let allowed = if now < 0.0 && then > 0.0 {
+            fit.cost * (1.0 + self.options.flexed_tolerance) + 0.5 * FLEXED_SLACK
+        } else if now >= 0.0 && then < 0.0 {
+            fit.cost / (1.0 + self.options.flexed_tolerance) - 0.5 * FLEXED_SLACK
+        } else {
+            fit.cost * (1.0 - 1e-9)
+        };
+        if tried.cost.is_finite() && tried.cost < allowed {
+            outcome.branch_changed |= (now - then).abs() > 0.02;
+            std::mem::swap(&mut self.q, &mut self.other);
+            return tried;
+        }
+        fit
+    }
+
+    /// True when the markers place the root; needs the covariance.
+    fn root_is_known(&self, solver: &Solver<'_>) -> bool {
+        let root = &solver.problem.tree.links[0];
+        if root.kind != JointKind::Free {
+            return true;
+        }
+        let limit = self.options.root_sd_limit_m;
+        // turns count by what they do to a point a hand's breadth away
+        (0..6).all(|i| {
+            let arm = if i < 3 { 1.0 } else { 0.1 };
+            solver.variance(root.v_offset + i).max(0.0).sqrt() * arm < limit
+        })
+    }
+}

@@ -1,0 +1,189 @@
+//! Inverse kinematics of made-up trials whose motion is known.
+
+mod common;
+
+use aloft_ik::{IkError, IkOptions, solve};
+use common::{chain, distance, motion, person, trial};
+use nalgebra::Vector3;
+
+#[test]
+fn prop_perfect_markers_give_the_motion_back() {
+    for (subject, size) in [(person(), 0.4), (chain(), 2.0)] {
+        let truth = motion(&subject, 300, 100.0, size, 1);
+        let trial = trial(&subject, &truth, 100.0, 0.0, 1);
+        let result = solve(&subject, &trial, &IkOptions::default()).unwrap();
+        assert_eq!(result.report.n_unsolved, 0);
+        let worst = (0..300).map(|f| distance(&subject, result.motion.q(f), &truth[f])).fold(0.0, f64::max);
+        assert!(worst < 2e-5, "{}: largest coordinate error {worst:e}", subject.facts.name);
+        assert!(result.report.max_m < 1e-6, "largest residual {:e} m", result.report.max_m);
+    }
+}
+
+#[test]
+fn prop_chain_is_efficient_and_unbiased() {
+    // white noise of known size: the mean error vanishes, and errors scatter as the covariance says
+    let subject = chain();
+    let n = 4000;
+    let truth = motion(&subject, n, 200.0, 1.5, 2);
+    let trial = trial(&subject, &truth, 200.0, 3e-4, 2);
+    let result = solve(&subject, &trial, &IkOptions::default()).unwrap();
+    let nv = subject.model.nv;
+    let (mut mean, mut ratio) = (vec![0.0; nv], vec![0.0; nv]);
+    let mut dv = vec![0.0; nv];
+    for f in 0..n {
+        subject.model.difference(&truth[f], result.motion.q(f), &mut dv);
+        for i in 0..nv {
+            let normed = dv[i] / result.motion.q_sd[f * nv + i];
+            mean[i] += normed / n as f64;
+            ratio[i] += normed * normed / n as f64;
+        }
+    }
+    for i in 0..nv {
+        assert!(mean[i].abs() < 0.06, "coordinate {i}: mean normed error {}", mean[i]);
+        // 27 − 7 degrees of freedom behind each variance: E[t²] = 20/18
+        assert!((ratio[i] - 20.0 / 18.0).abs() < 0.12, "coordinate {i}: variance ratio {}", ratio[i]);
+    }
+}
+
+#[test]
+fn prop_full_turns_stay_continuous() {
+    let subject = chain();
+    let truth = motion(&subject, 600, 100.0, 6.0, 3);
+    let trial = trial(&subject, &truth, 100.0, 3e-4, 3);
+    let result = solve(&subject, &trial, &IkOptions::default()).unwrap();
+    for f in 1..600 {
+        let (a, b) = (result.motion.q(f - 1), result.motion.q(f));
+        let dot: f64 = (3..7).map(|i| a[i] * b[i]).sum();
+        assert!(dot > 0.0, "quaternion changes sign at frame {f}");
+        assert!((truth[f][7] - b[7]).abs() < 0.05, "hinge at frame {f}: {} for {}", b[7], truth[f][7]);
+    }
+}
+
+#[test]
+fn prop_missing_markers_drop_out_and_hopeless_frames_are_nan() {
+    let subject = person();
+    let truth = motion(&subject, 120, 100.0, 0.3, 4);
+    let mut trial = trial(&subject, &truth, 100.0, 3e-4, 4);
+    let nan = Vector3::repeat(f64::NAN);
+    for f in 20..40 {
+        for label in ["LASI", "RASI", "LTIB"] {
+            let m = trial.markers.index(label).unwrap();
+            trial.markers.trajectories[m][f] = nan;
+        }
+    }
+    for f in 60..70 {
+        // only one hand is left
+        for m in 0..trial.markers.labels.len() {
+            if !["LWRA", "LWRB", "LFIN"].contains(&trial.markers.labels[m].as_str()) {
+                trial.markers.trajectories[m][f] = nan;
+            }
+        }
+    }
+    for trajectory in &mut trial.markers.trajectories {
+        trajectory[100] = nan;
+    }
+    let result = solve(&subject, &trial, &IkOptions::default()).unwrap();
+    assert_eq!(result.report.n_unsolved, 11);
+    for f in 0..120 {
+        let hopeless = (60..70).contains(&f) || f == 100;
+        assert_eq!(result.motion.is_valid(f), !hopeless, "frame {f}");
+        if !hopeless {
+            let mut dv = vec![0.0; subject.model.nv];
+            subject.model.difference(&truth[f], result.motion.q(f), &mut dv);
+            for (i, d) in dv.iter().enumerate() {
+                let sd = result.motion.q_sd[f * dv.len() + i];
+                assert!(d.abs() < 7.0 * sd + 1e-4, "frame {f}, coordinate {i}: error {d}, sd {sd}");
+            }
+        }
+    }
+    let fit = result.report.markers.iter().find(|m| m.label == "LTIB").unwrap();
+    assert_eq!(fit.n_missing, 31);
+}
+
+#[test]
+fn regress_bent_elbow_does_not_flip() {
+    // arms swing through straight; one marker on the upper arm, none on the forearm
+    let subject = person();
+    let truth = motion(&subject, 800, 200.0, 0.35, 5);
+    let trial = trial(&subject, &truth, 200.0, 3e-3, 5);
+    let result = solve(&subject, &trial, &IkOptions::default()).unwrap();
+    for name in ["forearm_r", "forearm_l"] {
+        let q = subject.model.links[subject.model.link_index(name).unwrap()].joint.q_offset;
+        for f in 0..800 {
+            let (found, expected) = (result.motion.q(f)[q], truth[f][q]);
+            assert!(found > -0.1, "{name} frame {f}: {found} rad for {expected}");
+        }
+    }
+}
+
+#[test]
+fn prop_same_result_at_any_number_of_threads() {
+    let subject = person();
+    let truth = motion(&subject, 250, 100.0, 0.3, 6);
+    let trial = trial(&subject, &truth, 100.0, 1e-3, 6);
+    let options = IkOptions { chunk_frames: 64, ..IkOptions::default() };
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| solve(&subject, &trial, &options).unwrap())
+    };
+    let (one, four) = (run(1), run(4));
+    assert_eq!(one.motion.q, four.motion.q);
+    // and the pieces agree with one sequence to the tolerance of the minimisation
+    let whole = solve(&subject, &trial, &IkOptions::default()).unwrap();
+    for f in 0..250 {
+        assert!(distance(&subject, one.motion.q(f), whole.motion.q(f)) < 1e-4, "frame {f}");
+    }
+}
+
+#[test]
+fn prop_locked_coordinates_stay() {
+    let subject = person();
+    let truth = motion(&subject, 30, 100.0, 0.2, 7);
+    let trial = trial(&subject, &truth, 100.0, 0.0, 7);
+    let head = &subject.model.links[subject.model.link_index("head").unwrap()].joint;
+    let knee = &subject.model.links[subject.model.link_index("shank_r").unwrap()].joint;
+    let locked = vec![head.v_offset, head.v_offset + 1, head.v_offset + 2, knee.v_offset];
+    let result = solve(&subject, &trial, &IkOptions { locked, ..IkOptions::default() }).unwrap();
+    for f in 0..30 {
+        let q = result.motion.q(f);
+        for i in 0..4 {
+            assert!((q[head.q_offset + i] - subject.static_q[head.q_offset + i]).abs() < 1e-12);
+        }
+        assert_eq!(q[knee.q_offset], subject.static_q[knee.q_offset]);
+        assert_eq!(result.motion.q_sd[f * subject.model.nv + knee.v_offset], 0.0);
+    }
+}
+
+#[test]
+fn prop_unseen_coordinates_rest() {
+    let mut subject = person();
+    subject.markers.retain(|m| !m.label.ends_with("HD"));
+    let truth = motion(&subject, 50, 100.0, 0.3, 8);
+    let trial = trial(&subject, &truth, 100.0, 1e-3, 8);
+    let result = solve(&subject, &trial, &IkOptions::default()).unwrap();
+    let head = subject.model.links[subject.model.link_index("head").unwrap()].joint;
+    for f in 0..50 {
+        let q = &result.motion.q(f)[head.q_offset..head.q_offset + 4];
+        let rest = &subject.static_q[head.q_offset..head.q_offset + 4];
+        let dot: f64 = q.iter().zip(rest).map(|(a, b)| a * b).sum();
+        assert!(dot.abs() > 1.0 - 1e-9);
+        assert!(result.motion.q_sd[f * subject.model.nv + head.v_offset] > 1.0);
+    }
+}
+
+#[test]
+fn regress_misfits_are_errors_with_names() {
+    let subject = person();
+    let truth = motion(&subject, 5, 100.0, 0.1, 9);
+    let mut trial = trial(&subject, &truth, 100.0, 0.0, 9);
+    for label in &mut trial.markers.labels {
+        label.push('x');
+    }
+    assert!(matches!(solve(&subject, &trial, &IkOptions::default()), Err(IkError::TooFewMarkers { found: 0, .. })));
+    let bad = IkOptions { locked: vec![40], ..IkOptions::default() };
+    assert!(matches!(solve(&subject, &trial, &bad), Err(IkError::Mismatch { .. })));
+    let bad = IkOptions { marker_sd_m: 0.0, ..IkOptions::default() };
+    assert!(matches!(solve(&subject, &trial, &bad), Err(IkError::Option { option: "marker_sd_m", .. })));
+    let empty = aloft_trial::Trial { markers: aloft_trial::Markers::default(), ..trial.clone() };
+    assert!(solve(&subject, &empty, &IkOptions::default()).is_err());
+}

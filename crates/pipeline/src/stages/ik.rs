@@ -1,0 +1,62 @@
+//! `ik`: markers to joint motion, frame by frame; a bad frame is marked, never fatal.
+
+use crate::artifact::save_motion;
+use crate::error::StageFailure;
+use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::stages::scale::load_locked;
+use crate::study::Role;
+use crate::workspace::write_json;
+use aloft_ik::{IkOptions, solve};
+use serde_json::json;
+
+/// The stage.
+pub static STAGE: Stage = Stage {
+    name: "ik",
+    version: 1,
+    scope: Scope::Trial(&[Role::Calibration, Role::Identify, Role::Validate]),
+    reads: "trial, `Subject`",
+    gives: "`Motion`: joint coordinates, marker residuals, standard deviations",
+    needs: &[Need::Same("import"), Need::Once("scale"), Need::Once("calibrate")],
+    parameters: |study, _| json!({"ik": study.config.ik}),
+    run,
+};
+
+fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
+    let entry = job.trial()?;
+    let trial = job.load_trial(&entry.name)?;
+    let mut subject = job.load_subject("calibrate")?;
+    let config = &job.study.config.ik;
+    for (label, weight) in &config.weights {
+        match subject.markers.iter_mut().find(|m| &m.label == label) {
+            Some(marker) => marker.weight = *weight,
+            None => {
+                return Err(StageFailure::with_hint(
+                    format!("ik.weights names the marker `{label}`, which the subject does not have"),
+                    "use the canonical labels of the marker set",
+                ));
+            }
+        }
+    }
+    let options = IkOptions { marker_sd_m: config.marker_sd_m, locked: load_locked(job)?, ..IkOptions::default() };
+    let result = solve(&subject, &trial, &options).map_err(|e| StageFailure::new(e.to_string()))?;
+    let report = &result.report;
+    save_motion(job.out, &result.motion, &subject.model)?;
+    write_json(&job.out.join("report.json"), report)?;
+    let mut done = Done::default();
+    done.note("marker_rms_mm", report.rms_m * 1e3);
+    done.note("marker_max_mm", report.max_m * 1e3);
+    done.note("unsolved_frames", report.n_unsolved);
+    if report.n_unsolved == report.n_frames {
+        return Err(StageFailure::with_hint(
+            format!("{}: no frame could be solved: too few markers on the root link", entry.name),
+            "look at the recording with `aloft inspect`",
+        ));
+    }
+    if report.n_unsolved > 0 {
+        done.warnings.push(format!("{} of {} frames could not be solved", report.n_unsolved, report.n_frames));
+    }
+    if report.rms_m > 0.02 {
+        done.warnings.push(format!("marker RMS {:.1} mm (usual limit 20 mm)", report.rms_m * 1e3));
+    }
+    Ok(done)
+}

@@ -1,0 +1,26 @@
+//! The stages, one file each. To add one: write a file with a `STAGE` and name it in [`STAGES`].
+
+pub mod calibrate;
+pub mod compare;
+pub mod filter;
+pub mod flight;
+pub mod identify;
+pub mod ik;
+pub mod import;
+pub mod regressor;
+pub mod scale;
+
+use crate::graph::Stage;
+
+/// Every stage in the order in which they run. Help, status, README table and conformance tests are made from this slice.
+pub static STAGES: &[&Stage] = &[
+    &import::STAGE,
+    &scale::STAGE,
+    &calibrate::STAGE,
+    &ik::STAGE,
+    &filter::STAGE,
+    &flight::STAGE,
+    &regressor::STAGE,
+    &identify::STAGE,
+    &compare::STAGE,
+];

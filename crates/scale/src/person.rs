@@ -1,0 +1,290 @@
+//! A person's own model from one static trial: landmarks → skeleton → model, marker coordinates, prior inertias, report.
+
+use crate::anthropometry::Anthropometry;
+use crate::geometry::{apply_inverse, x_of, y_of, z_of};
+use crate::hip::HipMethod;
+use crate::landmarks::{Landmarks, Side};
+use crate::observe::unobserved;
+use crate::plausibility;
+use crate::prior::{StaticAnatomy, attach_prior};
+use crate::report::{JointMethod, JointUncertainty, PlausibilityLimits, ScaleReport, ScaleWarning};
+use crate::skeleton::{Builder, PlacedLink, Skeleton};
+use crate::statics::{QuietOptions, StaticPose};
+use crate::ScaleError;
+use aloft_body::{JointKind, Model, ModelMarker, ModelSpec, PersonFacts, Subject};
+use aloft_trial::{MarkerSet, Trial};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+
+/// What scaling of a person needs.
+#[derive(Debug, Clone)]
+pub struct PersonInput<'a> {
+    /// Who.
+    pub facts: &'a PersonFacts,
+    /// The model to scale; links named as in `configs/models/human34.yaml` (a model may leave out distal links).
+    pub model_spec: &'a ModelSpec,
+    /// Which marker sits where and marks what.
+    pub marker_set: &'a MarkerSet,
+    /// The static trial, labels already canonical, Z up.
+    pub static_trial: &'a Trial,
+    /// Frames of that trial (0-based) to take as the static, for laboratories without a static trial; `None` finds the quiet ones.
+    pub frames: Option<Range<usize>>,
+}
+
+/// Choices of a person's scaling.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ScaleOptions {
+    /// Hip regression where the recording has no hip centres of its own.
+    pub hip: HipMethod,
+    /// How quiet frames are found.
+    pub quiet: QuietOptions,
+    /// Limits of the warnings.
+    pub limits: PlausibilityLimits,
+}
+
+/// A scaled person.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Scaled {
+    /// The model with this person's geometry, markers and prior.
+    pub subject: Subject,
+    /// What [`attach_prior`] needs to lay the prior over the model again after a calibration.
+    pub anatomy: StaticAnatomy,
+    /// Velocity indices that no marker observes and that inverse kinematics should hold ([`crate::observe`]).
+    pub locked: Vec<usize>,
+    /// For people, with the uncertainty of every joint for a calibration.
+    pub report: ScaleReport,
+}
+
+/// Scales a model to a person.
+///
+/// Landmarks that are missing cost accuracy, not success, except the pelvis: joints fall back to regressions and then to body
+/// proportions, and every step down is a warning. The model at `static_q` reproduces the static: joints lie where the landmarks
+/// put them and every marker where it was seen.
+///
+/// # Errors
+/// [`ScaleError`] for an unusable static, a pelvis without landmarks, impossible facts, or a marker set, model or table that do not fit.
+pub fn scale_person(input: &PersonInput<'_>, tables: &Anthropometry, options: &ScaleOptions) -> Result<Scaled, ScaleError> {
+    let trial = input.static_trial;
+    check_facts(input.facts)?;
+    let mut warnings = Vec::new();
+    let pose = StaticPose::find(trial, input.frames.as_ref(), &options.quiet)?;
+    let landmarks = Landmarks::read(trial, input.marker_set, &pose, &mut warnings);
+    let skeleton = Builder {
+        landmarks: &landmarks,
+        trial: &trial.name,
+        sex: input.facts.sex,
+        stated_height_m: input.facts.height_m,
+        marker_radius_m: input.marker_set.marker_radius_m,
+        hip_method: options.hip,
+    }
+    .build()?;
+    let (model, static_q, placed) = assemble(input.model_spec, &skeleton)?;
+    let (markers, missing_markers) = place_markers(input, &model, &placed, &pose)?;
+    for marker in &missing_markers {
+        warnings.push(ScaleWarning::MarkerUnseen { marker: marker.clone() });
+    }
+    let mut facts = input.facts.clone();
+    facts.height_m = Some(skeleton.height_m);
+    let joints = joint_uncertainties(&model, &placed, &mut warnings);
+    let anatomy = StaticAnatomy {
+        landmarks,
+        isb_axes: placed.iter().map(|p| p.isb_axes).collect(),
+        height_m: skeleton.height_m,
+        marker_radius_m: input.marker_set.marker_radius_m,
+    };
+    let mut subject = Subject {
+        facts,
+        model,
+        markers,
+        prior: Vec::new(),
+        prior_sd: Vec::new(),
+        static_q,
+        provenance: vec![
+            format!("geometry: landmarks of {} ({} frames)", trial.name, pose.frames.len()),
+            format!("prior: {}", tables.title),
+        ],
+    };
+    warnings.extend(attach_prior(&mut subject, tables, &anatomy)?);
+    let locked = unobserved(&subject)?;
+    warn_unobserved(&subject.model, &locked, &mut warnings);
+    let velocity_names = subject.model.velocity_names();
+    let mut report = ScaleReport {
+        trial: trial.name.clone(),
+        frames: (
+            pose.frames.first().copied().unwrap_or(0),
+            pose.frames.last().copied().unwrap_or(0),
+            pose.frames.len(),
+        ),
+        typical_spread_m: pose.typical_spread_m(),
+        height_m: skeleton.height_m,
+        height_stated: input.facts.height_m.is_some(),
+        joints,
+        lengths: plausibility::lengths(&skeleton, &anatomy.landmarks),
+        markers: plausibility::marker_errors(trial, input.marker_set, &subject, &pose),
+        missing_markers,
+        locked: locked.iter().filter_map(|&k| velocity_names.get(k).cloned()).collect(),
+        warnings,
+    };
+    plausibility::check(&mut report, input.facts, &skeleton, &anatomy.landmarks, &subject, &options.limits);
+    Ok(Scaled { subject, anatomy, locked, report })
+}
+
+fn check_facts(facts: &PersonFacts) -> Result<(), ScaleError> {
+    let fail = |problem: String| Err(ScaleError::Facts { subject: facts.name.clone(), problem });
+    if !(facts.mass_kg > 1.0 && facts.mass_kg < 500.0) {
+        return fail(format!("a body mass of {} kg (1 to 500 are possible)", facts.mass_kg));
+    }
+    match facts.height_m {
+        Some(h) if !(h > 0.3 && h < 2.8) => fail(format!("a stature of {h} m (0.3 to 2.8 are possible; metres?)")),
+        _ => Ok(()),
+    }
+}
+
+/// Model with joint places, the coordinates of the static posture, and each link's placement.
+fn assemble(spec: &ModelSpec, skeleton: &Skeleton) -> Result<(Model, Vec<f64>, Vec<PlacedLink>), ScaleError> {
+    let mut model = Model::from_spec(spec)?;
+    let mut q = model.neutral();
+    let mut placed: Vec<PlacedLink> = Vec::with_capacity(model.links.len());
+    for i in 0..model.links.len() {
+        let link = &mut model.links[i];
+        let fail =
+            |problem: String| ScaleError::Model { model: spec.name.clone(), link: link.name.clone(), problem };
+        let mut own = *skeleton
+            .links
+            .get(&link.name)
+            .ok_or_else(|| fail(format!("not a link of a person; these are {}", names(skeleton))))?;
+        let at = link.joint.q_offset;
+        match (link.joint.kind, link.parent) {
+            (JointKind::Free, None) => {
+                link.joint.parent_from_joint = Isometry3::identity();
+                let t = own.world_from_link.translation.vector;
+                q[at..at + 3].copy_from_slice(t.as_slice());
+                write_quaternion(&own.world_from_link.rotation, &mut q[at + 3..at + 7]);
+            }
+            (JointKind::Spherical, Some(p)) => {
+                let parent_from_link = placed[p].world_from_link.inverse() * own.world_from_link;
+                link.joint.parent_from_joint =
+                    Isometry3::from_parts(parent_from_link.translation, UnitQuaternion::identity());
+                write_quaternion(&parent_from_link.rotation, &mut q[at..at + 4]);
+            }
+            (JointKind::Revolute(axis), Some(p)) => {
+                if (axis.into_inner() - Vector3::z()).norm() > 1e-9 {
+                    return Err(fail("a hinge of a person turns about z".into()));
+                }
+                if own.axis_sd_rad.is_none() {
+                    // A hinge at a joint that people have as a ball: its link takes the segment's axes.
+                    own.axis_sd_rad = Some(0.3);
+                }
+                let parent_from_link = placed[p].world_from_link.inverse() * own.world_from_link;
+                let (zero, angle) = straight_zero(&parent_from_link.rotation).ok_or_else(|| {
+                    fail("its hinge axis is parallel to its parent's long axis; check the medial and lateral markers".into())
+                })?;
+                link.joint.parent_from_joint = Isometry3::from_parts(parent_from_link.translation, zero);
+                q[at] = angle;
+            }
+            (JointKind::Fixed, Some(p)) => {
+                link.joint.parent_from_joint = placed[p].world_from_link.inverse() * own.world_from_link;
+            }
+            (kind, _) => return Err(fail(format!("a person has no joint of the kind {kind:?} there"))),
+        }
+        placed.push(own);
+    }
+    Ok((model, q, placed))
+}
+
+fn names(skeleton: &Skeleton) -> String {
+    skeleton.links.keys().cloned().collect::<Vec<_>>().join(", ")
+}
+
+fn write_quaternion(r: &UnitQuaternion<f64>, out: &mut [f64]) {
+    // One of the two equal quaternions, the one that turns by less than half a circle.
+    let s = if r.w < 0.0 { -1.0 } else { 1.0 };
+    out.copy_from_slice(&[s * r.i, s * r.j, s * r.k, s * r.w]);
+}
+
+/// Splits a hinge's static orientation in its parent into the zero orientation, in which the limb is as straight as a turn about
+/// the hinge (z) can make it, and the angle from there.
+pub(crate) fn straight_zero(parent_from_link: &UnitQuaternion<f64>) -> Option<(UnitQuaternion<f64>, f64)> {
+    let zero = crate::geometry::axes_z_y(&z_of(parent_from_link), &Vector3::y())?;
+    let (x, y) = (x_of(parent_from_link), y_of(&zero));
+    let angle = x.dot(&y).atan2(x.dot(&x_of(&zero)));
+    Some((zero, angle))
+}
+
+fn place_markers(
+    input: &PersonInput<'_>,
+    model: &Model,
+    placed: &[PlacedLink],
+    pose: &StaticPose,
+) -> Result<(Vec<ModelMarker>, Vec<String>), ScaleError> {
+    let mut markers = Vec::new();
+    let mut missing = Vec::new();
+    for m in input.marker_set.markers.iter().filter(|m| m.tracking && !m.static_only) {
+        let Ok(link) = model.link_index(&m.link) else {
+            return Err(ScaleError::MarkerLink {
+                marker_set: input.marker_set.name.clone(),
+                marker: m.label.clone(),
+                link: m.link.clone(),
+                model: model.name.clone(),
+            });
+        };
+        match input.static_trial.markers.index(&m.label).and_then(|i| pose.positions[i]) {
+            Some(p) => markers.push(ModelMarker {
+                label: m.label.clone(),
+                link,
+                position_m: apply_inverse(&placed[link].world_from_link, &p),
+                weight: m.weight,
+            }),
+            None => missing.push(m.label.clone()),
+        }
+    }
+    Ok((markers, missing))
+}
+
+fn joint_uncertainties(model: &Model, placed: &[PlacedLink], warnings: &mut Vec<ScaleWarning>) -> Vec<JointUncertainty> {
+    let mut joints = Vec::with_capacity(placed.len());
+    for (i, (link, place)) in model.links.iter().zip(placed).enumerate() {
+        if link.parent.is_none() {
+            continue;
+        }
+        let joint = format!("joint of {}", link.name);
+        let hinge = matches!(link.joint.kind, JointKind::Revolute(_));
+        if place.method == JointMethod::Proportion {
+            warnings.push(ScaleWarning::JointByProportion { joint, centre_sd_m: place.centre_sd_m });
+        } else if let Some(axis_sd_rad) = place.axis_sd_rad.filter(|&sd| hinge && sd > 0.2) {
+            warnings.push(ScaleWarning::AxisAssumed { joint, axis_sd_rad });
+        }
+        joints.push(JointUncertainty {
+            link: link.name.clone(),
+            link_index: i,
+            method: place.method,
+            centre_sd_m: place.centre_sd_m,
+            axis_sd_rad: place.axis_sd_rad.filter(|_| hinge),
+        });
+    }
+    joints
+}
+
+fn warn_unobserved(model: &Model, locked: &[usize], warnings: &mut Vec<ScaleWarning>) {
+    for link in &model.links {
+        let range = link.joint.v_offset..link.joint.v_offset + link.joint.kind.nv();
+        let coordinates = locked.iter().filter(|k| range.contains(k)).count();
+        if coordinates > 0 {
+            warnings.push(ScaleWarning::Unobserved { link: link.name.clone(), coordinates });
+        }
+    }
+}
+
+/// Mirror of a point in link axes.
+pub(crate) fn mirrored(p: &Vector3<f64>) -> Vector3<f64> {
+    Vector3::new(p.x, p.y, -p.z)
+}
+
+/// The other side's name of a link or landmark.
+pub(crate) fn other_side(name: &str) -> Option<String> {
+    let side = Side::of(name)?;
+    let stem = &name[..name.len() - 1];
+    Some(format!("{stem}{}", if side == Side::Right { "l" } else { "r" }))
+}
