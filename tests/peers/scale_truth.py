@@ -50,9 +50,9 @@ def main(folder, out):
                 at += 1
         poses[link["name"]] = (r, p)
         result[NAMES[link["name"]]] = {
-            "joint_m": list(p),
+            "joint_m": [float(x) for x in p],
             "mass_kg": link["mass"],
-            "com_m": list(p + r @ np.array(link["com"])),
+            "com_m": [float(x) for x in p + r @ np.array(link["com"])],
             "inertia_com_kgm2": (r @ np.array(link["I_com"]) @ r.T).tolist(),
         }
     assert at == len(q)

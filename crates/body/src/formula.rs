@@ -3,6 +3,7 @@
 use crate::base_parameters::{JointAxes, inertia_index};
 use crate::{JointKind, Model};
 use nalgebra::{Matrix3, Vector3};
+use std::collections::BTreeMap;
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
@@ -37,6 +38,8 @@ impl Sum {
 pub(crate) struct Formulas<'a> {
     model: &'a Model,
     children: Vec<Vec<usize>>,
+    /// Symbols that stand for sums: link and φ index.
+    symbols: BTreeMap<String, (usize, usize)>,
 }
 
 impl<'a> Formulas<'a> {
@@ -47,64 +50,77 @@ impl<'a> Formulas<'a> {
                 children[parent].push(i);
             }
         }
-        Self { model, children }
+        let mut formulas = Self { model, children, symbols: BTreeMap::new() };
+        let composite = (0..model.n_links()).filter(|i| !formulas.children[*i].is_empty());
+        formulas.symbols =
+            composite.flat_map(|i| (0..10).map(move |k| (i, k))).map(|(i, k)| (formulas.whole(i, k), (i, k))).collect();
+        formulas
     }
 
-    /// Formula of a kept parameter of link `i`: φ index and the one subtracted.
+    /// Formula of a kept parameter of link `i`: φ index and the one subtracted. Symbols of sums are defined behind it.
     pub(crate) fn kept(&self, i: usize, of: (usize, Option<usize>)) -> String {
-        let axes = match &self.model.links[i].joint.kind {
-            JointKind::Revolute(axis) => JointAxes::of(axis),
-            _ => JointAxes::Cyclic(0),
+        let turned = match &self.model.links[i].joint.kind {
+            JointKind::Revolute(axis) => match JointAxes::of(axis) {
+                JointAxes::Turned(m) => Some(m),
+                JointAxes::Cyclic(_) => None,
+            },
+            _ => None,
         };
-        let turned = matches!(axes, JointAxes::Turned(_));
-        let (mut sum, mut also) = if turned {
-            // The link's own regrouped parameters, in the joint's axes.
-            let mut sum = Sum::default();
-            sum.add(false, &[&format!("{}'", self.whole(i, of.0))]);
-            (sum, vec![i])
-        } else {
-            self.expand(i, of.0)
-        };
-        if let Some(subtracted) = of.1 {
-            let (other, more) = if turned {
+        let side = |k: usize| match turned {
+            Some(_) => {
                 let mut sum = Sum::default();
-                sum.add(false, &[&format!("{}'", self.whole(i, subtracted))]);
-                (sum, Vec::new())
-            } else {
-                self.expand(i, subtracted)
-            };
-            sum = sum.minus(other);
-            also.extend(more);
+                sum.add(false, &[&format!("{}'", self.whole(i, k))]);
+                sum
+            }
+            None => self.expand(i, k),
+        };
+        let mut sum = side(of.0);
+        if let Some(subtracted) = of.1 {
+            sum = sum.minus(side(subtracted));
         }
         let mut text = sum.text();
-        if let JointAxes::Turned(m) = axes {
+        self.define_symbols(&mut text);
+        if let Some(m) = turned {
             let row = |k: usize| format!("({:.4}, {:.4}, {:.4})", m[(k, 0)], m[(k, 1)], m[(k, 2)]);
             text += &format!("; x' = {}, y' = {}, z' = {}", row(0), row(1), row(2));
-            also.retain(|link| !self.children[*link].is_empty());
-        }
-        also.sort_unstable();
-        also.dedup();
-        for link in also {
-            // Masses are short enough to be written out wherever they occur.
-            if turned && link == i {
-                text += &format!("; capitals: link {i} with what links {} give", self.list(&self.children[i]));
-            } else {
-                let mass: Vec<String> = self.subtree(link).iter().map(|j| format!("m{j}")).collect();
-                text += &format!("; M{link} = {}", mass.join(" + "));
-                if let JointKind::Revolute(axis) = &self.model.links[link].joint.kind
-                    && let JointAxes::Cyclic(first) = JointAxes::of(axis)
-                {
-                    for k in [1 + (first + 2) % 3, 4 + (first + 1) % 3] {
-                        text += &format!("; {} = {}", self.whole(link, k), self.expand(link, k).0.text());
-                    }
-                }
-            }
         }
         text
     }
 
+    /// Appends `; M1 = m1 + m2` and the like for every symbol of a sum in `text`, and for the symbols in those.
+    fn define_symbols(&self, text: &mut String) {
+        let mut defined: Vec<String> = Vec::new();
+        let mut from = 0;
+        while from < text.len() {
+            let tokens: Vec<String> =
+                text[from..].split(|c: char| !c.is_ascii_alphanumeric() && c != '\'').map(str::to_owned).collect();
+            from = text.len();
+            for token in tokens.into_iter().filter(|t| !t.is_empty()) {
+                if defined.contains(&token) {
+                    continue;
+                }
+                if let Some((i, k)) = self.symbols.get(&token) {
+                    *text += &format!("; {token} = {}", self.expand(*i, *k).text());
+                } else if let Some(i) = self.whole_body(&token) {
+                    *text += &format!("; {token}: of link {i} with what {} gives", self.list(&self.children[i]));
+                }
+                defined.push(token);
+            }
+        }
+    }
+
+    /// The link whose regrouped tensor (`J2`), vector (`MC2`) or turned entry (`J2xx'`, `MC2z'`) a symbol is.
+    fn whole_body(&self, token: &str) -> Option<usize> {
+        let rest = token.strip_prefix("MC").or_else(|| token.strip_prefix('J'))?;
+        let rest = match rest.strip_suffix('\'') {
+            Some(turned) => turned.trim_end_matches(['x', 'y', 'z']),
+            None => rest,
+        };
+        rest.parse().ok()
+    }
+
     fn list(&self, links: &[usize]) -> String {
-        links.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")
+        links.iter().map(|i| format!("link {i}")).collect::<Vec<_>>().join(" and ")
     }
 
     /// A link and everything that it carries.
@@ -140,25 +156,21 @@ impl<'a> Formulas<'a> {
         }
     }
 
-    /// φ entry `k` of link `i` with what its children give, and the children whose symbols stand for sums.
-    fn expand(&self, i: usize, k: usize) -> (Sum, Vec<usize>) {
+    /// φ entry `k` of link `i` with what its children give.
+    fn expand(&self, i: usize, k: usize) -> Sum {
         let mut sum = Sum::default();
         if k == 0 {
+            // Masses are short enough to be written out.
             for link in self.subtree(i) {
                 sum.add(false, &[&Self::own(link, 0)]);
             }
-            return (sum, Vec::new());
+            return sum;
         }
         sum.add(false, &[&Self::own(i, k)]);
-        let mut also = Vec::new();
         for &child in &self.children[i] {
-            let before = sum.0.len();
             self.give(child, k, &mut sum);
-            if sum.0.len() > before && !self.children[child].is_empty() {
-                also.push(child);
-            }
         }
-        (sum, also)
+        sum
     }
 
     /// Adds what `child` gives to entry `k` of its parent.
@@ -193,7 +205,9 @@ impl<'a> Formulas<'a> {
     /// Inertia of a child in parent axes.
     fn turned_inertia(&self, child: usize, rotation: &Matrix3<f64>, k: usize, sum: &mut Sum) {
         if k < 4 {
-        } else if *rotation == Matrix3::identity() {
+            return;
+        }
+        if *rotation == Matrix3::identity() {
             sum.add(false, &[&self.whole(child, k)]);
         } else {
             let name = if self.children[child].is_empty() { "I" } else { "J" };

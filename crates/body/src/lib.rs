@@ -8,6 +8,34 @@
 //!
 //! The ten inertial parameters of a link are those of the paper's eq. 4, about the link-frame origin:
 //! `φ = [m, mc_x, mc_y, mc_z, Ixx, Iyy, Izz, Iyz, Izx, Ixy]`.
+//!
+//! This crate stands at the bottom: scaling fills a model's joint places, inverse kinematics uses poses and Jacobians,
+//! identification uses the rows and [`BaseParameters`], simulation uses the inertia matrix and inverse dynamics.
+//!
+//! ```
+//! use aloft_body::{BaseParameters, JointSpec, LinkSpec, Model, ModelSpec, State};
+//! use nalgebra::DMatrix;
+//!
+//! let link = |name: &str, parent: Option<&str>, joint| LinkSpec {
+//!     name: name.into(),
+//!     parent: parent.map(Into::into),
+//!     joint,
+//!     position_m: [0.0, -0.03, 0.01],
+//!     rpy_rad: [0.0; 3],
+//!     inertia: None,
+//! };
+//! let links = vec![link("link0", None, JointSpec::Free), link("link1", Some("link0"), JointSpec::RevoluteZ)];
+//! let model = Model::from_spec(&ModelSpec { name: "two_link".into(), links })?;
+//!
+//! let mut state = State::new(&model);
+//! state.forward_acceleration(&model, &model.neutral(), &vec![0.1; model.nv], &vec![0.0; model.nv]);
+//! let base = BaseParameters::of(&model);
+//! let mut rows = DMatrix::zeros(6, base.len());
+//! state.base_wrench_rows(&model, &base, &mut rows);
+//! assert_eq!(base.len(), 17);
+//! assert_eq!(base.parameters[0].formula, "m0 + m1");
+//! # Ok::<(), aloft_body::BodyError>(())
+//! ```
 
 pub mod base_parameters;
 mod dynamics;

@@ -78,6 +78,13 @@ impl C3dBuilder {
         self.file.point_scale = point_scale.abs();
         self
     }
+    /// Raw integer samples and offsets of the channels are unsigned 16-bit numbers; only integer storage shows it.
+    pub fn unsigned_analogs(mut self) -> Self {
+        self.file.analog_unsigned = true;
+        self.file.groups.set("ANALOG", Parameter::text("FORMAT", "UNSIGNED"));
+        self.file.groups.set("ANALOG", Parameter::integer("BITS", 16));
+        self
+    }
     /// A marker; NaN where it was not seen.
     pub fn marker(self, label: &str, xyz: Vec<[f32; 3]>) -> Self {
         self.point(Point { label: label.to_owned(), xyz, ..Point::default() })

@@ -57,6 +57,8 @@ pub(crate) struct Source {
     pub order: ByteOrder,
     pub point_scale: f32,
     pub analog_unsigned: bool,
+    /// Whether the header counts frames from 0.
+    pub frames_from_zero: bool,
 }
 
 /// What a stored point is.

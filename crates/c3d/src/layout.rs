@@ -37,7 +37,7 @@ pub(crate) struct Statements {
 /// How well the choice agrees with the file's length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Fit {
-    /// The samples end where the file ends, up to the padding of the last block.
+    /// The samples end where the file ends, up to the padding of the last block or one more block.
     Exact,
     /// There is more behind the samples.
     Surplus {
@@ -62,7 +62,7 @@ pub(crate) fn choose(statements: &Statements, available: usize) -> (Layout, Fit)
                     let layout = Layout { storage, n_points, n_channels, samples_per_frame, n_frames };
                     let frame = layout.frame_bytes();
                     match frame.checked_mul(n_frames).map(|size| (size, available.checked_sub(size))) {
-                        Some((_, Some(rest))) if rest < BLOCK => return (layout, Fit::Exact),
+                        Some((_, Some(rest))) if rest <= BLOCK => return (layout, Fit::Exact),
                         Some((_, Some(rest))) => {
                             surplus.get_or_insert((layout, rest));
                         }

@@ -8,7 +8,7 @@ use crate::{
     events::{events_of_group, events_of_header},
     layout::Layout,
     plate_reader::{channels_of_kind, read_plates},
-    read::{describe_analogs, describe_points, trial_range},
+    read::{decide_analog_rate, describe_analogs, describe_points, trial_range},
 };
 
 /// The parameters that belong to the file as it is now.
@@ -90,19 +90,19 @@ fn sync_points(file: &C3dFile, layout: &Layout, groups: &mut Parameters) -> Resu
     if n > 65_535 || groups.get("POINT", "LONG_FRAMES").is_some() {
         set_float(groups, "POINT", "LONG_FRAMES", n as f32);
     }
+    let fresh = file.source.is_none();
     let (mut now, unit) = describe_points(groups, layout, &mut Vec::new());
     let stated = groups.get("POINT", "UNITS").is_some();
-    if unit != file.point_unit || (!stated && file.source.is_none()) {
+    if unit != file.point_unit || (!stated && fresh) {
         groups.set("POINT", Parameter::text("UNITS", &file.point_unit));
         now = describe_points(groups, layout, &mut Vec::new()).0;
     }
-    let listed = groups.get("POINT", "LABELS").is_some();
-    if !listed || now.iter().zip(&file.points).any(|(a, b)| a.label != b.label) {
+    if (fresh && groups.get("POINT", "LABELS").is_none()) || now.iter().zip(&file.points).any(|(a, b)| a.label != b.label) {
         let labels: Vec<&str> = file.points.iter().map(|p| p.label.as_str()).collect();
         set_texts(groups, "POINT", "LABELS", &labels)?;
     }
     if now.iter().zip(&file.points).any(|(a, b)| a.description != b.description)
-        || (file.source.is_none() && groups.get("POINT", "DESCRIPTIONS").is_none())
+        || (fresh && groups.get("POINT", "DESCRIPTIONS").is_none())
     {
         let descriptions: Vec<&str> = file.points.iter().map(|p| p.description.as_str()).collect();
         set_texts(groups, "POINT", "DESCRIPTIONS", &descriptions)?;
@@ -148,8 +148,9 @@ fn sync_analogs(file: &C3dFile, layout: &Layout, groups: &mut Parameters) -> Res
         return Ok(());
     }
     let rate = file.point_rate_hz * layout.samples_per_frame.max(1) as f64;
-    let stated = groups.get("ANALOG", "RATE").and_then(|p| p.number());
-    if stated.is_none_or(|r| (r / rate - 1.0).abs() > 1e-3) {
+    let read = decide_analog_rate(groups, layout, file.point_rate_hz, &mut Vec::new());
+    let missing = file.source.is_none() && groups.get("ANALOG", "RATE").is_none();
+    if missing || (read / rate - 1.0).abs() > 1e-3 {
         set_float(groups, "ANALOG", "RATE", rate as f32);
     }
     set_float(groups, "ANALOG", "GEN_SCALE", file.analog_general_scale as f32);
@@ -162,7 +163,7 @@ fn sync_analogs(file: &C3dFile, layout: &Layout, groups: &mut Parameters) -> Res
     let fresh = file.source.is_none();
     let missing = |groups: &Parameters, name: &str| groups.get("ANALOG", name).is_none();
     let differ = |f: &dyn Fn(&crate::Analog, &crate::Analog) -> bool| now.iter().zip(&file.analogs).any(|(a, b)| f(a, b));
-    if missing(groups, "LABELS") || differ(&|a, b| a.label != b.label) {
+    if (fresh && missing(groups, "LABELS")) || differ(&|a, b| a.label != b.label) {
         let labels: Vec<&str> = file.analogs.iter().map(|a| a.label.as_str()).collect();
         set_texts(groups, "ANALOG", "LABELS", &labels)?;
     }

@@ -70,7 +70,14 @@ pub(crate) fn read_plates(groups: &Parameters, n_channels: usize, warnings: &mut
         } else if plate.channels.len() < wanted {
             warn(format!("plate {}: type {kind} needs {wanted} channels, {} are usable", i + 1, plate.channels.len()));
         }
-        plate.calibration = matrix_of(&calibration.0, &calibration.1, i);
+        if kind >= 4 {
+            plate.calibration = matrix_of(&calibration.0, &calibration.1, i);
+            // one parameter holds the matrices of all plates, padded to the largest
+            if matches!(kind, 4 | 5) && plate.calibration.len() >= 6 {
+                plate.calibration.truncate(6);
+                plate.calibration.iter_mut().for_each(|row| row.truncate(wanted));
+            }
+        }
         if matches!(kind, 6 | 7) {
             warn(format!("plate {}: type {kind} is read but not calibrated", i + 1));
         }

@@ -85,6 +85,7 @@ impl C3dFile {
             order,
             point_scale,
             analog_unsigned: unsigned,
+            frames_from_zero: header.first_frame == 0 && first_frame == 1,
         };
         Ok(Self {
             point_rate_hz,
@@ -239,6 +240,10 @@ fn decide_layout(
         .filter(|_| by_trial == Some(layout.n_frames) || by_header != Some(layout.n_frames))
         .filter(|(first, _)| first % 65_536 == header.first_frame || by_header != Some(layout.n_frames));
     let first = by_trial_first.map_or(header.first_frame, |(first, _)| first);
+    if first == 0 && layout.n_frames > 0 {
+        let message = "header: frames are counted from 0; the first is taken as frame 1".to_owned();
+        warnings.push(Warning::new(WarningKind::Contradiction, message));
+    }
     (layout, u32::try_from(first).unwrap_or(1).max(1))
 }
 
@@ -352,7 +357,7 @@ fn decide_point_rate(header: &Header, groups: &Parameters, warnings: &mut Vec<Wa
     }
 }
 
-fn decide_analog_rate(groups: &Parameters, layout: &Layout, point_rate_hz: f64, warnings: &mut Vec<Warning>) -> f64 {
+pub(crate) fn decide_analog_rate(groups: &Parameters, layout: &Layout, point_rate_hz: f64, warnings: &mut Vec<Warning>) -> f64 {
     let by_layout = point_rate_hz * layout.samples_per_frame.max(1) as f64;
     if layout.n_channels == 0 {
         return by_layout;

@@ -82,7 +82,15 @@ impl C3dFile {
                 block = [0; BLOCK];
             }
         }
-        let first_frame = self.first_frame as usize;
+        let mut first_frame = self.first_frame as usize;
+        let mut samples_per_frame = layout.samples_per_frame;
+        if layout.n_channels == 0 {
+            // readers compare it with the ratio of the rates even where there is nothing to sample
+            samples_per_frame = self.source.as_ref().map_or(1, |s| usize::from(s.order.u16([s.header[18], s.header[19]])));
+        }
+        if self.source.as_ref().is_some_and(|s| s.frames_from_zero && self.first_frame == 1) {
+            first_frame = 0;
+        }
         let sign = if self.storage == Storage::Float { -1.0 } else { 1.0 };
         let header = Header {
             n_points: layout.n_points,
@@ -92,7 +100,7 @@ impl C3dFile {
             max_gap,
             scale: sign * self.point_scale.abs(),
             data_start,
-            samples_per_frame: layout.samples_per_frame,
+            samples_per_frame,
             rate_hz: self.point_rate_hz as f32,
             events: self.header_events.clone(),
         };

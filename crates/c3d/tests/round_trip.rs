@@ -5,12 +5,19 @@ mod support;
 use aloft_c3d::{C3dBuilder, C3dFile, Parameter, Values};
 use support::{c3d_files, fixtures, golden_folder, long_file, shared_data};
 
+/// Sizes and rates: written as they were read, which corrects or completes some files.
+const CORRECTED: [(&str, &str); 3] = [("POINT", "USED"), ("POINT", "FRAMES"), ("POINT", "RATE")];
+
 /// Everything that a reader sees, as text; NaN compare equal that way.
 fn seen(file: &C3dFile) -> String {
     let mut file = file.clone();
     file.warnings.clear();
     // the place of the samples may move
     file.groups.remove("POINT", "DATA_START");
+    // what contradicted the samples is put right
+    for (group, name) in CORRECTED {
+        file.groups.remove(group, name);
+    }
     let text = format!("{file:?}");
     text.split(", source: ").next().unwrap_or_default().to_owned()
 }
@@ -19,7 +26,6 @@ fn assert_rewrites(name: &str, bytes: &[u8]) -> C3dFile {
     let first = C3dFile::from_bytes(bytes).unwrap_or_else(|e| panic!("{name}: {e}"));
     let written = first.to_bytes().unwrap_or_else(|e| panic!("{name}: {e}"));
     let second = C3dFile::from_bytes(&written).unwrap_or_else(|e| panic!("{name}, re-written: {e}"));
-    assert_eq!(seen(&first).len(), seen(&second).len(), "{name}");
     assert!(seen(&first) == seen(&second), "{name}: a re-write changes what is read");
     assert!(second.to_bytes().unwrap() == written, "{name}: a second re-write changes bytes");
     first

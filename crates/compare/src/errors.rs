@@ -139,6 +139,13 @@ impl Sums {
         self.signed += e;
         self.max = self.max.sup(&absolute);
     }
+    pub fn merge(&mut self, other: &Self) {
+        self.n += other.n;
+        self.absolute += other.absolute;
+        self.square += other.square;
+        self.signed += other.signed;
+        self.max = self.max.sup(&other.max);
+    }
     fn axes(&self, first: usize) -> AxisErrors {
         let n = if self.n == 0 { f64::NAN } else { self.n as f64 };
         let of = |v: &Vector6<f64>, f: &dyn Fn(f64) -> f64| std::array::from_fn(|i| f(v[first + i]));
@@ -166,6 +173,10 @@ impl WrenchSums {
     pub fn add(&mut self, e: &Vector6<f64>, rotation: &UnitQuaternion<f64>) {
         self.root.add(e);
         self.world.add(&rotated(e, rotation));
+    }
+    pub fn merge(&mut self, other: &Self) {
+        self.root.merge(&other.root);
+        self.world.merge(&other.world);
     }
     pub fn errors(&self) -> WrenchErrors {
         WrenchErrors {

@@ -42,8 +42,7 @@ pub fn measured_wrench(
         noise_density: Vector6::zeros(),
     };
     for plate in plates {
-        let failed =
-            |source| CompareError::Plate { trial: trial.to_owned(), plate: plate.name.clone(), source };
+        let failed = |source| CompareError::Plate { trial: trial.to_owned(), plate: plate.name.clone(), source };
         let n = plate.force_n.len().min(plate.moment_nm.len());
         let mut samples: Vec<f64> =
             (0..n).flat_map(|i| <[f64; 6]>::from(joined(&plate.force_n[i], &plate.moment_nm[i]))).collect();
@@ -52,9 +51,10 @@ pub fn measured_wrench(
         }
         let mut unfiltered = samples.clone();
         if plate.rate_hz > FASTER * rate_hz {
-            let against_folding =
-                LowPass { order: 4, cutoff_hz: 0.4 * rate_hz, correction: CutoffCorrection::Winter };
-            Butterworth::design(against_folding, plate.rate_hz).map_err(failed)?.filtfilt_interleaved(&mut unfiltered, 6);
+            let against_folding = LowPass { order: 4, cutoff_hz: 0.4 * rate_hz, correction: CutoffCorrection::Winter };
+            Butterworth::design(against_folding, plate.rate_hz)
+                .map_err(failed)?
+                .filtfilt_interleaved(&mut unfiltered, 6);
         }
         if let Some(filter) = filter {
             Butterworth::design(filter, plate.rate_hz).map_err(failed)?.filtfilt_interleaved(&mut samples, 6);

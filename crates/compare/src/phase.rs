@@ -130,7 +130,8 @@ mod tests {
         assert!([60, 69].iter().all(|&f| phase(f) == Some(Phase::Flight)));
         assert!([85, 99].iter().all(|&f| phase(f) == Some(Phase::Landing)));
         assert!([100, 116].iter().all(|&f| phase(f) == Some(Phase::Contact)));
-        let (contact, flying) = weak_stretches(120, 100.0, std::slice::from_ref(&(50..80)), |f| f != 10, |f| f != 20, &options);
+        let (contact, flying) =
+            weak_stretches(120, 100.0, std::slice::from_ref(&(50..80)), |f| f != 10, |f| f != 20, &options);
         assert_eq!(contact, vec![0..10, 11..20, 21..45, 85..120]);
         assert_eq!(flying.len(), 1);
     }

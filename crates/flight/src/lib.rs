@@ -1,1 +1,25 @@
-//! When no external force acts
+//! When no external force acts.
+//!
+//! Between import and identification: from plates ([`from_plates`]), from motion alone ([`from_motion`]), or from both
+//! ([`find_flights`]), the frames in which gravity alone acts on the body. Flights also tell what plates read when nothing
+//! stands on them ([`tare`]).
+
+mod center_of_mass;
+mod combine;
+mod edges;
+mod error;
+mod flight;
+mod from_motion;
+mod from_plates;
+pub mod options;
+mod tare;
+mod wrench;
+
+pub use combine::{combine, find_flights};
+pub use error::FlightError;
+pub use flight::{EdgeSource, Flight, FlightReport, FlightSource, Rejected, RejectionReason};
+pub use from_motion::from_motion;
+pub use from_plates::from_plates;
+pub use options::{FlightMethod, FlightOptions};
+pub use tare::{PlateTare, TareSource, apply_tare, tare, unloaded_tare};
+pub use wrench::{FrameWrench, plate_wrench_at_marker_rate, total_wrench};

@@ -1,13 +1,15 @@
 //! Base parameters, their scale and uncertainty, and consistent links.
 
 mod error;
+mod clusters;
 pub mod null_vector;
 pub mod prior;
 mod system;
 
 pub use error::IdentifyError;
 pub use null_vector::{ColumnScaling, NullVector, Sigma, null_vector};
-pub use prior::Prior;
+pub use clusters::{ClusterBy, WeightTrial};
+pub use prior::{LinkPrior, Prior, Symmetry};
 
 use aloft_regressor::Factor;
 use nalgebra::DVector;

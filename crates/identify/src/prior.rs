@@ -1,7 +1,225 @@
-//! What is known of the parameters before any motion: mean and covariance, mapped to base parameters.
+//! What is known of the parameters before any motion: mean and covariance of every link, mapped to base parameters.
+//!
+//! A link's ten parameters vary with ten numbers of clear meaning: relative mass, three shifts of the centre of mass, three stretches of
+//! the mass distribution along the link's axes (radii of gyration) and three shears (directions of the principal axes). Their
+//! standard deviations come from [`aloft_body::subject::PriorSd`]; a linear map carries them to φ. Left and right
+//! limbs vary together, and links on the midline keep their mass near the plane of symmetry: single sides cannot be told apart as well as
+//! their sum, and a false lateral shift of the whole body is the first thing that noise makes of that freedom.
 
 use crate::IdentifyError;
-use nalgebra::{DMatrix, DVector};
+use aloft_body::subject::PriorSd;
+use aloft_body::{BaseParameters, LinkInertia, Model, Phi, Subject};
+use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// Which links mirror each other, and how strongly.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Symmetry {
+    /// Pairs of mirrored links.
+    pub pairs: Vec<(usize, usize)>,
+    /// Links that the plane of symmetry cuts in half.
+    pub midline: Vec<usize>,
+    /// Link axis (0 x, 1 y, 2 z) that points across the plane of symmetry, in every link.
+    pub axis: usize,
+    /// Correlation of mirrored parameters, 0 (none) to below 1. Asymmetry of midline links shrinks by √(1 − correlation).
+    pub correlation: f64,
+}
+
+impl Symmetry {
+    /// Pairs by the endings `_l` and `_r`; other links count as midline when there is at least one pair. Axis z (to the right), correlation 0.9.
+    /// Nothing when no pair is found.
+    pub fn from_names(model: &Model) -> Option<Self> {
+        let mut pairs = Vec::new();
+        let mut midline = Vec::new();
+        for (i, link) in model.links.iter().enumerate() {
+            if let Some(stem) = link.name.strip_suffix("_l") {
+                let other = format!("{stem}_r");
+                if let Some(j) = model.links.iter().position(|l| l.name == other) {
+                    pairs.push((i, j));
+                }
+            } else if !link.name.ends_with("_r") {
+                midline.push(i);
+            }
+        }
+        if pairs.is_empty() { None } else { Some(Self { pairs, midline, axis: 2, correlation: 0.9 }) }
+    }
+}
+
+/// Prior of all links' parameters, 10 n.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LinkPrior {
+    /// Prior inertias.
+    pub links: Vec<LinkInertia>,
+    /// Their φ stacked, 10 n.
+    pub mean: DVector<f64>,
+    /// Covariance of the stacked φ, (10 n)².
+    pub covariance: DMatrix<f64>,
+}
+
+/// Shears vary with this share of the radii's standard deviation.
+const SHEAR_SHARE: f64 = 0.5;
+
+impl LinkPrior {
+    /// Prior of a subject, with the symmetry of its model's link names.
+    ///
+    /// # Errors
+    /// As [`LinkPrior::new`].
+    pub fn of_subject(subject: &Subject) -> Result<Self, IdentifyError> {
+        Self::new(&subject.prior, &subject.prior_sd, Symmetry::from_names(&subject.model).as_ref())
+    }
+
+    /// Prior of links with their standard deviations.
+    ///
+    /// # Errors
+    /// [`IdentifyError::Length`] when there are not as many standard deviations as links, [`IdentifyError::Option`] for a deviation, mass or
+    /// correlation that cannot be.
+    pub fn new(links: &[LinkInertia], sd: &[PriorSd], symmetry: Option<&Symmetry>) -> Result<Self, IdentifyError> {
+        let n = links.len();
+        if sd.len() != n {
+            return Err(IdentifyError::Length { what: "standard deviations of the prior", expected: n, found: sd.len() });
+        }
+        let bad = |problem: String| IdentifyError::Option { option: "prior", problem };
+        for (i, (link, sd)) in links.iter().zip(sd).enumerate() {
+            let positive = [link.mass_kg, sd.mass_rel, sd.com_m, sd.radius_rel].iter().all(|x| *x > 0.0 && x.is_finite());
+            if !positive {
+                return Err(bad(format!("link {i}: mass and standard deviations must be positive")));
+            }
+        }
+        let mut mean = DVector::zeros(10 * n);
+        let mut map = DMatrix::zeros(10 * n, 10 * n);
+        let mut numbers = DMatrix::zeros(10 * n, 10 * n);
+        for (i, (link, sd)) in links.iter().zip(sd).enumerate() {
+            mean.rows_mut(10 * i, 10).copy_from(&link.to_phi());
+            map.view_mut((10 * i, 10 * i), (10, 10)).copy_from(&variation(link));
+            for (k, s) in deviations(sd).iter().enumerate() {
+                numbers[(10 * i + k, 10 * i + k)] = s * s;
+            }
+        }
+        if let Some(symmetry) = symmetry {
+            symmetry.check(n).map_err(bad)?;
+            let odd = odd_numbers(symmetry.axis);
+            for &i in &symmetry.midline {
+                for &k in &odd {
+                    numbers[(10 * i + k, 10 * i + k)] *= 1.0 - symmetry.correlation;
+                }
+            }
+            for &(i, j) in &symmetry.pairs {
+                for k in 0..10 {
+                    let sign = if odd.contains(&k) { -1.0 } else { 1.0 };
+                    let product: f64 = numbers[(10 * i + k, 10 * i + k)] * numbers[(10 * j + k, 10 * j + k)];
+                    let covariance = sign * symmetry.correlation * product.sqrt();
+                    numbers[(10 * i + k, 10 * j + k)] = covariance;
+                    numbers[(10 * j + k, 10 * i + k)] = covariance;
+                }
+            }
+        }
+        let covariance = &map * numbers * map.transpose();
+        Ok(Self { links: links.to_vec(), mean, covariance })
+    }
+
+    /// The same prior in base parameters.
+    ///
+    /// # Errors
+    /// [`IdentifyError::Length`] when the base parameters belong to another model.
+    pub fn base(&self, base: &BaseParameters) -> Result<Prior, IdentifyError> {
+        if base.from_full.ncols() != self.mean.len() {
+            return Err(IdentifyError::Length {
+                what: "link parameters of the prior",
+                expected: base.from_full.ncols(),
+                found: self.mean.len(),
+            });
+        }
+        let b = &base.from_full;
+        Ok(Prior { mean: b * &self.mean, covariance: b * &self.covariance * b.transpose() })
+    }
+
+    /// The parameters of each link.
+    pub fn phi(&self) -> Vec<Phi> {
+        self.links.iter().map(LinkInertia::to_phi).collect()
+    }
+}
+
+impl Symmetry {
+    fn check(&self, n: usize) -> Result<(), String> {
+        let indices = self.pairs.iter().flat_map(|&(i, j)| [i, j]).chain(self.midline.iter().copied());
+        let mut seen = vec![false; n];
+        for i in indices {
+            match seen.get_mut(i) {
+                Some(seen @ false) => *seen = true,
+                Some(true) => return Err(format!("link {i} is named twice in the symmetry")),
+                None => return Err(format!("the symmetry names link {i}, there are {n}")),
+            }
+        }
+        if self.axis > 2 {
+            return Err(format!("axis {} of the symmetry", self.axis));
+        }
+        if !(0.0..1.0).contains(&self.correlation) {
+            return Err(format!("correlation {} of the symmetry", self.correlation));
+        }
+        Ok(())
+    }
+}
+
+/// Standard deviations of the ten numbers: mass, shifts x y z, stretches x y z, shears yz zx xy.
+fn deviations(sd: &PriorSd) -> [f64; 10] {
+    let (m, c, r, s) = (sd.mass_rel, sd.com_m, sd.radius_rel, SHEAR_SHARE * sd.radius_rel);
+    [m, c, c, c, r, r, r, s, s, s]
+}
+
+/// Those of the ten numbers that change sign in the mirror across `axis`.
+fn odd_numbers(axis: usize) -> [usize; 3] {
+    // shear 7 is yz, 8 zx, 9 xy: odd are those that name the axis
+    match axis {
+        0 => [1, 8, 9],
+        1 => [2, 7, 9],
+        _ => [3, 7, 8],
+    }
+}
+
+/// ∂φ/∂numbers at the prior.
+fn variation(link: &LinkInertia) -> SMatrix<f64, 10, 10> {
+    let i = link.inertia_com_kgm2;
+    // second moments of mass about the centre of mass
+    let second = Matrix3::identity() * (0.5 * i.trace()) - i;
+    let inertia_of = |s: Matrix3<f64>| Matrix3::identity() * s.trace() - s;
+    let about_origin = |mass: f64, com: Vector3<f64>, inertia: Matrix3<f64>| {
+        let steiner = Matrix3::identity() * com.norm_squared() - com * com.transpose();
+        let full = inertia + steiner * mass;
+        Phi::from_column_slice(&[
+            mass,
+            mass * com.x,
+            mass * com.y,
+            mass * com.z,
+            full[(0, 0)],
+            full[(1, 1)],
+            full[(2, 2)],
+            full[(1, 2)],
+            full[(2, 0)],
+            full[(0, 1)],
+        ])
+    };
+    let (m, c) = (link.mass_kg, link.com_m);
+    let mut out = SMatrix::<f64, 10, 10>::zeros();
+    // mass at constant shape
+    out.set_column(0, &about_origin(m, c, i));
+    for k in 0..3 {
+        let mut shift = Vector3::zeros();
+        shift[k] = 1.0;
+        let cross = (Matrix3::identity() * (2.0 * c.dot(&shift))) - c * shift.transpose() - shift * c.transpose();
+        let mut column = about_origin(0.0, Vector3::zeros(), cross * m);
+        column[1 + k] = m;
+        out.set_column(1 + k, &column);
+    }
+    let strains = [(0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)];
+    for (k, &(a, b)) in strains.iter().enumerate() {
+        let mut strain = Matrix3::zeros();
+        strain[(a, b)] = 1.0;
+        strain[(b, a)] = 1.0;
+        let change = strain * second + second * strain;
+        out.set_column(4 + k, &about_origin(0.0, Vector3::zeros(), inertia_of(change)));
+    }
+    out
+}
 
 /// Prior of the base parameters.
 #[derive(Debug, Clone, PartialEq)]

@@ -28,7 +28,7 @@ pub(crate) struct Solver<'a> {
     pub residual: Vec<Vector3<f64>>,
     moments: Vec<Moments>,
     normal: Packed,
-    factor: Packed,
+    pub factor: Packed,
     pub inverse: Packed,
     step: Vec<f64>,
     q_try: Vec<f64>,
@@ -219,10 +219,22 @@ impl<'a> Solver<'a> {
         fit
     }
 
+    /// Weight of a marker at the last evaluation, 1/m².
+    pub fn weight(&self, marker: usize) -> f64 {
+        let weight = self.problem.markers[marker].weight;
+        let distance = self.residual[marker].norm();
+        if distance > self.problem.huber { weight * self.problem.huber / distance } else { weight }
+    }
+
+    /// Factorises the normal equations at `q`, which must be the last evaluated one. False when a coordinate is free.
+    pub fn prepare(&mut self, q: &[f64]) -> bool {
+        self.linearise(q);
+        self.factor.factorise(&self.problem.tree, &self.normal, 0.0)
+    }
+
     /// Covariance at `q` for markers of their nominal variance, into [`Solver::inverse`]. False when a coordinate is free.
     pub fn covariance(&mut self, q: &[f64]) -> bool {
-        self.linearise(q);
-        if !self.factor.factorise(&self.problem.tree, &self.normal, 0.0) {
+        if !self.prepare(q) {
             return false;
         }
         self.inverse.invert(&self.problem.tree, &self.factor);

@@ -7,6 +7,7 @@
 //!
 //! Missing markers drop out; a frame that cannot be solved is NaN and counted, never an error.
 
+mod calibrate;
 mod error;
 mod frame;
 mod normal;
@@ -17,6 +18,7 @@ mod solve;
 mod start;
 mod tree;
 
+pub use calibrate::{Calibration, CalibrateOptions, CalibrationReport, JointChange, MarkerChange, TrialFit, calibrate};
 pub use error::IkError;
 pub use options::IkOptions;
 pub use report::{IkReport, MarkerFit};

@@ -4,7 +4,7 @@
 //! * [`score`]: symmetrical centre of rotation, Ehrig, Taylor, Duda, Heller, *J Biomech* 39 (2006) 2798.
 //! * [`sara`]: symmetrical axis of rotation, Ehrig, Taylor, Duda, Heller, *J Biomech* 40 (2007) 2150.
 //!
-//! The poses that go in must be of the same frames. Objects refine what comes out of here with [`crate::bundle`].
+//! The poses that go in must be of the same frames. Objects refine what comes out of here ([`crate::scale_object`]).
 
 use crate::ScaleError;
 use crate::geometry::{apply, unit};

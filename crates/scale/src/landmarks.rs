@@ -50,12 +50,13 @@ impl Side {
 pub const CENTRAL_LANDMARKS: [&str; 6] = ["vertex", "c7", "t10", "suprasternale", "xiphoid", "sacrum"];
 
 /// Landmarks that stand on both sides, to be followed by `_r` or `_l`.
-pub const SIDED_LANDMARKS: [&str; 20] = [
+pub const SIDED_LANDMARKS: [&str; 21] = [
     "head_front",
     "head_back",
     "acromion",
     "elbow_lateral",
     "elbow_medial",
+    "wrist",
     "wrist_radial",
     "wrist_ulnar",
     "hand_distal",

@@ -7,16 +7,20 @@
 //! * People: [`scale_person`] — [`statics`] (quiet frames) → [`landmarks`] → joint centres ([`hip`] and `skeleton`) → [`prior`]
 //!   from [`anthropometry`] → [`report`] with a closed list of warnings. [`observe`] names the coordinates that no marker sees.
 //!   A calibration over dynamic trials starts from [`JointUncertainty`] and lays the prior anew with [`attach_prior`].
-//! * Objects: a hinge is where the object turns, not where a marker says: [`functional`] calibration (SCoRE, SARA).
+//! * Objects: [`scale_object`] — a hinge is where the object turns, not where a marker says: [`functional`] calibration (SCoRE,
+//!   SARA) for a first guess, then all marker coordinates, joints and poses of thousands of frames in one least-squares problem.
 //!
 //! Link axes follow the ISB (x forward, y up, z right, origin at the proximal joint); the world is Z up; lengths are metres.
 
 pub mod anthropometry;
+mod bundle;
 mod error;
 pub mod functional;
 mod geometry;
 pub mod hip;
 pub mod landmarks;
+mod object;
+mod object_spec;
 pub mod observe;
 mod person;
 mod plausibility;
@@ -29,6 +33,8 @@ pub use anthropometry::Anthropometry;
 pub use error::ScaleError;
 pub use functional::{FunctionalAxis, FunctionalCentre, fit_pose, sara, score};
 pub use hip::HipMethod;
+pub use object::{ObjectInput, ObjectJointReport, ObjectOptions, ObjectReport, ScaledObject, scale_object};
+pub use object_spec::{HalfPlane, ObjectFrame, ObjectJoint, ObjectLink, ObjectSpec};
 pub use person::{PersonInput, ScaleOptions, Scaled, scale_person};
 pub use prior::{StaticAnatomy, attach_prior, prior_spread};
 pub use report::{JointMethod, JointUncertainty, PlausibilityLimits, ScaleReport, ScaleWarning};

@@ -30,6 +30,9 @@ pub struct StaticAnatomy {
 /// (Winter, figure 4.1, for the ankle; the foot's mass lies nearer to the sole).
 const FOOT_AXIS_UNDER_ANKLE: f64 = 0.6 * 0.039;
 
+/// Points that marker sets hardly ever mark: that they come from stature is no news.
+const SELDOM_MARKED: [&str; 3] = ["vertex", "ear", "toe_tip"];
+
 struct Points<'a> {
     subject: &'a Subject,
     state: &'a State,
@@ -158,7 +161,10 @@ fn place(
         SegmentAxes::Up | SegmentAxes::Link => y_of(&isb),
         SegmentAxes::Forward => x_of(&isb),
     };
-    if (from.is_none() || to.is_none()) && segment.length == LengthFrom::Measured {
+    let open = [(&segment.from, from), (&segment.to, to)];
+    if segment.length == LengthFrom::Measured
+        && open.iter().any(|(name, p)| p.is_none() && !SELDOM_MARKED.contains(&name.as_str()))
+    {
         warnings.push(ScaleWarning::LengthFromStature { segment: full_name.clone(), length_m: scaled });
     }
     let (from, to) = match (from, to) {

@@ -50,6 +50,10 @@ mod proportion {
     pub const SHANK: f64 = 0.246;
     pub const SHOULDER_HALF_WIDTH: f64 = 0.10;
     pub const TRUNK: f64 = 0.27;
+    /// ASIS to malleolus: ASIS at 0.57 of stature, malleolus at 0.04.
+    pub const ASIS_TO_ANKLE: f64 = 0.53;
+    /// ASIS to acromion: acromion at 0.82 of stature.
+    pub const ASIS_TO_ACROMION: f64 = 0.25;
     /// Distance of C7 and suprasternale: fraction of stature in adults.
     pub const THORAX_DEPTH: f64 = 0.09;
 }
@@ -93,8 +97,13 @@ impl Builder<'_> {
         let right = z_of(&pelvis.world_from_pelvis.rotation);
         let legs_rough: Vec<f64> = Side::BOTH.iter().filter_map(|&s| self.rough_leg_length(s)).collect();
         let leg = (!legs_rough.is_empty()).then(|| legs_rough.iter().sum::<f64>() / legs_rough.len() as f64);
-        // ASIS to malleolus is close to 0.53 of stature (hip 0.53, ankle 0.039, ASIS 0.04 above the hip).
-        let estimated_height_m = leg.map(|l| l / 0.53);
+        let estimated_height_m = leg.map(|leg| {
+            let trunk = self.landmarks.across("acromion").map(|a| (a - pelvis.world_from_pelvis.translation.vector).norm());
+            match trunk {
+                Some(trunk) => (leg + trunk) / (proportion::ASIS_TO_ANKLE + proportion::ASIS_TO_ACROMION),
+                None => leg / proportion::ASIS_TO_ANKLE,
+            }
+        });
         let height_m = self.stated_height_m.or(estimated_height_m).unwrap_or(1.70);
         let hips = Side::BOTH.map(|s| self.hip(&pelvis, s, leg));
         let mut links = BTreeMap::new();
@@ -311,7 +320,10 @@ impl Builder<'_> {
             (Some(a), None) | (None, Some(a)) => {
                 Some(Centre { point: a, method: JointMethod::Regression, sd_m: sd::WRIST_SINGLE })
             }
-            (None, None) => None,
+            (None, None) => {
+                let single = l.side("wrist", side);
+                single.map(|point| Centre { point, method: JointMethod::Regression, sd_m: sd::WRIST_SINGLE })
+            }
         };
         let elbow_mark = l.side("elbow_lateral", side).or_else(|| l.side("elbow_medial", side));
         // Without a medial elbow marker: across the plane of upper arm and forearm where the elbow is bent, else to the right.

@@ -116,9 +116,11 @@ fn prop_the_model_at_static_q_reproduces_every_marker() {
     for m in &s.subject.markers {
         let i = case.trial.markers.index(&m.label).unwrap();
         let p = state.point_in_world(m.link, &m.position_m);
-        let mean = case.trial.markers.trajectories[i].iter().filter(|p| p.x.is_finite()).sum::<Vector3<f64>>()
-            / case.trial.markers.trajectories[i].iter().filter(|p| p.x.is_finite()).count() as f64;
-        assert!((p - mean).norm() < 1.5e-3, "{} {}", m.label, (p - mean).norm());
+        let (first, last, _) = s.report.frames;
+        let seen: Vec<_> =
+            case.trial.markers.trajectories[i][first..=last].iter().filter(|p| p.x.is_finite()).collect();
+        let mean = seen.iter().copied().sum::<Vector3<f64>>() / seen.len() as f64;
+        assert!((p - mean).norm() < 2e-3, "{} {}", m.label, (p - mean).norm());
     }
     assert!(s.locked.is_empty(), "{:?}", s.report.locked);
     assert!(s.report.missing_markers.is_empty());
@@ -186,7 +188,8 @@ fn validate_prior_of_subject_a_against_the_simulators_truth() {
             own.iter().copied().fold(f64::INFINITY, f64::min),
             own.iter().copied().fold(0.0, f64::max)
         );
-        assert!(1000.0 * com_error / n < 25.0 && mass_error / n < 0.7);
+        let (com_mm, mass_kg) = if name == "de_leva" { (18.0, 0.3) } else { (30.0, 0.8) };
+        assert!(1000.0 * com_error / n < com_mm && mass_error / n < mass_kg);
         assert!((whole - whole_true).norm() < 0.03);
     }
     let tables = [table("de_leva"), table("dumas"), table("winter")];
@@ -228,7 +231,7 @@ fn validate_real_drop_jump_static() {
     print_report(&s);
     // Head: three; each hand: flexion and deviation.
     assert_eq!(s.report.locked, ["head.wx", "head.wy", "head.wz", "hand_r.wx", "hand_r.wz", "hand_l.wx", "hand_l.wz"]);
-    assert_eq!(s.subject.markers.len(), 47 - 4 + 3);
+    assert_eq!(s.subject.markers.len(), 47);
     let hips = s.report.lengths.iter().find(|l| l.segment == "hip_width").unwrap();
     assert!((hips.right_m - 0.190).abs() < 0.002, "{}", hips.right_m);
     for (link, p) in s.subject.model.links.iter().zip(&s.subject.prior) {

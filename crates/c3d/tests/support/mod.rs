@@ -108,8 +108,8 @@ pub fn laboratory(order: ByteOrder, storage: Storage) -> C3dFile {
         .unwrap()
 }
 
-/// Plates of types 1, 3, 4 and 5.
-pub fn plate_types() -> C3dFile {
+/// Plates of the types asked for: 1, 3, 4 or 5.
+pub fn plate_types(kinds: &[i32]) -> C3dFile {
     let frames = 12;
     let square = |x: f64| [[x + 400.0, 300.0, 0.0], [x + 400.0, 0.0, 0.0], [x, 0.0, 0.0], [x, 300.0, 0.0]];
     let mut builder = C3dBuilder::new(50.0).marker("HEEL", path(1, frames));
@@ -121,6 +121,7 @@ pub fn plate_types() -> C3dFile {
         (5, vec!["S1", "S2", "S3", "S4", "S5", "S6", "S7", "S8"]),
     ]
     .into_iter()
+    .filter(|(kind, _)| kinds.contains(kind))
     .enumerate()
     {
         let mut plate = PlateDescription {
@@ -171,18 +172,13 @@ pub fn many_labels() -> C3dFile {
 
 /// 16-bit unsigned channels.
 pub fn unsigned_channels() -> C3dFile {
-    let mut builder = C3dBuilder::new(60.0).stored_as(ByteOrder::Intel, Storage::Integer, 0.125).marker("A", path(0, 10));
+    let mut builder =
+        C3dBuilder::new(60.0).stored_as(ByteOrder::Intel, Storage::Integer, 0.125).unsigned_analogs().marker("A", path(0, 10));
     for i in 0..3 {
         let values = (0..20).map(|s| 0.25 * ((s * 3001 + i * 777) % 65_536) as f64 - 8192.0).collect();
         builder = builder.channel(Analog { label: format!("CH{i}"), unit: "V".into(), scale: 0.25, offset: 32_768.0, values, ..Analog::default() });
     }
-    let mut file = builder
-        .parameter("ANALOG", Parameter::text("FORMAT", "UNSIGNED"))
-        .parameter("ANALOG", Parameter::integer("BITS", 16))
-        .build()
-        .unwrap();
-    file.analog_unsigned = true;
-    file
+    builder.build().unwrap()
 }
 
 /// A standing person of 700 N on a plate, given as the reaction about the world origin.
@@ -220,7 +216,8 @@ pub fn fixtures() -> Vec<(&'static str, C3dFile)> {
         ("dec_integer", laboratory(Dec, Integer)),
         ("mips_float", laboratory(Mips, Float)),
         ("mips_integer", laboratory(Mips, Integer)),
-        ("plate_types", plate_types()),
+        ("plate_types", plate_types(&[1, 3, 4])),
+        ("plate_type_5", plate_types(&[5])),
         ("from_wrench", from_wrench()),
         ("many_labels", many_labels()),
         ("unsigned_channels", unsigned_channels()),

@@ -1,0 +1,266 @@
+//! The whole comparison.
+
+use crate::breakdown::{Counting, breakdown};
+use crate::errors::{Sums, WrenchSums};
+use crate::frames::{TrialFrames, trial_frames};
+use crate::noise_floor::{FloorSums, trial_floor};
+use crate::segments::SegmentSums;
+use crate::windows::{TrialWindows, trial_windows};
+use crate::words::words;
+use crate::{
+    Body, Candidate, CompareError, CompareOptions, FlightErrors, Group, NoiseFloor, SegmentShare, Smooth, TrialInput,
+    TrialSeries, WindowErrors, WrenchErrors,
+};
+use aloft_signal::LowPass;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// One model against the measurement of all trials.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ModelComparison {
+    /// Name of the model.
+    pub model: String,
+    /// Frames in contact of held-out trials. No frames where none is held out; the breakdown then speaks of all.
+    pub held_out: WrenchErrors,
+    /// The same over weak windows.
+    pub held_out_weak: WindowErrors,
+    /// Residual wrench in flight: of held-out flights where there are any, else of all.
+    pub flight: FlightErrors,
+    /// The same frames, root and world axes.
+    pub flight_wrench: WrenchErrors,
+    /// The same over weak windows.
+    pub flight_weak: WindowErrors,
+    /// Trial by trial.
+    pub trials: Vec<TrialComparison>,
+    /// By phase, flight, time in flight, speed, acceleration, turning, posture: of held-out frames where there are any, else of all.
+    pub breakdown: Vec<Group>,
+    /// Link by link, the largest share first; over contact, or over flights without contact.
+    pub segments: Vec<SegmentShare>,
+}
+
+/// One trial of one model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TrialComparison {
+    /// Name.
+    pub trial: String,
+    /// True when its contact was not used to identify.
+    pub held_out_contact: bool,
+    /// True when its flights were not used.
+    pub held_out_flight: bool,
+    /// Number of flights.
+    pub flights: usize,
+    /// Frames in contact.
+    pub contact: WrenchErrors,
+    /// Frames in flight (the measured wrench is zero).
+    pub flight: WrenchErrors,
+    /// Weak windows in contact.
+    pub contact_weak: WindowErrors,
+    /// Weak windows in flight.
+    pub flight_weak: WindowErrors,
+}
+
+/// Everything: the first model in front, the others beside it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Comparison {
+    /// The first model.
+    #[serde(flatten)]
+    pub first: ModelComparison,
+    /// The other models, on the same frames of the same motion.
+    pub beside: Vec<ModelComparison>,
+    /// Error that noise alone makes; none where no unfiltered motion was given or no draws were asked for.
+    pub noise_floor: Option<NoiseFloor>,
+    /// How errors were taken.
+    pub options: CompareOptions,
+    /// Where the first model is worst, in words.
+    pub words: Vec<String>,
+}
+
+impl Comparison {
+    /// All models, the first in front.
+    pub fn models(&self) -> impl Iterator<Item = &ModelComparison> {
+        std::iter::once(&self.first).chain(&self.beside)
+    }
+    /// Share of the first model's mean square error that noise does not explain, `(frames, weak windows)`, in contact where
+    /// there is held-out contact, else in flight.
+    pub fn explainable(&self) -> Option<(f64, f64)> {
+        let floor = self.noise_floor.as_ref()?;
+        let m = &self.first;
+        let share = crate::words::explainable;
+        Some(if m.held_out.frames > 0 {
+            (share(m.held_out.size(), floor.contact.size()), share(m.held_out_weak.size(), floor.contact_weak.size()))
+        } else {
+            (share(m.flight_wrench.size(), floor.flight.size()), share(m.flight_weak.size(), floor.flight_weak.size()))
+        })
+    }
+}
+
+/// How the motion was filtered, so that noise can be sent the same way.
+#[derive(Clone, Copy)]
+pub struct Filtering<'a> {
+    /// The filter of motion and plates.
+    pub filter: Option<LowPass>,
+    /// Filters a motion and takes its derivatives, as was done for [`TrialInput::motion`].
+    pub smooth: Smooth<'a>,
+}
+
+/// Compares models of one body with what was measured in several trials. Trials run in parallel; the result does not depend on how.
+///
+/// Without `filtering` no noise floor is estimated. The second part are the series of each trial, for plots.
+///
+/// # Errors
+/// No model; lengths that do not fit; motions without derivatives.
+pub fn compare(
+    body: &Body<'_>,
+    candidates: &[Candidate],
+    trials: &[TrialInput<'_>],
+    filtering: Option<Filtering<'_>>,
+    options: &CompareOptions,
+) -> Result<(Comparison, Vec<TrialSeries>), CompareError> {
+    if candidates.is_empty() {
+        return Err(CompareError::NoModel);
+    }
+    check_body(body)?;
+    candidates.iter().try_for_each(|c| c.check(body, trials.len()))?;
+    trials.iter().try_for_each(|t| t.check(body))?;
+
+    let frames: Vec<TrialFrames> =
+        trials.par_iter().enumerate().map(|(i, t)| trial_frames(body, candidates, i, t, options)).collect();
+    let windows: Vec<TrialWindows> = trials
+        .par_iter()
+        .enumerate()
+        .map(|(i, t)| trial_windows(body, candidates, i, t, options))
+        .collect::<Result<_, _>>()?;
+    let counting = Counting::new(trials, &frames);
+    let noise_floor = match filtering {
+        Some(filtering) if options.noise_draws > 0 => {
+            floor(body, &candidates[0], trials, &counting, filtering, options)?
+        }
+        _ => None,
+    };
+    let mut models = candidates
+        .iter()
+        .enumerate()
+        .map(|(c, candidate)| model_comparison(body, candidate, c, trials, &frames, &windows, &counting));
+    let Some(first) = models.next() else { return Err(CompareError::NoModel) };
+    let beside: Vec<ModelComparison> = models.collect();
+    let words = words(&first, &beside, noise_floor.as_ref());
+    let comparison = Comparison { first, beside, noise_floor, options: *options, words };
+    Ok((comparison, frames.into_iter().map(|f| f.series).collect()))
+}
+
+fn check_body(body: &Body<'_>) -> Result<(), CompareError> {
+    let links = body.model.n_links();
+    let length = |what, expected, found| {
+        if expected == found {
+            Ok(())
+        } else {
+            Err(CompareError::Length { of: body.model.name.clone(), what, expected, found })
+        }
+    };
+    length("link parameters that the base parameters regroup", 10 * links, body.base.from_full.ncols())?;
+    length("links of the prior", links, body.prior.len())
+}
+
+fn model_comparison(
+    body: &Body<'_>,
+    candidate: &Candidate,
+    c: usize,
+    inputs: &[TrialInput<'_>],
+    frames: &[TrialFrames],
+    windows: &[TrialWindows],
+    counting: &Counting,
+) -> ModelComparison {
+    let (mut contact, mut flight) = (WrenchSums::default(), WrenchSums::default());
+    let (mut contact_weak, mut flight_weak) = (Sums::default(), Sums::default());
+    let mut contact_segments =
+        SegmentSums::new(body.model.n_links(), inputs.first().map_or(0, |_| segments_of(frames)));
+    let mut flight_segments = contact_segments.clone();
+    let mut trials = Vec::with_capacity(inputs.len());
+    for ((input, frames), windows) in inputs.iter().zip(frames).zip(windows) {
+        let (mut of_contact, mut of_flight) = (WrenchSums::default(), WrenchSums::default());
+        for r in &frames.records {
+            let sums = if r.place.phase.is_contact() { &mut of_contact } else { &mut of_flight };
+            sums.add(&r.residual[c], &r.world_from_root);
+        }
+        if input.held_out_contact {
+            contact.merge(&of_contact);
+            contact_weak.merge(&windows.contact[c]);
+        }
+        if counting.contact(input) {
+            contact_segments.merge(&frames.contact_segments);
+        }
+        if counting.flight(input) {
+            flight.merge(&of_flight);
+            flight_weak.merge(&windows.flight[c]);
+            flight_segments.merge(&frames.flight_segments);
+        }
+        trials.push(TrialComparison {
+            trial: input.motion.trial.clone(),
+            held_out_contact: input.held_out_contact,
+            held_out_flight: input.held_out_flight,
+            flights: input.flights.len(),
+            contact: of_contact.errors(),
+            flight: of_flight.errors(),
+            contact_weak: windows.contact[c].windows(),
+            flight_weak: windows.flight[c].windows(),
+        });
+    }
+    let flight_wrench = flight.errors();
+    let any_contact = frames.iter().any(|t| t.records.iter().any(|r| r.place.phase.is_contact()));
+    let segments = if inputs.is_empty() {
+        Vec::new()
+    } else if any_contact {
+        contact_segments.shares(body.model, c)
+    } else {
+        flight_segments.shares(body.model, c)
+    };
+    ModelComparison {
+        model: candidate.name.clone(),
+        held_out: contact.errors(),
+        held_out_weak: contact_weak.windows(),
+        flight: (&flight_wrench).into(),
+        flight_wrench,
+        flight_weak: flight_weak.windows(),
+        trials,
+        breakdown: breakdown(inputs, frames, counting, c),
+        segments,
+    }
+}
+
+/// Number of models that the sums of segments are about.
+fn segments_of(frames: &[TrialFrames]) -> usize {
+    frames.first().map_or(0, |f| f.series.predicted.len())
+}
+
+fn floor(
+    body: &Body<'_>,
+    candidate: &Candidate,
+    trials: &[TrialInput<'_>],
+    counting: &Counting,
+    filtering: Filtering<'_>,
+    options: &CompareOptions,
+) -> Result<Option<NoiseFloor>, CompareError> {
+    let parts: Vec<FloorSums> = trials
+        .par_iter()
+        .enumerate()
+        .map(|(i, t)| trial_floor(body, candidate, i, t, filtering.filter, filtering.smooth, options))
+        .collect::<Result<_, _>>()?;
+    let mut total = FloorSums::default();
+    for (t, part) in trials.iter().zip(&parts) {
+        if counting.contact(t) {
+            total.contact.merge(&part.contact);
+            total.contact_weak.merge(&part.contact_weak);
+        }
+        if counting.flight(t) {
+            total.flight.merge(&part.flight);
+            total.flight_weak.merge(&part.flight_weak);
+        }
+    }
+    let floor = NoiseFloor {
+        contact: total.contact.errors(),
+        flight: total.flight.errors(),
+        contact_weak: total.contact_weak.windows(),
+        flight_weak: total.flight_weak.windows(),
+    };
+    Ok((floor.contact.frames + floor.flight.frames > 0).then_some(floor))
+}

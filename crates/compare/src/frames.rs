@@ -1,0 +1,163 @@
+//! Predicted against measured wrench, frame by frame, in root axes about the root origin.
+
+use crate::errors::{halves, joined};
+use crate::phase::{Place, places};
+use crate::segments::SegmentSums;
+use crate::{Body, Candidate, CompareOptions, Phase, TrialInput};
+use aloft_body::State;
+use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector6};
+use serde::{Deserialize, Serialize};
+
+/// Measured and predicted wrench of one trial, for plots: root axes about the root origin, force (N) then moment (N·m).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TrialSeries {
+    /// Name of the trial.
+    pub trial: String,
+    /// Time since the first frame, s.
+    pub time_s: Vec<f64>,
+    /// What the frame counts as; none where it does not count.
+    pub phase: Vec<Option<Phase>>,
+    /// True inside a flight, margins included.
+    pub in_flight: Vec<bool>,
+    /// Measured by the plates, zero in flight, NaN where nothing complete was measured.
+    pub measured: Vec<Vector6<f64>>,
+    /// Predicted, `predicted[model][frame]`, NaN where the frame has no motion.
+    pub predicted: Vec<Vec<Vector6<f64>>>,
+}
+
+/// What else is known of a frame.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Features {
+    /// Of the centre of mass, m/s.
+    pub speed: f64,
+    /// Of the centre of mass, as the first model's wrench says it, m/s².
+    pub acceleration: f64,
+    /// Angular speed of the root, rad/s.
+    pub turning: f64,
+    /// Height of the centre of mass over the lowest link origin, m.
+    pub posture: f64,
+}
+
+/// A frame that counts.
+pub(crate) struct FrameRecord {
+    pub place: Place,
+    pub world_from_root: UnitQuaternion<f64>,
+    pub features: Features,
+    /// Predicted − measured of each model.
+    pub residual: Vec<Vector6<f64>>,
+}
+
+/// All frames of one trial.
+pub(crate) struct TrialFrames {
+    pub records: Vec<FrameRecord>,
+    pub series: TrialSeries,
+    pub contact_segments: SegmentSums,
+    pub flight_segments: SegmentSums,
+}
+
+/// The world wrench about the world origin, seen from the root.
+pub(crate) fn into_root(world: &Vector6<f64>, world_from_root: &Isometry3<f64>) -> Vector6<f64> {
+    let (force, moment) = halves(world);
+    let moment = moment - world_from_root.translation.vector.cross(&force);
+    let turn = world_from_root.rotation.inverse();
+    joined(&(turn * force), &(turn * moment))
+}
+
+pub(crate) fn solved(input: &TrialInput<'_>, frame: usize) -> bool {
+    let m = input.motion;
+    m.is_valid(frame) && m.v(frame).iter().chain(m.a(frame)).all(|x| x.is_finite())
+}
+
+/// Measured wrench of a frame, if everything that acted was measured. `series` picks the filtered or the unfiltered one.
+pub(crate) fn complete<'a>(
+    input: &TrialInput<'_>,
+    series: Option<&'a [Vector6<f64>]>,
+    frame: usize,
+) -> Option<&'a Vector6<f64>> {
+    let whole = input.complete.is_none_or(|c| c[frame]);
+    series.map(|s| &s[frame]).filter(|w| whole && w.iter().all(|x| x.is_finite()))
+}
+
+pub(crate) fn trial_frames(
+    body: &Body<'_>,
+    candidates: &[Candidate],
+    index: usize,
+    input: &TrialInput<'_>,
+    options: &CompareOptions,
+) -> TrialFrames {
+    let (model, motion) = (body.model, input.motion);
+    let n = motion.n_frames();
+    let filtered = input.measured.map(|m| m.filtered.as_slice());
+    let is_solved: Vec<bool> = (0..n).map(|f| solved(input, f)).collect();
+    let measured = |f: usize| complete(input, filtered, f);
+    let places = places(n, motion.rate_hz, input.flights, |f| is_solved[f], |f| measured(f).is_some(), options);
+
+    let names = input.effects.map_or(&[][..], |e| &e.names);
+    let coefficients: Vec<DVector<f64>> = candidates.iter().map(|c| c.coefficients(names)).collect();
+    let mut parameters = DMatrix::zeros(body.base.len(), candidates.len());
+    for (mut column, c) in parameters.column_iter_mut().zip(candidates) {
+        column.copy_from(c.parameters(index));
+    }
+
+    let missing = Vector6::repeat(f64::NAN);
+    let mut series = TrialSeries {
+        trial: motion.trial.clone(),
+        time_s: (0..n).map(|f| f as f64 / motion.rate_hz).collect(),
+        phase: places.iter().map(|p| p.map(|p| p.phase)).collect(),
+        in_flight: (0..n).map(|f| input.flights.iter().any(|g| g.contains(&f))).collect(),
+        measured: vec![missing; n],
+        predicted: vec![vec![missing; n]; candidates.len()],
+    };
+    let mut out_records = Vec::with_capacity(places.iter().flatten().count());
+    let mut contact_segments = SegmentSums::new(model.n_links(), candidates.len());
+    let mut flight_segments = contact_segments.clone();
+    let mut state = State::new(model);
+    let mut rows = DMatrix::zeros(6, body.base.len());
+    let mut full = DMatrix::zeros(6, 10 * model.n_links());
+    let mut wrench = DMatrix::zeros(6, candidates.len());
+    for f in (0..n).filter(|&f| is_solved[f]) {
+        state.forward_acceleration(model, motion.q(f), motion.v(f), motion.a(f));
+        state.base_wrench_rows(model, body.base, &mut rows);
+        wrench.gemm(1.0, &rows, &parameters, 0.0);
+        let world_from_root = state.world_from_link[0];
+        if let Some(effects) = input.effects {
+            for (c, theta) in coefficients.iter().enumerate().filter(|(_, t)| t.iter().any(|x| *x != 0.0)) {
+                let world: Vector6<f64> = &effects.wrench[f] * theta;
+                let mut column = wrench.column_mut(c);
+                column -= into_root(&world, &world_from_root);
+            }
+        }
+        let in_root = if series.in_flight[f] {
+            Vector6::zeros()
+        } else {
+            measured(f).map_or(missing, |w| into_root(w, &world_from_root))
+        };
+        series.measured[f] = in_root;
+        for (c, predicted) in series.predicted.iter_mut().enumerate() {
+            predicted[f] = wrench.column(c).fixed_rows::<6>(0).into();
+        }
+        let Some(place) = places[f] else { continue };
+        let residual: Vec<Vector6<f64>> = series.predicted.iter().map(|p| p[f] - in_root).collect();
+        state.base_wrench_regressor(model, &mut full);
+        let segments = if place.phase.is_contact() { &mut contact_segments } else { &mut flight_segments };
+        segments.add(&state, &full, &residual);
+
+        let com = state.center_of_mass(body.prior).1;
+        let lowest = state.world_from_link.iter().map(|p| p.translation.z).fold(f64::INFINITY, f64::min);
+        let mass = parameters[(0, 0)];
+        let (force, _) = halves(&series.predicted[0][f]);
+        let acceleration = world_from_root.rotation * force / mass + model.gravity_mps2;
+        out_records.push(FrameRecord {
+            place,
+            world_from_root: world_from_root.rotation,
+            features: Features {
+                speed: state.center_of_mass_velocity(body.prior).norm(),
+                acceleration: acceleration.norm(),
+                turning: state.velocity[0].fixed_rows::<3>(3).norm(),
+                posture: com.z - lowest,
+            },
+            residual,
+        });
+    }
+    TrialFrames { records: out_records, series, contact_segments, flight_segments }
+}

@@ -1,0 +1,228 @@
+//! What error noise alone makes: the figure below which no model can come on these recordings.
+//!
+//! The white part of the coordinates' noise is read off the recordings. The difference of unfiltered and filtered coordinates, in the
+//! tangent of the filtered pose, is differenced four times; what is left lies near half the frame rate, where bodies have nothing to
+//! say, and for white noise has 70 times its variance (Σ binomial(4, k)²). Its covariance over all coordinates, without the
+//! frames that stand out, gives the covariance of the noise. Noise drawn with it is then added to the filtered motion and goes
+//! the way of the data: the same filter, the same derivatives, the same rows, the same windows; noise of the plates likewise, from
+//! [`Measured::noise_density`](crate::Measured::noise_density). The wrench with noise less the wrench without is the floor.
+//!
+//! Not in it: soft tissue, wrong joint centres, plates that drift. They are slow, repeat themselves, and count as explainable. Where
+//! somebody smoothed the recordings before, the floor is too low.
+
+use crate::errors::{Sums, WindowErrors, WrenchErrors, WrenchSums, halves, joined, rotated};
+use crate::frames::solved;
+use crate::measured::{FOURTH_DIFFERENCE, median_scale};
+use crate::phase::places;
+use crate::windows::{stretches, window_residuals};
+use crate::{Body, Candidate, CompareError, CompareOptions, TrialInput};
+use aloft_body::{Motion, State};
+use aloft_regressor::Acting;
+use aloft_signal::{Butterworth, LowPass};
+use nalgebra::{DMatrix, DVector, Vector6};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use serde::{Deserialize, Serialize};
+
+/// Errors that noise alone makes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NoiseFloor {
+    /// On frames in contact, noise of plates included.
+    pub contact: WrenchErrors,
+    /// On frames in flight.
+    pub flight: WrenchErrors,
+    /// Over weak windows in contact, noise of plates included.
+    pub contact_weak: WindowErrors,
+    /// Over weak windows in flight.
+    pub flight_weak: WindowErrors,
+}
+
+/// Filters a motion as the motion of the comparison was filtered; `None` where that fails.
+pub type Smooth<'a> = &'a (dyn Fn(&Motion) -> Option<Motion> + Sync);
+
+/// Sums over frames and windows of one trial.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct FloorSums {
+    pub contact: WrenchSums,
+    pub flight: WrenchSums,
+    pub contact_weak: Sums,
+    pub flight_weak: Sums,
+}
+
+/// A coordinate's fourth difference this many standard deviations from zero marks a frame that is not noise.
+const STANDS_OUT: f64 = 5.0;
+
+/// Lower triangular root of the covariance of the coordinates' white noise (nv × nv, m and rad); `None` without enough frames.
+pub(crate) fn noise_root(body: &Body<'_>, filtered: &Motion, unfiltered: &Motion) -> Option<DMatrix<f64>> {
+    let (model, n) = (body.model, filtered.n_frames());
+    let nv = model.nv;
+    let mut high = vec![f64::NAN; n * nv];
+    for f in (0..n).filter(|&f| filtered.is_valid(f) && unfiltered.is_valid(f)) {
+        model.difference(filtered.q(f), unfiltered.q(f), &mut high[f * nv..(f + 1) * nv]);
+    }
+    let mut rows: Vec<DVector<f64>> = Vec::new();
+    for f in 4..n {
+        let x = |k: usize, i: usize| high[(f - k) * nv + i];
+        let d = DVector::from_fn(nv, |i, _| {
+            (x(0, i) - 4.0 * x(1, i) + 6.0 * x(2, i) - 4.0 * x(3, i) + x(4, i)) / FOURTH_DIFFERENCE.sqrt()
+        });
+        if d.iter().all(|x| x.is_finite()) {
+            rows.push(d);
+        }
+    }
+    let scale: Vec<f64> =
+        (0..nv).map(|i| median_scale(&mut rows.iter().map(|d| d[i].abs()).collect::<Vec<_>>())).collect();
+    rows.retain(|d| d.iter().zip(&scale).all(|(x, s)| x.abs() <= STANDS_OUT * s));
+    if rows.len() < 2 * nv {
+        return None;
+    }
+    let mut covariance = DMatrix::zeros(nv, nv);
+    for d in &rows {
+        covariance.ger(1.0 / rows.len() as f64, d, d, 1.0);
+    }
+    for i in 0..nv {
+        covariance[(i, i)] += 1e-6 * scale[i] * scale[i] + f64::MIN_POSITIVE;
+    }
+    covariance.cholesky().map(|c| c.l())
+}
+
+/// Draws noise for one trial and adds what it does to the wrench of the first model.
+pub(crate) fn trial_floor(
+    body: &Body<'_>,
+    candidate: &Candidate,
+    index: usize,
+    input: &TrialInput<'_>,
+    filter: Option<LowPass>,
+    smooth: Smooth<'_>,
+    options: &CompareOptions,
+) -> Result<FloorSums, CompareError> {
+    let mut sums = FloorSums::default();
+    let clean = input.motion;
+    let Some(root) = input.unfiltered.and_then(|raw| noise_root(body, clean, raw)) else { return Ok(sums) };
+    let Some(base_line) = smooth(clean) else { return Ok(sums) };
+    let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+    rng.set_stream(index as u64);
+    for _ in 0..options.noise_draws {
+        let noisy = with_noise(body, clean, &root, &mut rng);
+        let plates = plate_noise(input, clean, &mut rng);
+        add_windows(&mut sums, body, candidate, index, input, &noisy, plates.as_deref(), options)?;
+        let Some(noisy) = smooth(&noisy) else { continue };
+        let filtered_plates = plates.map(|p| low_passed(p, clean.rate_hz, filter));
+        add_frames(&mut sums, body, candidate, index, input, [&base_line, &noisy], filtered_plates.as_deref(), options);
+    }
+    Ok(sums)
+}
+
+fn with_noise(body: &Body<'_>, clean: &Motion, root: &DMatrix<f64>, rng: &mut ChaCha8Rng) -> Motion {
+    let nq = clean.nq;
+    let mut q = clean.q.clone();
+    for f in 0..clean.n_frames() {
+        let drawn = DVector::from_fn(root.nrows(), |_, _| StandardNormal.sample(rng));
+        if clean.is_valid(f) {
+            let step: DVector<f64> = root * drawn;
+            body.model.integrate(clean.q(f), step.as_slice(), &mut q[f * nq..(f + 1) * nq]);
+        }
+    }
+    Motion { trial: clean.trial.clone(), rate_hz: clean.rate_hz, nq, nv: clean.nv, q, ..Motion::default() }
+}
+
+/// White noise of the plates at the frame rate (what is above half of it was filtered away).
+fn plate_noise(input: &TrialInput<'_>, clean: &Motion, rng: &mut ChaCha8Rng) -> Option<Vec<Vector6<f64>>> {
+    let density = input.measured?.noise_density;
+    let sd = density.map(|d| (0.5 * clean.rate_hz * d).sqrt());
+    Some((0..clean.n_frames()).map(|_| sd.map(|s| s * StandardNormal.sample(rng))).collect())
+}
+
+fn low_passed(series: Vec<Vector6<f64>>, rate_hz: f64, filter: Option<LowPass>) -> Vec<Vector6<f64>> {
+    let Some(Ok(filter)) = filter.map(|spec| Butterworth::design(spec, rate_hz)) else { return series };
+    let mut flat: Vec<f64> = series.iter().flat_map(|w| <[f64; 6]>::from(*w)).collect();
+    filter.filtfilt_interleaved(&mut flat, 6);
+    flat.chunks_exact(6).map(Vector6::from_column_slice).collect()
+}
+
+#[allow(clippy::too_many_arguments)] // one call says all that the floor depends on
+fn add_frames(
+    sums: &mut FloorSums,
+    body: &Body<'_>,
+    candidate: &Candidate,
+    index: usize,
+    input: &TrialInput<'_>,
+    [without, with]: [&Motion; 2],
+    plates: Option<&[Vector6<f64>]>,
+    options: &CompareOptions,
+) {
+    let phi = candidate.parameters(index);
+    let filtered = input.measured.map(|m| m.filtered.as_slice());
+    let places = places(
+        without.n_frames(),
+        without.rate_hz,
+        input.flights,
+        |f| solved(input, f),
+        |f| crate::frames::complete(input, filtered, f).is_some(),
+        options,
+    );
+    let mut state = State::new(body.model);
+    let mut rows = DMatrix::zeros(6, body.base.len());
+    let mut wrench = |motion: &Motion, f: usize| -> Option<(Vector6<f64>, nalgebra::Isometry3<f64>)> {
+        let series = [motion.q(f), motion.v(f), motion.a(f)];
+        if series.iter().any(|s| s.iter().any(|x| !x.is_finite())) {
+            return None;
+        }
+        state.forward_acceleration(body.model, series[0], series[1], series[2]);
+        state.base_wrench_rows(body.model, body.base, &mut rows);
+        let w: DVector<f64> = &rows * phi;
+        Some((w.fixed_rows::<6>(0).into(), state.world_from_link[0]))
+    };
+    for (f, place) in places.iter().enumerate() {
+        let Some(place) = place else { continue };
+        let (Some((plain, pose)), Some((noisy, _))) = (wrench(without, f), wrench(with, f)) else { continue };
+        let mut e = noisy - plain;
+        if place.phase.is_contact() {
+            if let Some(plates) = plates {
+                // moments of the plates' noise about the root origin
+                let (force, moment) = halves(&plates[f]);
+                let about = joined(&force, &(moment - pose.translation.vector.cross(&force)));
+                let noise = rotated(&about, &pose.rotation.inverse());
+                if noise.iter().all(|x| x.is_finite()) {
+                    e -= noise;
+                }
+            }
+            sums.contact.add(&e, &pose.rotation);
+        } else {
+            sums.flight.add(&e, &pose.rotation);
+        }
+    }
+}
+
+#[allow(clippy::too_many_arguments)] // one call says all that the floor depends on
+fn add_windows(
+    sums: &mut FloorSums,
+    body: &Body<'_>,
+    candidate: &Candidate,
+    index: usize,
+    input: &TrialInput<'_>,
+    noisy: &Motion,
+    plates: Option<&[Vector6<f64>]>,
+    options: &CompareOptions,
+) -> Result<(), CompareError> {
+    let clean = input.motion;
+    let silent = vec![Vector6::zeros(); clean.n_frames()];
+    let phi = [candidate.parameters(index)];
+    let none = [DVector::zeros(0)];
+    let (contact, flights) = stretches(input, clean, options);
+    for (runs, flying) in [(contact, false), (flights, true)] {
+        for (i, run) in runs.iter().enumerate() {
+            let of = |motion: &Motion, measured: &[Vector6<f64>]| {
+                let acting = Acting { measured: Some(measured), effects: None };
+                window_residuals(body, motion, i, run, flying, acting, options, &phi, &none)
+            };
+            let (plain, noisy) = (of(clean, &silent)?, of(noisy, plates.unwrap_or(&silent))?);
+            let weak = if flying { &mut sums.flight_weak } else { &mut sums.contact_weak };
+            for (a, b) in plain[0].iter().zip(&noisy[0]) {
+                weak.add(&(b - a));
+            }
+        }
+    }
+    Ok(())
+}

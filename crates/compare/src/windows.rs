@@ -1,0 +1,119 @@
+//! The same comparison over weak windows: `∫ψ (predicted − measured) dt / ∫ψ dt`, without filter or second derivatives.
+//!
+//! On single frames the noise of twice-differentiated positions hides the model; over a window of 0.3 s it is an order of magnitude
+//! smaller, and what remains is the model's. World axes, moments about a smooth path near the centre of mass.
+
+use crate::errors::Sums;
+use crate::frames::complete;
+use crate::phase::weak_stretches;
+use crate::{Body, Candidate, CompareError, CompareOptions, TrialInput};
+use aloft_body::Motion;
+use aloft_regressor::{Acting, RegressorError, Stretch, WeakOptions, WeakRows, weak_rows};
+use nalgebra::{DVector, Vector6};
+use std::ops::Range;
+
+/// Errors over the windows of one trial, `[contact, flight]` for each model.
+#[derive(Debug, Clone)]
+pub(crate) struct TrialWindows {
+    pub contact: Vec<Sums>,
+    pub flight: Vec<Sums>,
+}
+
+/// Frames left out at both ends of a flight: its edges are known within two frames.
+const FLIGHT_MARGIN_FRAMES: f64 = 2.0;
+
+pub(crate) fn trial_windows(
+    body: &Body<'_>,
+    candidates: &[Candidate],
+    index: usize,
+    input: &TrialInput<'_>,
+    options: &CompareOptions,
+) -> Result<TrialWindows, CompareError> {
+    let mut out = TrialWindows {
+        contact: vec![Sums::default(); candidates.len()],
+        flight: vec![Sums::default(); candidates.len()],
+    };
+    let Some(motion) = input.unfiltered else { return Ok(out) };
+    let series = input.measured.map(|m| m.unfiltered.as_slice());
+    let (contact, flights) = stretches(input, motion, options);
+    let parameters: Vec<&DVector<f64>> = candidates.iter().map(|c| c.parameters(index)).collect();
+    let names = input.effects.map_or(&[][..], |e| &e.names);
+    let coefficients: Vec<DVector<f64>> = candidates.iter().map(|c| c.coefficients(names)).collect();
+    let acting = Acting { measured: series, effects: input.effects };
+    for (runs, sums, flying) in [(contact, &mut out.contact, false), (flights, &mut out.flight, true)] {
+        for (i, run) in runs.into_iter().enumerate() {
+            let windows = window_residuals(body, motion, i, &run, flying, acting, options, &parameters, &coefficients)?;
+            for (sums, windows) in sums.iter_mut().zip(&windows) {
+                windows.iter().for_each(|e| sums.add(e));
+            }
+        }
+    }
+    Ok(out)
+}
+
+/// Runs of contact and flights for windows.
+pub(crate) fn stretches(
+    input: &TrialInput<'_>,
+    motion: &Motion,
+    options: &CompareOptions,
+) -> (Vec<Range<usize>>, Vec<Range<usize>>) {
+    let series = input.measured.map(|m| m.unfiltered.as_slice());
+    weak_stretches(
+        motion.n_frames(),
+        motion.rate_hz,
+        input.flights,
+        |f| motion.is_valid(f),
+        |f| complete(input, series, f).is_some(),
+        options,
+    )
+}
+
+/// Window averages of the error in one run, `[model][window]`; empty where the run is shorter than a window (in contact) or than
+/// any window at all (flights use shorter windows when they must).
+#[allow(clippy::too_many_arguments)] // one call says all that windows depend on
+pub(crate) fn window_residuals(
+    body: &Body<'_>,
+    motion: &Motion,
+    index: usize,
+    run: &Range<usize>,
+    flying: bool,
+    acting: Acting<'_>,
+    options: &CompareOptions,
+    parameters: &[&DVector<f64>],
+    coefficients: &[DVector<f64>],
+) -> Result<Vec<Vec<Vector6<f64>>>, CompareError> {
+    let nothing = || Ok(vec![Vec::new(); parameters.len()]);
+    let seconds = run.len() as f64 / motion.rate_hz;
+    if !flying && seconds < options.window_s {
+        return nothing();
+    }
+    let stretch = if flying {
+        Stretch::flight(&motion.trial, index, run.start, run.end)
+    } else {
+        Stretch::contact(&motion.trial, index, run.start, run.end)
+    };
+    let margin_s = if flying { FLIGHT_MARGIN_FRAMES / motion.rate_hz } else { 0.0 };
+    let weak = WeakOptions { window_s: Some(options.window_s), margin_s, ..WeakOptions::default() };
+    match weak_rows(body.model, body.base, body.prior, motion, &stretch, acting, &weak) {
+        Ok(rows) => Ok(residuals(&rows, parameters, coefficients)),
+        Err(RegressorError::TooShort { .. }) => nothing(),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// The weak rows times the parameters of each model, over ∫ψ.
+fn residuals(rows: &WeakRows, parameters: &[&DVector<f64>], coefficients: &[DVector<f64>]) -> Vec<Vec<Vector6<f64>>> {
+    let m = &rows.matrix;
+    let per_second = 1.0 / rows.test.integral_s();
+    let last = m.ncols() - 1;
+    let errors = |(phi, theta): (&&DVector<f64>, &DVector<f64>)| {
+        let error = |i: usize| -> f64 {
+            let body: f64 = phi.iter().enumerate().map(|(j, x)| m[(i, j)] * x).sum();
+            // columns of effects carry their minus sign already
+            let effects: f64 = theta.iter().enumerate().map(|(k, x)| m[(i, phi.len() + k)] * x).sum();
+            (body + effects - m[(i, last)]) * per_second
+        };
+        (0..rows.centers.len()).map(|w| Vector6::from_fn(|axis, _| error(6 * w + axis))).collect()
+    };
+    parameters.iter().zip(coefficients).map(errors).collect()
+}

@@ -1,0 +1,150 @@
+//! Where the model is worst, in words.
+
+use crate::breakdown::{Group, GroupedBy};
+use crate::{ModelComparison, NoiseFloor};
+
+/// Ratio from which a difference between groups is worth a sentence.
+const REMARKABLE: f64 = 1.5;
+/// Fewest frames of a group that is spoken of.
+const FEWEST_FRAMES: usize = 20;
+/// Share of the error from which a link is named.
+const LARGE_SHARE: f64 = 0.3;
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// Sentences on one model, the most useful first. `beside` are the models next to it.
+pub(crate) fn words(model: &ModelComparison, beside: &[ModelComparison], floor: Option<&NoiseFloor>) -> Vec<String> {
+    let mut out = Vec::new();
+    let contact = model.held_out.frames > 0;
+    let (windows, frames) =
+        if contact { (&model.held_out_weak, &model.held_out) } else { (&model.flight_weak, &model.flight_wrench) };
+    let place = if contact { "held-out contact" } else { "flight" };
+    if frames.frames == 0 {
+        return vec!["No frame can be compared: no flight, and no contact that is measured as a whole.".to_owned()];
+    }
+    out.push(format!(
+        "In {place} the mean error is {} on single frames{}.",
+        pair(frames.force_n.mean_mae(), frames.moment_nm.mean_mae()),
+        if windows.windows > 0 {
+            format!(" and {} over weak windows", pair(windows.force_n.mean_mae(), windows.moment_nm.mean_mae()))
+        } else {
+            String::new()
+        }
+    ));
+    if let Some(floor) = floor {
+        let (on_frames, on_windows) =
+            if contact { (&floor.contact, &floor.contact_weak) } else { (&floor.flight, &floor.flight_weak) };
+        if on_frames.frames > 0 {
+            let share = explainable(frames.size(), on_frames.size());
+            out.push(format!(
+                "Noise alone makes {} on frames; {:.0} % of the mean square error there is explainable.",
+                pair(on_frames.force_n.mean_mae(), on_frames.moment_nm.mean_mae()),
+                100.0 * share
+            ));
+        }
+        if on_windows.windows > 0 && windows.windows > 0 {
+            let share = explainable(windows.size(), on_windows.size());
+            out.push(format!(
+                "Over windows noise makes {}; {:.0} % of the mean square error there is explainable.",
+                pair(on_windows.force_n.mean_mae(), on_windows.moment_nm.mean_mae()),
+                100.0 * share
+            ));
+        }
+    }
+    let (axis, value) = worst(&frames.force_n.rmse);
+    let (turn, moment) = worst(&frames.moment_nm.rmse);
+    out.push(format!(
+        "Worst axes of the root: force {} ({value:.2} N root mean square, mean {:+.2} N), moment {} ({moment:.2} N·m, mean {:+.2} N·m).",
+        AXES[axis], frames.force_n.bias[axis], AXES[turn], frames.moment_nm.bias[turn]
+    ));
+    let trials: Vec<(&str, f64)> = model
+        .trials
+        .iter()
+        .map(|t| (t.trial.as_str(), if contact { &t.contact } else { &t.flight }))
+        .filter(|(_, e)| e.frames >= FEWEST_FRAMES)
+        .map(|(name, e)| (name, e.size()))
+        .collect();
+    if let Some((name, ratio)) = stands_out(&trials) {
+        out.push(format!("Worst trial: {name}, {ratio:.1} times the median trial."));
+    }
+    for (by, what) in
+        [(GroupedBy::Phase, "phase"), (GroupedBy::Flight, "flight"), (GroupedBy::TimeInFlight, "part of the flight")]
+    {
+        let groups: Vec<(&str, f64)> = of(&model.breakdown, by).map(|g| (g.name.as_str(), g.errors.size())).collect();
+        if let Some((name, ratio)) = stands_out(&groups) {
+            out.push(format!("Worst {what}: {name}, {ratio:.1} times the median of them."));
+        }
+    }
+    for (by, what) in [
+        (GroupedBy::Speed, "speed of the centre of mass"),
+        (GroupedBy::Acceleration, "acceleration of the centre of mass"),
+        (GroupedBy::Turning, "turning of the root"),
+        (GroupedBy::Posture, "height of the centre of mass"),
+    ] {
+        let sizes: Vec<f64> = of(&model.breakdown, by).map(|g| g.errors.size()).collect();
+        if let (Some(first), Some(last)) = (sizes.first(), sizes.last()) {
+            if last > &(REMARKABLE * first) {
+                out.push(format!(
+                    "The error grows with the {what}: {:.1} times from the lowest quarter to the highest.",
+                    last / first
+                ));
+            } else if first > &(REMARKABLE * last) {
+                out.push(format!(
+                    "The error falls with the {what}: {:.1} times from the highest quarter to the lowest.",
+                    first / last
+                ));
+            }
+        }
+    }
+    if let Some(segment) = model.segments.first().filter(|s| s.inertia_share > LARGE_SHARE) {
+        out.push(format!(
+            "A change of {} alone would explain {:.0} % of the mean square error.",
+            segment.link,
+            100.0 * segment.inertia_share
+        ));
+    }
+    for other in beside {
+        let theirs = if contact { &other.held_out } else { &other.flight_wrench };
+        let weak = if contact { &other.held_out_weak } else { &other.flight_weak };
+        out.push(format!(
+            "`{}` beside it: {} on frames{}.",
+            other.model,
+            pair(theirs.force_n.mean_mae(), theirs.moment_nm.mean_mae()),
+            if weak.windows > 0 {
+                format!(", {} over windows", pair(weak.force_n.mean_mae(), weak.moment_nm.mean_mae()))
+            } else {
+                String::new()
+            }
+        ));
+    }
+    out
+}
+
+/// Share of a mean square above the floor's.
+pub(crate) fn explainable(size: f64, floor: f64) -> f64 {
+    if size > 0.0 { (1.0 - (floor / size).powi(2)).max(0.0) } else { 0.0 }
+}
+
+fn pair(force_n: f64, moment_nm: f64) -> String {
+    format!("{force_n:.2} N and {moment_nm:.2} N·m")
+}
+
+fn of(groups: &[Group], by: GroupedBy) -> impl Iterator<Item = &Group> {
+    groups.iter().filter(move |g| g.by == by && g.errors.frames >= FEWEST_FRAMES)
+}
+
+fn worst(values: &[f64; 3]) -> (usize, f64) {
+    let i = (0..3).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
+    (i, values[i])
+}
+
+/// The largest, if it stands out from the median of at least two.
+fn stands_out<'a>(sizes: &[(&'a str, f64)]) -> Option<(&'a str, f64)> {
+    let mut sorted: Vec<f64> = sizes.iter().map(|s| s.1).collect();
+    sorted.sort_by(f64::total_cmp);
+    if sorted.len() < 2 {
+        return None;
+    }
+    let median = 0.5 * (sorted[(sorted.len() - 1) / 2] + sorted[sorted.len() / 2]);
+    let (name, largest) = sizes.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    (*largest > REMARKABLE * median && median > 0.0).then_some((name, largest / median))
+}

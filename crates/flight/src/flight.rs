@@ -1,0 +1,157 @@
+//! A flight, and what a search for flights gives.
+
+use crate::PlateTare;
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+
+/// What told an edge of a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EdgeSource {
+    /// A plate was loaded beyond it.
+    Plates,
+    /// The acceleration of the centre of mass.
+    Motion,
+    /// The recording (or the solved part of it) ends there.
+    Recording,
+}
+
+/// What told the flight as a whole.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FlightSource {
+    /// Plates alone.
+    Plates,
+    /// Motion alone.
+    Motion,
+    /// Both agree.
+    Both,
+}
+
+/// Frames in which gravity alone acts: marker frames `start..end`, `end` not included.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Flight {
+    /// First frame in the air (index from 0).
+    pub start: usize,
+    /// First frame no longer in the air.
+    pub end: usize,
+    /// What told the flight.
+    pub source: FlightSource,
+    /// What told its start.
+    pub takeoff_source: EdgeSource,
+    /// What told its end.
+    pub landing_source: EdgeSource,
+    /// Mean acceleration of the centre of mass in it, m/s², world frame; NaN where no motion was given.
+    pub mean_acceleration_mps2: [f64; 3],
+}
+
+impl Flight {
+    /// Number of frames.
+    pub fn n_frames(&self) -> usize {
+        self.end.saturating_sub(self.start)
+    }
+    /// The frames.
+    pub fn frames(&self) -> Range<usize> {
+        self.start..self.end
+    }
+    /// The frames without `margin` at both ends; empty where nothing is left.
+    pub fn frames_within(&self, margin: usize) -> Range<usize> {
+        let start = self.start + margin;
+        start..self.end.saturating_sub(margin).max(start)
+    }
+    /// Length, s.
+    pub fn duration_s(&self, rate_hz: f64) -> f64 {
+        self.n_frames() as f64 / rate_hz
+    }
+}
+
+/// Why a stretch that looked like a flight is none.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "reason", rename_all = "snake_case")]
+pub enum RejectionReason {
+    /// Shorter than the shortest flight.
+    TooShort,
+    /// Longer than anybody falls.
+    TooLong,
+    /// No plate is loaded, but the body does not fall: it stands beside the plates.
+    NotFalling {
+        /// Vertical acceleration, m/s².
+        vertical_mps2: f64,
+    },
+    /// No plate is loaded from the start or to the end of the recording, and no motion says when the fall begins or ends.
+    NotBounded,
+    /// The motion looks like falling, but a plate is loaded.
+    PlateLoaded {
+        /// Mean force, N.
+        force_n: f64,
+    },
+}
+
+impl std::fmt::Display for RejectionReason {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::TooShort => write!(f, "shorter than the shortest flight"),
+            Self::TooLong => write!(f, "longer than the longest flight"),
+            Self::NotFalling { vertical_mps2 } => {
+                write!(f, "no plate is loaded, but the vertical acceleration is {vertical_mps2:.1} m/s²")
+            }
+            Self::NotBounded => write!(f, "no plate is loaded up to an end of the recording; motion would tell"),
+            Self::PlateLoaded { force_n } => write!(f, "it looks like falling, but plates carry {force_n:.0} N"),
+        }
+    }
+}
+
+/// A stretch that is no flight, and why.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Rejected {
+    /// First frame.
+    pub start: usize,
+    /// Frame behind the last.
+    pub end: usize,
+    /// Why.
+    pub reason: RejectionReason,
+}
+
+/// Result of a search.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct FlightReport {
+    /// Name of the trial.
+    pub trial: String,
+    /// Rate of the frames, Hz.
+    pub rate_hz: f64,
+    /// The flights, in order.
+    pub flights: Vec<Flight>,
+    /// What was considered and left out.
+    pub rejected: Vec<Rejected>,
+    /// What each plate read when unloaded (subtracted for the search only).
+    pub tare: Vec<PlateTare>,
+    /// Oddities, in words.
+    pub warnings: Vec<String>,
+}
+
+impl FlightReport {
+    /// Frames in the air, in total.
+    pub fn flight_frames(&self) -> usize {
+        self.flights.iter().map(Flight::n_frames).sum()
+    }
+
+    /// Takes the margin off every flight; those that become too short are rejected.
+    pub(crate) fn apply_margin(&mut self, margin_frames: usize, shortest_frames: usize) {
+        if margin_frames == 0 {
+            return;
+        }
+        let mut kept = Vec::with_capacity(self.flights.len());
+        for mut flight in self.flights.drain(..) {
+            let frames = flight.frames_within(margin_frames);
+            if frames.len() < shortest_frames {
+                let (start, end) = (flight.start, flight.end);
+                self.rejected.push(Rejected { start, end, reason: RejectionReason::TooShort });
+            } else {
+                (flight.start, flight.end) = (frames.start, frames.end);
+                kept.push(flight);
+            }
+        }
+        self.flights = kept;
+        self.rejected.sort_by_key(|r| r.start);
+    }
+}

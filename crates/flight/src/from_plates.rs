@@ -1,0 +1,151 @@
+//! Flights from plates: nothing touches any of them.
+
+use crate::tare::unloaded_tare;
+use crate::{EdgeSource, Flight, FlightOptions, FlightReport, FlightSource, PlateTare, Rejected, RejectionReason};
+use aloft_trial::{Plate, Trial};
+
+/// A stretch in which no plate is loaded, s; a bound that is no plate's doing is open.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Unloaded {
+    pub from_s: f64,
+    pub to_s: f64,
+    pub loaded_before: bool,
+    pub loaded_after: bool,
+}
+
+/// Finds the flights between take-off from and landing on plates, in `n_frames` frames at `rate_hz`.
+///
+/// Each plate is tared by its own unloaded readings, a threshold tells loaded from unloaded, and edges are drawn in to where the force
+/// is lost in the noise. That no plate is loaded does not mean that nothing is: who stands on a box or beside the plates is no
+/// flight. So a stretch must have a loaded plate before and after, and where markers are seen their centroid must fall.
+pub fn from_plates(trial: &Trial, n_frames: usize, rate_hz: f64, options: &FlightOptions) -> FlightReport {
+    let (stretches, tare) = unloaded_stretches(trial, options);
+    let mut report = FlightReport { trial: trial.name.clone(), rate_hz, tare, ..FlightReport::default() };
+    let shortest = ((options.min_duration_s * rate_hz).round() as usize).max(6);
+    for plate in report.tare.iter().filter(|t| t.source == crate::TareSource::None) {
+        report.warnings.push(format!("plate `{}` is never unloaded: not tared", plate.plate));
+    }
+    for stretch in stretches {
+        let frames = frames_in(stretch.from_s, stretch.to_s, n_frames, rate_hz);
+        if frames.len() < shortest {
+            continue;
+        }
+        let (start, end) = (frames.start, frames.end);
+        let mut reject = |reason| report.rejected.push(Rejected { start, end, reason });
+        if !(stretch.loaded_before && stretch.loaded_after) {
+            reject(RejectionReason::NotBounded);
+        } else if stretch.to_s - stretch.from_s > options.max_duration_s {
+            reject(RejectionReason::TooLong);
+        } else if let Some(vertical_mps2) = centroid_acceleration(trial, start, end)
+            && !(-16.0..-4.0).contains(&vertical_mps2)
+        {
+            reject(RejectionReason::NotFalling { vertical_mps2 });
+        } else {
+            report.flights.push(Flight {
+                start,
+                end,
+                source: FlightSource::Plates,
+                takeoff_source: EdgeSource::Plates,
+                landing_source: EdgeSource::Plates,
+                mean_acceleration_mps2: [f64::NAN; 3],
+            });
+        }
+    }
+    report.apply_margin(options.margin_frames, shortest);
+    report
+}
+
+/// Frames whose times lie inside.
+pub(crate) fn frames_in(from_s: f64, to_s: f64, n_frames: usize, rate_hz: f64) -> std::ops::Range<usize> {
+    let start = (from_s * rate_hz - 1e-9).ceil().max(0.0) as usize;
+    let end = ((to_s * rate_hz + 1e-9).floor().max(-1.0) + 1.0) as usize;
+    let end = end.min(n_frames);
+    start.min(end)..end
+}
+
+/// Stretches without load on any plate, with the tare of each plate.
+pub(crate) fn unloaded_stretches(trial: &Trial, options: &FlightOptions) -> (Vec<Unloaded>, Vec<PlateTare>) {
+    let tares: Vec<PlateTare> = trial.plates.iter().map(unloaded_tare).collect();
+    let mut common: Option<Vec<Unloaded>> = None;
+    for (plate, tare) in trial.plates.iter().zip(&tares) {
+        let own = unloaded_of_plate(plate, tare, options.threshold_n);
+        common = Some(match common {
+            None => own,
+            Some(others) => intersect(&others, &own),
+        });
+    }
+    (common.unwrap_or_default(), tares)
+}
+
+/// Unloaded stretches of one plate: below the threshold, then drawn in (up to 40 ms) to three samples in a row within the noise.
+fn unloaded_of_plate(plate: &Plate, tare: &PlateTare, threshold_n: f64) -> Vec<Unloaded> {
+    let n = plate.force_n.len();
+    let load = |sample: usize| (plate.force_n[sample] - tare.force_n[0]).norm();
+    let quiet_n = (5.0 * tare.noise_n).clamp(1.0, threshold_n);
+    let reach = (0.04 * plate.rate_hz) as usize;
+    let runs = aloft_signal::runs_where(n, |sample| load(sample) < threshold_n);
+    let mut stretches = Vec::with_capacity(runs.len());
+    for run in runs {
+        let (loaded_before, loaded_after) = (run.start > 0, run.end < n);
+        let (mut start, mut end) = (run.start, run.end);
+        let quiet = |from: usize| (from..(from + 3).min(run.end)).all(|sample| load(sample) <= quiet_n);
+        if loaded_before {
+            while start < run.end && start < run.start + reach && !quiet(start) {
+                start += 1;
+            }
+        }
+        if loaded_after {
+            while end > start + 3 && end + reach > run.end && !quiet(end - 3) {
+                end -= 1;
+            }
+        }
+        if end > start {
+            let (from_s, to_s) = (start as f64 / plate.rate_hz, (end - 1) as f64 / plate.rate_hz);
+            stretches.push(Unloaded { from_s, to_s, loaded_before, loaded_after });
+        }
+    }
+    stretches
+}
+
+/// Where both are unloaded; each edge keeps what told it.
+fn intersect(a: &[Unloaded], b: &[Unloaded]) -> Vec<Unloaded> {
+    let mut out = Vec::new();
+    for x in a {
+        for y in b {
+            let from_s = x.from_s.max(y.from_s);
+            let to_s = x.to_s.min(y.to_s);
+            if to_s <= from_s {
+                continue;
+            }
+            let near = |p: f64, q: f64| (p - q).abs() < 1e-9;
+            let loaded_before =
+                (near(x.from_s, from_s) && x.loaded_before) || (near(y.from_s, from_s) && y.loaded_before);
+            let loaded_after = (near(x.to_s, to_s) && x.loaded_after) || (near(y.to_s, to_s) && y.loaded_after);
+            out.push(Unloaded { from_s, to_s, loaded_before, loaded_after });
+        }
+    }
+    out
+}
+
+/// Vertical acceleration of the centroid of the markers that are seen in all these frames, m/s²; `None` with fewer than five markers.
+pub(crate) fn centroid_acceleration(trial: &Trial, start: usize, end: usize) -> Option<f64> {
+    let n = end.min(trial.markers.n_frames).checked_sub(start)?;
+    let mut heights = vec![nalgebra::Vector3::zeros(); n];
+    let mut seen = 0.0;
+    for track in &trial.markers.trajectories {
+        let part = track.get(start..start + n)?;
+        if part.iter().all(|p| p.iter().all(|x| x.is_finite())) {
+            for (sum, p) in heights.iter_mut().zip(part) {
+                *sum += p;
+            }
+            seen += 1.0;
+        }
+    }
+    if seen < 5.0 {
+        return None;
+    }
+    for sum in &mut heights {
+        *sum /= seen;
+    }
+    Some(crate::edges::Parabola::fit(&heights, 0..n, trial.markers.rate_hz)?.acceleration_mps2().z)
+}

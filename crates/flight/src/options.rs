@@ -1,0 +1,62 @@
+//! How flights are found.
+
+use serde::{Deserialize, Serialize};
+
+/// Which evidence counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FlightMethod {
+    /// Both where both exist, else what there is.
+    #[default]
+    Auto,
+    /// Plates alone.
+    Plates,
+    /// Motion alone.
+    Motion,
+}
+
+/// Thresholds of the search. Times in seconds, so that they hold at any rate.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FlightOptions {
+    /// Evidence.
+    pub method: FlightMethod,
+    /// A plate is loaded above this force, N (after tare).
+    pub threshold_n: f64,
+    /// Shortest flight, s.
+    pub min_duration_s: f64,
+    /// Longest flight, s: beyond it nobody falls.
+    pub max_duration_s: f64,
+    /// Low-pass on the centre of mass before its acceleration is taken, Hz (zero phase, second order).
+    pub com_cutoff_hz: f64,
+    /// Vertical acceleration of the centre of mass may differ from −g by this, in g.
+    pub vertical_band_g: f64,
+    /// Horizontal acceleration may reach this, in g.
+    pub horizontal_band_g: f64,
+    /// Interruptions up to this long inside a flight are noise, s.
+    pub merge_s: f64,
+    /// Fit the first moments of the links to the parabola of the centre of mass in the flights before the final search.
+    pub refine: bool,
+    /// Standard deviation of a link's prior centre of mass in that fit, m.
+    pub com_prior_sd_m: f64,
+    /// Frames taken off both ends of every flight, for filter edges (the paper's rows) or caution.
+    pub margin_frames: usize,
+}
+
+impl Default for FlightOptions {
+    fn default() -> Self {
+        Self {
+            method: FlightMethod::Auto,
+            threshold_n: 20.0,
+            min_duration_s: 0.12,
+            max_duration_s: 2.0,
+            com_cutoff_hz: 15.0,
+            vertical_band_g: 0.3,
+            horizontal_band_g: 0.3,
+            merge_s: 0.05,
+            refine: true,
+            com_prior_sd_m: 0.02,
+            margin_frames: 0,
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! The thrown chain: no plates, 30 throws, in hand between. Poses straight from the markers of each link.
+
+use aloft_body::{JointSpec, LinkSpec, Model, ModelSpec, Motion, Phi};
+use aloft_flight::{FlightOptions, FlightReport, from_motion};
+use aloft_trial::{GapOptions, ImportOptions, Trial, fill_gaps, fit_pose};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use std::path::Path;
+
+const LINK0: [[f64; 3]; 5] =
+    [[0.0, 0.0, 0.0], [0.0, 0.235, 0.0], [0.0, 0.105, 0.055], [0.048, 0.17, 0.02], [-0.045, 0.06, -0.018]];
+const LINK1: [[f64; 3]; 4] =
+    [[-0.205, 0.0, 0.022], [-0.12, 0.05, 0.01], [-0.065, -0.04, 0.03], [-0.15, -0.045, -0.02]];
+const HINGE: [f64; 3] = [0.000_779_512_804_497_189_4, -0.029_984_409_743_910_055, 0.011_988_307_307_932_542];
+const HINGE_AXES: [f64; 9] = [
+    -0.019_529_812_951_179_098,
+    0.015_594_743_507_992_998,
+    0.999_687_646_408_122_8,
+    0.999_344_800_936_491_6,
+    -0.030_169_830_709_694_145,
+    0.019_993_752_928_162_457,
+    0.030_472_204_503_382_52,
+    0.999_423_126_253_274_5,
+    -0.014_995_314_696_121_842,
+];
+
+/// Frames in which the hand force is exactly zero, end not included.
+const CHAIN_A: [[(usize, usize); 6]; 5] = [
+    [(461, 620), (1113, 1276), (1720, 1869), (2335, 2492), (2955, 3082), (3576, 3726)],
+    [(442, 578), (1066, 1223), (1680, 1832), (2328, 2461), (2936, 3067), (3514, 3646)],
+    [(435, 573), (1096, 1239), (1672, 1834), (2307, 2466), (2882, 3029), (3519, 3677)],
+    [(462, 606), (1056, 1198), (1672, 1813), (2298, 2427), (2875, 3031), (3480, 3605)],
+    [(453, 586), (1100, 1242), (1690, 1850), (2281, 2435), (2875, 3013), (3472, 3605)],
+];
+const CHAIN_P: [[(usize, usize); 6]; 5] = [
+    [(409, 563), (1051, 1190), (1656, 1816), (2312, 2470), (2950, 3102), (3514, 3641)],
+    [(467, 596), (1079, 1240), (1769, 1899), (2403, 2559), (3045, 3205), (3638, 3763)],
+    [(421, 577), (1062, 1218), (1744, 1893), (2317, 2465), (2876, 3006), (3437, 3573)],
+    [(445, 608), (1076, 1219), (1679, 1815), (2291, 2434), (2961, 3089), (3583, 3722)],
+    [(405, 567), (1045, 1184), (1659, 1807), (2307, 2459), (2915, 3069), (3490, 3639)],
+];
+
+fn model() -> Model {
+    let (roll, pitch, yaw) =
+        Rotation3::from_matrix_unchecked(Matrix3::from_row_slice(&HINGE_AXES)).euler_angles();
+    let link = |name: &str, parent: Option<&str>, joint| LinkSpec {
+        name: name.to_owned(),
+        parent: parent.map(str::to_owned),
+        joint,
+        position_m: if parent.is_some() { HINGE } else { [0.0; 3] },
+        rpy_rad: if parent.is_some() { [roll, pitch, yaw] } else { [0.0; 3] },
+        inertia: None,
+    };
+    let links = vec![link("link0", None, JointSpec::Free), link("link1", Some("link0"), JointSpec::RevoluteZ)];
+    Model::from_spec(&ModelSpec { name: "chain".to_owned(), links }).unwrap()
+}
+
+/// What a laboratory would guess: half of the mass in each link, at the middle of its markers.
+fn prior() -> [Phi; 2] {
+    let phi = |markers: &[[f64; 3]]| {
+        let middle = markers.iter().map(|m| Vector3::from(*m)).sum::<Vector3<f64>>() / markers.len() as f64;
+        let h = middle * 0.4985;
+        Phi::from([0.4985, h.x, h.y, h.z, 0.01, 0.01, 0.01, 0.0, 0.0, 0.0])
+    };
+    [phi(&LINK0), phi(&LINK1)]
+}
+
+fn motion(folder: &str, number: usize) -> Option<Motion> {
+    let path = format!("{}/../../../shared/data/{folder}/throws_{number:02}.c3d", env!("CARGO_MANIFEST_DIR"));
+    let Ok(bytes) = std::fs::read(Path::new(&path)) else {
+        println!("skipped: {folder} is not beside the project");
+        return None;
+    };
+    let mut trial = Trial::from_c3d("throws", &bytes, &ImportOptions::default()).unwrap();
+    let names = |link: usize, n: usize| (1..=n).map(|k| format!("L{link}_{k}")).collect::<Vec<_>>();
+    fill_gaps(&mut trial, &[names(0, 5), names(1, 4)], &GapOptions::default());
+    let pose = |labels: &[String], local: &[[f64; 3]], frame: usize| {
+        let (mut from, mut to) = (Vec::new(), Vec::new());
+        for (label, local) in labels.iter().zip(local) {
+            if let Some(p) = trial.markers.position(trial.markers.index(label).unwrap(), frame) {
+                from.push(Vector3::from(*local));
+                to.push(p);
+            }
+        }
+        fit_pose(&from, &to, 0.01)
+    };
+    let hinge = UnitQuaternion::from_matrix(&Matrix3::from_row_slice(&HINGE_AXES));
+    let mut q = Vec::new();
+    for frame in 0..trial.markers.n_frames {
+        match (pose(&names(0, 5), &LINK0, frame), pose(&names(1, 4), &LINK1, frame)) {
+            (Some(base), Some(link)) => {
+                let turn = (base.rotation * hinge).inverse() * link.rotation;
+                let (t, r) = (base.translation.vector, base.rotation);
+                q.extend([t.x, t.y, t.z, r.i, r.j, r.k, r.w, 2.0 * turn.k.atan2(turn.w)]);
+            }
+            _ => q.extend([f64::NAN; 8]),
+        }
+    }
+    Some(Motion { trial: format!("{folder} {number}"), rate_hz: 200.0, nq: 8, nv: 7, q, ..Motion::default() })
+}
+
+fn find(folder: &str, number: usize, options: &FlightOptions) -> Option<FlightReport> {
+    Some(from_motion(&model(), &prior(), &motion(folder, number)?, options).unwrap())
+}
+
+#[test]
+fn validate_all_throws_are_found_and_no_contact_frame_is_inside() {
+    let mut lost = 0;
+    for (folder, truth) in [("chain_a", CHAIN_A), ("chain_p", CHAIN_P)] {
+        for (index, truth) in truth.iter().enumerate() {
+            let Some(report) = find(folder, index + 1, &FlightOptions::default()) else { return };
+            let found: Vec<_> = report.flights.iter().map(|f| (f.start, f.end)).collect();
+            println!("{folder} {}: {:?} {:?}", index + 1, report.flights.len(), report.rejected);
+            for (flight, truth) in report.flights.iter().zip(truth) {
+                let a = flight.mean_acceleration_mps2;
+                println!(
+                    "   start {:+} end {:+}  a {:.2} {:.2} {:.2}",
+                    flight.start as i64 - truth.0 as i64,
+                    flight.end as i64 - truth.1 as i64,
+                    a[0],
+                    a[1],
+                    a[2]
+                );
+                lost += truth.1 - truth.0 - flight.n_frames();
+            }
+            assert_eq!(found.len(), 6, "{found:?}");
+        }
+    }
+    println!("{lost} flight frames lost");
+}

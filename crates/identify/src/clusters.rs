@@ -1,0 +1,323 @@
+//! Evidence by cluster (flight or trial): resampling and held-out error without going back to rows.
+//!
+//! With U the triangle of all rows and prior rows together, every cluster's rows become `Q_g = A_g U⁻¹` with `Σ Q_gᵀQ_g + prior = 1`: a
+//! well-conditioned Gram `G_g = Q_gᵀQ_g` per cluster. At the estimate x̂ with residuals r_g = A_g x̂ − b_g, leaving a cluster out gives
+//! `x̂ + U⁻¹ (1 − G_g)⁻¹ Q_gᵀ r_g`, and giving it the weight w_g (bootstrap) `x̂ − U⁻¹ (1 + Σ (w_g−1) G_g)⁻¹ Σ (w_g−1) Q_gᵀ r_g`.
+
+use crate::system::System;
+use crate::{IdentifyError, Prior};
+use aloft_regressor::Factor;
+use faer::Mat;
+use nalgebra::{DMatrix, DVector};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// What counts as one piece of evidence.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ClusterBy {
+    /// Every flight or contact phase.
+    #[default]
+    Stretch,
+    /// All that one trial gave.
+    Trial,
+}
+
+impl ClusterBy {
+    /// Number of the cluster of each factor, in the order of first appearance, and the clusters' names.
+    pub fn groups(self, factors: &[Factor]) -> (Vec<usize>, Vec<String>) {
+        let mut names: Vec<String> = Vec::new();
+        let mut known: BTreeMap<String, usize> = BTreeMap::new();
+        let groups = factors
+            .iter()
+            .map(|f| {
+                let name = match self {
+                    Self::Trial => f.trial.clone(),
+                    Self::Stretch => format!("{}#{}{:?}", f.trial, f.stretch, f.kind),
+                };
+                *known.entry(name.clone()).or_insert_with(|| {
+                    names.push(name);
+                    names.len() - 1
+                })
+            })
+            .collect();
+        (groups, names)
+    }
+}
+
+/// Factors merged within clusters, preconditioned by all of them and the prior.
+#[derive(Debug, Clone)]
+pub(crate) struct Clusters {
+    /// Estimate without the mass: parameters 1.. and effects.
+    estimate: DVector<f64>,
+    inverse: DMatrix<f64>,
+    grams: Vec<DMatrix<f64>>,
+    scores: Vec<DVector<f64>>,
+    rows: Vec<(DMatrix<f64>, DVector<f64>, f64, usize)>,
+    mass_kg: f64,
+}
+
+impl Clusters {
+    /// `weight` is the weight w of the prior in squared row units.
+    pub fn new(
+        groups: &[Factor],
+        mass_kg: f64,
+        prior: Option<&Prior>,
+        weight: f64,
+        solution: &DVector<f64>,
+    ) -> Result<Self, IdentifyError> {
+        let first = groups.first().ok_or(IdentifyError::TooFew { what: "clusters", needed: 1, found: 0 })?;
+        let (p, k) = (first.n_parameters(), first.n_effects());
+        let m = p - 1 + k;
+        let estimate = solution.rows(1, m).into_owned();
+        let reduced: Vec<(DMatrix<f64>, DVector<f64>, usize)> = groups
+            .iter()
+            .map(|g| {
+                let dense = g.dense();
+                let a = dense.columns(1, m).into_owned();
+                let residual = &a * &estimate + dense.column(0) * mass_kg - dense.column(m + 1);
+                (a, residual, g.n_rows)
+            })
+            .collect();
+        let prior_rows = match prior {
+            Some(prior) if weight > 0.0 => {
+                let (_, root) = prior.given_mass(p, mass_kg)?;
+                let inverse = root
+                    .try_inverse()
+                    .ok_or_else(|| IdentifyError::Numeric("the prior covariance is singular".to_owned()))?;
+                inverse * weight.sqrt()
+            }
+            _ => DMatrix::zeros(0, p - 1),
+        };
+        let height: usize = reduced.iter().map(|r| r.0.nrows()).sum::<usize>() + prior_rows.nrows();
+        let mut stacked = Mat::<f64>::zeros(height.max(m), m);
+        let mut at = 0;
+        for (a, _, _) in &reduced {
+            for i in 0..a.nrows() {
+                for j in 0..m {
+                    stacked[(at + i, j)] = a[(i, j)];
+                }
+            }
+            at += a.nrows();
+        }
+        for i in 0..prior_rows.nrows() {
+            for j in 0..p - 1 {
+                stacked[(at + i, j)] = prior_rows[(i, j)];
+            }
+        }
+        let qr = stacked.qr();
+        let r = qr.thin_R();
+        let triangle = DMatrix::from_fn(m, m, |i, j| if i <= j { r[(i, j)] } else { 0.0 });
+        // a direction that nothing determines gets no variance here; the gate reports it
+        let scale = DVector::from_fn(m, |j, _| triangle.column(j).norm());
+        let mut lifted = triangle;
+        for j in 0..m {
+            if lifted[(j, j)].abs() <= 1e-13 * scale[j].max(f64::MIN_POSITIVE) {
+                lifted[(j, j)] = f64::INFINITY;
+            }
+        }
+        let mut inverse = lifted
+            .solve_upper_triangular(&DMatrix::identity(m, m))
+            .ok_or_else(|| IdentifyError::Numeric("the merged rows are singular".to_owned()))?;
+        inverse.iter_mut().for_each(|x| {
+            if !x.is_finite() {
+                *x = 0.0;
+            }
+        });
+        let prepared: Vec<(DMatrix<f64>, DMatrix<f64>, DVector<f64>, f64, usize)> = reduced
+            .into_par_iter()
+            .map(|(a, residual, n_rows)| {
+                let q = a * &inverse;
+                (q.tr_mul(&q), q, residual, 0.0, n_rows)
+            })
+            .collect();
+        let mut out =
+            Self { estimate, inverse, grams: Vec::new(), scores: Vec::new(), rows: Vec::new(), mass_kg };
+        for (gram, q, residual, rest, n_rows) in prepared {
+            out.scores.push(q.tr_mul(&residual));
+            out.grams.push(gram);
+            out.rows.push((q, residual, rest, n_rows));
+        }
+        Ok(out)
+    }
+
+    pub fn len(&self) -> usize {
+        self.grams.len()
+    }
+
+    fn whole(&self, reduced: DVector<f64>) -> DVector<f64> {
+        let mut x = DVector::zeros(reduced.len() + 1);
+        x[0] = self.mass_kg;
+        x.rows_mut(1, reduced.len()).copy_from(&reduced);
+        x
+    }
+
+    /// `(1 − G_g)⁻¹ Q_gᵀ r_g`, by least squares where leaving the cluster out leaves a direction undetermined.
+    fn left_out(&self, g: usize, vector: &DVector<f64>) -> DVector<f64> {
+        let m = self.estimate.len();
+        let rest = DMatrix::identity(m, m) - &self.grams[g];
+        match rest.clone().cholesky() {
+            Some(cholesky) => cholesky.solve(vector),
+            None => {
+                let eigen = rest.symmetric_eigen();
+                let kept = eigen.eigenvalues.map(|l| if l > 1e-10 { l.recip() } else { 0.0 });
+                &eigen.eigenvectors * kept.component_mul(&eigen.eigenvectors.tr_mul(vector))
+            }
+        }
+    }
+
+    /// Estimates with each cluster left out, mass first.
+    pub fn leave_one_out(&self) -> Vec<DVector<f64>> {
+        (0..self.len())
+            .into_par_iter()
+            .map(|g| self.whole(&self.estimate + &self.inverse * self.left_out(g, &self.scores[g])))
+            .collect()
+    }
+
+    /// Sum of squares and number of rows of each cluster, predicted from all others.
+    pub fn held_out(&self) -> Vec<(f64, usize)> {
+        (0..self.len())
+            .into_par_iter()
+            .map(|g| {
+                let (q, residual, rest, n_rows) = &self.rows[g];
+                let error = residual + q * self.left_out(g, &self.scores[g]);
+                (error.norm_squared() + rest, *n_rows)
+            })
+            .collect()
+    }
+
+    /// Cluster-robust covariance (bias-reduced linearisation, CR2), mass included with zeros; `row_variance` enters through the prior's rows.
+    pub fn robust_covariance(&self, row_variance: f64) -> DMatrix<f64> {
+        let m = self.estimate.len();
+        let mut meat = DMatrix::identity(m, m) * row_variance;
+        for gram in &self.grams {
+            meat -= gram * row_variance;
+        }
+        let adjusted: Vec<DVector<f64>> = (0..self.len())
+            .into_par_iter()
+            .map(|g| {
+                let eigen = (DMatrix::identity(m, m) - &self.grams[g]).symmetric_eigen();
+                let kept = eigen.eigenvalues.map(|l| if l > 1e-8 { l.sqrt().recip() } else { 0.0 });
+                &eigen.eigenvectors * kept.component_mul(&eigen.eigenvectors.tr_mul(&self.scores[g]))
+            })
+            .collect();
+        for score in &adjusted {
+            meat += score * score.transpose();
+        }
+        let reduced = &self.inverse * meat * self.inverse.transpose();
+        let mut out = DMatrix::zeros(m + 1, m + 1);
+        out.view_mut((1, 1), (m, m)).copy_from(&reduced);
+        out
+    }
+
+    /// Estimates from clusters drawn with replacement, mass first. Draw `i` depends on `seed` and `i` alone.
+    pub fn bootstrap(&self, draws: usize, seed: u64) -> Vec<DVector<f64>> {
+        let (n, m) = (self.len(), self.estimate.len());
+        (0..draws)
+            .into_par_iter()
+            .map(|draw| {
+                let mut rng = ChaCha8Rng::seed_from_u64(seed);
+                rng.set_stream(draw as u64);
+                let mut weights = vec![-1.0; n];
+                for _ in 0..n {
+                    weights[rng.random_range(0..n)] += 1.0;
+                }
+                let mut matrix = DMatrix::identity(m, m);
+                let mut right = DVector::zeros(m);
+                for ((w, gram), score) in weights.iter().zip(&self.grams).zip(&self.scores) {
+                    if *w != 0.0 {
+                        matrix += gram * *w;
+                        right -= score * *w;
+                    }
+                }
+                // draws that leave a direction out keep it where it was
+                let step = match matrix.clone().cholesky() {
+                    Some(cholesky) => cholesky.solve(&right),
+                    None => {
+                        let eigen = matrix.symmetric_eigen();
+                        let kept = eigen.eigenvalues.map(|l| if l > 1e-8 { l.recip() } else { 0.0 });
+                        &eigen.eigenvectors * kept.component_mul(&eigen.eigenvectors.tr_mul(&right))
+                    }
+                };
+                self.whole(&self.estimate + &self.inverse * step)
+            })
+            .collect()
+    }
+}
+
+/// Factors merged within each group, in the order of group numbers.
+pub(crate) fn merge_groups(factors: &[Factor], groups: &[usize]) -> Result<Vec<Factor>, IdentifyError> {
+    let n = groups.iter().max().map_or(0, |g| g + 1);
+    (0..n)
+        .map(|g| {
+            let members: Vec<&Factor> = factors.iter().zip(groups).filter(|(_, k)| **k == g).map(|(f, _)| f).collect();
+            Factor::merge_refs(&members).map_err(IdentifyError::from)
+        })
+        .collect()
+}
+
+/// Held-out error of one weight of the prior.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct WeightTrial {
+    /// Weight λ of the prior.
+    pub weight: f64,
+    /// Root mean square of rows of a cluster predicted from the others.
+    pub held_out_rms: f64,
+    /// Standard error of the difference of mean squares to the best weight, over clusters, in the same unit squared.
+    pub difference_se: f64,
+}
+
+/// Chooses the weight of the prior by leave-one-cluster-out error, and returns the table that it chose from.
+///
+/// Among weights whose error is not worse than the best by more than one standard error the largest wins: errors that repeat from
+/// flight to flight (soft tissue, joint centres) make held-out error favour weights that are too small.
+pub(crate) fn choose_weight(
+    groups: &[Factor],
+    mass_kg: f64,
+    prior: &Prior,
+    candidates: &[f64],
+) -> Result<(f64, Vec<WeightTrial>), IdentifyError> {
+    let merged = Factor::merge(groups)?;
+    let system = System::new(&merged, mass_kg, Some(prior))?;
+    let errors: Vec<Vec<(f64, usize)>> = candidates
+        .iter()
+        .map(|&lambda| {
+            let weight = lambda * system.row_variance(lambda);
+            let x = system.solve(weight).x;
+            Ok(Clusters::new(groups, mass_kg, Some(prior), weight, &x)?.held_out())
+        })
+        .collect::<Result<_, IdentifyError>>()?;
+    let mean_square = |e: &[(f64, usize)]| {
+        let rows: usize = e.iter().map(|x| x.1).sum();
+        e.iter().map(|x| x.0).sum::<f64>() / rows.max(1) as f64
+    };
+    let means: Vec<f64> = errors.iter().map(|e| mean_square(e)).collect();
+    let best = (0..means.len())
+        .min_by(|&a, &b| means[a].total_cmp(&means[b]))
+        .ok_or(IdentifyError::TooFew { what: "weights of the prior", needed: 1, found: 0 })?;
+    let n = groups.len() as f64;
+    let table: Vec<WeightTrial> = candidates
+        .iter()
+        .enumerate()
+        .map(|(i, &weight)| {
+            let differences: Vec<f64> = errors[i]
+                .iter()
+                .zip(&errors[best])
+                .map(|(a, b)| (a.0 - b.0) / a.1.max(1) as f64)
+                .collect();
+            let mean = differences.iter().sum::<f64>() / n;
+            let variance = differences.iter().map(|d| (d - mean) * (d - mean)).sum::<f64>() / (n - 1.0).max(1.0);
+            WeightTrial { weight, held_out_rms: means[i].sqrt(), difference_se: (variance / n).sqrt() }
+        })
+        .collect();
+    let chosen = table
+        .iter()
+        .zip(&means)
+        .filter(|(t, m)| **m <= means[best] + t.difference_se)
+        .map(|(t, _)| t.weight)
+        .fold(candidates[best], f64::max);
+    Ok((chosen, table))
+}

@@ -1,0 +1,474 @@
+//! The joint estimation of geometry and postures.
+
+use super::CalibrateOptions;
+use super::reference::Reference;
+use super::select::FrameId;
+use crate::IkError;
+use crate::frame::Solver;
+use crate::problem::Problem;
+use crate::tree::NONE;
+use aloft_body::{JointKind, Motion, Subject};
+use aloft_trial::Trial;
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use rayon::prelude::*;
+
+/// Frames whose equations are added up in one piece; fixed, so that sums do not depend on the number of threads.
+const PIECE: usize = 16;
+
+/// One frame with its posture.
+#[derive(Debug, Clone)]
+struct Frame {
+    /// Measured positions of the problem's markers, m.
+    targets: Vec<Vector3<f64>>,
+    /// Posture, hinges counted from the static posture.
+    q: Vec<f64>,
+    is_static: bool,
+}
+
+/// Where each unknown stands in the parameter vector.
+#[derive(Debug, Clone)]
+struct Layout {
+    /// Of each tracked marker.
+    marker: Vec<usize>,
+    /// Of each link's joint centre, `NONE` where there is none.
+    centre: Vec<usize>,
+    /// Of each hinge axis, `NONE` where there is none.
+    axis: Vec<usize>,
+    size: usize,
+}
+
+/// Posterior standard deviations.
+#[derive(Debug, Clone)]
+pub(crate) struct Uncertainty {
+    /// Of each link's joint centre, m, root mean square over axes; NaN for the root.
+    pub centre_m: Vec<f64>,
+    /// Of each hinge's axis, rad; NaN elsewhere.
+    pub axis_rad: Vec<f64>,
+}
+
+/// All of a calibration's state.
+#[derive(Debug, Clone)]
+pub(crate) struct Bundle {
+    /// Weights of a moving frame.
+    moving: Problem,
+    /// The same with the weights of the static posture.
+    standing: Problem,
+    /// Subject's marker behind each tracked one.
+    marker_of: Vec<usize>,
+    /// Where landmarks put everything: centre of the priors.
+    landmarks: Reference,
+    present: Reference,
+    frames: Vec<Frame>,
+    layout: Layout,
+    /// Inverse variance of each unknown's prior.
+    precision: DVector<f64>,
+}
+
+/// Sums over frames, postures eliminated.
+struct Sums {
+    matrix: DMatrix<f64>,
+    gradient: DVector<f64>,
+}
+
+impl Bundle {
+    pub fn new(
+        subject: &Subject,
+        mut problem: Problem,
+        landmarks: &Reference,
+        present: Reference,
+        used: &[FrameId],
+        trials: &[&Trial],
+        motions: &[&Motion],
+        options: &CalibrateOptions,
+    ) -> Self {
+        problem.markers.retain(|m| trials.iter().any(|t| t.markers.index(&m.label).is_some()));
+        let marker_of: Vec<usize> =
+            problem.markers.iter().filter_map(|m| subject.marker_index(&m.label)).collect();
+        // the priors' centres in the frames of the present subject: orientation and angles belong to it
+        let landmarks = Reference {
+            rotation: present.rotation.clone(),
+            angle: present.angle.clone(),
+            ..landmarks.clone()
+        };
+        problem.hinges.clear();
+        let mut frames = Vec::with_capacity(used.len() + 1);
+        let rezeroed = |q: &[f64], problem: &Problem| {
+            let mut q = q.to_vec();
+            for (i, link) in problem.tree.links.iter().enumerate() {
+                if let JointKind::Revolute(_) = link.kind {
+                    q[link.q_offset] -= present.angle[i];
+                }
+            }
+            q
+        };
+        problem.rest_q = rezeroed(&problem.rest_q, &problem);
+        frames.push(Frame {
+            targets: marker_of.iter().map(|&m| landmarks.marker[m]).collect(),
+            q: problem.rest_q.clone(),
+            is_static: true,
+        });
+        let mut distances = Vec::new();
+        for id in used {
+            let markers = &trials[id.trial].markers;
+            let targets = problem
+                .markers
+                .iter()
+                .map(|m| {
+                    let place = markers.index(&m.label).and_then(|i| markers.trajectories[i].get(id.frame));
+                    place.copied().unwrap_or(Vector3::repeat(f64::NAN))
+                })
+                .collect();
+            let motion = motions[id.trial];
+            let n = motion.marker_labels.len();
+            distances.extend(motion.residual_m[id.frame * n..(id.frame + 1) * n].iter().copied().filter(|r| r.is_finite()));
+            frames.push(Frame { targets, q: rezeroed(motion.q(id.frame), &problem), is_static: false });
+        }
+        distances.sort_by(f64::total_cmp);
+        let median = distances.get(distances.len() / 2).copied().unwrap_or(f64::INFINITY);
+        problem.huber = options.huber_factor * median.max(options.marker_noise_m);
+        let nominal = options.ik.marker_sd_m * options.ik.marker_sd_m / (options.marker_noise_m * options.marker_noise_m);
+        let weighed = |factor: f64| {
+            let mut problem = problem.clone();
+            problem.markers.iter_mut().for_each(|m| m.weight *= nominal * factor);
+            problem.rest_weight *= factor;
+            problem
+        };
+        let (layout, precision) = lay_out(&problem, options);
+        let mut bundle = Self {
+            moving: weighed(options.frame_weight),
+            standing: weighed(options.static_weight),
+            marker_of,
+            landmarks,
+            present,
+            frames,
+            layout,
+            precision,
+        };
+        bundle.apply();
+        bundle
+    }
+
+    fn apply(&mut self) {
+        self.present.apply(&mut self.moving, &self.marker_of);
+        self.present.apply(&mut self.standing, &self.marker_of);
+    }
+
+    /// Minimises; returns the number of steps.
+    pub fn run(&mut self, options: &CalibrateOptions) -> Result<usize, IkError> {
+        let mut cost = self.settle() + self.prior_cost();
+        let mut damping = 0.0;
+        let mut steps = 0;
+        while steps < options.max_iterations {
+            let Sums { mut matrix, mut gradient } = self.sums();
+            let deviation = self.deviation();
+            for i in 0..self.layout.size {
+                matrix[(i, i)] += self.precision[i];
+                gradient[i] += self.precision[i] * deviation[i];
+            }
+            let (frames, present) = (self.frames.clone(), self.present.clone());
+            loop {
+                steps += 1;
+                let mut damped = matrix.clone();
+                for i in 0..self.layout.size {
+                    damped[(i, i)] *= 1.0 + damping;
+                }
+                let Some(factor) = damped.cholesky() else {
+                    return Err(self.failure("the normal equations are not positive definite"));
+                };
+                let step = -factor.solve(&gradient);
+                self.advance(&present, &step);
+                let cost_try = self.settle() + self.prior_cost();
+                let gain = -step.dot(&gradient);
+                if cost_try <= cost {
+                    let converged = gain < 1e-4 * (1.0 + cost);
+                    cost = cost_try;
+                    damping = if damping < 1e-3 { 0.0 } else { 0.1 * damping };
+                    if converged {
+                        return Ok(steps);
+                    }
+                    break;
+                }
+                self.frames.clone_from(&frames);
+                self.present = present.clone();
+                self.apply();
+                if steps >= options.max_iterations || gain < 1e-6 * (1.0 + cost) {
+                    return Ok(steps);
+                }
+                damping = f64::max(1e-2, 10.0 * damping);
+            }
+        }
+        Ok(steps)
+    }
+
+    fn failure(&self, problem: &'static str) -> IkError {
+        IkError::Calibration { subject: self.moving.tree.links[0].name.clone(), frames: self.frames.len(), problem }
+    }
+
+    /// Brings every posture to its minimum for the present geometry; the sum of the costs.
+    fn settle(&mut self) -> f64 {
+        let (moving, standing) = (&self.moving, &self.standing);
+        let costs: Vec<f64> = self
+            .frames
+            .par_chunks_mut(PIECE)
+            .map(|piece| {
+                let mut cost = 0.0;
+                for frame in piece {
+                    let mut solver = Solver::new(if frame.is_static { standing } else { moving });
+                    solver.targets.copy_from_slice(&frame.targets);
+                    if solver.look() {
+                        cost += solver.minimise(&mut frame.q).cost;
+                    }
+                }
+                cost
+            })
+            .collect();
+        costs.iter().sum()
+    }
+
+    /// Normal equations of the geometry, each frame's posture eliminated.
+    fn sums(&self) -> Sums {
+        let n = self.layout.size;
+        let pieces: Vec<Sums> = self
+            .frames
+            .par_chunks(PIECE)
+            .map(|piece| {
+                let mut sums = Sums { matrix: DMatrix::zeros(n, n), gradient: DVector::zeros(n) };
+                let mut scratch = Scratch::new(self);
+                for frame in piece {
+                    self.add_frame(frame, &mut scratch, &mut sums);
+                }
+                sums
+            })
+            .collect();
+        let mut total = Sums { matrix: DMatrix::zeros(n, n), gradient: DVector::zeros(n) };
+        for piece in &pieces {
+            total.matrix += &piece.matrix;
+            total.gradient += &piece.gradient;
+        }
+        total.matrix.fill_upper_triangle_with_lower_triangle();
+        total
+    }
+
+    fn add_frame(&self, frame: &Frame, scratch: &mut Scratch, sums: &mut Sums) {
+        let problem = if frame.is_static { &self.standing } else { &self.moving };
+        let tree = &problem.tree;
+        let mut solver = Solver::new(problem);
+        solver.targets.copy_from_slice(&frame.targets);
+        if !solver.look() {
+            return;
+        }
+        solver.evaluate(&frame.q);
+        if !solver.prepare(&frame.q) {
+            return;
+        }
+        // how far each link has turned since the static posture
+        for (i, turned) in scratch.turned.iter_mut().enumerate() {
+            *turned = solver.pose.rotation[i] * self.present.rotation[i].transpose();
+        }
+        scratch.cross.fill(0.0);
+        for &k in &solver.visible {
+            self.columns_of(k, &frame.q, &solver, scratch);
+            let weight = solver.weight(k);
+            let residual = solver.residual[k];
+            for (a, &(i, column)) in scratch.columns.iter().enumerate() {
+                let weighted = column * weight;
+                sums.gradient[i] += weighted.dot(&residual);
+                for &(j, other) in &scratch.columns[..=a] {
+                    let (row, col) = if i >= j { (i, j) } else { (j, i) };
+                    sums.matrix[(row, col)] += weighted.dot(&other);
+                }
+                for &(c, motion) in &scratch.motions {
+                    scratch.cross[(c, i)] += weighted.dot(&motion);
+                }
+            }
+        }
+        // Schur complement: H = LᵀDL, so H_pq H⁻¹ H_qp = (L⁻ᵀH_qp)ᵀ D⁻¹ (L⁻ᵀH_qp)
+        for mut column in scratch.cross.column_iter_mut() {
+            let slice = column.as_mut_slice();
+            for (value, locked) in slice.iter_mut().zip(&problem.locked) {
+                if *locked {
+                    *value = 0.0;
+                }
+            }
+            solver.factor.solve_upper(tree, slice);
+        }
+        let n = self.layout.size;
+        for c in 0..tree.nv {
+            let inverse = 1.0 / solver.factor.values[solver.factor.diagonal(tree, c)];
+            for i in 0..n {
+                scratch.row[i] = scratch.cross[(c, i)];
+            }
+            for j in 0..n {
+                let factor = scratch.row[j] * inverse;
+                if factor != 0.0 {
+                    let target = &mut sums.matrix.as_mut_slice()[j * n + j..(j + 1) * n];
+                    for (t, r) in target.iter_mut().zip(&scratch.row[j..]) {
+                        *t -= factor * r;
+                    }
+                }
+            }
+        }
+    }
+
+    /// How a marker moves with each unknown of the geometry, and with each coordinate of the posture.
+    fn columns_of(&self, k: usize, q: &[f64], solver: &Solver<'_>, scratch: &mut Scratch) {
+        let tree = &solver.problem.tree;
+        let marker = &solver.problem.markers[k];
+        let point = solver.residual[k] + solver.targets[k];
+        let arm = point - solver.pose.reference;
+        scratch.columns.clear();
+        scratch.motions.clear();
+        for i in 0..3 {
+            scratch.columns.push((self.layout.marker[k] + i, scratch.turned[marker.link].column(i).into_owned()));
+        }
+        let mut link = marker.link;
+        while link != NONE {
+            let joint = &tree.links[link];
+            for c in joint.v_offset..joint.v_offset + joint.kind.nv() {
+                scratch.motions.push((c, solver.pose.linear[c] + solver.pose.angular[c].cross(&arm)));
+            }
+            if joint.parent != NONE {
+                let above = &scratch.turned[joint.parent];
+                if self.layout.centre[link] != NONE {
+                    let shift: Matrix3<f64> = above - scratch.turned[link];
+                    for i in 0..3 {
+                        scratch.columns.push((self.layout.centre[link] + i, shift.column(i).into_owned()));
+                    }
+                }
+                if self.layout.axis[link] != NONE {
+                    let u = self.present.axis[link];
+                    let (sin, cos) = q[joint.q_offset].sin_cos();
+                    for (i, b) in perpendicular(&u).iter().enumerate() {
+                        let turn = above * (b * sin + u.cross(b) * (1.0 - cos));
+                        scratch.columns.push((self.layout.axis[link] + i, turn.cross(&(point - solver.pose.origin[link]))));
+                    }
+                }
+            }
+            link = joint.parent;
+        }
+    }
+
+    /// Geometry `from` moved by a step.
+    fn advance(&mut self, from: &Reference, step: &DVector<f64>) {
+        let three = |at: usize| Vector3::new(step[at], step[at + 1], step[at + 2]);
+        for (k, &m) in self.marker_of.iter().enumerate() {
+            self.present.marker[m] = from.marker[m] + three(self.layout.marker[k]);
+        }
+        for link in 0..self.layout.centre.len() {
+            if self.layout.centre[link] != NONE {
+                self.present.centre[link] = from.centre[link] + three(self.layout.centre[link]);
+            }
+            if self.layout.axis[link] != NONE {
+                let at = self.layout.axis[link];
+                let [a, b] = perpendicular(&from.axis[link]);
+                self.present.axis[link] = (from.axis[link] + a * step[at] + b * step[at + 1]).normalize();
+            }
+        }
+        self.apply();
+    }
+
+    /// Present geometry minus landmarks, in parameter order.
+    fn deviation(&self) -> DVector<f64> {
+        let mut out = DVector::zeros(self.layout.size);
+        let mut put = |at: usize, d: Vector3<f64>| out.fixed_rows_mut::<3>(at).copy_from(&d);
+        for (k, &m) in self.marker_of.iter().enumerate() {
+            put(self.layout.marker[k], self.present.marker[m] - self.landmarks.marker[m]);
+        }
+        for link in 0..self.layout.centre.len() {
+            if self.layout.centre[link] != NONE {
+                put(self.layout.centre[link], self.present.centre[link] - self.landmarks.centre[link]);
+            }
+        }
+        for link in 0..self.layout.axis.len() {
+            if self.layout.axis[link] != NONE {
+                let at = self.layout.axis[link];
+                let away = self.present.axis[link] - self.landmarks.axis[link];
+                for (i, b) in perpendicular(&self.present.axis[link]).iter().enumerate() {
+                    out[at + i] = away.dot(b);
+                }
+            }
+        }
+        out
+    }
+
+    fn prior_cost(&self) -> f64 {
+        0.5 * self.deviation().iter().zip(&self.precision).map(|(d, p)| p * d * d).sum::<f64>()
+    }
+
+    /// The calibrated subject and how sure its geometry is. `like` is the subject that this round started from.
+    pub fn finish(&self, like: &Subject) -> Result<(Subject, Uncertainty), IkError> {
+        let Sums { mut matrix, .. } = self.sums();
+        for i in 0..self.layout.size {
+            matrix[(i, i)] += self.precision[i];
+        }
+        let Some(factor) = matrix.cholesky() else {
+            return Err(self.failure("the normal equations are not positive definite"));
+        };
+        let variance = factor.inverse().diagonal();
+        let root_mean = |at: usize, n: usize| {
+            if at == NONE { f64::NAN } else { ((at..at + n).map(|i| variance[i]).sum::<f64>() / n as f64).sqrt() }
+        };
+        let uncertainty = Uncertainty {
+            centre_m: self.layout.centre.iter().map(|&at| root_mean(at, 3)).collect(),
+            axis_rad: self.layout.axis.iter().map(|&at| root_mean(at, 2)).collect(),
+        };
+        let subject = self.present.subject(like, &self.frames[0].q, &self.standing.tree)?;
+        Ok((subject, uncertainty))
+    }
+}
+
+/// Scratch of one piece of frames.
+struct Scratch {
+    turned: Vec<Matrix3<f64>>,
+    columns: Vec<(usize, Vector3<f64>)>,
+    motions: Vec<(usize, Vector3<f64>)>,
+    cross: DMatrix<f64>,
+    row: Vec<f64>,
+}
+
+impl Scratch {
+    fn new(bundle: &Bundle) -> Self {
+        let tree = &bundle.moving.tree;
+        Self {
+            turned: vec![Matrix3::identity(); tree.links.len()],
+            columns: Vec::new(),
+            motions: Vec::new(),
+            cross: DMatrix::zeros(tree.nv, bundle.layout.size),
+            row: vec![0.0; bundle.layout.size],
+        }
+    }
+}
+
+/// Two unit vectors that complete a direction to a frame.
+fn perpendicular(u: &Vector3<f64>) -> [Vector3<f64>; 2] {
+    let smallest = u.iamin();
+    let mut e = Vector3::zeros();
+    e[smallest] = 1.0;
+    let a = u.cross(&e).normalize();
+    [a, u.cross(&a)]
+}
+
+fn lay_out(problem: &Problem, options: &CalibrateOptions) -> (Layout, DVector<f64>) {
+    let mut precision = Vec::new();
+    let mut place = |n: usize, sd: f64| {
+        let at = precision.len();
+        precision.resize(at + n, 1.0 / (sd * sd));
+        at
+    };
+    let links = &problem.tree.links;
+    let marker = problem.markers.iter().map(|_| place(3, options.marker_sd_m)).collect();
+    let turns = |kind: &JointKind| matches!(kind, JointKind::Spherical | JointKind::Revolute(_));
+    let centre = links
+        .iter()
+        .map(|l| if l.parent != NONE && turns(&l.kind) { place(3, options.joint_sd(&l.name)) } else { NONE })
+        .collect();
+    let axis = links
+        .iter()
+        .map(|l| {
+            let hinge = matches!(l.kind, JointKind::Revolute(_)) && l.parent != NONE;
+            if hinge { place(2, options.axis_sd(&l.name)) } else { NONE }
+        })
+        .collect();
+    let size = precision.len();
+    (Layout { marker, centre, axis, size }, DVector::from_vec(precision))
+}

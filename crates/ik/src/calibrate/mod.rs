@@ -1,0 +1,86 @@
+//! Joint centres, hinge axes and marker places from the moving trials themselves.
+//!
+//! Landmarks place a joint centre to a centimetre; a few seconds of movement place it to a few millimetres, because
+//! two links can only turn about where their joint is. All that is unknown is estimated at once, on markers alone:
+//! places of joint centres and markers in the static posture, directions of hinge axes, and the posture of every frame.
+//! Postures are eliminated frame by frame (variable projection: each is minimised for the present geometry, and its
+//! block leaves the normal equations by a Schur complement), so what remains is one dense system of some 150 unknowns.
+//!
+//! Geometry is held as *places in the static posture* ([`reference`]): the prior of each is then what landmarks say of
+//! it and nothing else, whether or not neighbouring places move. Directions that no data fix – the orientation of
+//! frames at spherical joints, the place of a hinge along its axis, the pose of the root – are held by these priors.
+//!
+//! What follows for the user of a calibrated [`Subject`]: link frames have moved a little, so numbers in link frames
+//! from before are stale. `static_q` is recomputed, and the inertial prior is carried along so that it stays where it was in the static
+//! posture; to lay anthropometry over the new segment lengths call `aloft_scale::attach_prior` afterwards.
+
+mod bundle;
+mod options;
+mod reference;
+mod report;
+mod select;
+
+pub use options::CalibrateOptions;
+pub use report::{CalibrationReport, JointChange, MarkerChange, TrialFit};
+
+use crate::problem::Problem;
+use crate::{IkError, IkOptions, IkResult, solve};
+use aloft_body::{Motion, Subject};
+use aloft_trial::Trial;
+use bundle::Bundle;
+use rayon::prelude::*;
+use reference::Reference;
+
+/// A subject with calibrated geometry.
+#[derive(Debug, Clone)]
+pub struct Calibration {
+    /// The calibrated subject; `static_q` is the static posture in the new coordinates.
+    pub subject: Subject,
+    /// What moved, and what it gained.
+    pub report: CalibrationReport,
+}
+
+/// Refines joint centres, hinge axes and marker coordinates of a subject over moving trials.
+///
+/// The static posture takes part as data: the subject's markers at `static_q`. Frames are chosen over all trials, the same
+/// ones on every call. Forces are not used.
+///
+/// # Errors
+/// As [`solve()`]; [`IkError::NothingToCalibrate`] when no trial has a solved frame; [`IkError::Calibration`] when the system
+/// of equations cannot be solved.
+pub fn calibrate(subject: &Subject, trials: &[&Trial], options: &CalibrateOptions) -> Result<Calibration, IkError> {
+    options.check()?;
+    let mut tracked = track_all(subject, trials, &options.ik)?;
+    let before = select::frames(&tracked, options);
+    if before.used.is_empty() {
+        return Err(IkError::NothingToCalibrate { subject: subject.facts.name.clone(), trials: trials.len() });
+    }
+    let start = Reference::of(subject)?;
+    let mut present = subject.clone();
+    let mut report = CalibrationReport::start(&before, &tracked, trials);
+    for round in 0..options.rounds {
+        let motions: Vec<&Motion> = tracked.iter().map(|t| &t.motion).collect();
+        let problem = Problem::new(&present, &options.ik)?;
+        let reference = Reference::of(&present)?;
+        let mut bundle = Bundle::new(&present, problem, &start, reference, &before.used, trials, &motions, options);
+        report.iterations += bundle.run(options)?;
+        let (calibrated, uncertainty) = bundle.finish(&present)?;
+        present = calibrated;
+        tracked = track_all(&present, trials, &options.ik)?;
+        if round + 1 == options.rounds {
+            report.finish(&present, &start, &uncertainty, &before, &tracked)?;
+        }
+    }
+    present.provenance.push(format!(
+        "geometry: calibrated over {} frames of {} trials, marker RMS {:.1} to {:.1} mm on held-out frames",
+        report.frames_used,
+        trials.len(),
+        1e3 * report.held_out_rms_before_m,
+        1e3 * report.held_out_rms_after_m
+    ));
+    Ok(Calibration { subject: present, report })
+}
+
+fn track_all(subject: &Subject, trials: &[&Trial], options: &IkOptions) -> Result<Vec<IkResult>, IkError> {
+    trials.par_iter().map(|trial| solve(subject, trial, options)).collect()
+}

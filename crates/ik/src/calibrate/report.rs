@@ -1,0 +1,183 @@
+//! What a calibration moved, and what it gained on frames that it did not see.
+
+use super::bundle::Uncertainty;
+use super::reference::Reference;
+use super::select::{FrameId, Selection};
+use crate::{IkError, IkResult};
+use aloft_body::{JointKind, Subject};
+use aloft_trial::Trial;
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+/// One joint, landmarks against calibration.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct JointChange {
+    /// Child link of the joint.
+    pub link: String,
+    /// Joint centre from landmarks, world frame of the static posture, m.
+    pub landmark_m: Vector3<f64>,
+    /// Calibrated joint centre, the same frame, m.
+    pub calibrated_m: Vector3<f64>,
+    /// Distance of the two, m.
+    pub moved_m: f64,
+    /// Standard deviation of the calibrated centre, root mean square over axes, m.
+    pub sd_m: f64,
+    /// Turn of a hinge's axis, rad; none for other joints.
+    pub axis_turned_rad: Option<f64>,
+    /// Standard deviation of the calibrated axis, rad; none for other joints.
+    pub axis_sd_rad: Option<f64>,
+}
+
+/// One marker, before and after.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MarkerChange {
+    /// Label.
+    pub label: String,
+    /// How far its place in the static posture moved, m.
+    pub moved_m: f64,
+    /// Root mean square distance over all frames of all trials before, m.
+    pub rms_before_m: f64,
+    /// The same after, m.
+    pub rms_after_m: f64,
+}
+
+/// One trial, before and after.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TrialFit {
+    /// Trial.
+    pub trial: String,
+    /// Frames used.
+    pub frames_used: usize,
+    /// Root mean square over markers and frames before, m.
+    pub rms_before_m: f64,
+    /// The same after, m.
+    pub rms_after_m: f64,
+}
+
+/// Report of a calibration.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct CalibrationReport {
+    /// Moving frames used.
+    pub frames_used: usize,
+    /// Frames between them, kept aside.
+    pub frames_held_out: usize,
+    /// Steps of the estimation over all rounds.
+    pub iterations: usize,
+    /// Root mean square over markers of the used frames before, m.
+    pub used_rms_before_m: f64,
+    /// The same after, m.
+    pub used_rms_after_m: f64,
+    /// Root mean square over markers of the held-out frames before, m.
+    pub held_out_rms_before_m: f64,
+    /// The same after, m.
+    pub held_out_rms_after_m: f64,
+    /// Joints.
+    pub joints: Vec<JointChange>,
+    /// Markers.
+    pub markers: Vec<MarkerChange>,
+    /// Trials.
+    pub trials: Vec<TrialFit>,
+}
+
+impl CalibrationReport {
+    /// The figures before.
+    pub(crate) fn start(selection: &Selection, tracked: &[IkResult], trials: &[&Trial]) -> Self {
+        Self {
+            frames_used: selection.used.len(),
+            frames_held_out: selection.held_out.len(),
+            used_rms_before_m: rms_of(&selection.used, tracked),
+            held_out_rms_before_m: rms_of(&selection.held_out, tracked),
+            markers: marker_rms(tracked)
+                .into_iter()
+                .map(|(label, rms)| MarkerChange { label, moved_m: f64::NAN, rms_before_m: rms, rms_after_m: f64::NAN })
+                .collect(),
+            trials: tracked
+                .iter()
+                .zip(trials)
+                .enumerate()
+                .map(|(t, (result, trial))| TrialFit {
+                    trial: trial.name.clone(),
+                    frames_used: selection.used.iter().filter(|id| id.trial == t).count(),
+                    rms_before_m: result.report.rms_m,
+                    rms_after_m: f64::NAN,
+                })
+                .collect(),
+            ..Self::default()
+        }
+    }
+
+    /// The figures after.
+    pub(crate) fn finish(
+        &mut self,
+        calibrated: &Subject,
+        landmarks: &Reference,
+        uncertainty: &Uncertainty,
+        selection: &Selection,
+        tracked: &[IkResult],
+    ) -> Result<(), IkError> {
+        self.used_rms_after_m = rms_of(&selection.used, tracked);
+        self.held_out_rms_after_m = rms_of(&selection.held_out, tracked);
+        for (fit, result) in self.trials.iter_mut().zip(tracked) {
+            fit.rms_after_m = result.report.rms_m;
+        }
+        let now = Reference::of(calibrated)?;
+        for (label, rms) in marker_rms(tracked) {
+            let Some(change) = self.markers.iter_mut().find(|m| m.label == label) else { continue };
+            change.rms_after_m = rms;
+            if let Some(m) = calibrated.marker_index(&label) {
+                change.moved_m = (now.marker[m] - landmarks.marker[m]).norm();
+            }
+        }
+        self.joints = calibrated
+            .model
+            .links
+            .iter()
+            .enumerate()
+            .filter(|(_, link)| link.parent.is_some() && link.joint.kind.nv() > 0)
+            .map(|(i, link)| {
+                let hinge = matches!(link.joint.kind, JointKind::Revolute(_));
+                let turned = now.axis[i].angle(&landmarks.axis[i]);
+                JointChange {
+                    link: link.name.clone(),
+                    landmark_m: landmarks.centre[i],
+                    calibrated_m: now.centre[i],
+                    moved_m: (now.centre[i] - landmarks.centre[i]).norm(),
+                    sd_m: uncertainty.centre_m[i],
+                    axis_turned_rad: hinge.then_some(turned),
+                    axis_sd_rad: hinge.then_some(uncertainty.axis_rad[i]),
+                }
+            })
+            .collect();
+        Ok(())
+    }
+}
+
+/// Root mean square over markers of some frames, m.
+fn rms_of(frames: &[FrameId], tracked: &[IkResult]) -> f64 {
+    let (mut sum, mut count) = (0.0, 0usize);
+    for id in frames {
+        let motion = &tracked[id.trial].motion;
+        let n = motion.marker_labels.len();
+        for r in motion.residual_m[id.frame * n..(id.frame + 1) * n].iter().filter(|r| r.is_finite()) {
+            sum += r * r;
+            count += 1;
+        }
+    }
+    (sum / count as f64).sqrt()
+}
+
+/// Root mean square of each marker over all trials, m, in order of first appearance.
+fn marker_rms(tracked: &[IkResult]) -> Vec<(String, f64)> {
+    let mut sums: Vec<(String, f64, usize)> = Vec::new();
+    for fit in tracked.iter().flat_map(|t| &t.report.markers).filter(|fit| fit.n_used > 0) {
+        let square = fit.rms_m * fit.rms_m * fit.n_used as f64;
+        match sums.iter_mut().find(|(label, ..)| *label == fit.label) {
+            Some((_, sum, count)) => {
+                *sum += square;
+                *count += fit.n_used;
+            }
+            None => sums.push((fit.label.clone(), square, fit.n_used)),
+        }
+    }
+    sums.into_iter().map(|(label, sum, count)| (label, (sum / count as f64).sqrt())).collect()
+}

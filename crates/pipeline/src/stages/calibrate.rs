@@ -1,0 +1,95 @@
+//! `calibrate`: joint centres, hinge axes and marker places refined over the dynamic trials, on markers alone.
+
+use crate::config::Switch;
+use crate::error::StageFailure;
+use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::stages::scale::{load_locked, save_subject};
+use crate::study::Role;
+use crate::workspace::{WHOLE_STUDY, read_json, write_json};
+use aloft_body::Subject;
+use aloft_ik::{CalibrateOptions, IkOptions, calibrate};
+use aloft_scale::{JointUncertainty, StaticAnatomy, attach_prior};
+use aloft_trial::Trial;
+use serde_json::json;
+
+/// The stage.
+pub static STAGE: Stage = Stage {
+    name: "calibrate",
+    version: 1,
+    scope: Scope::Study,
+    reads: "all dynamic trials, `Subject`",
+    gives: "`Subject` with joint centres, hinge axes and marker places refined on markers alone",
+    needs: &[
+        Need::Once("scale"),
+        Need::Every("import", &[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
+    ],
+    parameters: |study, _| json!({"calibrate": study.config.calibrate, "anthropometry": study.anthropometry}),
+    run,
+};
+
+fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
+    if job.study.object.is_some() {
+        return super::object::refine(job);
+    }
+    let subject = job.load_subject("scale")?;
+    let config = &job.study.config.calibrate;
+    let mut done = Done::default();
+    let trials = load_trials(job)?;
+    let dynamic = trials.iter().filter(|t| job.study.trial(&t.name).is_some_and(|e| e.role.is_dynamic())).count();
+    if config.enabled == Switch::Off || dynamic == 0 {
+        done.note("used", false);
+        save_subject(job, &subject)?;
+        return Ok(done);
+    }
+    let folder = job.workspace.place("scale", WHOLE_STUDY);
+    let report: serde_json::Value = read_json(&folder.join("report.json"))?;
+    let joints: Vec<JointUncertainty> =
+        serde_json::from_value(report["joints"].clone()).map_err(|e| StageFailure::new(format!("scale/report.json: {e}")))?;
+    let options = CalibrateOptions {
+        frames: config.frames,
+        joint_sd_m: joints.iter().map(|j| (j.link.clone(), j.centre_sd_m)).collect(),
+        axis_sd_rad: joints.iter().filter_map(|j| j.axis_sd_rad.map(|sd| (j.link.clone(), sd))).collect(),
+        ik: IkOptions { locked: load_locked(job)?, ..IkOptions::default() },
+        ..CalibrateOptions::default()
+    };
+    let all: Vec<&Trial> = trials.iter().collect();
+    let result = match calibrate(&subject, &all, &options) {
+        Ok(result) => result,
+        Err(e) if config.enabled == Switch::Auto => {
+            done.warnings.push(format!("the landmarks' geometry is kept: {e}"));
+            done.note("used", false);
+            save_subject(job, &subject)?;
+            return Ok(done);
+        }
+        Err(e) => return Err(StageFailure::new(e.to_string())),
+    };
+    let r = &result.report;
+    done.note("rms_before_mm", r.held_out_rms_before_m * 1e3);
+    done.note("rms_after_mm", r.held_out_rms_after_m * 1e3);
+    let keep = config.enabled == Switch::On || r.held_out_rms_after_m < r.held_out_rms_before_m;
+    done.note("used", keep);
+    write_json(&job.out.join("report.json"), r)?;
+    let chosen: Subject = if keep {
+        let mut calibrated = result.subject;
+        let anatomy: StaticAnatomy = read_json(&folder.join("anatomy.json"))?;
+        let warnings = attach_prior(&mut calibrated, &job.study.anthropometry, &anatomy)
+            .map_err(|e| StageFailure::new(e.to_string()))?;
+        done.warnings.extend(warnings.iter().map(ToString::to_string));
+        calibrated.provenance.push(format!("geometry: calibrated over {} trials", dynamic));
+        calibrated
+    } else {
+        done.warnings.push("held-out marker error did not fall: the landmarks' geometry is kept".to_owned());
+        subject
+    };
+    save_subject(job, &chosen)?;
+    Ok(done)
+}
+
+/// Every trial but the static one, whose posture the subject carries already.
+fn load_trials(job: &Job<'_>) -> Result<Vec<Trial>, StageFailure> {
+    job.trials_of("import")
+        .iter()
+        .filter(|name| job.study.trial(name).is_some_and(|t| t.role != Role::Static))
+        .map(|name| job.load_trial(name))
+        .collect()
+}

@@ -1,0 +1,74 @@
+//! `flight`: the intervals in which no external force acts, and what the plates read when nothing stands on them.
+
+use crate::config::FlightSource;
+use crate::error::StageFailure;
+use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::study::Role;
+use crate::workspace::{read_json, write_json};
+use aloft_flight::{FlightMethod, FlightOptions, FlightReport, PlateTare, apply_tare, find_flights, tare};
+use aloft_trial::Trial;
+use serde_json::json;
+
+/// The stage.
+pub static STAGE: Stage = Stage {
+    name: "flight",
+    version: 1,
+    scope: Scope::Trial(&[Role::Identify, Role::Validate]),
+    reads: "`Motion`, plates, prior",
+    gives: "intervals in which no external force acts; tare of the plates",
+    needs: &[Need::Same("import"), Need::Same("ik"), Need::Once("calibrate")],
+    parameters: |study, _| json!({"flight": study.config.flight}),
+    run,
+};
+
+impl Job<'_> {
+    /// The flights of a trial.
+    pub fn load_flights(&self, trial: &str) -> Result<FlightReport, StageFailure> {
+        Ok(read_json(&self.workspace.place("flight", trial).join("flights.json"))?)
+    }
+    /// The imported recording with the tare of its plates taken off.
+    pub fn load_tared_trial(&self, name: &str) -> Result<Trial, StageFailure> {
+        let mut trial = self.load_trial(name)?;
+        let tares: Vec<PlateTare> = read_json(&self.workspace.place("flight", name).join("tare.json"))?;
+        apply_tare(&mut trial, &tares);
+        Ok(trial)
+    }
+}
+
+fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
+    let entry = job.trial()?;
+    let config = &job.study.config.flight;
+    let mut trial = job.load_trial(&entry.name)?;
+    let subject = job.load_subject("calibrate")?;
+    let motion = job.load_motion("ik", &entry.name)?;
+    let options = FlightOptions {
+        method: match config.source {
+            FlightSource::Auto => FlightMethod::Auto,
+            FlightSource::Plates => FlightMethod::Plates,
+            FlightSource::Motion => FlightMethod::Motion,
+        },
+        threshold_n: config.threshold_n,
+        min_duration_s: config.min_duration_s,
+        ..FlightOptions::default()
+    };
+    let prior = subject.prior_phi();
+    let report = find_flights(&trial, Some((&subject.model, &prior, &motion)), &options)
+        .map_err(|e| StageFailure::new(e.to_string()))?;
+    let tares = tare(&mut trial, &report.flights);
+    write_json(&job.out.join("flights.json"), &report)?;
+    write_json(&job.out.join("tare.json"), &tares)?;
+    let mut done = Done::default();
+    done.note("flights", report.flights.len());
+    done.note("flight_s", report.flight_frames() as f64 / report.rate_hz);
+    done.warnings.extend(report.warnings.iter().cloned());
+    if entry.role == Role::Identify && report.flights.is_empty() {
+        let why: Vec<String> = report
+            .rejected
+            .iter()
+            .take(3)
+            .map(|r| format!("frames {} to {}: {}", r.start, r.end, r.reason))
+            .collect();
+        done.warnings.push(format!("no flight found{}", if why.is_empty() { String::new() } else { format!(" ({})", why.join("; ")) }));
+    }
+    Ok(done)
+}

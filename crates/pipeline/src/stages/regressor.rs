@@ -1,0 +1,191 @@
+//! `regressor`: one triangular factor a flight and a contact stretch, from weak rows and from the paper's rows.
+
+use crate::config::Rows;
+use crate::error::{PipelineError, StageFailure};
+use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::stages::filter::low_pass;
+use crate::study::Role;
+use crate::table::Table;
+use crate::workspace::{read_json, write_json};
+use aloft_body::{BaseParameters, Motion, Subject};
+use aloft_flight::{FlightReport, plate_wrench_at_marker_rate, total_wrench};
+use aloft_regressor::{
+    AccelerationOptions, Acting, Columns, Factor, RegressorError, RowKind, Stretch, WeakOptions, acceleration_factor, weak_factor,
+};
+use aloft_trial::Trial;
+use nalgebra::Vector6;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::path::Path;
+
+/// The stage.
+pub static STAGE: Stage = Stage {
+    name: "regressor",
+    version: 1,
+    scope: Scope::Trial(&[Role::Identify, Role::Validate]),
+    reads: "`Motion`, flights, plates",
+    gives: "one triangular factor a flight and contact stretch",
+    needs: &[Need::Same("import"), Need::Same("ik"), Need::Same("filter"), Need::Same("flight"), Need::Once("calibrate")],
+    parameters: |study, _| {
+        json!({"window_s": study.config.regressor.window_s, "margin_s": study.config.flight.margin_s, "filter": study.config.filter})
+    },
+    run,
+};
+
+#[derive(Serialize, Deserialize)]
+struct FactorHead {
+    stretch: Stretch,
+    rows: RowKind,
+    columns: Columns,
+    n_rows: usize,
+    n_values: usize,
+}
+
+/// Writes `factors.json` and `factors.parquet`.
+fn save_factors(dir: &Path, factors: &[(Stretch, Factor)]) -> Result<(), PipelineError> {
+    let heads: Vec<FactorHead> = factors
+        .iter()
+        .map(|(stretch, f)| FactorHead {
+            stretch: stretch.clone(),
+            rows: f.rows,
+            columns: f.columns.clone(),
+            n_rows: f.n_rows,
+            n_values: f.values().len(),
+        })
+        .collect();
+    write_json(&dir.join("factors.json"), &heads)?;
+    let mut table = Table::default();
+    table.push("value", factors.iter().flat_map(|(_, f)| f.values().iter().copied()).collect());
+    table.write(&dir.join("factors.parquet"))
+}
+
+/// Reads what the stage wrote for a trial: each stretch with its factor.
+pub fn load_factors(dir: &Path) -> Result<Vec<(Stretch, Factor)>, PipelineError> {
+    let heads: Vec<FactorHead> = read_json(&dir.join("factors.json"))?;
+    let path = dir.join("factors.parquet");
+    let values = Table::read(&path)?.into_columns().into_iter().next().map(|c| c.1).unwrap_or_default();
+    let mut at = 0;
+    let mut out = Vec::new();
+    for head in heads {
+        let wrong = |problem: String| PipelineError::Table { path: path.clone(), problem };
+        let part = values.get(at..at + head.n_values).ok_or_else(|| wrong("fewer values than factors.json says".to_owned()))?;
+        at += head.n_values;
+        let factor = Factor::from_values(&head.stretch, head.rows, head.columns, head.n_rows, part.to_vec())
+            .map_err(|e| wrong(e.to_string()))?;
+        out.push((head.stretch, factor));
+    }
+    Ok(out)
+}
+
+/// The kind of rows that a word of the configuration means.
+pub fn row_kind(rows: Rows) -> RowKind {
+    match rows {
+        Rows::Paper => RowKind::Acceleration,
+        Rows::Weak => RowKind::Weak,
+    }
+}
+
+/// Contact stretches that plates measure completely: between flights (50 ms away from them), loaded with at least a fifth of the weight.
+pub fn contact_stretches(trial: &Trial, flights: &FlightReport, motion: &Motion, force_z: &[f64], weight_n: f64) -> Vec<Stretch> {
+    let n = motion.n_frames();
+    let edge = (0.05 * motion.rate_hz).ceil() as usize;
+    let shortest = (0.2 * motion.rate_hz) as usize;
+    let near_flight = |f: usize| flights.flights.iter().any(|x| f + edge >= x.start && f < x.end + edge);
+    let usable = |f: usize| motion.is_valid(f) && !near_flight(f) && force_z.get(f).is_some_and(|z| *z > 0.2 * weight_n);
+    let mut out = Vec::new();
+    let mut start = None;
+    for f in 0..=n {
+        let ok = f < n && usable(f);
+        match (start, ok) {
+            (None, true) => start = Some(f),
+            (Some(s), false) => {
+                if f - s >= shortest {
+                    out.push(Stretch::contact(trial.name.clone(), out.len(), s, f));
+                }
+                start = None;
+            }
+            _ => {}
+        }
+    }
+    out
+}
+
+/// Everything of one trial that rows are made of.
+pub struct TrialRows {
+    /// The subject.
+    pub subject: Subject,
+    /// Motion before filtering.
+    pub motion: Motion,
+    /// Motion after filtering.
+    pub filtered: Motion,
+    /// Flights and contact stretches.
+    pub stretches: Vec<Stretch>,
+    /// Plate wrench about the world origin at the frames, unfiltered.
+    pub wrench: Option<Vec<Vector6<f64>>>,
+    /// The same through the filter of the motion.
+    pub wrench_filtered: Option<Vec<Vector6<f64>>>,
+}
+
+impl TrialRows {
+    /// Loads what the earlier stages left for a trial.
+    pub fn load(job: &Job<'_>, name: &str) -> Result<Self, StageFailure> {
+        let subject = job.load_subject("calibrate")?;
+        let motion = job.load_motion("ik", name)?;
+        let filtered = job.load_motion("filter", name)?;
+        let flights = job.load_flights(name)?;
+        let trial = job.load_tared_trial(name)?;
+        let mut stretches: Vec<Stretch> =
+            flights.flights.iter().enumerate().map(|(i, f)| Stretch::flight(name, i, f.start, f.end)).collect();
+        let (mut wrench, mut wrench_filtered) = (None, None);
+        if !trial.plates.is_empty() {
+            let fail = |e: aloft_flight::FlightError| StageFailure::new(e.to_string());
+            let raw = total_wrench(&plate_wrench_at_marker_rate(&trial, None).map_err(fail)?);
+            let smooth = total_wrench(&plate_wrench_at_marker_rate(&trial, Some(low_pass(job.study))).map_err(fail)?);
+            let weight_n = subject.facts.mass_kg * subject.model.gravity_mps2.norm();
+            let z: Vec<f64> = raw.force_n.iter().map(|f| f.z).collect();
+            stretches.extend(contact_stretches(&trial, &flights, &motion, &z, weight_n));
+            let join = |w: &aloft_flight::FrameWrench| {
+                w.force_n.iter().zip(&w.moment_nm).map(|(f, m)| Vector6::new(f.x, f.y, f.z, m.x, m.y, m.z)).collect()
+            };
+            wrench = Some(join(&raw));
+            wrench_filtered = Some(join(&smooth));
+        }
+        Ok(Self { subject, motion, filtered, stretches, wrench, wrench_filtered })
+    }
+}
+
+fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
+    let entry = job.trial()?;
+    let rows = TrialRows::load(job, &entry.name)?;
+    let subject = &rows.subject;
+    let base = BaseParameters::of(&subject.model);
+    let prior = subject.prior_phi();
+    let window = job.study.config.regressor.window_s;
+    let weak = WeakOptions { window_s: (window > 0.0).then_some(window), ..WeakOptions::default() };
+    let acceleration = AccelerationOptions { margin_s: job.study.config.flight.margin_s, ..AccelerationOptions::default() };
+    let mut factors: Vec<(Stretch, Factor)> = Vec::new();
+    let mut done = Done::default();
+    for stretch in &rows.stretches {
+        let acting = Acting { measured: rows.wrench.as_deref(), effects: None };
+        let by_weak = weak_factor(&subject.model, &base, &prior, &rows.motion, stretch, acting, &weak, None);
+        let acting = Acting { measured: rows.wrench_filtered.as_deref(), effects: None };
+        let by_paper = acceleration_factor(&subject.model, &base, &rows.filtered, stretch, acting, &acceleration);
+        for result in [by_weak, by_paper] {
+            match result {
+                Ok(factor) => factors.push((stretch.clone(), factor)),
+                Err(RegressorError::TooShort { .. }) => {
+                    done.warnings.push(format!(
+                        "{:?} {} (frames {} to {}) is too short for rows",
+                        stretch.kind, stretch.index, stretch.first_frame, stretch.end_frame
+                    ));
+                }
+                Err(e) => return Err(StageFailure::new(e.to_string())),
+            }
+        }
+    }
+    save_factors(job.out, &factors)?;
+    let count = |kind: RowKind| factors.iter().filter(|(_, f)| f.rows == kind).map(|(_, f)| f.n_rows).sum::<usize>();
+    done.note("weak_rows", count(RowKind::Weak));
+    done.note("paper_rows", count(RowKind::Acceleration));
+    Ok(done)
+}
