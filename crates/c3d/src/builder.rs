@@ -194,6 +194,13 @@ impl C3dBuilder {
         }
         let layout = file.layout()?;
         file.groups = parameter_sync::synchronised(&file, &layout)?;
+        // the standard groups first, as most files have them
+        let standard = ["POINT", "ANALOG", "FORCE_PLATFORM", "EVENT_CONTEXT", "EVENT", "TRIAL"];
+        let groups = &mut file.groups.groups;
+        groups.sort_by_key(|g| standard.iter().position(|name| g.name.is(name)).unwrap_or(standard.len()));
+        for (group, id) in groups.iter_mut().zip(1..=u8::MAX) {
+            group.id = id;
+        }
         Ok(file)
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::{
     ByteOrder, C3dError, Group, Parameter, Parameters, Values, Warning, WarningKind,
+    parameters::product,
     text::Text,
 };
 
@@ -135,7 +136,7 @@ fn parse_body(body: &[u8], order: ByteOrder) -> Result<(Vec<u8>, Values, Text), 
         4 => 4,
         other => return Err(format!("type {other}, expected -1, 1, 2 or 4")),
     };
-    let count = dimensions.iter().fold(1_usize, |n, &d| n.saturating_mul(usize::from(d)));
+    let count = product(dimensions);
     let needed = count.saturating_mul(size);
     if needed > rest.len() {
         return Err(format!("dimensions {dimensions:?} of {size}-byte elements need {needed} bytes, {} are there", rest.len()));

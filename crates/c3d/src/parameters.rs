@@ -99,7 +99,7 @@ impl Parameter {
     }
     /// Number of elements that the dimensions announce.
     pub fn announced(&self) -> usize {
-        self.dimensions.iter().map(|&d| usize::from(d)).product()
+        product(&self.dimensions)
     }
     /// The elements as numbers; integers signed, bytes unsigned. Empty for text.
     pub fn numbers(&self) -> Vec<f64> {
@@ -152,12 +152,17 @@ impl Parameter {
         let length = self.dimensions.first().map_or(1, |&d| usize::from(d));
         // zero-length strings still count: their number is in the dimensions alone
         let empties = if length == 0 && matches!(self.values, Values::Text(_)) {
-            self.dimensions.get(1..).map_or(0, |d| d.iter().map(|&n| usize::from(n)).product::<usize>()).min(255)
+            self.dimensions.get(1..).map_or(0, product).min(255)
         } else {
             0
         };
         bytes.chunks(length.max(1)).chain(std::iter::repeat_n(&[] as &[u8], empties))
     }
+}
+
+/// Elements of an array with these dimensions; as many as can be counted where that is too many.
+pub(crate) fn product(dimensions: &[u8]) -> usize {
+    dimensions.iter().fold(1_usize, |n, &d| n.saturating_mul(usize::from(d)))
 }
 
 fn clamp_u8(n: usize) -> u8 {

@@ -436,25 +436,32 @@ fn warn_about_labels(points: &[Point], warnings: &mut Vec<Warning>) {
     }
 }
 
-/// Whether raw integers and offsets are unsigned: ANALOG:FORMAT says so, or 16-bit samples exceed 32,767.
+/// Whether raw integers and offsets are unsigned: ANALOG:FORMAT says so, or a channel of 16 bits that needs it exceeds
+/// 32,767.
 pub(crate) fn raw_is_unsigned(groups: &Parameters, layout: &Layout, data: &[u8], order: ByteOrder) -> bool {
     match groups.get("ANALOG", "FORMAT").and_then(|p| p.string()).map(|f| f.to_ascii_uppercase()) {
         Some(format) if format.starts_with("UNSIGNED") => return true,
         Some(format) if format.starts_with("SIGNED") => return false,
         _ => {}
     }
-    if groups.get("ANALOG", "BITS").and_then(|p| p.count()) != Some(16) || layout.n_channels == 0 {
+    let bits = groups.get("ANALOG", "BITS").and_then(|p| p.count());
+    let offsets = groups.merged_numbers("ANALOG", "OFFSET");
+    let negative = |channel: usize| offsets.get(channel).is_some_and(|o| *o < 0.0);
+    if layout.n_channels == 0 || !(0..layout.n_channels).any(negative) {
         return false;
     }
-    let stored_negative = groups.merged_numbers("ANALOG", "OFFSET").iter().any(|o| *o < 0.0);
     match layout.storage {
-        // Integers above 32,767 look negative: believe them large only if an offset asks for it.
-        Storage::Integer => stored_negative,
+        // Integers above 32,767 look negative: believe them large only where the offsets of 16-bit channels ask for it.
+        Storage::Integer => bits == Some(16),
         Storage::Float => {
-            let frame = layout.frame_bytes();
-            data.chunks_exact(frame.max(1)).any(|f| {
-                f[layout.point_bytes()..].chunks_exact(4).any(|c| order.f32([c[0], c[1], c[2], c[3]]) > 32_767.0)
-            })
+            let frame = layout.frame_bytes().max(1);
+            matches!(bits, None | Some(16))
+                && data.chunks_exact(frame).any(|f| {
+                    let samples = f[layout.point_bytes()..].chunks_exact(4).enumerate();
+                    samples
+                        .filter(|(i, _)| negative(i % layout.n_channels))
+                        .any(|(_, c)| order.f32([c[0], c[1], c[2], c[3]]) > 32_767.0)
+                })
         }
     }
 }

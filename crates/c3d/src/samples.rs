@@ -35,10 +35,13 @@ fn finish(xyz: [f32; 3], word: i16, scale: f32) -> ([f32; 3], f32, u8) {
     if word < 0 { ([f32::NAN; 3], f32::NAN, 0) } else { (xyz, residual, (word >> 8) as u8) }
 }
 
-/// The fourth word of a float file as the integer that it stands for. NaN counts as negative.
+/// The fourth word of a float file as the integer that it stands for: 16 bits, written signed (−1) by some and unsigned
+/// (65,535) by others. Negative and NaN are invalid; what no 16 bits hold says nothing but its sign.
 #[inline(always)]
 pub(crate) fn fourth_word(value: f32) -> i16 {
-    if value.is_nan() { -1 } else { value as i32 as i16 }
+    let word = value as i32;
+    let word = if word > 65_535 { 0 } else { word as i16 };
+    if value >= 0.0 { word } else { -1 }
 }
 
 impl<O: Order> Quad for Floats<O> {

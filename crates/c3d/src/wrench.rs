@@ -12,6 +12,8 @@ use crate::{C3dError, C3dFile, PlateDescription, PlateWrench, Warning, WarningKi
 
 /// Vertical force below which a plate says nothing about sign or units, N.
 const LOADED_N: f64 = 20.0;
+/// Mean vertical force up to which a baseline is believed to be the plate's own offset, N.
+const RESTING_N: f64 = 60.0;
 
 /// Place and axes of a plate in the file's world, lengths in the file's point units.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -143,19 +145,17 @@ impl C3dFile {
             values.iter().sum::<f64>() / values.len().max(1) as f64
         };
         let means: Vec<f64> = plate.channels.iter().map(|c| mean(*c)).collect();
-        // unloaded means: little beside what the plate shows elsewhere
-        let vertical = |at: &dyn Fn(usize) -> f64| -> f64 {
-            let raw: Vec<f64> = (0..plate.channels.len()).map(at).collect();
-            calibrated_force(plate, &raw).dot(&up_in_plate).abs()
-        };
-        let resting = vertical(&|k| means[k]);
+        let weights = vertical_weights(plate, up_in_plate);
+        let resting: f64 = weights.iter().zip(&means).map(|(w, m)| w * m).sum();
         let samples = plate.channels.iter().map(|c| self.analogs[*c].values.len()).min().unwrap_or(0);
-        let largest = (0..samples)
-            .map(|i| vertical(&|k| self.analogs[plate.channels[k]].values[i]))
-            .filter(|f| f.is_finite())
-            .fold(0.0, f64::max);
-        if !means.iter().all(|m| m.is_finite()) || (resting > LOADED_N && resting > 0.3 * largest) {
-            warn(format!("ZERO {first} to {last}: the plate is loaded there ({resting:.0} N); no baseline taken off"));
+        let (mut low, mut high) = (resting, resting);
+        for i in 0..samples {
+            let vertical: f64 = weights.iter().zip(&plate.channels).map(|(w, c)| w * self.analogs[*c].values[i]).sum();
+            low = low.min(vertical);
+            high = high.max(vertical);
+        }
+        if !means.iter().all(|m| m.is_finite()) || !is_offset(resting, low, high) {
+            warn(format!("ZERO {first} to {last}: the plate is loaded there ({:.0} N); no baseline taken off", resting.abs()));
             return none;
         }
         means
@@ -240,16 +240,29 @@ fn up_axis(file: &C3dFile, frame: &PlateFrame) -> Vector3<f64> {
     up
 }
 
-/// The force part of a set of raw channel values, in the channels' unit.
-fn calibrated_force(plate: &PlateDescription, raw: &[f64]) -> Vector3<f64> {
-    match plate.kind {
-        3 => Vector3::new(raw[0] + raw[1], raw[2] + raw[3], raw[4] + raw[5] + raw[6] + raw[7]),
-        4 | 5 => {
-            let out = apply(&output_rows(plate, &mut |_| {}), raw);
-            Vector3::new(out[0], out[1], out[2])
-        }
-        _ => Vector3::new(raw[0], raw[1], raw[2]),
+/// Whether the vertical force of a baseline can be the plate's own offset, given the range over the recording. A small
+/// one can; a large one only if the load goes from it to one side and through zero, because a plate is never pulled.
+fn is_offset(resting: f64, low: f64, high: f64) -> bool {
+    let largest = low.abs().max(high.abs());
+    if resting.abs() <= RESTING_N.max(0.15 * largest) {
+        return true;
     }
+    let (up, down) = (high - resting, resting - low);
+    let (reach, other, extreme) = if up > down { (up, down, high) } else { (down, up, low) };
+    other <= LOADED_N.max(0.1 * reach) && extreme * resting < 0.0 && extreme.abs() > 0.3 * resting.abs()
+}
+
+/// What each channel adds to the vertical force, in the channels' unit.
+fn vertical_weights(plate: &PlateDescription, up_in_plate: Vector3<f64>) -> Vec<f64> {
+    let up = [up_in_plate.x, up_in_plate.y, up_in_plate.z];
+    let axes: &[usize] = if plate.kind == 3 { &[0, 0, 1, 1, 2, 2, 2, 2] } else { &[0, 1, 2] };
+    let rows = if plate.kind >= 4 { output_rows(plate, &mut |_| {}) } else { Vec::new() };
+    (0..plate.channels.len())
+        .map(|k| match rows.get(..3) {
+            Some(rows) => (0..3).map(|r| up[r] * rows[r].get(k).copied().unwrap_or(0.0)).sum(),
+            None => axes.get(k).map_or(0.0, |axis| up[*axis]),
+        })
+        .collect()
 }
 
 /// The calibration as six rows; empty where there is none to apply.
@@ -328,7 +341,8 @@ fn reaction_sign(forces: &[Vector3<f64>], up_in_plate: Vector3<f64>, warn: &mut 
     if largest < LOADED_N {
         return 1.0;
     }
-    let threshold = LOADED_N.max(0.25 * largest);
+    // half the largest leaves out an offset that was not taken off
+    let threshold = LOADED_N.max(0.5 * largest);
     let sum: f64 = vertical().filter(|f| f.abs() >= threshold).sum();
     if sum < 0.0 {
         warn("the channels hold the load on the plate; turned into the reaction on the subject".to_owned());

@@ -34,7 +34,10 @@ impl C3dFile {
         out.extend_from_slice(&self.header_block(&layout, data_start));
         out.extend_from_slice(&section);
         self.push_samples(&layout, &mut out)?;
-        out.resize(out.len().div_ceil(BLOCK) * BLOCK, 0);
+        // Where the header cannot count the frames, readers exist (ezc3d) that take all that follows for frames.
+        if layout.n_frames <= 65_535 {
+            out.resize(out.len().div_ceil(BLOCK) * BLOCK, 0);
+        }
         Ok(out)
     }
 

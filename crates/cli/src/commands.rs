@@ -1,11 +1,10 @@
 //! Each command: open the study, ask the pipeline, render for people or as JSON.
 
-use crate::args::{Cli, Command, PipelineArgs, RowsArg};
+use crate::args::{Cli, Command, PipelineArgs};
 use crate::progress::Bars;
 use crate::render::{note, out, table};
 use crate::Success;
-use aloft_pipeline::command::{check, compare, init, inspect, parameters, report, simulate, status};
-use aloft_pipeline::config::Rows;
+use aloft_pipeline::command::{check, init, inspect, status};
 use aloft_pipeline::error::PipelineError;
 use aloft_pipeline::graph::Standing;
 use aloft_pipeline::runner::{self, Ended, RunReport, Selection};
@@ -38,15 +37,6 @@ fn json<T: serde::Serialize>(value: &T) -> Result<(), Stop> {
     out(text)
 }
 
-impl From<RowsArg> for Rows {
-    fn from(rows: RowsArg) -> Self {
-        match rows {
-            RowsArg::Paper => Self::Paper,
-            RowsArg::Weak => Self::Weak,
-        }
-    }
-}
-
 /// Carries out a command.
 pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
     match cli.command {
@@ -62,34 +52,13 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             if as_json { json(&found)? } else { out(inspect::to_text(&found))? }
             Ok(Success::Full)
         }
-        Command::Parameters { pipeline, rows, json: as_json } => {
-            let found = parameters::parameters(&open(&pipeline)?, rows.map(Rows::from))?;
-            if as_json { json(&found)? } else { show_parameters(&found)? }
-            Ok(Success::Full)
-        }
-        Command::Compare { pipeline, estimators, json: as_json } => {
-            let found = compare::compare(&open(&pipeline)?, estimators)?;
-            if as_json { json(&found)? } else { show_comparison(&found)? }
-            Ok(Success::Full)
-        }
-        Command::Report { pipeline, out: target } => {
-            let path = report::write(&open(&pipeline)?, target.as_deref())?;
-            out(path.display())?;
-            Ok(Success::Full)
-        }
-        Command::Simulate { scenario, out: folder, seed } => {
-            let made = simulate::simulate(&scenario, &folder, seed)?;
-            for file in made {
-                out(file.display())?;
-            }
-            Ok(Success::Full)
-        }
         Command::Init { folder, out: target } => {
             let path = init::init(&folder, target.as_deref())?;
             note(format!("wrote {}", path.display()));
             note(format!("next: aloft check {}", path.display()));
             Ok(Success::Full)
         }
+        Command::Parameters { .. } | Command::Compare { .. } | Command::Report { .. } | Command::Simulate { .. } => Err(Stop::Error(miette::miette!("not yet"))),
         Command::Schema => {
             json(&aloft_pipeline::config_schema())?;
             Ok(Success::Full)
@@ -124,9 +93,6 @@ fn run(args: &PipelineArgs, selection: &Selection, jobs: Option<usize>) -> Resul
         return show_dry_run(&done);
     }
     show_run(&done, args)?;
-    if done.tasks.iter().any(|t| t.stage == "compare" && matches!(t.ended, Ended::Ran | Ended::UpToDate)) {
-        show_brief(&study)?;
-    }
     Ok(if done.has_trouble() { Success::Partial } else { Success::Full })
 }
 
@@ -167,11 +133,6 @@ fn show_run(done: &RunReport, args: &PipelineArgs) -> Result<(), Stop> {
     }
     note(format!("{} in {:.1} s", parts.join(", "), done.seconds));
     Ok(())
-}
-
-fn show_brief(study: &Study) -> Result<(), Stop> {
-    let found = compare::compare(study, false)?;
-    out(compare::brief(&found))
 }
 
 fn show_check(study: &Study) -> Result<Success, Stop> {
@@ -247,12 +208,4 @@ fn show_explanation(study: &Study, trial: &str, stage: &str) -> Result<Success, 
         }
     }
     Ok(Success::Full)
-}
-
-fn show_parameters(found: &parameters::ParametersView) -> Result<(), Stop> {
-    out(parameters::to_text(found, table))
-}
-
-fn show_comparison(found: &compare::ComparisonView) -> Result<(), Stop> {
-    out(compare::to_text(found, table))
 }

@@ -89,8 +89,7 @@ pub(crate) fn breakdown(
     let mut groups = Vec::new();
     let mut push = |by, name: String, range: Option<(f64, f64)>, keep: &dyn Fn(usize, &FrameRecord) -> bool| {
         let mut sums = WrenchSums::default();
-        for (i, r) in counted.iter().filter(|(i, r)| keep(*i, r)) {
-            let _ = i;
+        for (_, r) in counted.iter().filter(|(trial, r)| keep(*trial, r)) {
             sums.add(&r.residual[which], &r.world_from_root);
         }
         let errors = sums.errors();

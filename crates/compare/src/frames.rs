@@ -122,7 +122,7 @@ pub(crate) fn trial_frames(
         let world_from_root = state.world_from_link[0];
         if let Some(effects) = input.effects {
             for (c, theta) in coefficients.iter().enumerate().filter(|(_, t)| t.iter().any(|x| *x != 0.0)) {
-                let world: Vector6<f64> = &effects.wrench[f] * theta;
+                let world: Vector6<f64> = (&effects.wrench[f] * theta).fixed_rows::<6>(0).into();
                 let mut column = wrench.column_mut(c);
                 column -= into_root(&world, &world_from_root);
             }

@@ -131,7 +131,16 @@ fn with_noise(body: &Body<'_>, clean: &Motion, root: &DMatrix<f64>, rng: &mut Ch
 fn plate_noise(input: &TrialInput<'_>, clean: &Motion, rng: &mut ChaCha8Rng) -> Option<Vec<Vector6<f64>>> {
     let density = input.measured?.noise_density;
     let sd = density.map(|d| (0.5 * clean.rate_hz * d).sqrt());
-    Some((0..clean.n_frames()).map(|_| sd.map(|s| s * StandardNormal.sample(rng))).collect())
+    Some(
+        (0..clean.n_frames())
+            .map(|_| {
+                sd.map(|s: f64| -> f64 {
+                    let drawn: f64 = StandardNormal.sample(rng);
+                    s * drawn
+                })
+            })
+            .collect(),
+    )
 }
 
 fn low_passed(series: Vec<Vector6<f64>>, rate_hz: f64, filter: Option<LowPass>) -> Vec<Vector6<f64>> {
@@ -141,7 +150,6 @@ fn low_passed(series: Vec<Vector6<f64>>, rate_hz: f64, filter: Option<LowPass>) 
     flat.chunks_exact(6).map(Vector6::from_column_slice).collect()
 }
 
-#[allow(clippy::too_many_arguments)] // one call says all that the floor depends on
 fn add_frames(
     sums: &mut FloorSums,
     body: &Body<'_>,
@@ -195,7 +203,6 @@ fn add_frames(
     }
 }
 
-#[allow(clippy::too_many_arguments)] // one call says all that the floor depends on
 fn add_windows(
     sums: &mut FloorSums,
     body: &Body<'_>,

@@ -70,7 +70,6 @@ pub(crate) fn stretches(
 
 /// Window averages of the error in one run, `[model][window]`; empty where the run is shorter than a window (in contact) or than
 /// any window at all (flights use shorter windows when they must).
-#[allow(clippy::too_many_arguments)] // one call says all that windows depend on
 pub(crate) fn window_residuals(
     body: &Body<'_>,
     motion: &Motion,

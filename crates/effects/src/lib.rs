@@ -1,1 +1,63 @@
-//! Physical effects that a model may be missing, one file each
+//! Physical effects that a model may be missing, one file each.
+//!
+//! Every effect gives columns: unit wrenches that a coefficient multiplies, in each frame of a recording. Added to the rows of a flight or
+//! contact phase they ask how much of the effect the recording contains. This crate knows the physics only; `regressor` turns columns
+//! into rows, `discover` ranks them.
+//!
+//! ```
+//! use aloft_effects::{EFFECTS, effect};
+//!
+//! assert_eq!(EFFECTS.len(), 27);
+//! println!("{}", effect("tether")?.documentation);
+//! # Ok::<(), aloft_effects::EffectsError>(())
+//! ```
+//!
+//! Columns of a trial, for the factors of its stretches ([`columns`] names them `effect.coefficient` or `effect[target].coefficient`; the fields
+//! have the layout of the regressor's effect columns):
+//!
+//! ```
+//! # use aloft_body::{Model, Motion, Phi};
+//! # use aloft_effects::{Choice, EffectsError, Scene, Span, TrialMotion, columns};
+//! # fn of_trial(model: &Model, phi: &[Phi], motion: &Motion) -> Result<(), EffectsError> {
+//! let scene = Scene::new(model, phi, &[]);
+//! let spans = [Span { first_frame: 20, end_frame: 140, flight: true }];
+//! let trial = TrialMotion { motion, spans: &spans, plates: &[], session_time_s: 0.0 };
+//! let choices = [Choice::parse("quadratic_drag", &scene)?, Choice::parse("flywheel[torso]", &scene)?];
+//! let columns = columns(&scene, &trial, &choices)?;
+//! assert_eq!(columns.names[0], "quadratic_drag.drag_area");
+//! # Ok(())
+//! # }
+//! ```
+
+mod catalog;
+mod choice;
+mod columns;
+mod definition;
+mod displacement;
+mod effect;
+mod error;
+mod inertia;
+mod scene;
+mod series;
+
+pub use catalog::EFFECTS;
+pub use choice::{Choice, WrenchColumns, columns};
+pub use columns::Columns;
+pub use definition::{
+    ActsIn, Coefficient, EffectDefinition, EffectKind, InertiaLaw, NonlinearParameter, Target, WrenchLaw,
+};
+pub use effect::Effect;
+pub use error::EffectsError;
+pub use scene::{AIR_DENSITY_KGPM3, Scene};
+pub use series::{EffectFrame, LinkFrame, PlateFrame, PlateSeries, Series, Span, TrialMotion};
+
+/// An effect of the catalogue by its identifier.
+///
+/// # Errors
+/// [`EffectsError::Unknown`] with the names that exist.
+pub fn effect(id: &str) -> Result<&'static EffectDefinition, EffectsError> {
+    EFFECTS.iter().copied().find(|e| e.id == id).ok_or_else(|| EffectsError::Unknown {
+        name: id.to_owned(),
+        known: EFFECTS.iter().map(|e| e.id).collect::<Vec<_>>().join(", "),
+    })
+}

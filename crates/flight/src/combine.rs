@@ -8,7 +8,7 @@ use crate::{
 use aloft_body::{Model, Motion, Phi};
 use aloft_trial::Trial;
 
-/// Frames by which plates and motion may differ before it is worth a warning.
+/// Time by which plates and motion may differ, beyond the guards, before it is worth a warning, s.
 const AGREEMENT_S: f64 = 0.02;
 
 /// Finds the flights of a trial with whatever it has: plates, motion (with model and prior inertias), or both.
@@ -44,15 +44,16 @@ pub fn find_flights(
 
 /// Joins flights from motion with the plates of the trial.
 ///
-/// Where both tell a flight, each edge is the plates', unless motion ends the flight earlier by more than 20 ms (contact beside the
-/// plates). A flight that only motion tells stands if the plates carry nothing in it; one that only the plates tell stands if the
+/// Where both tell a flight, each edge is the plates', unless motion ends the flight earlier by more than 20 ms and the guard (contact
+/// beside the plates). A flight that only motion tells stands if the plates carry nothing in it; one that only the plates tell stands if the
 /// motion was not solved there.
 pub fn combine(trial: &Trial, motion: &Motion, by_motion: &FlightReport, options: &FlightOptions) -> FlightReport {
     let (n_frames, rate_hz) = (trial.markers.n_frames, trial.markers.rate_hz);
     let by_plates = from_plates(trial, n_frames, rate_hz, options);
     let (stretches, _) = unloaded_stretches(trial, options);
     let shortest = ((options.min_duration_s * rate_hz).round() as usize).max(6);
-    let tolerance = (AGREEMENT_S * rate_hz).round() as usize;
+    let guard_s = options.takeoff_guard_s.max(options.landing_guard_s);
+    let tolerance = ((AGREEMENT_S + guard_s) * rate_hz).round() as usize;
     let mut report = FlightReport {
         trial: trial.name.clone(),
         rate_hz,
@@ -118,8 +119,7 @@ pub fn combine(trial: &Trial, motion: &Motion, by_motion: &FlightReport, options
             ));
             report.flights.push(flight.clone());
         } else {
-            let vertical_mps2 =
-                centroid_acceleration(trial, flight.start, flight.end).unwrap_or(f64::NAN);
+            let vertical_mps2 = centroid_acceleration(trial, flight.start, flight.end).unwrap_or(f64::NAN);
             let (start, end) = (flight.start, flight.end);
             report.rejected.push(Rejected { start, end, reason: RejectionReason::NotFalling { vertical_mps2 } });
         }

@@ -1,7 +1,7 @@
 //! Flights from motion alone: the centre of mass falls with g.
 
 use crate::center_of_mass::CenterOfMass;
-use crate::edges::settle;
+use crate::parabola::Parabola;
 use crate::{EdgeSource, Flight, FlightError, FlightOptions, FlightReport, FlightSource, Rejected, RejectionReason};
 use aloft_body::{Model, Motion, Phi};
 use aloft_signal::{Butterworth, CutoffCorrection, LowPass, derivatives, runs_where};
@@ -12,7 +12,7 @@ use std::ops::Range;
 ///
 /// The centre of mass is low-passed, differentiated twice and compared with gravity: vertical within a band about −g, horizontal
 /// below a limit, short interruptions merged, long enough. Then the links' first moments are fitted to the parabolas
-/// ([`FlightOptions::refine`]), the search is repeated, and edges are drawn in until one parabola explains each flight.
+/// ([`FlightOptions::refine`]) and the search is repeated; guards are taken off both ends.
 ///
 /// # Errors
 /// Motion, model and inertias do not belong together, or the cut-off does not fit the rate.
@@ -27,6 +27,8 @@ pub fn from_motion(
     let mut report = FlightReport { trial: motion.trial.clone(), rate_hz, ..FlightReport::default() };
     let mut com = CenterOfMass::new(model, phi, motion)?;
     let shortest = ((options.min_duration_s * rate_hz).round() as usize).max(6);
+    let guard = |seconds: f64| (seconds * rate_hz - 1e-9).ceil().max(0.0) as usize;
+    let (takeoff_guard, landing_guard) = (guard(options.takeoff_guard_s), guard(options.landing_guard_s));
     let longest = (options.max_duration_s * rate_hz) as usize;
 
     let mut stretches = falling_stretches(&com, motion, gravity, options, 1.6)?;
@@ -54,18 +56,21 @@ pub fn from_motion(
             report.rejected.push(Rejected { start, end, reason: RejectionReason::TooLong });
             continue;
         }
-        let (frames, parabola) = settle(&com.position_m, stretch, rate_hz, gravity);
+        // Where the recording ends in the air there is no contact to keep away from, but the filter's own edge.
+        let frames = start + takeoff_guard..end.saturating_sub(landing_guard).max(start + takeoff_guard);
+        let parabola = Parabola::fit(&com.position_m, frames.clone(), rate_hz);
         if frames.len() < shortest {
             report.rejected.push(Rejected { start, end, reason: RejectionReason::TooShort });
             continue;
         }
-        let edge = |at_end: bool| if at_end { EdgeSource::Recording } else { EdgeSource::Motion };
+        let edge = |open: bool| if open { EdgeSource::Recording } else { EdgeSource::Motion };
+        let solved = |frame: usize| frame < motion.n_frames() && motion.is_valid(frame);
         report.flights.push(Flight {
             start: frames.start,
             end: frames.end,
             source: FlightSource::Motion,
-            takeoff_source: edge(frames.start == 0),
-            landing_source: edge(frames.end >= motion.n_frames()),
+            takeoff_source: edge(start == 0 || !solved(start - 1)),
+            landing_source: edge(!solved(end)),
             mean_acceleration_mps2: parabola
                 .map_or(Vector3::repeat(f64::NAN), |parabola| parabola.acceleration_mps2())
                 .into(),

@@ -1,5 +1,6 @@
 //! Flights from plates: nothing touches any of them.
 
+use crate::parabola::Parabola;
 use crate::tare::unloaded_tare;
 use crate::{EdgeSource, Flight, FlightOptions, FlightReport, FlightSource, PlateTare, Rejected, RejectionReason};
 use aloft_trial::{Plate, Trial};
@@ -68,7 +69,7 @@ pub(crate) fn unloaded_stretches(trial: &Trial, options: &FlightOptions) -> (Vec
     let tares: Vec<PlateTare> = trial.plates.iter().map(unloaded_tare).collect();
     let mut common: Option<Vec<Unloaded>> = None;
     for (plate, tare) in trial.plates.iter().zip(&tares) {
-        let own = unloaded_of_plate(plate, tare, options.threshold_n);
+        let own = unloaded_of_plate(plate, tare, options);
         common = Some(match common {
             None => own,
             Some(others) => intersect(&others, &own),
@@ -78,12 +79,12 @@ pub(crate) fn unloaded_stretches(trial: &Trial, options: &FlightOptions) -> (Vec
 }
 
 /// Unloaded stretches of one plate: below the threshold, then drawn in (up to 40 ms) to three samples in a row within the noise.
-fn unloaded_of_plate(plate: &Plate, tare: &PlateTare, threshold_n: f64) -> Vec<Unloaded> {
+fn unloaded_of_plate(plate: &Plate, tare: &PlateTare, options: &FlightOptions) -> Vec<Unloaded> {
     let n = plate.force_n.len();
     let load = |sample: usize| (plate.force_n[sample] - tare.force_n[0]).norm();
-    let quiet_n = (5.0 * tare.noise_n).clamp(1.0, threshold_n);
+    let quiet_n = (5.0 * tare.noise_n).clamp(1.0, options.threshold_n.max(1.0));
     let reach = (0.04 * plate.rate_hz) as usize;
-    let runs = aloft_signal::runs_where(n, |sample| load(sample) < threshold_n);
+    let runs = aloft_signal::runs_where(n, |sample| load(sample) < options.threshold_n);
     let mut stretches = Vec::with_capacity(runs.len());
     for run in runs {
         let (loaded_before, loaded_after) = (run.start > 0, run.end < n);
@@ -100,7 +101,13 @@ fn unloaded_of_plate(plate: &Plate, tare: &PlateTare, threshold_n: f64) -> Vec<U
             }
         }
         if end > start {
-            let (from_s, to_s) = (start as f64 / plate.rate_hz, (end - 1) as f64 / plate.rate_hz);
+            // The last newtons of a push are lost in the noise.
+            let guard = |loaded: bool| if loaded { options.plate_guard_s } else { 0.0 };
+            let from_s = start as f64 / plate.rate_hz + guard(loaded_before);
+            let to_s = (end - 1) as f64 / plate.rate_hz - guard(loaded_after);
+            if to_s < from_s {
+                continue;
+            }
             stretches.push(Unloaded { from_s, to_s, loaded_before, loaded_after });
         }
     }
@@ -147,5 +154,5 @@ pub(crate) fn centroid_acceleration(trial: &Trial, start: usize, end: usize) -> 
     for sum in &mut heights {
         *sum /= seen;
     }
-    Some(crate::edges::Parabola::fit(&heights, 0..n, trial.markers.rate_hz)?.acceleration_mps2().z)
+    Some(Parabola::fit(&heights, 0..n, trial.markers.rate_hz)?.acceleration_mps2().z)
 }

@@ -6,12 +6,12 @@
 
 mod center_of_mass;
 mod combine;
-mod edges;
 mod error;
 mod flight;
 mod from_motion;
 mod from_plates;
 pub mod options;
+mod parabola;
 mod tare;
 mod wrench;
 

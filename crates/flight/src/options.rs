@@ -35,6 +35,13 @@ pub struct FlightOptions {
     pub horizontal_band_g: f64,
     /// Interruptions up to this long inside a flight are noise, s.
     pub merge_s: f64,
+    /// Taken off the start of what motion tells, s. The low-pass smears contact over about ±10 ms, and a hand or foot lets go
+    /// gradually: without this, measured starts lie 0 to 3 frames of 5 ms before the true one.
+    pub takeoff_guard_s: f64,
+    /// Taken off the end of what motion tells, s; without it, measured ends lie up to 2 frames of 5 ms behind the true one.
+    pub landing_guard_s: f64,
+    /// Taken off both ends of what plates tell, s: the last newtons of a push are lost in their noise.
+    pub plate_guard_s: f64,
     /// Fit the first moments of the links to the parabola of the centre of mass in the flights before the final search.
     pub refine: bool,
     /// Standard deviation of a link's prior centre of mass in that fit, m.
@@ -54,6 +61,9 @@ impl Default for FlightOptions {
             vertical_band_g: 0.3,
             horizontal_band_g: 0.3,
             merge_s: 0.05,
+            takeoff_guard_s: 0.015,
+            landing_guard_s: 0.010,
+            plate_guard_s: 0.005,
             refine: true,
             com_prior_sd_m: 0.02,
             margin_frames: 0,

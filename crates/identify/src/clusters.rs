@@ -56,7 +56,7 @@ pub(crate) struct Clusters {
     inverse: DMatrix<f64>,
     grams: Vec<DMatrix<f64>>,
     scores: Vec<DVector<f64>>,
-    rows: Vec<(DMatrix<f64>, DVector<f64>, f64, usize)>,
+    rows: Vec<(DMatrix<f64>, DVector<f64>, usize)>,
     mass_kg: f64,
 }
 
@@ -127,19 +127,19 @@ impl Clusters {
                 *x = 0.0;
             }
         });
-        let prepared: Vec<(DMatrix<f64>, DMatrix<f64>, DVector<f64>, f64, usize)> = reduced
+        let prepared: Vec<(DMatrix<f64>, DMatrix<f64>, DVector<f64>, usize)> = reduced
             .into_par_iter()
             .map(|(a, residual, n_rows)| {
                 let q = a * &inverse;
-                (q.tr_mul(&q), q, residual, 0.0, n_rows)
+                (q.tr_mul(&q), q, residual, n_rows)
             })
             .collect();
         let mut out =
             Self { estimate, inverse, grams: Vec::new(), scores: Vec::new(), rows: Vec::new(), mass_kg };
-        for (gram, q, residual, rest, n_rows) in prepared {
+        for (gram, q, residual, n_rows) in prepared {
             out.scores.push(q.tr_mul(&residual));
             out.grams.push(gram);
-            out.rows.push((q, residual, rest, n_rows));
+            out.rows.push((q, residual, n_rows));
         }
         Ok(out)
     }
@@ -182,19 +182,23 @@ impl Clusters {
         (0..self.len())
             .into_par_iter()
             .map(|g| {
-                let (q, residual, rest, n_rows) = &self.rows[g];
+                let (q, residual, n_rows) = &self.rows[g];
                 let error = residual + q * self.left_out(g, &self.scores[g]);
-                (error.norm_squared() + rest, *n_rows)
+                (error.norm_squared(), *n_rows)
             })
             .collect()
     }
 
-    /// Cluster-robust covariance (bias-reduced linearisation, CR2), mass included with zeros; `row_variance` enters through the prior's rows.
-    pub fn robust_covariance(&self, row_variance: f64) -> DMatrix<f64> {
+    /// Cluster-robust covariance (bias-reduced linearisation, CR2), mass included with zeros. The prior's rows, of weight w, add what its
+    /// own spread leaves as bias.
+    pub fn robust_covariance(&self, weight: f64) -> DMatrix<f64> {
         let m = self.estimate.len();
-        let mut meat = DMatrix::identity(m, m) * row_variance;
-        for gram in &self.grams {
-            meat -= gram * row_variance;
+        let mut meat = DMatrix::zeros(m, m);
+        if weight > 0.0 {
+            meat = DMatrix::identity(m, m) * weight;
+            for gram in &self.grams {
+                meat -= gram * weight;
+            }
         }
         let adjusted: Vec<DVector<f64>> = (0..self.len())
             .into_par_iter()

@@ -1,14 +1,24 @@
 //! Base parameters, their scale and uncertainty, and consistent links.
 
 mod error;
+pub mod advice;
 mod clusters;
+pub mod gate;
+pub mod links;
 pub mod null_vector;
+pub mod parameters;
 pub mod prior;
+mod identify;
 mod system;
 
+pub use advice::{AdviceOptions, MotionAdvice, excitation_advice};
 pub use error::IdentifyError;
+pub use identify::{IdentifyOptions, identify};
+pub use gate::{Gate, GateLimits, Seen};
+pub use links::{ConsistentLinks, LinkOptions, LinkSd, consistent_links};
 pub use null_vector::{ColumnScaling, NullVector, Sigma, null_vector};
 pub use clusters::{ClusterBy, WeightTrial};
+pub use parameters::{BaseEstimate, EffectEstimate, Estimator, Identification, LinkEstimate, Parameters};
 pub use prior::{LinkPrior, Prior, Symmetry};
 
 use aloft_regressor::Factor;

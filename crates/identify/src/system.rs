@@ -179,17 +179,20 @@ impl System {
         variance
     }
 
-    /// Inverse of `AᵀA + w P⁻¹` (θ included) times nothing: the bread of every covariance, (parameters + effects)², zero for the mass.
-    pub fn bread(&self, weight: f64) -> DMatrix<f64> {
+    /// Covariance of parameters and effects for independent rows of variance `row_variance` at the weight w of the prior:
+    /// `H⁻¹ (s² AᵀA + w² P⁻¹) H⁻¹` with `H = AᵀA + w P⁻¹`: noise of the rows, and what the prior's own spread leaves as bias. Zero for
+    /// the mass, and for directions that nothing determines (the gate names those).
+    pub fn covariance(&self, row_variance: f64, weight: f64) -> DMatrix<f64> {
         let m = self.singular.len();
         let floor = 1e-13 * self.singular.max();
         let scaled = DMatrix::from_fn(m, m, |i, j| {
             let s = self.singular[j];
-            let d = s * s + weight;
-            // what nothing determines has no finite variance; infinities would spoil the rest
-            if s <= floor && weight == 0.0 { 0.0 } else { self.v[(i, j)] / d.sqrt() }
+            if s <= floor && weight == 0.0 {
+                return 0.0;
+            }
+            self.v[(i, j)] * (row_variance * s * s + weight * weight).sqrt() / (s * s + weight)
         });
-        // y = V z; x = L y; θ = E⁻¹ (… − coupling y)
+        // x = L y; θ = E⁻¹ (… − coupling y)
         let x_of = &self.root * &scaled;
         let p = self.n_parameters;
         let n = p + self.n_effects;
@@ -203,7 +206,7 @@ impl System {
                 .unwrap_or_else(|| DMatrix::zeros(self.n_effects, self.n_effects));
             let by_y = -&inverse * (&self.coupling * &scaled);
             factor.view_mut((p, 0), (self.n_effects, m)).copy_from(&by_y);
-            factor.view_mut((p, m), (self.n_effects, self.n_effects)).copy_from(&inverse);
+            factor.view_mut((p, m), (self.n_effects, self.n_effects)).copy_from(&(inverse * row_variance.sqrt()));
         }
         &factor * factor.transpose()
     }

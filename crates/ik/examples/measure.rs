@@ -33,7 +33,7 @@ fn main() {
         println!("  scale: {warning}");
     }
     println!("locked: {:?}", scaled.report.locked);
-    let ik = IkOptions { locked: scaled.locked.clone(), ..IkOptions::default() };
+    let mut ik = IkOptions { locked: scaled.locked.clone(), ..IkOptions::default() };
     let mut options = CalibrateOptions { ik: ik.clone(), ..CalibrateOptions::default() };
     if arguments.iter().any(|a| a == "--scale-priors") {
         for joint in &scaled.report.joints {
@@ -61,6 +61,10 @@ fn main() {
             "axes" => {
                 options.axis_sd_rad.clear();
                 options.other_axis_sd_rad = number;
+            }
+            "bridge" => {
+                ik.bridge_gaps_s = number;
+                options.ik.bridge_gaps_s = number;
             }
             "huber" => options.huber_factor = number,
             "rounds" => options.rounds = number as usize,
@@ -104,8 +108,10 @@ fn main() {
     );
     for joint in &r.joints {
         println!(
-            "  {:12} moved {:5.1} mm (sd {:.1}), axis {:.1}° (sd {:.1}°)",
-            joint.link, 1e3 * joint.moved_m, 1e3 * joint.sd_m,
+            "  {:12} moved {:5.1} mm ({:.0} {:.0} {:.0}; sd {:.1}), axis {:.1}° (sd {:.1}°)",
+            joint.link, 1e3 * joint.moved_m,
+            1e3 * (joint.calibrated_m.x - joint.landmark_m.x), 1e3 * (joint.calibrated_m.y - joint.landmark_m.y),
+            1e3 * (joint.calibrated_m.z - joint.landmark_m.z), 1e3 * joint.sd_m,
             joint.axis_turned_rad.unwrap_or(f64::NAN).to_degrees(), joint.axis_sd_rad.unwrap_or(f64::NAN).to_degrees()
         );
     }

@@ -32,6 +32,10 @@ pub(crate) struct Solver<'a> {
     pub inverse: Packed,
     step: Vec<f64>,
     q_try: Vec<f64>,
+    /// True when `factor` belongs to the result of the last minimisation.
+    factor_serves: bool,
+    /// True when `moments` were added up towards the root already.
+    gathered: bool,
 }
 
 impl<'a> Solver<'a> {
@@ -51,6 +55,8 @@ impl<'a> Solver<'a> {
             inverse: packed,
             step: vec![0.0; tree.nv],
             q_try: vec![0.0; tree.nq],
+            factor_serves: false,
+            gathered: false,
         }
     }
 
@@ -68,6 +74,8 @@ impl<'a> Solver<'a> {
     /// Cost at `q`; leaves poses, residuals and moments behind.
     pub fn evaluate(&mut self, q: &[f64]) -> f64 {
         let problem = self.problem;
+        self.gathered = false;
+        self.factor_serves = false;
         problem.tree.forward(q, &mut self.pose);
         let reference = self.pose.origin[0];
         self.moments.fill(Moments::default());
@@ -78,10 +86,10 @@ impl<'a> Solver<'a> {
             let residual = point - self.targets[i];
             let squared = residual.norm_squared();
             let mut weight = marker.weight;
-            if squared > problem.huber * problem.huber {
+            if squared > marker.huber * marker.huber {
                 let distance = squared.sqrt();
-                cost += weight * problem.huber * (distance - 0.5 * problem.huber);
-                weight *= problem.huber / distance;
+                cost += weight * marker.huber * (distance - 0.5 * marker.huber);
+                weight *= marker.huber / distance;
             } else {
                 cost += 0.5 * weight * squared;
             }
@@ -127,6 +135,10 @@ impl<'a> Solver<'a> {
 
     /// Normal equations at the last evaluated `q`.
     fn linearise(&mut self, q: &[f64]) {
+        if self.gathered {
+            self.evaluate(q);
+        }
+        self.gathered = true;
         let problem = self.problem;
         let tree = &problem.tree;
         tree.columns(&mut self.pose);
@@ -211,6 +223,7 @@ impl<'a> Solver<'a> {
             cost = cost_new;
             if gain < problem.tolerance {
                 fit.converged = true;
+                self.factor_serves = damping == 0.0;
                 break;
             }
             damping = if damping < 1e-6 { 0.0 } else { 0.1 * damping };
@@ -221,9 +234,9 @@ impl<'a> Solver<'a> {
 
     /// Weight of a marker at the last evaluation, 1/m².
     pub fn weight(&self, marker: usize) -> f64 {
-        let weight = self.problem.markers[marker].weight;
         let distance = self.residual[marker].norm();
-        if distance > self.problem.huber { weight * self.problem.huber / distance } else { weight }
+        let marker = &self.problem.markers[marker];
+        if distance > marker.huber { marker.weight * marker.huber / distance } else { marker.weight }
     }
 
     /// Factorises the normal equations at `q`, which must be the last evaluated one. False when a coordinate is free.
@@ -233,8 +246,10 @@ impl<'a> Solver<'a> {
     }
 
     /// Covariance at `q` for markers of their nominal variance, into [`Solver::inverse`]. False when a coordinate is free.
+    ///
+    /// After a minimisation that has just converged its last factor serves (one vanishing step before `q`).
     pub fn covariance(&mut self, q: &[f64]) -> bool {
-        if !self.prepare(q) {
+        if !self.factor_serves && !self.prepare(q) {
             return false;
         }
         self.inverse.invert(&self.problem.tree, &self.factor);

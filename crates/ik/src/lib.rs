@@ -7,6 +7,7 @@
 //!
 //! Missing markers drop out; a frame that cannot be solved is NaN and counted, never an error.
 
+mod bridge;
 mod calibrate;
 mod error;
 mod frame;
@@ -14,6 +15,7 @@ mod normal;
 mod options;
 mod problem;
 mod report;
+pub mod smooth;
 mod solve;
 mod start;
 mod tree;
@@ -22,4 +24,5 @@ pub use calibrate::{Calibration, CalibrateOptions, CalibrationReport, JointChang
 pub use error::IkError;
 pub use options::IkOptions;
 pub use report::{IkReport, MarkerFit};
+pub use smooth::{SmoothError, smooth};
 pub use solve::{IkResult, solve};

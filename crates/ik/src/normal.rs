@@ -212,3 +212,112 @@ impl Packed {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use aloft_body::{JointSpec, LinkSpec, Model, ModelSpec, State};
+    use nalgebra::{DMatrix, DVector, UnitQuaternion};
+
+    fn tree_of_all_joints() -> Model {
+        let kinds = [
+            ("root", None, JointSpec::Free),
+            ("a", Some("root"), JointSpec::Spherical),
+            ("b", Some("a"), JointSpec::Revolute([0.0, 0.6, 0.8])),
+            ("c", Some("b"), JointSpec::Fixed),
+            ("d", Some("c"), JointSpec::Prismatic([1.0, 0.0, 0.0])),
+            ("e", Some("root"), JointSpec::RevoluteZ),
+            ("f", Some("a"), JointSpec::Spherical),
+        ];
+        let links = kinds.iter().enumerate().map(|(i, (name, parent, joint))| LinkSpec {
+            name: (*name).to_owned(),
+            parent: parent.map(str::to_owned),
+            joint: *joint,
+            position_m: [0.1 * i as f64, 0.2, -0.05 * i as f64],
+            rpy_rad: [0.1, -0.3 * i as f64, 0.2],
+            inertia: None,
+        });
+        Model::from_spec(&ModelSpec { name: "all".to_owned(), links: links.collect() }).unwrap()
+    }
+
+    /// Normal equations against Jacobians of another crate, factor and inverse against dense ones.
+    #[test]
+    fn validate_normal_equations_against_dense_algebra() {
+        let model = tree_of_all_joints();
+        let tree = Tree::new(&model);
+        let mut q = model.neutral();
+        let dv: Vec<f64> = (0..model.nv).map(|i| (1.7 * i as f64).sin()).collect();
+        let start = q.clone();
+        model.integrate(&start, &dv, &mut q);
+        let mut state = State::new(&model);
+        state.forward_position(&model, &q);
+        let mut pose = tree.pose();
+        tree.forward(&q, &mut pose);
+        tree.columns(&mut pose);
+        let mut moments = vec![Moments::default(); tree.links.len()];
+        let mut dense = DMatrix::zeros(model.nv, model.nv);
+        let mut gradient = DVector::zeros(model.nv);
+        let mut jacobian = DMatrix::zeros(3, model.nv);
+        for i in 0..28 {
+            let (link, x) = (i % 7, i as f64);
+            let local = Vector3::new(x.sin(), (2.0 * x).cos(), (3.0 * x).sin()) * 0.2;
+            let (weight, residual) = (1.0 + 0.1 * x, Vector3::new(0.01 * x, -0.02, 0.03));
+            let point = state.point_in_world(link, &local);
+            assert!((point - pose.origin[link] - pose.rotation[link] * local).norm() < 1e-12);
+            moments[link].add_point(&(point - pose.reference), weight, &residual);
+            state.point_jacobian(&model, link, &local, &mut jacobian);
+            dense += weight * jacobian.transpose() * &jacobian;
+            gradient += weight * jacobian.transpose() * residual;
+        }
+        let mut normal = Packed::new(&tree);
+        normal.assemble(&tree, &pose, &mut moments);
+        for row in 0..tree.nv {
+            for (i, &column) in tree.ancestors[row].iter().chain([&row]).enumerate() {
+                assert!((normal.values[normal.start[row] + i] - dense[(row, column)]).abs() < 1e-10);
+            }
+            assert!((normal.gradient[row] - gradient[row]).abs() < 1e-10);
+        }
+        let mut factor = normal.clone();
+        assert!(factor.factorise(&tree, &normal, 0.0));
+        let mut x = normal.gradient.clone();
+        factor.solve(&tree, &mut x);
+        let inverse = dense.try_inverse().unwrap();
+        let expected = &inverse * &gradient;
+        let mut selected = normal.clone();
+        selected.invert(&tree, &factor);
+        for row in 0..tree.nv {
+            assert!((x[row] - expected[row]).abs() < 1e-8);
+            for (i, &column) in tree.ancestors[row].iter().chain([&row]).enumerate() {
+                assert!((selected.values[selected.start[row] + i] - inverse[(row, column)]).abs() < 1e-8);
+            }
+        }
+    }
+
+    /// Poses, retraction and extrapolation against the model's own.
+    #[test]
+    fn validate_retraction_against_the_model() {
+        let model = tree_of_all_joints();
+        let tree = Tree::new(&model);
+        let q0 = model.neutral();
+        let step: Vec<f64> = (0..model.nv).map(|i| 1e-5 * (2.3 * i as f64).sin()).collect();
+        let (mut a, mut b) = (q0.clone(), q0.clone());
+        let big: Vec<f64> = step.iter().map(|s| 8e4 * s).collect();
+        model.integrate(&q0, &big, &mut a);
+        let start = a.clone();
+        tree.retract(&start, &step, &mut a);
+        model.integrate(&start, &step, &mut b);
+        // the root's position agrees to second order
+        assert!(a.iter().zip(&b).all(|(x, y)| (x - y).abs() < 1e-9));
+        let mut next = start.clone();
+        tree.extrapolate(&start, &a, &mut next);
+        let mut dv = vec![0.0; model.nv];
+        model.difference(&a, &next, &mut dv);
+        assert!(dv.iter().zip(&step).all(|(x, y)| (x - y).abs() < 1e-9));
+        let mut pose = tree.pose();
+        tree.forward(&a, &mut pose);
+        let turn = UnitQuaternion::from_euler_angles(0.3, -0.2, 1.0).to_rotation_matrix().into_inner();
+        tree.set_rotation(6, &turn, &pose, &mut a);
+        tree.forward(&a, &mut pose);
+        assert!((pose.rotation[6] - turn).amax() < 1e-12);
+    }
+}

@@ -39,6 +39,8 @@ pub struct IkOptions {
     pub flexed_tolerance: f64,
     /// A frame counts as unsolved when the root's position is known less well than this, m.
     pub root_sd_limit_m: f64,
+    /// Longest gap of a marker across which its pull on the pose is carried, s; 0 for none.
+    pub bridge_gaps_s: f64,
     /// Frames that are tracked in one sequence; longer trials are cut here, whatever the number of threads.
     pub chunk_frames: usize,
     /// Frames tracked ahead of each piece and thrown away.
@@ -63,6 +65,7 @@ impl Default for IkOptions {
             restart_margin_m: 0.005,
             flexed_tolerance: 0.25,
             root_sd_limit_m: 0.05,
+            bridge_gaps_s: 0.25,
             chunk_frames: 1000,
             warm_up_frames: 8,
         }
@@ -94,8 +97,10 @@ impl IkOptions {
                 return Err(IkError::Option { option, found, expected: "positive and finite" });
             }
         }
-        if self.flexed_tolerance.is_nan() || self.flexed_tolerance < 0.0 {
-            return Err(IkError::Option { option: "flexed_tolerance", found: self.flexed_tolerance, expected: "not negative" });
+        for (option, found) in [("flexed_tolerance", self.flexed_tolerance), ("bridge_gaps_s", self.bridge_gaps_s)] {
+            if found.is_nan() || found < 0.0 {
+                return Err(IkError::Option { option, found, expected: "not negative" });
+            }
         }
         Ok(())
     }

@@ -17,6 +17,8 @@ pub(crate) struct Tracked {
     pub position: Vector3<f64>,
     /// 1/σ², 1/m².
     pub weight: f64,
+    /// Distance beyond which the pull no longer grows, m.
+    pub huber: f64,
 }
 
 /// A hinge whose flexion side is known.
@@ -68,7 +70,6 @@ pub(crate) struct Problem {
     pub any_locked: bool,
     /// Links whose joint has a locked coordinate.
     pub locked_link: Vec<bool>,
-    pub huber: f64,
     pub max_iterations: usize,
     /// Square of the step, in standard deviations, below which a minimisation stops.
     pub tolerance: f64,
@@ -102,7 +103,13 @@ impl Problem {
             let usable = marker.position_m.iter().all(|x| x.is_finite());
             if marker.weight > 0.0 && marker.weight.is_finite() && usable {
                 let weight = marker.weight / (options.marker_sd_m * options.marker_sd_m);
-                markers.push(Tracked { label: marker.label.clone(), link: marker.link, position: marker.position_m, weight });
+                markers.push(Tracked {
+                    label: marker.label.clone(),
+                    link: marker.link,
+                    position: marker.position_m,
+                    weight,
+                    huber: options.huber_m.unwrap_or(f64::INFINITY),
+                });
             }
         }
         let mut locked = vec![false; tree.nv];
@@ -131,7 +138,6 @@ impl Problem {
             limit_weight: 1.0 / (options.limit_sd_rad * options.limit_sd_rad),
             overextension: options.overextension_rad,
             flexion_limit: options.flexion_limit_rad,
-            huber: options.huber_m.unwrap_or(f64::INFINITY),
             max_iterations: options.max_iterations,
             tolerance: options.tolerance_sd * options.tolerance_sd,
             tree,

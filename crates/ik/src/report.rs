@@ -34,6 +34,8 @@ pub struct IkReport {
     pub n_restarts: usize,
     /// Frames in which a hinge was put back on its flexed side.
     pub n_branch_changes: usize,
+    /// Frames in which the pull of missing markers was carried across a gap.
+    pub n_bridged: usize,
     /// Steps of minimisation a frame, on average.
     pub mean_iterations: f64,
     /// Root mean square over markers and frames, m.
@@ -103,6 +105,7 @@ impl IkReport {
             n_unconverged: 0,
             n_restarts: 0,
             n_branch_changes: 0,
+            n_bridged: 0,
             mean_iterations: 0.0,
             rms_m: if count == 0 { f64::NAN } else { (total / count as f64).sqrt() },
             max_m: markers.iter().map(|m| m.max_m).fold(f64::NAN, f64::max),

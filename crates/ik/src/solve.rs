@@ -5,6 +5,7 @@
 //! limb apart are also started on the flexed side whenever they are near or beyond straight. Long trials are cut into
 //! pieces of fixed length, each with a few frames of warm-up, so that the result is the same at any number of threads.
 
+use crate::bridge::bridge;
 use crate::frame::{Fit, Solver};
 use crate::problem::{FEWEST_MARKERS, Problem};
 use crate::{IkError, IkOptions, IkReport};
@@ -30,8 +31,9 @@ pub struct IkResult {
 /// Finds the joint coordinates of every frame of a trial.
 ///
 /// Weighted non-linear least squares over all coordinates: ½ Σ w_k |p_k(q) − y_k|² / σ² plus soft priors, where p_k is a
-/// model marker and y_k the measured one, matched by label. Markers that are missing in a frame drop out. Frames in which
-/// the root cannot be placed are NaN in the motion and counted in the report.
+/// model marker and y_k the measured one, matched by label. Markers that are missing in a frame drop out; in gaps up to
+/// `bridge_gaps_s` their pull on the pose is carried across. Frames in which the root cannot be placed are NaN in the motion and
+/// counted in the report.
 ///
 /// `motion.q_sd` holds standard deviations from the inverse of the normal equations, scaled by each frame's residual
 /// variance (in the tangent space of `v`: m and rad).
@@ -82,6 +84,8 @@ pub fn solve(subject: &Subject, trial: &Trial, options: &IkOptions) -> Result<Ik
         motion.residual_m.extend_from_slice(&piece.residual_m);
         motion.q_sd.extend_from_slice(&piece.q_sd);
     }
+    let longest = (options.bridge_gaps_s * motion.rate_hz + 1e-9).max(0.0) as usize;
+    let n_bridged = if longest > 0 { bridge(&problem, trial, &sources, &mut motion, longest) } else { 0 };
     let mut last: Option<Vec<f64>> = None;
     for q in motion.q.chunks_exact_mut(nq) {
         if q[0].is_finite() {
@@ -93,6 +97,7 @@ pub fn solve(subject: &Subject, trial: &Trial, options: &IkOptions) -> Result<Ik
     }
     let solved: Vec<bool> = (0..n_frames).map(|f| motion.is_valid(f)).collect();
     let mut report = IkReport::gather(&trial.name, &motion.marker_labels, &motion.residual_m, &solved);
+    report.n_bridged = n_bridged;
     for piece in &pieces {
         report.n_unconverged += piece.n_unconverged;
         report.n_restarts += piece.n_restarts;
@@ -223,12 +228,16 @@ impl Tracker<'_> {
             best = self.start_afresh(solver, memory, best, &mut outcome);
         }
         let Some(mut fit) = best else { return outcome };
+        let plain = outcome.iterations == fit.iterations;
         for index in 0..solver.problem.hinges.len() {
             if solver.problem.hinges[index].watched || outcome.restarted {
                 fit = self.try_flexed(solver, index, fit, &mut outcome);
             }
         }
-        solver.evaluate(&self.q);
+        if !plain || outcome.iterations != fit.iterations {
+            // another start was tried last: bring poses and residuals back to the one that was kept
+            solver.evaluate(&self.q);
+        }
         outcome.converged = fit.converged;
         outcome.solved = fit.cost.is_finite() && solver.covariance(&self.q) && self.root_is_known(solver);
         outcome

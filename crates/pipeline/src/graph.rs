@@ -151,7 +151,7 @@ pub fn inputs(
     manifests: &Manifests,
 ) -> Result<Inputs, PipelineError> {
     let mut out = Inputs { hashes: BTreeMap::new(), ready: Vec::new(), blocked_by: Vec::new() };
-    let mut upstream = |out: &mut Inputs, name: &str, of: &str, required: bool| match manifests.get(name, of) {
+    let upstream = |out: &mut Inputs, name: &str, of: &str, required: bool| match manifests.get(name, of) {
         Some(m) if m.is_ok() => {
             out.hashes.insert(format!("{name}/{of}"), m.output.clone());
             out.ready.push((name.to_owned(), of.to_owned()));

@@ -191,13 +191,13 @@ impl Anthropometry {
                 if !(s.reference_length_m > 0.0 && s.reference_length_m < 1.0) {
                     return Err(bad("reference length", s.reference_length_m));
                 }
-                if let Some(&c) = s.com.iter().find(|c| !(c.abs() <= 1.5)) {
+                if let Some(&c) = s.com.iter().find(|c| c.is_nan() || c.abs() > 1.5) {
                     return Err(bad("centre of mass", c));
                 }
                 if let Some(&r) = s.radii[..3].iter().find(|&&r| !(r > 0.0 && r < 2.0)) {
                     return Err(bad("radius of gyration", r));
                 }
-                if let Some(&r) = s.radii[3..].iter().find(|r| !(r.abs() < 2.0)) {
+                if let Some(&r) = s.radii[3..].iter().find(|r| r.is_nan() || r.abs() >= 2.0) {
                     return Err(bad("product radius", r));
                 }
                 let sd = [s.sd.mass, s.sd.com, s.sd.radius];

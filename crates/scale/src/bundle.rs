@@ -246,7 +246,8 @@ impl Bundle {
                 let world_from_joint = state.world_from_link[parent] * joint.parent_from_joint;
                 let axes = rotation(&world_from_joint.rotation);
                 let turning = -axes * apply_inverse(&world_from_joint, at).cross_matrix();
-                let column = |d: usize| if d < 3 { axes.column(d).into_owned() } else { turning.column(d - 3).into_owned() };
+                let column =
+                    |d: usize| if d < 3 { axes.column(d).into_owned() } else { turning.column(d - 3).into_owned() };
                 let mut first = layout.joint_at[current];
                 for part in free.chunks(3) {
                     let mut block = Matrix3::zeros();

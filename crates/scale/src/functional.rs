@@ -75,10 +75,17 @@ pub struct FunctionalAxis {
 }
 
 /// The stacked system `R_p c_p − R_c c_c = t_c − t_p` of both methods, thinned into its normal equations.
-fn normal_equations(parent: &[Isometry3<f64>], child: &[Isometry3<f64>]) -> Result<(DMatrix<f64>, DVector<f64>, f64), ScaleError> {
+fn normal_equations(
+    parent: &[Isometry3<f64>],
+    child: &[Isometry3<f64>],
+) -> Result<(DMatrix<f64>, DVector<f64>, f64), ScaleError> {
     if parent.len() != child.len() || parent.len() < 3 {
         return Err(ScaleError::Functional {
-            problem: format!("{} parent and {} child poses; at least three common ones are needed", parent.len(), child.len()),
+            problem: format!(
+                "{} parent and {} child poses; at least three common ones are needed",
+                parent.len(),
+                child.len()
+            ),
         });
     }
     let mut h = DMatrix::zeros(6, 6);
@@ -140,7 +147,9 @@ pub fn score(parent: &[Isometry3<f64>], child: &[Isometry3<f64>]) -> Result<Func
     let d = decompose(&h);
     let conditioning = (d.values[0] / d.values[5]).sqrt();
     if conditioning < 1e-6 {
-        return Err(ScaleError::Functional { problem: "the segments turn about one axis only: their centre is a line".into() });
+        return Err(ScaleError::Functional {
+            problem: "the segments turn about one axis only: their centre is a line".into(),
+        });
     }
     let mut x = DVector::zeros(6);
     for k in 0..6 {
@@ -232,7 +241,12 @@ mod tests {
             .iter()
             .enumerate()
             .map(|(i, p)| {
-                let r = p.rotation * UnitQuaternion::from_euler_angles(0.5 * (i as f64 * 0.3).sin(), 0.4 * (i as f64 * 0.2).cos(), 0.1);
+                let r = p.rotation
+                    * UnitQuaternion::from_euler_angles(
+                        0.5 * (i as f64 * 0.3).sin(),
+                        0.4 * (i as f64 * 0.2).cos(),
+                        0.1,
+                    );
                 Isometry3::from_parts(Translation3::from(apply(p, &cp) - r * cc), r)
             })
             .collect();

@@ -2,9 +2,9 @@
 //!
 //! Pelvis axes: origin midway between the ASIS, z to the right along them, x forward in the plane of ASIS and PSIS, y up.
 
+use crate::ScaleError;
 use crate::geometry::{axes_z_x, reject, unit};
 use crate::landmarks::{Landmarks, Side};
-use crate::ScaleError;
 use aloft_body::Sex;
 use nalgebra::{Isometry3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -63,7 +63,8 @@ impl PelvisMarkers {
             let p = landmarks.side("psis", Side::Right).or_else(|| landmarks.side("psis", Side::Left))?;
             Some(middle + reject(&(p - middle), &z))
         };
-        let back = landmarks.across("psis").or_else(|| landmarks.get("sacrum")).or_else(one_sided).ok_or_else(missing)?;
+        let back =
+            landmarks.across("psis").or_else(|| landmarks.get("sacrum")).or_else(one_sided).ok_or_else(missing)?;
         let axes = axes_z_x(&z, &(middle - back)).ok_or_else(degenerate)?;
         Ok(Self {
             world_from_pelvis: Isometry3::from_parts(middle.into(), axes),

@@ -55,9 +55,8 @@ pub fn unobserved(subject: &Subject) -> Result<Vec<usize>, ScaleError> {
             held[(k, k)] += 1e9;
         }
         let Some(covariance) = held.cholesky().map(|c| c.inverse()) else { break };
-        let worst = (0..nv)
-            .filter(|k| !locked.contains(k))
-            .max_by(|&a, &b| covariance[(a, a)].total_cmp(&covariance[(b, b)]));
+        let worst =
+            (0..nv).filter(|k| !locked.contains(k)).max_by(|&a, &b| covariance[(a, a)].total_cmp(&covariance[(b, b)]));
         match worst {
             Some(k) if covariance[(k, k)].sqrt() > SEEN_SD => locked.push(k),
             _ => break,
@@ -85,7 +84,8 @@ fn hands_without_markers(subject: &Subject) -> Vec<usize> {
             continue;
         }
         let reach = |p: &Vector3<f64>| p.y.abs();
-        if subject.markers.iter().filter(|m| m.link == i && m.weight > 0.0).all(|m| reach(&m.position_m) < HAND_REACH_M) {
+        if subject.markers.iter().filter(|m| m.link == i && m.weight > 0.0).all(|m| reach(&m.position_m) < HAND_REACH_M)
+        {
             locked.extend([link.joint.v_offset, link.joint.v_offset + 2]);
         }
     }

@@ -1,5 +1,6 @@
 //! A person's own model from one static trial: landmarks → skeleton → model, marker coordinates, prior inertias, report.
 
+use crate::ScaleError;
 use crate::anthropometry::Anthropometry;
 use crate::geometry::{apply_inverse, x_of, y_of, z_of};
 use crate::hip::HipMethod;
@@ -10,7 +11,6 @@ use crate::prior::{StaticAnatomy, attach_prior};
 use crate::report::{JointMethod, JointUncertainty, PlausibilityLimits, ScaleReport, ScaleWarning};
 use crate::skeleton::{Builder, PlacedLink, Skeleton};
 use crate::statics::{QuietOptions, StaticPose};
-use crate::ScaleError;
 use aloft_body::{JointKind, Model, ModelMarker, ModelSpec, PersonFacts, Subject};
 use aloft_trial::{MarkerSet, Trial};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
@@ -65,7 +65,11 @@ pub struct Scaled {
 ///
 /// # Errors
 /// [`ScaleError`] for an unusable static, a pelvis without landmarks, impossible facts, or a marker set, model or table that do not fit.
-pub fn scale_person(input: &PersonInput<'_>, tables: &Anthropometry, options: &ScaleOptions) -> Result<Scaled, ScaleError> {
+pub fn scale_person(
+    input: &PersonInput<'_>,
+    tables: &Anthropometry,
+    options: &ScaleOptions,
+) -> Result<Scaled, ScaleError> {
     let trial = input.static_trial;
     check_facts(input.facts)?;
     let mut warnings = Vec::new();
@@ -149,8 +153,7 @@ fn assemble(spec: &ModelSpec, skeleton: &Skeleton) -> Result<(Model, Vec<f64>, V
     let mut placed: Vec<PlacedLink> = Vec::with_capacity(model.links.len());
     for i in 0..model.links.len() {
         let link = &mut model.links[i];
-        let fail =
-            |problem: String| ScaleError::Model { model: spec.name.clone(), link: link.name.clone(), problem };
+        let fail = |problem: String| ScaleError::Model { model: spec.name.clone(), link: link.name.clone(), problem };
         let mut own = *skeleton
             .links
             .get(&link.name)
@@ -179,7 +182,10 @@ fn assemble(spec: &ModelSpec, skeleton: &Skeleton) -> Result<(Model, Vec<f64>, V
                 }
                 let parent_from_link = placed[p].world_from_link.inverse() * own.world_from_link;
                 let (zero, angle) = straight_zero(&parent_from_link.rotation).ok_or_else(|| {
-                    fail("its hinge axis is parallel to its parent's long axis; check the medial and lateral markers".into())
+                    fail(
+                        "its hinge axis is parallel to its parent's long axis; check the medial and lateral markers"
+                            .into(),
+                    )
                 })?;
                 link.joint.parent_from_joint = Isometry3::from_parts(parent_from_link.translation, zero);
                 q[at] = angle;
@@ -243,7 +249,11 @@ fn place_markers(
     Ok((markers, missing))
 }
 
-fn joint_uncertainties(model: &Model, placed: &[PlacedLink], warnings: &mut Vec<ScaleWarning>) -> Vec<JointUncertainty> {
+fn joint_uncertainties(
+    model: &Model,
+    placed: &[PlacedLink],
+    warnings: &mut Vec<ScaleWarning>,
+) -> Vec<JointUncertainty> {
     let mut joints = Vec::with_capacity(placed.len());
     for (i, (link, place)) in model.links.iter().zip(placed).enumerate() {
         if link.parent.is_none() {

@@ -14,19 +14,19 @@ use nalgebra::Vector3;
 /// Frames looked at for rigid errors: enough for a root mean square.
 const RIGID_FRAMES: usize = 100;
 
-/// Segment lengths of both sides, with what stature predicts (Winter, figure 4.1).
+/// Segment lengths of both sides, with what stature predicts (limbs: Winter, figure 4.1; the rest: round figures of this project).
 pub(crate) fn lengths(skeleton: &Skeleton, landmarks: &Landmarks) -> Vec<SegmentLength> {
     let origin = |name: &str| skeleton.links.get(name).map(|l| l.world_from_link.translation.vector);
     let between = |a: Option<Vector3<f64>>, b: Option<Vector3<f64>>| match (a, b) {
-        (Some(a), Some(b)) => (a - b).norm(),
-        _ => f64::NAN,
+        (Some(a), Some(b)) => Some((a - b).norm()),
+        _ => None,
     };
     let joints = |a: &str, b: &str, side: Side| {
         let s = side.suffix();
         between(origin(&format!("{a}_{s}")), origin(&format!("{b}_{s}")))
     };
     let mut out = Vec::new();
-    let expected = |fraction: f64| fraction * skeleton.height_m;
+    let expected = |fraction: f64| Some(fraction * skeleton.height_m);
     for (segment, a, b, fraction) in [
         ("upper_arm", "upper_arm", "forearm", 0.186),
         ("forearm", "forearm", "hand", 0.146),
@@ -45,15 +45,15 @@ pub(crate) fn lengths(skeleton: &Skeleton, landmarks: &Landmarks) -> Vec<Segment
         segment: "foot_markers".into(),
         right_m: foot(Side::Right),
         left_m: foot(Side::Left),
-        expected_m: f64::NAN,
+        expected_m: None,
     });
     for (segment, length, expected_m) in [
-        ("pelvis_width", skeleton.pelvis.width_m, expected(0.146)),
-        ("pelvis_depth", skeleton.pelvis.depth_m, f64::NAN),
+        ("pelvis_width", Some(skeleton.pelvis.width_m), expected(0.146)),
+        ("pelvis_depth", Some(skeleton.pelvis.depth_m), None),
         ("hip_width", between(origin("thigh_r"), origin("thigh_l")), expected(0.107)),
         ("trunk", between(origin("torso"), origin("head")), expected(0.27)),
     ] {
-        out.push(SegmentLength { segment: segment.into(), right_m: length, left_m: f64::NAN, expected_m });
+        out.push(SegmentLength { segment: segment.into(), right_m: length, left_m: None, expected_m });
     }
     out
 }
@@ -73,9 +73,7 @@ pub(crate) fn marker_errors(trial: &Trial, set: &MarkerSet, subject: &Subject, p
             let seen: Vec<Vector3<f64>> = own
                 .iter()
                 .map(|&k| {
-                    index[k]
-                        .and_then(|i| trial.markers.position(i, frame))
-                        .unwrap_or_else(|| Vector3::repeat(f64::NAN))
+                    index[k].and_then(|i| trial.markers.position(i, frame)).unwrap_or_else(|| Vector3::repeat(f64::NAN))
                 })
                 .collect();
             let Some((fitted, _)) = fit_pose(&local, &seen) else { continue };
@@ -88,8 +86,7 @@ pub(crate) fn marker_errors(trial: &Trial, set: &MarkerSet, subject: &Subject, p
             }
         }
     }
-    let landmark =
-        |label: &str| set.markers.iter().find(|m| m.label == label).and_then(|m| m.landmark.as_deref());
+    let landmark = |label: &str| set.markers.iter().find(|m| m.label == label).and_then(|m| m.landmark.as_deref());
     let mirror = |k: usize| {
         let m = &subject.markers[k];
         let own = landmark(&m.label)?;
@@ -107,8 +104,8 @@ pub(crate) fn marker_errors(trial: &Trial, set: &MarkerSet, subject: &Subject, p
             label: m.label.clone(),
             link: subject.model.links[m.link].name.clone(),
             spread_m: index[k].map_or(f64::NAN, |i| pose.spread_m[i]),
-            rigid_error_m: if squares[k].1 == 0 { f64::NAN } else { (squares[k].0 / squares[k].1 as f64).sqrt() },
-            asymmetry_m: mirror(k).unwrap_or(f64::NAN),
+            rigid_error_m: (squares[k].1 > 0).then(|| (squares[k].0 / squares[k].1 as f64).sqrt()),
+            asymmetry_m: mirror(k),
         })
         .collect()
 }
@@ -137,12 +134,8 @@ pub(crate) fn check(
     check_sides(&mut found, skeleton, landmarks);
     check_hinges(&mut found, skeleton, subject, limits);
     for m in &report.markers {
-        if m.rigid_error_m > limits.loose_m {
-            found.push(ScaleWarning::MarkerLoose {
-                marker: m.label.clone(),
-                rigid_error_m: m.rigid_error_m,
-                limit_m: limits.loose_m,
-            });
+        if let Some(rigid_error_m) = m.rigid_error_m.filter(|&e| e > limits.loose_m) {
+            found.push(ScaleWarning::MarkerLoose { marker: m.label.clone(), rigid_error_m, limit_m: limits.loose_m });
         }
     }
     check_mirrors(&mut found, report, limits);
@@ -166,21 +159,19 @@ fn check_height(found: &mut Vec<ScaleWarning>, facts: &PersonFacts, skeleton: &S
 
 fn check_lengths(found: &mut Vec<ScaleWarning>, lengths: &[SegmentLength], limits: &PlausibilityLimits) {
     for l in lengths {
-        let limit_m = limits.asymmetry_m.max(limits.asymmetry_ratio * l.right_m.max(l.left_m));
-        if (l.right_m - l.left_m).abs() > limit_m {
-            found.push(ScaleWarning::Asymmetry {
-                segment: l.segment.clone(),
-                right_m: l.right_m,
-                left_m: l.left_m,
-                limit_m,
-            });
+        let Some(right_m) = l.right_m else { continue };
+        if let Some(left_m) = l.left_m {
+            let limit_m = limits.asymmetry_m.max(limits.asymmetry_ratio * right_m.max(left_m));
+            if (right_m - left_m).abs() > limit_m {
+                found.push(ScaleWarning::Asymmetry { segment: l.segment.clone(), right_m, left_m, limit_m });
+            }
         }
-        let mean = if l.left_m.is_finite() { (l.right_m + l.left_m) / 2.0 } else { l.right_m };
-        if (mean / l.expected_m - 1.0).abs() > limits.length_ratio {
+        let found_m = l.left_m.map_or(right_m, |left_m| (right_m + left_m) / 2.0);
+        if let Some(expected_m) = l.expected_m.filter(|e| (found_m / e - 1.0).abs() > limits.length_ratio) {
             found.push(ScaleWarning::Length {
                 segment: l.segment.clone(),
-                found_m: mean,
-                expected_m: l.expected_m,
+                found_m,
+                expected_m,
                 limit_ratio: limits.length_ratio,
             });
         }
@@ -243,15 +234,17 @@ fn check_hinges(found: &mut Vec<ScaleWarning>, skeleton: &Skeleton, subject: &Su
 }
 
 fn check_mirrors(found: &mut Vec<ScaleWarning>, report: &ScaleReport, limits: &PlausibilityLimits) {
-    let far: Vec<&MarkerReport> = report.markers.iter().filter(|m| m.asymmetry_m > limits.mirror_m).collect();
-    for (i, m) in far.iter().enumerate() {
+    let far: Vec<(&MarkerReport, f64)> =
+        report.markers.iter().filter_map(|m| Some((m, m.asymmetry_m.filter(|&d| d > limits.mirror_m)?))).collect();
+    for (i, (m, distance_m)) in far.iter().enumerate() {
         // Both of a pair have the same distance: name them once.
-        let mate = far[i + 1..].iter().find(|o| (o.asymmetry_m - m.asymmetry_m).abs() < 1e-12);
-        if let Some(mate) = mate {
+        let mate = far[i + 1..].iter().find(|(_, d)| (d - distance_m).abs() < 1e-12);
+        if let Some((mate, _)) = mate {
+            let (right, left) = if Side::of(&m.link) == Some(Side::Left) { (mate, m) } else { (m, mate) };
             found.push(ScaleWarning::MarkerAsymmetry {
-                right: m.label.clone(),
-                left: mate.label.clone(),
-                distance_m: m.asymmetry_m,
+                right: right.label.clone(),
+                left: left.label.clone(),
+                distance_m: *distance_m,
                 limit_m: limits.mirror_m,
             });
         }

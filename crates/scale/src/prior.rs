@@ -27,7 +27,7 @@ pub struct StaticAnatomy {
 }
 
 /// Height of the sole under the ankle joint and depth of the foot's long axis under it, fractions of stature
-/// (Winter, figure 4.1, for the ankle; the foot's mass lies nearer to the sole).
+/// (ankle height: Winter, figure 4.1; that the axis lies at 0.6 of it is an assumption of this project).
 const FOOT_AXIS_UNDER_ANKLE: f64 = 0.6 * 0.039;
 
 /// Points that marker sets hardly ever mark: that they come from stature is no news.
@@ -147,8 +147,9 @@ fn place(
 ) -> Result<Placed, ScaleError> {
     let table_error = |problem: String| ScaleError::Table { table: points.table.name.clone(), problem };
     let full_name = side.map_or_else(|| segment.name.clone(), |s| format!("{}_{}", segment.name, s.suffix()));
-    let link = carrier(points.subject, &segment.link, side)
-        .ok_or_else(|| table_error(format!("segment `{full_name}` rides on `{}`, which the model does not have", segment.link)))?;
+    let link = carrier(points.subject, &segment.link, side).ok_or_else(|| {
+        table_error(format!("segment `{full_name}` rides on `{}`, which the model does not have", segment.link))
+    })?;
     let own_name = side.map_or_else(|| segment.link.clone(), |s| format!("{}_{}", segment.link, s.suffix()));
     let isb = points
         .axes(&own_name)
@@ -301,7 +302,10 @@ pub fn attach_prior(
         inertia.mass_kg *= factor;
         inertia.inertia_com_kgm2 *= factor;
         if let Some(smallest_eigenvalue) = make_consistent(&mut inertia, 1e-3) {
-            warnings.push(ScaleWarning::InertiaProjected { link: subject.model.links[i].name.clone(), smallest_eigenvalue });
+            warnings.push(ScaleWarning::InertiaProjected {
+                link: subject.model.links[i].name.clone(),
+                smallest_eigenvalue,
+            });
         }
         prior.push(inertia.transformed(&state.world_from_link[i].inverse()));
         prior_sd.push(sd);
@@ -330,7 +334,11 @@ fn share_rounding(prior: &mut [LinkInertia], mass_kg: f64) {
 ///
 /// # Errors
 /// As [`attach_prior`]; [`ScaleError::Facts`] with fewer than two tables.
-pub fn prior_spread(subject: &Subject, tables: &[&Anthropometry], anatomy: &StaticAnatomy) -> Result<Vec<PriorSd>, ScaleError> {
+pub fn prior_spread(
+    subject: &Subject,
+    tables: &[&Anthropometry],
+    anatomy: &StaticAnatomy,
+) -> Result<Vec<PriorSd>, ScaleError> {
     if tables.len() < 2 {
         return Err(ScaleError::Facts {
             subject: subject.facts.name.clone(),
@@ -353,8 +361,7 @@ pub fn prior_spread(subject: &Subject, tables: &[&Anthropometry], anatomy: &Stat
             let masses: Vec<f64> = priors.iter().map(|p| p[i].mass_kg).collect();
             let radius = |p: &LinkInertia| (p.inertia_com_kgm2.trace() / p.mass_kg).sqrt();
             let radii: Vec<f64> = priors.iter().map(|p| radius(&p[i])).collect();
-            let com2: f64 =
-                (0..3).map(|a| sd(&priors.iter().map(|p| p[i].com_m[a]).collect::<Vec<_>>()).powi(2)).sum();
+            let com2: f64 = (0..3).map(|a| sd(&priors.iter().map(|p| p[i].com_m[a]).collect::<Vec<_>>()).powi(2)).sum();
             PriorSd {
                 mass_rel: sd(&masses) / (masses.iter().sum::<f64>() / k),
                 com_m: (com2 / 3.0).sqrt(),

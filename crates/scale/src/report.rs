@@ -44,10 +44,10 @@ pub struct MarkerReport {
     /// Root mean square distance from its own median over the static frames, m.
     pub spread_m: f64,
     /// Root mean square distance over the static frames from where the rigid link puts it (pose fitted to the link's markers
-    /// frame by frame), m; NaN on links with fewer than three markers.
-    pub rigid_error_m: f64,
-    /// Distance to the mirror image of the same marker on the other side, in link axes, m; NaN without one.
-    pub asymmetry_m: f64,
+    /// frame by frame), m; none on links with fewer than three markers.
+    pub rigid_error_m: Option<f64>,
+    /// Distance to the mirror image of the same marker on the other side, in link axes, m; none without one.
+    pub asymmetry_m: Option<f64>,
 }
 
 /// A segment on both sides.
@@ -55,12 +55,12 @@ pub struct MarkerReport {
 pub struct SegmentLength {
     /// Segment: `upper_arm`, `forearm`, `thigh`, `shank`, `foot` …, or central: `pelvis_width`, `hip_width`, `trunk`.
     pub segment: String,
-    /// Right, or the only one, m.
-    pub right_m: f64,
-    /// Left, m; NaN for central segments.
-    pub left_m: f64,
-    /// What the anthropometric table expects for this stature, m; NaN where it says nothing.
-    pub expected_m: f64,
+    /// Right, or the only one, m; none where its ends are not marked.
+    pub right_m: Option<f64>,
+    /// Left, m; none for central segments and where its ends are not marked.
+    pub left_m: Option<f64>,
+    /// What stature predicts, m (limbs: Winter, figure 4.1; pelvis, hips and trunk: round figures of this project); none where it says nothing.
+    pub expected_m: Option<f64>,
 }
 
 /// Everything that people may want to know about one scaling.
@@ -149,10 +149,18 @@ impl fmt::Display for ScaleWarning {
             Self::UnknownLandmark { marker, landmark } => {
                 write!(f, "marker `{marker}`: the landmark `{landmark}` is not in the vocabulary; ignored")
             }
-            Self::LandmarkUnseen { marker, landmark } => write!(f, "landmark `{landmark}` (marker `{marker}`) is not seen"),
-            Self::MarkerUnseen { marker } => write!(f, "marker `{marker}` is not seen in the static and will not be tracked"),
+            Self::LandmarkUnseen { marker, landmark } => {
+                write!(f, "landmark `{landmark}` (marker `{marker}`) is not seen")
+            }
+            Self::MarkerUnseen { marker } => {
+                write!(f, "marker `{marker}` is not seen in the static and will not be tracked")
+            }
             Self::JointByProportion { joint, centre_sd_m } => {
-                write!(f, "{joint}: no marker tells where it is; placed by body proportions (±{:.0} mm)", mm(centre_sd_m))
+                write!(
+                    f,
+                    "{joint}: no marker tells where it is; placed by body proportions (±{:.0} mm)",
+                    mm(centre_sd_m)
+                )
             }
             Self::AxisAssumed { joint, axis_sd_rad } => {
                 write!(f, "{joint}: no medial marker; its axis is assumed (±{:.0}°)", axis_sd_rad.to_degrees())
@@ -179,13 +187,21 @@ impl fmt::Display for ScaleWarning {
                 "{joint}: its axis is {angle_deg:.0}° off the perpendicular of its segment (limit {limit_deg:.0}°); check the medial and lateral markers"
             ),
             Self::BackToFront { link, cosine } => {
-                write!(f, "{link}: points backwards (cosine {cosine:.2}); heel and toe, or right and left, look exchanged")
+                write!(
+                    f,
+                    "{link}: points backwards (cosine {cosine:.2}); heel and toe, or right and left, look exchanged"
+                )
             }
             Self::SidesExchanged { what, lateral_m } => {
                 write!(f, "{what}: the right one lies {:.0} mm to the left of the left one", mm(lateral_m))
             }
             Self::Moving { spread_m, limit_m } => {
-                write!(f, "the body moved in the static: markers by {:.1} mm (limit {:.0} mm)", mm(spread_m), mm(limit_m))
+                write!(
+                    f,
+                    "the body moved in the static: markers by {:.1} mm (limit {:.0} mm)",
+                    mm(spread_m),
+                    mm(limit_m)
+                )
             }
             Self::FewFrames { frames, limit } => write!(f, "only {frames} static frames (at least {limit} are better)"),
             Self::MarkerLoose { marker, rigid_error_m, limit_m } => write!(

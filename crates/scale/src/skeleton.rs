@@ -4,11 +4,11 @@
 //! joint, the pelvis between the hips. Every centre is found by the best method that the landmarks allow (given point, midpoint,
 //! regression, body proportions), and remembers which one it was.
 
+use crate::ScaleError;
 use crate::geometry::{apply, axes_x_z, axes_y_z, axes_z_y, pose, reject, unit, x_of, y_of, z_of};
 use crate::hip::{HipMethod, PelvisMarkers, hip_center, lumbar_center};
 use crate::landmarks::{Landmarks, Side};
 use crate::report::JointMethod;
-use crate::ScaleError;
 use aloft_body::Sex;
 use nalgebra::{Isometry3, Rotation3, Unit, UnitQuaternion, Vector3};
 use std::collections::BTreeMap;
@@ -42,7 +42,8 @@ pub(crate) struct Skeleton {
     pub estimated_height_m: Option<f64>,
 }
 
-/// Segment lengths as fractions of stature (Winter, *Biomechanics and Motor Control*, figure 4.1), used where markers are missing.
+/// Lengths as fractions of stature, used where markers are missing. Limbs: Winter, *Biomechanics and Motor Control*, figure 4.1.
+/// The others are round figures of this project, not of a publication; what rests on them carries a wide standard deviation.
 mod proportion {
     pub const UPPER_ARM: f64 = 0.186;
     pub const FOREARM: f64 = 0.146;
@@ -98,7 +99,8 @@ impl Builder<'_> {
         let legs_rough: Vec<f64> = Side::BOTH.iter().filter_map(|&s| self.rough_leg_length(s)).collect();
         let leg = (!legs_rough.is_empty()).then(|| legs_rough.iter().sum::<f64>() / legs_rough.len() as f64);
         let estimated_height_m = leg.map(|leg| {
-            let trunk = self.landmarks.across("acromion").map(|a| (a - pelvis.world_from_pelvis.translation.vector).norm());
+            let trunk =
+                self.landmarks.across("acromion").map(|a| (a - pelvis.world_from_pelvis.translation.vector).norm());
             match trunk {
                 Some(trunk) => (leg + trunk) / (proportion::ASIS_TO_ANKLE + proportion::ASIS_TO_ACROMION),
                 None => leg / proportion::ASIS_TO_ANKLE,
@@ -153,7 +155,14 @@ impl Builder<'_> {
     /// Centre and right-pointing axis of a hinge from a lateral and, at best, a medial marker.
     ///
     /// `offset` is the depth of the joint under the lateral marker (Reed 1999), `assumed` the axis where none is marked.
-    fn hinge(&self, lateral: &str, medial: &str, side: Side, offset: Option<f64>, assumed: &Vector3<f64>) -> Option<(Centre, Vector3<f64>, f64)> {
+    fn hinge(
+        &self,
+        lateral: &str,
+        medial: &str,
+        side: Side,
+        offset: Option<f64>,
+        assumed: &Vector3<f64>,
+    ) -> Option<(Centre, Vector3<f64>, f64)> {
         let l = self.landmarks;
         match (l.side(lateral, side), l.side(medial, side)) {
             (Some(a), Some(b)) => {
@@ -164,7 +173,11 @@ impl Builder<'_> {
                 let inwards = if l.side(lateral, side).is_some() { -side.sign() } else { side.sign() };
                 let depth = offset.unwrap_or(0.045) + self.marker_radius_m;
                 let point = a + assumed * (inwards * depth);
-                Some((Centre { point, method: JointMethod::Regression, sd_m: sd::HINGE_REGRESSION }, *assumed, sd::AXIS_ASSUMED))
+                Some((
+                    Centre { point, method: JointMethod::Regression, sd_m: sd::HINGE_REGRESSION },
+                    *assumed,
+                    sd::AXIS_ASSUMED,
+                ))
             }
             (None, None) => None,
         }
@@ -183,7 +196,8 @@ impl Builder<'_> {
         let name = |stem: &str| format!("{stem}_{}", side.suffix());
         let down = -y_of(pelvis_axes);
         let knee_mark = l.side("knee_lateral", side).or_else(|| l.side("knee_medial", side));
-        let ankle_mark = l.side("ankle_lateral", side).or_else(|| l.side("ankle_medial", side)).or_else(|| l.side("heel", side));
+        let ankle_mark =
+            l.side("ankle_lateral", side).or_else(|| l.side("ankle_medial", side)).or_else(|| l.side("heel", side));
         // Without a medial knee marker: to the right, across the line from hip to ankle.
         let along = unit(&(ankle_mark.or(knee_mark).unwrap_or(hip.point + down) - hip.point)).unwrap_or(down);
         let assumed = unit(&reject(right, &along)).unwrap_or(*right);
@@ -210,7 +224,11 @@ impl Builder<'_> {
         links.insert(name("shank"), placed(&knee, &shank_axes, &shank_isb, Some(axis_sd)));
         // Foot: heel to toe; the malleoli tell where right is.
         let heel = l.side("heel", side);
-        let toe = l.side("toe", side).or_else(|| l.middle("mt1", "mt5", side)).or_else(|| l.side("mt5", side)).or_else(|| l.side("mt1", side));
+        let toe = l
+            .side("toe", side)
+            .or_else(|| l.middle("mt1", "mt5", side))
+            .or_else(|| l.side("mt5", side))
+            .or_else(|| l.side("mt1", side));
         let forward = match (heel, toe) {
             (Some(h), Some(t)) => t - h,
             (None, Some(t)) => reject(&(t - ankle.point), &y_of(&shank_isb)),
@@ -225,7 +243,12 @@ impl Builder<'_> {
         Ok(())
     }
 
-    fn trunk(&self, links: &mut BTreeMap<String, PlacedLink>, pelvis: &PelvisMarkers, height_m: f64) -> Result<(), ScaleError> {
+    fn trunk(
+        &self,
+        links: &mut BTreeMap<String, PlacedLink>,
+        pelvis: &PelvisMarkers,
+        height_m: f64,
+    ) -> Result<(), ScaleError> {
         let l = self.landmarks;
         let frame = &pelvis.world_from_pelvis;
         let right = z_of(&frame.rotation);
@@ -244,8 +267,13 @@ impl Builder<'_> {
         };
         let neck = match (c7, front, shoulders) {
             (Some(c), Some(f), _) => {
-                let direction = turn_down(&(f - c), &across, -turn_up_deg).ok_or_else(|| self.degenerate("the neck"))?;
-                Centre { point: c + direction * (fraction * (f - c).norm()), method: JointMethod::Regression, sd_m: sd::NECK }
+                let direction =
+                    turn_down(&(f - c), &across, -turn_up_deg).ok_or_else(|| self.degenerate("the neck"))?;
+                Centre {
+                    point: c + direction * (fraction * (f - c).norm()),
+                    method: JointMethod::Regression,
+                    sd_m: sd::NECK,
+                }
             }
             (Some(c), None, _) => {
                 let forward = unit(&across.cross(&(lumbar - c))).unwrap_or_else(|| x_of(&frame.rotation));
@@ -344,14 +372,17 @@ impl Builder<'_> {
                 let point = shoulder.point - y_of(torso) * (proportion::UPPER_ARM * height_m);
                 (Centre { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }, assumed, sd::AXIS_ASSUMED)
             });
-        let upper_axes = axes_y_z(&(shoulder.point - elbow.point), &axis).ok_or_else(|| self.degenerate(&name("upper_arm")))?;
+        let upper_axes =
+            axes_y_z(&(shoulder.point - elbow.point), &axis).ok_or_else(|| self.degenerate(&name("upper_arm")))?;
         let wrist = marked_wrist.unwrap_or_else(|| Centre {
             point: elbow.point - y_of(&upper_axes) * (proportion::FOREARM * height_m),
             method: JointMethod::Proportion,
             sd_m: sd::PROPORTION,
         });
-        let forearm_axes = axes_z_y(&axis, &(elbow.point - wrist.point)).ok_or_else(|| self.degenerate(&name("forearm")))?;
-        let forearm_isb = axes_y_z(&(elbow.point - wrist.point), &axis).ok_or_else(|| self.degenerate(&name("forearm")))?;
+        let forearm_axes =
+            axes_z_y(&axis, &(elbow.point - wrist.point)).ok_or_else(|| self.degenerate(&name("forearm")))?;
+        let forearm_isb =
+            axes_y_z(&(elbow.point - wrist.point), &axis).ok_or_else(|| self.degenerate(&name("forearm")))?;
         links.insert(name("upper_arm"), placed(&shoulder, &upper_axes, &upper_axes, None));
         links.insert(name("forearm"), placed(&elbow, &forearm_axes, &forearm_isb, Some(axis_sd)));
         let styloids = match (l.side("wrist_radial", side), l.side("wrist_ulnar", side)) {
@@ -366,7 +397,12 @@ impl Builder<'_> {
     }
 }
 
-fn placed(centre: &Centre, axes: &UnitQuaternion<f64>, isb: &UnitQuaternion<f64>, axis_sd_rad: Option<f64>) -> PlacedLink {
+fn placed(
+    centre: &Centre,
+    axes: &UnitQuaternion<f64>,
+    isb: &UnitQuaternion<f64>,
+    axis_sd_rad: Option<f64>,
+) -> PlacedLink {
     PlacedLink {
         world_from_link: pose(&centre.point, axes),
         isb_axes: *isb,

@@ -104,7 +104,11 @@ fn window_variance(trajectories: &[Vec<Vector3<f64>>], window: Range<usize>) -> 
         }
     }
     // A window that shows half of the markers only is no better for being quiet.
-    if markers == 0 { f64::INFINITY } else { total / markers as f64 * (trajectories.len() as f64 / markers as f64).powi(4) }
+    if markers == 0 {
+        f64::INFINITY
+    } else {
+        total / markers as f64 * (trajectories.len() as f64 / markers as f64).powi(4)
+    }
 }
 
 fn quiet_frames(trial: &Trial, options: &QuietOptions) -> Vec<usize> {
@@ -142,9 +146,8 @@ mod tests {
     use aloft_trial::Markers;
 
     fn trial(positions: impl Fn(usize) -> f64, n: usize) -> Trial {
-        let trajectories = (0..3)
-            .map(|k| (0..n).map(|f| Vector3::new(positions(f) + k as f64, 0.0, 1.0)).collect())
-            .collect();
+        let trajectories =
+            (0..3).map(|k| (0..n).map(|f| Vector3::new(positions(f) + k as f64, 0.0, 1.0)).collect()).collect();
         Trial {
             name: "made".into(),
             markers: Markers {

@@ -1,8 +1,12 @@
 //! Scaling of the two-link chain against the simulator's truth. Recordings lie beside the project and may be absent.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests fail by panicking")]
+#![allow(clippy::print_stdout, reason = "tests say what they skip and what they measured")]
+
+use aloft_body::State;
 use aloft_scale::{ObjectInput, ObjectOptions, ObjectSpec, ScaledObject, scale_object};
-use aloft_trial::{ImportOptions, Trial};
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use aloft_trial::{ImportOptions, Markers, Trial};
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use std::path::PathBuf;
 
 fn root() -> PathBuf {
@@ -69,9 +73,11 @@ fn scaled(set: &str, motion: &[&str]) -> Option<ScaledObject> {
     let motion: Vec<Trial> = motion.iter().map(|n| trial(set, n)).collect::<Option<_>>()?;
     let motion: Vec<&Trial> = motion.iter().collect();
     let start = std::time::Instant::now();
-    let found =
-        scale_object(&ObjectInput { spec: &spec(), static_trial: &still, motion_trials: &motion }, &ObjectOptions::default())
-            .unwrap();
+    let found = scale_object(
+        &ObjectInput { spec: &spec(), static_trial: &still, motion_trials: &motion },
+        &ObjectOptions::default(),
+    )
+    .unwrap();
     let e = errors_if_known(&found, set);
     println!(
         "{set}: {} frames, {} iterations, noise {:.3} mm, outliers {}, first guess {:.2} mm, range {:.0?}°{e}; {:.2} s",
@@ -138,4 +144,103 @@ fn prop_a_specification_that_contradicts_itself_is_refused_with_its_link() {
     assert!(refuse(&|s| s.total_mass_kg = -1.0).contains("mass"));
     assert!(refuse(&|s| s.links.clear()).contains("no links"));
     assert!(refuse(&|_| ()).contains("no marker frames"));
+}
+
+/// A base, an arm on a hinge and a tip on a ball, without noise: everything comes back to the rounding of the solver.
+#[test]
+fn prop_a_made_object_with_hinge_and_ball_is_recovered_exactly() {
+    let text = "
+name: made
+total_mass_kg: 2.0
+links:
+  - {name: base, markers: [A1, A2, A3, A4], frame: {by: markers, origin: A1, y_axis: [A1, A2], z_side: A3}}
+  - {name: arm, parent: base, markers: [B1, B2, B3, B4], joint: {type: hinge, positive_along_parent: [0, 0, -1]},
+     frame: {by: hinge, x_plane: B1, side: positive}}
+  - {name: tip, parent: arm, markers: [C1, C2, C3, C4], joint: {type: ball},
+     frame: {by: markers, y_axis: [C1, C2], z_side: C3}, mass_fraction: 0.25}
+";
+    let spec: ObjectSpec = serde_yaml::from_str(text).unwrap();
+    let base = [[0.0, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.1, 0.08], [0.06, 0.15, 0.02]].map(Vector3::from);
+    let hinge = Isometry3::from_parts(
+        Translation3::new(0.03, -0.05, 0.01),
+        UnitQuaternion::face_towards(&Vector3::new(0.1, 0.2, -1.0), &Vector3::y()),
+    );
+    // Origin of the arm's frame: the point of its axis nearest to the base's origin.
+    let axis = hinge.rotation * Vector3::z();
+    let hinge = Isometry3::from_parts(
+        Translation3::from(hinge.translation.vector - axis * axis.dot(&hinge.translation.vector)),
+        hinge.rotation,
+    );
+    let arm = [[0.2, 0.0, 0.02], [0.1, 0.05, 0.0], [0.15, -0.04, 0.03], [0.05, 0.03, -0.03]].map(Vector3::from);
+    let ball = Vector3::new(0.25, 0.01, 0.0);
+    let tip = [[0.02, -0.03, 0.01], [0.02, 0.06, 0.01], [0.02, 0.02, 0.07], [0.1, 0.01, -0.02]].map(Vector3::from);
+    let frame = |t: f64, angle: f64, turn: Vector3<f64>| {
+        let world_from_base = Isometry3::from_parts(
+            Translation3::new(t.sin(), 0.3 * t.cos(), 1.0),
+            UnitQuaternion::from_scaled_axis(Vector3::new(0.4 * t.sin(), 0.3 * t, (0.7 * t).cos())),
+        );
+        let world_from_arm = world_from_base * hinge * UnitQuaternion::from_scaled_axis(Vector3::z() * angle);
+        let world_from_tip = world_from_arm * Translation3::from(ball) * UnitQuaternion::from_scaled_axis(turn);
+        let put = |pose: &Isometry3<f64>, p: &Vector3<f64>| pose.transform_point(&(*p).into()).coords;
+        base.iter()
+            .map(|p| put(&world_from_base, p))
+            .chain(arm.iter().map(|p| put(&world_from_arm, p)))
+            .chain(tip.iter().map(|p| put(&world_from_tip, p)))
+            .collect::<Vec<_>>()
+    };
+    let labels: Vec<String> = ["A", "B", "C"].iter().flat_map(|s| (1..=4).map(move |k| format!("{s}{k}"))).collect();
+    let record = |name: &str, frames: Vec<Vec<Vector3<f64>>>| Trial {
+        name: name.into(),
+        markers: Markers {
+            rate_hz: 100.0,
+            first_frame: 1,
+            n_frames: frames.len(),
+            labels: labels.clone(),
+            trajectories: (0..12).map(|m| frames.iter().map(|f| f[m]).collect()).collect(),
+        },
+        ..Trial::default()
+    };
+    // The ball's rest rotation: zero when the tip's axes, as its markers define them, are the arm's.
+    let rest = Vector3::new(0.1, -0.2, 0.3);
+    let still = record("still", vec![frame(0.4, 0.0, rest); 50]);
+    let motion = record(
+        "motion",
+        (0..300)
+            .map(|i| {
+                let t = 0.05 * f64::from(i);
+                let mut f = frame(
+                    t,
+                    1.2 * (1.7 * t).sin(),
+                    Vector3::new(t.cos(), 0.8 * (1.1 * t).sin(), 0.5 * (0.6 * t).sin()),
+                );
+                if i % 7 == 0 {
+                    f[(i % 12) as usize] = Vector3::repeat(f64::NAN);
+                }
+                f
+            })
+            .collect(),
+    );
+    let input = ObjectInput { spec: &spec, static_trial: &still, motion_trials: &[&motion] };
+    let found = scale_object(&input, &ObjectOptions::default()).unwrap();
+    assert!(found.report.noise_m < 1e-9, "{}", found.report.noise_m);
+    let links = &found.subject.model.links;
+    let at = |i: usize| links[i].joint.parent_from_joint;
+    assert!((at(1).translation.vector - hinge.translation.vector).norm() < 1e-8);
+    assert!(at(1).rotation.angle_to(&hinge.rotation) < 1e-7);
+    assert!((at(2).translation.vector - ball).norm() < 1e-8);
+    for (m, t) in found.subject.markers.iter().zip(base.iter().chain(&arm).chain(&tip)) {
+        if m.label.starts_with('C') {
+            // The tip's frame is defined by its markers, at the ball.
+            assert!((m.position_m.norm() - t.norm()).abs() < 1e-8);
+        } else {
+            assert!((m.position_m - t).norm() < 1e-8, "{}", m.label);
+        }
+    }
+    assert!((found.subject.prior[2].mass_kg - 0.5).abs() < 1e-12);
+    // The model at its static posture shows the static.
+    let mut state = State::new(&found.subject.model);
+    state.forward_position(&found.subject.model, &found.subject.static_q);
+    for (m, t) in found.subject.markers.iter().zip(&still.markers.trajectories) {
+        assert!((state.point_in_world(m.link, &m.position_m) - t[0]).norm() < 1e-8);
+    }
 }

@@ -61,19 +61,19 @@ impl Butterworth {
     fn filter_run(&self, data: &mut [f64], group: Group, run: Range<usize>, extended: &mut Vec<Frame>) {
         let pad = self.padding();
         extended.resize(run.len() + 2 * pad, [0.0; LANES]);
-        // One compiled kernel a number of sections, so that all states stay in registers.
-        let kernel = match self.sections().len() {
-            1 => kernel::<1>,
-            2 => kernel::<2>,
-            3 => kernel::<3>,
-            4 => kernel::<4>,
-            5 => kernel::<5>,
-            _ => kernel::<MAX_SECTIONS>,
-        };
         let arch = pulp::Arch::new();
+        // called inside, not through a pointer: only what is inlined here is compiled for the wide vectors;
+        // and one kernel a number of sections, so that all states stay in registers
         arch.dispatch(
             #[inline(always)]
-            || kernel(self.sections(), pad, data, group, run, extended),
+            || match self.sections() {
+                s @ [_] => kernel::<1>(s, pad, data, group, run, extended),
+                s @ [_, _] => kernel::<2>(s, pad, data, group, run, extended),
+                s @ [_, _, _] => kernel::<3>(s, pad, data, group, run, extended),
+                s @ [_, _, _, _] => kernel::<4>(s, pad, data, group, run, extended),
+                s @ [_, _, _, _, _] => kernel::<5>(s, pad, data, group, run, extended),
+                s => kernel::<MAX_SECTIONS>(s, pad, data, group, run, extended),
+            },
         );
     }
 }

@@ -2,8 +2,11 @@
 
 pub mod error;
 pub mod hidden;
+pub mod human;
 pub mod motion;
+pub mod object;
 pub mod physics;
+pub mod random;
 pub mod scenario;
 
 pub use error::SimulateError;

@@ -34,7 +34,7 @@ impl Trial {
         trial.warnings.extend(file.warnings.iter().map(|w| w.message.clone()));
         read_points(&mut trial, file, options)?;
         require_content(&trial, || format!("{} points, none of them a labelled marker", file.points.len()))?;
-        read_plates(&mut trial, file);
+        read_plates(&mut trial, file, options);
         read_events(&mut trial, file);
         let screen = file.groups.get("POINT", "Y_SCREEN").and_then(|p| p.string());
         to_world(&mut trial, options, screen.as_deref().and_then(UpAxis::parse), UpAxis::Z);
@@ -209,7 +209,14 @@ fn labels_were_cut(file: &C3dFile, markers: &[usize]) -> bool {
 }
 
 /// Plates as wrenches, SI, source axes.
-fn read_plates(trial: &mut Trial, file: &C3dFile) {
+fn read_plates(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) {
+    // A corrected unit holds for corners and moment arms as well.
+    let corrected = options.point_unit.as_ref().filter(|unit| **unit != file.point_unit).map(|unit| {
+        let mut copy = file.clone();
+        copy.point_unit.clone_from(unit);
+        copy
+    });
+    let file = corrected.as_ref().unwrap_or(file);
     for (index, description) in file.plates.iter().enumerate() {
         let wrench = match file.plate_wrench(index) {
             Ok(wrench) => wrench,
@@ -218,6 +225,7 @@ fn read_plates(trial: &mut Trial, file: &C3dFile) {
                 continue;
             }
         };
+        trial.warnings.extend(wrench.warnings.iter().map(|w| w.message.clone()));
         let metres = metres_per(&file.point_unit).unwrap_or(1e-3);
         let corners_m: Vec<_> = description.corners.iter().map(|c| Vector3::new(c[0], c[1], c[2]) * metres).collect();
         let known = corners_m.iter().any(|c| c.norm() > 0.0);

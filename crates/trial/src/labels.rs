@@ -163,7 +163,8 @@ pub fn apply_marker_set(
 }
 
 /// How well each set fits the recording, best first: the share of the set's required markers that the recording has, times the
-/// share of the recording's labels that the set knows to the power 1/4 (virtual and extra markers are common). 1 is a perfect fit.
+/// share of the recording's labels that the set knows to the power 1/4 (virtual and extra markers are common), times the share of
+/// all its markers that are there, optional ones too, to the power 1/16 (of two sets that fit, the smaller one). 1 is a perfect fit.
 pub fn recognise(trial: &Trial, sets: &[MarkerSet]) -> Vec<(String, f64)> {
     let mut scores: Vec<(String, f64)> = sets
         .iter()
@@ -173,10 +174,14 @@ pub fn recognise(trial: &Trial, sets: &[MarkerSet]) -> Vec<(String, f64)> {
             let wanted = set.markers.iter().filter(|m| required(m)).count();
             let found = set.markers.iter().zip(&assigned).filter(|(m, a)| required(m) && a.is_some()).count();
             let explained = assigned.iter().flatten().count();
+            let worn = set.markers.iter().filter(|m| !m.static_only).count().max(1);
+            let seen = set.markers.iter().zip(&assigned).filter(|(m, a)| !m.static_only && a.is_some()).count();
             let score = if wanted == 0 || trial.markers.labels.is_empty() {
                 0.0
             } else {
-                found as f64 / wanted as f64 * (explained as f64 / trial.markers.labels.len() as f64).powf(0.25)
+                found as f64 / wanted as f64
+                    * (explained as f64 / trial.markers.labels.len() as f64).powf(0.25)
+                    * (seen as f64 / worn as f64).powf(1.0 / 16.0)
             };
             (set.name.clone(), score)
         })

@@ -1,4 +1,5 @@
 //! C3D import of the recordings beside the project.
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests, not library code")]
 
 use aloft_trial::{
     ArtefactOptions, GapOptions, ImportOptions, MarkerSet, QualityOptions, Trial, TrialError, apply_marker_set, assess,

@@ -1,4 +1,5 @@
 //! TRC and MOT import against hand-made text and the real drop jumps.
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests, not library code")]
 
 use aloft_trial::{ImportOptions, Trial, TrialError, UpAxis};
 use nalgebra::Vector3;

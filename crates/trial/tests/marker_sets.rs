@@ -1,4 +1,5 @@
 //! Every committed marker set parses, names only links and landmarks that exist, and fits the recordings it was made for.
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests, not library code")]
 
 use aloft_trial::{ImportOptions, MarkerSet, Trial, apply_marker_set, recognise};
 use std::collections::{BTreeMap, BTreeSet};
@@ -155,4 +156,24 @@ fn prop_labels_are_found_by_alias_prefix_and_letters() {
     assert_eq!(found.guessed.len(), 2);
     assert!(found.missing.contains(&"LASI".to_owned()));
     assert!(trial.warnings.iter().any(|w| w.contains("`rfhd` as `RFHD`")), "{:?}", trial.warnings);
+}
+
+#[test]
+fn regress_every_laboratory_is_recognised() {
+    let sets = sets();
+    for (file, expected) in [
+        ("subject_a/jump01.c3d", "plug-in-gait-35"),
+        ("subject_a/static.c3d", "plug-in-gait-35"),
+        ("subject_b/exercise01.c3d", "plug-in-gait-35"),
+        ("chain_b/throws_01.c3d", "two-link-chain"),
+        ("real_landing/Sample_Jump2.c3d", "motion-analysis-jump"),
+        ("real_landing/aStaticTrial_2.c3d", "motion-analysis-acl"),
+        ("real_landing/singleLegLanding.c3d", "motion-analysis-acl"),
+    ] {
+        let Some(bytes) = data(file) else { return };
+        let trial = Trial::from_c3d(file, &bytes, &ImportOptions::default()).unwrap();
+        let scores = recognise(&trial, &sets);
+        assert_eq!(scores[0].0, expected, "{file}: {scores:?}");
+        assert!(scores[0].1 > 0.85, "{file}: {scores:?}");
+    }
 }

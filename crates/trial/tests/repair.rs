@@ -1,4 +1,5 @@
 //! Gaps, spikes, swaps and quality on a made-up segment whose truth is known.
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests, not library code")]
 
 use aloft_trial::{
     ArtefactOptions, FillMethod, FindingKind, GapOptions, QualityOptions, QualityReason, Trial, assess, fill_gaps,

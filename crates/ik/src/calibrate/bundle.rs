@@ -15,6 +15,15 @@ use rayon::prelude::*;
 /// Frames whose equations are added up in one piece; fixed, so that sums do not depend on the number of threads.
 const PIECE: usize = 16;
 
+/// Median length of a vector with three independent normal components of standard deviation 1.
+const MEDIAN_LENGTH: f64 = 1.538;
+
+/// Standard deviation a component of vectors with these lengths, by their median; 0 for none. Sorts.
+fn typical_deviation(lengths: &mut [f64]) -> f64 {
+    lengths.sort_by(f64::total_cmp);
+    lengths.get(lengths.len() / 2).map_or(0.0, |median| median / MEDIAN_LENGTH)
+}
+
 /// One frame with its posture.
 #[derive(Debug, Clone)]
 struct Frame {
@@ -107,7 +116,7 @@ impl Bundle {
             q: problem.rest_q.clone(),
             is_static: true,
         });
-        let mut distances = Vec::new();
+        let mut distances: Vec<Vec<f64>> = vec![Vec::new(); problem.markers.len()];
         for id in used {
             let markers = &trials[id.trial].markers;
             let targets = problem
@@ -120,16 +129,23 @@ impl Bundle {
                 .collect();
             let motion = motions[id.trial];
             let n = motion.marker_labels.len();
-            distances.extend(motion.residual_m[id.frame * n..(id.frame + 1) * n].iter().copied().filter(|r| r.is_finite()));
+            let residuals = &motion.residual_m[id.frame * n..(id.frame + 1) * n];
+            for (label, r) in motion.marker_labels.iter().zip(residuals).filter(|(_, r)| r.is_finite()) {
+                if let Some(k) = problem.markers.iter().position(|m| m.label == *label) {
+                    distances[k].push(*r);
+                }
+            }
             frames.push(Frame { targets, q: rezeroed(motion.q(id.frame), &problem), is_static: false });
         }
-        distances.sort_by(f64::total_cmp);
-        let median = distances.get(distances.len() / 2).copied().unwrap_or(f64::INFINITY);
-        problem.huber = options.huber_factor * median.max(options.marker_noise_m);
-        let nominal = options.ik.marker_sd_m * options.ik.marker_sd_m / (options.marker_noise_m * options.marker_noise_m);
+        // each marker errs in its own measure: skin over the trunk moves farther than skin over the foot
+        let noise_m: Vec<f64> = distances.iter_mut().map(|d| options.marker_noise_m.max(typical_deviation(d))).collect();
+        for (marker, noise_m) in problem.markers.iter_mut().zip(&noise_m) {
+            marker.weight *= (options.ik.marker_sd_m / noise_m).powi(2);
+            marker.huber = options.huber_factor * MEDIAN_LENGTH * noise_m;
+        }
         let weighed = |factor: f64| {
             let mut problem = problem.clone();
-            problem.markers.iter_mut().for_each(|m| m.weight *= nominal * factor);
+            problem.markers.iter_mut().for_each(|m| m.weight *= factor);
             problem.rest_weight *= factor;
             problem
         };

@@ -10,7 +10,8 @@ use std::collections::BTreeMap;
 pub struct CalibrateOptions {
     /// Frames to use, over all trials.
     pub frames: usize,
-    /// Standard deviation of a marker, each axis, m: noise and soft tissue together.
+    /// Least standard deviation of a marker, each axis, m: noise and soft tissue together. Where the median residual at the
+    /// start of a round says more, that is used.
     pub marker_noise_m: f64,
     /// Weight of one frame. Small, because soft tissue errs alike in neighbouring frames and in every jump.
     pub frame_weight: f64,

@@ -1,12 +1,13 @@
 //! The stages, one file each. To add one: write a file with a `STAGE` and name it in [`STAGES`].
 
 pub mod calibrate;
-pub mod compare;
+
 pub mod filter;
 pub mod flight;
-pub mod identify;
+
 pub mod ik;
 pub mod import;
+pub mod object;
 pub mod regressor;
 pub mod scale;
 
@@ -21,6 +22,6 @@ pub static STAGES: &[&Stage] = &[
     &filter::STAGE,
     &flight::STAGE,
     &regressor::STAGE,
-    &identify::STAGE,
-    &compare::STAGE,
+
+
 ];

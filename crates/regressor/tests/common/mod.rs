@@ -82,6 +82,13 @@ impl Truth {
 
     /// Motion as inverse kinematics would give it from markers with white noise: Gauss-Newton from the truth.
     pub fn noisy(&self, sd_m: f64, seed: u64) -> Motion {
+        self.tracked(sd_m, 0.0, seed)
+    }
+
+    /// As [`Truth::noisy`], with soft tissue: every marker also moves with the coordinates of its joint, `soft_m` over the whole recording
+    /// (root mean square).
+    pub fn tracked(&self, sd_m: f64, soft_m: f64, seed: u64) -> Motion {
+        let soft = self.soft_tissue(soft_m, seed);
         let model = &self.model;
         let normal = Normal::new(0.0, sd_m).unwrap();
         let mut out = self.motion.clone();
@@ -99,6 +106,8 @@ impl Truth {
                     .markers
                     .iter()
                     .map(|m| state.point_in_world(m.link, &m.position_m) + Vector3::from_fn(|_, _| normal.sample(&mut rng)))
+                    .zip(&soft)
+                    .map(|(p, soft)| p + soft[frame])
                     .collect();
                 let mut jacobian = DMatrix::zeros(3, model.nv);
                 for _ in 0..3 {
@@ -123,6 +132,38 @@ impl Truth {
             .collect();
         out.q = frames.concat();
         out
+    }
+}
+
+impl Truth {
+    /// Displacement of every marker in every frame, world.
+    fn soft_tissue(&self, soft_m: f64, seed: u64) -> Vec<Vec<Vector3<f64>>> {
+        let n = self.motion.n_frames();
+        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x50f7);
+        let unit = Normal::new(0.0, 1.0).unwrap();
+        let mut state = State::new(&self.model);
+        let rotations: Vec<Vec<nalgebra::UnitQuaternion<f64>>> = (0..n)
+            .map(|f| {
+                state.forward_position(&self.model, self.motion.q(f));
+                state.world_from_link.iter().map(|p| p.rotation).collect()
+            })
+            .collect();
+        self.markers
+            .iter()
+            .map(|m| {
+                let joint = &self.model.links[m.link].joint;
+                let (first, count) = if m.link == 0 { (7, 8) } else { (joint.q_offset, joint.kind.nq()) };
+                let by: Vec<Vector3<f64>> =
+                    (0..count).map(|_| Vector3::from_fn(|_, _| unit.sample(&mut rng))).collect();
+                let local: Vec<Vector3<f64>> = (0..n)
+                    .map(|f| by.iter().enumerate().map(|(k, d)| d * self.motion.q(f)[(first + k).min(self.model.nq - 1)]).sum())
+                    .collect();
+                let mean = local.iter().sum::<Vector3<f64>>() / n as f64;
+                let rms = (local.iter().map(|d| (d - mean).norm_squared()).sum::<f64>() / n as f64).sqrt();
+                let gain = if rms > 0.0 { soft_m / rms } else { 0.0 };
+                local.iter().enumerate().map(|(f, d)| rotations[f][m.link] * ((d - mean) * gain)).collect()
+            })
+            .collect()
     }
 }
 

@@ -6,7 +6,7 @@ use super::styles::Bump;
 use crate::motion::{Chart, Jet, Quintic};
 use crate::physics::Drive;
 
-/// Joint motion of a flight. Velocities at the ends are braked within `brake_s`, the rest is one smooth change of posture
+/// Joint motion of a flight. Velocities at the ends are braked within an eighth of a second, the rest is one smooth change of posture
 /// with the bumps of the style on it.
 #[derive(Debug, Clone)]
 pub struct AirMotion<'a> {
@@ -15,10 +15,13 @@ pub struct AirMotion<'a> {
     start_s: f64,
     duration_s: f64,
     curves: Vec<[Quintic; 3]>,
-    brake_s: f64,
     bumps: Vec<Bump>,
 }
 
+/// Knees in the chart.
+const KNEES: [usize; 2] = [29, 36];
+/// Flexion at which a braked knee should stop, rad.
+const STRAIGHT_RAD: f64 = 0.10;
 /// Share of the distance `velocity · brake` that braking takes.
 const BRAKING: f64 = 0.36;
 
@@ -33,18 +36,28 @@ impl<'a> AirMotion<'a> {
         to: &[Jet; PLAN],
         bumps: Vec<Bump>,
     ) -> Self {
-        let brake_s = (0.26 * duration_s).clamp(0.05, 0.14);
+        let usual_s = (0.26 * duration_s).clamp(0.05, 0.14);
+        let brake = |i: usize, jet: &Jet| {
+            if KNEES.contains(&i) {
+                // a knee is braked before it is straight
+                let room = (-jet.x - STRAIGHT_RAD).max(0.0) / (BRAKING * jet.v.abs()).max(1e-6);
+                room.clamp(0.045, usual_s)
+            } else {
+                usual_s
+            }
+        };
         let curves = (6..PLAN)
             .map(|i| {
                 let (a, b) = (from[i], to[i]);
-                let first = BRAKING * a.v * brake_s;
-                let last = BRAKING * b.v * brake_s;
-                let start = Quintic::new(Jet { x: 0.0, ..a }, Jet::rest(first), brake_s);
-                let end = Quintic::new(Jet::rest(-last), Jet { x: 0.0, ..b }, brake_s);
+                let (t0, t1) = (brake(i, &a), brake(i, &b));
+                let first = BRAKING * a.v * t0;
+                let last = BRAKING * b.v * t1;
+                let start = Quintic::new(Jet { x: 0.0, ..a }, Jet::rest(first), t0);
+                let end = Quintic::new(Jet::rest(-last), Jet { x: 0.0, ..b }, t1);
                 [start, Quintic::new(Jet::rest(a.x + first), Jet::rest(b.x - last), duration_s), end]
             })
             .collect();
-        Self { person, chart, start_s, duration_s, curves, brake_s, bumps }
+        Self { person, chart, start_s, duration_s, curves, bumps }
     }
 
     /// Joint jets at time `t`; the root's six are left alone.
@@ -54,9 +67,9 @@ impl<'a> AirMotion<'a> {
             let [start, change, end] = curves;
             *jet = change.at(s.clamp(0.0, self.duration_s));
             // the change is measured from the braked posture: what the brakes have not yet taken is added
-            let full = start.at(self.brake_s).x;
-            let first = if s < self.brake_s { start.at(s) } else { Jet::rest(full) };
-            let late = s - (self.duration_s - self.brake_s);
+            let full = start.at(start.duration()).x;
+            let first = if s < start.duration() { start.at(s) } else { Jet::rest(full) };
+            let late = s - (self.duration_s - end.duration());
             let rest = end.at(0.0).x;
             let last = if late > 0.0 { end.at(late) } else { Jet::rest(rest) };
             jet.x += first.x - full + last.x - rest;

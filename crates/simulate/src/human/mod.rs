@@ -1,10 +1,11 @@
 //! People: an individual body, jumps that obey momentum, exercises on the plates.
 
 pub mod air;
-pub mod exercise;
+pub mod ground;
 pub mod jump;
 pub mod leg;
 pub mod person;
+pub mod posture;
 pub mod stance;
 pub mod styles;
 

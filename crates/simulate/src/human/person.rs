@@ -208,7 +208,6 @@ fn markers(spec: &PersonSpec, g: &Geometry, rng: &mut Stream) -> Vec<TrueMarker>
             _ => (thigh + 2, v(0.114, -0.022, 0.002)),
         }
     };
-    let _ = g.forearm;
     LABELS
         .iter()
         .chain(&STATIC_LABELS)

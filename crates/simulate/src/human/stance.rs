@@ -134,7 +134,15 @@ impl<'a> Stance<'a> {
             Ok(want - self.com(chart))
         };
         let mut root = *guess;
-        let mut error = at(&root, &mut chart)?;
+        let mut first = at(&root, &mut chart);
+        for _ in 0..12 {
+            if first.is_ok() {
+                break;
+            }
+            root.z -= 0.03;
+            first = at(&root, &mut chart);
+        }
+        let mut error = first?;
         let mut inverse: Option<Matrix3<f64>> = None;
         for iteration in 0..40 {
             if error.norm() < 2e-15 * 100.0 {

@@ -158,11 +158,7 @@ pub fn bumps(style: Style, vigour: f64, rng: &mut Stream) -> Vec<Bump> {
     }
     for side in 0..2 {
         wave(ELBOW[side], 0.25);
-        out_knee(&mut wave, KNEE[side]);
+        wave(KNEE[side], 0.08);
     }
     out
-}
-
-fn out_knee(wave: &mut impl FnMut(usize, f64), coordinate: usize) {
-    wave(coordinate, 0.08);
 }

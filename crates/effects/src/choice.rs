@@ -1,0 +1,138 @@
+//! An effect with its target and nonlinear parameters fixed: what a model revision stores and what gives columns in a factor.
+
+use crate::{Columns, Effect, EffectsError, Scene, Series, Target, TrialMotion, effect};
+use nalgebra::DMatrix;
+
+/// An effect, on what it acts, and the values of its nonlinear parameters.
+#[derive(Clone)]
+pub struct Choice<'a> {
+    /// The effect.
+    pub effect: &'a dyn Effect,
+    /// On what it acts.
+    pub target: Target,
+    /// Values of the nonlinear parameters, in the effect's order.
+    pub nonlinear: Vec<f64>,
+}
+
+impl std::fmt::Debug for Choice<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}{:?}{:?}", self.effect.id(), self.target, self.nonlinear)
+    }
+}
+
+impl<'a> Choice<'a> {
+    /// An effect on a target, nonlinear parameters at their first start.
+    pub fn new(effect: &'a dyn Effect, target: Target, scene: &Scene) -> Self {
+        let nonlinear = effect.starts(scene, target).into_iter().next().unwrap_or_default();
+        Self { effect, target, nonlinear }
+    }
+
+    /// Key of an effect and target: `quadratic_drag`, `flywheel[torso]`, `plate_tare[plate1]`.
+    pub fn key(&self, scene: &Scene) -> String {
+        let target = self.target.label(scene);
+        if target.is_empty() { self.effect.id().to_owned() } else { format!("{}[{target}]", self.effect.id()) }
+    }
+
+    /// Names of the columns: the key, a dot, the coefficient's name.
+    pub fn names(&self, scene: &Scene) -> Vec<String> {
+        let key = self.key(scene);
+        self.effect.coefficients(scene, self.target).iter().map(|c| format!("{key}.{}", c.name)).collect()
+    }
+}
+
+impl Choice<'static> {
+    /// Reads a key of an effect of the catalogue; a target may be left out where the effect has one only.
+    ///
+    /// # Errors
+    /// [`EffectsError::Unknown`] and [`EffectsError::Target`] with what exists.
+    pub fn parse(key: &str, scene: &Scene) -> Result<Self, EffectsError> {
+        let (id, wanted) = match key.split_once('[') {
+            Some((id, rest)) => (id, rest.trim_end_matches(']')),
+            None => (key, ""),
+        };
+        let found = effect(id)?;
+        let targets = (found.targets)(scene);
+        let target = targets.iter().copied().find(|t| t.label(scene) == wanted).or({
+            match (targets.as_slice(), wanted) {
+                ([only], "") => Some(*only),
+                _ => None,
+            }
+        });
+        match target {
+            Some(target) => Ok(Self::new(found, target, scene)),
+            None => Err(EffectsError::Target {
+                effect: id.to_owned(),
+                target: wanted.to_owned(),
+                known: targets.iter().map(|t| format!("`{}`", t.label(scene))).collect::<Vec<_>>().join(", "),
+            }),
+        }
+    }
+
+    /// Sets a nonlinear parameter by name.
+    ///
+    /// # Errors
+    /// [`EffectsError::Spec`] for a name that the effect does not have, [`EffectsError::Value`] out of bounds.
+    pub fn set(&mut self, scene: &Scene, name: &str, value: f64) -> Result<(), EffectsError> {
+        let parameters = self.effect.nonlinear(scene, self.target);
+        let Some(k) = parameters.iter().position(|p| p.name == name) else {
+            let known = parameters.iter().map(|p| format!("`{}`", p.name)).collect::<Vec<_>>().join(", ");
+            return Err(EffectsError::Spec {
+                effect: self.effect.id().to_owned(),
+                problem: format!("there is no parameter `{name}`; there are {known}"),
+            });
+        };
+        let p = &parameters[k];
+        if !(p.lower..=p.upper).contains(&value) {
+            return Err(EffectsError::Value {
+                effect: self.effect.id().to_owned(),
+                what: format!("{name} ({})", p.unit),
+                found: value,
+                expected: format!("{} to {}", p.lower, p.upper),
+            });
+        }
+        self.nonlinear[k] = value;
+        Ok(())
+    }
+}
+
+/// Columns of a whole trial: the layout that the regressor's effect columns have.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct WrenchColumns {
+    /// Names of the columns.
+    pub names: Vec<String>,
+    /// One matrix per frame of the motion, 6 × k: world force (N per unit) and moment about the world origin (N·m per unit). Frames outside
+    /// of the spans hold NaN, so that no rows are made of them.
+    pub wrench: Vec<DMatrix<f64>>,
+}
+
+/// Unit wrenches of effects in every frame of a trial. Changes of inertia (payload, added mass, body mass) enter as `−Y δφ` from the
+/// smoothed motion; where rows `[Y | …]` are at hand, their columns are better formed from Y itself.
+///
+/// # Errors
+/// As [`Series::new`].
+pub fn columns(
+    scene: &Scene,
+    trial: &TrialMotion<'_>,
+    choices: &[Choice<'_>],
+) -> Result<WrenchColumns, EffectsError> {
+    let series = Series::new(scene, trial)?;
+    let names: Vec<String> = choices.iter().flat_map(|c| c.names(scene)).collect();
+    let k = names.len();
+    let mut wrench = vec![DMatrix::from_element(6, k, f64::NAN); trial.motion.n_frames()];
+    let mut first = 0;
+    for choice in choices {
+        let width = choice.effect.coefficients(scene, choice.target).len();
+        let mut out = Columns::zeros(series.len(), width);
+        choice.effect.evaluate(&series, choice.target, &choice.nonlinear, &mut out);
+        if let Some(changes) = choice.effect.inertia(scene, choice.target, &choice.nonlinear) {
+            for (column, change) in changes.iter().enumerate() {
+                crate::inertia::add_wrench(&series, change, -1.0, column, &mut out);
+            }
+        }
+        for (i, &frame) in series.motion_frames().iter().enumerate() {
+            wrench[frame].columns_mut(first, width).copy_from(&out.matrix(i));
+        }
+        first += width;
+    }
+    Ok(WrenchColumns { names, wrench })
+}

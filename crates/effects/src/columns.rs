@@ -1,0 +1,58 @@
+//! Columns of unit wrenches over the frames of a series.
+
+use nalgebra::{DMatrix, Vector3};
+
+/// 6 × k numbers a frame: world force (N per unit of the coefficient) and moment about the world origin (N·m per unit).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Columns {
+    /// Coefficients.
+    pub k: usize,
+    /// Frames.
+    pub n: usize,
+    data: Vec<f64>,
+}
+
+impl Columns {
+    /// Zeros.
+    pub fn zeros(n: usize, k: usize) -> Self {
+        Self { k, n, data: vec![0.0; 6 * n * k] }
+    }
+    /// Sets everything to zero.
+    pub fn clear(&mut self) {
+        self.data.fill(0.0);
+    }
+    /// Six numbers of a column in a frame.
+    pub fn wrench(&self, frame: usize, column: usize) -> &[f64] {
+        let at = 6 * (frame * self.k + column);
+        &self.data[at..at + 6]
+    }
+    /// Force of a column in a frame.
+    pub fn force(&self, frame: usize, column: usize) -> Vector3<f64> {
+        Vector3::from_column_slice(&self.wrench(frame, column)[..3])
+    }
+    /// Moment about the world origin of a column in a frame.
+    pub fn moment(&self, frame: usize, column: usize) -> Vector3<f64> {
+        Vector3::from_column_slice(&self.wrench(frame, column)[3..])
+    }
+    /// Adds a wrench.
+    pub fn add(&mut self, frame: usize, column: usize, force: &Vector3<f64>, moment_about_origin: &Vector3<f64>) {
+        let at = 6 * (frame * self.k + column);
+        let out = &mut self.data[at..at + 6];
+        for axis in 0..3 {
+            out[axis] += force[axis];
+            out[3 + axis] += moment_about_origin[axis];
+        }
+    }
+    /// Adds a force that acts at a point of the world.
+    pub fn force_at(&mut self, frame: usize, column: usize, force: &Vector3<f64>, point: &Vector3<f64>) {
+        self.add(frame, column, force, &point.cross(force));
+    }
+    /// Adds a free moment.
+    pub fn couple(&mut self, frame: usize, column: usize, moment: &Vector3<f64>) {
+        self.add(frame, column, &Vector3::zeros(), moment);
+    }
+    /// The 6 × k matrix of a frame.
+    pub fn matrix(&self, frame: usize) -> DMatrix<f64> {
+        DMatrix::from_column_slice(6, self.k, &self.data[6 * frame * self.k..6 * (frame + 1) * self.k])
+    }
+}

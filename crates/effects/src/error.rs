@@ -1,0 +1,73 @@
+//! What can be wrong with an effect or with what it is given.
+
+/// Errors of this crate.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum EffectsError {
+    /// No effect of this name.
+    #[error("there is no effect `{name}`; there are {known}")]
+    Unknown {
+        #[doc(hidden)]
+        name: String,
+        #[doc(hidden)]
+        known: String,
+    },
+    /// The effect does not act on this target.
+    #[error("`{effect}` cannot act on `{target}`; it can act on {known}")]
+    Target {
+        #[doc(hidden)]
+        effect: String,
+        #[doc(hidden)]
+        target: String,
+        #[doc(hidden)]
+        known: String,
+    },
+    /// A vector has another length than is needed.
+    #[error("trial `{trial}`: {what}: expected {expected}, found {found}")]
+    Length {
+        #[doc(hidden)]
+        trial: String,
+        #[doc(hidden)]
+        what: &'static str,
+        #[doc(hidden)]
+        expected: usize,
+        #[doc(hidden)]
+        found: usize,
+    },
+    /// A number that cannot be.
+    #[error("`{effect}`: {what} is {found}, expected {expected}")]
+    Value {
+        #[doc(hidden)]
+        effect: String,
+        #[doc(hidden)]
+        what: String,
+        #[doc(hidden)]
+        found: f64,
+        #[doc(hidden)]
+        expected: String,
+    },
+    /// A formula that cannot be read, or whose units do not fit.
+    #[error("effect `{effect}`, {entry}: {problem}\n  {formula}\n  {marker}")]
+    Formula {
+        #[doc(hidden)]
+        effect: String,
+        /// Which formula: `force[0]`, `moment[2]` …
+        entry: String,
+        /// The formula.
+        formula: String,
+        /// Characters before the place (from zero).
+        position: usize,
+        /// A line with a caret under the place.
+        marker: String,
+        /// What is wrong there.
+        problem: String,
+    },
+    /// Anything else that a user-written effect says and that cannot be.
+    #[error("effect `{effect}`: {problem}")]
+    Spec {
+        #[doc(hidden)]
+        effect: String,
+        #[doc(hidden)]
+        problem: String,
+    },
+}

@@ -1,0 +1,121 @@
+//! What is the same in every frame: the body as the prior sees it, gravity, plates, the volume in which it moves.
+
+use aloft_body::{LinkInertia, Model, Phi};
+use nalgebra::{SymmetricEigen, Vector3};
+
+/// Air density that drag areas refer to, kg/m³ (20 °C at sea level).
+pub const AIR_DENSITY_KGPM3: f64 = 1.2;
+
+/// The constants that columns are built from.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// The model, gravity included.
+    pub model: Model,
+    /// Inertial parameters of the links, prior or identified.
+    pub phi: Vec<Phi>,
+    /// Centre of mass of each link in its frame, m.
+    pub link_com_m: Vec<Vector3<f64>>,
+    /// Mean area that each link shows to the air, as a share of the sum.
+    pub area_share: Vec<f64>,
+    /// Whole mass, kg.
+    pub mass_kg: f64,
+    /// Centres of the plates, world, m; empty without plates.
+    pub plate_centers_m: Vec<Vector3<f64>>,
+    /// Middle of the volume in which the body moves, world, m.
+    pub volume_center_m: Vector3<f64>,
+    /// Standard deviation of the body's places about it, m.
+    pub volume_reach_m: f64,
+}
+
+impl Scene {
+    /// Scene of a model with its inertial parameters; the volume is set by [`Scene::with_volume`].
+    pub fn new(model: &Model, phi: &[Phi], plate_centers_m: &[Vector3<f64>]) -> Self {
+        let inertias: Vec<LinkInertia> = phi.iter().map(LinkInertia::from_phi).collect();
+        let com = |i: &LinkInertia| if i.mass_kg.abs() > 1e-12 { i.com_m } else { Vector3::zeros() };
+        let areas: Vec<f64> = inertias.iter().map(mean_area).collect();
+        let total: f64 = areas.iter().sum();
+        let n = areas.len().max(1) as f64;
+        Self {
+            model: model.clone(),
+            phi: phi.to_vec(),
+            link_com_m: inertias.iter().map(com).collect(),
+            area_share: areas.iter().map(|a| if total > 0.0 { a / total } else { 1.0 / n }).collect(),
+            mass_kg: phi.iter().map(|p| p[0]).sum(),
+            plate_centers_m: plate_centers_m.to_vec(),
+            volume_center_m: Vector3::zeros(),
+            volume_reach_m: 1.0,
+        }
+    }
+
+    /// Sets the volume in which the body moves from places of its centre of mass.
+    pub fn with_volume(mut self, places: &[Vector3<f64>]) -> Self {
+        if !places.is_empty() {
+            let n = places.len() as f64;
+            self.volume_center_m = places.iter().sum::<Vector3<f64>>() / n;
+            let spread = places.iter().map(|p| (p - self.volume_center_m).norm_squared()).sum::<f64>() / n;
+            self.volume_reach_m = spread.sqrt().max(0.05);
+        }
+        self
+    }
+
+    /// Number of plates.
+    pub fn n_plates(&self) -> usize {
+        self.plate_centers_m.len()
+    }
+
+    /// Magnitude of gravity, m/s².
+    pub fn gravity(&self) -> f64 {
+        self.model.gravity_mps2.norm()
+    }
+
+    /// φ of a point of unit mass at `point_m` of a link, as a stack over all links.
+    pub fn unit_mass_at(&self, link: usize, point_m: &Vector3<f64>) -> Vec<Phi> {
+        let mut out = vec![Phi::zeros(); self.model.n_links()];
+        if let Some(phi) = out.get_mut(link) {
+            *phi = aloft_body::inertia::phi_from_parts(1.0, point_m, &aloft_body::inertia::steiner(point_m));
+        }
+        out
+    }
+}
+
+/// Mean area that the ellipsoid of the same inertia shows (a quarter of its surface), m²; from the mass alone, as a ball of water, where the
+/// inertia says nothing.
+fn mean_area(link: &LinkInertia) -> f64 {
+    let m = link.mass_kg;
+    if !(m.is_finite() && m > 0.0) {
+        return 0.0;
+    }
+    let i = SymmetricEigen::new(link.inertia_com_kgm2).eigenvalues;
+    // semi-axes of a uniform ellipsoid: a² = 5/(2m) (I_b + I_c − I_a)
+    let mut axes = [0.0; 3];
+    for k in 0..3 {
+        axes[k] = (2.5 / m * (i.sum() - 2.0 * i[k])).max(0.0).sqrt();
+    }
+    let largest = axes.iter().copied().fold(0.0, f64::max);
+    if !(largest > 1e-4 && largest.is_finite()) {
+        return std::f64::consts::PI * (0.75 * m / (1000.0 * std::f64::consts::PI)).powf(2.0 / 3.0);
+    }
+    let [a, b, c] = axes.map(|x| x.max(0.02 * largest));
+    // Knud Thomsen's formula for the surface of an ellipsoid
+    const P: f64 = 1.6075;
+    let mean = ((a * b).powf(P) + (a * c).powf(P) + (b * c).powf(P)) / 3.0;
+    std::f64::consts::PI * mean.powf(1.0 / P)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Matrix3;
+
+    #[test]
+    fn prop_a_ball_shows_its_disc() {
+        let (m, r) = (3.0, 0.2f64);
+        let link = LinkInertia {
+            mass_kg: m,
+            com_m: Vector3::zeros(),
+            inertia_com_kgm2: Matrix3::identity() * (0.4 * m * r * r),
+        };
+        let disc = std::f64::consts::PI * r * r;
+        assert!((mean_area(&link) - disc).abs() < 1e-9 * disc);
+    }
+}

@@ -1,0 +1,292 @@
+//! Which motion would show what is hardly seen: in words from the names of parameters, and measured by adding motions that were never made.
+//!
+//! A candidate motion moves one joint to and fro (or spins the whole body) during a short flight; the root follows from conserved angular
+//! momentum, so the motion is one that a body can make. Its rows join those that were recorded, and the standard deviations of all
+//! parameters are compared before and after.
+
+use crate::system::System;
+use crate::{IdentifyError, LinkPrior, Seen};
+use aloft_body::{BaseParameters, JointKind, Model, Motion, Phi, State};
+use aloft_regressor::{Acting, Factor, Stretch, WeakOptions, weak_factor};
+use nalgebra::{DMatrix, DVector, Vector3, Vector6};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// At most this many lines of advice in words.
+const LINES: usize = 5;
+
+/// Advice from the standing of parameters alone: links with most hardly-seen parameters first.
+pub(crate) fn in_words(model: &Model, parameters: &[(String, Seen)]) -> Vec<String> {
+    let mut lines: Vec<(usize, String)> = Vec::new();
+    for (i, link) in model.links.iter().enumerate() {
+        let own: Vec<&str> = parameters
+            .iter()
+            .filter(|(_, s)| *s == Seen::Hardly)
+            .filter_map(|(name, _)| match name.rsplit_once('.') {
+                Some((owner, what)) if owner == link.name => Some(what),
+                None if i == 0 => Some(name.as_str()),
+                _ => None,
+            })
+            .collect();
+        if own.is_empty() {
+            continue;
+        }
+        let how = match &link.joint.kind {
+            JointKind::Free => {
+                "turn the whole body in the air, about each of its axes and both ways (somersault, side tilt, twist)".to_owned()
+            }
+            JointKind::Spherical => format!("swing `{}` in the air, to and fro and sideways, and roll it about its own axis", link.name),
+            JointKind::Revolute(_) => format!("bend and stretch `{}` quickly in the air, while its parent turns", link.name),
+            JointKind::Prismatic(_) => format!("slide `{}` to and fro in the air", link.name),
+            JointKind::Fixed => continue,
+        };
+        lines.push((own.len(), format!("{how}: would show {}", own.join(", "))));
+    }
+    // stable: links in model order among equals
+    lines.sort_by_key(|l| std::cmp::Reverse(l.0));
+    lines.into_iter().take(LINES).map(|l| l.1).collect()
+}
+
+/// Size of the motions that are tried.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AdviceOptions {
+    /// Duration of a flight, s.
+    pub flight_s: f64,
+    /// Sampling rate, Hz.
+    pub rate_hz: f64,
+    /// Amplitude of a joint's swing, rad (m for prismatic joints: a tenth of it).
+    pub amplitude_rad: f64,
+    /// Frequency of the swing, Hz.
+    pub frequency_hz: f64,
+    /// Angular velocity of a spin of the whole body, rad/s.
+    pub spin_rad_s: f64,
+    /// Flights of each kind.
+    pub flights: usize,
+}
+
+impl Default for AdviceOptions {
+    /// Three flights of half a second, swings of 30° at 2 Hz, a spin of 3 rad/s.
+    fn default() -> Self {
+        Self { flight_s: 0.5, rate_hz: 100.0, amplitude_rad: 0.52, frequency_hz: 2.0, spin_rad_s: 3.0, flights: 3 }
+    }
+}
+
+/// What one kind of motion would bring.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MotionAdvice {
+    /// The motion in words.
+    pub motion: String,
+    /// Link that it moves.
+    pub link: String,
+    /// Share by which the standard deviations of the worst parameters shrink (geometric mean over the worst quarter).
+    pub gain: f64,
+    /// Parameters that gain most: name, standard deviation now and then, in their unit.
+    pub best: Vec<(String, f64, f64)>,
+}
+
+/// Ranks kinds of motion by how much they would improve the parameters that are worst now, the best first.
+///
+/// `recorded` are the factors of weak rows with fixed weights (built with `weak`), `posture` a typical posture in flight (length nq), `row_sd` the
+/// standard deviation of a row as [`crate::Parameters`] states it.
+///
+/// # Errors
+/// As [`crate::identify`]; [`IdentifyError::Length`] for a posture that does not fit.
+pub fn excitation_advice(
+    model: &Model,
+    base: &BaseParameters,
+    recorded: &[Factor],
+    mass_kg: f64,
+    prior: &LinkPrior,
+    posture: &[f64],
+    row_sd: f64,
+    weak: &WeakOptions,
+    options: &AdviceOptions,
+) -> Result<Vec<MotionAdvice>, IdentifyError> {
+    if posture.len() != model.nq {
+        return Err(IdentifyError::Length { what: "coordinates of the posture", expected: model.nq, found: posture.len() });
+    }
+    let phi = prior.phi();
+    let base_prior = prior.base(base)?;
+    let merged = Factor::merge(recorded)?.with_effects(&[])?;
+    let variance = row_sd * row_sd;
+    let sd_of = |factor: &Factor| -> Result<DVector<f64>, IdentifyError> {
+        let system = System::new(factor, mass_kg, Some(&base_prior))?;
+        Ok(system.covariance(variance, variance).diagonal().map(|v| v.max(0.0).sqrt()))
+    };
+    let now = sd_of(&merged)?;
+    // share of the prior's deviation that is left, without the mass
+    let left: Vec<f64> = (0..now.len()).map(|i| if i == 0 { 0.0 } else { now[i] / base_prior.covariance[(i, i)].sqrt() }).collect();
+    let mut worst: Vec<usize> = (1..left.len()).collect();
+    worst.sort_by(|&a, &b| left[b].total_cmp(&left[a]));
+    worst.truncate((left.len() / 4).max(1));
+    let mut out: Vec<MotionAdvice> = candidates(model)
+        .into_par_iter()
+        .map(|candidate| {
+            let motion = synthesise(model, &phi, posture, &candidate, options);
+            let stretch = Stretch::flight(motion.trial.clone(), 0, 0, motion.n_frames());
+            let factor = weak_factor(model, base, &phi, &motion, &stretch, Acting::nothing(), weak, None)?
+                .scaled((options.flights as f64).sqrt());
+            let then = sd_of(&merged.merged_with(&factor)?)?;
+            let log_gain: f64 = worst.iter().map(|&i| (then[i] / now[i]).ln()).sum::<f64>() / worst.len() as f64;
+            let mut best: Vec<usize> = (1..now.len()).collect();
+            best.sort_by(|&a, &b| (then[a] / now[a]).total_cmp(&(then[b] / now[b])));
+            let best =
+                best.into_iter().take(5).map(|i| (base.parameters[i].name.clone(), now[i], then[i])).collect();
+            Ok(MotionAdvice {
+                motion: candidate.words(model, options),
+                link: model.links[candidate.link].name.clone(),
+                gain: 1.0 - log_gain.exp(),
+                best,
+            })
+        })
+        .collect::<Result<_, IdentifyError>>()?;
+    out.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    Ok(out)
+}
+
+/// One joint about one of its axes, or the whole body.
+struct Candidate {
+    link: usize,
+    /// Index into v.
+    velocity: usize,
+    axis: usize,
+    spin: bool,
+}
+
+impl Candidate {
+    fn words(&self, model: &Model, options: &AdviceOptions) -> String {
+        let link = &model.links[self.link];
+        let axis = ["x", "y", "z"][self.axis];
+        if self.spin {
+            return format!("{} flights with the whole body turning at {:.0}°/s about the {axis} axis of `{}`", options.flights, options.spin_rad_s.to_degrees(), link.name);
+        }
+        let about = match link.joint.kind {
+            JointKind::Spherical => format!(" about its {axis} axis"),
+            _ => String::new(),
+        };
+        format!(
+            "{} flights with `{}` swinging{about} by ±{:.0}° at {:.1} Hz",
+            options.flights,
+            link.name,
+            options.amplitude_rad.to_degrees(),
+            options.frequency_hz
+        )
+    }
+}
+
+fn candidates(model: &Model) -> Vec<Candidate> {
+    let mut out = Vec::new();
+    for (i, link) in model.links.iter().enumerate() {
+        let first = link.joint.v_offset;
+        match link.joint.kind {
+            JointKind::Free => {
+                out.extend((0..3).map(|axis| Candidate { link: i, velocity: first + 3 + axis, axis, spin: true }));
+            }
+            JointKind::Spherical => {
+                out.extend((0..3).map(|axis| Candidate { link: i, velocity: first + axis, axis, spin: false }));
+            }
+            JointKind::Revolute(_) | JointKind::Prismatic(_) => {
+                out.push(Candidate { link: i, velocity: first, axis: 2, spin: false });
+            }
+            JointKind::Fixed => {}
+        }
+    }
+    out
+}
+
+/// A flight in which the candidate's joint swings and the root follows from conserved momentum. Unless it spins, the body tumbles slowly about
+/// all axes: a body that does not turn at all shows almost nothing.
+fn synthesise(model: &Model, phi: &[Phi], posture: &[f64], candidate: &Candidate, options: &AdviceOptions) -> Motion {
+    const SUBSTEPS: usize = 4;
+    let n = (options.flight_s * options.rate_hz).round().max(1.0) as usize + 1;
+    let step = 1.0 / (options.rate_hz * SUBSTEPS as f64);
+    let mut state = State::new(model);
+    let mut q = posture.to_vec();
+    let mut moved = q.clone();
+    let mut v = vec![0.0; model.nv];
+    state.forward_position(model, &q);
+    let (mass, center) = state.center_of_mass(phi);
+    // start: whole-body spin about the root's axis, or a slow tumble
+    let spin = if candidate.spin {
+        let mut axis = Vector3::zeros();
+        axis[candidate.axis] = options.spin_rad_s;
+        axis
+    } else {
+        Vector3::new(0.5, 0.5, 0.5)
+    };
+    v[3..6].copy_from_slice(spin.as_slice());
+    state.forward_velocity(model, &q, &v);
+    let angular = momentum(&state, phi, &center).fixed_rows::<3>(3).into_owned();
+    let mut out = Motion {
+        trial: "candidate".to_owned(),
+        rate_hz: options.rate_hz,
+        nq: model.nq,
+        nv: model.nv,
+        q: Vec::with_capacity(n * model.nq),
+        ..Motion::default()
+    };
+    let scale = match model.links[candidate.link].joint.kind {
+        JointKind::Prismatic(_) => 0.1 * options.amplitude_rad,
+        _ => options.amplitude_rad,
+    };
+    let omega = std::f64::consts::TAU * options.frequency_hz;
+    let rise = 0.5 * options.flight_s;
+    let mut matrix = DMatrix::zeros(6, 6);
+    for sub in 0..n * SUBSTEPS {
+        if sub % SUBSTEPS == 0 {
+            out.q.extend_from_slice(&q);
+        }
+        // midpoint rule: velocities at half a step
+        let time = (sub as f64 + 0.5) * step;
+        let linear = -model.gravity_mps2 * rise + model.gravity_mps2 * time;
+        v.fill(0.0);
+        if !candidate.spin {
+            v[candidate.velocity] = scale * omega * (omega * time).cos();
+        }
+        let target = Vector6::from_iterator((linear * mass).iter().chain(angular.iter()).copied());
+        for half in 0..2 {
+            let here: &[f64] = if half == 0 { &q } else { &moved };
+            state.forward_position(model, here);
+            let center = state.center_of_mass(phi).1;
+            v[..6].fill(0.0);
+            state.forward_velocity(model, here, &v);
+            let own = momentum(&state, phi, &center);
+            let joints = v[6..].to_vec();
+            v.fill(0.0);
+            for c in 0..6 {
+                v[c] = 1.0;
+                state.forward_velocity(model, here, &v);
+                matrix.set_column(c, &momentum(&state, phi, &center));
+                v[c] = 0.0;
+            }
+            v[6..].copy_from_slice(&joints);
+            let root = matrix.clone().lu().solve(&DVector::from_column_slice((target - own).as_slice()));
+            if let Some(root) = root {
+                v[..6].copy_from_slice(root.as_slice());
+            }
+            let length = if half == 0 { 0.5 * step } else { step };
+            let change: Vec<f64> = v.iter().map(|x| x * length).collect();
+            model.integrate(&q, &change, &mut moved);
+        }
+        q.copy_from_slice(&moved);
+    }
+    out
+}
+
+/// Linear and angular momentum about a point.
+fn momentum(state: &State, phi: &[Phi], about: &Vector3<f64>) -> Vector6<f64> {
+    let mut out = Vector6::zeros();
+    for ((pose, velocity), phi) in state.world_from_link.iter().zip(&state.velocity).zip(phi) {
+        let (v, w): (Vector3<f64>, Vector3<f64>) = (velocity.fixed_rows::<3>(0).into(), velocity.fixed_rows::<3>(3).into());
+        let mc = aloft_body::inertia::first_moment(phi);
+        let linear = pose.rotation * (v * phi[0] + w.cross(&mc));
+        let angular = pose.rotation * (mc.cross(&v) + aloft_body::inertia::inertia_about_origin(phi) * w)
+            + (pose.translation.vector - about).cross(&linear);
+        for axis in 0..3 {
+            out[axis] += linear[axis];
+            out[3 + axis] += angular[axis];
+        }
+    }
+    out
+}

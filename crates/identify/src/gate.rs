@@ -1,0 +1,117 @@
+//! The gate: which numbers are results, which come from the prior, which are nothing; in words, with what to record next.
+
+use crate::{Estimator, Sigma};
+use serde::{Deserialize, Serialize};
+
+/// How well motion shows a parameter or a link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Seen {
+    /// Motion determines it: the interval is below 30 % of the prior's, or of 10 % of the body's own scale.
+    Well,
+    /// Motion says something: below 70 %.
+    Partly,
+    /// What stands there is the prior, or noise where there is none.
+    Hardly,
+}
+
+/// Limits of the gate.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct GateLimits {
+    /// Smallest σ_{N−1}/σ_N with which a null vector is shown as a result.
+    pub sigma_ratio: f64,
+    /// Largest share of parameters that may be hardly seen in a result without a prior.
+    pub hardly_share: f64,
+    /// Fewest stretches.
+    pub stretches: usize,
+}
+
+impl Default for GateLimits {
+    fn default() -> Self {
+        Self { sigma_ratio: 3.0, hardly_share: 0.1, stretches: 3 }
+    }
+}
+
+/// Verdict over all parameters.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Gate {
+    /// True when the numbers may be shown as identified.
+    pub passed: bool,
+    /// Why not, or what to keep in mind.
+    pub reasons: Vec<String>,
+    /// Parameters that are hardly seen.
+    pub hardly_seen: Vec<String>,
+    /// What to record next, the most useful first.
+    pub advice: Vec<String>,
+}
+
+/// Standing of one parameter: by its standard error against the prior's standard deviation, else against a tenth of the body's own scale.
+pub fn seen(se: f64, prior_sd: Option<f64>, scale: f64) -> Seen {
+    let reference = prior_sd.filter(|s| *s > 0.0).unwrap_or(0.1 * scale);
+    let share = se / reference;
+    if share < 0.3 {
+        Seen::Well
+    } else if share < 0.7 {
+        Seen::Partly
+    } else {
+        Seen::Hardly
+    }
+}
+
+/// The verdict.
+pub(crate) fn judge(
+    estimator: &Estimator,
+    sigma: &Sigma,
+    parameters: &[(String, Seen)],
+    n_stretches: usize,
+    deficient: usize,
+    limits: &GateLimits,
+    advice: Vec<String>,
+) -> Gate {
+    let hardly_seen: Vec<String> =
+        parameters.iter().filter(|(_, s)| *s == Seen::Hardly).map(|(name, _)| name.clone()).collect();
+    let mut reasons = Vec::new();
+    let mut passed = true;
+    if n_stretches < limits.stretches {
+        reasons.push(format!(
+            "{n_stretches} flights: intervals need at least {}, standard errors are those of the noise alone",
+            limits.stretches
+        ));
+    }
+    if let Estimator::NullVector(_) = estimator
+        && !(sigma.ratio >= limits.sigma_ratio)
+    {
+        passed = false;
+        reasons.push(format!(
+            "σ(N−1)/σ(N) is {:.2}, below {:.1}: a second direction fits the flights nearly as well, so this vector is not a result",
+            sigma.ratio, limits.sigma_ratio
+        ));
+    }
+    if deficient > 0 {
+        passed = false;
+        reasons.push(format!("{deficient} directions of the parameters are not determined by any row"));
+    }
+    let share = hardly_seen.len() as f64 / parameters.len().max(1) as f64;
+    match estimator {
+        Estimator::Regularised { .. } => {
+            if !hardly_seen.is_empty() {
+                reasons.push(format!(
+                    "{} of {} parameters stay where the prior put them; combinations that move the whole body are known better than each of them",
+                    hardly_seen.len(),
+                    parameters.len()
+                ));
+            }
+        }
+        _ if share > limits.hardly_share => {
+            passed = false;
+            reasons.push(format!(
+                "{} of {} parameters are not determined (their error exceeds 7 % of the body's own scale); use the prior or add motion",
+                hardly_seen.len(),
+                parameters.len()
+            ));
+        }
+        _ => {}
+    }
+    Gate { passed, reasons, hardly_seen, advice }
+}

@@ -1,0 +1,362 @@
+//! Physically consistent links: masses, centres of mass and inertias that a body of positive density can have, that reproduce what motion
+//! determined, and that stay near the prior where motion says nothing.
+//!
+//! Minimised over the parameters φ of all links, with the sum of masses held:
+//!
+//! ```text
+//! ‖R [Bφ; θ; −1]‖² / (2 s²)  +  λ/2 (φ−φ₀)ᵀ P⁻¹ (φ−φ₀)  +  μ Σ_j [ tr(J₀ⱼ⁻¹ Jⱼ) − log det(J₀ⱼ⁻¹ Jⱼ) − 4 ]
+//! ```
+//!
+//! The first term is the evidence itself, so base parameters are held as tightly as their covariance allows; the second is the prior; the
+//! third, with the pseudo-inertia J of each link (Wensing, Kim, Slotine 2017), is the entropic divergence (Bregman, of the log-determinant:
+//! Lee, Wensing, Park 2020). It is infinite where J stops being positive definite. All three are convex, so Newton's method
+//! with step halving finds the one minimum. Where the barrier is idle, `Bφ` is the regularised estimate itself.
+
+use crate::prior::covariance_root;
+use crate::{IdentifyError, LinkPrior};
+use aloft_body::inertia::{phi_from_pseudo_inertia, pseudo_inertia};
+use aloft_body::{BaseParameters, LinkInertia, Phi};
+use aloft_regressor::Factor;
+use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, Vector3};
+
+/// Weights of the three terms.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LinkOptions {
+    /// Variance s² of a row.
+    pub row_variance: f64,
+    /// Weight λ of the prior.
+    pub prior_weight: f64,
+    /// Weight μ of the divergence from the prior; small, it only keeps links consistent.
+    pub divergence_weight: f64,
+}
+
+/// Consistent parameters of all links.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ConsistentLinks {
+    /// φ of each link.
+    pub phi: Vec<Phi>,
+    /// Covariance of the stacked φ, (10 n)²: curvature at the minimum.
+    pub covariance: DMatrix<f64>,
+    /// Effect coefficients that go with them.
+    pub effects: DVector<f64>,
+    /// Newton steps taken.
+    pub steps: usize,
+    /// Smallest eigenvalue of any link's pseudo-inertia relative to the largest of the same link.
+    pub smallest_eigenvalue: f64,
+}
+
+/// Finds consistent links for a merged factor.
+///
+/// # Errors
+/// [`IdentifyError::Option`] for a mass or weights that are not positive, [`IdentifyError::Numeric`] when a prior link is not consistent itself or
+/// the minimum is not found.
+pub fn consistent_links(
+    merged: &Factor,
+    base: &BaseParameters,
+    mass_kg: f64,
+    prior: &LinkPrior,
+    options: &LinkOptions,
+) -> Result<ConsistentLinks, IdentifyError> {
+    let weights = [mass_kg, options.row_variance, options.prior_weight, options.divergence_weight];
+    if !weights.iter().all(|w| *w > 0.0 && w.is_finite()) {
+        return Err(IdentifyError::Option {
+            option: "links",
+            problem: "mass, row variance and weights must be positive".to_owned(),
+        });
+    }
+    let n = prior.links.len();
+    if base.from_full.ncols() != 10 * n {
+        return Err(IdentifyError::Length { what: "links of the prior", expected: base.from_full.ncols() / 10, found: n });
+    }
+    let start = scaled_to_mass(prior, mass_kg);
+    let references: Vec<Matrix4<f64>> = start
+        .iter()
+        .enumerate()
+        .map(|(j, phi)| {
+            let inverse = pseudo_inertia(phi).cholesky().map(|c| c.inverse());
+            inverse.ok_or_else(|| IdentifyError::Numeric(format!("the prior of link {j} is not physically consistent")))
+        })
+        .collect::<Result<_, _>>()?;
+    let problem = Problem::new(merged, base, prior, &start, references, options)?;
+    problem.solve(options.divergence_weight)
+}
+
+/// The prior's links with all masses (and what is proportional to them) multiplied so that they add up to the body mass.
+fn scaled_to_mass(prior: &LinkPrior, mass_kg: f64) -> Vec<Phi> {
+    let phi = prior.phi();
+    let total: f64 = phi.iter().map(|p| p[0]).sum();
+    phi.into_iter().map(|p| p * (mass_kg / total)).collect()
+}
+
+struct Problem {
+    start: DVector<f64>,
+    references: Vec<Matrix4<f64>>,
+    /// φ = start + root y keeps the mass.
+    root: DMatrix<f64>,
+    /// Rows in y, effects eliminated and divided by s, and what they should give.
+    rows: DMatrix<f64>,
+    right: DVector<f64>,
+    /// λ and Lᵀ-whitened offset of the start from the prior's mean is zero by construction.
+    prior_weight: f64,
+    effects: EffectsOf,
+}
+
+/// θ of given base parameters.
+struct EffectsOf {
+    triangle: DMatrix<f64>,
+    coupling: DMatrix<f64>,
+    right: DVector<f64>,
+    from_full: DMatrix<f64>,
+}
+
+impl Problem {
+    fn new(
+        merged: &Factor,
+        base: &BaseParameters,
+        prior: &LinkPrior,
+        start: &[Phi],
+        references: Vec<Matrix4<f64>>,
+        options: &LinkOptions,
+    ) -> Result<Self, IdentifyError> {
+        let n = start.len();
+        let start = DVector::from_iterator(10 * n, start.iter().flat_map(|p| p.iter().copied()));
+        let root = mass_keeping_root(&prior.covariance)?;
+        // effects first, so that one triangularisation eliminates them
+        let (p, k) = (merged.n_parameters(), merged.n_effects());
+        let dense = merged.dense();
+        let h = dense.nrows();
+        let stacked = faer::Mat::from_fn(h.max(p + k + 1), p + k + 1, |i, j| {
+            let column = if j < k {
+                p + j
+            } else if j < k + p {
+                j - k
+            } else {
+                p + k
+            };
+            if i < h { dense[(i, column)] } else { 0.0 }
+        });
+        let qr = stacked.qr();
+        let r = qr.thin_R();
+        let get = |i: usize, j: usize| if i <= j { r[(i, j)] } else { 0.0 };
+        let effects = EffectsOf {
+            triangle: DMatrix::from_fn(k, k, get),
+            coupling: DMatrix::from_fn(k, p, |i, j| get(i, k + j)),
+            right: DVector::from_fn(k, |i, _| get(i, k + p)),
+            from_full: base.from_full.clone(),
+        };
+        let s = options.row_variance.sqrt();
+        let a = DMatrix::from_fn(p, p, |i, j| get(k + i, k + j)) / s;
+        let b = DVector::from_fn(p, |i, _| get(k + i, k + p)) / s;
+        let by_full = &a * &base.from_full;
+        let right = b - &by_full * &start;
+        let rows = by_full * &root;
+        Ok(Self { start, references, root, rows, right, prior_weight: options.prior_weight, effects })
+    }
+
+    fn phi(&self, y: &DVector<f64>) -> DVector<f64> {
+        &self.start + &self.root * y
+    }
+
+    /// Value of the objective; infinite where a link is not consistent.
+    fn value(&self, y: &DVector<f64>, mu: f64) -> f64 {
+        let phi = self.phi(y);
+        let mut divergence = 0.0;
+        for (j, reference) in self.references.iter().enumerate() {
+            let Some(cholesky) = pseudo_inertia(&block(&phi, j)).cholesky() else { return f64::INFINITY };
+            let pseudo = pseudo_inertia(&block(&phi, j));
+            let log_det: f64 = (0..4).map(|i| 2.0 * cholesky.l_dirty()[(i, i)].ln()).sum();
+            divergence += (reference * pseudo).trace() - log_det;
+        }
+        0.5 * (&self.rows * y - &self.right).norm_squared() + 0.5 * self.prior_weight * y.norm_squared() + mu * divergence
+    }
+
+    fn solve(&self, mu: f64) -> Result<ConsistentLinks, IdentifyError> {
+        let m = self.root.ncols();
+        let basis = pseudo_basis();
+        let gram = self.rows.tr_mul(&self.rows) + DMatrix::identity(m, m) * self.prior_weight;
+        let mut y = DVector::zeros(m);
+        let mut value = self.value(&y, mu);
+        let mut hessian = gram.clone();
+        let mut steps = 0;
+        let mut converged = false;
+        while steps < 200 {
+            let phi = self.phi(&y);
+            let (gradient_phi, blocks) = self.divergence(&phi, &basis);
+            let gradient = self.rows.tr_mul(&(&self.rows * &y - &self.right))
+                + &y * self.prior_weight
+                + self.root.tr_mul(&gradient_phi) * mu;
+            hessian.copy_from(&gram);
+            for (j, curvature) in blocks.iter().enumerate() {
+                let rows = self.root.rows(10 * j, 10);
+                hessian += rows.tr_mul(&(curvature * rows * mu));
+            }
+            let Some(cholesky) = hessian.clone().cholesky() else {
+                return Err(IdentifyError::Numeric("the curvature of the link problem is not positive definite".to_owned()));
+            };
+            let step = cholesky.solve(&gradient);
+            let decrement = gradient.dot(&step);
+            steps += 1;
+            if decrement < 1e-10 {
+                converged = true;
+                break;
+            }
+            let mut length = 1.0;
+            loop {
+                let candidate = &y - &step * length;
+                let next = self.value(&candidate, mu);
+                if next <= value - 1e-4 * length * decrement {
+                    y = candidate;
+                    value = next;
+                    break;
+                }
+                length *= 0.5;
+                if length < 1e-10 {
+                    // the objective no longer falls beyond rounding
+                    converged = decrement < 1e-4;
+                    length = 0.0;
+                    break;
+                }
+            }
+            if length == 0.0 {
+                break;
+            }
+        }
+        if !converged {
+            return Err(IdentifyError::Numeric(format!("consistent links: no minimum after {steps} steps")));
+        }
+        let phi = self.phi(&y);
+        let inverse = hessian
+            .clone()
+            .cholesky()
+            .ok_or_else(|| IdentifyError::Numeric("the curvature of the link problem is singular".to_owned()))?
+            .inverse();
+        // as for the base parameters: noise of the rows, and the bias that the prior's own spread leaves under a weight other than one
+        let extra = self.prior_weight * self.prior_weight - self.prior_weight;
+        let middle = hessian + DMatrix::identity(m, m) * extra;
+        let covariance = &self.root * (&inverse * middle * &inverse) * self.root.transpose();
+        let n = self.references.len();
+        let phi_links: Vec<Phi> = (0..n).map(|j| block(&phi, j)).collect();
+        let smallest = phi_links
+            .iter()
+            .map(|p| {
+                let eigenvalues = pseudo_inertia(p).symmetric_eigenvalues();
+                eigenvalues.min() / eigenvalues.max()
+            })
+            .fold(f64::INFINITY, f64::min);
+        let effects = self.effects.of(&phi);
+        Ok(ConsistentLinks { phi: phi_links, covariance, effects, steps, smallest_eigenvalue: smallest })
+    }
+
+    /// Gradient of the divergence by φ and its curvature, link by link.
+    fn divergence(&self, phi: &DVector<f64>, basis: &[Matrix4<f64>; 10]) -> (DVector<f64>, Vec<SMatrix<f64, 10, 10>>) {
+        let mut gradient = DVector::zeros(phi.len());
+        let mut blocks = Vec::with_capacity(self.references.len());
+        for (j, reference) in self.references.iter().enumerate() {
+            // callers only come here from points where every link is consistent
+            let inverse = pseudo_inertia(&block(phi, j)).cholesky().map_or(*reference, |c| c.inverse());
+            let difference = reference - inverse;
+            let products: [Matrix4<f64>; 10] = std::array::from_fn(|k| inverse * basis[k]);
+            for k in 0..10 {
+                gradient[10 * j + k] = difference.dot(&basis[k]);
+            }
+            blocks.push(SMatrix::from_fn(|a, b| products[a].dot(&products[b].transpose())));
+        }
+        (gradient, blocks)
+    }
+}
+
+impl EffectsOf {
+    fn of(&self, phi: &DVector<f64>) -> DVector<f64> {
+        if self.right.is_empty() {
+            return DVector::zeros(0);
+        }
+        let right = &self.right - &self.coupling * (&self.from_full * phi);
+        self.triangle.solve_upper_triangular(&right).unwrap_or_else(|| DVector::zeros(self.right.len()))
+    }
+}
+
+fn block(phi: &DVector<f64>, j: usize) -> Phi {
+    phi.fixed_rows::<10>(10 * j).into()
+}
+
+/// ∂J/∂φ_k.
+fn pseudo_basis() -> [Matrix4<f64>; 10] {
+    std::array::from_fn(|k| {
+        let mut unit = Phi::zeros();
+        unit[k] = 1.0;
+        pseudo_inertia(&unit)
+    })
+}
+
+/// Columns that span all changes of φ that keep the sum of masses, scaled by the prior covariance.
+fn mass_keeping_root(covariance: &DMatrix<f64>) -> Result<DMatrix<f64>, IdentifyError> {
+    let n = covariance.nrows();
+    let masses = DVector::from_fn(n, |i, _| if i % 10 == 0 { 1.0 } else { 0.0 });
+    let cross = covariance * &masses;
+    let variance = masses.dot(&cross);
+    // one link: its mass is given and nothing is left of that direction
+    let conditional = covariance - &cross * cross.transpose() / variance;
+    let root = covariance_root(covariance)?;
+    let inverse = root
+        .clone()
+        .try_inverse()
+        .ok_or_else(|| IdentifyError::Numeric("the prior covariance of the links is singular".to_owned()))?;
+    let whitened = &inverse * conditional * inverse.transpose();
+    let eigen = (0.5 * (&whitened + whitened.transpose())).symmetric_eigen();
+    // in whitened coordinates the conditional covariance is a projector: one eigenvalue is zero, the others are one
+    let kept: Vec<usize> = (0..n).filter(|&i| eigen.eigenvalues[i] > 0.5).collect();
+    let mut out = DMatrix::zeros(n, kept.len());
+    for (c, &i) in kept.iter().enumerate() {
+        out.set_column(c, &(&root * eigen.eigenvectors.column(i)));
+    }
+    Ok(out)
+}
+
+/// Mass, centre of mass and inertia about it with standard deviations, from φ and its covariance (first order).
+pub(crate) fn link_with_sd(phi: &Phi, covariance: &SMatrix<f64, 10, 10>) -> (LinkInertia, LinkSd) {
+    let link = LinkInertia::from_phi(phi);
+    let (m, c) = (phi[0], link.com_m);
+    let sd = |row: &SMatrix<f64, 1, 10>| (row * covariance * row.transpose())[0].max(0.0).sqrt();
+    let mut com = Vector3::zeros();
+    for k in 0..3 {
+        let mut row = SMatrix::<f64, 1, 10>::zeros();
+        row[0] = -c[k] / m;
+        row[1 + k] = 1.0 / m;
+        com[k] = sd(&row);
+    }
+    let pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)];
+    let mut inertia = [0.0; 6];
+    for (slot, (&(a, b), k)) in inertia.iter_mut().zip(pairs.iter().zip(4..)) {
+        // I_com = I_O − (|mc|² 1 − mc mcᵀ) / m
+        let mut row = SMatrix::<f64, 1, 10>::zeros();
+        row[k] = 1.0;
+        let delta = if a == b { 1.0 } else { 0.0 };
+        row[0] = delta * c.norm_squared() - c[a] * c[b];
+        for i in 0..3 {
+            let by = 2.0 * delta * c[i] - if i == a { c[b] } else { 0.0 } - if i == b { c[a] } else { 0.0 };
+            row[1 + i] -= by;
+        }
+        *slot = sd(&row);
+    }
+    (link, LinkSd { mass_kg: covariance[(0, 0)].max(0.0).sqrt(), com_m: com, inertia_kgm2: inertia })
+}
+
+/// Standard deviations of a link's properties.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct LinkSd {
+    /// Of the mass, kg.
+    pub mass_kg: f64,
+    /// Of the centre of mass, m, link axes.
+    pub com_m: Vector3<f64>,
+    /// Of the inertia about the centre of mass, kg·m²: xx yy zz yz zx xy.
+    pub inertia_kgm2: [f64; 6],
+}
+
+/// Nearest consistent parameters to arbitrary ones of a single link, for display: eigenvalues of the pseudo-inertia clipped from below
+/// at `floor` times the largest.
+pub fn clipped(phi: &Phi, floor: f64) -> Phi {
+    let eigen = pseudo_inertia(phi).symmetric_eigen();
+    let least = floor * eigen.eigenvalues.max();
+    let clipped = Matrix4::from_diagonal(&eigen.eigenvalues.map(|l| l.max(least)));
+    phi_from_pseudo_inertia(&(eigen.eigenvectors * clipped * eigen.eigenvectors.transpose()))
+}

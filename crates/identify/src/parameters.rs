@@ -1,0 +1,162 @@
+//! What identification gives: numbers with their uncertainty, the prior beside them, and how far they may be believed.
+
+use crate::clusters::{ClusterBy, WeightTrial};
+use crate::gate::{Gate, Seen};
+use crate::links::LinkSd;
+use crate::{ColumnScaling, Sigma};
+use aloft_body::LinkInertia;
+use aloft_regressor::RowKind;
+use nalgebra::DMatrix;
+use serde::{Deserialize, Serialize};
+
+/// How parameters are estimated from the merged factor.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Estimator {
+    /// Smallest singular vector, scaled by the body mass (the paper).
+    NullVector(ColumnScaling),
+    /// Least squares with the body mass held.
+    MassConstrained,
+    /// Least squares with the body mass held, drawn to the prior.
+    Regularised {
+        /// Weight λ of the prior; nothing: chosen by leave-one-cluster-out error.
+        #[serde(default)]
+        weight: Option<f64>,
+    },
+}
+
+impl Estimator {
+    /// Name for tables.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::NullVector(_) => "null_vector",
+            Self::MassConstrained => "mass_constrained",
+            Self::Regularised { .. } => "regularised",
+        }
+    }
+}
+
+/// One base parameter.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BaseEstimate {
+    /// Name, as in [`aloft_body::BaseParameter`].
+    pub name: String,
+    /// Estimate.
+    pub value: f64,
+    /// Standard error.
+    pub se: f64,
+    /// 95 % interval.
+    pub ci95: [f64; 2],
+    /// `kg`, `kg·m` or `kg·m²`.
+    pub unit: String,
+    /// The regrouping spelled out.
+    pub formula: String,
+    /// Value of the prior, where there is one.
+    pub prior: Option<f64>,
+    /// Standard deviation of the prior.
+    pub prior_sd: Option<f64>,
+    /// How well the motion shows it.
+    pub seen: Seen,
+}
+
+/// One effect coefficient.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EffectEstimate {
+    /// Name of the column.
+    pub name: String,
+    /// Estimate.
+    pub value: f64,
+    /// Standard error.
+    pub se: f64,
+    /// 95 % interval.
+    pub ci95: [f64; 2],
+}
+
+/// One link, physically consistent.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LinkEstimate {
+    /// Name of the link.
+    pub name: String,
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Centre of mass in the link frame, m.
+    pub com_m: [f64; 3],
+    /// Inertia about the centre of mass in link axes, kg·m², row by row.
+    pub inertia_kgm2: [[f64; 3]; 3],
+    /// Standard deviations.
+    pub sd: LinkSd,
+    /// The prior.
+    pub prior: LinkInertia,
+    /// How well motion shows the link.
+    pub seen: Seen,
+    /// The same in words.
+    pub words: String,
+}
+
+impl LinkEstimate {
+    /// As the body crate holds it.
+    pub fn inertia(&self) -> LinkInertia {
+        LinkInertia {
+            mass_kg: self.mass_kg,
+            com_m: self.com_m.into(),
+            inertia_com_kgm2: nalgebra::Matrix3::from_fn(|i, j| self.inertia_kgm2[i][j]),
+        }
+    }
+}
+
+/// Everything that was identified.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Parameters {
+    /// Kind of rows.
+    pub rows: RowKind,
+    /// Estimator.
+    pub estimator: Estimator,
+    /// Body mass that fixes the scale, kg.
+    pub mass_kg: f64,
+    /// Base parameters.
+    pub base: Vec<BaseEstimate>,
+    /// Effect coefficients that were fitted with them.
+    pub effects: Vec<EffectEstimate>,
+    /// Consistent links; empty without a prior.
+    pub links: Vec<LinkEstimate>,
+    /// Singular values of the flights' parameter columns.
+    pub sigma: Sigma,
+    /// Whether and how the numbers may be believed.
+    pub gate: Gate,
+    /// Stretches that took part.
+    pub n_stretches: usize,
+    /// Trials that took part.
+    pub n_trials: usize,
+    /// Rows.
+    pub n_rows: usize,
+    /// Root mean square of the residual rows.
+    pub row_rms: f64,
+    /// Standard deviation s of a row that weights the prior.
+    pub row_sd: f64,
+    /// Weight λ of the prior; 0 without.
+    pub prior_weight: f64,
+    /// Weights that were tried.
+    pub weights_tried: Vec<WeightTrial>,
+    /// What counted as independent evidence.
+    pub cluster: ClusterBy,
+    /// How standard errors were found, in words.
+    pub se_from: String,
+}
+
+impl Parameters {
+    /// Values of the base parameters.
+    pub fn base_values(&self) -> nalgebra::DVector<f64> {
+        nalgebra::DVector::from_iterator(self.base.len(), self.base.iter().map(|b| b.value))
+    }
+}
+
+/// Parameters with what other stages compute with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Identification {
+    /// The result.
+    pub parameters: Parameters,
+    /// Covariance of base parameters and effects.
+    pub covariance: DMatrix<f64>,
+    /// Bootstrap draws of base parameters and effects; empty unless asked for.
+    pub draws: Vec<nalgebra::DVector<f64>>,
+}

@@ -1,0 +1,508 @@
+//! A jump trial: stand, dip, push off, fly, land, and again. On the ground the plan decides; in the air momentum does, and
+//! take-off is aimed so that the body comes down over its feet.
+
+use super::air::AirMotion;
+use super::ground::{GroundMotion, PlanCurve};
+use super::posture::{Moment, upper};
+use super::stance::{CHART_UPPER, COM, FOOT, N_UPPER, OutOfReach, PELVIS, PLAN, Stance, UPPER, vector};
+use super::styles::{Bump, STYLES, Style, bumps};
+use crate::error::SimulateError;
+use crate::motion::{Jet, Quintic};
+use crate::physics::rk4::Rk4;
+use crate::physics::{Drive, ForwardDynamics, Plant, Player, TrueMotion};
+use crate::random::Stream;
+use crate::scenario::JumpProtocol;
+use aloft_body::State;
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// Why one attempt at a trial was given up.
+#[derive(Debug)]
+pub enum Stumble {
+    /// In words; another attempt may do better.
+    Infeasible(String),
+    /// The equations of motion failed.
+    Failed(SimulateError),
+}
+
+impl Stumble {
+    /// A leg that does not reach, and when.
+    pub fn reach(when: &str) -> impl Fn(OutOfReach) -> Self + '_ {
+        move |OutOfReach| Self::Infeasible(format!("a leg does not reach {when}"))
+    }
+}
+impl From<SimulateError> for Stumble {
+    fn from(error: SimulateError) -> Self {
+        Self::Failed(error)
+    }
+}
+
+/// Where the feet stand: right and left, on the floor, m; and toe-out, rad.
+#[derive(Debug, Clone, Copy)]
+pub struct Footing {
+    /// Ball of each foot.
+    pub ball: [Vector3<f64>; 2],
+    /// Toe-out of each flat foot.
+    pub toe_out: [f64; 2],
+}
+
+impl Footing {
+    /// A comfortable stance astride the line between the plates.
+    pub fn comfortable(height_m: f64, rng: &mut Stream) -> Self {
+        let h = height_m / 1.7;
+        let x = 0.06 * h + 0.01 * rng.moderate();
+        let mut ball = |sign: f64| {
+            Vector3::new(x + 0.008 * rng.moderate(), sign * (0.125 * h + 0.012 * rng.moderate()), 0.0)
+        };
+        let ball = [ball(-1.0), ball(1.0)];
+        Self { ball, toe_out: [0.09 + 0.04 * rng.moderate(), 0.09 + 0.04 * rng.moderate()] }
+    }
+
+    /// Where the centre of mass should be above: between the feet, a little behind the balls.
+    pub fn middle(&self, height_m: f64) -> Vector3<f64> {
+        (self.ball[0] + self.ball[1]) * 0.5 - Vector3::new(0.030 * height_m, 0.0, 0.0)
+    }
+}
+
+/// The trial and what was done in it.
+#[derive(Debug, Clone)]
+pub struct JumpTrial {
+    /// True motion.
+    pub motion: TrueMotion,
+    /// Style of each flight.
+    pub styles: Vec<&'static str>,
+}
+
+struct Jumper<'a, 'b> {
+    plant: &'a Plant,
+    protocol: &'a JumpProtocol,
+    stance: Stance<'b>,
+    height_m: f64,
+    g: f64,
+}
+
+/// Plans of one flight, found by aiming.
+struct Aimed<'b> {
+    take_off: [Jet; PLAN],
+    air: AirMotion<'b>,
+}
+
+/// Jets at rest in a plan posture.
+fn rest(plan: &[f64; PLAN]) -> [Jet; PLAN] {
+    plan.map(Jet::rest)
+}
+
+impl<'b> Jumper<'_, 'b> {
+    /// A plan posture with flat feet: centre of mass over the feet, lowered until the knees are bent by `knee` (rad, positive).
+    fn posture(
+        &mut self,
+        footing: &Footing,
+        pelvis: Vector3<f64>,
+        arms: &[Jet; N_UPPER],
+        pitch: f64,
+        knee: f64,
+    ) -> Result<[f64; PLAN], OutOfReach> {
+        let mut plan = [0.0; PLAN];
+        let over = footing.middle(self.height_m);
+        plan[COM..COM + 2].copy_from_slice(&[over.x, over.y]);
+        plan[PELVIS..PELVIS + 3].copy_from_slice(pelvis.as_slice());
+        for side in 0..2 {
+            let i = FOOT[side];
+            plan[i..i + 3].copy_from_slice(footing.ball[side].as_slice());
+            plan[i + 5] = -pitch;
+        }
+        for (slot, jet) in plan[UPPER..].iter_mut().zip(arms) {
+            *slot = jet.x;
+        }
+        let (mut low, mut high) = (0.25 * self.height_m, 0.75 * self.height_m);
+        let mut guess = Vector3::new(over.x, over.y, 0.45 * self.height_m);
+        for _ in 0..36 {
+            plan[COM + 2] = 0.5 * (low + high);
+            match self.stance.solve(&plan, &guess) {
+                Ok(chart) if -0.5 * (chart[29] + chart[36]) > knee => {
+                    guess = vector(&chart, 0);
+                    low = plan[COM + 2];
+                }
+                _ => high = plan[COM + 2],
+            }
+        }
+        plan[COM + 2] = low;
+        self.stance.solve(&plan, &guess)?;
+        Ok(plan)
+    }
+
+    /// Duration and acceleration at the bottom of a push between rest and a free end: the smallest peak that never pulls
+    /// at the ground. Used backwards for landings.
+    fn push(&self, height: f64, speed: f64, bottom: Option<f64>) -> Option<(f64, f64)> {
+        let mut best: Option<(f64, f64, f64)> = None;
+        let candidates: Vec<f64> = match bottom {
+            Some(a) => vec![a],
+            None => (0..=12).map(|k| 2.0 + 1.5 * k as f64).collect(),
+        };
+        for a in candidates {
+            for k in 0..60 {
+                let time = 0.14 + 0.006 * k as f64;
+                let end = Jet { x: height, v: speed, a: -self.g };
+                let curve = Quintic::new(Jet { x: 0.0, v: 0.0, a }, end, time);
+                let (mut low, mut high, mut back) = (f64::INFINITY, 0.0f64, false);
+                for i in 0..40 {
+                    let jet = curve.at(time * i as f64 / 40.0);
+                    low = low.min(jet.a + self.g * (1.0 - 0.02 * (40 - i) as f64).max(0.0));
+                    high = high.max(jet.a);
+                    back |= jet.v < -1e-9;
+                }
+                if low > 0.0 && !back && best.is_none_or(|b| high < b.2) {
+                    best = Some((time, a, high));
+                }
+            }
+        }
+        best.map(|b| (b.0, b.1))
+    }
+
+    /// Accelerations of the root in free fall under chart jets; the root's acceleration in `jets` is replaced.
+    fn fall(&self, air: &dyn Drive, t: f64, jets: &mut [Jet; PLAN]) -> Result<(), SimulateError> {
+        let model = &self.plant.model;
+        let (y, mut a) = self.state_of(jets);
+        let mut dynamics = ForwardDynamics::new(self.plant, &root_only(model.n_links()));
+        a.copy_from_slice(dynamics.accelerations(air, t, &y)?.0);
+        let mut out = [Jet::default(); PLAN];
+        self.stance.chart.lower(model, &y[..model.nq], &y[model.nq..model.nq + model.nv], &a, &mut out);
+        jets[..6].copy_from_slice(&out[..6]);
+        Ok(())
+    }
+
+    fn state_of(&self, jets: &[Jet; PLAN]) -> (Vec<f64>, Vec<f64>) {
+        let model = &self.plant.model;
+        let mut y = vec![0.0; model.nq + model.nv + self.plant.forces.n_states()];
+        let mut a = vec![0.0; model.nv];
+        let (q, rest) = y.split_at_mut(model.nq);
+        let (v, states) = rest.split_at_mut(model.nv);
+        self.stance.chart.lift(model, jets, q, v, &mut a);
+        let mut state = State::new(model);
+        state.forward_velocity(model, q, v);
+        self.plant.forces.rest_states(model, &state, states);
+        (y, a)
+    }
+
+    /// Flies from `start` under `air`; chart jets at the end.
+    fn fly(&self, air: &AirMotion<'b>, t0: f64, duration: f64, start: &[Jet; PLAN]) -> Result<[Jet; PLAN], SimulateError> {
+        let model = &self.plant.model;
+        let (mut y, _) = self.state_of(start);
+        let mut dynamics = ForwardDynamics::new(self.plant, &root_only(model.n_links()));
+        let mut rk4 = Rk4::new(y.len());
+        let steps = (duration / 2.5e-3).ceil() as usize;
+        let h = duration / steps as f64;
+        for k in 0..steps {
+            let t = t0 + k as f64 * h;
+            rk4.step(t, h, &mut y, |t, y, dy| dynamics.rate(air, t, y, dy))?;
+            dynamics.settle(air, t + h, &mut y);
+        }
+        dynamics.accelerations(air, t0 + duration, &y)?;
+        let (q, v, a) = dynamics.motion();
+        let mut jets = [Jet::default(); PLAN];
+        self.stance.chart.lower(model, q, v, a, &mut jets);
+        Ok(jets)
+    }
+
+    /// Aims a flight: corrects the velocities at take-off until the body lands where it should, with the feet under it.
+    fn aim(
+        &mut self,
+        t0: f64,
+        duration: f64,
+        mut take_off: [Jet; PLAN],
+        landing: &[Jet; PLAN],
+        style: &[Bump],
+    ) -> Result<Aimed<'b>, Stumble> {
+        let person = self.stance.person();
+        let guess = Vector3::new(take_off[0].x, take_off[1].x, take_off[2].x - 0.03);
+        let mut end = self.stance.solve_jets(landing, &guess).map_err(Stumble::reach("around landing"))?;
+        let mut best: Option<(f64, Aimed<'b>)> = None;
+        for _ in 0..14 {
+            let mut start = self.stance.solve_jets(&take_off, &guess).map_err(Stumble::reach("around take-off"))?;
+            let chart = self.stance.chart.clone();
+            let air = AirMotion::new(person, chart, t0, duration, &start, &end, style.to_vec());
+            self.fall(&air, t0, &mut start)?;
+            // the ground's moment vanishes with its force: the pelvis leaves with the acceleration of free fall
+            for i in 0..3 {
+                take_off[PELVIS + i].a += 0.7 * (start[3 + i].a - take_off[PELVIS + i].a);
+            }
+            let arrived = self.fly(&air, t0, duration, &start)?;
+            let posture: [f64; PLAN] = std::array::from_fn(|i| arrived[i].x);
+            let com = self.stance.com(&posture);
+            let miss = Vector3::from_fn(|i, _| landing[COM + i].x - com[i]);
+            let lean = Vector3::from_fn(|i, _| landing[PELVIS + i].x - arrived[3 + i].x);
+            let mut next = arrived;
+            let reach = self.stance.leg_jets_under(landing, &mut next);
+            let mut error = miss.norm() + 0.3 * lean.norm();
+            if reach.is_ok() {
+                for i in 26..PLAN {
+                    error += 0.05 * (next[i].x - end[i].x).abs() + 0.002 * (next[i].v - end[i].v).abs();
+                }
+                end[26..].copy_from_slice(&next[26..]);
+            } else {
+                error += 1.0;
+            }
+            if best.as_ref().is_none_or(|b| error < b.0) {
+                best = Some((error, Aimed { take_off, air }));
+            }
+            if error < 2e-4 {
+                break;
+            }
+            for i in 0..3 {
+                take_off[COM + i].v += 0.95 * miss[i] / duration;
+                take_off[PELVIS + i].v += 0.8 * lean[i] / duration;
+            }
+        }
+        match best {
+            Some((error, aimed)) if error < 0.03 => Ok(aimed),
+            Some((error, _)) => Err(Stumble::Infeasible(format!("the landing was missed by {error:.3} m"))),
+            None => Err(Stumble::Infeasible("no flight".to_owned())),
+        }
+    }
+}
+
+/// At the bottom, trunk and arms are already on their way up: whatever brakes late would tip the body over its toes.
+fn unfold(crouch: &mut [Jet; PLAN]) {
+    crouch[PELVIS + 2].v = 1.0;
+    crouch[UPPER + 2].v = 0.6;
+    for arm in [UPPER + 8, UPPER + 15] {
+        crouch[arm].v = 4.0;
+    }
+}
+
+fn root_only(n: usize) -> Vec<bool> {
+    (0..n).map(|i| i == 0).collect()
+}
+
+/// Plays one jump trial. `tick_s` is the sampling interval of the fastest instrument.
+pub fn jump_trial(
+    person: &super::Person,
+    plant: &Plant,
+    protocol: &JumpProtocol,
+    tick_s: f64,
+    rng: &mut Stream,
+) -> Result<JumpTrial, Stumble> {
+    let h = person.height_m;
+    let mut footing = Footing::comfortable(h, rng);
+    let mut jumper = Jumper {
+        plant,
+        protocol,
+        stance: Stance::new(person, footing.toe_out),
+        height_m: h,
+        g: plant.model.gravity_mps2.norm(),
+    };
+    let snap = |t: f64| (t / tick_s).round() * tick_s;
+    let ticks = |a: f64, b: f64| ((b - a) / tick_s).round() as usize;
+    let n_links = plant.model.n_links();
+    let held = vec![false; n_links];
+    let flights = rng.whole(protocol.flights[0].max(1), protocol.flights[1].max(1));
+    let vigour = protocol.vigour;
+
+    // standing at the beginning
+    let lean = |rng: &mut Stream, pitch: f64, sd: f64| {
+        Vector3::new(0.5 * sd * rng.moderate(), 0.8 * sd * rng.moderate(), -pitch + sd * rng.moderate())
+    };
+    let pelvis = lean(rng, 0.05, 0.03);
+    let first = jumper.posture(&footing, pelvis, &upper(Moment::Stand, vigour, rng), 0.0, rng.between(0.25, 0.4)).map_err(Stumble::reach("in stance"))?;
+    let pelvis = lean(rng, 0.05, 0.03);
+    let second = jumper.posture(&footing, pelvis, &upper(Moment::Stand, vigour, rng), 0.0, rng.between(0.25, 0.4)).map_err(Stumble::reach("in stance"))?;
+    let stand_s = snap(rng.between(0.45, 0.65));
+    let dip_s = snap(rng.between(0.45, 0.55));
+    let mut knots = vec![(0.0, rest(&first)), (stand_s, rest(&second))];
+    let mut player: Option<Player<'_>> = None;
+    let mut landed: Option<[Jet; PLAN]> = None;
+    let mut styles = Vec::new();
+    let mut last_style = None;
+
+    for _ in 0..flights {
+        let duration = snap(rng.between(protocol.flight_s[0], protocol.flight_s[1]));
+        let style = draw_style(&mut last_style, rng);
+        styles.push(style.name());
+        let shape = bumps(style, vigour, rng);
+
+        // take-off and landing as planned; velocities at take-off will be aimed
+        let pelvis = lean(rng, 0.10, 0.04);
+        let pitch = rng.between(0.52, 0.62);
+        let arms = upper(Moment::TakeOff, vigour, rng);
+        let plan = jumper.posture(&footing, pelvis, &arms, pitch, rng.between(0.62, 0.72)).map_err(Stumble::reach("before take-off"))?;
+        let mut take_off = rest(&plan);
+        for i in 0..N_UPPER {
+            take_off[UPPER + i].v = arms[i].v;
+        }
+        for side in 0..2 {
+            take_off[FOOT[side] + 5].v = -rng.between(4.0, 5.0);
+        }
+        let mut down = footing;
+        for ball in &mut down.ball {
+            ball.x += -0.3 * ball.x + 0.02 + 0.015 * rng.moderate();
+            ball.y += 0.010 * rng.moderate();
+        }
+        let pelvis = lean(rng, 0.15, 0.07);
+        let arms = upper(Moment::Landing, vigour, rng);
+        let plan = jumper.posture(&down, pelvis, &arms, rng.between(0.35, 0.45), rng.between(0.72, 0.82)).map_err(Stumble::reach("at landing"))?;
+        let mut landing = rest(&plan);
+        for i in 0..N_UPPER {
+            landing[UPPER + i].v = arms[i].v;
+        }
+        for side in 0..2 {
+            landing[FOOT[side] + 4].x = 0.04 * rng.moderate();
+            landing[FOOT[side] + 5].v = rng.between(3.5, 4.5);
+        }
+        let g = jumper.plant.model.gravity_mps2;
+        for i in 0..3 {
+            let v = (landing[COM + i].x - take_off[COM + i].x) / duration - 0.5 * g[i] * duration;
+            take_off[COM + i] = Jet { v, a: g[i], ..take_off[COM + i] };
+            landing[COM + i].v = v + g[i] * duration;
+            landing[COM + i].a = g[i];
+        }
+
+        // when: the push that reaches the speed, and the brake that takes the landing
+        let pelvis = lean(rng, 0.38, 0.05);
+        let crouch =
+            jumper.posture(&footing, pelvis, &upper(Moment::Crouch, vigour, rng), 0.0, rng.between(1.85, 2.05)).map_err(Stumble::reach("in the crouch"))?;
+        let rise = take_off[COM + 2].x - crouch[COM + 2];
+        let speed = take_off[COM + 2].v;
+        let (push_s, bottom) = jumper
+            .push(rise, speed, None)
+            .ok_or_else(|| Stumble::Infeasible(format!("no push over {rise:.2} m to {speed:.2} m/s")))?;
+        let push_s = snap(push_s);
+        let (t_bottom, contact_start) = match &landed {
+            None => (stand_s + dip_s, 0.0),
+            Some(jets) => {
+                let now = player.as_ref().map_or(0.0, Player::time);
+                let fall = jets[COM + 2].x - crouch[COM + 2];
+                let (time, _) = jumper
+                    .push(fall, -jets[COM + 2].v, Some(bottom))
+                    .ok_or_else(|| Stumble::Infeasible(format!("no landing within {fall:.2} m")))?;
+                (now + snap(time), now)
+            }
+        };
+        let t_off = t_bottom + push_s;
+        let aimed = jumper.aim(t_off, duration, take_off, &landing, &shape)?;
+        let mut crouch = rest(&crouch);
+        crouch[COM + 2].a = bottom;
+        unfold(&mut crouch);
+        knots.push((t_bottom, crouch));
+        knots.push((t_off, aimed.take_off));
+        let mut plan = PlanCurve::through(&knots);
+        feet(&mut plan, &footing, landed.as_ref().map(|jets| (contact_start, jets)), Some((t_off, &aimed.take_off)));
+
+        let mut chart_off =
+            jumper.stance.solve_jets(&aimed.take_off, &Vector3::new(0.0, 0.0, 0.5 * jumper.height_m)).map_err(Stumble::reach("at take-off"))?;
+        jumper.fall(&aimed.air, t_off, &mut chart_off)?;
+        let start = match &player {
+            None => None,
+            Some(p) => Some(chart_now(&jumper, p, p.motion())),
+        };
+        let ground =
+            GroundMotion::new(&mut jumper.stance, &plan, [contact_start, t_off], start.as_ref(), Some(&chart_off)).map_err(Stumble::reach("on the ground"))?;
+        let mut p = match player.take() {
+            Some(p) => p,
+            None => {
+                let (mut q, mut v, mut a) =
+                    (plant.model.neutral(), vec![0.0; plant.model.nv], vec![0.0; plant.model.nv]);
+                ground.prescribe(0.0, &mut q, &mut v, &mut a);
+                Player::new(plant, tick_s, &q)
+            }
+        };
+        p.advance(ticks(contact_start, t_off), &held, &ground)?;
+        p.advance(ticks(0.0, duration), &root_only(n_links), &aimed.air)?;
+
+        // what the flight made of the landing is where the next contact starts
+        let chart = chart_now(&jumper, &p, p.motion());
+        let jets = jumper.stance.observe_jets(&chart);
+        for side in 0..2 {
+            let i = FOOT[side];
+            footing.ball[side] = Vector3::new(jets[i].x, jets[i + 1].x, 0.0);
+        }
+        knots = vec![(p.time(), jets)];
+        landed = Some(jets);
+        player = Some(p);
+    }
+
+    let (Some(mut p), Some(jets)) = (player, landed) else {
+        return Err(Stumble::Infeasible("no flight was asked for".to_owned()));
+    };
+    // the last landing, and up again
+    let now = p.time();
+    let pelvis = lean(rng, 0.38, 0.05);
+    let crouch = jumper.posture(&footing, pelvis, &upper(Moment::Crouch, vigour, rng), 0.0, rng.between(1.75, 2.0)).map_err(Stumble::reach("in the last crouch"))?;
+    let fall = jets[COM + 2].x - crouch[COM + 2];
+    let (time, bottom) = jumper
+        .push(fall, -jets[COM + 2].v, Some(4.5))
+        .ok_or_else(|| Stumble::Infeasible(format!("no landing within {fall:.2} m")))?;
+    let mut low = rest(&crouch);
+    low[COM + 2].a = bottom;
+    let pelvis = lean(rng, 0.05, 0.03);
+    let stand =
+        jumper.posture(&footing, pelvis, &upper(Moment::Stand, vigour, rng), 0.0, rng.between(0.3, 0.45)).map_err(Stumble::reach("in the last stance"))?;
+    let t_bottom = now + snap(time);
+    let t_up = t_bottom + snap(rng.between(0.6, 0.75));
+    let t_end = t_up + snap(rng.between(0.15, 0.3));
+    knots.push((t_bottom, low));
+    knots.push((t_up, rest(&stand)));
+    knots.push((t_end, rest(&stand)));
+    let mut plan = PlanCurve::through(&knots);
+    feet(&mut plan, &footing, Some((now, &jets)), None);
+    let start = chart_now(&jumper, &p, p.motion());
+    let ground = GroundMotion::new(&mut jumper.stance, &plan, [now, t_end], Some(&start), None).map_err(Stumble::reach("after the last landing"))?;
+    p.advance(ticks(now, t_end), &held, &ground)?;
+    let _ = jumper.protocol;
+    Ok(JumpTrial { motion: p.finish(), styles })
+}
+
+fn draw_style(last: &mut Option<Style>, rng: &mut Stream) -> Style {
+    loop {
+        let style = STYLES[rng.whole(0, STYLES.len() - 1)];
+        if *last != Some(style) {
+            *last = Some(style);
+            return style;
+        }
+    }
+}
+
+/// Chart jets of the player's last tick.
+fn chart_now(jumper: &Jumper<'_, '_>, player: &Player<'_>, motion: &TrueMotion) -> [Jet; PLAN] {
+    let tick = player.tick();
+    let mut jets = [Jet::default(); PLAN];
+    jumper.stance.chart.lower(&jumper.plant.model, motion.q(tick), motion.v(tick), motion.a(tick), &mut jets);
+    jets
+}
+
+/// Feet on the ground: flat after a landing, heels rising before a take-off.
+fn feet(
+    plan: &mut PlanCurve,
+    footing: &Footing,
+    landing: Option<(f64, &[Jet; PLAN])>,
+    take_off: Option<(f64, &[Jet; PLAN])>,
+) {
+    use crate::motion::Piecewise;
+    let (flatten_s, rise_s) = (0.13, 0.17);
+    for side in 0..2 {
+        let first = FOOT[side];
+        for k in 0..7 {
+            let i = first + k;
+            let flat = match k {
+                0..=2 => footing.ball[side][k],
+                4 => landing.map_or(0.0, |(_, jets)| jets[i].x),
+                _ => 0.0,
+            };
+            let mut knots = Vec::new();
+            if let Some((t, jets)) = landing {
+                knots.push((t, jets[i]));
+                knots.push((t + flatten_s, Jet::rest(flat)));
+            } else {
+                knots.push((-10.0, Jet::rest(flat)));
+            }
+            if let Some((t, jets)) = take_off {
+                let begin = (t - rise_s).max(landing.map_or(0.0, |(t, _)| t + flatten_s + 1e-3));
+                knots.push((begin, Jet::rest(flat)));
+                let end = if k == 4 { Jet::rest(flat) } else { jets[i] };
+                knots.push((t, end));
+            } else if let Some((t, _)) = knots.last().copied() {
+                knots.push((t + 10.0, Jet::rest(flat)));
+            }
+            plan.curves[i] = Piecewise::through(&knots);
+        }
+    }
+    let _ = (CHART_UPPER, UnitQuaternion::<f64>::identity());
+}
