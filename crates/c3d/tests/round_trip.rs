@@ -79,12 +79,15 @@ fn prop_fixtures_survive() {
 fn regress_fixtures_are_what_the_builder_makes() {
     let update = std::env::var_os("ALOFT_UPDATE_GOLDEN").is_some();
     for (name, file) in fixtures() {
-        let path = golden_folder().join(format!("{name}.c3d"));
         let bytes = file.to_bytes().unwrap();
-        if update {
-            std::fs::write(&path, &bytes).unwrap();
+        // the same files are where fuzzing starts
+        for folder in [golden_folder(), golden_folder().join("../../fuzz/seeds")] {
+            let path = folder.join(format!("{name}.c3d"));
+            if update {
+                std::fs::write(&path, &bytes).unwrap();
+            }
+            assert!(std::fs::read(&path).unwrap() == bytes, "{name}.c3d differs: ALOFT_UPDATE_GOLDEN=1 writes it anew");
         }
-        assert!(std::fs::read(&path).unwrap() == bytes, "{name}.c3d differs: ALOFT_UPDATE_GOLDEN=1 writes it anew");
     }
 }
 

@@ -1,10 +1,11 @@
 //! Each command: open the study, ask the pipeline, render for people or as JSON.
 
-use crate::args::{Cli, Command, PipelineArgs};
+use crate::args::{Cli, Command, PipelineArgs, RowsArg};
 use crate::progress::Bars;
 use crate::render::{note, out, table};
-use crate::Success;
-use aloft_pipeline::command::{check, init, inspect, status};
+use crate::{Success, show};
+use aloft_pipeline::command::{check, compare, init, inspect, parameters, status};
+use aloft_pipeline::config::Rows;
 use aloft_pipeline::error::PipelineError;
 use aloft_pipeline::graph::Standing;
 use aloft_pipeline::runner::{self, Ended, RunReport, Selection};
@@ -37,6 +38,15 @@ fn json<T: serde::Serialize>(value: &T) -> Result<(), Stop> {
     out(text)
 }
 
+impl From<RowsArg> for Rows {
+    fn from(rows: RowsArg) -> Self {
+        match rows {
+            RowsArg::Paper => Self::Paper,
+            RowsArg::Weak => Self::Weak,
+        }
+    }
+}
+
 /// Carries out a command.
 pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
     match cli.command {
@@ -58,7 +68,17 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             note(format!("next: aloft check {}", path.display()));
             Ok(Success::Full)
         }
-        Command::Parameters { .. } | Command::Compare { .. } | Command::Report { .. } | Command::Simulate { .. } => Err(Stop::Error(miette::miette!("not yet"))),
+        Command::Parameters { pipeline, rows, json: as_json } => {
+            let found = parameters::parameters(&open(&pipeline)?, rows.map(Rows::from))?;
+            if as_json { json(&found)? } else { show::parameters(&found)? }
+            Ok(Success::Full)
+        }
+        Command::Compare { pipeline, estimators: _, json: as_json } => {
+            let found = compare::compare(&open(&pipeline)?)?;
+            if as_json { json(&found)? } else { show::comparison(&found)? }
+            Ok(Success::Full)
+        }
+        Command::Report { .. } | Command::Simulate { .. } => Err(Stop::Error(miette::miette!("not yet"))),
         Command::Schema => {
             json(&aloft_pipeline::config_schema())?;
             Ok(Success::Full)
@@ -93,6 +113,9 @@ fn run(args: &PipelineArgs, selection: &Selection, jobs: Option<usize>) -> Resul
         return show_dry_run(&done);
     }
     show_run(&done, args)?;
+    if done.tasks.iter().any(|t| t.stage == "compare" && matches!(t.ended, Ended::Ran | Ended::UpToDate)) {
+        show::brief(&compare::compare(&study)?)?;
+    }
     Ok(if done.has_trouble() { Success::Partial } else { Success::Full })
 }
 

@@ -5,6 +5,7 @@ mod args;
 mod commands;
 mod progress;
 mod render;
+mod show;
 
 use clap::Parser;
 use std::process::ExitCode;

@@ -20,7 +20,9 @@ fn bench(c: &mut Criterion) {
     }
     let mut group = c.benchmark_group("solve");
     group.throughput(Throughput::Elements(n as u64));
-    for (name, subject) in [("chain_9_markers", common::chain()), ("person_35_markers", common::person()), ("person_45_markers", person45)] {
+    for (name, subject) in
+        [("chain_9_markers", common::chain()), ("person_35_markers", common::person()), ("person_45_markers", person45)]
+    {
         let truth = common::motion(&subject, n, 200.0, 0.3, 1);
         let trial = common::trial(&subject, &truth, 200.0, 1e-3, 1);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();

@@ -27,7 +27,8 @@ fn main() {
     let trials = load(Path::new(&arguments[0]), &set);
     let (statics, moving): (Vec<&Trial>, Vec<&Trial>) = trials.iter().partition(|t| t.name.starts_with("static"));
     let facts = facts(Path::new(&arguments[0]));
-    let input = PersonInput { facts: &facts, model_spec: &model, marker_set: &set, static_trial: statics[0], frames: None };
+    let input =
+        PersonInput { facts: &facts, model_spec: &model, marker_set: &set, static_trial: statics[0], frames: None };
     let scaled = scale_person(&input, &tables, &ScaleOptions::default()).unwrap();
     for warning in &scaled.report.warnings {
         println!("  scale: {warning}");
@@ -85,7 +86,14 @@ fn main() {
             let r = &result.report;
             println!(
                 "  {:14} {:5} frames, RMS {:6.2} mm, max {:6.1} mm, unsolved {}, unconverged {}, restarts {}, branches {}, {:.1} steps",
-                r.trial, r.n_frames, 1e3 * r.rms_m, 1e3 * r.max_m, r.n_unsolved, r.n_unconverged, r.n_restarts, r.n_branch_changes,
+                r.trial,
+                r.n_frames,
+                1e3 * r.rms_m,
+                1e3 * r.max_m,
+                r.n_unsolved,
+                r.n_unconverged,
+                r.n_restarts,
+                r.n_branch_changes,
                 r.mean_iterations
             );
             sum += r.rms_m;
@@ -94,7 +102,11 @@ fn main() {
                 write_centres(subject, &result.motion, &out.join(format!("{}_{stage}.txt", trial.name)));
             }
         }
-        println!("{stage}: mean RMS {:.2} mm, {:.0} frames/s", 1e3 * sum / moving.len() as f64, frames as f64 / clock.elapsed().as_secs_f64());
+        println!(
+            "{stage}: mean RMS {:.2} mm, {:.0} frames/s",
+            1e3 * sum / moving.len() as f64,
+            frames as f64 / clock.elapsed().as_secs_f64()
+        );
     };
     fit(&scaled.subject, "landmarks");
     let used: Vec<&Trial> = moving.iter().copied().filter(|t| held.is_empty() || !t.name.starts_with(&held)).collect();
@@ -103,21 +115,36 @@ fn main() {
     let r = &result.report;
     println!(
         "calibrated in {:.2} s, {} steps, {} frames: used {:.2} to {:.2} mm, held out {:.2} to {:.2} mm",
-        clock.elapsed().as_secs_f64(), r.iterations, r.frames_used,
-        1e3 * r.used_rms_before_m, 1e3 * r.used_rms_after_m, 1e3 * r.held_out_rms_before_m, 1e3 * r.held_out_rms_after_m
+        clock.elapsed().as_secs_f64(),
+        r.iterations,
+        r.frames_used,
+        1e3 * r.used_rms_before_m,
+        1e3 * r.used_rms_after_m,
+        1e3 * r.held_out_rms_before_m,
+        1e3 * r.held_out_rms_after_m
     );
     for joint in &r.joints {
         println!(
             "  {:12} moved {:5.1} mm ({:.0} {:.0} {:.0}; sd {:.1}), axis {:.1}° (sd {:.1}°)",
-            joint.link, 1e3 * joint.moved_m,
-            1e3 * (joint.calibrated_m.x - joint.landmark_m.x), 1e3 * (joint.calibrated_m.y - joint.landmark_m.y),
-            1e3 * (joint.calibrated_m.z - joint.landmark_m.z), 1e3 * joint.sd_m,
-            joint.axis_turned_rad.unwrap_or(f64::NAN).to_degrees(), joint.axis_sd_rad.unwrap_or(f64::NAN).to_degrees()
+            joint.link,
+            1e3 * joint.moved_m,
+            1e3 * (joint.calibrated_m.x - joint.landmark_m.x),
+            1e3 * (joint.calibrated_m.y - joint.landmark_m.y),
+            1e3 * (joint.calibrated_m.z - joint.landmark_m.z),
+            1e3 * joint.sd_m,
+            joint.axis_turned_rad.unwrap_or(f64::NAN).to_degrees(),
+            joint.axis_sd_rad.unwrap_or(f64::NAN).to_degrees()
         );
     }
     if arguments.iter().any(|a| a == "--markers") {
         for marker in &r.markers {
-            println!("  {:14} moved {:5.1} mm, RMS {:5.1} to {:5.1} mm", marker.label, 1e3 * marker.moved_m, 1e3 * marker.rms_before_m, 1e3 * marker.rms_after_m);
+            println!(
+                "  {:14} moved {:5.1} mm, RMS {:5.1} to {:5.1} mm",
+                marker.label,
+                1e3 * marker.moved_m,
+                1e3 * marker.rms_before_m,
+                1e3 * marker.rms_after_m
+            );
         }
     }
     fit(&result.subject, "calibrated");
@@ -132,7 +159,8 @@ fn load(folder: &Path, set: &MarkerSet) -> Vec<Trial> {
         let mut trial = match path.extension().and_then(|e| e.to_str()) {
             Some("c3d") => Trial::from_c3d(&name, &std::fs::read(&path).unwrap(), &ImportOptions::default()).unwrap(),
             Some("trc") => {
-                Trial::from_trc_mot(&name, &std::fs::read_to_string(&path).unwrap(), None, &ImportOptions::default()).unwrap()
+                Trial::from_trc_mot(&name, &std::fs::read_to_string(&path).unwrap(), None, &ImportOptions::default())
+                    .unwrap()
             }
             _ => continue,
         };

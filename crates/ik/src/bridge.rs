@@ -2,30 +2,46 @@
 //!
 //! Soft tissue pulls every marker a little off its place on the link. While all are there the pose settles among
 //! them; when one goes, the pose jumps by its share, and returns when it comes back. Twice differentiated, such a step of a
-//! millimetre is larger than the motion. So in a short gap the marker is put where the tracked link carries it, with the
-//! residual that it had in the link's frame at the edges, interpolated; and the frames of the gap are minimised again.
+//! millimetre is larger than the motion. And where it was the only one that told of a rotation, nothing does. So the
+//! frames of a short gap are minimised again, with two kinds of help:
+//!
+//! * the joints of the marker's branch are drawn to a cubic between the edges of the gap, weakly, which decides where
+//!   the other markers do not;
+//! * the marker itself is put where the link carries it, with the residual that it had in the link's frame at the edges.
+//!
 //! The substitutes steady the pose only: they count neither in residuals nor in standard deviations.
 
 use crate::frame::Solver;
 use crate::problem::Problem;
-use aloft_body::Motion;
+use crate::tree::{NONE, quaternion};
+use aloft_body::{JointKind, Motion};
 use aloft_trial::Trial;
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
-/// Frames at each edge over which the residual is averaged.
+/// Frames at each edge over which residual and rate are averaged.
 const EDGE: usize = 3;
 /// Rounds of placing the substitutes and minimising.
 const ROUNDS: usize = 4;
-
 /// Movement of the substitutes below which they have settled, m.
 const SETTLED_M: f64 = 2e-6;
+/// Standard deviation of a joint from the cubic between the edges of a gap, rad (m for prismatic joints).
+const CUBIC_SD_RAD: f64 = 0.05;
 
-/// A marker that stands in for a missing one: where it goes in its link's frame, m.
-#[derive(Debug, Clone, Copy)]
-struct Substitute {
+/// A gap of one marker.
+#[derive(Debug, Clone)]
+struct Gap {
     marker: usize,
-    in_link: Vector3<f64>,
+    start: usize,
+    end: usize,
+    /// Frames at the edges of the cubic: the gap's own, or those of all gaps on the branch that overlap.
+    from: usize,
+    to: usize,
+    /// Place in the link's frame at both edges, m.
+    before: Vector3<f64>,
+    after: Vector3<f64>,
+    /// Links whose joints are drawn to the cubic.
+    branch: Vec<usize>,
 }
 
 /// Solves the frames of short gaps again. Returns how many frames were touched.
@@ -36,47 +52,71 @@ pub(crate) fn bridge(
     motion: &mut Motion,
     longest: usize,
 ) -> usize {
-    let substitutes = place(problem, trial, sources, motion, longest);
-    let nq = motion.nq;
-    let n = problem.markers.len();
-    let frames: Vec<usize> = (0..substitutes.len()).filter(|&f| !substitutes[f].is_empty()).collect();
-    let solved: Vec<(Vec<f64>, Vec<f64>)> = frames
+    let gaps = find_gaps(problem, trial, sources, motion, longest);
+    let mut of_frame: Vec<Vec<usize>> = vec![Vec::new(); motion.n_frames()];
+    for (g, gap) in gaps.iter().enumerate() {
+        (gap.start..gap.end).filter(|&f| motion.is_valid(f)).for_each(|f| of_frame[f].push(g));
+    }
+    let frames: Vec<usize> = (0..of_frame.len()).filter(|&f| !of_frame[f].is_empty()).collect();
+    let (nq, nv, n) = (motion.nq, motion.nv, problem.markers.len());
+    let solved: Vec<Bridged> = frames
         .par_chunks(64)
         .flat_map_iter(|piece| {
             let mut solver = Solver::new(problem);
-            piece.iter().map(|&f| again(&mut solver, trial, sources, f, motion.q(f), &substitutes[f])).collect::<Vec<_>>()
+            let one = |&f: &usize| {
+                for (target, &source) in solver.targets.iter_mut().zip(sources) {
+                    *target = trial.markers.trajectories[source][f];
+                }
+                let gaps: Vec<&Gap> = of_frame[f].iter().map(|&g| &gaps[g]).collect();
+                again(&mut solver, motion, f, &gaps)
+            };
+            piece.iter().map(one).collect::<Vec<_>>()
         })
         .collect();
-    for (&f, (q, residual_m)) in frames.iter().zip(&solved) {
-        motion.q[f * nq..(f + 1) * nq].copy_from_slice(q);
-        motion.residual_m[f * n..(f + 1) * n].copy_from_slice(residual_m);
+    for (&f, bridged) in frames.iter().zip(&solved) {
+        motion.q[f * nq..(f + 1) * nq].copy_from_slice(&bridged.q);
+        motion.q_sd[f * nv..(f + 1) * nv].copy_from_slice(&bridged.q_sd);
+        motion.residual_m[f * n..(f + 1) * n].copy_from_slice(&bridged.residual_m);
     }
     frames.len()
 }
 
-/// One frame with its substitutes; joint coordinates and residuals of the markers that were measured.
-fn again(
-    solver: &mut Solver<'_>,
-    trial: &Trial,
-    sources: &[usize],
-    frame: usize,
-    q: &[f64],
-    substitutes: &[Substitute],
-) -> (Vec<f64>, Vec<f64>) {
+struct Bridged {
+    q: Vec<f64>,
+    q_sd: Vec<f64>,
+    residual_m: Vec<f64>,
+}
+
+/// One frame again, with the help of the gaps that it lies in.
+fn again(solver: &mut Solver<'_>, motion: &Motion, frame: usize, gaps: &[&Gap]) -> Bridged {
     let problem = solver.problem;
-    let mut q = q.to_vec();
-    let mut pose = problem.tree.pose();
-    for (target, &source) in solver.targets.iter_mut().zip(sources) {
-        *target = trial.markers.trajectories[source][frame];
+    let tree = &problem.tree;
+    solver.rest_q.copy_from_slice(&problem.rest_q);
+    solver.rest_weight.fill(problem.rest_weight);
+    let mut q = motion.q(frame).to_vec();
+    for gap in gaps {
+        for &link in &gap.branch {
+            cubic(motion, gap, frame, &tree.links[link].kind, tree.links[link].q_offset, &mut solver.rest_q);
+            solver.rest_weight[link] = 1.0 / (CUBIC_SD_RAD * CUBIC_SD_RAD);
+            let at = tree.links[link].q_offset;
+            let nq = tree.links[link].kind.nq();
+            if !problem.locked_link[link] {
+                q[at..at + nq].copy_from_slice(&solver.rest_q[at..at + nq]);
+            }
+        }
     }
+    solver.look();
+    solver.minimise(&mut q);
+    let mut pose = tree.pose();
     for round in 0..ROUNDS {
-        problem.tree.forward(&q, &mut pose);
+        tree.forward(&q, &mut pose);
         let mut moved: f64 = 0.0;
-        for s in substitutes {
-            let link = problem.markers[s.marker].link;
-            let place = pose.origin[link] + pose.rotation[link] * s.in_link;
-            moved = moved.max((place - solver.targets[s.marker]).norm());
-            solver.targets[s.marker] = place;
+        for gap in gaps {
+            let share = (frame + 1 - gap.start) as f64 / (gap.end + 1 - gap.start) as f64;
+            let link = problem.markers[gap.marker].link;
+            let place = pose.origin[link] + pose.rotation[link] * gap.before.lerp(&gap.after, share);
+            moved = moved.max((place - solver.targets[gap.marker]).norm());
+            solver.targets[gap.marker] = place;
         }
         // in the first round there is nothing to compare with
         if round > 0 && moved < SETTLED_M {
@@ -85,19 +125,62 @@ fn again(
         solver.look();
         solver.minimise(&mut q);
     }
-    let mut residual_m = vec![f64::NAN; problem.markers.len()];
-    for &i in &solver.visible {
-        if substitutes.iter().all(|s| s.marker != i) {
-            residual_m[i] = solver.residual[i].norm();
+    for gap in gaps {
+        solver.targets[gap.marker] = Vector3::repeat(f64::NAN);
+    }
+    solver.look();
+    solver.evaluate(&q);
+    let nv = tree.nv;
+    let mut q_sd = motion.q_sd[frame * nv..(frame + 1) * nv].to_vec();
+    if solver.covariance(&q) {
+        let factor = solver.variance_factor();
+        for (column, sd) in q_sd.iter_mut().enumerate().filter(|(c, _)| !problem.locked[*c]) {
+            *sd = (factor * solver.variance(column)).max(0.0).sqrt();
         }
     }
-    (q, residual_m)
+    let mut residual_m = vec![f64::NAN; problem.markers.len()];
+    for &i in &solver.visible {
+        residual_m[i] = solver.residual[i].norm();
+    }
+    Bridged { q, q_sd, residual_m }
 }
 
-/// Substitutes of each frame.
-fn place(problem: &Problem, trial: &Trial, sources: &[usize], motion: &Motion, longest: usize) -> Vec<Vec<Substitute>> {
+/// One joint's coordinates in a gap: Hermite's cubic between the edges, rotations in the tangent space of the first edge.
+fn cubic(motion: &Motion, gap: &Gap, frame: usize, kind: &JointKind, at: usize, out: &mut [f64]) {
+    let (a, b) = (gap.from, gap.to);
+    // the other ends of the stretches from which rates are taken
+    let a0 = (a.saturating_sub(EDGE)..=a).find(|&f| motion.is_valid(f)).unwrap_or(a);
+    let last = (b + EDGE).min(motion.n_frames() - 1);
+    let b1 = (b..=last).rev().find(|&f| motion.is_valid(f)).unwrap_or(b);
+    let length = (b - a) as f64;
+    let s = (frame - a) as f64 / length;
+    let (s2, s3) = (s * s, s * s * s);
+    let (h_a, h_end, h_b) = (s3 - 2.0 * s2 + s, 3.0 * s2 - 2.0 * s3, s3 - s2);
+    let scale_a = if a > a0 { length / (a - a0) as f64 } else { 0.0 };
+    let scale_b = if b1 > b { length / (b1 - b) as f64 } else { 0.0 };
+    match kind {
+        JointKind::Spherical => {
+            let turn = |f: usize| quaternion(&motion.q(f)[at..at + 4]);
+            let log = |from: usize, to: usize| (turn(from).inverse() * turn(to)).scaled_axis();
+            let middle = log(a, b);
+            let (rate_a, rate_b) = (log(a0, a) * scale_a, log(b, b1) * scale_b);
+            let x = rate_a * h_a + middle * h_end + rate_b * h_b;
+            let value = turn(a) * UnitQuaternion::from_scaled_axis(x);
+            out[at..at + 4].copy_from_slice(value.coords.as_slice());
+        }
+        JointKind::Revolute(_) | JointKind::Prismatic(_) => {
+            let value = |f: usize| motion.q(f)[at];
+            let (rate_a, rate_b) = ((value(a) - value(a0)) * scale_a, (value(b1) - value(b)) * scale_b);
+            out[at] = value(a) + rate_a * h_a + (value(b) - value(a)) * h_end + rate_b * h_b;
+        }
+        JointKind::Free | JointKind::Fixed => {}
+    }
+}
+
+/// Gaps that can be bridged.
+fn find_gaps(problem: &Problem, trial: &Trial, sources: &[usize], motion: &Motion, longest: usize) -> Vec<Gap> {
     let n_frames = motion.n_frames();
-    let mut substitutes = vec![Vec::new(); n_frames];
+    let mut gaps = Vec::new();
     let mut pose = problem.tree.pose();
     for (marker, (tracked, &source)) in problem.markers.iter().zip(sources).enumerate() {
         let track = &trial.markers.trajectories[source];
@@ -109,7 +192,8 @@ fn place(problem: &Problem, trial: &Trial, sources: &[usize], motion: &Motion, l
                 continue;
             }
             let end = (start..n_frames).find(|&f| seen(f)).unwrap_or(n_frames);
-            if start > 0 && end < n_frames && end - start <= longest {
+            let inside = start > 0 && end < n_frames && end - start <= longest;
+            if inside && motion.is_valid(start - 1) && motion.is_valid(end) {
                 // mean place in the link's frame over the frames of one edge
                 let mut edge = |from: usize, to: usize| {
                     let (mut sum, mut count) = (Vector3::zeros(), 0.0);
@@ -118,19 +202,53 @@ fn place(problem: &Problem, trial: &Trial, sources: &[usize], motion: &Motion, l
                         sum += pose.rotation[tracked.link].transpose() * (track[f] - pose.origin[tracked.link]);
                         count += 1.0;
                     }
-                    (count > 0.0).then(|| sum / count)
+                    sum / count
                 };
                 let before = edge(start.saturating_sub(EDGE), start);
                 let after = edge(end, (end + EDGE).min(n_frames));
-                if let (Some(before), Some(after)) = (before, after) {
-                    for f in (start..end).filter(|&f| motion.is_valid(f)) {
-                        let share = (f + 1 - start) as f64 / (end + 1 - start) as f64;
-                        substitutes[f].push(Substitute { marker, in_link: before.lerp(&after, share) });
-                    }
-                }
+                let branch = branch(problem, tracked.link);
+                gaps.push(Gap { marker, start, end, from: start - 1, to: end, before, after, branch });
             }
             start = end;
         }
     }
-    substitutes
+    join(problem, &mut gaps, motion, 3 * longest);
+    gaps
+}
+
+/// Moves the edges of cubics out of other gaps on the same branch, where poses are as uncertain, as long as they stay short.
+fn join(problem: &Problem, gaps: &mut [Gap], motion: &Motion, longest: usize) {
+    let link = |gap: &Gap| problem.markers[gap.marker].link;
+    loop {
+        let mut changed = false;
+        for i in 0..gaps.len() {
+            let (mut from, mut to) = (gaps[i].from, gaps[i].to);
+            for other in gaps.iter().filter(|o| o.branch.contains(&link(&gaps[i])) || link(o) == link(&gaps[i])) {
+                if other.start <= to && other.end > from {
+                    from = from.min(other.start - 1);
+                    to = to.max(other.end);
+                }
+            }
+            let wider = from < gaps[i].from || to > gaps[i].to;
+            if wider && to - from <= longest && motion.is_valid(from) && motion.is_valid(to) {
+                (gaps[i].from, gaps[i].to) = (from, to);
+                changed = true;
+            }
+        }
+        if !changed {
+            return;
+        }
+    }
+}
+
+/// Links above, at and below a link, without the root.
+fn branch(problem: &Problem, link: usize) -> Vec<usize> {
+    let links = &problem.tree.links;
+    let above = |mut from: usize, to: usize| {
+        while from != to && from != NONE {
+            from = links[from].parent;
+        }
+        from == to
+    };
+    (1..links.len()).filter(|&l| above(link, l) || above(l, link)).collect()
 }

@@ -5,7 +5,9 @@
 #[non_exhaustive]
 pub enum IkError {
     /// Trial and subject share fewer markers than a pose needs.
-    #[error("{trial}: {found} of its markers are markers of `{subject}`, at least {needed} are needed; the subject has {expected}")]
+    #[error(
+        "{trial}: {found} of its markers are markers of `{subject}`, at least {needed} are needed; the subject has {expected}"
+    )]
     TooFewMarkers {
         /// Trial.
         trial: String,

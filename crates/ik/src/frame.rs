@@ -30,6 +30,10 @@ pub(crate) struct Solver<'a> {
     normal: Packed,
     pub factor: Packed,
     pub inverse: Packed,
+    /// Where joints are drawn to.
+    pub rest_q: Vec<f64>,
+    /// How strongly, by link, 1/rad² (1/m² for prismatic joints).
+    pub rest_weight: Vec<f64>,
     step: Vec<f64>,
     q_try: Vec<f64>,
     /// True when `factor` belongs to the result of the last minimisation.
@@ -53,6 +57,8 @@ impl<'a> Solver<'a> {
             normal: packed.clone(),
             factor: packed.clone(),
             inverse: packed,
+            rest_q: problem.rest_q.clone(),
+            rest_weight: vec![problem.rest_weight; tree.links.len()],
             step: vec![0.0; tree.nv],
             q_try: vec![0.0; tree.nq],
             factor_serves: false,
@@ -102,15 +108,15 @@ impl<'a> Solver<'a> {
     fn prior_cost(&self, q: &[f64]) -> f64 {
         let problem = self.problem;
         let mut cost = 0.0;
-        for link in &problem.tree.links {
+        for (link, weight) in problem.tree.links.iter().zip(&self.rest_weight) {
             let at = link.q_offset;
             match link.kind {
                 JointKind::Spherical => {
-                    let dot: f64 = (at..at + 4).map(|i| q[i] * problem.rest_q[i]).sum();
-                    cost += 2.0 * problem.rest_weight * (1.0 - dot * dot);
+                    let dot: f64 = (at..at + 4).map(|i| q[i] * self.rest_q[i]).sum();
+                    cost += 2.0 * weight * (1.0 - dot * dot);
                 }
                 JointKind::Revolute(_) | JointKind::Prismatic(_) => {
-                    cost += 0.5 * problem.rest_weight * (q[at] - problem.rest_q[at]).powi(2);
+                    cost += 0.5 * weight * (q[at] - self.rest_q[at]).powi(2);
                 }
                 JointKind::Free | JointKind::Fixed => {}
             }
@@ -143,22 +149,22 @@ impl<'a> Solver<'a> {
         let tree = &problem.tree;
         tree.columns(&mut self.pose);
         self.normal.assemble(tree, &self.pose, &mut self.moments);
-        for link in &tree.links {
+        for (link, &weight) in tree.links.iter().zip(&self.rest_weight) {
             let (iq, iv) = (link.q_offset, link.v_offset);
             match link.kind {
                 JointKind::Spherical => {
-                    let turn = quaternion(&problem.rest_q[iq..iq + 4]).inverse() * quaternion(&q[iq..iq + 4]);
-                    let pull = turn.imag() * (2.0 * turn.w * problem.rest_weight);
+                    let turn = quaternion(&self.rest_q[iq..iq + 4]).inverse() * quaternion(&q[iq..iq + 4]);
+                    let pull = turn.imag() * (2.0 * turn.w * weight);
                     for i in 0..3 {
                         self.normal.gradient[iv + i] += pull[i];
                         let at = self.normal.diagonal(tree, iv + i);
-                        self.normal.values[at] += problem.rest_weight;
+                        self.normal.values[at] += weight;
                     }
                 }
                 JointKind::Revolute(_) | JointKind::Prismatic(_) => {
-                    self.normal.gradient[iv] += problem.rest_weight * (q[iq] - problem.rest_q[iq]);
+                    self.normal.gradient[iv] += weight * (q[iq] - self.rest_q[iq]);
                     let at = self.normal.diagonal(tree, iv);
-                    self.normal.values[at] += problem.rest_weight;
+                    self.normal.values[at] += weight;
                 }
                 JointKind::Free | JointKind::Fixed => {}
             }
@@ -267,9 +273,10 @@ impl<'a> Solver<'a> {
         let chi2: f64 = self.visible.iter().map(|&i| problem.markers[i].weight * self.residual[i].norm_squared()).sum();
         let mut spent = 0.0;
         for (column, locked) in problem.locked.iter().enumerate() {
-            let prior = match problem.tree.links[problem.tree.column_link[column]].kind {
+            let link = problem.tree.column_link[column];
+            let prior = match problem.tree.links[link].kind {
                 JointKind::Free | JointKind::Fixed => 0.0,
-                _ => problem.rest_weight,
+                _ => self.rest_weight[link],
             };
             if !locked {
                 spent += 1.0 - (prior * self.variance(column)).min(1.0);

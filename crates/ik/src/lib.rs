@@ -20,7 +20,7 @@ mod solve;
 mod start;
 mod tree;
 
-pub use calibrate::{Calibration, CalibrateOptions, CalibrationReport, JointChange, MarkerChange, TrialFit, calibrate};
+pub use calibrate::{CalibrateOptions, Calibration, CalibrationReport, JointChange, MarkerChange, TrialFit, calibrate};
 pub use error::IkError;
 pub use options::IkOptions;
 pub use report::{IkReport, MarkerFit};

@@ -97,7 +97,14 @@ pub fn smooth(model: &Model, motion: &Motion, spec: Option<LowPass>) -> Result<M
         for run in runs_where(n, |f| q[f * nq..][channels.clone()].iter().all(|x| x.is_finite())) {
             let part = run.start * nq..run.end * nq;
             for channel in channels.clone() {
-                derivatives_of_run(&q[part.clone()], nq, channel, rate_hz, &mut q1[part.clone()], &mut q2[part.clone()]);
+                derivatives_of_run(
+                    &q[part.clone()],
+                    nq,
+                    channel,
+                    rate_hz,
+                    &mut q1[part.clone()],
+                    &mut q2[part.clone()],
+                );
             }
             for f in run {
                 let (q, q1, q2) = (&q[f * nq..], &q1[f * nq..], &q2[f * nq..]);

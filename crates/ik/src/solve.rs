@@ -106,8 +106,7 @@ pub fn solve(subject: &Subject, trial: &Trial, options: &IkOptions) -> Result<Ik
     }
     report.mean_iterations /= n_frames.max(1) as f64;
     report.missing_labels = all.into_iter().filter(|l| trial.markers.index(l).is_none()).collect();
-    report.unused_labels =
-        trial.markers.labels.iter().filter(|l| !motion.marker_labels.contains(l)).cloned().collect();
+    report.unused_labels = trial.markers.labels.iter().filter(|l| !motion.marker_labels.contains(l)).cloned().collect();
     Ok(IkResult { motion, report })
 }
 

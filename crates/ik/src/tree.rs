@@ -272,8 +272,11 @@ fn store(turn: &UnitQuaternion<f64>, out: &mut [f64]) {
 fn small_rotation(v: &[f64]) -> UnitQuaternion<f64> {
     let angle2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
     let half = 0.5 * angle2.sqrt();
-    let (w, scale) =
-        if half < 1e-4 { (1.0 - 0.5 * half * half, 0.5 - half * half / 12.0) } else { (half.cos(), 0.5 * half.sin() / half) };
+    let (w, scale) = if half < 1e-4 {
+        (1.0 - 0.5 * half * half, 0.5 - half * half / 12.0)
+    } else {
+        (half.cos(), 0.5 * half.sin() / half)
+    };
     UnitQuaternion::new_unchecked(Quaternion::new(w, v[0] * scale, v[1] * scale, v[2] * scale))
 }
 

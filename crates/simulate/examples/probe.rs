@@ -1,5 +1,5 @@
 use aloft_body::{Sex, State};
-use aloft_simulate::human::jump::{Stumble, jump_trial};
+use aloft_simulate::human::{jump::jump_trial, posture::Stumble};
 use aloft_simulate::human::Person;
 use aloft_simulate::physics::Plant;
 use aloft_simulate::random::Stream;

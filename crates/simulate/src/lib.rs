@@ -3,6 +3,7 @@
 pub mod error;
 pub mod hidden;
 pub mod human;
+pub mod measure;
 pub mod motion;
 pub mod object;
 pub mod physics;

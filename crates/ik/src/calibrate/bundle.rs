@@ -91,14 +91,10 @@ impl Bundle {
         options: &CalibrateOptions,
     ) -> Self {
         problem.markers.retain(|m| trials.iter().any(|t| t.markers.index(&m.label).is_some()));
-        let marker_of: Vec<usize> =
-            problem.markers.iter().filter_map(|m| subject.marker_index(&m.label)).collect();
+        let marker_of: Vec<usize> = problem.markers.iter().filter_map(|m| subject.marker_index(&m.label)).collect();
         // the priors' centres in the frames of the present subject: orientation and angles belong to it
-        let landmarks = Reference {
-            rotation: present.rotation.clone(),
-            angle: present.angle.clone(),
-            ..landmarks.clone()
-        };
+        let landmarks =
+            Reference { rotation: present.rotation.clone(), angle: present.angle.clone(), ..landmarks.clone() };
         problem.hinges.clear();
         let mut frames = Vec::with_capacity(used.len() + 1);
         let rezeroed = |q: &[f64], problem: &Problem| {
@@ -138,7 +134,8 @@ impl Bundle {
             frames.push(Frame { targets, q: rezeroed(motion.q(id.frame), &problem), is_static: false });
         }
         // each marker errs in its own measure: skin over the trunk moves farther than skin over the foot
-        let noise_m: Vec<f64> = distances.iter_mut().map(|d| options.marker_noise_m.max(typical_deviation(d))).collect();
+        let noise_m: Vec<f64> =
+            distances.iter_mut().map(|d| options.marker_noise_m.max(typical_deviation(d))).collect();
         for (marker, noise_m) in problem.markers.iter_mut().zip(&noise_m) {
             marker.weight *= (options.ik.marker_sd_m / noise_m).powi(2);
             marker.huber = options.huber_factor * MEDIAN_LENGTH * noise_m;
@@ -356,7 +353,9 @@ impl Bundle {
                     let (sin, cos) = q[joint.q_offset].sin_cos();
                     for (i, b) in perpendicular(&u).iter().enumerate() {
                         let turn = above * (b * sin + u.cross(b) * (1.0 - cos));
-                        scratch.columns.push((self.layout.axis[link] + i, turn.cross(&(point - solver.pose.origin[link]))));
+                        scratch
+                            .columns
+                            .push((self.layout.axis[link] + i, turn.cross(&(point - solver.pose.origin[link]))));
                     }
                 }
             }

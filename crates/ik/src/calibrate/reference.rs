@@ -113,8 +113,12 @@ impl Reference {
             let start = above * joint.parent_from_joint.rotation.to_rotation_matrix().into_inner();
             let local = renormalised(&(start.transpose() * new_rotation[i]));
             match joint.kind {
-                JointKind::Free => subject.static_q[joint.q_offset + 3..joint.q_offset + 7].copy_from_slice(local.coords.as_slice()),
-                JointKind::Spherical => subject.static_q[joint.q_offset..joint.q_offset + 4].copy_from_slice(local.coords.as_slice()),
+                JointKind::Free => {
+                    subject.static_q[joint.q_offset + 3..joint.q_offset + 7].copy_from_slice(local.coords.as_slice())
+                }
+                JointKind::Spherical => {
+                    subject.static_q[joint.q_offset..joint.q_offset + 4].copy_from_slice(local.coords.as_slice())
+                }
                 JointKind::Revolute(_) => subject.static_q[joint.q_offset] = posture[joint.q_offset] + self.angle[i],
                 JointKind::Prismatic(_) | JointKind::Fixed => {}
             }

@@ -19,10 +19,7 @@ pub(crate) struct Selection {
 
 /// Spreads the frames evenly over trials and over each trial's time. In each stretch of time the frame with the fewest
 /// missing markers is taken, the one nearest the middle among equals; stretches alternate between use and check.
-pub(crate) fn frames(
-    tracked: &[IkResult],
-    options: &CalibrateOptions,
-) -> Selection {
+pub(crate) fn frames(tracked: &[IkResult], options: &CalibrateOptions) -> Selection {
     let mut selection = Selection::default();
     let usable: Vec<Vec<usize>> = tracked.iter().map(usable).collect();
     // trials with few frames leave their share to the others

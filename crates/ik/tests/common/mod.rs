@@ -1,8 +1,8 @@
 //! Subjects and trials made in the test itself: the geometry of a simulated person, a two-link chain, smooth motions.
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
-use aloft_body::{JointSpec, LinkInertia, LinkSpec, Model, ModelMarker, ModelSpec, PersonFacts, State, Subject};
 use aloft_body::subject::PriorSd;
+use aloft_body::{JointSpec, LinkInertia, LinkSpec, Model, ModelMarker, ModelSpec, PersonFacts, State, Subject};
 use aloft_trial::{Markers, Trial};
 use nalgebra::{Matrix3, Vector3};
 use rand::SeedableRng;
@@ -111,8 +111,7 @@ pub fn motion(subject: &Subject, n_frames: usize, rate_hz: f64, size: f64, seed:
     let model = &subject.model;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let normal = Normal::new(0.0, 1.0).unwrap();
-    let waves: Vec<[f64; 4]> =
-        (0..model.nv).map(|_| [0; 4].map(|_| normal.sample(&mut rng))).collect();
+    let waves: Vec<[f64; 4]> = (0..model.nv).map(|_| [0; 4].map(|_| normal.sample(&mut rng))).collect();
     (0..n_frames)
         .map(|frame| {
             let t = frame as f64 / rate_hz;

@@ -1,6 +1,8 @@
 //! What the commands beside `run` tell: plain data, rendered by the binary.
 
 pub mod check;
+pub mod compare;
 pub mod init;
 pub mod inspect;
+pub mod parameters;
 pub mod status;

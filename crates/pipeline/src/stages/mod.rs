@@ -1,10 +1,12 @@
 //! The stages, one file each. To add one: write a file with a `STAGE` and name it in [`STAGES`].
 
 pub mod calibrate;
+pub mod compare;
 
 pub mod filter;
 pub mod flight;
 
+pub mod identify;
 pub mod ik;
 pub mod import;
 pub mod object;
@@ -22,6 +24,8 @@ pub static STAGES: &[&Stage] = &[
     &filter::STAGE,
     &flight::STAGE,
     &regressor::STAGE,
+    &identify::STAGE,
+    &compare::STAGE,
 
 
 ];

@@ -3,65 +3,17 @@
 
 use super::air::AirMotion;
 use super::ground::{GroundMotion, PlanCurve};
-use super::posture::{Moment, upper};
-use super::stance::{CHART_UPPER, COM, FOOT, N_UPPER, OutOfReach, PELVIS, PLAN, Stance, UPPER, vector};
+use super::posture::{Footing, Moment, Stumble, lowered, rest, upper};
+use super::stance::{COM, FOOT, N_UPPER, PELVIS, PLAN, Stance, UPPER};
 use super::styles::{Bump, STYLES, Style, bumps};
 use crate::error::SimulateError;
-use crate::motion::{Jet, Quintic};
+use crate::motion::{Jet, Piecewise, Quintic};
 use crate::physics::rk4::Rk4;
 use crate::physics::{Drive, ForwardDynamics, Plant, Player, TrueMotion};
 use crate::random::Stream;
 use crate::scenario::JumpProtocol;
 use aloft_body::State;
-use nalgebra::{UnitQuaternion, Vector3};
-
-/// Why one attempt at a trial was given up.
-#[derive(Debug)]
-pub enum Stumble {
-    /// In words; another attempt may do better.
-    Infeasible(String),
-    /// The equations of motion failed.
-    Failed(SimulateError),
-}
-
-impl Stumble {
-    /// A leg that does not reach, and when.
-    pub fn reach(when: &str) -> impl Fn(OutOfReach) -> Self + '_ {
-        move |OutOfReach| Self::Infeasible(format!("a leg does not reach {when}"))
-    }
-}
-impl From<SimulateError> for Stumble {
-    fn from(error: SimulateError) -> Self {
-        Self::Failed(error)
-    }
-}
-
-/// Where the feet stand: right and left, on the floor, m; and toe-out, rad.
-#[derive(Debug, Clone, Copy)]
-pub struct Footing {
-    /// Ball of each foot.
-    pub ball: [Vector3<f64>; 2],
-    /// Toe-out of each flat foot.
-    pub toe_out: [f64; 2],
-}
-
-impl Footing {
-    /// A comfortable stance astride the line between the plates.
-    pub fn comfortable(height_m: f64, rng: &mut Stream) -> Self {
-        let h = height_m / 1.7;
-        let x = 0.06 * h + 0.01 * rng.moderate();
-        let mut ball = |sign: f64| {
-            Vector3::new(x + 0.008 * rng.moderate(), sign * (0.125 * h + 0.012 * rng.moderate()), 0.0)
-        };
-        let ball = [ball(-1.0), ball(1.0)];
-        Self { ball, toe_out: [0.09 + 0.04 * rng.moderate(), 0.09 + 0.04 * rng.moderate()] }
-    }
-
-    /// Where the centre of mass should be above: between the feet, a little behind the balls.
-    pub fn middle(&self, height_m: f64) -> Vector3<f64> {
-        (self.ball[0] + self.ball[1]) * 0.5 - Vector3::new(0.030 * height_m, 0.0, 0.0)
-    }
-}
+use nalgebra::Vector3;
 
 /// The trial and what was done in it.
 #[derive(Debug, Clone)]
@@ -74,9 +26,7 @@ pub struct JumpTrial {
 
 struct Jumper<'a, 'b> {
     plant: &'a Plant,
-    protocol: &'a JumpProtocol,
     stance: Stance<'b>,
-    height_m: f64,
     g: f64,
 }
 
@@ -86,50 +36,7 @@ struct Aimed<'b> {
     air: AirMotion<'b>,
 }
 
-/// Jets at rest in a plan posture.
-fn rest(plan: &[f64; PLAN]) -> [Jet; PLAN] {
-    plan.map(Jet::rest)
-}
-
 impl<'b> Jumper<'_, 'b> {
-    /// A plan posture with flat feet: centre of mass over the feet, lowered until the knees are bent by `knee` (rad, positive).
-    fn posture(
-        &mut self,
-        footing: &Footing,
-        pelvis: Vector3<f64>,
-        arms: &[Jet; N_UPPER],
-        pitch: f64,
-        knee: f64,
-    ) -> Result<[f64; PLAN], OutOfReach> {
-        let mut plan = [0.0; PLAN];
-        let over = footing.middle(self.height_m);
-        plan[COM..COM + 2].copy_from_slice(&[over.x, over.y]);
-        plan[PELVIS..PELVIS + 3].copy_from_slice(pelvis.as_slice());
-        for side in 0..2 {
-            let i = FOOT[side];
-            plan[i..i + 3].copy_from_slice(footing.ball[side].as_slice());
-            plan[i + 5] = -pitch;
-        }
-        for (slot, jet) in plan[UPPER..].iter_mut().zip(arms) {
-            *slot = jet.x;
-        }
-        let (mut low, mut high) = (0.25 * self.height_m, 0.75 * self.height_m);
-        let mut guess = Vector3::new(over.x, over.y, 0.45 * self.height_m);
-        for _ in 0..36 {
-            plan[COM + 2] = 0.5 * (low + high);
-            match self.stance.solve(&plan, &guess) {
-                Ok(chart) if -0.5 * (chart[29] + chart[36]) > knee => {
-                    guess = vector(&chart, 0);
-                    low = plan[COM + 2];
-                }
-                _ => high = plan[COM + 2],
-            }
-        }
-        plan[COM + 2] = low;
-        self.stance.solve(&plan, &guess)?;
-        Ok(plan)
-    }
-
     /// Duration and acceleration at the bottom of a push between rest and a free end: the smallest peak that never pulls
     /// at the ground. Used backwards for landings.
     fn push(&self, height: f64, speed: f64, bottom: Option<f64>) -> Option<(f64, f64)> {
@@ -285,9 +192,7 @@ pub fn jump_trial(
     let mut footing = Footing::comfortable(h, rng);
     let mut jumper = Jumper {
         plant,
-        protocol,
         stance: Stance::new(person, footing.toe_out),
-        height_m: h,
         g: plant.model.gravity_mps2.norm(),
     };
     let snap = |t: f64| (t / tick_s).round() * tick_s;
@@ -302,9 +207,9 @@ pub fn jump_trial(
         Vector3::new(0.5 * sd * rng.moderate(), 0.8 * sd * rng.moderate(), -pitch + sd * rng.moderate())
     };
     let pelvis = lean(rng, 0.05, 0.03);
-    let first = jumper.posture(&footing, pelvis, &upper(Moment::Stand, vigour, rng), 0.0, rng.between(0.25, 0.4)).map_err(Stumble::reach("in stance"))?;
+    let first = lowered(&mut jumper.stance, &footing, pelvis, &upper(Moment::Stand, vigour, rng), 0.0, rng.between(0.25, 0.4)).map_err(Stumble::reach("in stance"))?;
     let pelvis = lean(rng, 0.05, 0.03);
-    let second = jumper.posture(&footing, pelvis, &upper(Moment::Stand, vigour, rng), 0.0, rng.between(0.25, 0.4)).map_err(Stumble::reach("in stance"))?;
+    let second = lowered(&mut jumper.stance, &footing, pelvis, &upper(Moment::Stand, vigour, rng), 0.0, rng.between(0.25, 0.4)).map_err(Stumble::reach("in stance"))?;
     let stand_s = snap(rng.between(0.45, 0.65));
     let dip_s = snap(rng.between(0.45, 0.55));
     let mut knots = vec![(0.0, rest(&first)), (stand_s, rest(&second))];
@@ -323,7 +228,7 @@ pub fn jump_trial(
         let pelvis = lean(rng, 0.10, 0.04);
         let pitch = rng.between(0.52, 0.62);
         let arms = upper(Moment::TakeOff, vigour, rng);
-        let plan = jumper.posture(&footing, pelvis, &arms, pitch, rng.between(0.62, 0.72)).map_err(Stumble::reach("before take-off"))?;
+        let plan = lowered(&mut jumper.stance, &footing, pelvis, &arms, pitch, rng.between(0.62, 0.72)).map_err(Stumble::reach("before take-off"))?;
         let mut take_off = rest(&plan);
         for i in 0..N_UPPER {
             take_off[UPPER + i].v = arms[i].v;
@@ -338,7 +243,7 @@ pub fn jump_trial(
         }
         let pelvis = lean(rng, 0.15, 0.07);
         let arms = upper(Moment::Landing, vigour, rng);
-        let plan = jumper.posture(&down, pelvis, &arms, rng.between(0.35, 0.45), rng.between(0.72, 0.82)).map_err(Stumble::reach("at landing"))?;
+        let plan = lowered(&mut jumper.stance, &down, pelvis, &arms, rng.between(0.35, 0.45), rng.between(0.72, 0.82)).map_err(Stumble::reach("at landing"))?;
         let mut landing = rest(&plan);
         for i in 0..N_UPPER {
             landing[UPPER + i].v = arms[i].v;
@@ -358,7 +263,7 @@ pub fn jump_trial(
         // when: the push that reaches the speed, and the brake that takes the landing
         let pelvis = lean(rng, 0.38, 0.05);
         let crouch =
-            jumper.posture(&footing, pelvis, &upper(Moment::Crouch, vigour, rng), 0.0, rng.between(1.85, 2.05)).map_err(Stumble::reach("in the crouch"))?;
+            lowered(&mut jumper.stance, &footing, pelvis, &upper(Moment::Crouch, vigour, rng), 0.0, rng.between(1.85, 2.05)).map_err(Stumble::reach("in the crouch"))?;
         let rise = take_off[COM + 2].x - crouch[COM + 2];
         let speed = take_off[COM + 2].v;
         let (push_s, bottom) = jumper
@@ -387,7 +292,7 @@ pub fn jump_trial(
         feet(&mut plan, &footing, landed.as_ref().map(|jets| (contact_start, jets)), Some((t_off, &aimed.take_off)));
 
         let mut chart_off =
-            jumper.stance.solve_jets(&aimed.take_off, &Vector3::new(0.0, 0.0, 0.5 * jumper.height_m)).map_err(Stumble::reach("at take-off"))?;
+            jumper.stance.solve_jets(&aimed.take_off, &Vector3::new(0.0, 0.0, 0.5 * h)).map_err(Stumble::reach("at take-off"))?;
         jumper.fall(&aimed.air, t_off, &mut chart_off)?;
         let start = match &player {
             None => None,
@@ -425,7 +330,7 @@ pub fn jump_trial(
     // the last landing, and up again
     let now = p.time();
     let pelvis = lean(rng, 0.38, 0.05);
-    let crouch = jumper.posture(&footing, pelvis, &upper(Moment::Crouch, vigour, rng), 0.0, rng.between(1.75, 2.0)).map_err(Stumble::reach("in the last crouch"))?;
+    let crouch = lowered(&mut jumper.stance, &footing, pelvis, &upper(Moment::Crouch, vigour, rng), 0.0, rng.between(1.75, 2.0)).map_err(Stumble::reach("in the last crouch"))?;
     let fall = jets[COM + 2].x - crouch[COM + 2];
     let (time, bottom) = jumper
         .push(fall, -jets[COM + 2].v, Some(4.5))
@@ -434,7 +339,7 @@ pub fn jump_trial(
     low[COM + 2].a = bottom;
     let pelvis = lean(rng, 0.05, 0.03);
     let stand =
-        jumper.posture(&footing, pelvis, &upper(Moment::Stand, vigour, rng), 0.0, rng.between(0.3, 0.45)).map_err(Stumble::reach("in the last stance"))?;
+        lowered(&mut jumper.stance, &footing, pelvis, &upper(Moment::Stand, vigour, rng), 0.0, rng.between(0.3, 0.45)).map_err(Stumble::reach("in the last stance"))?;
     let t_bottom = now + snap(time);
     let t_up = t_bottom + snap(rng.between(0.6, 0.75));
     let t_end = t_up + snap(rng.between(0.15, 0.3));
@@ -446,7 +351,6 @@ pub fn jump_trial(
     let start = chart_now(&jumper, &p, p.motion());
     let ground = GroundMotion::new(&mut jumper.stance, &plan, [now, t_end], Some(&start), None).map_err(Stumble::reach("after the last landing"))?;
     p.advance(ticks(now, t_end), &held, &ground)?;
-    let _ = jumper.protocol;
     Ok(JumpTrial { motion: p.finish(), styles })
 }
 
@@ -475,7 +379,6 @@ fn feet(
     landing: Option<(f64, &[Jet; PLAN])>,
     take_off: Option<(f64, &[Jet; PLAN])>,
 ) {
-    use crate::motion::Piecewise;
     let (flatten_s, rise_s) = (0.13, 0.17);
     for side in 0..2 {
         let first = FOOT[side];
@@ -504,5 +407,4 @@ fn feet(
             plan.curves[i] = Piecewise::through(&knots);
         }
     }
-    let _ = (CHART_UPPER, UnitQuaternion::<f64>::identity());
 }

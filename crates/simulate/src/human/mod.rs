@@ -1,12 +1,14 @@
 //! People: an individual body, jumps that obey momentum, exercises on the plates.
 
 pub mod air;
+pub mod exercise;
 pub mod ground;
 pub mod jump;
 pub mod leg;
 pub mod person;
 pub mod posture;
 pub mod stance;
+pub mod session;
 pub mod styles;
 
 pub use person::Person;

@@ -1,8 +1,104 @@
-//! Postures of trunk and arms, drawn around what people do when they stand, crouch, take off and land.
+//! Postures that people take up: where the feet stand, how trunk and arms are held, how far the knees bend.
 
-use super::stance::N_UPPER;
+use super::stance::{CHART_LEG, COM, FOOT, N_UPPER, OutOfReach, PELVIS, PLAN, Stance, UPPER, vector};
+use crate::error::SimulateError;
 use crate::motion::Jet;
 use crate::random::Stream;
+use nalgebra::Vector3;
+
+/// Why one attempt at a trial was given up.
+#[derive(Debug)]
+pub enum Stumble {
+    /// In words; another attempt may do better.
+    Infeasible(String),
+    /// The equations of motion failed.
+    Failed(SimulateError),
+}
+
+impl Stumble {
+    /// A leg that does not reach, and when.
+    pub fn reach(when: &str) -> impl Fn(OutOfReach) -> Self + '_ {
+        move |OutOfReach| Self::Infeasible(format!("a leg does not reach {when}"))
+    }
+}
+impl From<SimulateError> for Stumble {
+    fn from(error: SimulateError) -> Self {
+        Self::Failed(error)
+    }
+}
+
+/// Where the feet stand: right and left, on the floor, m; and toe-out, rad.
+#[derive(Debug, Clone, Copy)]
+pub struct Footing {
+    /// Ball of each foot.
+    pub ball: [Vector3<f64>; 2],
+    /// Toe-out of each flat foot.
+    pub toe_out: [f64; 2],
+}
+
+impl Footing {
+    /// A comfortable stance astride the line between the plates.
+    pub fn comfortable(height_m: f64, rng: &mut Stream) -> Self {
+        let h = height_m / 1.7;
+        let x = 0.06 * h + 0.01 * rng.moderate();
+        let mut ball = |sign: f64| {
+            Vector3::new(x + 0.008 * rng.moderate(), sign * (0.125 * h + 0.012 * rng.moderate()), 0.0)
+        };
+        let ball = [ball(-1.0), ball(1.0)];
+        Self { ball, toe_out: [0.09 + 0.04 * rng.moderate(), 0.09 + 0.04 * rng.moderate()] }
+    }
+
+    /// Where the centre of mass should be above: between the feet, a little behind the balls.
+    pub fn middle(&self, height_m: f64) -> Vector3<f64> {
+        (self.ball[0] + self.ball[1]) * 0.5 - Vector3::new(0.030 * height_m, 0.0, 0.0)
+    }
+}
+
+/// Jets at rest in a plan posture.
+pub fn rest(plan: &[f64; PLAN]) -> [Jet; PLAN] {
+    plan.map(Jet::rest)
+}
+
+/// A plan posture: centre of mass over the feet, lowered until the knees are bent by `knee` (rad, positive), heels raised
+/// by `pitch` (rad).
+pub fn lowered(
+    stance: &mut Stance<'_>,
+    footing: &Footing,
+    pelvis: Vector3<f64>,
+    arms: &[Jet; N_UPPER],
+    pitch: f64,
+    knee: f64,
+) -> Result<[f64; PLAN], OutOfReach> {
+    let height_m = stance.person().height_m;
+    let mut plan = [0.0; PLAN];
+    let over = footing.middle(height_m);
+    plan[COM..COM + 2].copy_from_slice(&[over.x, over.y]);
+    plan[PELVIS..PELVIS + 3].copy_from_slice(pelvis.as_slice());
+    for side in 0..2 {
+        let i = FOOT[side];
+        plan[i..i + 3].copy_from_slice(footing.ball[side].as_slice());
+        plan[i + 5] = -pitch;
+    }
+    for (slot, jet) in plan[UPPER..].iter_mut().zip(arms) {
+        *slot = jet.x;
+    }
+    let (mut low, mut high) = (0.25 * height_m, 0.75 * height_m);
+    let mut guess = Vector3::new(over.x, over.y, 0.45 * height_m);
+    for _ in 0..36 {
+        plan[COM + 2] = 0.5 * (low + high);
+        match stance.solve(&plan, &guess) {
+            Ok(chart) if -0.5 * (chart[CHART_LEG[0] + 3] + chart[CHART_LEG[1] + 3]) > knee => {
+                guess = vector(&chart, 0);
+                low = plan[COM + 2];
+            }
+            _ => high = plan[COM + 2],
+        }
+    }
+    plan[COM + 2] = low;
+    stance.solve(&plan, &guess)?;
+    Ok(plan)
+}
+
 
 /// What the upper body is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,0 +1,143 @@
+//! Results as tables for people.
+
+use crate::commands::Stop;
+use crate::render::{out, significant, table};
+use aloft_pipeline::command::compare::{ComparisonView, errors_of, judged_on, mean};
+use aloft_pipeline::command::parameters::ParametersView;
+
+fn three(v: &[f64; 3]) -> String {
+    v.iter().map(|x| significant(*x, 3)).collect::<Vec<_>>().join(" ")
+}
+
+/// Base parameters, links, singular values, and how far they may be believed.
+pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
+    let p = &view.parameters;
+    out(format!(
+        "{}: {} flights of {} trials, {} {} rows, {} ({})",
+        view.subject,
+        p.n_stretches,
+        p.n_trials,
+        p.n_rows,
+        view.rows_used,
+        p.estimator.name(),
+        p.se_from
+    ))?;
+    out(format!(
+        "singular values: σ_1 {}  σ_N-1 {}  σ_N {}  σ_N-1/σ_N {}\n",
+        significant(p.sigma.max, 5),
+        significant(p.sigma.second, 4),
+        significant(p.sigma.min, 4),
+        significant(p.sigma.ratio, 3)
+    ))?;
+    let mut t = table(&["parameter", "value", "± 95 %", "prior", "unit", "seen", "regrouping"]);
+    for b in &p.base {
+        t.add_row([
+            b.name.clone(),
+            significant(b.value, 4),
+            significant(1.96 * b.se, 2),
+            b.prior.map_or("–".to_owned(), |v| significant(v, 3)),
+            b.unit.clone(),
+            format!("{:?}", b.seen).to_lowercase(),
+            if b.formula.chars().count() > 60 { format!("{}…", b.formula.chars().take(59).collect::<String>()) } else { b.formula.clone() },
+        ]);
+    }
+    out(t)?;
+    for e in &p.effects {
+        out(format!("effect {}: {} ± {}", e.name, significant(e.value, 4), significant(1.96 * e.se, 2)))?;
+    }
+    if !p.links.is_empty() {
+        let mut t = table(&["link", "mass kg", "prior kg", "centre of mass m", "prior m", "principal inertias kg·m²", "seen"]);
+        for l in &p.links {
+            let inertia = l.inertia().inertia_com_kgm2.symmetric_eigenvalues();
+            let mut principal = [inertia[0], inertia[1], inertia[2]];
+            principal.sort_by(f64::total_cmp);
+            t.add_row([
+                l.name.clone(),
+                significant(l.mass_kg, 4),
+                significant(l.prior.mass_kg, 4),
+                three(&l.com_m),
+                three(&l.prior.com_m.into()),
+                three(&principal),
+                format!("{:?}", l.seen).to_lowercase(),
+            ]);
+        }
+        out(format!("\nphysically consistent links\n{t}"))?;
+    }
+    for reason in p.gate.reasons.iter().chain(&p.gate.advice) {
+        out(format!("{reason}"))?;
+    }
+    Ok(())
+}
+
+/// The few lines that end a run.
+pub fn brief(view: &ComparisonView) -> Result<(), Stop> {
+    let c = &view.comparison;
+    out(format!(
+        "{}: {} flights, {} rows, σ_N-1/σ_N {}",
+        view.subject,
+        view.parameters.flights,
+        view.parameters.rows,
+        significant(view.parameters.sigma_ratio, 3)
+    ))?;
+    let mut t = table(&["mean absolute error", "force x y z N", "moment x y z N·m", "windows N", "windows N·m"]);
+    for m in c.models() {
+        let (f, n, wf, wn) = errors_of(m);
+        t.add_row([m.model.clone(), three(&f), three(&n), significant(mean(&wf), 3), significant(mean(&wn), 3)]);
+    }
+    if let Some(floor) = &c.noise_floor {
+        let (frames, windows) = if c.first.held_out.frames > 0 { (&floor.contact, &floor.contact_weak) } else { (&floor.flight, &floor.flight_weak) };
+        t.add_row([
+            "noise alone".to_owned(),
+            three(&frames.force_n.mae),
+            three(&frames.moment_nm.mae),
+            significant(mean(&windows.force_n.mae), 3),
+            significant(mean(&windows.moment_nm.mae), 3),
+        ]);
+    }
+    out(format!("on {} (frames; windows of {} s)\n{t}", judged_on(c), c.options.window_s))
+}
+
+/// The whole comparison.
+pub fn comparison(view: &ComparisonView) -> Result<(), Stop> {
+    brief(view)?;
+    let c = &view.comparison;
+    let mut t = table(&["trial", "role", "marker RMS mm", "flights", "fall vs g %", "contact N", "N·m", "flight N", "N·m"]);
+    for row in &view.kinematics {
+        let errors = c.first.trials.iter().find(|t| t.trial == row.trial);
+        let number = |v: Option<f64>| v.map_or("–".to_owned(), |x| significant(x, 3));
+        t.add_row([
+            row.trial.clone(),
+            row.role.to_owned(),
+            number(row.marker_rms_mm),
+            row.flights.map_or("–".to_owned(), |n| n.to_string()),
+            number(row.gravity_error_percent),
+            number(errors.map(|e| e.contact.force_n.mean_mae())),
+            number(errors.map(|e| e.contact.moment_nm.mean_mae())),
+            number(errors.map(|e| e.flight.force_n.mean_mae())),
+            number(errors.map(|e| e.flight.moment_nm.mean_mae())),
+        ]);
+    }
+    out(format!("\n{t}"))?;
+    let f = &c.first.flight;
+    out(format!(
+        "residual wrench in flight, RMS: force {} N, moment {} N·m ({} frames)\n",
+        three(&f.residual_force_n.rms),
+        three(&f.residual_moment_nm.rms),
+        f.frames
+    ))?;
+    let mut t = table(&["by", "group", "frames", "force MAE N", "moment MAE N·m"]);
+    for g in &c.first.breakdown {
+        t.add_row([
+            format!("{:?}", g.by),
+            g.name.clone(),
+            g.errors.frames.to_string(),
+            significant(g.errors.force_n.mean_mae(), 3),
+            significant(g.errors.moment_nm.mean_mae(), 3),
+        ]);
+    }
+    out(t)?;
+    for line in &c.words {
+        out(line)?;
+    }
+    Ok(())
+}

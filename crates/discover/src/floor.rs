@@ -1,0 +1,140 @@
+//! What white noise of the markers alone makes of the rows: the error below which no model can come.
+//!
+//! The covariance of the coordinates' white noise is read off the recording: the third difference of the steps between frames is the fourth
+//! difference of the noise (70 times its variance), body motion has nothing there. Noise drawn with it is added to the motion once more,
+//! and the rows are formed again: their change, applied to the prior, is the floor. Soft tissue and joint centres are not in it.
+
+use crate::session::{Block, Body, TrialInput};
+use aloft_body::{Model, Motion};
+use aloft_regressor::{Acting, Stretch, WeakOptions, weak_rows};
+use nalgebra::{DMatrix, DVector};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
+
+/// Mean square of the weighted rows' error from white noise, force and moment; `None` where it cannot be estimated.
+pub(crate) fn white_noise(
+    body: &Body<'_>,
+    trials: &[TrialInput<'_>],
+    options: &WeakOptions,
+    blocks: &[Block],
+) -> Option<[f64; 2]> {
+    let root = noise_root(body.model, trials)?;
+    let prior = body.base.regroup(body.phi);
+    let jobs: Vec<(&TrialInput<'_>, &Stretch)> =
+        trials.iter().flat_map(|t| t.stretches.iter().map(move |s| (t, s))).collect();
+    let sums: Vec<[f64; 3]> = jobs
+        .par_iter()
+        .enumerate()
+        .map(|(i, (trial, stretch))| {
+            let mut rng = ChaCha8Rng::seed_from_u64(0x0a10_f7f1);
+            rng.set_stream(i as u64);
+            let noisy = with_noise(body.model, trial.motion, stretch, &root, &mut rng);
+            let whole = Stretch { first_frame: 0, end_frame: noisy.n_frames(), ..(*stretch).clone() };
+            let cut = |m: &Motion| {
+                let zero = vec![nalgebra::Vector6::zeros(); m.n_frames()];
+                let acting = Acting { measured: Some(&zero), effects: None };
+                let mut rows = weak_rows(body.model, body.base, body.phi, m, &whole, acting, options).ok()?;
+                rows.apply_fixed_weights(options.moment_length_m);
+                let n = rows.matrix.nrows();
+                Some(DVector::from_fn(n, |r, _| (0..prior.len()).map(|c| rows.matrix[(r, c)] * prior[c]).sum()))
+            };
+            let clean = cut(&cut_motion(trial.motion, stretch));
+            let mut out = [0.0; 3];
+            if let (Some(a), Some(b)) = (cut(&noisy), clean)
+                && a.len() == b.len()
+            {
+                for (r, (x, y)) in a.iter().zip(b.iter()).enumerate() {
+                    out[usize::from(r % 6 >= 3)] += (x - y) * (x - y);
+                }
+                out[2] = a.len() as f64 / 2.0;
+            }
+            out
+        })
+        .collect();
+    let n: f64 = sums.iter().map(|s| s[2]).sum();
+    if n == 0.0 || blocks.is_empty() {
+        return None;
+    }
+    Some([sums.iter().map(|s| s[0]).sum::<f64>() / n, sums.iter().map(|s| s[1]).sum::<f64>() / n])
+}
+
+fn cut_motion(motion: &Motion, stretch: &Stretch) -> Motion {
+    let q = motion.q[stretch.first_frame * motion.nq..stretch.end_frame.min(motion.n_frames()) * motion.nq].to_vec();
+    Motion { q, v: Vec::new(), a: Vec::new(), residual_m: Vec::new(), q_sd: Vec::new(), ..motion.clone() }
+}
+
+fn with_noise(
+    model: &Model,
+    motion: &Motion,
+    stretch: &Stretch,
+    root: &DMatrix<f64>,
+    rng: &mut ChaCha8Rng,
+) -> Motion {
+    let mut out = cut_motion(motion, stretch);
+    let mut moved = vec![0.0; model.nq];
+    for frame in 0..out.n_frames() {
+        let draw = DVector::from_fn(model.nv, |_, _| StandardNormal.sample(rng));
+        if out.is_valid(frame) {
+            let step: DVector<f64> = root * draw;
+            model.integrate(out.q(frame), step.as_slice(), &mut moved);
+            out.q[frame * model.nq..(frame + 1) * model.nq].copy_from_slice(&moved);
+        }
+    }
+    out
+}
+
+/// Lower root of the covariance of the coordinates' white noise.
+fn noise_root(model: &Model, trials: &[TrialInput<'_>]) -> Option<DMatrix<f64>> {
+    let nv = model.nv;
+    let mut all: Vec<DVector<f64>> = Vec::new();
+    let mut step = vec![0.0; nv];
+    for trial in trials {
+        let motion = trial.motion;
+        for stretch in trial.stretches {
+            let end = stretch.end_frame.min(motion.n_frames());
+            for frame in (stretch.first_frame..end.saturating_sub(4)).step_by(3) {
+                if (frame..frame + 5).all(|f| motion.is_valid(f)) {
+                    let mut d = DVector::zeros(nv);
+                    for (k, weight) in [-1.0, 3.0, -3.0, 1.0].iter().enumerate() {
+                        model.difference(motion.q(frame + k), motion.q(frame + k + 1), &mut step);
+                        for (x, s) in d.iter_mut().zip(&step) {
+                            *x += weight * s;
+                        }
+                    }
+                    all.push(d);
+                }
+            }
+        }
+    }
+    if all.len() < 2 * nv {
+        return None;
+    }
+    // frames that stand out in any coordinate are no noise
+    let median: Vec<f64> = (0..nv)
+        .map(|c| {
+            let mut x: Vec<f64> = all.iter().map(|d| d[c].abs()).collect();
+            let mid = x.len() / 2;
+            *x.select_nth_unstable_by(mid, f64::total_cmp).1
+        })
+        .collect();
+    let mut covariance = DMatrix::zeros(nv, nv);
+    let mut n = 0.0;
+    for d in all.iter().filter(|d| d.iter().zip(&median).all(|(x, m)| x.abs() <= 7.5 * m)) {
+        covariance += d * d.transpose();
+        n += 1.0;
+    }
+    if n < nv as f64 {
+        return None;
+    }
+    covariance /= 70.0 * n;
+    let trace = covariance.trace() / nv as f64;
+    if !(trace.is_finite() && trace > 0.0) {
+        return None;
+    }
+    for i in 0..nv {
+        covariance[(i, i)] += 1e-6 * trace.min(covariance[(i, i)]).max(1e-30) + 1e-18;
+    }
+    covariance.cholesky().map(|c| c.l())
+}

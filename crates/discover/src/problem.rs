@@ -1,0 +1,360 @@
+//! The refit: inertial parameters and a candidate together, by cluster left out.
+//!
+//! With parameters scaled by the prior (x = x₀ + L z) every cluster g of rows is `A_g z + C_g θ ≈ b_g`. One Cholesky factor of
+//! `Σ AᵀA + w` for all rows and one for each fold take the parameters out of any column (Frisch and Waugh), so that a candidate costs a few
+//! small products. Weights of rows are fixed; nothing here is estimated from residuals but the weight of the prior.
+
+use crate::session::Session;
+use crate::DiscoverError;
+use aloft_regressor::StretchKind;
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use rayon::prelude::*;
+
+/// Which rows decide.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Domain {
+    /// Rows of flights, for fitting and judging.
+    Flight,
+    /// All rows for fitting, those of contact for judging.
+    Contact,
+}
+
+pub(crate) struct Cluster {
+    pub a: DMatrix<f64>,
+    pub b: DVector<f64>,
+    /// Rows on which effects are judged.
+    pub judged: Vec<usize>,
+    gram: DMatrix<f64>,
+    right: DVector<f64>,
+    /// Blocks of the session in order.
+    pub blocks: Vec<usize>,
+    pub trial: usize,
+    pub name: String,
+}
+
+pub(crate) struct Fold {
+    cholesky: Cholesky<f64, Dyn>,
+    /// Residual of the judged rows of the cluster left out.
+    pub test: DVector<f64>,
+    pub error: f64,
+}
+
+/// Rows of a domain with the base model, prepared for candidates.
+pub(crate) struct Problem {
+    pub domain: Domain,
+    pub clusters: Vec<Cluster>,
+    cholesky: Cholesky<f64, Dyn>,
+    solution: DVector<f64>,
+    pub folds: Vec<Fold>,
+    /// Number of judged rows.
+    pub n_judged: usize,
+}
+
+/// Columns of a candidate with the parameters taken out.
+pub(crate) struct Reduced {
+    pub s: DMatrix<f64>,
+    pub c: DVector<f64>,
+    pub folds: Vec<ReducedFold>,
+}
+
+pub(crate) struct ReducedFold {
+    pub s: DMatrix<f64>,
+    pub c: DVector<f64>,
+    pub test: DMatrix<f64>,
+}
+
+impl Problem {
+    /// Rows of a domain with `extra` columns (effects accepted before) added to the model. Clusters are trials where there are at least
+    /// `fewest` of them, single stretches otherwise.
+    pub fn new(
+        session: &Session<'_>,
+        domain: Domain,
+        extra: &[Vec<DMatrix<f64>>],
+        fewest: usize,
+        prior_weight: f64,
+    ) -> Result<Self, DiscoverError> {
+        let used: Vec<usize> = (0..session.blocks.len())
+            .filter(|&i| domain == Domain::Contact || session.blocks[i].kind != StretchKind::Contact)
+            .collect();
+        let judged = |i: usize| domain == Domain::Flight || session.blocks[i].kind == StretchKind::Contact;
+        let mut trials: Vec<usize> = used.iter().map(|&i| session.blocks[i].trial).collect();
+        trials.sort_unstable();
+        trials.dedup();
+        let judged_trials = trials.iter().filter(|t| used.iter().any(|&i| session.blocks[i].trial == **t && judged(i))).count();
+        let members: Vec<Vec<usize>> = if judged_trials >= fewest {
+            trials.iter().map(|t| used.iter().copied().filter(|&i| session.blocks[i].trial == *t).collect()).collect()
+        } else {
+            used.iter().map(|&i| vec![i]).collect()
+        };
+        let p = session.blocks[0].y.ncols();
+        let (mean, root) = given_mass(session, p)?;
+        let k_extra: usize = extra.iter().map(|e| e[0].ncols()).sum();
+        let norms: Vec<f64> = extra
+            .iter()
+            .flat_map(|e| {
+                (0..e[0].ncols()).map(|c| {
+                    let norm = e.iter().map(|m| m.column(c).norm_squared()).sum::<f64>().sqrt();
+                    if norm > 0.0 { norm.recip() } else { 1.0 }
+                })
+            })
+            .collect();
+        let m = p - 1 + k_extra;
+        let mut clusters: Vec<Cluster> = members
+            .into_par_iter()
+            .map(|blocks| {
+                let n: usize = blocks.iter().map(|&i| session.blocks[i].y.nrows()).sum();
+                let mut a = DMatrix::zeros(n, m);
+                let mut b = DVector::zeros(n);
+                let mut rows_judged = Vec::new();
+                let mut at = 0;
+                for &i in &blocks {
+                    let block = &session.blocks[i];
+                    let h = block.y.nrows();
+                    let y = block.y.columns(1, p - 1);
+                    a.view_mut((at, 0), (h, p - 1)).copy_from(&(y * &root));
+                    let mut column = p - 1;
+                    for e in extra {
+                        for c in 0..e[i].ncols() {
+                            a.view_mut((at, column), (h, 1)).copy_from(&(e[i].column(c) * norms[column + 1 - p]));
+                            column += 1;
+                        }
+                    }
+                    let right = &block.w - block.y.column(0) * session.mass_kg - y * &mean;
+                    b.rows_mut(at, h).copy_from(&right);
+                    if judged(i) {
+                        rows_judged.extend(at..at + h);
+                    }
+                    at += h;
+                }
+                let name = match blocks.as_slice() {
+                    [only] => session.block_name(*only).to_owned(),
+                    _ => session.trials[session.blocks[blocks[0]].trial].clone(),
+                };
+                Cluster {
+                    gram: a.tr_mul(&a),
+                    right: a.tr_mul(&b),
+                    a,
+                    b,
+                    judged: rows_judged,
+                    trial: session.blocks[blocks[0]].trial,
+                    blocks,
+                    name,
+                }
+            })
+            .collect();
+        clusters.sort_by_key(|c| c.blocks[0]);
+        let n_judged = clusters.iter().map(|c| c.judged.len()).sum();
+        let n_test = clusters.iter().filter(|c| !c.judged.is_empty()).count();
+        if n_test < 2 {
+            return Err(DiscoverError::TooFew { what: "flights or trials with rows", needed: 2, found: n_test });
+        }
+        let gram = clusters.iter().fold(DMatrix::zeros(m, m), |s, c| s + &c.gram);
+        let right = clusters.iter().fold(DVector::zeros(m), |s, c| s + &c.right);
+        let n_rows: usize = clusters.iter().map(|c| c.b.len()).sum();
+        // the weight of the prior in squared row units: the variance of a row that agrees with the fit
+        let mut variance = clusters.iter().map(|c| c.b.norm_squared()).sum::<f64>() / n_rows as f64;
+        let has_prior = session.prior.is_some();
+        let ridge = |variance: f64| -> DVector<f64> {
+            let floor = 1e-10 * gram.trace() / m as f64;
+            DVector::from_fn(m, |i, _| if has_prior && i < p - 1 { (prior_weight * variance).max(floor) } else { floor })
+        };
+        let factor = |gram: &DMatrix<f64>, ridge: &DVector<f64>| {
+            Cholesky::new(gram + DMatrix::from_diagonal(ridge))
+                .ok_or_else(|| DiscoverError::Numeric("the rows do not determine the parameters".to_owned()))
+        };
+        let mut cholesky = factor(&gram, &ridge(variance))?;
+        let mut solution = cholesky.solve(&right);
+        for _ in 0..if has_prior { 4 } else { 0 } {
+            let rss: f64 = clusters.iter().map(|c| (&c.b - &c.a * &solution).norm_squared()).sum();
+            let effective = (cholesky.solve(&gram)).trace();
+            variance = rss / (n_rows as f64 - effective).max(1.0);
+            cholesky = factor(&gram, &ridge(variance))?;
+            solution = cholesky.solve(&right);
+        }
+        let ridge = ridge(variance);
+        let folds = clusters
+            .par_iter()
+            .map(|c| {
+                let cholesky = factor(&(&gram - &c.gram), &ridge)?;
+                let x = cholesky.solve(&(&right - &c.right));
+                let all = &c.b - &c.a * x;
+                let test = DVector::from_fn(c.judged.len(), |i, _| all[c.judged[i]]);
+                Ok(Fold { cholesky, error: test.norm_squared(), test })
+            })
+            .collect::<Result<Vec<Fold>, DiscoverError>>()?;
+        Ok(Self { domain, clusters, cholesky, solution, folds, n_judged })
+    }
+
+    /// Held-out mean square of the model without a candidate.
+    pub fn plain(&self) -> f64 {
+        self.folds.iter().map(|f| f.error).sum::<f64>() / self.n_judged as f64
+    }
+
+    /// Residual of a cluster at the fit to all rows.
+    pub fn residual(&self, g: usize) -> DVector<f64> {
+        let c = &self.clusters[g];
+        &c.b - &c.a * &self.solution
+    }
+
+    /// Columns of a candidate gathered by cluster, from its blocks.
+    pub fn gather(&self, blocks: &[DMatrix<f64>]) -> Vec<DMatrix<f64>> {
+        self.clusters
+            .iter()
+            .map(|c| {
+                let k = blocks[0].ncols();
+                let mut out = DMatrix::zeros(c.b.len(), k);
+                let mut at = 0;
+                for &i in &c.blocks {
+                    out.view_mut((at, 0), (blocks[i].nrows(), k)).copy_from(&blocks[i]);
+                    at += blocks[i].nrows();
+                }
+                out
+            })
+            .collect()
+    }
+
+    /// Gram and right side of columns over all rows, parameters taken out.
+    pub fn reduce_all(&self, columns: &[DMatrix<f64>]) -> (DMatrix<f64>, DVector<f64>) {
+        let k = columns[0].ncols();
+        let m = self.solution.len();
+        let (mut ac, mut cc, mut cr) = (DMatrix::zeros(m, k), DMatrix::zeros(k, k), DVector::zeros(k));
+        for (g, (cluster, c)) in self.clusters.iter().zip(columns).enumerate() {
+            ac += cluster.a.tr_mul(c);
+            cc += c.tr_mul(c);
+            cr += c.tr_mul(&self.residual(g));
+        }
+        let x = self.cholesky.solve(&ac);
+        // residuals are those of the penalised fit; C̃ᵀ r = Cᵀ r holds with the penalty's own rows counted
+        let ridge = self.ridge_product(&x);
+        (symmetric(cc - ac.tr_mul(&x)), cr - ridge)
+    }
+
+    /// `Xᵀ (ridge · solution)`: what the rows of the prior add to a column's right side.
+    fn ridge_product(&self, x: &DMatrix<f64>) -> DVector<f64> {
+        // Aᵀ r = ridge · z at the optimum, so the penalty's part is Xᵀ Aᵀ r
+        let ar = self
+            .clusters
+            .iter()
+            .enumerate()
+            .fold(DVector::zeros(self.solution.len()), |s, (g, c)| s + c.a.tr_mul(&self.residual(g)));
+        x.tr_mul(&ar)
+    }
+
+    /// Everything that folds need of a candidate.
+    pub fn reduce(&self, columns: &[DMatrix<f64>]) -> Reduced {
+        let k = columns[0].ncols();
+        let m = self.solution.len();
+        let parts: Vec<(DMatrix<f64>, DMatrix<f64>, DVector<f64>)> = self
+            .clusters
+            .iter()
+            .zip(columns)
+            .map(|(cluster, c)| (cluster.a.tr_mul(c), c.tr_mul(c), c.tr_mul(&cluster.b)))
+            .collect();
+        let ac = parts.iter().fold(DMatrix::zeros(m, k), |s, x| s + &x.0);
+        let cc = parts.iter().fold(DMatrix::zeros(k, k), |s, x| s + &x.1);
+        let cb = parts.iter().fold(DVector::zeros(k), |s, x| s + &x.2);
+        let right = self.clusters.iter().fold(DVector::zeros(m), |s, c| s + &c.right);
+        let x = self.cholesky.solve(&ac);
+        let s = symmetric(&cc - ac.tr_mul(&x));
+        let c = &cb - x.tr_mul(&right);
+        let folds = self
+            .folds
+            .iter()
+            .enumerate()
+            .map(|(g, fold)| {
+                let cluster = &self.clusters[g];
+                let (ac, cc, cb) = (&ac - &parts[g].0, &cc - &parts[g].1, &cb - &parts[g].2);
+                let x = fold.cholesky.solve(&ac);
+                let s = symmetric(cc - ac.tr_mul(&x));
+                let c = cb - x.tr_mul(&(&right - &cluster.right));
+                let all = &columns[g] - &cluster.a * &x;
+                let test = DMatrix::from_fn(cluster.judged.len(), k, |i, j| all[(cluster.judged[i], j)]);
+                ReducedFold { s, c, test }
+            })
+            .collect();
+        Reduced { s, c, folds }
+    }
+
+    /// Quantities that sign flips of the clusters' residuals need: for every fold the map from `Σ s_h Aᵀr` to the left-out residual.
+    pub fn flip_parts(&self) -> FlipParts<'_> {
+        let residuals: Vec<DVector<f64>> = (0..self.clusters.len()).map(|g| self.residual(g)).collect();
+        let ar = self.clusters.iter().zip(&residuals).map(|(c, r)| c.a.tr_mul(r)).collect();
+        FlipParts { problem: self, residuals, ar }
+    }
+}
+
+/// Residuals by cluster, ready to have their signs flipped.
+pub(crate) struct FlipParts<'a> {
+    problem: &'a Problem,
+    pub residuals: Vec<DVector<f64>>,
+    ar: Vec<DVector<f64>>,
+}
+
+/// One draw of signs: what every fold sees.
+pub(crate) struct FlippedFold {
+    /// `M⁻¹ Σ_{h≠g} s_h A_hᵀ r_h`.
+    pub x: DVector<f64>,
+    /// Residual of the judged rows of the cluster left out.
+    pub test: DVector<f64>,
+    pub error: f64,
+}
+
+impl FlipParts<'_> {
+    pub fn folds(&self, signs: &[f64]) -> Vec<FlippedFold> {
+        let problem = self.problem;
+        let m = problem.solution.len();
+        let all = self.ar.iter().zip(signs).fold(DVector::zeros(m), |s, (a, sign)| s + a * *sign);
+        problem
+            .folds
+            .iter()
+            .enumerate()
+            .map(|(g, fold)| {
+                let cluster = &problem.clusters[g];
+                let x = fold.cholesky.solve(&(&all - &self.ar[g] * signs[g]));
+                let rows = &self.residuals[g] * signs[g] - &cluster.a * &x;
+                let test = DVector::from_fn(cluster.judged.len(), |i, _| rows[cluster.judged[i]]);
+                FlippedFold { x, error: test.norm_squared(), test }
+            })
+            .collect()
+    }
+    /// `C_gᵀ r_g` and `A_gᵀ C_g` of a candidate by cluster: all that its folds need under flips.
+    pub fn candidate(&self, columns: &[DMatrix<f64>]) -> (Vec<DVector<f64>>, Vec<DMatrix<f64>>) {
+        let u = columns.iter().zip(&self.residuals).map(|(c, r)| c.tr_mul(r)).collect();
+        let ac = columns.iter().zip(&self.problem.clusters).map(|(c, cl)| cl.a.tr_mul(c)).collect();
+        (u, ac)
+    }
+}
+
+fn symmetric(m: DMatrix<f64>) -> DMatrix<f64> {
+    (&m + m.transpose()) * 0.5
+}
+
+/// Mean of the base parameters but the mass, and a root of their covariance, given the mass; column norms without a prior.
+fn given_mass(session: &Session<'_>, p: usize) -> Result<(DVector<f64>, DMatrix<f64>), DiscoverError> {
+    let Some(prior) = &session.prior else {
+        let norms = DVector::from_fn(p - 1, |j, _| {
+            let norm = session.blocks.iter().map(|b| b.y.column(j + 1).norm_squared()).sum::<f64>().sqrt();
+            if norm > 0.0 { norm.recip() } else { 1.0 }
+        });
+        return Ok((DVector::zeros(p - 1), DMatrix::from_diagonal(&norms)));
+    };
+    if prior.mean.len() != p || prior.covariance.shape() != (p, p) {
+        return Err(DiscoverError::Length { what: "base parameters of the prior", expected: p, found: prior.mean.len() });
+    }
+    let variance = prior.covariance[(0, 0)];
+    let cross = prior.covariance.view((1, 0), (p - 1, 1)).into_owned();
+    let mut mean = prior.mean.rows(1, p - 1).into_owned();
+    let mut rest = prior.covariance.view((1, 1), (p - 1, p - 1)).into_owned();
+    if variance > 0.0 {
+        mean += cross.column(0) * ((session.mass_kg - prior.mean[0]) / variance);
+        rest -= &cross * cross.transpose() / variance;
+    }
+    let sd = DVector::from_fn(p - 1, |i, _| rest[(i, i)].max(0.0).sqrt());
+    if sd.iter().any(|s| !(s.is_finite() && *s > 0.0)) {
+        return Err(DiscoverError::Numeric("the prior has a variance that is zero or not finite".to_owned()));
+    }
+    let correlation = DMatrix::from_fn(p - 1, p - 1, |i, j| 0.5 * (rest[(i, j)] + rest[(j, i)]) / (sd[i] * sd[j]));
+    let eigen = correlation.symmetric_eigen();
+    let roots = eigen.eigenvalues.map(|l| l.max(1e-10).sqrt());
+    Ok((mean, DMatrix::from_diagonal(&sd) * &eigen.eigenvectors * DMatrix::from_diagonal(&roots)))
+}

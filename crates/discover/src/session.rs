@@ -1,0 +1,391 @@
+//! The evidence: rows of every flight and contact stretch, and what is needed to form columns of any effect on them.
+//!
+//! First of the flow: recordings (or stored factors) in, a [`Session`] out, from which columns for every effect, target and value of
+//! nonlinear parameters are made without touching the regressor again.
+
+use crate::DiscoverError;
+use aloft_body::{BaseParameters, Model, Motion, Phi};
+use aloft_effects::{Columns, Effect, PlateSeries, Scene, Series, Span, Target, TrialMotion};
+use aloft_identify::Prior;
+use aloft_regressor::weak::{Origin, WeakRows};
+use aloft_regressor::{Acting, Factor, RegressorError, Stretch, StretchKind, WeakOptions, weak_rows};
+use nalgebra::{DMatrix, DVector, Vector3, Vector6};
+use rayon::prelude::*;
+
+/// One trial as the stages before left it.
+#[derive(Debug, Clone, Copy)]
+pub struct TrialInput<'a> {
+    /// Unfiltered motion.
+    pub motion: &'a Motion,
+    /// Flights and contact stretches.
+    pub stretches: &'a [Stretch],
+    /// Wrench of all plates together at the frames, about the world origin; needed for contact stretches.
+    pub measured: Option<&'a [Vector6<f64>]>,
+    /// Wrench of each plate; empty where none measured.
+    pub plates: &'a [PlateSeries],
+    /// Group that the laboratory named (`loaded`, `unloaded` …).
+    pub group: Option<&'a str>,
+    /// Seconds from the start of the session to the first frame (0 where unknown).
+    pub session_time_s: f64,
+}
+
+/// The body that was recorded.
+#[derive(Debug, Clone, Copy)]
+pub struct Body<'a> {
+    /// The model with gravity as the laboratory states it.
+    pub model: &'a Model,
+    /// Its base parameters.
+    pub base: &'a BaseParameters,
+    /// Links as the prior (or an earlier identification) sees them.
+    pub phi: &'a [Phi],
+    /// Prior of the base parameters; without one the rows alone decide.
+    pub prior: Option<&'a Prior>,
+    /// Mass from a scale, kg.
+    pub mass_kg: f64,
+    /// Centres of the plates, world, m.
+    pub plate_centers_m: &'a [Vector3<f64>],
+}
+
+/// Rows of one stretch and the windows that they come from.
+#[derive(Debug, Clone)]
+pub(crate) struct Block {
+    /// Index of the trial.
+    pub trial: usize,
+    /// Flight or contact.
+    pub kind: StretchKind,
+    /// Rows × base parameters, weighted.
+    pub y: DMatrix<f64>,
+    /// Measured side, weighted.
+    pub w: DVector<f64>,
+    windows: Option<Windows>,
+    stored: Option<DMatrix<f64>>,
+    name: String,
+}
+
+#[derive(Debug, Clone)]
+struct Windows {
+    half: usize,
+    centers: Vec<usize>,
+    psi: Vec<f64>,
+    origin: Vec<Vec<Origin>>,
+    force_weight: f64,
+    moment_weight: f64,
+}
+
+/// All evidence of one body.
+#[derive(Debug, Clone)]
+pub struct Session<'a> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) series: Vec<Series<'a>>,
+    pub(crate) blocks: Vec<Block>,
+    pub(crate) trials: Vec<String>,
+    pub(crate) groups: Vec<Option<String>>,
+    pub(crate) from_full: DMatrix<f64>,
+    pub(crate) prior: Option<Prior>,
+    pub(crate) mass_kg: f64,
+    /// N per unit of a force row, N·m per unit of a moment row (per unit of the test function's mean).
+    pub(crate) unit: [f64; 2],
+    /// Names of columns that stored factors hold.
+    pub(crate) stored_names: Vec<String>,
+    /// What white noise of the coordinates alone makes of the rows (mean square of a weighted row, force and moment).
+    pub(crate) noise: Option<[f64; 2]>,
+    pub(crate) warnings: Vec<String>,
+}
+
+/// The scene of a set of trials: the body, the plates, the volume of its flights.
+pub fn scene_of(body: &Body<'_>, trials: &[TrialInput<'_>]) -> Scene {
+    let mut state = aloft_body::State::new(body.model);
+    let mut places = Vec::new();
+    for trial in trials {
+        for stretch in trial.stretches {
+            for frame in (stretch.first_frame..stretch.end_frame.min(trial.motion.n_frames())).step_by(10) {
+                if trial.motion.is_valid(frame) && trial.motion.nq == body.model.nq {
+                    state.forward_position(body.model, trial.motion.q(frame));
+                    places.push(state.center_of_mass(body.phi).1);
+                }
+            }
+        }
+    }
+    Scene::new(body.model, body.phi, body.plate_centers_m).with_volume(&places)
+}
+
+impl<'a> Session<'a> {
+    /// Forms the weak rows of all stretches. `scene` comes from [`scene_of`]. Stretches too short for a window are left out with a warning.
+    ///
+    /// # Errors
+    /// [`DiscoverError::Regressor`] and [`DiscoverError::Effects`] for trials that do not fit the model, [`DiscoverError::TooFew`] without rows.
+    pub fn new(
+        body: &Body<'_>,
+        scene: &'a Scene,
+        trials: &[TrialInput<'_>],
+        options: &WeakOptions,
+    ) -> Result<Self, DiscoverError> {
+        let series: Vec<Series<'a>> = trials
+            .par_iter()
+            .map(|t| {
+                let spans: Vec<Span> = t
+                    .stretches
+                    .iter()
+                    .map(|s| Span {
+                        first_frame: s.first_frame,
+                        end_frame: s.end_frame,
+                        flight: s.kind == StretchKind::Flight,
+                    })
+                    .collect();
+                let trial = TrialMotion {
+                    motion: t.motion,
+                    spans: &spans,
+                    plates: t.plates,
+                    session_time_s: t.session_time_s,
+                };
+                Series::new(scene, &trial)
+            })
+            .collect::<Result<_, _>>()?;
+        let jobs: Vec<(usize, &Stretch)> =
+            trials.iter().enumerate().flat_map(|(i, t)| t.stretches.iter().map(move |s| (i, s))).collect();
+        let formed: Vec<Result<Block, RegressorError>> = jobs
+            .par_iter()
+            .map(|&(trial, stretch)| {
+                let t = &trials[trial];
+                let acting = Acting { measured: t.measured, effects: None };
+                let rows = weak_rows(body.model, body.base, body.phi, t.motion, stretch, acting, options)?;
+                Ok(Block::from_rows(trial, stretch, rows, options.moment_length_m))
+            })
+            .collect();
+        let mut blocks = Vec::new();
+        let mut warnings = Vec::new();
+        for ((_, stretch), block) in jobs.iter().zip(formed) {
+            match block {
+                Ok(block) => blocks.push(block),
+                Err(RegressorError::TooShort { .. }) => warnings.push(format!(
+                    "{} of `{}` (frames {} to {}) is too short",
+                    stretch.kind.word(),
+                    stretch.trial,
+                    stretch.first_frame,
+                    stretch.end_frame
+                )),
+                Err(e) => return Err(e.into()),
+            }
+        }
+        if blocks.is_empty() {
+            return Err(DiscoverError::TooFew { what: "stretches with rows", needed: 1, found: 0 });
+        }
+        let weight_n = body.phi.iter().map(|p| p[0]).sum::<f64>() * scene.gravity();
+        let mut out = Self {
+            scene,
+            series,
+            blocks,
+            trials: trials.iter().map(|t| t.motion.trial.clone()).collect(),
+            groups: trials.iter().map(|t| t.group.map(str::to_owned)).collect(),
+            from_full: body.base.from_full.clone(),
+            prior: body.prior.cloned(),
+            mass_kg: body.mass_kg,
+            unit: [weight_n, weight_n * options.moment_length_m],
+            stored_names: Vec::new(),
+            noise: None,
+            warnings,
+        };
+        out.noise = crate::floor::white_noise(body, trials, options, &out.blocks);
+        Ok(out)
+    }
+
+    /// Evidence from stored factors `[Y_B | −E | w]`, all with the same columns: effects are ranked as far as their columns are stored; those with
+    /// nonlinear parameters only at the values that the columns were made with. Trials are told apart by the factors' trial names.
+    ///
+    /// # Errors
+    /// [`DiscoverError::TooFew`] without factors, [`DiscoverError::Length`] when columns differ.
+    pub fn from_factors(body: &Body<'_>, scene: &'a Scene, factors: &[Factor]) -> Result<Self, DiscoverError> {
+        let first = factors.first().ok_or(DiscoverError::TooFew { what: "factors", needed: 1, found: 0 })?;
+        let mut trials: Vec<String> = Vec::new();
+        let mut blocks = Vec::with_capacity(factors.len());
+        for factor in factors {
+            if factor.columns != first.columns {
+                return Err(DiscoverError::Length {
+                    what: "columns of the factors",
+                    expected: first.columns.len(),
+                    found: factor.columns.len(),
+                });
+            }
+            let trial = trials.iter().position(|t| *t == factor.trial).unwrap_or_else(|| {
+                trials.push(factor.trial.clone());
+                trials.len() - 1
+            });
+            let (p, k) = (factor.n_parameters(), factor.n_effects());
+            let dense = factor.dense();
+            blocks.push(Block {
+                trial,
+                kind: factor.kind,
+                y: dense.columns(0, p).into_owned(),
+                w: dense.column(p + k).into_owned(),
+                windows: None,
+                stored: Some(dense.columns(p, k).into_owned()),
+                name: format!("{}#{}{}", factor.trial, factor.stretch, factor.kind.word()),
+            });
+        }
+        let weight_n = body.mass_kg * scene.gravity();
+        Ok(Self {
+            scene,
+            series: Vec::new(),
+            blocks,
+            groups: vec![None; trials.len()],
+            trials,
+            from_full: body.base.from_full.clone(),
+            prior: body.prior.cloned(),
+            mass_kg: body.mass_kg,
+            unit: [weight_n, weight_n * WeakOptions::default().moment_length_m],
+            stored_names: first.columns.effects.clone(),
+            noise: None,
+            warnings: Vec::new(),
+        })
+    }
+
+    /// What was left out and why, in words.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// The constants that columns are built from.
+    pub fn scene(&self) -> &Scene {
+        self.scene
+    }
+
+    /// Rows that an effect adds to each block, `−E` in the weights of the rows; `None` where they cannot be formed.
+    pub(crate) fn columns(&self, effect: &dyn Effect, target: Target, nonlinear: &[f64]) -> Option<Vec<DMatrix<f64>>> {
+        let coefficients = effect.coefficients(self.scene, target);
+        let k = coefficients.len();
+        if self.series.is_empty() {
+            return self.stored_columns(effect, target, &coefficients);
+        }
+        let inertia = effect.inertia(self.scene, target, nonlinear).map(|changes| self.regrouped(&changes));
+        let wrench = effect.has_wrench();
+        let mut made: Vec<Option<Columns>> = Vec::with_capacity(self.series.len());
+        for series in &self.series {
+            made.push(wrench.then(|| {
+                let mut out = Columns::zeros(series.len(), k);
+                effect.evaluate(series, target, nonlinear, &mut out);
+                out
+            }));
+        }
+        Some(
+            self.blocks
+                .iter()
+                .map(|block| {
+                    let mut rows = DMatrix::zeros(block.y.nrows(), k);
+                    if let (Some(columns), Some(windows)) = (&made[block.trial], &block.windows) {
+                        windows.apply(&self.series[block.trial], columns, &mut rows);
+                    }
+                    if let Some(change) = &inertia {
+                        rows += &block.y * change;
+                    }
+                    rows
+                })
+                .collect(),
+        )
+    }
+
+    fn stored_columns(
+        &self,
+        effect: &dyn Effect,
+        target: Target,
+        coefficients: &[aloft_effects::Coefficient],
+    ) -> Option<Vec<DMatrix<f64>>> {
+        if !effect.has_wrench() {
+            let changes = effect.inertia(self.scene, target, &[]).filter(|_| effect.starts(self.scene, target)[0].is_empty())?;
+            let change = self.regrouped(&changes);
+            return Some(self.blocks.iter().map(|b| &b.y * &change).collect());
+        }
+        let label = target.label(self.scene);
+        let key = if label.is_empty() { effect.id().to_owned() } else { format!("{}[{label}]", effect.id()) };
+        let at: Vec<usize> = coefficients
+            .iter()
+            .map(|c| self.stored_names.iter().position(|n| *n == format!("{key}.{}", c.name)))
+            .collect::<Option<_>>()?;
+        self.blocks
+            .iter()
+            .map(|b| b.stored.as_ref().map(|s| DMatrix::from_fn(s.nrows(), at.len(), |i, j| s[(i, at[j])])))
+            .collect()
+    }
+
+    /// Changes of φ as changes of base parameters, a column each.
+    fn regrouped(&self, changes: &[Vec<Phi>]) -> DMatrix<f64> {
+        let n = self.from_full.ncols();
+        let full = DMatrix::from_fn(n, changes.len(), |i, j| changes[j].get(i / 10).map_or(0.0, |phi| phi[i % 10]));
+        &self.from_full * full
+    }
+
+    /// Name of a block: trial, number, kind.
+    pub(crate) fn block_name(&self, block: usize) -> &str {
+        &self.blocks[block].name
+    }
+}
+
+impl Block {
+    fn from_rows(trial: usize, stretch: &Stretch, mut rows: WeakRows, moment_length_m: f64) -> Self {
+        rows.apply_fixed_weights(moment_length_m);
+        let n = rows.matrix.nrows();
+        let p = rows.matrix.ncols() - 1;
+        let force_weight = 1.0 / (rows.weight_n * rows.test.integral_s());
+        Self {
+            trial,
+            kind: stretch.kind,
+            y: DMatrix::from_fn(n, p, |i, j| rows.matrix[(i, j)]),
+            w: DVector::from_fn(n, |i, _| rows.matrix[(i, p)]),
+            windows: Some(Windows {
+                half: rows.test.half,
+                centers: rows.centers,
+                psi: rows.test.psi,
+                origin: rows.origin,
+                force_weight,
+                moment_weight: force_weight / moment_length_m,
+            }),
+            stored: None,
+            name: format!("{}#{}{}", stretch.trial, stretch.index, stretch.kind.word()),
+        }
+    }
+
+    /// True for rows of force (weak rows keep their order; rows of a factor do not tell).
+    pub(crate) fn is_force(&self, row: usize) -> Option<bool> {
+        self.windows.as_ref().map(|_| row % 6 < 3)
+    }
+}
+
+impl Windows {
+    /// `−Σ ψ (f, n₀ − o × f)` in the rows' weights.
+    fn apply(&self, series: &Series<'_>, columns: &Columns, rows: &mut DMatrix<f64>) {
+        for (w, &center) in self.centers.iter().enumerate() {
+            let first = center - self.half;
+            let Some(start) = series.index_of(first) else { continue };
+            for (i, (psi, at)) in self.psi.iter().zip(&self.origin[w]).enumerate() {
+                // frames of a window are contiguous, so their indices are too
+                let index = start + i;
+                if index >= series.len() || series.motion_frames()[index] != first + i {
+                    continue;
+                }
+                for c in 0..columns.k {
+                    let force = columns.force(index, c);
+                    let moment = columns.moment(index, c) - at.position.cross(&force);
+                    for axis in 0..3 {
+                        rows[(6 * w + axis, c)] -= psi * self.force_weight * force[axis];
+                        rows[(6 * w + 3 + axis, c)] -= psi * self.moment_weight * moment[axis];
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A word for a kind of stretch.
+pub(crate) trait Word {
+    /// `flight`, `contact`, `merged`.
+    fn word(&self) -> &'static str;
+}
+
+impl Word for StretchKind {
+    fn word(&self) -> &'static str {
+        match self {
+            Self::Flight => "flight",
+            Self::Contact => "contact",
+            Self::Merged => "merged",
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! `compare`: model against measurement, from what the stage left; and the table of estimators.
+
+use crate::config::Rows;
+use crate::error::PipelineError;
+use crate::stages::identify::file_name;
+use crate::study::{Role, Study};
+use crate::workspace::{WHOLE_STUDY, Workspace, read_json};
+use aloft_compare::{Comparison, ModelComparison};
+use aloft_identify::{Parameters, Sigma};
+use serde::Serialize;
+
+/// The comparison as `--json` shows it.
+#[derive(Debug, Clone, Serialize)]
+pub struct ComparisonView {
+    /// Version of this structure.
+    pub version: u32,
+    /// Who.
+    pub subject: String,
+    /// The comparison: `held_out`, `flight`, `trials`, `beside`, `noise_floor`, `words` …
+    #[serde(flatten)]
+    pub comparison: Comparison,
+    /// About the parameters that were compared.
+    pub parameters: ParametersBrief,
+    /// Kinematics: marker RMS and flights a trial.
+    pub kinematics: Vec<KinematicsRow>,
+}
+
+/// About the parameters.
+#[derive(Debug, Clone, Serialize)]
+pub struct ParametersBrief {
+    /// Rows.
+    pub rows: &'static str,
+    /// σ_{N−1}/σ_N.
+    pub sigma_ratio: f64,
+    /// Singular values.
+    pub sigma: Sigma,
+    /// Flights that took part.
+    pub flights: usize,
+}
+
+/// One trial's kinematics.
+#[derive(Debug, Clone, Serialize)]
+pub struct KinematicsRow {
+    /// Trial.
+    pub trial: String,
+    /// Its part.
+    pub role: &'static str,
+    /// Root mean square marker error, mm.
+    pub marker_rms_mm: Option<f64>,
+    /// Flights.
+    pub flights: Option<u64>,
+    /// Mean vertical acceleration of the prior's centre of mass in flight over −g, minus one, percent.
+    pub gravity_error_percent: Option<f64>,
+}
+
+/// Reads what `compare` left.
+pub fn compare(study: &Study) -> Result<ComparisonView, PipelineError> {
+    let ws = Workspace::open(&study.workspace);
+    let path = ws.place("compare", WHOLE_STUDY).join("comparison.json");
+    if !path.is_file() {
+        return Err(PipelineError::request_hint(
+            format!("nothing was compared in {}", study.workspace.display()),
+            format!("run `aloft run {}` first", study.config_path.display()),
+        ));
+    }
+    let comparison: Comparison = read_json(&path)?;
+    let rows = study.config.regressor.rows;
+    let parameters: Parameters = read_json(&ws.place("identify", WHOLE_STUDY).join(file_name(rows)))?;
+    Ok(ComparisonView {
+        version: 1,
+        subject: study.facts.person.name.clone(),
+        parameters: ParametersBrief {
+            rows: rows.word(),
+            sigma_ratio: parameters.sigma.ratio,
+            sigma: parameters.sigma,
+            flights: parameters.n_stretches,
+        },
+        kinematics: kinematics(study, &ws),
+        comparison,
+    })
+}
+
+/// Marker error, flights and the free-fall check of every dynamic trial.
+pub fn kinematics(study: &Study, ws: &Workspace) -> Vec<KinematicsRow> {
+    study
+        .included()
+        .filter(|t| t.role.is_dynamic())
+        .map(|t| {
+            let flights: Option<aloft_flight::FlightReport> = read_json(&ws.place("flight", &t.name).join("flights.json")).ok();
+            let ik = ws.manifest("ik", &t.name);
+            let g = study.facts.gravity_mps2;
+            let gravity_error_percent = flights.as_ref().and_then(|r| {
+                let used: Vec<(f64, f64)> = r
+                    .flights
+                    .iter()
+                    .filter(|f| f.mean_acceleration_mps2[2].is_finite())
+                    .map(|f| (f.mean_acceleration_mps2[2], f.n_frames() as f64))
+                    .collect();
+                let frames: f64 = used.iter().map(|u| u.1).sum();
+                (frames > 0.0).then(|| (-used.iter().map(|u| u.0 * u.1).sum::<f64>() / frames / g - 1.0) * 100.0)
+            });
+            KinematicsRow {
+                trial: t.name.clone(),
+                role: t.role.word(),
+                marker_rms_mm: ik.and_then(|m| m.summary.get("marker_rms_mm").and_then(serde_json::Value::as_f64)),
+                flights: flights.map(|r| r.flights.len() as u64),
+                gravity_error_percent,
+            }
+        })
+        .collect()
+}
+
+/// What the error of a model is taken over, best first: held-out contact, else flight.
+pub fn judged_on(c: &Comparison) -> &'static str {
+    if c.first.held_out.frames > 0 { "held-out contact" } else { "held-out flight" }
+}
+
+/// Mean absolute error of a model on what it is judged on: frames (N, N·m by axis) and weak windows.
+pub fn errors_of(model: &ModelComparison) -> ([f64; 3], [f64; 3], [f64; 3], [f64; 3]) {
+    if model.held_out.frames > 0 {
+        let (f, w) = (&model.held_out, &model.held_out_weak);
+        (f.force_n.mae, f.moment_nm.mae, w.force_n.mae, w.moment_nm.mae)
+    } else {
+        let (f, w) = (&model.flight_wrench, &model.flight_weak);
+        (f.force_n.mae, f.moment_nm.mae, w.force_n.mae, w.moment_nm.mae)
+    }
+}
+
+/// The mean over axes.
+pub fn mean(v: &[f64; 3]) -> f64 {
+    v.iter().sum::<f64>() / 3.0
+}
+
+/// True where the study has trials held out for contact.
+pub fn has_validation(study: &Study) -> bool {
+    study.included().any(|t| t.role == Role::Validate)
+}
+
+/// Name of rows for headings.
+pub fn rows_title(rows: Rows) -> &'static str {
+    match rows {
+        Rows::Weak => "weak rows",
+        Rows::Paper => "the paper's rows",
+    }
+}

@@ -1,0 +1,37 @@
+//! `parameters`: what was identified, with intervals and the prior beside it.
+
+use crate::config::Rows;
+use crate::error::PipelineError;
+use crate::stages::identify::file_name;
+use crate::study::Study;
+use crate::workspace::{WHOLE_STUDY, Workspace, read_json};
+use aloft_identify::Parameters;
+use serde::Serialize;
+
+/// The parameters with a version of the structure.
+#[derive(Debug, Clone, Serialize)]
+pub struct ParametersView {
+    /// Version of this structure.
+    pub version: u32,
+    /// Who.
+    pub subject: String,
+    /// Rows: `weak` or `paper`.
+    pub rows_used: &'static str,
+    /// The parameters.
+    #[serde(flatten)]
+    pub parameters: Parameters,
+}
+
+/// Reads what `identify` left.
+pub fn parameters(study: &Study, rows: Option<Rows>) -> Result<ParametersView, PipelineError> {
+    let rows = rows.unwrap_or(study.config.regressor.rows);
+    let path = Workspace::open(&study.workspace).place("identify", WHOLE_STUDY).join(file_name(rows));
+    if !path.is_file() {
+        return Err(PipelineError::request_hint(
+            format!("nothing was identified from {} rows in {}", rows.word(), study.workspace.display()),
+            format!("run `aloft run {}` first", study.config_path.display()),
+        ));
+    }
+    let parameters: Parameters = read_json(&path)?;
+    Ok(ParametersView { version: 1, subject: study.facts.person.name.clone(), rows_used: rows.word(), parameters })
+}

@@ -1,0 +1,204 @@
+//! `compare`: predicted against measured wrench on held-out motion; the residual wrench in flight.
+
+use crate::config::Rows;
+use crate::error::StageFailure;
+use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::stages::filter::low_pass;
+use crate::stages::identify::{estimator, identify_from, training_factors};
+use crate::study::Role;
+use crate::table::Table;
+use crate::workspace::write_json;
+use aloft_body::{BaseParameters, Motion};
+use aloft_compare::{Body, Candidate, CompareOptions, Comparison, Filtering, Measured, TrialInput, TrialSeries, compare, measured_wrench};
+use aloft_ik::smooth;
+use nalgebra::DVector;
+use rayon::prelude::*;
+use serde_json::json;
+use std::ops::Range;
+
+/// The stage.
+pub static STAGE: Stage = Stage {
+    name: "compare",
+    version: 1,
+    scope: Scope::Study,
+    reads: "parameters, held-out trials",
+    gives: "model against measurement, everywhere",
+    needs: &[
+        Need::Once("calibrate"),
+        Need::Once("identify"),
+        Need::Every("import", &[Role::Identify, Role::Validate]),
+        Need::Every("ik", &[Role::Identify, Role::Validate]),
+        Need::Every("filter", &[Role::Identify, Role::Validate]),
+        Need::Every("flight", &[Role::Identify, Role::Validate]),
+        Need::Every("regressor", &[Role::Identify, Role::Validate]),
+    ],
+    parameters: |study, _| {
+        json!({"compare": study.config.compare, "filter": study.config.filter, "rows": study.config.regressor.rows,
+            "identify": study.config.identify, "margin_s": study.config.flight.margin_s})
+    },
+    run,
+};
+
+/// One trial with all that the comparison reads.
+pub struct ComparedTrial {
+    /// Name.
+    pub name: String,
+    /// Its part.
+    pub role: Role,
+    /// Filtered motion.
+    pub filtered: Motion,
+    /// Motion before filtering.
+    pub unfiltered: Motion,
+    /// Plates, tared; none where the trial has none.
+    pub measured: Option<Measured>,
+    /// Flights.
+    pub flights: Vec<Range<usize>>,
+    /// Frames in which everything that the body touches is measured.
+    pub complete: Vec<bool>,
+}
+
+/// Loads the trials that every earlier stage brought through.
+pub fn load_trials(job: &Job<'_>) -> Result<Vec<ComparedTrial>, StageFailure> {
+    let names = job.trials_of("regressor");
+    names
+        .par_iter()
+        .map(|name| {
+            let role = job.study.trial(name).map_or(Role::Identify, |t| t.role);
+            let filtered = job.load_motion("filter", name)?;
+            let unfiltered = job.load_motion("ik", name)?;
+            let trial = job.load_tared_trial(name)?;
+            let report = job.load_flights(name)?;
+            let flights: Vec<Range<usize>> = report.flights.iter().map(aloft_flight::Flight::frames).collect();
+            let measured = if trial.plates.is_empty() {
+                None
+            } else {
+                let m = measured_wrench(name, &trial.plates, filtered.rate_hz, filtered.n_frames(), Some(low_pass(job.study)))
+                    .map_err(|e| StageFailure::new(e.to_string()))?;
+                Some(m)
+            };
+            let complete = completely_measured(measured.as_ref(), &flights, filtered.n_frames());
+            Ok(ComparedTrial { name: name.clone(), role, filtered, unfiltered, measured, flights, complete })
+        })
+        .collect()
+}
+
+/// In the air everything is known; on the ground only where plates are loaded: somebody who stands on a box before a drop loads none.
+fn completely_measured(measured: Option<&Measured>, flights: &[Range<usize>], frames: usize) -> Vec<bool> {
+    (0..frames)
+        .map(|f| {
+            flights.iter().any(|r| r.contains(&f))
+                || measured.is_some_and(|m| m.unfiltered.get(f).is_some_and(|w| w[2] > 20.0))
+        })
+        .collect()
+}
+
+fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
+    let study = job.study;
+    let subject = job.load_subject("calibrate")?;
+    let base = BaseParameters::of(&subject.model);
+    let prior = subject.prior_phi();
+    let trials = load_trials(job)?;
+    let has_validation = trials.iter().any(|t| t.role == Role::Validate && t.measured.is_some());
+    let chosen = study.config.regressor.rows;
+    let other = if chosen == Rows::Weak { Rows::Paper } else { Rows::Weak };
+    let mut candidates = Vec::new();
+    let mut done = Done::default();
+    for (i, rows) in [chosen, other].into_iter().enumerate() {
+        let Some(parameters) = job.load_parameters(rows)? else { continue };
+        let name = if i == 0 { "identified".to_owned() } else { format!("{} rows", rows.word()) };
+        let all = parameters.base_values();
+        candidates.push(if has_validation {
+            Candidate::base(name, all)
+        } else {
+            Candidate::per_trial(name, without_each_trial(job, &subject, &trials, rows, &all, &mut done)?)
+        });
+    }
+    candidates.push(Candidate::links("prior", &base, &prior));
+    let inputs: Vec<TrialInput<'_>> = trials
+        .iter()
+        .map(|t| TrialInput {
+            unfiltered: Some(&t.unfiltered),
+            measured: t.measured.as_ref(),
+            complete: Some(&t.complete),
+            held_out_contact: if has_validation { t.role == Role::Validate } else { t.measured.is_some() },
+            held_out_flight: t.role == Role::Validate || !has_validation,
+            ..TrialInput::new(&t.filtered, &t.flights)
+        })
+        .collect();
+    let body = Body { model: &subject.model, base: &base, prior: &prior };
+    let spec = low_pass(study);
+    let again = |m: &Motion| smooth(&subject.model, m, Some(spec)).ok();
+    let options = CompareOptions {
+        edge_s: study.config.compare.edge_s,
+        flight_margin_s: study.config.flight.margin_s,
+        window_s: study.config.compare.window_s,
+        ..CompareOptions::default()
+    };
+    let filtering = Filtering { filter: Some(spec), smooth: &again };
+    let (comparison, series) =
+        compare(&body, &candidates, &inputs, Some(filtering), &options).map_err(|e| StageFailure::new(e.to_string()))?;
+    write_json(&job.out.join("comparison.json"), &comparison)?;
+    for s in &series {
+        series_table(s, &comparison).write(&job.out.join(format!("series_{}.parquet", s.trial)))?;
+    }
+    describe(&comparison, &mut done);
+    Ok(done)
+}
+
+/// Parameters for each trial, identified without it.
+fn without_each_trial(
+    job: &Job<'_>,
+    subject: &aloft_body::Subject,
+    trials: &[ComparedTrial],
+    rows: Rows,
+    all: &DVector<f64>,
+    done: &mut Done,
+) -> Result<Vec<DVector<f64>>, StageFailure> {
+    let factors = training_factors(job, rows, job.study.config.identify.contact)?;
+    let results: Vec<(DVector<f64>, Option<String>)> = trials
+        .par_iter()
+        .map(|t| {
+            let kept: Vec<_> = factors.iter().filter(|(s, _)| s.trial != t.name).cloned().collect();
+            if kept.is_empty() || kept.len() == factors.len() {
+                let alone = kept.is_empty().then(|| format!("{}: the only trial with flights, so it is not held out", t.name));
+                return (all.clone(), alone);
+            }
+            match identify_from(job.study, subject, &kept, estimator(job.study, rows), 0) {
+                Ok(p) => (p.base_values(), None),
+                Err(e) => (all.clone(), Some(format!("{} could not be left out: {}", t.name, e.problem))),
+            }
+        })
+        .collect();
+    done.warnings.extend(results.iter().filter_map(|r| r.1.clone()));
+    Ok(results.into_iter().map(|r| r.0).collect())
+}
+
+const COMPONENTS: [&str; 6] = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];
+
+fn series_table(s: &TrialSeries, comparison: &Comparison) -> Table {
+    let mut table = Table::default();
+    table.push("time_s", s.time_s.clone());
+    table.push("in_flight", s.in_flight.iter().map(|f| f64::from(u8::from(*f))).collect());
+    table.push("counts", s.phase.iter().map(|p| f64::from(u8::from(p.is_some()))).collect());
+    for (i, name) in COMPONENTS.iter().enumerate() {
+        table.push(format!("measured.{name}"), s.measured.iter().map(|w| w[i]).collect());
+    }
+    for (model, values) in comparison.models().zip(&s.predicted) {
+        for (i, name) in COMPONENTS.iter().enumerate() {
+            table.push(format!("{}.{name}", model.model), values.iter().map(|w| w[i]).collect());
+        }
+    }
+    table
+}
+
+fn describe(c: &Comparison, done: &mut Done) {
+    let first = &c.first;
+    if first.held_out.frames > 0 {
+        done.note("held_out_force_n", first.held_out.force_n.mean_mae());
+        done.note("held_out_moment_nm", first.held_out.moment_nm.mean_mae());
+    }
+    if first.flight.frames > 0 {
+        done.note("flight_force_rms_n", json!(first.flight.residual_force_n.rms));
+        done.note("flight_moment_rms_nm", json!(first.flight.residual_moment_nm.rms));
+    }
+}

@@ -1,0 +1,116 @@
+//! `identify`: base parameters from the factors of all flights, with weak rows and with the paper's beside them.
+
+use crate::config::{Estimator as Choice, Rows};
+use crate::error::StageFailure;
+use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::stages::regressor::{load_factors, row_kind};
+use crate::study::{Role, Study};
+use crate::workspace::{WHOLE_STUDY, read_json, write_json};
+use aloft_body::{BaseParameters, Subject};
+use aloft_identify::{ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, identify};
+use aloft_regressor::{Factor, Stretch, StretchKind};
+use serde_json::json;
+
+/// The stage.
+pub static STAGE: Stage = Stage {
+    name: "identify",
+    version: 1,
+    scope: Scope::Study,
+    reads: "all factors",
+    gives: "base parameters with intervals, consistent link inertias",
+    needs: &[Need::Once("calibrate"), Need::Every("regressor", &[Role::Identify])],
+    parameters: |study, _| json!({"identify": study.config.identify}),
+    run,
+};
+
+/// Flights (and contact stretches, where asked for) of the identification trials, from one kind of rows.
+pub fn training_factors(job: &Job<'_>, rows: Rows, contact: bool) -> Result<Vec<(Stretch, Factor)>, StageFailure> {
+    let mut out = Vec::new();
+    for name in job.trials_of("regressor") {
+        if job.study.trial(&name).is_none_or(|t| t.role != Role::Identify) {
+            continue;
+        }
+        let factors = load_factors(&job.workspace.place("regressor", &name))?;
+        out.extend(
+            factors.into_iter().filter(|(s, f)| f.rows == row_kind(rows) && (contact || s.kind == StretchKind::Flight)),
+        );
+    }
+    Ok(out)
+}
+
+/// The estimator for a kind of rows: the paper's rows go with the paper's estimator unless the pipeline says otherwise.
+pub fn estimator(study: &Study, rows: Rows) -> Estimator {
+    let config = &study.config.identify;
+    let weight = (config.prior_weight > 0.0).then_some(config.prior_weight);
+    match (config.estimator, rows) {
+        (Choice::NullVector, _) | (Choice::Auto, Rows::Paper) => Estimator::NullVector(ColumnScaling::default()),
+        (Choice::MassConstrained, _) => Estimator::MassConstrained,
+        (Choice::Regularized, _) => Estimator::Regularised { weight },
+        (Choice::Auto, Rows::Weak) if study.object.is_some() => Estimator::MassConstrained,
+        (Choice::Auto, Rows::Weak) => Estimator::Regularised { weight },
+    }
+}
+
+/// Identifies from the given factors.
+pub fn identify_from(
+    study: &Study,
+    subject: &Subject,
+    factors: &[(Stretch, Factor)],
+    estimator: Estimator,
+    bootstrap: usize,
+) -> Result<Parameters, StageFailure> {
+    let base = BaseParameters::of(&subject.model);
+    let prior = LinkPrior::of_subject(subject).map_err(|e| StageFailure::new(e.to_string()))?;
+    let options = IdentifyOptions { estimator, bootstrap, ..IdentifyOptions::default() };
+    let plain: Vec<Factor> = factors.iter().map(|(_, f)| f.clone()).collect();
+    identify(&subject.model, &base, &plain, subject.facts.mass_kg, Some(&prior), &options)
+        .map(|i| i.parameters)
+        .map_err(|e| StageFailure::new(e.to_string()))
+}
+
+/// Where the parameters from one kind of rows lie.
+pub fn file_name(rows: Rows) -> String {
+    format!("parameters_{}.json", rows.word())
+}
+
+impl Job<'_> {
+    /// What was identified from one kind of rows, if it was.
+    pub fn load_parameters(&self, rows: Rows) -> Result<Option<Parameters>, StageFailure> {
+        let path = self.workspace.place("identify", WHOLE_STUDY).join(file_name(rows));
+        if path.is_file() { Ok(Some(read_json(&path)?)) } else { Ok(None) }
+    }
+}
+
+fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
+    let study = job.study;
+    let subject = job.load_subject("calibrate")?;
+    let mut done = Done::default();
+    let chosen = study.config.regressor.rows;
+    for rows in Rows::ALL {
+        let factors = training_factors(job, rows, study.config.identify.contact)?;
+        if factors.is_empty() {
+            let problem = format!("no flight of an identification trial gave {} rows", rows.word());
+            if rows == chosen {
+                return Err(StageFailure::with_hint(problem, "look at `aloft status` and the warnings of the stage `flight`"));
+            }
+            done.warnings.push(problem);
+            continue;
+        }
+        match identify_from(study, &subject, &factors, estimator(study, rows), study.config.identify.bootstrap) {
+            Ok(parameters) => {
+                write_json(&job.out.join(file_name(rows)), &parameters)?;
+                if rows == chosen {
+                    done.note("flights", parameters.n_stretches);
+                    done.note("rows", parameters.n_rows);
+                    if !parameters.gate.passed {
+                        done.warnings.extend(parameters.gate.reasons.iter().cloned());
+                    }
+                }
+                done.note(&format!("sigma_ratio_{}", rows.word()), parameters.sigma.ratio);
+            }
+            Err(failure) if rows != chosen => done.warnings.push(format!("{} rows: {}", rows.word(), failure.problem)),
+            Err(failure) => return Err(failure),
+        }
+    }
+    Ok(done)
+}
