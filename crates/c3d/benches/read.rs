@@ -13,12 +13,19 @@ fn made(order: ByteOrder, storage: Storage) -> Vec<u8> {
     let frames = 2000;
     let mut builder = C3dBuilder::new(100.0).stored_as(order, storage, 0.125);
     for i in 0..50 {
-        let xyz = (0..frames).map(|f| if (f + i) % 97 < 3 { [f32::NAN; 3] } else { [f as f32, i as f32, 900.0] }).collect();
+        let xyz =
+            (0..frames).map(|f| if (f + i) % 97 < 3 { [f32::NAN; 3] } else { [f as f32, i as f32, 900.0] }).collect();
         builder = builder.marker(&format!("M{i}"), xyz);
     }
     for i in 0..16 {
         let values = (0..10 * frames).map(|s| ((s * (i + 3)) % 4001) as f64 - 2000.0).collect();
-        builder = builder.channel(Analog { label: format!("C{i}"), unit: "V".into(), scale: 1.0, values, ..Analog::default() });
+        builder = builder.channel(Analog {
+            label: format!("C{i}"),
+            unit: "V".into(),
+            scale: 1.0,
+            values,
+            ..Analog::default()
+        });
     }
     builder.build().and_then(|f| f.to_bytes()).unwrap_or_default()
 }
@@ -57,19 +64,28 @@ fn read(criterion: &mut Criterion) {
             let bytes = made(order, storage);
             group.throughput(Throughput::Bytes(bytes.len() as u64));
             let id = BenchmarkId::new("made", format!("{order:?}_{storage:?}"));
-            group.bench_with_input(id, &bytes, |b, bytes| b.iter(|| C3dFile::from_bytes(black_box(bytes)).map(|f| f.n_frames)));
+            group.bench_with_input(id, &bytes, |b, bytes| {
+                b.iter(|| C3dFile::from_bytes(black_box(bytes)).map(|f| f.n_frames))
+            });
         }
     }
     let recordings = recordings();
     for (name, bytes) in &recordings {
         group.throughput(Throughput::Bytes(bytes.len() as u64));
         let id = BenchmarkId::new("recorded", name);
-        group.bench_with_input(id, bytes, |b, bytes| b.iter(|| C3dFile::from_bytes(black_box(bytes)).map(|f| f.n_frames)));
+        group.bench_with_input(id, bytes, |b, bytes| {
+            b.iter(|| C3dFile::from_bytes(black_box(bytes)).map(|f| f.n_frames))
+        });
     }
     if !recordings.is_empty() {
         group.throughput(Throughput::Bytes(recordings.iter().map(|(_, b)| b.len() as u64).sum()));
         group.bench_function("recorded/together", |b| {
-            b.iter(|| recordings.iter().map(|(_, b)| C3dFile::from_bytes(black_box(b)).map_or(0, |f| f.n_frames)).sum::<usize>());
+            b.iter(|| {
+                recordings
+                    .iter()
+                    .map(|(_, b)| C3dFile::from_bytes(black_box(b)).map_or(0, |f| f.n_frames))
+                    .sum::<usize>()
+            });
         });
     }
     group.finish();

@@ -100,7 +100,8 @@ impl C3dBuilder {
     /// Any point. Residuals and camera masks that are empty become 0 (NaN and 0 where a coordinate is NaN).
     pub fn point(mut self, mut point: Point) -> Self {
         if point.residual.is_empty() {
-            point.residual = point.xyz.iter().map(|p| if p.iter().any(|x| x.is_nan()) { f32::NAN } else { 0.0 }).collect();
+            point.residual =
+                point.xyz.iter().map(|p| if p.iter().any(|x| x.is_nan()) { f32::NAN } else { 0.0 }).collect();
         }
         if point.cameras.is_empty() {
             point.cameras = vec![0; point.xyz.len()];
@@ -137,7 +138,12 @@ impl C3dBuilder {
     }
     /// An event: label, context, seconds on the clock in which frame 1 is 0 s.
     pub fn event(self, label: &str, context: &str, time_s: f64) -> Self {
-        self.full_event(FileEvent { label: label.to_owned(), context: context.to_owned(), time_s, ..FileEvent::default() })
+        self.full_event(FileEvent {
+            label: label.to_owned(),
+            context: context.to_owned(),
+            time_s,
+            ..FileEvent::default()
+        })
     }
     /// An event with subject and description.
     pub fn full_event(mut self, event: FileEvent) -> Self {

@@ -41,7 +41,5 @@ pub(crate) fn events_of_group(groups: &Parameters, warnings: &mut Vec<Warning>) 
 /// The events of the header in the form of the group's.
 pub(crate) fn events_of_header(events: &[HeaderEvent]) -> Vec<FileEvent> {
     let finite = events.iter().filter(|e| e.time_s.is_finite());
-    finite
-        .map(|e| FileEvent { label: e.label.clone(), time_s: f64::from(e.time_s), ..FileEvent::default() })
-        .collect()
+    finite.map(|e| FileEvent { label: e.label.clone(), time_s: f64::from(e.time_s), ..FileEvent::default() }).collect()
 }

@@ -191,9 +191,9 @@ impl C3dFile {
     }
     /// Whether unsignedness was concluded from the samples rather than stated in ANALOG:FORMAT.
     pub(crate) fn unsigned_by_inference(&self) -> bool {
-        self.source.as_ref().is_some_and(|s| {
-            s.analog_unsigned == self.analog_unsigned && self.groups.get("ANALOG", "FORMAT").is_none()
-        })
+        self.source
+            .as_ref()
+            .is_some_and(|s| s.analog_unsigned == self.analog_unsigned && self.groups.get("ANALOG", "FORMAT").is_none())
     }
     /// Metres in one point unit; `None` for a unit nobody knows.
     pub fn metres_per_point_unit(&self) -> Option<f64> {

@@ -18,6 +18,28 @@ pub struct HeaderEvent {
     pub shown: bool,
 }
 
+/// Equal bit by bit: a time of NaN equals itself.
+fn same_events(a: &[HeaderEvent], b: &[HeaderEvent]) -> bool {
+    let same = |a: &HeaderEvent, b: &HeaderEvent| {
+        a.label == b.label && a.time_s.to_bits() == b.time_s.to_bits() && a.shown == b.shown
+    };
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| same(a, b))
+}
+
+/// A label cut to four bytes, one byte a character where that reads back the same.
+fn four_bytes(label: &str) -> [u8; 4] {
+    let mut out = [b' '; 4];
+    let single: Vec<u8> = label.chars().take(4).filter_map(|c| u8::try_from(u32::from(c)).ok()).collect();
+    let whole: String = label.chars().take(4).collect();
+    if text::decode(&single) == whole.trim() {
+        out[..single.len()].copy_from_slice(&single);
+    } else {
+        let end = (0..=4.min(label.len())).rev().find(|n| label.is_char_boundary(*n)).unwrap_or(0);
+        out[..end].copy_from_slice(&label.as_bytes()[..end]);
+    }
+    out
+}
+
 /// The header as stored.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Header {
@@ -82,18 +104,14 @@ impl Header {
         word(block, 16, self.data_start / BLOCK + 1);
         word(block, 18, self.samples_per_frame);
         block[20..24].copy_from_slice(&order.f32_bytes(self.rate_hz));
-        if Self::read(block, order).events != self.events {
+        if !same_events(&Self::read(block, order).events, &self.events) {
             word(block, 298, usize::from(KEY));
             word(block, 300, self.events.len().min(18));
             block[304..468].fill(0);
             for (i, event) in self.events.iter().take(18).enumerate() {
                 block[304 + 4 * i..308 + 4 * i].copy_from_slice(&order.f32_bytes(event.time_s));
                 block[376 + i] = u8::from(event.shown);
-                let mut label = [b' '; 4];
-                for (slot, byte) in label.iter_mut().zip(event.label.bytes()) {
-                    *slot = byte;
-                }
-                block[396 + 4 * i..400 + 4 * i].copy_from_slice(&label);
+                block[396 + 4 * i..400 + 4 * i].copy_from_slice(&four_bytes(&event.label));
             }
         }
     }

@@ -81,7 +81,8 @@ pub(crate) fn choose(statements: &Statements, available: usize) -> (Layout, Fit)
         (Some((layout, bytes)), Some(_)) if layout.n_frames > 0 => (layout, Fit::Surplus { bytes }),
         (_, Some((layout, stated))) => (layout, Fit::Truncated { stated }),
         (None, None) => {
-            let none = Layout { storage: Storage::Float, n_points: 0, n_channels: 0, samples_per_frame: 0, n_frames: 0 };
+            let none =
+                Layout { storage: Storage::Float, n_points: 0, n_channels: 0, samples_per_frame: 0, n_frames: 0 };
             (none, Fit::Exact)
         }
     }

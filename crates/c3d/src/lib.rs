@@ -1,4 +1,54 @@
 //! C3D files, bytes to structure and back, losing nothing. Nothing biomechanical is decided here.
+//!
+//! This is the first room of the house: `trial` turns a [`C3dFile`] into a recording in SI and one world frame, `export`
+//! and `simulate` make new files with [`C3dBuilder`].
+//!
+//! ```
+//! use aloft_c3d::{C3dBuilder, C3dFile};
+//!
+//! # fn main() -> Result<(), aloft_c3d::C3dError> {
+//! # let bytes = C3dBuilder::new(100.0).marker("LASI", vec![[1.0, 2.0, 3.0]; 4]).build()?.to_bytes()?;
+//! let mut file = C3dFile::from_bytes(&bytes)?;
+//! for warning in &file.warnings {
+//!     println!("{warning}");
+//! }
+//! let wrenches: Vec<_> = (0..file.plates.len()).map(|i| file.plate_wrench(i)).collect();
+//! file.points[0].label = "L.ASIS".into();
+//! let again = file.to_bytes()?;
+//! # assert_eq!(C3dFile::from_bytes(&again)?.points[0].label, "L.ASIS");
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Reading
+//!
+//! [`C3dFile::from_bytes`] reads Intel, DEC and MIPS files, integer and float. Real files state their sizes two or three
+//! times and contradict themselves; what agrees with the file's length is believed, and the contradiction becomes a
+//! [`Warning`]. Memory is bounded by a small multiple of the input, no input makes it panic, and what cannot be read gives
+//! an error with byte offset, group and parameter. A point whose fourth word is negative as a 16-bit integer was not seen:
+//! its coordinates and residual are NaN, never the origin.
+//!
+//! # Plates
+//!
+//! [`C3dFile::plate_wrench`] gives the reaction on the subject in the file's world axes, N and N·m about the world origin,
+//! at the analog rate. What had to be repaired (sign, moment unit, direction of the origin, an unusable baseline) is in
+//! [`PlateWrench::warnings`].
+//!
+//! # Writing
+//!
+//! [`C3dFile::groups`] keeps every group and parameter as stored, and a file that was read remembers its samples:
+//! [`C3dFile::to_bytes`] changes only what no longer says what the typed fields say. A re-write without changes keeps every
+//! sample bit by bit.
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | `number` | bytes of integers and floats in three orders |
+//! | `parameters`, `parameter_reader` | the tree of groups and its walk |
+//! | `header`, `layout` | the first block; which of the stated sizes to believe |
+//! | `samples` | bulk conversion, one loop for each order and storage |
+//! | `read`, `events`, `plate_reader` | meaning of the standard groups |
+//! | `wrench` | plates from channels to wrenches |
+//! | `write`, `parameter_sync`, `builder` | the way back, and new files |
 
 mod builder;
 mod error;

@@ -1,9 +1,7 @@
 //! Reads the parameter section. Every length is checked against the file before anything is taken.
 
 use crate::{
-    ByteOrder, C3dError, Group, Parameter, Parameters, Values, Warning, WarningKind,
-    parameters::product,
-    text::Text,
+    ByteOrder, C3dError, Group, Parameter, Parameters, Values, Warning, WarningKind, parameters::product, text::Text,
 };
 
 /// Walks the records from `start` (just after the section's four bytes) to at most `end`.
@@ -54,10 +52,9 @@ pub(crate) fn read_parameters(
                     group_by_id(&mut tree, id.unsigned_abs()).parameters.push(parameter);
                 }
                 Err(problem) if next >= bytes.len() => return Err(fail(problem)),
-                Err(problem) => warnings.push(Warning::new(
-                    WarningKind::Parameters,
-                    format!("{}; skipped", fail(problem)),
-                )),
+                Err(problem) => {
+                    warnings.push(Warning::new(WarningKind::Parameters, format!("{}; skipped", fail(problem))))
+                }
             }
         }
         if last {
@@ -106,7 +103,8 @@ fn take_group(
         group.description = description;
         group.locked = locked;
     } else {
-        let message = format!("byte {at}: group {name} has the number {id} of group {}; its parameters are there", group.name);
+        let message =
+            format!("byte {at}: group {name} has the number {id} of group {}; its parameters are there", group.name);
         warnings.push(Warning::new(WarningKind::Parameters, message));
     }
 }
@@ -139,7 +137,10 @@ fn parse_body(body: &[u8], order: ByteOrder) -> Result<(Vec<u8>, Values, Text), 
     let count = product(dimensions);
     let needed = count.saturating_mul(size);
     if needed > rest.len() {
-        return Err(format!("dimensions {dimensions:?} of {size}-byte elements need {needed} bytes, {} are there", rest.len()));
+        return Err(format!(
+            "dimensions {dimensions:?} of {size}-byte elements need {needed} bytes, {} are there",
+            rest.len()
+        ));
     }
     let (data, rest) = rest.split_at(needed);
     let values = match kind {

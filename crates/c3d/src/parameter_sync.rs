@@ -97,7 +97,9 @@ fn sync_points(file: &C3dFile, layout: &Layout, groups: &mut Parameters) -> Resu
         groups.set("POINT", Parameter::text("UNITS", &file.point_unit));
         now = describe_points(groups, layout, &mut Vec::new()).0;
     }
-    if (fresh && groups.get("POINT", "LABELS").is_none()) || now.iter().zip(&file.points).any(|(a, b)| a.label != b.label) {
+    if (fresh && groups.get("POINT", "LABELS").is_none())
+        || now.iter().zip(&file.points).any(|(a, b)| a.label != b.label)
+    {
         let labels: Vec<&str> = file.points.iter().map(|p| p.label.as_str()).collect();
         set_texts(groups, "POINT", "LABELS", &labels)?;
     }
@@ -156,13 +158,17 @@ fn sync_analogs(file: &C3dFile, layout: &Layout, groups: &mut Parameters) -> Res
     set_float(groups, "ANALOG", "GEN_SCALE", file.analog_general_scale as f32);
     let format = groups.get("ANALOG", "FORMAT").and_then(|p| p.string()).unwrap_or_default().to_ascii_uppercase();
     let by_format = format.starts_with("UNSIGNED");
-    if file.analog_unsigned != by_format && (file.analog_unsigned || !format.is_empty()) && !file.unsigned_by_inference() {
+    if file.analog_unsigned != by_format
+        && (file.analog_unsigned || !format.is_empty())
+        && !file.unsigned_by_inference()
+    {
         groups.set("ANALOG", Parameter::text("FORMAT", if file.analog_unsigned { "UNSIGNED" } else { "SIGNED" }));
     }
     let now = describe_analogs(groups, layout, file.analog_unsigned, &mut Vec::new());
     let fresh = file.source.is_none();
     let missing = |groups: &Parameters, name: &str| groups.get("ANALOG", name).is_none();
-    let differ = |f: &dyn Fn(&crate::Analog, &crate::Analog) -> bool| now.iter().zip(&file.analogs).any(|(a, b)| f(a, b));
+    let differ =
+        |f: &dyn Fn(&crate::Analog, &crate::Analog) -> bool| now.iter().zip(&file.analogs).any(|(a, b)| f(a, b));
     if (fresh && missing(groups, "LABELS")) || differ(&|a, b| a.label != b.label) {
         let labels: Vec<&str> = file.analogs.iter().map(|a| a.label.as_str()).collect();
         set_texts(groups, "ANALOG", "LABELS", &labels)?;
@@ -279,9 +285,9 @@ fn sync_plates(file: &C3dFile, groups: &mut Parameters) -> Result<(), C3dError> 
     groups.set(group, Parameter::new("CHANNEL", vec![rows, n], Values::Integers(channels)));
 
     if plates.iter().any(|p| !p.calibration.is_empty()) {
-        let (rows, columns) = plates.iter().fold((0, 0), |(r, c), p| {
-            (r.max(p.calibration.len()), c.max(p.calibration.first().map_or(0, Vec::len)))
-        });
+        let (rows, columns) = plates
+            .iter()
+            .fold((0, 0), |(r, c), p| (r.max(p.calibration.len()), c.max(p.calibration.first().map_or(0, Vec::len))));
         let mut values = Vec::with_capacity(rows * columns * plates.len());
         for plate in plates {
             for column in 0..columns {

@@ -131,7 +131,7 @@ impl Parameter {
             Values::Integers(v) => v.iter().map(|&x| Some(usize::from(x as u16))).collect(),
             Values::Floats(v) => v
                 .iter()
-                .map(|&x| (x >= 0.0 && x < 4_294_967_296.0 && x.fract() == 0.0).then_some(x as usize))
+                .map(|&x| ((0.0..4_294_967_296.0).contains(&x) && x.fract() == 0.0).then_some(x as usize))
                 .collect(),
         }
     }
@@ -282,7 +282,8 @@ impl Parameters {
             if self.groups[..i].iter().any(|other| other.id == group.id) {
                 return Err(fail(format!("number {} is taken by another group", group.id)));
             }
-            let link = open_record(&mut out, &group.name, group.locked, (group.id as i8).wrapping_neg()).map_err(&fail)?;
+            let link =
+                open_record(&mut out, &group.name, group.locked, (group.id as i8).wrapping_neg()).map_err(&fail)?;
             push_short(&mut out, &group.description.0).map_err(&fail)?;
             close_record(&mut out, link, order).map_err(&fail)?;
             last_link = Some(link);

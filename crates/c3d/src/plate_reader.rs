@@ -13,7 +13,11 @@ pub(crate) fn channels_of_kind(kind: i32) -> usize {
 }
 
 /// All plates that FORCE_PLATFORM:USED announces and its lists describe.
-pub(crate) fn read_plates(groups: &Parameters, n_channels: usize, warnings: &mut Vec<Warning>) -> Vec<PlateDescription> {
+pub(crate) fn read_plates(
+    groups: &Parameters,
+    n_channels: usize,
+    warnings: &mut Vec<Warning>,
+) -> Vec<PlateDescription> {
     let Some(group) = groups.group("FORCE_PLATFORM") else { return Vec::new() };
     let mut warn = |message: String| warnings.push(Warning::new(WarningKind::Plates, message));
     let kinds = group.get("TYPE").map(|p| p.numbers()).unwrap_or_default();

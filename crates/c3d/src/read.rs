@@ -1,6 +1,9 @@
 //! From bytes to [`C3dFile`]: header, parameters, sizes, samples, and what the standard groups say about them.
 
-use std::{collections::HashMap, sync::Arc};
+use std::{
+    collections::{HashMap, HashSet},
+    sync::Arc,
+};
 
 use crate::{
     Analog, ByteOrder, C3dError, C3dFile, Parameters, Point, PointKind, Storage, Warning, WarningKind,
@@ -188,11 +191,11 @@ fn decide_layout(
     statements.points.extend(count("POINT", "USED").filter(|n| *n != header.n_points));
 
     let per_frame = header.samples_per_frame.max(1);
-    if header.analog_stride % per_frame == 0 {
+    if header.analog_stride.is_multiple_of(per_frame) {
         statements.analogs.push((header.analog_stride / per_frame, per_frame));
     }
     if let Some(used) = count("ANALOG", "USED") {
-        if used > 0 && header.analog_stride % used == 0 {
+        if used > 0 && header.analog_stride.is_multiple_of(used) {
             statements.analogs.push((used, header.analog_stride / used));
         }
         let rate = |group: &str| groups.get(group, "RATE").and_then(|p| p.number());
@@ -216,7 +219,10 @@ fn decide_layout(
     let longer = |n: Option<usize>| n.filter(|n| *n > 0);
     // A header that ends at 65,535 or agrees with a longer count modulo 65,536 has run over.
     let wrapped = header.last_frame == 65_535
-        || [by_trial, long].into_iter().flatten().any(|n| n > 65_535 && by_header.is_none_or(|h| n % 65_536 == h % 65_536));
+        || [by_trial, long]
+            .into_iter()
+            .flatten()
+            .any(|n| n > 65_535 && by_header.is_none_or(|h| n % 65_536 == h % 65_536));
     let order = if wrapped {
         [longer(by_trial), longer(long), longer(by_header), longer(frames)]
     } else {
@@ -301,7 +307,10 @@ fn warn_about_layout(
     }
     let stride = layout.n_channels * layout.samples_per_frame;
     if header.analog_stride != stride && (header.analog_stride != 0 || layout.n_channels != 0) {
-        contradiction(format!("header: {} analog numbers a frame, the samples agree with {stride}", header.analog_stride));
+        contradiction(format!(
+            "header: {} analog numbers a frame, the samples agree with {stride}",
+            header.analog_stride
+        ));
     }
     if header.storage() != layout.storage {
         contradiction(format!("header: scale {}; samples are {:?}", header.scale, layout.storage));
@@ -317,7 +326,8 @@ fn decide_point_scale(header: &Header, groups: &Parameters, storage: Storage, wa
         && h.signum() == p.signum()
     {
         let relative = ((h - p) / p).abs();
-        let message = format!("header: scale {h}, POINT:SCALE {p} (relative difference {relative:.1e}); POINT:SCALE taken");
+        let message =
+            format!("header: scale {h}, POINT:SCALE {p} (relative difference {relative:.1e}); POINT:SCALE taken");
         warnings.push(Warning::new(WarningKind::Contradiction, message));
     }
     match by_parameter.or(by_header) {
@@ -357,7 +367,12 @@ fn decide_point_rate(header: &Header, groups: &Parameters, warnings: &mut Vec<Wa
     }
 }
 
-pub(crate) fn decide_analog_rate(groups: &Parameters, layout: &Layout, point_rate_hz: f64, warnings: &mut Vec<Warning>) -> f64 {
+pub(crate) fn decide_analog_rate(
+    groups: &Parameters,
+    layout: &Layout,
+    point_rate_hz: f64,
+    warnings: &mut Vec<Warning>,
+) -> f64 {
     let by_layout = point_rate_hz * layout.samples_per_frame.max(1) as f64;
     if layout.n_channels == 0 {
         return by_layout;
@@ -382,7 +397,11 @@ pub(crate) fn decide_analog_rate(groups: &Parameters, layout: &Layout, point_rat
 }
 
 /// Points with labels, kinds and units, still without samples. Also the markers' unit.
-pub(crate) fn describe_points(groups: &Parameters, layout: &Layout, warnings: &mut Vec<Warning>) -> (Vec<Point>, String) {
+pub(crate) fn describe_points(
+    groups: &Parameters,
+    layout: &Layout,
+    warnings: &mut Vec<Warning>,
+) -> (Vec<Point>, String) {
     let mut labels = groups.merged_strings("POINT", "LABELS").into_iter();
     let mut descriptions = groups.merged_strings("POINT", "DESCRIPTIONS").into_iter();
     let unit = groups.get("POINT", "UNITS").and_then(|p| p.string()).filter(|u| !u.is_empty());
@@ -407,10 +426,17 @@ pub(crate) fn describe_points(groups: &Parameters, layout: &Layout, warnings: &m
         let label = labels.next().unwrap_or_else(|| format!("*{}", i + 1));
         let listed = kinds.get(&label).or_else(|| kinds.get(text::strip_subject(&label)));
         let (kind, unit) = listed.cloned().unwrap_or_else(|| (PointKind::Marker, unit.clone()));
-        points.push(Point { label, description: descriptions.next().unwrap_or_default(), kind, unit, ..Point::default() });
+        points.push(Point {
+            label,
+            description: descriptions.next().unwrap_or_default(),
+            kind,
+            unit,
+            ..Point::default()
+        });
     }
     if n_labels < layout.n_points {
-        let message = format!("POINT:LABELS names {n_labels} of {} points; the others are called *number", layout.n_points);
+        let message =
+            format!("POINT:LABELS names {n_labels} of {} points; the others are called *number", layout.n_points);
         warnings.push(Warning::new(WarningKind::Labels, message));
     }
     warn_about_labels(&points, warnings);
@@ -428,10 +454,12 @@ fn warn_about_labels(points: &[Point], warnings: &mut Vec<Warning>) {
         let message = format!("labels that occur more than once: {}", doubled.join(", "));
         warnings.push(Warning::new(WarningKind::Labels, message));
     }
-    let cut = |p: &&Point| p.label.len() == 4 && p.description.len() > 4 && p.description.starts_with(&p.label);
-    let n_cut = points.iter().filter(cut).count();
-    if n_cut > 0 {
-        let message = format!("{n_cut} labels are cut to four characters; POINT:DESCRIPTIONS holds the full names");
+    // old exporters cut labels to four characters and keep the full names as descriptions
+    let longest = points.iter().map(|p| p.label.len()).max().unwrap_or(0);
+    let fuller = points.iter().filter(|p| p.description.len() > p.label.len()).count();
+    let descriptions: HashSet<&str> = points.iter().map(|p| p.description.as_str()).collect();
+    if longest == 4 && !doubled.is_empty() && 2 * fuller > points.len() && descriptions.len() > seen.len() {
+        let message = "labels are cut to four characters; POINT:DESCRIPTIONS holds the full names".to_owned();
         warnings.push(Warning::new(WarningKind::Labels, message));
     }
 }
@@ -467,7 +495,12 @@ pub(crate) fn raw_is_unsigned(groups: &Parameters, layout: &Layout, data: &[u8],
 }
 
 /// Channels with labels, units and scaling, still without samples.
-pub(crate) fn describe_analogs(groups: &Parameters, layout: &Layout, unsigned: bool, warnings: &mut Vec<Warning>) -> Vec<Analog> {
+pub(crate) fn describe_analogs(
+    groups: &Parameters,
+    layout: &Layout,
+    unsigned: bool,
+    warnings: &mut Vec<Warning>,
+) -> Vec<Analog> {
     let n = layout.n_channels;
     if n == 0 {
         return Vec::new();

@@ -129,7 +129,10 @@ fn points_as<Q: Quad>(data: &[u8], layout: &Layout, scale: f32, points: &mut [Po
         let end = start + tile.len() / frame_bytes;
         for (i, point) in points.iter_mut().enumerate() {
             let at = i * Q::BYTES;
-            let out = point.xyz[start..end].iter_mut().zip(&mut point.residual[start..end]).zip(&mut point.cameras[start..end]);
+            let out = point.xyz[start..end]
+                .iter_mut()
+                .zip(&mut point.residual[start..end])
+                .zip(&mut point.cameras[start..end]);
             for (frame, ((xyz, residual), cameras)) in tile.chunks_exact(frame_bytes).zip(out) {
                 (*xyz, *residual, *cameras) = Q::read(&frame[at..at + Q::BYTES], scale);
             }

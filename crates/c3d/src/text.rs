@@ -63,7 +63,9 @@ pub fn strip_subject(label: &str) -> &str {
 pub fn is_unlabelled(label: &str) -> bool {
     let label = strip_subject(label.trim());
     let number = |rest: &str| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit());
-    label.is_empty() || label.starts_with('*') || ["U", "C_", "U_"].iter().any(|p| label.strip_prefix(p).is_some_and(number))
+    label.is_empty()
+        || label.starts_with('*')
+        || ["U", "C_", "U_"].iter().any(|p| label.strip_prefix(p).is_some_and(number))
 }
 
 #[cfg(test)]
@@ -83,7 +85,13 @@ mod tests {
         assert_eq!(strip_subject("Anna:LASI"), "LASI");
         assert_eq!(strip_subject("LASI"), "LASI");
         assert_eq!(strip_subject("Anna:"), "Anna:");
-        assert!(is_unlabelled("*12") && is_unlabelled("") && is_unlabelled("Anna:*3") && is_unlabelled("C_7") && is_unlabelled("U12"));
+        assert!(
+            is_unlabelled("*12")
+                && is_unlabelled("")
+                && is_unlabelled("Anna:*3")
+                && is_unlabelled("C_7")
+                && is_unlabelled("U12")
+        );
         assert!(!is_unlabelled("C7") && !is_unlabelled("LASI") && !is_unlabelled("UPA"));
     }
 }

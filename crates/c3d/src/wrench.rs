@@ -8,7 +8,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::{C3dError, C3dFile, PlateDescription, PlateWrench, Warning, WarningKind, plate_reader::channels_of_kind, unit};
+use crate::{
+    C3dError, C3dFile, PlateDescription, PlateWrench, Warning, WarningKind, plate_reader::channels_of_kind, unit,
+};
 
 /// Vertical force below which a plate says nothing about sign or units, N.
 const LOADED_N: f64 = 20.0;
@@ -155,7 +157,10 @@ impl C3dFile {
             high = high.max(vertical);
         }
         if !means.iter().all(|m| m.is_finite()) || !is_offset(resting, low, high) {
-            warn(format!("ZERO {first} to {last}: the plate is loaded there ({:.0} N); no baseline taken off", resting.abs()));
+            warn(format!(
+                "ZERO {first} to {last}: the plate is loaded there ({:.0} N); no baseline taken off",
+                resting.abs()
+            ));
             return none;
         }
         means
@@ -210,7 +215,11 @@ impl C3dFile {
                 unit_doubtful = true;
                 let stated = unit::newton_metres(unit_of(3));
                 let torque = stated.unwrap_or_else(|| {
-                    warn(format!("unit of the moments `{}` is no moment; taken as N times {}", unit_of(3), self.point_unit));
+                    warn(format!(
+                        "unit of the moments `{}` is no moment; taken as N times {}",
+                        unit_of(3),
+                        self.point_unit
+                    ));
                     newtons * metres
                 });
                 let matrix = if plate.kind == 2 { Vec::new() } else { output_rows(plate, warn) };
@@ -300,7 +309,8 @@ fn settle_moment_unit(
     }
     let half = frame.half_size.map(|s| s * metres);
     let diagonal = half[0].hypot(half[1]);
-    let largest = inside.force_n.iter().map(|f| f.dot(&up_in_plate).abs()).filter(|f| f.is_finite()).fold(0.0, f64::max);
+    let largest =
+        inside.force_n.iter().map(|f| f.dot(&up_in_plate).abs()).filter(|f| f.is_finite()).fold(0.0, f64::max);
     let threshold = LOADED_N.max(0.25 * largest);
     // share of loaded samples with the centre of pressure on the plate, and its spread against the plate's size
     let seen = |factor: f64| -> Option<(f64, f64)> {
@@ -324,7 +334,9 @@ fn settle_moment_unit(
     }
     for factor in [1e-3, 1e3] {
         if seen(factor).is_some_and(|(on, spread)| on >= 0.9 && spread > 0.005) {
-            warn(format!("moments as stated put the centre of pressure off the plate or all in one point; taken times {factor}"));
+            warn(format!(
+                "moments as stated put the centre of pressure off the plate or all in one point; taken times {factor}"
+            ));
             inside.moment_nm.iter_mut().for_each(|m| *m *= factor);
             return;
         }

@@ -62,7 +62,8 @@ impl C3dFile {
         let samples_per_frame = if self.analogs.is_empty() { 0 } else { samples.checked_div(n).unwrap_or(0).max(1) };
         let stride = self.analogs.len() * samples_per_frame;
         if self.points.len() > 65_535 || stride > 65_535 {
-            let problem = format!("{} points and {stride} analog numbers a frame, the format holds 65,535", self.points.len());
+            let problem =
+                format!("{} points and {stride} analog numbers a frame, the format holds 65,535", self.points.len());
             return Err(fail("samples".into(), problem));
         }
         Ok(Layout {
@@ -89,7 +90,8 @@ impl C3dFile {
         let mut samples_per_frame = layout.samples_per_frame;
         if layout.n_channels == 0 {
             // readers compare it with the ratio of the rates even where there is nothing to sample
-            samples_per_frame = self.source.as_ref().map_or(1, |s| usize::from(s.order.u16([s.header[18], s.header[19]])));
+            samples_per_frame =
+                self.source.as_ref().map_or(1, |s| usize::from(s.order.u16([s.header[18], s.header[19]])));
         }
         if self.source.as_ref().is_some_and(|s| s.frames_from_zero && self.first_frame == 1) {
             first_frame = 0;
@@ -132,7 +134,9 @@ impl C3dFile {
         for frame in 0..layout.n_frames {
             for (i, point) in self.points.iter().enumerate() {
                 let old = kept_points.and_then(|s| old_quad(s, frame, i));
-                match old.filter(|(bytes, order)| same_point(bytes, *order, layout.storage, self.point_scale, point, frame)) {
+                match old
+                    .filter(|(bytes, order)| same_point(bytes, *order, layout.storage, self.point_scale, point, frame))
+                {
                     Some((bytes, order)) => push_words(out, bytes, order, self.byte_order, layout.storage),
                     None => self.push_point(point, frame, out)?,
                 }
@@ -162,7 +166,11 @@ impl C3dFile {
         let (xyz, residual) = (point.xyz[frame], point.residual[frame]);
         let valid = !residual.is_nan() && xyz.iter().all(|x| !x.is_nan());
         let (xyz, word) = if valid {
-            let low = if self.point_scale == 0.0 { 0.0 } else { (residual / self.point_scale.abs()).round().clamp(0.0, 255.0) };
+            let low = if self.point_scale == 0.0 {
+                0.0
+            } else {
+                (residual / self.point_scale.abs()).round().clamp(0.0, 255.0)
+            };
             (xyz, i16::from(point.cameras[frame] & 0x7f) << 8 | i16::from(low as u8))
         } else {
             ([0.0; 3], -1)

@@ -1,5 +1,7 @@
 //! Damaged input: no panic, no more memory than a small multiple of the input, errors that say where.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "test code outside a test function")]
+
 mod support;
 
 use aloft_c3d::{C3dError, C3dFile, WarningKind};
@@ -54,7 +56,8 @@ fn damaged(seed: u64, originals: &[Vec<u8>]) -> Vec<u8> {
 
 /// Bytes that a file's vectors hold.
 fn held(file: &C3dFile) -> usize {
-    let points: usize = file.points.iter().map(|p| 12 * p.xyz.capacity() + 4 * p.residual.capacity() + p.cameras.capacity()).sum();
+    let points: usize =
+        file.points.iter().map(|p| 12 * p.xyz.capacity() + 4 * p.residual.capacity() + p.cameras.capacity()).sum();
     let analogs: usize = file.analogs.iter().map(|a| 8 * a.values.capacity()).sum();
     points + analogs + 256 * (file.points.len() + file.analogs.len())
 }
@@ -68,13 +71,19 @@ fn prop_damage_never_panics_and_stays_small() {
         match C3dFile::from_bytes(&bytes) {
             Ok(file) => {
                 read += 1;
-                assert!(held(&file) <= 8 * bytes.len() + 300 * 65_536, "seed {seed}: {} bytes from {}", held(&file), bytes.len());
+                assert!(
+                    held(&file) <= 8 * bytes.len() + 300 * 65_536,
+                    "seed {seed}: {} bytes from {}",
+                    held(&file),
+                    bytes.len()
+                );
                 for index in 0..=file.plates.len() {
                     let _ = file.plate_wrench(index);
                 }
                 if let Ok(written) = file.to_bytes() {
                     rewritten += 1;
-                    let again = C3dFile::from_bytes(&written).unwrap_or_else(|e| panic!("seed {seed}: own output: {e}"));
+                    let again =
+                        C3dFile::from_bytes(&written).unwrap_or_else(|e| panic!("seed {seed}: own output: {e}"));
                     assert_eq!(again.n_frames, file.n_frames, "seed {seed}");
                     assert_eq!(again.points.len(), file.points.len(), "seed {seed}");
                 }

@@ -3,6 +3,8 @@
 //!
 //! Where a foreign reader is wrong, the deviation is listed here with the reason; an unlisted one fails.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "test code outside a test function")]
+
 mod support;
 
 use std::{collections::BTreeMap, path::PathBuf};
@@ -33,7 +35,8 @@ const UNDERSTOOD: &[(&str, &str, &str, &str)] = &[
     ("python_c3d", "marche281.c3d", "points", HUGE_WORD),
     ("python_c3d", "emgwl.c3d", "first_frame", "the header counts from 0; frames here are counted from 1"),
 ];
-const UNSIGNED_WORD: &str = "occluded points have the fourth word 65,535 (−1 as 16 bits); it takes them as seen at the origin";
+const UNSIGNED_WORD: &str =
+    "occluded points have the fourth word 65,535 (−1 as 16 bits); it takes them as seen at the origin";
 const SHORT_SECTION: &str = "the section is longer than its stated 3 blocks; it stops there and misses GEN_SCALE";
 const TURNED_DISTANCES: &str = "type 3 with a positive depth: it turns the sensor distances a and b too";
 const HUGE_WORD: &str = "the fourth word is 1.7e38, which no 16 bits hold; it takes these points as not seen";
@@ -65,8 +68,13 @@ fn series_agrees(summary: &Value, values: &[f64]) -> bool {
 }
 
 fn point_agrees(summary: &Value, point: &Point) -> bool {
-    let valid: Vec<&[f32; 3]> =
-        point.xyz.iter().zip(&point.residual).filter(|(x, r)| !r.is_nan() && x.iter().all(|v| v.is_finite())).map(|(x, _)| x).collect();
+    let valid: Vec<&[f32; 3]> = point
+        .xyz
+        .iter()
+        .zip(&point.residual)
+        .filter(|(x, r)| !r.is_nan() && x.iter().all(|v| v.is_finite()))
+        .map(|(x, _)| x)
+        .collect();
     let sums_agree = (0..3).all(|k| {
         let sum: f64 = valid.iter().map(|x| f64::from(x[k])).sum();
         let size: f64 = valid.iter().map(|x| f64::from(x[k].abs())).sum();
@@ -146,7 +154,10 @@ fn deviations(file: &C3dFile, seen: &Value) -> Vec<String> {
     if given("event_times_s") {
         let theirs = list("event_times_s");
         let mine = file.events.len();
-        check("events", theirs.len() >= mine && theirs.iter().zip(&file.events).all(|(a, b)| close(number(a), b.time_s, 0.0)));
+        check(
+            "events",
+            theirs.len() >= mine && theirs.iter().zip(&file.events).all(|(a, b)| close(number(a), b.time_s, 0.0)),
+        );
     }
     if given("plates") {
         for (i, plate) in list("plates").iter().enumerate() {
@@ -194,8 +205,12 @@ fn plate_deviation(file: &C3dFile, index: usize, theirs: &Value) -> Option<Strin
     let worst = pairs.map(|list| list.iter().fold(0.0, |m: f64, (a, b)| m.max((sign * a - b).abs())));
     // corners that are not quite a rectangle: they take one edge as x, here the mean of both
     let [force, moment] = worst;
-    (force > 5e-3 || moment > 1e-2 || force.is_nan() || moment.is_nan())
-        .then(|| format!("force {force:.1e}, moment {moment:.1e} of the largest; {:?}", wrench.warnings.iter().map(|w| &w.message).collect::<Vec<_>>()))
+    (force > 5e-3 || moment > 1e-2 || force.is_nan() || moment.is_nan()).then(|| {
+        format!(
+            "force {force:.1e}, moment {moment:.1e} of the largest; {:?}",
+            wrench.warnings.iter().map(|w| &w.message).collect::<Vec<_>>()
+        )
+    })
 }
 
 #[test]
@@ -205,8 +220,14 @@ fn validate_against_foreign_readers() {
     let mut unexplained = Vec::new();
     let mut counts: BTreeMap<(String, bool), usize> = BTreeMap::new();
     for (name, readers) in golden["files"].as_object().unwrap() {
-        let folders = [Some(golden_folder()), shared.as_ref().map(|s| s.join("c3d_samples")), shared.as_ref().map(|s| s.join("real_landing"))];
-        let Some(path) = folders.into_iter().flatten().map(|f: PathBuf| f.join(name)).find(|p| p.is_file()) else { continue };
+        let folders = [
+            Some(golden_folder()),
+            shared.as_ref().map(|s| s.join("c3d_samples")),
+            shared.as_ref().map(|s| s.join("real_landing")),
+        ];
+        let Some(path) = folders.into_iter().flatten().map(|f: PathBuf| f.join(name)).find(|p| p.is_file()) else {
+            continue;
+        };
         let mut file = C3dFile::from_bytes(&std::fs::read(&path).unwrap()).unwrap_or_else(|e| panic!("{name}: {e}"));
         // ezc3d takes no baseline off
         file.plates.iter_mut().for_each(|p| p.zero_frames = [0, 0]);
@@ -218,7 +239,8 @@ fn validate_against_foreign_readers() {
             let found = deviations(&file, seen);
             *counts.entry((reader.clone(), found.is_empty())).or_default() += 1;
             for part in found {
-                let known = UNDERSTOOD.iter().find(|(r, f, p, _)| r == reader && name.contains(f) && part.starts_with(p));
+                let known =
+                    UNDERSTOOD.iter().find(|(r, f, p, _)| r == reader && name.contains(f) && part.starts_with(p));
                 match known {
                     Some((.., reason)) => println!("{reader}: {name}: {part}: {reason}"),
                     None => unexplained.push(format!("{reader}: {name}: {part}")),

@@ -1,5 +1,7 @@
 //! Plates as calibrated wrenches: against simulated truth, against the wrench that a file was made from, and the repairs.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "test code outside a test function")]
+
 mod support;
 
 use aloft_c3d::{C3dBuilder, C3dError, C3dFile, PlateDescription, PlateWrench};
@@ -54,7 +56,8 @@ fn prop_a_wrench_survives_channels_and_file() {
                 warnings: Vec::new(),
             };
             let corners = corners.map(|c| c.map(|x| x * size));
-            let file = builder().point_unit(unit).plate(corners, [0.0, 0.0, -40.0 * size], wrench.clone()).build().unwrap();
+            let file =
+                builder().point_unit(unit).plate(corners, [0.0, 0.0, -40.0 * size], wrench.clone()).build().unwrap();
             let read = C3dFile::from_bytes(&file.to_bytes().unwrap()).unwrap();
             let warnings = assert_wrench(&read, &wrench, 2e-4);
             assert!(warnings.is_empty(), "{warnings:?}");
@@ -188,7 +191,8 @@ fn validate_types_against_hand_made_channels() {
     for kind in [4, 5] {
         let inputs = if kind == 4 { 6 } else { 8 };
         let gains = [500.0, 480.0, 900.0, 150_000.0, 140_000.0, 80_000.0];
-        let calibration: Vec<Vec<f64>> = (0..6).map(|r| (0..inputs).map(|c| if r == c { gains[r] } else { 0.0 }).collect()).collect();
+        let calibration: Vec<Vec<f64>> =
+            (0..6).map(|r| (0..inputs).map(|c| if r == c { gains[r] } else { 0.0 }).collect()).collect();
         let mut file = reference.clone();
         for (k, analog) in file.analogs.iter_mut().enumerate() {
             analog.values.iter_mut().for_each(|v| *v /= gains[k]);
@@ -209,7 +213,9 @@ fn regress_what_cannot_be_calibrated_says_so() {
     let mut file = plate_types(&[3]);
     assert!(matches!(file.plate_wrench(1), Err(C3dError::NoPlate { index: 1, count: 1 })));
     file.plates[0].channels.pop();
-    assert!(matches!(file.plate_wrench(0), Err(C3dError::Plate { index: 0, problem }) if problem.contains("8 channels")));
+    assert!(
+        matches!(file.plate_wrench(0), Err(C3dError::Plate { index: 0, problem }) if problem.contains("8 channels"))
+    );
     let mut file = laboratory(Default::default(), Default::default());
     file.plates[0].kind = 7;
     assert!(matches!(file.plate_wrench(0), Err(C3dError::Plate { problem, .. }) if problem.contains("type 7")));

@@ -1,5 +1,7 @@
 //! What is written is read back, and a re-write changes nothing.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "test code outside a test function")]
+
 mod support;
 
 use aloft_c3d::{C3dBuilder, C3dFile, Parameter, Values};
@@ -37,7 +39,8 @@ fn same_samples(a: &C3dFile, b: &C3dFile) -> bool {
             && a.cameras == b.cameras
     });
     let analogs = a.analogs.iter().zip(&b.analogs).all(|(a, b)| {
-        a.values.len() == b.values.len() && a.values.iter().zip(&b.values).all(|(a, b)| a == b || (a.is_nan() && b.is_nan()))
+        a.values.len() == b.values.len()
+            && a.values.iter().zip(&b.values).all(|(a, b)| a == b || (a.is_nan() && b.is_nan()))
     });
     points && analogs
 }
@@ -182,7 +185,8 @@ fn prop_any_order_and_storage_into_any_other() {
 #[test]
 fn regress_what_does_not_fit_is_refused() {
     use aloft_c3d::{ByteOrder, C3dError, Storage};
-    let far = C3dBuilder::new(100.0).stored_as(ByteOrder::Intel, Storage::Integer, 0.01).marker("A", vec![[1e4, 0.0, 0.0]]);
+    let far =
+        C3dBuilder::new(100.0).stored_as(ByteOrder::Intel, Storage::Integer, 0.01).marker("A", vec![[1e4, 0.0, 0.0]]);
     assert!(matches!(far.build().unwrap().to_bytes(), Err(C3dError::Write { item, .. }) if item.contains("point A")));
     let uneven = C3dBuilder::new(100.0).marker("A", vec![[0.0; 3]; 3]).marker("B", vec![[0.0; 3]; 2]).build();
     assert!(matches!(uneven, Err(C3dError::Write { item, .. }) if item == "point B"));

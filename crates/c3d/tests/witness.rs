@@ -1,5 +1,7 @@
 //! An independent witness in Rust, the crate c3d-rs, on the files that it can read: Intel order, and without a panic.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "test code outside a test function")]
+
 mod support;
 
 use std::{
@@ -17,8 +19,11 @@ type Frames = Vec<(Vec<[f32; 5]>, Vec<f32>)>;
 fn witnessed(bytes: &[u8]) -> Option<Frames> {
     let read = || {
         let file = c3d_rs::C3dAdapter::new(Cursor::new(bytes.to_vec())).ok()?.construct().ok()?;
-        let frames: Frames =
-            file.reader().ok()?.map(|(_, points, analogs)| (points.values, analogs.map(|a| a.values).unwrap_or_default())).collect();
+        let frames: Frames = file
+            .reader()
+            .ok()?
+            .map(|(_, points, analogs)| (points.values, analogs.map(|a| a.values).unwrap_or_default()))
+            .collect();
         Some(frames)
     };
     catch_unwind(AssertUnwindSafe(read)).ok().flatten()
@@ -45,8 +50,15 @@ fn compare(name: &str, file: &C3dFile, frames: &Frames) -> (usize, usize) {
         if analogs_comparable {
             for (analog, theirs) in file.analogs.iter().zip(numbers) {
                 let mine = analog.values[f];
-                let size = mine.abs().max(analog.scale.abs() * file.analog_general_scale.abs() * analog.offset.abs()).max(1e-6);
-                assert!((mine - f64::from(*theirs)).abs() <= 1e-5 * size, "{name}: {}, frame {f}: {mine} {theirs}", analog.label);
+                let size = mine
+                    .abs()
+                    .max(analog.scale.abs() * file.analog_general_scale.abs() * analog.offset.abs())
+                    .max(1e-6);
+                assert!(
+                    (mine - f64::from(*theirs)).abs() <= 1e-5 * size,
+                    "{name}: {}, frame {f}: {mine} {theirs}",
+                    analog.label
+                );
                 analogs += 1;
             }
         }
@@ -66,7 +78,8 @@ fn validate_against_c3d_rs() {
     std::panic::set_hook(Box::new(|_| {}));
     // it knows no other order, and prints what it finds
     let intel = |bytes: &[u8]| C3dFile::from_bytes(bytes).is_ok_and(|f| f.byte_order == ByteOrder::Intel);
-    let seen: Vec<Option<Frames>> = files.iter().map(|(_, bytes)| intel(bytes).then(|| witnessed(bytes)).flatten()).collect();
+    let seen: Vec<Option<Frames>> =
+        files.iter().map(|(_, bytes)| intel(bytes).then(|| witnessed(bytes)).flatten()).collect();
     std::panic::set_hook(hook);
 
     let (mut compared, mut points, mut analogs) = (0, 0, 0);

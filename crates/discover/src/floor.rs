@@ -38,7 +38,7 @@ pub(crate) fn white_noise(
                 let mut rows = weak_rows(body.model, body.base, body.phi, m, &whole, acting, options).ok()?;
                 rows.apply_fixed_weights(options.moment_length_m);
                 let n = rows.matrix.nrows();
-                Some(DVector::from_fn(n, |r, _| (0..prior.len()).map(|c| rows.matrix[(r, c)] * prior[c]).sum()))
+                Some(DVector::from_fn(n, |r, _| (0..prior.len()).map(|c| rows.matrix[(r, c)] * prior[c]).sum::<f64>()))
             };
             let clean = cut(&cut_motion(trial.motion, stretch));
             let mut out = [0.0; 3];
@@ -46,7 +46,8 @@ pub(crate) fn white_noise(
                 && a.len() == b.len()
             {
                 for (r, (x, y)) in a.iter().zip(b.iter()).enumerate() {
-                    out[usize::from(r % 6 >= 3)] += (x - y) * (x - y);
+                    let d: f64 = x - y;
+                    out[usize::from(r % 6 >= 3)] += d * d;
                 }
                 out[2] = a.len() as f64 / 2.0;
             }

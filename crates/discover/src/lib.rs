@@ -1,1 +1,18 @@
-//! Which effect is missing, how sure, and what it can be confused with
+//! Which effect is missing, how sure, and what it can be confused with.
+mod candidate;
+mod discover;
+mod error;
+mod floor;
+mod nonlinear;
+mod placebo;
+mod problem;
+mod rank;
+mod result;
+mod session;
+mod statistics;
+mod words;
+
+pub use discover::{DiscoverOptions, catalogue, discover};
+pub use error::DiscoverError;
+pub use result::{Candidate, Confusion, Discovery, Estimate, Found, Round, Verdict};
+pub use session::{Body, Session, TrialInput, scene_of};

@@ -37,6 +37,8 @@ pub(crate) struct Fold {
     /// Residual of the judged rows of the cluster left out.
     pub test: DVector<f64>,
     pub error: f64,
+    /// Sum of squares of the fit without the cluster.
+    pub train: f64,
 }
 
 /// Rows of a domain with the base model, prepared for candidates.
@@ -45,7 +47,10 @@ pub(crate) struct Problem {
     pub clusters: Vec<Cluster>,
     cholesky: Cholesky<f64, Dyn>,
     solution: DVector<f64>,
+    right: DVector<f64>,
     pub folds: Vec<Fold>,
+    /// Sum of squares at the fit to all rows, the prior's rows included.
+    pub rss: f64,
     /// Number of judged rows.
     pub n_judged: usize,
 }
@@ -172,17 +177,21 @@ impl Problem {
             solution = cholesky.solve(&right);
         }
         let ridge = ridge(variance);
+        let squares: f64 = clusters.iter().map(|c| c.b.norm_squared()).sum();
+        let rss = squares - right.dot(&solution);
         let folds = clusters
             .par_iter()
             .map(|c| {
                 let cholesky = factor(&(&gram - &c.gram), &ridge)?;
-                let x = cholesky.solve(&(&right - &c.right));
+                let rest = &right - &c.right;
+                let x = cholesky.solve(&rest);
+                let train = squares - c.b.norm_squared() - rest.dot(&x);
                 let all = &c.b - &c.a * x;
                 let test = DVector::from_fn(c.judged.len(), |i, _| all[c.judged[i]]);
-                Ok(Fold { cholesky, error: test.norm_squared(), test })
+                Ok(Fold { cholesky, error: test.norm_squared(), test, train })
             })
             .collect::<Result<Vec<Fold>, DiscoverError>>()?;
-        Ok(Self { domain, clusters, cholesky, solution, folds, n_judged })
+        Ok(Self { domain, clusters, cholesky, solution, right, folds, rss, n_judged })
     }
 
     /// Held-out mean square of the model without a candidate.
@@ -215,64 +224,55 @@ impl Problem {
 
     /// Gram and right side of columns over all rows, parameters taken out.
     pub fn reduce_all(&self, columns: &[DMatrix<f64>]) -> (DMatrix<f64>, DVector<f64>) {
-        let k = columns[0].ncols();
-        let m = self.solution.len();
-        let (mut ac, mut cc, mut cr) = (DMatrix::zeros(m, k), DMatrix::zeros(k, k), DVector::zeros(k));
-        for (g, (cluster, c)) in self.clusters.iter().zip(columns).enumerate() {
-            ac += cluster.a.tr_mul(c);
-            cc += c.tr_mul(c);
-            cr += c.tr_mul(&self.residual(g));
-        }
+        let (ac, cc, cb) = self.products(columns, None);
         let x = self.cholesky.solve(&ac);
-        // residuals are those of the penalised fit; C̃ᵀ r = Cᵀ r holds with the penalty's own rows counted
-        let ridge = self.ridge_product(&x);
-        (symmetric(cc - ac.tr_mul(&x)), cr - ridge)
+        (symmetric(cc - ac.tr_mul(&x)), cb - x.tr_mul(&self.right))
     }
 
-    /// `Xᵀ (ridge · solution)`: what the rows of the prior add to a column's right side.
-    fn ridge_product(&self, x: &DMatrix<f64>) -> DVector<f64> {
-        // Aᵀ r = ridge · z at the optimum, so the penalty's part is Xᵀ Aᵀ r
-        let ar = self
-            .clusters
-            .iter()
-            .enumerate()
-            .fold(DVector::zeros(self.solution.len()), |s, (g, c)| s + c.a.tr_mul(&self.residual(g)));
-        x.tr_mul(&ar)
+    /// `AᵀC`, `CᵀC`, `Cᵀb` over all clusters but one.
+    fn products(&self, columns: &[DMatrix<f64>], without: Option<usize>) -> (DMatrix<f64>, DMatrix<f64>, DVector<f64>) {
+        let (k, m) = (columns[0].ncols(), self.right.len());
+        let (mut ac, mut cc, mut cb) = (DMatrix::zeros(m, k), DMatrix::zeros(k, k), DVector::zeros(k));
+        for (g, (cluster, c)) in self.clusters.iter().zip(columns).enumerate() {
+            if Some(g) != without {
+                ac.gemm_tr(1.0, &cluster.a, c, 1.0);
+                cc.gemm_tr(1.0, c, c, 1.0);
+                cb.gemv_tr(1.0, c, &cluster.b, 1.0);
+            }
+        }
+        (ac, cc, cb)
+    }
+
+    /// What one fold needs of a candidate.
+    pub fn reduce_fold(&self, g: usize, columns: &[DMatrix<f64>]) -> ReducedFold {
+        self.fold_of(g, &columns[g], self.products(columns, Some(g)))
+    }
+
+    fn fold_of(&self, g: usize, c_g: &DMatrix<f64>, products: (DMatrix<f64>, DMatrix<f64>, DVector<f64>)) -> ReducedFold {
+        let (cluster, (ac, cc, cb)) = (&self.clusters[g], products);
+        let x = self.folds[g].cholesky.solve(&ac);
+        let all = c_g - &cluster.a * &x;
+        ReducedFold {
+            s: symmetric(cc - ac.tr_mul(&x)),
+            c: cb - x.tr_mul(&(&self.right - &cluster.right)),
+            test: DMatrix::from_fn(cluster.judged.len(), c_g.ncols(), |i, j| all[(cluster.judged[i], j)]),
+        }
     }
 
     /// Everything that folds need of a candidate.
     pub fn reduce(&self, columns: &[DMatrix<f64>]) -> Reduced {
-        let k = columns[0].ncols();
-        let m = self.solution.len();
         let parts: Vec<(DMatrix<f64>, DMatrix<f64>, DVector<f64>)> = self
             .clusters
             .iter()
             .zip(columns)
             .map(|(cluster, c)| (cluster.a.tr_mul(c), c.tr_mul(c), c.tr_mul(&cluster.b)))
             .collect();
-        let ac = parts.iter().fold(DMatrix::zeros(m, k), |s, x| s + &x.0);
-        let cc = parts.iter().fold(DMatrix::zeros(k, k), |s, x| s + &x.1);
-        let cb = parts.iter().fold(DVector::zeros(k), |s, x| s + &x.2);
-        let right = self.clusters.iter().fold(DVector::zeros(m), |s, c| s + &c.right);
+        let (ac, cc, cb) = self.products(columns, None);
         let x = self.cholesky.solve(&ac);
-        let s = symmetric(&cc - ac.tr_mul(&x));
-        let c = &cb - x.tr_mul(&right);
-        let folds = self
-            .folds
-            .iter()
-            .enumerate()
-            .map(|(g, fold)| {
-                let cluster = &self.clusters[g];
-                let (ac, cc, cb) = (&ac - &parts[g].0, &cc - &parts[g].1, &cb - &parts[g].2);
-                let x = fold.cholesky.solve(&ac);
-                let s = symmetric(cc - ac.tr_mul(&x));
-                let c = cb - x.tr_mul(&(&right - &cluster.right));
-                let all = &columns[g] - &cluster.a * &x;
-                let test = DMatrix::from_fn(cluster.judged.len(), k, |i, j| all[(cluster.judged[i], j)]);
-                ReducedFold { s, c, test }
-            })
+        let folds = (0..self.folds.len())
+            .map(|g| self.fold_of(g, &columns[g], (&ac - &parts[g].0, &cc - &parts[g].1, &cb - &parts[g].2)))
             .collect();
-        Reduced { s, c, folds }
+        Reduced { s: symmetric(&cc - ac.tr_mul(&x)), c: &cb - x.tr_mul(&self.right), folds }
     }
 
     /// Quantities that sign flips of the clusters' residuals need: for every fold the map from `Σ s_h Aᵀr` to the left-out residual.
@@ -297,6 +297,8 @@ pub(crate) struct FlippedFold {
     /// Residual of the judged rows of the cluster left out.
     pub test: DVector<f64>,
     pub error: f64,
+    /// Sum of squares of the fit without the cluster.
+    pub train: f64,
 }
 
 impl FlipParts<'_> {
@@ -310,10 +312,14 @@ impl FlipParts<'_> {
             .enumerate()
             .map(|(g, fold)| {
                 let cluster = &problem.clusters[g];
-                let x = fold.cholesky.solve(&(&all - &self.ar[g] * signs[g]));
+                let rest = &all - &self.ar[g] * signs[g];
+                let x = fold.cholesky.solve(&rest);
+                let squares: f64 =
+                    self.residuals.iter().enumerate().filter(|(h, _)| *h != g).map(|(_, r)| r.norm_squared()).sum();
+                let train = squares - rest.dot(&x);
                 let rows = &self.residuals[g] * signs[g] - &cluster.a * &x;
                 let test = DVector::from_fn(cluster.judged.len(), |i, _| rows[cluster.judged[i]]);
-                FlippedFold { x, error: test.norm_squared(), test }
+                FlippedFold { x, error: test.norm_squared(), test, train }
             })
             .collect()
     }

@@ -4,6 +4,7 @@
 //! nonlinear parameters are made without touching the regressor again.
 
 use crate::DiscoverError;
+use crate::problem::Domain;
 use aloft_body::{BaseParameters, Model, Motion, Phi};
 use aloft_effects::{Columns, Effect, PlateSeries, Scene, Series, Span, Target, TrialMotion};
 use aloft_identify::Prior;
@@ -76,7 +77,8 @@ struct Windows {
 #[derive(Debug, Clone)]
 pub struct Session<'a> {
     pub(crate) scene: &'a Scene,
-    pub(crate) series: Vec<Series<'a>>,
+    /// Of every trial: flights, contact.
+    pub(crate) series: Vec<[Series<'a>; 2]>,
     pub(crate) blocks: Vec<Block>,
     pub(crate) trials: Vec<String>,
     pub(crate) groups: Vec<Option<String>>,
@@ -120,27 +122,18 @@ impl<'a> Session<'a> {
         trials: &[TrialInput<'_>],
         options: &WeakOptions,
     ) -> Result<Self, DiscoverError> {
-        let series: Vec<Series<'a>> = trials
+        let of_kind = |t: &TrialInput<'_>, flight: bool| {
+            let kept = t.stretches.iter().filter(|s| (s.kind == StretchKind::Flight) == flight);
+            let spans: Vec<Span> =
+                kept.map(|s| Span { first_frame: s.first_frame, end_frame: s.end_frame, flight }).collect();
+            let trial =
+                TrialMotion { motion: t.motion, spans: &spans, plates: t.plates, session_time_s: t.session_time_s };
+            Series::new(scene, &trial)
+        };
+        let series: Vec<[Series<'a>; 2]> = trials
             .par_iter()
-            .map(|t| {
-                let spans: Vec<Span> = t
-                    .stretches
-                    .iter()
-                    .map(|s| Span {
-                        first_frame: s.first_frame,
-                        end_frame: s.end_frame,
-                        flight: s.kind == StretchKind::Flight,
-                    })
-                    .collect();
-                let trial = TrialMotion {
-                    motion: t.motion,
-                    spans: &spans,
-                    plates: t.plates,
-                    session_time_s: t.session_time_s,
-                };
-                Series::new(scene, &trial)
-            })
-            .collect::<Result<_, _>>()?;
+            .map(|t| Ok([of_kind(t, true)?, of_kind(t, false)?]))
+            .collect::<Result<_, DiscoverError>>()?;
         let jobs: Vec<(usize, &Stretch)> =
             trials.iter().enumerate().flat_map(|(i, t)| t.stretches.iter().map(move |s| (i, s))).collect();
         let formed: Vec<Result<Block, RegressorError>> = jobs
@@ -239,6 +232,27 @@ impl<'a> Session<'a> {
         })
     }
 
+    /// Adds an effect of a given size to what was measured, through its columns: for trials of the method on the user's own recordings.
+    ///
+    /// # Errors
+    /// [`DiscoverError::Length`] when there are not as many coefficients as the effect has, [`DiscoverError::Numeric`] when its columns cannot
+    /// be formed.
+    pub fn inject(&mut self, choice: &aloft_effects::Choice<'_>, coefficients: &[f64]) -> Result<(), DiscoverError> {
+        let expected = choice.effect.coefficients(self.scene, choice.target).len();
+        if coefficients.len() != expected {
+            return Err(DiscoverError::Length { what: "coefficients to inject", expected, found: coefficients.len() });
+        }
+        let theta = DVector::from_column_slice(coefficients);
+        let columns = self
+            .columns(choice.effect, choice.target, &choice.nonlinear, Domain::Contact)
+            .filter(|c| c.iter().all(|m| m.iter().all(|x| x.is_finite())))
+            .ok_or_else(|| DiscoverError::Numeric(format!("`{}` has no columns here", choice.effect.id())))?;
+        for (block, c) in self.blocks.iter_mut().zip(&columns) {
+            block.w += c * &theta;
+        }
+        Ok(())
+    }
+
     /// What was left out and why, in words.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
@@ -250,7 +264,13 @@ impl<'a> Session<'a> {
     }
 
     /// Rows that an effect adds to each block, `−E` in the weights of the rows; `None` where they cannot be formed.
-    pub(crate) fn columns(&self, effect: &dyn Effect, target: Target, nonlinear: &[f64]) -> Option<Vec<DMatrix<f64>>> {
+    pub(crate) fn columns(
+        &self,
+        effect: &dyn Effect,
+        target: Target,
+        nonlinear: &[f64],
+        domain: Domain,
+    ) -> Option<Vec<DMatrix<f64>>> {
         let coefficients = effect.coefficients(self.scene, target);
         let k = coefficients.len();
         if self.series.is_empty() {
@@ -258,21 +278,25 @@ impl<'a> Session<'a> {
         }
         let inertia = effect.inertia(self.scene, target, nonlinear).map(|changes| self.regrouped(&changes));
         let wrench = effect.has_wrench();
-        let mut made: Vec<Option<Columns>> = Vec::with_capacity(self.series.len());
-        for series in &self.series {
-            made.push(wrench.then(|| {
-                let mut out = Columns::zeros(series.len(), k);
-                effect.evaluate(series, target, nonlinear, &mut out);
-                out
-            }));
+        let mut made: Vec<[Option<Columns>; 2]> = Vec::with_capacity(self.series.len());
+        for pair in &self.series {
+            let of = |i: usize| {
+                (wrench && (i == 0 || domain == Domain::Contact)).then(|| {
+                    let mut out = Columns::zeros(pair[i].len(), k);
+                    effect.evaluate(&pair[i], target, nonlinear, &mut out);
+                    out
+                })
+            };
+            made.push([of(0), of(1)]);
         }
         Some(
             self.blocks
                 .iter()
                 .map(|block| {
                     let mut rows = DMatrix::zeros(block.y.nrows(), k);
-                    if let (Some(columns), Some(windows)) = (&made[block.trial], &block.windows) {
-                        windows.apply(&self.series[block.trial], columns, &mut rows);
+                    let of = usize::from(block.kind != StretchKind::Flight);
+                    if let (Some(columns), Some(windows)) = (&made[block.trial][of], &block.windows) {
+                        windows.apply(&self.series[block.trial][of], columns, &mut rows);
                     }
                     if let Some(change) = &inertia {
                         rows += &block.y * change;

@@ -9,7 +9,9 @@ pub mod null_vector;
 pub mod parameters;
 pub mod prior;
 mod identify;
+pub mod simex;
 mod system;
+pub mod window;
 
 pub use advice::{AdviceOptions, MotionAdvice, excitation_advice};
 pub use error::IdentifyError;
@@ -19,6 +21,8 @@ pub use links::{ConsistentLinks, LinkOptions, LinkSd, consistent_links};
 pub use null_vector::{ColumnScaling, NullVector, Sigma, null_vector};
 pub use clusters::{ClusterBy, WeightTrial};
 pub use parameters::{BaseEstimate, EffectEstimate, Estimator, Identification, LinkEstimate, Parameters};
+pub use simex::{Simex, add_noise, simex};
+pub use window::{WindowChoice, WindowTrial, choose_window};
 pub use prior::{LinkPrior, Prior, Symmetry};
 
 use aloft_regressor::Factor;

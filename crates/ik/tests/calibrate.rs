@@ -1,5 +1,7 @@
 //! Calibration of made-up people whose joints are known, started from wrong ones.
 
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
 mod common;
 
 use aloft_body::{JointKind, State, Subject};

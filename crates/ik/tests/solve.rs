@@ -187,3 +187,33 @@ fn regress_misfits_are_errors_with_names() {
     let empty = aloft_trial::Trial { markers: aloft_trial::Markers::default(), ..trial.clone() };
     assert!(solve(&subject, &empty, &IkOptions::default()).is_err());
 }
+
+#[test]
+fn prop_a_short_gap_leaves_no_step() {
+    // markers sit a few millimetres off their model places, as on soft tissue; some vanish for a tenth of a second
+    let subject = person();
+    let truth = motion(&subject, 200, 200.0, 0.3, 10);
+    let mut worn = subject.clone();
+    for (i, marker) in worn.markers.iter_mut().enumerate() {
+        let x = i as f64;
+        marker.position_m += Vector3::new(x.sin(), (2.0 * x).sin(), (3.0 * x).sin()) * 4e-3;
+    }
+    let whole = trial(&worn, &truth, 200.0, 1e-4, 10);
+    let mut gappy = whole.clone();
+    for (label, from) in [("LELB", 30), ("RELB", 100), ("LTIB", 110), ("RKNE", 60), ("LASI", 150)] {
+        let m = gappy.markers.index(label).unwrap();
+        gappy.markers.trajectories[m][from..from + 20].fill(Vector3::repeat(f64::NAN));
+    }
+    let expected = solve(&subject, &whole, &IkOptions::default()).unwrap().motion;
+    let worst = |options: &IkOptions| {
+        let result = solve(&subject, &gappy, options).unwrap();
+        (0..200).map(|f| distance(&subject, result.motion.q(f), expected.q(f))).fold(0.0, f64::max)
+    };
+    let bridged = worst(&IkOptions::default());
+    let open = worst(&IkOptions { bridge_gaps_s: 0.0, ..IkOptions::default() });
+    assert!(bridged < 0.03, "bridged gaps still move coordinates by {bridged} rad");
+    assert!(open > 3.0 * bridged, "without bridging {open} rad, with it {bridged} rad");
+    let report = solve(&subject, &gappy, &IkOptions::default()).unwrap().report;
+    assert_eq!(report.n_bridged, 90);
+    assert_eq!(report.markers.iter().map(|m| m.n_missing).sum::<usize>(), 100);
+}

@@ -21,4 +21,4 @@ pub use factor::{Columns, Factor, RowKind, leave_group_out, leave_one_out};
 pub use noise::{CoordinateNoise, Noise};
 pub use stretch::{Acting, EffectColumns, Stretch, StretchKind};
 pub use test_function::TestFunction;
-pub use weak::{WeakOptions, WeakRows, weak_factor, weak_rows};
+pub use weak::{WeakOptions, WeakRows, body_radius_m, weak_factor, weak_rows};

@@ -35,13 +35,13 @@ pub struct WeakOptions {
     pub power: u32,
     /// Time left out at both ends of a stretch, s.
     pub margin_s: f64,
-    /// Length ℓ that turns moments into forces in the fixed weights, m.
-    pub moment_length_m: f64,
+    /// Length ℓ that turns moments into forces in the fixed weights, m; nothing: [`body_radius_m`] of the prior.
+    pub moment_length_m: Option<f64>,
 }
 
 impl Default for WeakOptions {
     fn default() -> Self {
-        Self { window_s: None, hop: 0.25, power: 5, margin_s: 0.0, moment_length_m: 0.1 }
+        Self { window_s: None, hop: 0.25, power: 5, margin_s: 0.0, moment_length_m: None }
     }
 }
 
@@ -63,7 +63,6 @@ impl WeakOptions {
 /// # Errors
 /// [`RegressorError::TooShort`] when no window fits, [`RegressorError::NoWrench`] for contact without plates,
 /// [`RegressorError::Numeric`] when the noise covariance is singular.
-#[allow(clippy::too_many_arguments)] // one call says all that rows depend on
 pub fn weak_factor(
     model: &Model,
     base: &BaseParameters,
@@ -80,10 +79,35 @@ pub fn weak_factor(
     };
     let mut rows = weak_rows(model, base, prior, motion, stretch, acting, options)?;
     match noise {
-        None => rows.apply_fixed_weights(options.moment_length_m),
+        None => {
+            let length_m = options.moment_length_m.unwrap_or_else(|| body_radius_m(model, prior));
+            if !(length_m > 0.0 && length_m.is_finite()) {
+                return Err(RegressorError::Option { option: "moment_length_m", problem: format!("{length_m} m") });
+            }
+            rows.apply_fixed_weights(length_m);
+        }
         Some(noise) => whiten(model, prior, motion, stretch, &mut rows, noise)?,
     }
     Factor::from_rows(stretch, RowKind::Weak, columns, rows.matrix.as_ref())
+}
+
+/// Root mean square distance of the prior's mass from its centre in the neutral posture, m: the length that fixed weights use where none is
+/// stated. It depends on no recording, so that factors of different days have the same weights.
+pub fn body_radius_m(model: &Model, prior: &[Phi]) -> f64 {
+    let mut state = State::new(model);
+    state.forward_position(model, &model.neutral());
+    let (mass, center) = state.center_of_mass(prior);
+    let second: f64 = state
+        .world_from_link
+        .iter()
+        .zip(prior)
+        .map(|(pose, phi)| {
+            let moment = pose.rotation * Vector3::new(phi[1], phi[2], phi[3]);
+            let to_origin = pose.translation.vector - center;
+            0.5 * (phi[4] + phi[5] + phi[6]) + 2.0 * to_origin.dot(&moment) + phi[0] * to_origin.norm_squared()
+        })
+        .sum();
+    (second / mass).max(0.0).sqrt()
 }
 
 /// Weak rows of one stretch before weighting.

@@ -15,7 +15,7 @@ use std::f64::consts::PI;
 /// Highest order that [`Butterworth::design`] accepts.
 pub const MAX_ORDER: usize = 12;
 /// Most sections a filter can have.
-pub(crate) const MAX_SECTIONS: usize = MAX_ORDER.div_ceil(2);
+const MAX_SECTIONS: usize = MAX_ORDER.div_ceil(2);
 
 /// Whether the cut-off is moved so that the two passes together are −3 dB at the stated frequency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -115,7 +115,8 @@ impl Section {
     #[inline(always)]
     fn step(&self, x: f64, z: &mut [f64; 2]) -> f64 {
         let y = self.b[0] * x + z[0];
-        z[0] = self.b[1] * x - self.a[0] * y + z[1];
+        // the sum first: only the product with y waits for y
+        z[0] = (self.b[1] * x + z[1]) - self.a[0] * y;
         z[1] = self.b[2] * x - self.a[1] * y;
         y
     }

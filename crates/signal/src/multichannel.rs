@@ -1,18 +1,19 @@
 //! The zero-phase filter on many channels at once.
 //!
 //! The recursion of a filter is serial in time but independent between channels, so groups of channels run side by side in the lanes of
-//! the processor's vectors. Each group goes through in blocks of frames that stay in the nearest cache: the first pass loads a block and
-//! filters it, the second filters a block and stores it. The arithmetic of a lane is that of [`Butterworth::filtfilt`], operation for
-//! operation, so the numbers are the same to the last bit on every processor.
+//! the processor's vectors. Data goes through in blocks of frames that stay in the nearest cache. Channel-major data is turned
+//! block by block into lanes and kept that way between the two passes; frame-major data is in lanes already and is filtered where it lies.
+//! The numbers are those of [`Butterworth::filtfilt`] to the last bit, on every processor.
 
-use crate::butterworth::{Butterworth, MAX_SECTIONS, Section};
-use crate::runs::runs_where;
+use crate::butterworth::{Butterworth, MAX_ORDER, Section};
 use std::ops::Range;
 
 /// Channels in a group.
-const LANES: usize = 16;
-/// Frames of a group that are handled together.
-const BLOCK: usize = 64;
+const LANES: usize = 8;
+/// Frames of a group that are handled together, a multiple of [`LANES`].
+const BLOCK: usize = 32;
+/// Most samples of reflection on each side.
+const MAX_PADDING: usize = 3 * (MAX_ORDER + 1);
 
 type Frame = [f64; LANES];
 
@@ -24,7 +25,34 @@ impl Butterworth {
             return 0;
         }
         let n = data.len() / channels;
-        self.filter_groups(data, Layout { channels, samples: n, channel_stride: 1, frame_stride: channels })
+        let data = &mut data[..n * channels];
+        if all_finite(data) {
+            return self.interleaved_run(data, channels);
+        }
+        // runs that all channels share, where they do
+        let (mut lost, mut begin) = (0, 0);
+        let missing = |frame: &[f64]| frame.iter().filter(|x| !x.is_finite()).count();
+        if data.chunks_exact(channels).all(|frame| [0, channels].contains(&missing(frame))) {
+            while begin < n {
+                let seen = |f: &usize| data[f * channels].is_finite();
+                let first = (begin..n).find(seen).unwrap_or(n);
+                let end = (first..n).find(|f| !seen(f)).unwrap_or(n);
+                lost += self.interleaved_run(&mut data[first * channels..end * channels], channels);
+                begin = end;
+            }
+            return lost;
+        }
+        let mut channel = vec![0.0; n];
+        for c in 0..channels {
+            for (x, frame) in channel.iter_mut().zip(data.chunks_exact(channels)) {
+                *x = frame[c];
+            }
+            lost += self.filtfilt(&mut channel);
+            for (x, frame) in channel.iter().zip(data.chunks_exact_mut(channels)) {
+                frame[c] = *x;
+            }
+        }
+        lost
     }
 
     /// [`Butterworth::filtfilt`] of every channel of channel-major data, `data[channel * samples + sample]`, in place.
@@ -34,204 +62,301 @@ impl Butterworth {
             return 0;
         }
         let channels = data.len() / samples;
-        self.filter_groups(data, Layout { channels, samples, channel_stride: samples, frame_stride: 1 })
-    }
-
-    fn filter_groups(&self, data: &mut [f64], layout: Layout) -> usize {
         let mut lost = 0;
-        let mut extended: Vec<Frame> = Vec::new();
-        for first in (0..layout.channels).step_by(LANES) {
-            let group = Group { layout, first, lanes: LANES.min(layout.channels - first) };
-            let Some(runs) = group.common_runs(data) else {
-                lost += group.filter_one_by_one(self, data);
-                continue;
-            };
-            for run in runs {
-                if run.len() <= self.padding() {
-                    lost += run.len() * group.lanes;
-                    group.fill_missing(data, run);
-                } else {
-                    self.filter_run(data, group, run, &mut extended);
-                }
+        let mut lanes: Vec<Frame> = Vec::new();
+        for group in data[..channels * samples].chunks_mut(LANES * samples) {
+            let whole = samples > self.padding() && self.channel_group(group, samples, &mut lanes);
+            if !whole {
+                lost += group.chunks_exact_mut(samples).map(|channel| self.filtfilt(channel)).sum::<usize>();
             }
         }
         lost
     }
 
-    fn filter_run(&self, data: &mut [f64], group: Group, run: Range<usize>, extended: &mut Vec<Frame>) {
-        let pad = self.padding();
-        extended.resize(run.len() + 2 * pad, [0.0; LANES]);
-        let arch = pulp::Arch::new();
-        // called inside, not through a pointer: only what is inlined here is compiled for the wide vectors;
-        // and one kernel a number of sections, so that all states stay in registers
-        arch.dispatch(
-            #[inline(always)]
-            || match self.sections() {
-                s @ [_] => kernel::<1>(s, pad, data, group, run, extended),
-                s @ [_, _] => kernel::<2>(s, pad, data, group, run, extended),
-                s @ [_, _, _] => kernel::<3>(s, pad, data, group, run, extended),
-                s @ [_, _, _, _] => kernel::<4>(s, pad, data, group, run, extended),
-                s @ [_, _, _, _, _] => kernel::<5>(s, pad, data, group, run, extended),
-                s => kernel::<MAX_SECTIONS>(s, pad, data, group, run, extended),
-            },
-        );
+    /// A frame-major run without missing samples.
+    fn interleaved_run(&self, data: &mut [f64], channels: usize) -> usize {
+        let n = data.len() / channels;
+        if n <= self.padding() {
+            data.fill(f64::NAN);
+            return data.len();
+        }
+        dispatch(self, Interleaved { data, channels, pad: self.padding() });
+        0
+    }
+
+    /// Up to [`LANES`] channels, one after the other; `false`, with nothing changed, when a sample is missing.
+    fn channel_group(&self, data: &mut [f64], samples: usize, lanes: &mut Vec<Frame>) -> bool {
+        lanes.resize(samples.next_multiple_of(BLOCK), [0.0; LANES]);
+        dispatch(self, ChannelMajor { data, samples, lanes, pad: self.padding() })
     }
 }
 
-/// Where the sample of a channel and frame is: `channel * channel_stride + frame * frame_stride`.
+/// Filtering of one arrangement of data, compiled for a number of sections.
+trait Arrangement {
+    fn run<const PAIRS: usize, const ODD: bool>(self, filter: &Cascade<PAIRS, ODD>) -> bool;
+}
+
+/// Runs an arrangement with the widest vectors of this processor. What is not inlined into the closure would be compiled for the oldest.
+fn dispatch<A: Arrangement>(filter: &Butterworth, arrangement: A) -> bool {
+    pulp::Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            let s = filter.sections();
+            match filter.order() {
+                1 => arrangement.run(&Cascade::<0, true>::new(s)),
+                2 => arrangement.run(&Cascade::<1, false>::new(s)),
+                3 => arrangement.run(&Cascade::<1, true>::new(s)),
+                4 => arrangement.run(&Cascade::<2, false>::new(s)),
+                5 => arrangement.run(&Cascade::<2, true>::new(s)),
+                6 => arrangement.run(&Cascade::<3, false>::new(s)),
+                7 => arrangement.run(&Cascade::<3, true>::new(s)),
+                8 => arrangement.run(&Cascade::<4, false>::new(s)),
+                9 => arrangement.run(&Cascade::<4, true>::new(s)),
+                10 => arrangement.run(&Cascade::<5, false>::new(s)),
+                11 => arrangement.run(&Cascade::<5, true>::new(s)),
+                _ => arrangement.run(&Cascade::<6, false>::new(s)),
+            }
+        },
+    )
+}
+
+/// The sections with the structure of a low-pass used: numerators b(1 + z⁻¹) and b(1 + z⁻¹)². Doubling is exact, so
+/// nothing is rounded otherwise than in [`Section`].
+struct Cascade<const PAIRS: usize, const ODD: bool> {
+    first: Section,
+    pairs: [Section; PAIRS],
+}
+
+/// States of all lanes.
 #[derive(Clone, Copy)]
-struct Layout {
+struct States<const PAIRS: usize> {
+    first: Frame,
+    pairs: [[Frame; 2]; PAIRS],
+}
+
+impl<const PAIRS: usize, const ODD: bool> Cascade<PAIRS, ODD> {
+    #[inline(always)]
+    fn new(sections: &[Section]) -> Self {
+        // an odd order begins with its single pole; without one the field is not used
+        Self { first: sections[0], pairs: std::array::from_fn(|i| sections[i + usize::from(ODD)]) }
+    }
+
+    #[inline(always)]
+    fn steady(&self, x: &Frame) -> States<PAIRS> {
+        let [first, _] = self.first.steady_state();
+        States {
+            first: x.map(|x| first * x),
+            pairs: std::array::from_fn(|i| self.pairs[i].steady_state().map(|unit| x.map(|x| unit * x))),
+        }
+    }
+
+    #[inline(always)]
+    fn step(&self, x: &Frame, z: &mut States<PAIRS>) -> Frame {
+        let mut x = *x;
+        if ODD {
+            let s = &self.first;
+            for lane in 0..LANES {
+                let g = s.b[0] * x[lane];
+                let y = g + z.first[lane];
+                z.first[lane] = g - s.a[0] * y;
+                x[lane] = y;
+            }
+        }
+        for (s, z) in self.pairs.iter().zip(&mut z.pairs) {
+            for lane in 0..LANES {
+                let g = s.b[0] * x[lane];
+                let y = g + z[0][lane];
+                z[0][lane] = (2.0 * g + z[1][lane]) - s.a[0] * y;
+                z[1][lane] = g - s.a[1] * y;
+                x[lane] = y;
+            }
+        }
+        x
+    }
+
+    #[inline(always)]
+    fn pass<'a>(&self, z: &mut States<PAIRS>, frames: impl Iterator<Item = &'a mut Frame>) {
+        let mut states = *z;
+        for frame in frames {
+            *frame = self.step(frame, &mut states);
+        }
+        *z = states;
+    }
+}
+
+struct Interleaved<'a> {
+    data: &'a mut [f64],
     channels: usize,
-    samples: usize,
-    channel_stride: usize,
-    frame_stride: usize,
+    pad: usize,
 }
 
-/// Up to [`LANES`] neighbouring channels.
-#[derive(Clone, Copy)]
-struct Group {
-    layout: Layout,
-    first: usize,
-    lanes: usize,
-}
-
-impl Group {
+impl Arrangement for Interleaved<'_> {
     #[inline(always)]
-    fn index(&self, lane: usize, frame: usize) -> usize {
-        (self.first + lane) * self.layout.channel_stride + frame * self.layout.frame_stride
-    }
-
-    /// The runs without missing samples, if they are the same in every channel of the group.
-    fn common_runs(&self, data: &[f64]) -> Option<Vec<Range<usize>>> {
-        // a product with zero is zero unless the sample is NaN or infinite
-        let n = self.layout.samples;
-        let all_finite = if self.layout.frame_stride == 1 {
-            let start = self.index(0, 0);
-            finite_sum(&data[start..start + self.lanes * n])
-        } else {
-            (0..n).all(|f| finite_sum(&data[self.index(0, f)..][..self.lanes]))
-        };
-        if all_finite {
-            return Some(std::iter::once(0..n).filter(|r| !r.is_empty()).collect());
+    fn run<const PAIRS: usize, const ODD: bool>(self, filter: &Cascade<PAIRS, ODD>) -> bool {
+        let Self { data, channels, pad } = self;
+        let n = data.len() / channels;
+        let groups: Vec<Range<usize>> = (0..channels).step_by(LANES).map(|c| c..(c + LANES).min(channels)).collect();
+        let mut head = [[0.0; LANES]; MAX_PADDING];
+        let mut tails = vec![[[0.0; LANES]; MAX_PADDING]; groups.len()];
+        let mut states: Vec<States<PAIRS>> = Vec::with_capacity(groups.len());
+        for (group, tail) in groups.iter().zip(&mut tails) {
+            let at = |f: usize| load(&data[f * channels..], group);
+            for i in 0..pad {
+                head[i] = reflect(&at(0), &at(pad - i));
+                tail[i] = reflect(&at(n - 1), &at(n - 2 - i));
+            }
+            let mut z = filter.steady(&head[0]);
+            filter.pass(&mut z, head[..pad].iter_mut());
+            states.push(z);
         }
-        let finite = |lane: usize, frame: usize| data[self.index(lane, frame)].is_finite();
-        let same = (0..n).all(|f| (1..self.lanes).all(|lane| finite(lane, f) == finite(0, f)));
-        same.then(|| runs_where(n, |f| finite(0, f)))
-    }
-
-    /// Fallback where channels miss different samples: the plain filter on each.
-    fn filter_one_by_one(&self, filter: &Butterworth, data: &mut [f64]) -> usize {
-        let n = self.layout.samples;
-        let mut channel = vec![0.0; n];
-        let mut lost = 0;
-        for lane in 0..self.lanes {
-            for (f, x) in channel.iter_mut().enumerate() {
-                *x = data[self.index(lane, f)];
-            }
-            lost += filter.filtfilt(&mut channel);
-            for (f, x) in channel.iter().enumerate() {
-                data[self.index(lane, f)] = *x;
-            }
-        }
-        lost
-    }
-
-    fn fill_missing(&self, data: &mut [f64], run: Range<usize>) {
-        for frame in run {
-            for lane in 0..self.lanes {
-                data[self.index(lane, frame)] = f64::NAN;
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn load(&self, data: &[f64], start: usize, out: &mut [Frame]) {
-        if self.lanes == LANES && self.layout.channel_stride == 1 {
-            for (f, out) in out.iter_mut().enumerate() {
-                out.copy_from_slice(&data[self.index(0, start + f)..][..LANES]);
-            }
-        } else {
-            for lane in 0..self.lanes {
-                let (at, step) = (self.index(lane, start), self.layout.frame_stride);
-                for (f, out) in out.iter_mut().enumerate() {
-                    out[lane] = data[at + f * step];
+        for block in data.chunks_mut(BLOCK * channels) {
+            fetch(block);
+            for (group, states) in groups.iter().zip(&mut states) {
+                let mut z = *states;
+                for frame in block.chunks_exact_mut(channels) {
+                    in_place(frame, group, |x| filter.step(x, &mut z));
                 }
+                *states = z;
             }
         }
-    }
-
-    #[inline(always)]
-    fn store(&self, data: &mut [f64], start: usize, from: &[Frame]) {
-        if self.lanes == LANES && self.layout.channel_stride == 1 {
-            for (f, from) in from.iter().enumerate() {
-                data[self.index(0, start + f)..][..LANES].copy_from_slice(from);
-            }
-        } else {
-            for lane in 0..self.lanes {
-                let (at, step) = (self.index(lane, start), self.layout.frame_stride);
-                for (f, from) in from.iter().enumerate() {
-                    data[at + f * step] = from[lane];
+        for (tail, z) in tails.iter_mut().zip(&mut states) {
+            filter.pass(z, tail[..pad].iter_mut());
+            *z = filter.steady(&tail[pad - 1]);
+            filter.pass(z, tail[..pad].iter_mut().rev());
+        }
+        for block in data.chunks_mut(BLOCK * channels).rev() {
+            fetch(block);
+            for (group, states) in groups.iter().zip(&mut states) {
+                let mut z = *states;
+                for frame in block.chunks_exact_mut(channels).rev() {
+                    in_place(frame, group, |x| filter.step(x, &mut z));
                 }
+                *states = z;
             }
         }
+        true
     }
 }
 
-fn finite_sum(values: &[f64]) -> bool {
-    let mut sums = [0.0; 8];
-    let (chunks, rest) = values.as_chunks::<8>();
-    for chunk in chunks {
-        for (s, x) in sums.iter_mut().zip(chunk) {
-            *s += x * 0.0;
-        }
-    }
-    sums.iter().sum::<f64>() + rest.iter().map(|x| x * 0.0).sum::<f64>() == 0.0
+/// Reads a block once from end to end. Groups would touch it a cache line here and there, which the processor's prefetcher does not see
+/// through: on data larger than the caches this doubles the speed.
+#[inline(always)]
+fn fetch(block: &[f64]) {
+    std::hint::black_box(all_finite(block));
 }
 
 #[inline(always)]
-fn kernel<const S: usize>(
-    sections: &[Section],
+fn load(frame: &[f64], group: &Range<usize>) -> Frame {
+    let mut x = [0.0; LANES];
+    x[..group.len()].copy_from_slice(&frame[group.clone()]);
+    x
+}
+
+#[inline(always)]
+fn in_place(frame: &mut [f64], group: &Range<usize>, f: impl FnOnce(&Frame) -> Frame) {
+    let part = &mut frame[group.clone()];
+    if let Some(whole) = part.first_chunk_mut::<LANES>() {
+        *whole = f(whole);
+    } else {
+        let mut x = [0.0; LANES];
+        x[..part.len()].copy_from_slice(part);
+        let y = f(&x);
+        part.copy_from_slice(&y[..part.len()]);
+    }
+}
+
+struct ChannelMajor<'a> {
+    data: &'a mut [f64],
+    samples: usize,
+    lanes: &'a mut [Frame],
     pad: usize,
-    data: &mut [f64],
-    group: Group,
-    run: Range<usize>,
-    extended: &mut [Frame],
-) {
-    let mut s = [Section { b: [1.0, 0.0, 0.0], a: [0.0, 0.0] }; S];
-    for (to, from) in s.iter_mut().zip(sections) {
-        *to = *from;
-    }
-    let n = run.len();
+}
 
-    // forward: reflect the beginning, then load block after block, then reflect the end
-    let (head, tail) = extended.split_at_mut(pad);
-    let (body, tail) = tail.split_at_mut(n);
-    group.load(data, run.start, &mut body[..=pad]);
-    for (i, out) in head.iter_mut().enumerate() {
-        *out = reflect(&body[0], &body[pad - i]);
+impl ChannelMajor<'_> {
+    #[inline(always)]
+    fn load(&self, start: usize, out: &mut [Frame]) {
+        if self.data.len() == LANES * self.samples
+            && out.len().is_multiple_of(LANES)
+            && start + out.len() <= self.samples
+        {
+            for (i, square) in out.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+                let rows: [Frame; LANES] = std::array::from_fn(|lane| {
+                    let at = lane * self.samples + start + i * LANES;
+                    self.data[at..at + LANES].try_into().unwrap_or([0.0; LANES])
+                });
+                *square = transposed(&rows);
+            }
+        } else {
+            for (lane, channel) in self.data.chunks_exact(self.samples).enumerate() {
+                for (out, x) in out.iter_mut().zip(&channel[start..]) {
+                    out[lane] = *x;
+                }
+            }
+        }
     }
-    let mut z = steady(&s, &head[0]);
-    pass(&s, &mut z, head.iter_mut());
-    // the end is needed before the forward pass overwrites it
-    let mut end = [[0.0; LANES]; 3 * (crate::butterworth::MAX_ORDER + 1) + 1];
-    let end = &mut end[..=pad];
-    group.load(data, run.end - 1 - pad, end);
-    for (i, out) in tail.iter_mut().enumerate() {
-        *out = reflect(&end[pad], &end[pad - 1 - i]);
-    }
-    for (block, frames) in body.chunks_mut(BLOCK).enumerate() {
-        group.load(data, run.start + block * BLOCK, frames);
-        pass(&s, &mut z, frames.iter_mut());
-    }
-    pass(&s, &mut z, tail.iter_mut());
 
-    // backward
-    z = steady(&s, &tail[pad - 1]);
-    pass(&s, &mut z, tail.iter_mut().rev());
-    for (block, frames) in body.chunks_mut(BLOCK).enumerate().rev() {
-        pass(&s, &mut z, frames.iter_mut().rev());
-        group.store(data, run.start + block * BLOCK, frames);
+    #[inline(always)]
+    fn store(&mut self, start: usize, from: &[Frame]) {
+        if self.data.len() == LANES * self.samples
+            && from.len().is_multiple_of(LANES)
+            && start + from.len() <= self.samples
+        {
+            for (i, square) in from.as_chunks::<LANES>().0.iter().enumerate() {
+                for (lane, row) in transposed(square).iter().enumerate() {
+                    let at = lane * self.samples + start + i * LANES;
+                    self.data[at..at + LANES].copy_from_slice(row);
+                }
+            }
+        } else {
+            for (lane, channel) in self.data.chunks_exact_mut(self.samples).enumerate() {
+                for (from, x) in from.iter().zip(&mut channel[start..]) {
+                    *x = from[lane];
+                }
+            }
+        }
     }
+}
+
+impl Arrangement for ChannelMajor<'_> {
+    #[inline(always)]
+    fn run<const PAIRS: usize, const ODD: bool>(mut self, filter: &Cascade<PAIRS, ODD>) -> bool {
+        let (n, pad) = (self.samples, self.pad);
+        let lanes = std::mem::take(&mut self.lanes);
+        let mut edge = [[0.0; LANES]; MAX_PADDING + 1];
+        let mut head = [[0.0; LANES]; MAX_PADDING];
+        let mut tail = [[0.0; LANES]; MAX_PADDING];
+        self.load(0, &mut edge[..=pad]);
+        for i in 0..pad {
+            head[i] = reflect(&edge[0], &edge[pad - i]);
+        }
+        self.load(n - 1 - pad, &mut edge[..=pad]);
+        for i in 0..pad {
+            tail[i] = reflect(&edge[pad], &edge[pad - 1 - i]);
+        }
+        let mut z = filter.steady(&head[0]);
+        filter.pass(&mut z, head[..pad].iter_mut());
+        for (b, frames) in lanes[..n].chunks_mut(BLOCK).enumerate() {
+            self.load(b * BLOCK, frames);
+            filter.pass(&mut z, frames.iter_mut());
+        }
+        filter.pass(&mut z, tail[..pad].iter_mut());
+        // a missing sample never leaves the states again: seen here, before anything was written
+        if !all_finite(&tail[pad - 1]) {
+            return false;
+        }
+        z = filter.steady(&tail[pad - 1]);
+        filter.pass(&mut z, tail[..pad].iter_mut().rev());
+        for (b, frames) in lanes[..n].chunks_mut(BLOCK).enumerate().rev() {
+            filter.pass(&mut z, frames.iter_mut().rev());
+            self.store(b * BLOCK, frames);
+        }
+        true
+    }
+}
+
+#[inline(always)]
+fn transposed(square: &[Frame; LANES]) -> [Frame; LANES] {
+    std::array::from_fn(|i| std::array::from_fn(|j| square[j][i]))
 }
 
 #[inline(always)]
@@ -239,29 +364,14 @@ fn reflect(about: &Frame, x: &Frame) -> Frame {
     std::array::from_fn(|lane| 2.0 * about[lane] - x[lane])
 }
 
-#[inline(always)]
-fn steady<const S: usize>(sections: &[Section; S], x: &Frame) -> [[Frame; 2]; S] {
-    std::array::from_fn(|i| sections[i].steady_state().map(|unit| x.map(|x| unit * x)))
-}
-
-#[inline(always)]
-fn pass<'a, const S: usize>(
-    sections: &[Section; S],
-    states: &mut [[Frame; 2]; S],
-    frames: impl Iterator<Item = &'a mut Frame>,
-) {
-    let mut z = *states;
-    for frame in frames {
-        let mut x = *frame;
-        for (s, z) in sections.iter().zip(&mut z) {
-            for lane in 0..LANES {
-                let y = s.b[0] * x[lane] + z[0][lane];
-                z[0][lane] = s.b[1] * x[lane] - s.a[0] * y + z[1][lane];
-                z[1][lane] = s.b[2] * x[lane] - s.a[1] * y;
-                x[lane] = y;
-            }
+/// A product with zero is zero unless the sample is NaN or infinite.
+fn all_finite(values: &[f64]) -> bool {
+    let mut sums = [0.0; LANES];
+    let (chunks, rest) = values.as_chunks::<LANES>();
+    for chunk in chunks {
+        for (s, x) in sums.iter_mut().zip(chunk) {
+            *s += x * 0.0;
         }
-        *frame = x;
     }
-    *states = z;
+    sums.iter().sum::<f64>() + rest.iter().map(|x| x * 0.0).sum::<f64>() == 0.0
 }

@@ -145,6 +145,10 @@ pub struct ThrowProtocol {
     pub joint_rate_radps: f64,
     /// Seconds between throws (caught, carried, taken up again).
     pub carry_s: [f64; 2],
+    /// Length of the static recording, s.
+    pub static_s: f64,
+    /// Length of the calibration of the joints, s.
+    pub calibration_s: f64,
 }
 
 impl Default for ThrowProtocol {
@@ -156,6 +160,8 @@ impl Default for ThrowProtocol {
             spin_radps: [2.0, 9.0],
             joint_rate_radps: 9.0,
             carry_s: [1.7, 2.3],
+            static_s: 3.0,
+            calibration_s: 14.0,
         }
     }
 }

@@ -161,8 +161,7 @@ fn validate_recorded_chain_a_flights() {
         println!("skipped: the golden holds no flights of chain_a");
         return;
     };
-    let phi: Vec<Phi> =
-        chain["phi"].as_array().expect("phi").iter().map(|p| Phi::from_vec(numbers(p))).collect();
+    let phi: Vec<Phi> = chain["phi"].as_array().expect("phi").iter().map(|p| Phi::from_vec(numbers(p))).collect();
     let model = two_link(&numbers(&chain["hinge_at_m"]), matrix(&chain["rotation"]));
     let body = Body { model, area_m2: vec![1.0; 2], phi };
     let plant = Plant::new(&body, &[], "").expect("plant");
@@ -193,8 +192,7 @@ fn prop_fourth_order() {
     let (q0, v0) = (numbers(&flight["q0"]), numbers(&flight["v0"]));
     let end = |step: f64| fly(&plant, &LOOSE, &q0, &v0, step, &[0.64]).remove(0);
     let truth = end(1.25e-4);
-    let errors: Vec<f64> =
-        [4e-3, 2e-3, 1e-3].iter().map(|h| point_distance(&plant.model, &end(*h), &truth)).collect();
+    let errors: Vec<f64> = [4e-3, 2e-3, 1e-3].iter().map(|h| point_distance(&plant.model, &end(*h), &truth)).collect();
     println!("error after 0.64 s at 4, 2, 1 ms: {errors:?} m");
     for pair in errors.windows(2) {
         let order = (pair[0] / pair[1]).log2();

@@ -2,12 +2,13 @@
 //! beside the workspace.
 
 #![allow(dead_code, reason = "each test file uses its part")]
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "test code outside a test function")]
 
 use std::path::{Path, PathBuf};
 
 use aloft_c3d::{
-    Analog, ByteOrder, C3dBuilder, C3dFile, FileEvent, Parameter, PlateDescription, PlateWrench, Point, PointKind, Storage,
-    Values,
+    Analog, ByteOrder, C3dBuilder, C3dFile, FileEvent, Parameter, PlateDescription, PlateWrench, Point, PointKind,
+    Storage, Values,
 };
 
 /// Folder of committed small files.
@@ -69,7 +70,8 @@ pub fn laboratory(order: ByteOrder, storage: Storage) -> C3dFile {
     let corners_b = [[600.0, 0.0, 1.0], [600.0, 400.0, 1.0], [1100.0, 400.0, 1.0], [1100.0, 0.0, 1.0]];
     for (index, corners) in [corners_a, corners_b].into_iter().enumerate() {
         let channels = (6 * index..6 * index + 6).collect();
-        let plate = PlateDescription { kind: 2, corners, origin: [1.0, -2.0, -40.0], channels, ..PlateDescription::default() };
+        let plate =
+            PlateDescription { kind: 2, corners, origin: [1.0, -2.0, -40.0], channels, ..PlateDescription::default() };
         builder = builder.described_plate(plate);
         for (k, name) in ["Fx", "Fy", "Fz", "Mx", "My", "Mz"].into_iter().enumerate() {
             let size = [16.0, 8.0, 64.0, 512.0, 512.0, 128.0][k];
@@ -134,11 +136,17 @@ pub fn plate_types(kinds: &[i32]) -> C3dFile {
         channel += names.len();
         if kind == 4 {
             plate.calibration = (0..6)
-                .map(|r| (0..6).map(|c| if r == c { [500.0, 490.0, 1000.0, 150_000.0, 160_000.0, 90_000.0][r] } else { 2.0 }).collect())
+                .map(|r| {
+                    (0..6)
+                        .map(|c| if r == c { [500.0, 490.0, 1000.0, 150_000.0, 160_000.0, 90_000.0][r] } else { 2.0 })
+                        .collect()
+                })
                 .collect();
         }
         if kind == 5 {
-            plate.calibration = (0..6).map(|r| (0..8).map(|c| if r == c { 250.0 } else { 1.0 + r as f64 - c as f64 }).collect()).collect();
+            plate.calibration = (0..6)
+                .map(|r| (0..8).map(|c| if r == c { 250.0 } else { 1.0 + r as f64 - c as f64 }).collect())
+                .collect();
         }
         builder = builder.described_plate(plate);
         for (k, name) in names.iter().enumerate() {
@@ -172,11 +180,20 @@ pub fn many_labels() -> C3dFile {
 
 /// 16-bit unsigned channels.
 pub fn unsigned_channels() -> C3dFile {
-    let mut builder =
-        C3dBuilder::new(60.0).stored_as(ByteOrder::Intel, Storage::Integer, 0.125).unsigned_analogs().marker("A", path(0, 10));
+    let mut builder = C3dBuilder::new(60.0)
+        .stored_as(ByteOrder::Intel, Storage::Integer, 0.125)
+        .unsigned_analogs()
+        .marker("A", path(0, 10));
     for i in 0..3 {
         let values = (0..20).map(|s| 0.25 * ((s * 3001 + i * 777) % 65_536) as f64 - 8192.0).collect();
-        builder = builder.channel(Analog { label: format!("CH{i}"), unit: "V".into(), scale: 0.25, offset: 32_768.0, values, ..Analog::default() });
+        builder = builder.channel(Analog {
+            label: format!("CH{i}"),
+            unit: "V".into(),
+            scale: 0.25,
+            offset: 32_768.0,
+            values,
+            ..Analog::default()
+        });
     }
     builder.build().unwrap()
 }

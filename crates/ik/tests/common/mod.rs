@@ -1,5 +1,5 @@
 //! Subjects and trials made in the test itself: the geometry of a simulated person, a two-link chain, smooth motions.
-#![allow(dead_code, reason = "each test file uses a part of it")]
+#![allow(dead_code, clippy::unwrap_used, reason = "test support: each test file uses a part of it, and may panic")]
 
 use aloft_body::subject::PriorSd;
 use aloft_body::{JointSpec, LinkInertia, LinkSpec, Model, ModelMarker, ModelSpec, PersonFacts, State, Subject};

@@ -6,13 +6,13 @@ use crate::graph::{Done, Job, Need, Scope, Stage};
 use crate::stages::scale::load_locked;
 use crate::study::Role;
 use crate::workspace::write_json;
-use aloft_ik::{IkOptions, solve};
+use aloft_ik::{IkOptions, smooth, solve};
 use serde_json::json;
 
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "ik",
-    version: 1,
+    version: 2,
     scope: Scope::Trial(&[Role::Calibration, Role::Identify, Role::Validate]),
     reads: "trial, `Subject`",
     gives: "`Motion`: joint coordinates, marker residuals, standard deviations",
@@ -40,7 +40,11 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let options = IkOptions { marker_sd_m: config.marker_sd_m, locked: load_locked(job)?, ..IkOptions::default() };
     let result = solve(&subject, &trial, &options).map_err(|e| StageFailure::new(e.to_string()))?;
     let report = &result.report;
-    save_motion(job.out, &result.motion, &subject.model)?;
+    let mut motion = smooth(&subject.model, &result.motion, None).map_err(|e| StageFailure::new(e.to_string()))?;
+    // only the continuity of turns and signs is wanted here; derivatives belong to `filter`
+    motion.v.clear();
+    motion.a.clear();
+    save_motion(job.out, &motion, &subject.model)?;
     write_json(&job.out.join("report.json"), report)?;
     let mut done = Done::default();
     done.note("marker_rms_mm", report.rms_m * 1e3);

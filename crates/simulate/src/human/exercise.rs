@@ -43,23 +43,23 @@ pub fn exercise_trial(
         Exercise::Turn => (0.6, 0.8, 1.3),
     };
     let pelvis = Vector3::new(0.0, 0.0, -0.13 + 0.03 * rng.moderate());
-    let knee = 0.85 + 0.1 * (squat - 0.6);
+    let knee = 0.85 + 0.3 * (squat - 0.6);
     let plan = lowered(&mut stance, &footing, pelvis, &arms, 0.0, knee).map_err(Stumble::reach("in the exercise"))?;
     let h = person.height_m / 1.7;
-    let mut amplitudes = vec![(COM, 0.014 * h), (COM + 1, 0.022 * h), (COM + 2, 0.045 * h * squat)];
+    let mut amplitudes = vec![(COM, 0.016 * h), (COM + 1, 0.028 * h), (COM + 2, 0.045 * h * squat)];
     amplitudes.extend([(PELVIS, 0.05), (PELVIS + 1, 0.08 * turn), (PELVIS + 2, 0.07)]);
-    amplitudes.extend([(UPPER, 0.09 * turn), (UPPER + 1, 0.32 * turn), (UPPER + 2, 0.14 * turn)]);
-    amplitudes.extend([(UPPER + 3, 0.08), (UPPER + 4, 0.16), (UPPER + 5, 0.08)]);
+    amplitudes.extend([(UPPER, 0.12 * turn), (UPPER + 1, 0.45 * turn), (UPPER + 2, 0.17 * turn)]);
+    amplitudes.extend([(UPPER + 3, 0.10), (UPPER + 4, 0.22), (UPPER + 5, 0.11)]);
     for first in [UPPER + 6, UPPER + 13] {
-        amplitudes.extend([(first, 0.38 * reach), (first + 1, 0.30 * reach), (first + 2, 0.36 * reach)]);
+        amplitudes.extend([(first, 0.42 * reach), (first + 1, 0.36 * reach), (first + 2, 0.42 * reach)]);
         amplitudes.extend([(first + 3, 0.26 * reach), (first + 4, 0.16), (first + 5, 0.18), (first + 6, 0.18)]);
     }
     amplitudes.extend([(FOOT[0] + 6, 0.05), (FOOT[1] + 6, 0.05)]);
     let mut curve = PlanCurve::through(&[(0.0, rest(&plan))]);
     for (i, amplitude) in amplitudes {
         let amplitude = size * amplitude * rng.between(0.75, 1.2);
-        curve.sways.push((i, 0.8 * amplitude, rng.between(0.28, 0.65), rng.between(0.0, 6.28)));
-        curve.sways.push((i, 0.3 * amplitude, rng.between(0.75, 1.25), rng.between(0.0, 6.28)));
+        curve.sways.push((i, 0.8 * amplitude, rng.between(0.32, 0.75), rng.between(0.0, 6.28)));
+        curve.sways.push((i, 0.3 * amplitude, rng.between(0.85, 1.4), rng.between(0.0, 6.28)));
     }
     play(stance, plant, &curve, tick_s, ticks)
 }

@@ -91,7 +91,13 @@ impl<'b> Jumper<'_, 'b> {
     }
 
     /// Flies from `start` under `air`; chart jets at the end.
-    fn fly(&self, air: &AirMotion<'b>, t0: f64, duration: f64, start: &[Jet; PLAN]) -> Result<[Jet; PLAN], SimulateError> {
+    fn fly(
+        &self,
+        air: &AirMotion<'b>,
+        t0: f64,
+        duration: f64,
+        start: &[Jet; PLAN],
+    ) -> Result<[Jet; PLAN], SimulateError> {
         let model = &self.plant.model;
         let (mut y, _) = self.state_of(start);
         let mut dynamics = ForwardDynamics::new(self.plant, &root_only(model.n_links()));
@@ -190,11 +196,7 @@ pub fn jump_trial(
 ) -> Result<JumpTrial, Stumble> {
     let h = person.height_m;
     let mut footing = Footing::comfortable(h, rng);
-    let mut jumper = Jumper {
-        plant,
-        stance: Stance::new(person, footing.toe_out),
-        g: plant.model.gravity_mps2.norm(),
-    };
+    let mut jumper = Jumper { plant, stance: Stance::new(person, footing.toe_out), g: plant.model.gravity_mps2.norm() };
     let snap = |t: f64| (t / tick_s).round() * tick_s;
     let ticks = |a: f64, b: f64| ((b - a) / tick_s).round() as usize;
     let n_links = plant.model.n_links();
@@ -207,9 +209,13 @@ pub fn jump_trial(
         Vector3::new(0.5 * sd * rng.moderate(), 0.8 * sd * rng.moderate(), -pitch + sd * rng.moderate())
     };
     let pelvis = lean(rng, 0.05, 0.03);
-    let first = lowered(&mut jumper.stance, &footing, pelvis, &upper(Moment::Stand, vigour, rng), 0.0, rng.between(0.25, 0.4)).map_err(Stumble::reach("in stance"))?;
+    let first =
+        lowered(&mut jumper.stance, &footing, pelvis, &upper(Moment::Stand, vigour, rng), 0.0, rng.between(0.25, 0.4))
+            .map_err(Stumble::reach("in stance"))?;
     let pelvis = lean(rng, 0.05, 0.03);
-    let second = lowered(&mut jumper.stance, &footing, pelvis, &upper(Moment::Stand, vigour, rng), 0.0, rng.between(0.25, 0.4)).map_err(Stumble::reach("in stance"))?;
+    let second =
+        lowered(&mut jumper.stance, &footing, pelvis, &upper(Moment::Stand, vigour, rng), 0.0, rng.between(0.25, 0.4))
+            .map_err(Stumble::reach("in stance"))?;
     let stand_s = snap(rng.between(0.45, 0.65));
     let dip_s = snap(rng.between(0.45, 0.55));
     let mut knots = vec![(0.0, rest(&first)), (stand_s, rest(&second))];
@@ -228,7 +234,8 @@ pub fn jump_trial(
         let pelvis = lean(rng, 0.10, 0.04);
         let pitch = rng.between(0.52, 0.62);
         let arms = upper(Moment::TakeOff, vigour, rng);
-        let plan = lowered(&mut jumper.stance, &footing, pelvis, &arms, pitch, rng.between(0.62, 0.72)).map_err(Stumble::reach("before take-off"))?;
+        let plan = lowered(&mut jumper.stance, &footing, pelvis, &arms, pitch, rng.between(0.62, 0.72))
+            .map_err(Stumble::reach("before take-off"))?;
         let mut take_off = rest(&plan);
         for i in 0..N_UPPER {
             take_off[UPPER + i].v = arms[i].v;
@@ -243,7 +250,8 @@ pub fn jump_trial(
         }
         let pelvis = lean(rng, 0.15, 0.07);
         let arms = upper(Moment::Landing, vigour, rng);
-        let plan = lowered(&mut jumper.stance, &down, pelvis, &arms, rng.between(0.35, 0.45), rng.between(0.72, 0.82)).map_err(Stumble::reach("at landing"))?;
+        let plan = lowered(&mut jumper.stance, &down, pelvis, &arms, rng.between(0.35, 0.45), rng.between(0.72, 0.82))
+            .map_err(Stumble::reach("at landing"))?;
         let mut landing = rest(&plan);
         for i in 0..N_UPPER {
             landing[UPPER + i].v = arms[i].v;
@@ -262,8 +270,15 @@ pub fn jump_trial(
 
         // when: the push that reaches the speed, and the brake that takes the landing
         let pelvis = lean(rng, 0.38, 0.05);
-        let crouch =
-            lowered(&mut jumper.stance, &footing, pelvis, &upper(Moment::Crouch, vigour, rng), 0.0, rng.between(1.85, 2.05)).map_err(Stumble::reach("in the crouch"))?;
+        let crouch = lowered(
+            &mut jumper.stance,
+            &footing,
+            pelvis,
+            &upper(Moment::Crouch, vigour, rng),
+            0.0,
+            rng.between(1.85, 2.05),
+        )
+        .map_err(Stumble::reach("in the crouch"))?;
         let rise = take_off[COM + 2].x - crouch[COM + 2];
         let speed = take_off[COM + 2].v;
         let (push_s, bottom) = jumper
@@ -291,15 +306,18 @@ pub fn jump_trial(
         let mut plan = PlanCurve::through(&knots);
         feet(&mut plan, &footing, landed.as_ref().map(|jets| (contact_start, jets)), Some((t_off, &aimed.take_off)));
 
-        let mut chart_off =
-            jumper.stance.solve_jets(&aimed.take_off, &Vector3::new(0.0, 0.0, 0.5 * h)).map_err(Stumble::reach("at take-off"))?;
+        let mut chart_off = jumper
+            .stance
+            .solve_jets(&aimed.take_off, &Vector3::new(0.0, 0.0, 0.5 * h))
+            .map_err(Stumble::reach("at take-off"))?;
         jumper.fall(&aimed.air, t_off, &mut chart_off)?;
         let start = match &player {
             None => None,
             Some(p) => Some(chart_now(&jumper, p, p.motion())),
         };
         let ground =
-            GroundMotion::new(&mut jumper.stance, &plan, [contact_start, t_off], start.as_ref(), Some(&chart_off)).map_err(Stumble::reach("on the ground"))?;
+            GroundMotion::new(&mut jumper.stance, &plan, [contact_start, t_off], start.as_ref(), Some(&chart_off))
+                .map_err(Stumble::reach("on the ground"))?;
         let mut p = match player.take() {
             Some(p) => p,
             None => {
@@ -330,7 +348,9 @@ pub fn jump_trial(
     // the last landing, and up again
     let now = p.time();
     let pelvis = lean(rng, 0.38, 0.05);
-    let crouch = lowered(&mut jumper.stance, &footing, pelvis, &upper(Moment::Crouch, vigour, rng), 0.0, rng.between(1.75, 2.0)).map_err(Stumble::reach("in the last crouch"))?;
+    let crouch =
+        lowered(&mut jumper.stance, &footing, pelvis, &upper(Moment::Crouch, vigour, rng), 0.0, rng.between(1.75, 2.0))
+            .map_err(Stumble::reach("in the last crouch"))?;
     let fall = jets[COM + 2].x - crouch[COM + 2];
     let (time, bottom) = jumper
         .push(fall, -jets[COM + 2].v, Some(4.5))
@@ -339,7 +359,8 @@ pub fn jump_trial(
     low[COM + 2].a = bottom;
     let pelvis = lean(rng, 0.05, 0.03);
     let stand =
-        lowered(&mut jumper.stance, &footing, pelvis, &upper(Moment::Stand, vigour, rng), 0.0, rng.between(0.3, 0.45)).map_err(Stumble::reach("in the last stance"))?;
+        lowered(&mut jumper.stance, &footing, pelvis, &upper(Moment::Stand, vigour, rng), 0.0, rng.between(0.3, 0.45))
+            .map_err(Stumble::reach("in the last stance"))?;
     let t_bottom = now + snap(time);
     let t_up = t_bottom + snap(rng.between(0.6, 0.75));
     let t_end = t_up + snap(rng.between(0.15, 0.3));
@@ -349,7 +370,8 @@ pub fn jump_trial(
     let mut plan = PlanCurve::through(&knots);
     feet(&mut plan, &footing, Some((now, &jets)), None);
     let start = chart_now(&jumper, &p, p.motion());
-    let ground = GroundMotion::new(&mut jumper.stance, &plan, [now, t_end], Some(&start), None).map_err(Stumble::reach("after the last landing"))?;
+    let ground = GroundMotion::new(&mut jumper.stance, &plan, [now, t_end], Some(&start), None)
+        .map_err(Stumble::reach("after the last landing"))?;
     p.advance(ticks(now, t_end), &held, &ground)?;
     Ok(JumpTrial { motion: p.finish(), styles })
 }

@@ -99,9 +99,7 @@ mod tests {
         for swivel in [-0.3, 0.0, 0.2] {
             let p = leg.solve(&pelvis, &foot, swivel).expect("reach");
             let thigh = pelvis * Isometry3::from_parts(leg.hip.into(), p.hip);
-            let shank = thigh
-                * leg.knee
-                * Isometry3::rotation(Vector3::z() * p.knee);
+            let shank = thigh * leg.knee * Isometry3::rotation(Vector3::z() * p.knee);
             let got = shank * Isometry3::from_parts(leg.ankle.into(), p.ankle);
             assert!((got.translation.vector - foot.translation.vector).norm() < 1e-12);
             assert!(got.rotation.angle_to(&foot.rotation) < 1e-7);

@@ -7,8 +7,8 @@ pub mod jump;
 pub mod leg;
 pub mod person;
 pub mod posture;
-pub mod stance;
 pub mod session;
+pub mod stance;
 pub mod styles;
 
 pub use person::Person;

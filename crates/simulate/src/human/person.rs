@@ -248,10 +248,8 @@ impl Person {
         for link in [4, 7, 10, 13] {
             let lean = Vector3::new(0.02 * s * rng.moderate(), 0.02 * s * rng.moderate(), 0.0);
             let joint = &mut model.links[link].joint;
-            joint.parent_from_joint = Isometry3::from_parts(
-                joint.parent_from_joint.translation,
-                UnitQuaternion::from_scaled_axis(lean),
-            );
+            joint.parent_from_joint =
+                Isometry3::from_parts(joint.parent_from_joint.translation, UnitQuaternion::from_scaled_axis(lean));
         }
 
         let rows = table(spec.sex);

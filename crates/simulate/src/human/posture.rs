@@ -41,9 +41,8 @@ impl Footing {
     pub fn comfortable(height_m: f64, rng: &mut Stream) -> Self {
         let h = height_m / 1.7;
         let x = 0.06 * h + 0.01 * rng.moderate();
-        let mut ball = |sign: f64| {
-            Vector3::new(x + 0.008 * rng.moderate(), sign * (0.125 * h + 0.012 * rng.moderate()), 0.0)
-        };
+        let mut ball =
+            |sign: f64| Vector3::new(x + 0.008 * rng.moderate(), sign * (0.125 * h + 0.012 * rng.moderate()), 0.0);
         let ball = [ball(-1.0), ball(1.0)];
         Self { ball, toe_out: [0.09 + 0.04 * rng.moderate(), 0.09 + 0.04 * rng.moderate()] }
     }
@@ -99,7 +98,6 @@ pub fn lowered(
     Ok(plan)
 }
 
-
 /// What the upper body is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Moment {
@@ -133,11 +131,7 @@ pub fn upper(moment: Moment, vigour: f64, rng: &mut Stream) -> [Jet; N_UPPER] {
     let moving = moment == Moment::TakeOff || moment == Moment::Landing;
     let rate = if moving { vigour } else { 0.0 };
     let mut put = |i: usize, x: f64, sd: f64, rate_mean: f64, rate_sd: f64| {
-        out[i] = Jet {
-            x: x + sd * spread * rng.moderate(),
-            v: rate * (rate_mean + rate_sd * rng.moderate()),
-            a: 0.0,
-        };
+        out[i] = Jet { x: x + sd * spread * rng.moderate(), v: rate * (rate_mean + rate_sd * rng.moderate()), a: 0.0 };
     };
     let lift = if moment == Moment::TakeOff { 3.0 } else { -0.8 };
     put(0, 0.0, 0.05, 0.0, 0.3);

@@ -79,8 +79,9 @@ pub fn play(
         let rng = &mut Stream::new(scenario.seed, &format!("{name}/motion/{attempt}"));
         let size = 0.93f64.powi(attempt as i32 - 1);
         let played = match trial {
-            HumanTrial::Static => static_trial(person, plant, tick_s, ticks(protocol.static_s), rng)
-                .map(|motion| (motion, Vec::new())),
+            HumanTrial::Static => {
+                static_trial(person, plant, tick_s, ticks(protocol.static_s), rng).map(|motion| (motion, Vec::new()))
+            }
             HumanTrial::Exercise(n) => {
                 let exercise = [Exercise::Squat, Exercise::Reach, Exercise::Turn][(n - 1) % 3];
                 let length = ticks(protocol.exercise_s);

@@ -212,11 +212,7 @@ impl<'a> Stance<'a> {
     }
 
     /// Chart jets of plan jets (fourth-order differences of [`Stance::solve`] along the plan).
-    pub fn solve_jets(
-        &mut self,
-        plan: &[Jet; PLAN],
-        guess: &Vector3<f64>,
-    ) -> Result<[Jet; PLAN], OutOfReach> {
+    pub fn solve_jets(&mut self, plan: &[Jet; PLAN], guess: &Vector3<f64>) -> Result<[Jet; PLAN], OutOfReach> {
         let mut samples = [[0.0; PLAN]; 5];
         let mut guess = *guess;
         for (k, sample) in samples.iter_mut().enumerate() {

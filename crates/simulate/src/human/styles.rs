@@ -147,11 +147,11 @@ pub fn bumps(style: Style, vigour: f64, rng: &mut Stream) -> Vec<Bump> {
         });
     };
     for axis in 0..3 {
-        wave(TORSO + axis, 0.10);
-        wave(HEAD + axis, 0.12);
+        wave(TORSO + axis, 0.13);
+        wave(HEAD + axis, 0.18);
         for side in 0..2 {
             wave(ARM[side] + axis, 0.22);
-            wave(HAND[side] + axis, 0.22);
+            wave(HAND[side] + axis, 0.26);
             wave(HIP[side] + axis, if axis == 2 { 0.12 } else { 0.08 });
             wave(ANKLE[side] + axis, if axis == 2 { 0.25 } else { 0.08 });
         }

@@ -71,19 +71,19 @@ impl SoftTissue {
             .map(|marker| {
                 let own = marker.link;
                 // the joint at the other end that pulls on this skin: the nearest child
-                let child = (0..model.n_links())
-                    .filter(|l| model.links[*l].parent == Some(own))
-                    .min_by(|a, b| {
-                        let place = |l: usize| model.links[l].joint.parent_from_joint.translation.vector;
-                        let far = |l: usize| (place(l) - marker.position_m).norm();
-                        far(*a).total_cmp(&far(*b))
-                    });
+                let child = (0..model.n_links()).filter(|l| model.links[*l].parent == Some(own)).min_by(|a, b| {
+                    let place = |l: usize| model.links[l].joint.parent_from_joint.translation.vector;
+                    let far = |l: usize| (place(l) - marker.position_m).norm();
+                    far(*a).total_cmp(&far(*b))
+                });
                 let joints: Vec<usize> = [Some(own), child].into_iter().flatten().filter(|l| *l != 0).collect();
                 // sines of the angles are about 0.4 in motion, and the shares of the joints add in square
                 let size = size_m * mobility(&marker.label) / (0.4 * (3.0 * joints.len() as f64).sqrt() * 3f64.sqrt());
                 let mut shifts: Vec<(usize, Matrix3<f64>)> = joints
                     .into_iter()
-                    .map(|joint| (joint, Matrix3::from_columns(&[rng.vector(), rng.vector(), rng.vector()]) * size * 1.3))
+                    .map(|joint| {
+                        (joint, Matrix3::from_columns(&[rng.vector(), rng.vector(), rng.vector()]) * size * 1.3)
+                    })
                     .collect();
                 for effect in hidden {
                     if let Hidden::SoftTissue { link, amplitude_m, along_bone } = effect
@@ -124,7 +124,7 @@ pub fn record(
     hidden: &[Hidden],
     rng: &mut Stream,
 ) -> Markers {
-    let n_frames = motion.n_ticks().div_ceil(ticks_per_frame);
+    let n_frames = motion.n_ticks() / ticks_per_frame;
     let mut state = State::new(model);
     let mut trajectories = vec![Vec::with_capacity(n_frames); worn];
     for frame in 0..n_frames {
@@ -151,7 +151,11 @@ pub fn record(
 /// A smooth bend of the volume around its middle, 1 m above the floor; about 1 at 1 m distance.
 fn warp(p: &Vector3<f64>) -> Vector3<f64> {
     let d = p - Vector3::z();
-    Vector3::new(0.8 * d.x * d.z + 0.3 * d.y * d.y, 0.5 * d.y * d.z - 0.4 * d.x * d.x, 0.7 * d.z * d.z + 0.5 * d.x * d.x)
+    Vector3::new(
+        0.8 * d.x * d.z + 0.3 * d.y * d.y,
+        0.5 * d.y * d.z - 0.4 * d.x * d.x,
+        0.7 * d.z * d.z + 0.5 * d.x * d.x,
+    )
 }
 
 /// Takes stretches of markers away. Returns them, sorted by marker and frame.

@@ -99,7 +99,8 @@ pub fn record(
     }
     let channels = std::array::from_fn(|i| {
         let unit = if i < 3 { 1.0 } else { 0.3 };
-        let (offset, slope) = (0.8 * capture.plate_drift_n * rng.moderate(), 0.5 * capture.plate_drift_n * rng.moderate());
+        let (offset, slope) =
+            (0.8 * capture.plate_drift_n * rng.moderate(), 0.5 * capture.plate_drift_n * rng.moderate());
         let (wave, turns, phase) =
             (0.3 * capture.plate_drift_n * rng.moderate(), rng.between(0.3, 0.9), rng.between(0.0, 6.28));
         (0..n)

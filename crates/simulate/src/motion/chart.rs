@@ -44,9 +44,7 @@ impl Chart {
         let joint = &model.links[link].joint;
         let (iq, iv) = (joint.q_offset, joint.v_offset);
         let jets = &jets[iv..iv + joint.kind.nv()];
-        let angular = |jets: &[Jet]| {
-            so3::from_vector(&pick(jets, |j| j.x), &pick(jets, |j| j.v), &pick(jets, |j| j.a))
-        };
+        let angular = |jets: &[Jet]| so3::from_vector(&pick(jets, |j| j.x), &pick(jets, |j| j.v), &pick(jets, |j| j.a));
         match joint.kind {
             JointKind::Free => {
                 let turn = angular(&jets[3..6]);

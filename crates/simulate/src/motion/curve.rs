@@ -162,7 +162,8 @@ impl Spline {
         let k = (((t - self.start) / self.step).floor().max(0.0) as usize).min(n - 2);
         let local = t - self.start - k as f64 * self.step;
         for (i, jet) in out.iter_mut().enumerate().take(self.width) {
-            *jet = Quintic::new(self.jets[k * self.width + i], self.jets[(k + 1) * self.width + i], self.step).at(local);
+            *jet =
+                Quintic::new(self.jets[k * self.width + i], self.jets[(k + 1) * self.width + i], self.step).at(local);
         }
     }
 }

@@ -102,10 +102,5 @@ pub fn chain(scenario: &Scenario, spec: &ChainSpec) -> Result<ThrownObject, Simu
         }
     }
     let body = Body { model, phi, area_m2: vec![0.014, 0.009] };
-    Ok(ThrownObject {
-        body,
-        markers,
-        damping: spec.hinge_damping_nmsprad,
-        friction: spec.hinge_friction_nm,
-    })
+    Ok(ThrownObject { body, markers, damping: spec.hinge_damping_nmsprad, friction: spec.hinge_friction_nm })
 }

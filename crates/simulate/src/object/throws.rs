@@ -307,7 +307,9 @@ impl<'a> Session<'a> {
             dynamics.accelerations(&air, 0.0, &start)?.0.to_vec()
         } else {
             let mut a = vec![0.0; model.nv];
-            a[..3].copy_from_slice((rotation.inverse() * model.gravity_mps2 - omega.cross(&(rotation.inverse() * velocity))).as_slice());
+            a[..3].copy_from_slice(
+                (rotation.inverse() * model.gravity_mps2 - omega.cross(&(rotation.inverse() * velocity))).as_slice(),
+            );
             a
         };
         let local = Vector3::new(a[0], a[1], a[2]) + omega.cross(&(rotation.inverse() * velocity));
@@ -333,7 +335,8 @@ impl<'a> Session<'a> {
         let (t0, t1) = (player.time(), player.time() + length);
         let (position, rotation) = root_pose(&player.y);
         let (start_position, start_turn) = plan.start();
-        let turn = (rotation.inverse() * plan.root.rotation * UnitQuaternion::from_scaled_axis(start_turn)).scaled_axis();
+        let turn =
+            (rotation.inverse() * plan.root.rotation * UnitQuaternion::from_scaled_axis(start_turn)).scaled_axis();
         let root = std::array::from_fn(|i| {
             let (from, to) = if i < 3 { (position[i], start_position[i]) } else { (0.0, turn[i - 3]) };
             Piecewise::through(&[(t0, Jet::rest(from)), (t1, Jet::rest(to))])
@@ -375,9 +378,8 @@ impl<'a> Session<'a> {
             };
             Piecewise::through(&[(t0, Jet::rest(x0)), (t1 - tau, before), (t1, end)])
         });
-        let targets = self.targets(&player.y, |i, now| {
-            Piecewise::through(&[(t0, Jet::rest(now.x)), (t1, plan.joints[i])])
-        });
+        let targets =
+            self.targets(&player.y, |i, now| Piecewise::through(&[(t0, Jet::rest(now.x)), (t1, plan.joints[i])]));
         let chart = Chart { root_reference: r.rotation };
         (Held { chart, root, tremor: None, joints: self.joints(targets, [t0 - 1.0, t1 - 0.005]) }, length)
     }

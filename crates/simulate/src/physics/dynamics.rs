@@ -136,8 +136,8 @@ impl<'a> ForwardDynamics<'a> {
         self.state.inverse_dynamics(&plant.model, &plant.phi, &mut self.tau);
         let pose = &self.state.world_from_link[0];
         let force = pose.rotation * Vector3::new(self.tau[0], self.tau[1], self.tau[2]);
-        let moment = pose.rotation * Vector3::new(self.tau[3], self.tau[4], self.tau[5])
-            + pose.translation.vector.cross(&force);
+        let moment =
+            pose.rotation * Vector3::new(self.tau[3], self.tau[4], self.tau[5]) + pose.translation.vector.cross(&force);
         let hidden = ForceField::total(&self.wrenches);
         Wrench { force_n: force - hidden.force_n, moment_nm: moment - hidden.moment_nm }
     }
@@ -238,9 +238,8 @@ pub fn root_inertia(model: &Model, state: &State, phi: &[Phi]) -> Matrix6<f64> {
     }
     out.fixed_view_mut::<3, 3>(0, 3).copy_from(&-cross);
     out.fixed_view_mut::<3, 3>(3, 0).copy_from(&cross);
-    out.fixed_view_mut::<3, 3>(3, 3).copy_from(&nalgebra::Matrix3::new(
-        sum[4], sum[9], sum[8], sum[9], sum[5], sum[7], sum[8], sum[7], sum[6],
-    ));
+    out.fixed_view_mut::<3, 3>(3, 3)
+        .copy_from(&nalgebra::Matrix3::new(sum[4], sum[9], sum[8], sum[9], sum[5], sum[7], sum[8], sum[7], sum[6]));
     out
 }
 
@@ -250,8 +249,7 @@ pub fn generalised(model: &Model, state: &State, wrenches: &[Wrench], subtree: &
     for link in (0..model.n_links()).rev() {
         let pose = &state.world_from_link[link];
         let wrench = subtree[link];
-        let moment =
-            pose.rotation.inverse() * (wrench.moment_nm - pose.translation.vector.cross(&wrench.force_n));
+        let moment = pose.rotation.inverse() * (wrench.moment_nm - pose.translation.vector.cross(&wrench.force_n));
         let force = pose.rotation.inverse() * wrench.force_n;
         let iv = model.links[link].joint.v_offset;
         match model.links[link].joint.kind {

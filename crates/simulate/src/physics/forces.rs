@@ -34,14 +34,56 @@ impl Wrench {
 #[derive(Debug, Clone)]
 enum Law {
     /// −(k₁ + k₂|u|) u at the point, u relative to the air.
-    Air { link: usize, point: Vector3<f64>, linear: f64, quadratic: f64, air: Vector3<f64> },
-    SpinDamping { coefficient: f64 },
-    World { link: usize, point: Vector3<f64>, force: Vector3<f64> },
-    Link { link: usize, point: Vector3<f64>, force: Vector3<f64>, period: f64, on: f64 },
-    Tether { link: usize, point: Vector3<f64>, anchor: Vector3<f64>, rest: f64, stiffness: f64, damping: f64 },
-    Crane { link: usize, point: Vector3<f64>, pulley: Vector3<f64>, tension: f64 },
-    Wheel { link: usize, momentum: Vector3<f64>, swing: Vector3<f64>, rate: f64 },
-    Wobble { link: usize, point: Vector3<f64>, mass: f64, stiffness: f64, damping: f64, slot: usize },
+    Air {
+        link: usize,
+        point: Vector3<f64>,
+        linear: f64,
+        quadratic: f64,
+        air: Vector3<f64>,
+    },
+    SpinDamping {
+        coefficient: f64,
+    },
+    World {
+        link: usize,
+        point: Vector3<f64>,
+        force: Vector3<f64>,
+    },
+    Link {
+        link: usize,
+        point: Vector3<f64>,
+        force: Vector3<f64>,
+        period: f64,
+        on: f64,
+    },
+    Tether {
+        link: usize,
+        point: Vector3<f64>,
+        anchor: Vector3<f64>,
+        rest: f64,
+        stiffness: f64,
+        damping: f64,
+    },
+    Crane {
+        link: usize,
+        point: Vector3<f64>,
+        pulley: Vector3<f64>,
+        tension: f64,
+    },
+    Wheel {
+        link: usize,
+        momentum: Vector3<f64>,
+        swing: Vector3<f64>,
+        rate: f64,
+    },
+    Wobble {
+        link: usize,
+        point: Vector3<f64>,
+        mass: f64,
+        stiffness: f64,
+        damping: f64,
+        slot: usize,
+    },
 }
 
 /// All hidden forces on one body. Wobbling masses bring six states each: position and velocity in the world.

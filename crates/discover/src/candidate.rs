@@ -1,0 +1,142 @@
+//! One effect on one target with its columns, and its coefficients within their bounds.
+
+use crate::problem::{Problem, Reduced};
+use crate::session::Session;
+use aloft_effects::{Coefficient, Effect, Target};
+use nalgebra::{DMatrix, DVector};
+
+/// An effect on a target at values of its nonlinear parameters.
+#[derive(Clone)]
+pub(crate) struct Variant<'a> {
+    pub effect: &'a dyn Effect,
+    pub target: Target,
+    pub nonlinear: Vec<f64>,
+    pub coefficients: Vec<Coefficient>,
+    /// Nonlinear parameters that were fitted (0 at a given start).
+    pub fitted: usize,
+    /// Trials on which a group effect acts (all where empty).
+    pub group: Vec<bool>,
+}
+
+impl<'a> Variant<'a> {
+    pub fn new(session: &Session<'_>, effect: &'a dyn Effect, target: Target, nonlinear: Vec<f64>) -> Self {
+        let coefficients = effect.coefficients(session.scene, target);
+        Self { effect, target, nonlinear, coefficients, fitted: 0, group: Vec::new() }
+    }
+    /// Columns by block at these or other values of the nonlinear parameters; `None` where they cannot be made or are not finite.
+    pub fn blocks_at(&self, session: &Session<'_>, problem: &Problem, nonlinear: &[f64]) -> Option<Vec<DMatrix<f64>>> {
+        let mut blocks = session.columns(self.effect, self.target, nonlinear, problem.domain)?;
+        if !self.group.is_empty() {
+            for (block, columns) in session.blocks.iter().zip(&mut blocks) {
+                if !self.group[block.trial] {
+                    columns.fill(0.0);
+                }
+            }
+        }
+        blocks.iter().all(|b| b.iter().all(|x| x.is_finite())).then_some(blocks)
+    }
+    /// Columns by cluster.
+    pub fn columns_at(&self, session: &Session<'_>, problem: &Problem, nonlinear: &[f64]) -> Option<Vec<DMatrix<f64>>> {
+        Some(problem.gather(&self.blocks_at(session, problem, nonlinear)?))
+    }
+    pub fn columns(&self, session: &Session<'_>, problem: &Problem) -> Option<Vec<DMatrix<f64>>> {
+        self.columns_at(session, problem, &self.nonlinear)
+    }
+    /// Unknowns that the data decide.
+    pub fn unknowns(&self) -> usize {
+        self.coefficients.len() + self.fitted
+    }
+}
+
+/// Coefficients that minimise `θᵀSθ − 2cᵀθ` within bounds, and the gain `2cᵀθ − θᵀSθ`. Directions that the rows do not see stay zero.
+pub(crate) fn solve(s: &DMatrix<f64>, c: &DVector<f64>, coefficients: &[Coefficient]) -> (DVector<f64>, f64) {
+    let k = c.len();
+    let mut fixed: Vec<Option<f64>> = vec![None; k];
+    for _ in 0..=k {
+        let free: Vec<usize> = (0..k).filter(|&i| fixed[i].is_none()).collect();
+        let mut theta = DVector::from_fn(k, |i, _| fixed[i].unwrap_or(0.0));
+        if !free.is_empty() {
+            let right = DVector::from_fn(free.len(), |i, _| c[free[i]] - (0..k).map(|j| s[(free[i], j)] * theta[j]).sum::<f64>());
+            let gram = DMatrix::from_fn(free.len(), free.len(), |i, j| s[(free[i], free[j])]);
+            for (i, x) in pseudo_solve(&gram, &right).iter().enumerate() {
+                theta[free[i]] = *x;
+            }
+        }
+        let worst = free
+            .iter()
+            .filter_map(|&i| {
+                let bound = coefficients.get(i).and_then(|b| {
+                    (theta[i] < b.lower).then_some(b.lower).or((theta[i] > b.upper).then_some(b.upper))
+                })?;
+                Some((i, bound, (theta[i] - bound).abs() * s[(i, i)].max(0.0).sqrt()))
+            })
+            .max_by(|a, b| a.2.total_cmp(&b.2));
+        match worst {
+            Some((i, bound, _)) => fixed[i] = Some(bound),
+            None => {
+                let gain = 2.0 * c.dot(&theta) - theta.dot(&(s * &theta));
+                return (theta, gain);
+            }
+        }
+    }
+    (DVector::zeros(k), 0.0)
+}
+
+/// Least-norm solution in unit columns, directions below 1e-9 of the largest left out.
+pub(crate) fn pseudo_solve(s: &DMatrix<f64>, c: &DVector<f64>) -> DVector<f64> {
+    let inverse = pseudo_inverse(s);
+    inverse * c
+}
+
+/// Pseudo-inverse of a Gram matrix in unit columns.
+pub(crate) fn pseudo_inverse(s: &DMatrix<f64>) -> DMatrix<f64> {
+    let k = s.nrows();
+    let scale = DVector::from_fn(k, |i, _| if s[(i, i)] > 0.0 { s[(i, i)].sqrt().recip() } else { 0.0 });
+    if k == 1 {
+        return DMatrix::from_element(1, 1, scale[0] * scale[0]);
+    }
+    let unit = DMatrix::from_fn(k, k, |i, j| s[(i, j)] * scale[i] * scale[j]);
+    let eigen = unit.symmetric_eigen();
+    let kept = eigen.eigenvalues.map(|l| if l > 1e-9 { l.recip() } else { 0.0 });
+    let inner = &eigen.eigenvectors * DMatrix::from_diagonal(&kept) * eigen.eigenvectors.transpose();
+    DMatrix::from_fn(k, k, |i, j| inner[(i, j)] * scale[i] * scale[j])
+}
+
+/// What held-out prediction says of one variant.
+#[derive(Clone)]
+pub(crate) struct Scored<'a> {
+    pub variant: Variant<'a>,
+    pub theta: DVector<f64>,
+    /// Gain of the fit to all rows.
+    pub gain: f64,
+    /// By fold: coefficients, gain in training, squared error on the cluster left out.
+    pub fold_theta: Vec<DVector<f64>>,
+    pub fold_nonlinear: Vec<Vec<f64>>,
+    pub fold_gain: Vec<f64>,
+    pub fold_error: Vec<f64>,
+    /// Gram of the columns, parameters taken out.
+    pub s: DMatrix<f64>,
+}
+
+/// Scores columns that do not depend on the fold.
+pub(crate) fn score<'a>(problem: &Problem, variant: Variant<'a>, reduced: &Reduced) -> Scored<'a> {
+    let (theta, gain) = solve(&reduced.s, &reduced.c, &variant.coefficients);
+    let n = problem.folds.len();
+    let mut out = Scored {
+        fold_nonlinear: vec![variant.nonlinear.clone(); n],
+        theta,
+        gain,
+        fold_theta: Vec::with_capacity(n),
+        fold_gain: Vec::with_capacity(n),
+        fold_error: Vec::with_capacity(n),
+        s: reduced.s.clone(),
+        variant,
+    };
+    for (fold, r) in problem.folds.iter().zip(&reduced.folds) {
+        let (theta, gain) = solve(&r.s, &r.c, &out.variant.coefficients);
+        out.fold_error.push((&fold.test - &r.test * &theta).norm_squared());
+        out.fold_theta.push(theta);
+        out.fold_gain.push(gain);
+    }
+    out
+}

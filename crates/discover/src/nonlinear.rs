@@ -1,0 +1,164 @@
+//! Effects whose columns depend on further unknowns: variable projection over all rows, then once more in every fold.
+//!
+//! Starts are screened by the gain of their linear fit; the best are improved by damped Gauss-Newton steps on columns and derivatives
+//! together (Kaufman's form), within bounds. In a fold the parameters take one step from the common optimum with the derivatives there, so that a
+//! cluster's own rows do not help to predict it.
+
+use crate::candidate::{Scored, Variant, pseudo_solve, solve};
+use crate::problem::Problem;
+use crate::session::Session;
+use aloft_effects::NonlinearParameter;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// Gauss-Newton steps at most.
+const STEPS: usize = 12;
+
+struct Point {
+    p: Vec<f64>,
+    theta: DVector<f64>,
+    gain: f64,
+    columns: Vec<DMatrix<f64>>,
+}
+
+fn evaluate(session: &Session<'_>, problem: &Problem, variant: &Variant<'_>, p: Vec<f64>) -> Option<Point> {
+    let columns = variant.columns_at(session, problem, &p)?;
+    let (s, c) = problem.reduce_all(&columns);
+    let (theta, gain) = solve(&s, &c, &variant.coefficients);
+    Some(Point { p, theta, gain, columns })
+}
+
+/// Columns `[C | ∂(Cθ)/∂p]` at a point.
+fn with_derivatives(
+    session: &Session<'_>,
+    problem: &Problem,
+    variant: &Variant<'_>,
+    parameters: &[NonlinearParameter],
+    at: &Point,
+) -> Option<Vec<DMatrix<f64>>> {
+    let k = at.theta.len();
+    let mut out: Vec<DMatrix<f64>> = at
+        .columns
+        .iter()
+        .map(|c| {
+            let mut wide = DMatrix::zeros(c.nrows(), k + parameters.len());
+            wide.columns_mut(0, k).copy_from(c);
+            wide
+        })
+        .collect();
+    for (j, parameter) in parameters.iter().enumerate() {
+        let mut p = at.p.clone();
+        let mut h = 0.02 * parameter.scale;
+        if p[j] + h > parameter.upper {
+            h = -h;
+        }
+        p[j] += h;
+        let moved = variant.columns_at(session, problem, &p)?;
+        for ((wide, a), b) in out.iter_mut().zip(&moved).zip(&at.columns) {
+            wide.set_column(k + j, &((a - b) * &at.theta / h));
+        }
+    }
+    Some(out)
+}
+
+/// Damped step of the nonlinear parameters from Gram and right side of `[C | J]`.
+fn step(
+    s: &DMatrix<f64>,
+    c: &DVector<f64>,
+    parameters: &[NonlinearParameter],
+    p: &[f64],
+    damping: f64,
+    reach: f64,
+) -> Vec<f64> {
+    let k = c.len() - parameters.len();
+    let mut damped = s.clone();
+    for j in 0..parameters.len() {
+        let d = s[(k + j, k + j)];
+        damped[(k + j, k + j)] += damping * d.max(1e-300);
+    }
+    let x = pseudo_solve(&damped, c);
+    parameters
+        .iter()
+        .enumerate()
+        .map(|(j, q)| (p[j] + x[k + j].clamp(-reach * q.scale, reach * q.scale)).clamp(q.lower, q.upper))
+        .collect()
+}
+
+/// Improves a variant from its values of the nonlinear parameters; `None` where nothing is gained there.
+pub(crate) fn improve<'a>(session: &Session<'_>, problem: &Problem, variant: &Variant<'a>) -> Option<Variant<'a>> {
+    let parameters = variant.effect.nonlinear(session.scene, variant.target);
+    let mut at = evaluate(session, problem, variant, variant.nonlinear.clone())?;
+    let mut damping = 0.03;
+    for _ in 0..STEPS {
+        if at.gain <= 0.0 {
+            return None;
+        }
+        let wide = with_derivatives(session, problem, variant, &parameters, &at)?;
+        let (s, c) = problem.reduce_all(&wide);
+        let mut better = None;
+        for _ in 0..5 {
+            let p = step(&s, &c, &parameters, &at.p, damping, 8.0);
+            match evaluate(session, problem, variant, p) {
+                Some(next) if next.gain > at.gain => {
+                    better = Some(next);
+                    damping = (damping * 0.2).max(1e-6);
+                    break;
+                }
+                _ => damping = (damping * 6.0).min(1e6),
+            }
+        }
+        let Some(next) = better else { break };
+        let enough = next.gain - at.gain < 1e-4 * (problem.rss - next.gain).max(1e-12 * problem.rss);
+        at = next;
+        if enough {
+            break;
+        }
+    }
+    Some(Variant { nonlinear: at.p, fitted: parameters.len(), ..variant.clone() })
+}
+
+/// Scores a fitted variant, its nonlinear parameters refitted in every fold.
+pub(crate) fn score_fitted<'a>(session: &Session<'_>, problem: &Problem, variant: Variant<'a>) -> Option<Scored<'a>> {
+    let parameters = variant.effect.nonlinear(session.scene, variant.target);
+    let at = evaluate(session, problem, &variant, variant.nonlinear.clone())?;
+    let (s, _) = problem.reduce_all(&at.columns);
+    let wide = with_derivatives(session, problem, &variant, &parameters, &at)?;
+    let k = at.theta.len();
+    let folds: Vec<(DVector<f64>, Vec<f64>, f64, f64)> = (0..problem.folds.len())
+        .into_par_iter()
+        .map(|g| {
+            let common = problem.reduce_fold(g, &wide);
+            let (cs, cc) = (common.s.view((0, 0), (k, k)).into_owned(), common.c.rows(0, k).into_owned());
+            let (mut theta, mut gain) = solve(&cs, &cc, &variant.coefficients);
+            let mut test = common.test.columns(0, k).into_owned();
+            let mut p = at.p.clone();
+            let moved = step(&common.s, &common.c, &parameters, &at.p, 1e-3, 2.0);
+            if let Some(columns) = variant.columns_at(session, problem, &moved) {
+                let own = problem.reduce_fold(g, &columns);
+                let (t, y) = solve(&own.s, &own.c, &variant.coefficients);
+                if y > gain {
+                    (theta, gain, test, p) = (t, y, own.test, moved);
+                }
+            }
+            let error = (&problem.folds[g].test - test * &theta).norm_squared();
+            (theta, p, gain, error)
+        })
+        .collect();
+    let mut out = Scored {
+        theta: at.theta,
+        gain: at.gain,
+        fold_theta: Vec::new(),
+        fold_nonlinear: Vec::new(),
+        fold_gain: Vec::new(),
+        fold_error: Vec::new(),
+        s,
+        variant,
+    };
+    for (theta, p, gain, error) in folds {
+        out.fold_theta.push(theta);
+        out.fold_nonlinear.push(p);
+        out.fold_gain.push(gain);
+        out.fold_error.push(error);
+    }
+    Some(out)
+}

@@ -1,0 +1,297 @@
+//! Every effect against the model: variants, the choice among them inside each fold, and the null distribution of the best.
+
+use crate::candidate::{Scored, Variant, pseudo_inverse, score, solve};
+use crate::nonlinear::{improve, score_fitted};
+use crate::problem::{Domain, Problem, Reduced};
+use crate::session::Session;
+use aloft_effects::{Effect, Target};
+use nalgebra::{DMatrix, DVector};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+/// Rows that count as one independent observation: windows overlap by three quarters.
+const OVERLAP: f64 = 3.0;
+
+/// An effect with its variants and its nested held-out error.
+pub(crate) struct EffectScore<'a> {
+    pub effect: &'a dyn Effect,
+    pub scored: Vec<Scored<'a>>,
+    /// The variant that all rows choose.
+    pub best: usize,
+    /// Squared error by fold, the variant chosen without it.
+    pub fold_error: Vec<f64>,
+    pub placebo: bool,
+    null: Vec<NullVariant>,
+}
+
+struct NullVariant {
+    u: Vec<DVector<f64>>,
+    ac: Vec<DMatrix<f64>>,
+    folds: Vec<(DMatrix<f64>, DMatrix<f64>)>,
+    unknowns: usize,
+    /// Bounds of a single coefficient.
+    bounds: Option<(f64, f64)>,
+}
+
+impl EffectScore<'_> {
+    /// Held-out mean square.
+    pub fn mean_square(&self, problem: &Problem) -> f64 {
+        self.fold_error.iter().sum::<f64>() / problem.n_judged as f64
+    }
+}
+
+fn criterion(gain: f64, rss: f64, n_rows: f64, unknowns: usize) -> f64 {
+    n_rows / OVERLAP * ((rss - gain).max(1e-9 * rss) / rss).ln() + 2.0 * unknowns as f64
+}
+
+/// Scores all variants of an effect; `None` where it cannot act here.
+pub(crate) fn score_effect<'a>(
+    session: &Session<'_>,
+    problem: &Problem,
+    effect: &'a dyn Effect,
+    placebo: bool,
+    refine: bool,
+) -> Option<EffectScore<'a>> {
+    let targets = effect.targets(session.scene);
+    let nonlinear = targets.first().is_some_and(|t| !effect.nonlinear(session.scene, *t).is_empty());
+    let screened = screen(session, problem, effect, &targets);
+    if screened.is_empty() {
+        return None;
+    }
+    let flips = problem.flip_parts();
+    let reduced: Vec<(Variant<'a>, Reduced, NullVariant)> = screened
+        .into_iter()
+        .map(|(variant, columns)| {
+            let reduced = problem.reduce(&columns);
+            let (u, ac) = flips.candidate(&columns);
+            let null = NullVariant {
+                u,
+                ac,
+                folds: reduced.folds.iter().map(|f| (pseudo_inverse(&f.s), f.test.clone())).collect(),
+                unknowns: variant.unknowns(),
+                bounds: match variant.coefficients.as_slice() {
+                    [only] => Some((only.lower, only.upper)),
+                    _ => None,
+                },
+            };
+            (variant, reduced, null)
+        })
+        .collect();
+    let mut scored = Vec::new();
+    let mut null = Vec::new();
+    for (variant, reduced, of_null) in reduced {
+        scored.push(score(problem, variant, &reduced));
+        null.push(of_null);
+    }
+    if nonlinear && refine {
+        for variant in promising(&scored) {
+            if let Some(better) = improve(session, problem, &variant)
+                && let Some(fitted) = score_fitted(session, problem, better)
+            {
+                scored.push(fitted);
+            }
+        }
+    }
+    let n_rows: f64 = problem.clusters.iter().map(|c| c.b.len() as f64).sum();
+    let pick = |gain: &dyn Fn(&Scored<'_>) -> f64, rss: f64, n_rows: f64| {
+        (0..scored.len())
+            .min_by(|&a, &b| {
+                let of = |i: usize| criterion(gain(&scored[i]), rss, n_rows, scored[i].variant.unknowns());
+                of(a).total_cmp(&of(b))
+            })
+            .unwrap_or(0)
+    };
+    let best = pick(&|s| s.gain, problem.rss, n_rows);
+    let fold_error = (0..problem.folds.len())
+        .map(|g| {
+            let n = n_rows - problem.clusters[g].b.len() as f64;
+            scored[pick(&|s| s.fold_gain[g], problem.folds[g].train, n)].fold_error[g]
+        })
+        .collect();
+    Some(EffectScore { effect, scored, best, fold_error, placebo, null })
+}
+
+/// The variants from which others start: the three best of different targets, and the second best of the best target.
+fn promising<'a>(scored: &[Scored<'a>]) -> Vec<Variant<'a>> {
+    let mut order: Vec<usize> = (0..scored.len()).filter(|&i| scored[i].gain > 0.0).collect();
+    order.sort_by(|&a, &b| scored[b].gain.total_cmp(&scored[a].gain));
+    let mut out: Vec<Variant<'a>> = Vec::new();
+    for &i in &order {
+        let v = &scored[i].variant;
+        let of_target = out.iter().filter(|o| o.target == v.target).count();
+        let first = out.first().is_none_or(|o| o.target == v.target);
+        if of_target < if first { 2 } else { 1 } && out.len() < 4 {
+            out.push(v.clone());
+        }
+    }
+    out
+}
+
+type Screened<'a> = Vec<(Variant<'a>, Vec<DMatrix<f64>>)>;
+
+/// Variants at given values with their columns: all targets at the starts that serve the first target best.
+fn screen<'a>(session: &Session<'_>, problem: &Problem, effect: &'a dyn Effect, targets: &[Target]) -> Screened<'a> {
+    const FEW: usize = 4;
+    let mut out: Screened<'a> = Vec::new();
+    let mut chosen: Option<Vec<usize>> = None;
+    for &target in targets {
+        let starts = effect.starts(session.scene, target);
+        let indices: Vec<usize> = match &chosen {
+            Some(chosen) => chosen.iter().copied().filter(|&i| i < starts.len()).collect(),
+            None => (0..starts.len()).collect(),
+        };
+        let made: Vec<(usize, f64, Variant<'a>, Vec<DMatrix<f64>>)> = indices
+            .into_par_iter()
+            .filter_map(|i| {
+                let mut variant = Variant::new(session, effect, target, starts[i].clone());
+                let mut columns = variant.columns(session, problem)?;
+                if effect.by_group() {
+                    variant.group = group(session, problem, &columns)?;
+                    columns = variant.columns(session, problem)?;
+                }
+                let (s, c) = problem.reduce_all(&columns);
+                let gain = solve(&s, &c, &variant.coefficients).1;
+                Some((i, gain, variant, columns))
+            })
+            .collect();
+        if chosen.is_none() && starts.len() > FEW {
+            let mut order: Vec<(usize, f64)> = made.iter().map(|m| (m.0, m.1)).collect();
+            order.sort_by(|a, b| b.1.total_cmp(&a.1));
+            chosen = Some(order.iter().take(FEW).map(|o| o.0).collect());
+        }
+        out.extend(made.into_iter().map(|m| (m.2, m.3)));
+    }
+    out
+}
+
+/// Trials in which a group effect acts: as the laboratory named them, else by the largest gap between the coefficients of single trials.
+fn group(session: &Session<'_>, problem: &Problem, columns: &[DMatrix<f64>]) -> Option<Vec<bool>> {
+    let n = session.trials.len();
+    if let Some(first) = session.groups.iter().flatten().next() {
+        let mask: Vec<bool> = session.groups.iter().map(|g| g.as_ref().is_some_and(|g| g != first)).collect();
+        let loaded = mask.iter().filter(|m| **m).count();
+        return (loaded > 0 && loaded < n).then_some(mask);
+    }
+    let mut seen: Vec<usize> = problem.clusters.iter().map(|c| c.trial).collect();
+    seen.sort_unstable();
+    seen.dedup();
+    if seen.len() < 4 {
+        return None;
+    }
+    // one column a trial, of the first coefficient
+    let wide: Vec<DMatrix<f64>> = columns
+        .iter()
+        .zip(&problem.clusters)
+        .map(|(c, cluster)| {
+            DMatrix::from_fn(c.nrows(), seen.len(), |i, j| if seen[j] == cluster.trial { c[(i, 0)] } else { 0.0 })
+        })
+        .collect();
+    let (s, c) = problem.reduce_all(&wide);
+    let theta = crate::candidate::pseudo_solve(&s, &c);
+    let mut order: Vec<usize> = (0..seen.len()).collect();
+    order.sort_by(|&a, &b| theta[a].total_cmp(&theta[b]));
+    // at least two trials on each side
+    let cut = (2..=order.len() - 2).max_by(|&a, &b| {
+        let gap = |i: usize| theta[order[i]] - theta[order[i - 1]];
+        gap(a).total_cmp(&gap(b))
+    })?;
+    let mut mask = vec![false; n];
+    for &i in &order[cut..] {
+        mask[seen[i]] = true;
+    }
+    Some(mask)
+}
+
+/// Smallest held-out ratio over the library in each draw of random signs of the clusters' residuals.
+pub(crate) fn null_ratios(problem: &Problem, scores: &[EffectScore<'_>], draws: usize, seed: u64) -> Vec<f64> {
+    let flips = problem.flip_parts();
+    let n = problem.clusters.len();
+    let n_rows: f64 = problem.clusters.iter().map(|c| c.b.len() as f64).sum();
+    // few clusters have few sign patterns, of which a common sign does not count
+    let patterns = if n <= 12 { (1usize << (n - 1)) - 1 } else { usize::MAX };
+    (0..draws.min(patterns))
+        .into_par_iter()
+        .map(|draw| {
+            let signs: Vec<f64> = if patterns <= draws {
+                (0..n).map(|g| if g > 0 && ((draw + 1) >> (g - 1)) & 1 == 1 { -1.0 } else { 1.0 }).collect()
+            } else {
+                let mut rng = ChaCha8Rng::seed_from_u64(seed);
+                rng.set_stream(draw as u64);
+                (0..n).map(|_| if rng.random_bool(0.5) { 1.0 } else { -1.0 }).collect()
+            };
+            let folds = flips.folds(&signs);
+            let plain: f64 = folds.iter().map(|f| f.error).sum();
+            let best = scores
+                .iter()
+                .filter(|s| !s.placebo)
+                .map(|score| {
+                    let sums: Vec<(DVector<f64>, DMatrix<f64>)> = score
+                        .null
+                        .iter()
+                        .map(|v| {
+                            let u = v.u.iter().zip(&signs).fold(DVector::zeros(v.u[0].len()), |s, (u, sign)| s + u * *sign);
+                            let ac = v.ac.iter().fold(DMatrix::zeros(v.ac[0].nrows(), v.ac[0].ncols()), |s, a| s + a);
+                            (u, ac)
+                        })
+                        .collect();
+                    folds
+                        .iter()
+                        .enumerate()
+                        .map(|(g, fold)| {
+                            let n_train = n_rows - problem.clusters[g].b.len() as f64;
+                            let mut chosen = (f64::INFINITY, 0.0);
+                            for (v, (u, ac)) in score.null.iter().zip(&sums) {
+                                let c = u - &v.u[g] * signs[g] - (ac - &v.ac[g]).tr_mul(&fold.x);
+                                let mut theta = &v.folds[g].0 * &c;
+                                if let Some((lower, upper)) = v.bounds {
+                                    theta[0] = theta[0].clamp(lower, upper);
+                                }
+                                let worth = criterion(c.dot(&theta), fold.train, n_train, v.unknowns);
+                                if worth < chosen.0 {
+                                    chosen = (worth, (&fold.test - &v.folds[g].1 * theta).norm_squared());
+                                }
+                            }
+                            chosen.1
+                        })
+                        .sum::<f64>()
+                })
+                .fold(f64::INFINITY, f64::min);
+            (best / plain).sqrt()
+        })
+        .collect()
+}
+
+/// Cosine of the fitted signal of `a` with what `b` can say, inertial parameters taken out: 1 where `b` says the same.
+pub(crate) fn cosine(session: &Session<'_>, problem: &Problem, a: &Scored<'_>, b: &Scored<'_>) -> f64 {
+    let (Some(ca), Some(cb)) = (a.variant.columns(session, problem), b.variant.columns(session, problem)) else {
+        return 0.0;
+    };
+    let k = cb[0].ncols();
+    let both: Vec<DMatrix<f64>> = ca
+        .iter()
+        .zip(&cb)
+        .map(|(x, y)| {
+            let mut wide = DMatrix::zeros(y.nrows(), k + 1);
+            wide.columns_mut(0, k).copy_from(y);
+            wide.set_column(k, &(x * &a.theta));
+            wide
+        })
+        .collect();
+    let (s, _) = problem.reduce_all(&both);
+    let own = s[(k, k)];
+    if own <= 0.0 {
+        return 0.0;
+    }
+    let cross = s.view((0, k), (k, 1)).into_owned().column(0).into_owned();
+    let inside = cross.dot(&(pseudo_inverse(&s.view((0, 0), (k, k)).into_owned()) * &cross));
+    (inside / own).clamp(0.0, 1.0).sqrt()
+}
+
+/// True when an effect is judged in a domain.
+pub(crate) fn judged_in(effect: &dyn Effect, domain: Domain, has_flights: bool) -> bool {
+    match domain {
+        Domain::Flight => effect.acts().in_flight(),
+        Domain::Contact => effect.acts().in_contact() && (!effect.acts().in_flight() || !has_flights),
+    }
+}

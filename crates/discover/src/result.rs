@@ -1,0 +1,161 @@
+//! What a discovery says: the contract of `aloft discover --json`.
+
+use aloft_effects::{EffectKind, Target};
+use serde::{Deserialize, Serialize};
+
+/// The four answers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// One effect is missing, and no other explains the recordings as well.
+    Supported,
+    /// One of several effects is missing; these recordings cannot tell which.
+    OneOf,
+    /// The model explains what the recordings can show.
+    NothingMissing,
+    /// The recordings are too few or too noisy to tell.
+    NotDetectable,
+}
+
+/// A coefficient, or a nonlinear parameter, with its standard error.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Estimate {
+    /// Name.
+    pub name: String,
+    /// Value.
+    pub value: f64,
+    /// Standard error over clusters (jackknife).
+    pub se: f64,
+    /// SI unit.
+    pub unit: String,
+}
+
+/// Another effect that looks alike.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Confusion {
+    /// Identifier of the other.
+    pub effect: String,
+    /// Cosine of this effect's fitted signal with what the other can say, inertial parameters taken out.
+    pub cosine: f64,
+    /// How often chance alone would put the other this far behind (or ahead); small means that the recordings tell them apart.
+    pub p_value: f64,
+    /// What would separate them.
+    pub separate_by: String,
+}
+
+/// One effect of the ranking.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Candidate {
+    /// Identifier.
+    pub effect: String,
+    /// The effect with its target, as `effect add` takes it.
+    pub key: String,
+    /// On what it acts.
+    pub target: Target,
+    /// Physics or artefact.
+    pub kind: EffectKind,
+    /// What it can never be told from by recordings like these; empty for none.
+    pub class: String,
+    /// `flight` or `contact`: the rows on which it was judged.
+    pub judged_on: String,
+    /// Held-out error with the effect over that without, root mean squares.
+    pub held_out_ratio: f64,
+    /// 95 % interval of the ratio over clusters.
+    pub ci95: [f64; 2],
+    /// Share of resamples in which this effect came first.
+    pub chosen_share: f64,
+    /// Share of sign-flipped data in which the best of the whole library did as well.
+    pub family_wise_p: f64,
+    /// Linear unknowns.
+    pub coefficients: Vec<Estimate>,
+    /// Nonlinear unknowns.
+    pub nonlinear: Vec<Estimate>,
+    /// Trials in which a group effect acts; empty for all.
+    pub trials: Vec<String>,
+    /// Effects that look alike.
+    pub confused_with: Vec<Confusion>,
+    /// Size that would be found in four of five sessions like this one, in the unit of the first coefficient (length of the vector of
+    /// coefficients of that unit).
+    pub minimum_detectable: f64,
+    /// False when a coefficient lies at a bound that physics sets.
+    pub plausible: bool,
+    /// True when it passes every test but that of its rivals.
+    pub believed: bool,
+    /// True for an effect that does not exist.
+    pub placebo: bool,
+}
+
+/// One round: the ranking against a model, and what was concluded.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Round {
+    /// `flight` or `contact`.
+    pub judged_on: String,
+    /// Keys of effects in the model before.
+    pub model: Vec<String>,
+    /// Held-out error of that model: root mean square of weak rows, N (moments over the weighting length of the rows).
+    pub held_out_error: f64,
+    /// The same for forces alone, N, and moments alone, N·m; NaN where rows do not tell them apart.
+    pub held_out_parts: [f64; 2],
+    /// A ratio below this is believed: the smaller of the fixed limit and the 5 % quantile of the null distribution.
+    pub threshold: f64,
+    /// Quantiles 1, 5, 50 % of the best ratio under flipped signs.
+    pub null_quantiles: [f64; 3],
+    /// Flights or trials that count as evidence.
+    pub clusters: usize,
+    /// Answer of this round.
+    pub verdict: Verdict,
+    /// Effects that it speaks of, the most economical first.
+    pub effects: Vec<String>,
+    /// Why, in words.
+    pub words: String,
+    /// All effects, best first.
+    pub candidates: Vec<Candidate>,
+}
+
+/// The answer to "which effect is missing?".
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Discovery {
+    /// Version of this layout.
+    pub schema: u32,
+    /// The answer.
+    pub verdict: Verdict,
+    /// Effects that it speaks of.
+    pub effects: Vec<String>,
+    /// The answer in words.
+    pub words: String,
+    /// Held-out error that noise of the markers alone would leave, N, as `held_out_error`; NaN where unknown.
+    pub noise_floor: f64,
+    /// Held-out error of the model as it is, N.
+    pub held_out_error: f64,
+    /// Held-out error with the effects found, N.
+    pub held_out_error_after: f64,
+    /// The same as a share of the body's weight.
+    pub held_out_error_of_weight: f64,
+    /// Ranking against the model as it is.
+    pub candidates: Vec<Candidate>,
+    /// All rounds.
+    pub rounds: Vec<Round>,
+    /// Effects to add, in order: keys with values of their nonlinear parameters.
+    pub found: Vec<Found>,
+    /// What to record next.
+    pub advice: Vec<String>,
+    /// What was left out and why.
+    pub warnings: Vec<String>,
+}
+
+/// An effect as a model revision keeps it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Found {
+    /// Identifier.
+    pub effect: String,
+    /// With target.
+    pub key: String,
+    /// Target.
+    pub target: Target,
+    /// Nonlinear parameters.
+    pub nonlinear: Vec<Estimate>,
+    /// Coefficients, refitted with all effects found.
+    pub coefficients: Vec<Estimate>,
+    /// Trials in which a group effect acts; empty for all.
+    pub trials: Vec<String>,
+}

@@ -1,0 +1,126 @@
+//! The answer in words.
+
+use crate::problem::Domain;
+use crate::result::{Candidate, Discovery, Verdict};
+use aloft_effects::EffectKind;
+
+pub(crate) fn domain(domain: Domain) -> &'static str {
+    match domain {
+        Domain::Flight => "flight",
+        Domain::Contact => "contact",
+    }
+}
+
+fn list(names: &[String]) -> String {
+    names.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ")
+}
+
+fn estimate(c: &Candidate) -> String {
+    c.coefficients.iter().map(|e| format!("{} {:.4} ± {:.2} {}", e.name, e.value, e.se, e.unit)).collect::<Vec<_>>().join(", ")
+}
+
+pub(crate) fn round(
+    verdict: Verdict,
+    effects: &[String],
+    candidates: &[Candidate],
+    threshold: f64,
+    few: bool,
+) -> String {
+    let best = candidates.iter().find(|c| !c.placebo);
+    let first = effects.first().and_then(|e| candidates.iter().find(|c| c.effect == *e));
+    match (verdict, first, best) {
+        (Verdict::Supported, Some(c), _) => format!(
+            "{}: `{}` is missing: held-out error falls to {:.0} % ({:.0}-{:.0} %); {}{}",
+            if c.kind == EffectKind::Artefact { "artefact more likely than physics" } else { "supported" },
+            c.key,
+            100.0 * c.held_out_ratio,
+            100.0 * c.ci95[0],
+            100.0 * c.ci95[1],
+            estimate(c),
+            if c.class.is_empty() { String::new() } else { format!(" (cannot be told from: {})", c.class) },
+        ),
+        (Verdict::OneOf, Some(c), _) => format!(
+            "one of {} is missing; the most economical is `{}`: held-out error falls to {:.0} %; {}",
+            list(effects),
+            c.key,
+            100.0 * c.held_out_ratio,
+            estimate(c),
+        ),
+        (_, _, Some(b)) => format!(
+            "{}: the best candidate, `{}`, leaves {:.1} % of the held-out error; below {:.0} % it would be believed{}",
+            if verdict == Verdict::NotDetectable { "not detectable" } else { "nothing missing" },
+            b.key,
+            100.0 * b.held_out_ratio,
+            100.0 * threshold,
+            if few { " (fewer than five flights or trials: only a strong effect could be)" } else { "" },
+        ),
+        _ => "no effect could be tried".to_owned(),
+    }
+}
+
+pub(crate) fn answer(d: &Discovery) -> String {
+    let said: Vec<&str> = d
+        .rounds
+        .iter()
+        .filter(|r| matches!(r.verdict, Verdict::Supported | Verdict::OneOf))
+        .map(|r| r.words.as_str())
+        .collect();
+    if said.is_empty() { d.rounds.first().map(|r| r.words.clone()).unwrap_or_default() } else { said.join("; then ") }
+}
+
+/// The recording that tells two effects apart.
+pub(crate) fn separate(a: &str, b: &str) -> &'static str {
+    let pair = |x: &str, y: &str| (a == x && b == y) || (a == y && b == x);
+    let any = |x: &str| a == x || b == x;
+    if pair("quadratic_drag", "linear_drag") {
+        "throws or jumps at speeds that differ threefold"
+    } else if any("gravity_scale") {
+        "a dropped ball of known fall, a clock pulse, a calibrated wand, the weight on a plate"
+    } else if any("gravity_tilt") {
+        "a second orientation of the laboratory axes (turn the calibration frame), or a plumb line"
+    } else if any("wind") {
+        "motion with and against the wind at several speeds"
+    } else if any("tether") || any("crane") || any("constant_force") {
+        "the same motion at other places of the volume, and turned by a right angle"
+    } else if any("flywheel") || any("rotor") {
+        "spins in both senses about several axes"
+    } else if any("payload") {
+        "trials with and without the load"
+    } else if any("wobbling_mass") || any("soft_tissue") || any("filter_attenuation") {
+        "a motion without impacts beside one with them, and markers on bone"
+    } else if a.starts_with("plate") || b.starts_with("plate") || any("body_mass") {
+        "standing still on each plate in turn with a certified weight"
+    } else {
+        "longer flights with spin in both senses and at several speeds"
+    }
+}
+
+pub(crate) fn advice(d: &Discovery) -> Vec<String> {
+    let mut out = Vec::new();
+    match d.verdict {
+        Verdict::OneOf => {
+            for (i, a) in d.effects.iter().enumerate() {
+                for b in &d.effects[i + 1..] {
+                    let line = format!("`{a}` and `{b}` are told apart by {}", separate(a, b));
+                    if !out.contains(&line) {
+                        out.push(line);
+                    }
+                }
+            }
+        }
+        Verdict::NotDetectable => out.push("record at least five flights in at least two trials".to_owned()),
+        Verdict::NothingMissing => {
+            if d.noise_floor.is_finite() && d.held_out_error > 2.0 * d.noise_floor {
+                out.push(format!(
+                    "the error ({:.2} N) is {:.1} times what marker noise alone would leave ({:.2} N), and no effect of the catalogue explains it: \
+                     soft tissue and joint centres are likely; calibrate them on more motion",
+                    d.held_out_error,
+                    d.held_out_error / d.noise_floor,
+                    d.noise_floor
+                ));
+            }
+        }
+        Verdict::Supported => {}
+    }
+    out
+}

@@ -1,0 +1,87 @@
+//! The choice of the window length of weak rows, by held-out error on a common yardstick.
+//!
+//! Short windows let noise through (their second derivative is steep), long ones blur what joints do and leave few rows. Every candidate
+//! identifies from all clusters but one and predicts the rows of that one, always the same rows (the yardstick: fixed weights, one
+//! middle window), so that lengths can be compared.
+
+use crate::clusters::{Clusters, merge_groups};
+use crate::system::System;
+use crate::{ClusterBy, IdentifyError, Prior};
+use aloft_regressor::Factor;
+use serde::{Deserialize, Serialize};
+
+/// One length that was tried.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct WindowTrial {
+    /// Window, s.
+    pub window_s: f64,
+    /// Root mean square of the yardstick's rows, predicted from the other clusters.
+    pub held_out_rms: f64,
+    /// Rows.
+    pub n_rows: usize,
+}
+
+/// The choice and what it was made from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct WindowChoice {
+    /// The window chosen, s.
+    pub window_s: f64,
+    /// All that were tried.
+    pub tried: Vec<WindowTrial>,
+    /// Why, in words.
+    pub words: String,
+}
+
+/// Chooses among window lengths. `candidates` hold, per length, the factors of the same stretches in the same order as `yardstick`.
+///
+/// # Errors
+/// [`IdentifyError::Length`] when stretches do not correspond, [`IdentifyError::TooFew`] without candidates or with fewer than two clusters.
+pub fn choose_window(
+    candidates: &[(f64, Vec<Factor>)],
+    yardstick: &[Factor],
+    mass_kg: f64,
+    prior: Option<&Prior>,
+    cluster: ClusterBy,
+) -> Result<WindowChoice, IdentifyError> {
+    let (groups, names) = cluster.groups(yardstick);
+    if names.len() < 2 {
+        return Err(IdentifyError::TooFew { what: "clusters", needed: 2, found: names.len() });
+    }
+    let measured = merge_groups(yardstick, &groups)?;
+    let mut tried = Vec::with_capacity(candidates.len());
+    for (window_s, factors) in candidates {
+        let same = factors.len() == yardstick.len()
+            && factors.iter().zip(yardstick).all(|(a, b)| a.trial == b.trial && a.stretch == b.stretch);
+        if !same {
+            return Err(IdentifyError::Length {
+                what: "stretches of a window's factors",
+                expected: yardstick.len(),
+                found: factors.len(),
+            });
+        }
+        let merged = Factor::merge(factors)?;
+        let system = System::new(&merged, mass_kg, prior)?;
+        let weight = if prior.is_some() { system.row_variance(1.0) } else { 0.0 };
+        let solution = system.solve(weight);
+        let clusters = Clusters::new(&merge_groups(factors, &groups)?, mass_kg, prior, weight, &solution.x)?;
+        let (mut squares, mut rows) = (0.0, 0usize);
+        for (x, factor) in clusters.leave_one_out().iter().zip(&measured) {
+            squares += factor.sum_of_squares(x);
+            rows += factor.n_rows;
+        }
+        let held_out_rms = (squares / rows.max(1) as f64).sqrt();
+        tried.push(WindowTrial { window_s: *window_s, held_out_rms, n_rows: merged.n_rows });
+    }
+    let best = tried
+        .iter()
+        .min_by(|a, b| a.held_out_rms.total_cmp(&b.held_out_rms))
+        .ok_or(IdentifyError::TooFew { what: "window lengths", needed: 1, found: 0 })?;
+    let window_s = best.window_s;
+    let words = format!(
+        "{:.2} s: smallest error of a cluster predicted from the others ({:.3e}) among {}",
+        window_s,
+        best.held_out_rms,
+        tried.iter().map(|t| format!("{:.2}", t.window_s)).collect::<Vec<_>>().join(", ")
+    );
+    Ok(WindowChoice { window_s, tried, words })
+}
