@@ -4,7 +4,7 @@ use crate::args::{Cli, Command, PipelineArgs, RowsArg};
 use crate::progress::Bars;
 use crate::render::{note, out, table};
 use crate::{Success, show};
-use aloft_pipeline::command::{check, compare, init, inspect, parameters, status};
+use aloft_pipeline::command::{check, compare, init, inspect, parameters, report, status};
 use aloft_pipeline::config::Rows;
 use aloft_pipeline::error::PipelineError;
 use aloft_pipeline::graph::Standing;
@@ -78,7 +78,12 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             if as_json { json(&found)? } else { show::comparison(&found)? }
             Ok(Success::Full)
         }
-        Command::Report { .. } | Command::Simulate { .. } => Err(Stop::Error(miette::miette!("not yet"))),
+        Command::Report { pipeline, out: target } => {
+            let path = report::write(&open(&pipeline)?, target.as_deref())?;
+            out(path.display())?;
+            Ok(Success::Full)
+        }
+        Command::Simulate { .. } => Err(Stop::Error(miette::miette!("not yet"))),
         Command::Schema => {
             json(&aloft_pipeline::config_schema())?;
             Ok(Success::Full)

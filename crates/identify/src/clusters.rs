@@ -289,7 +289,7 @@ pub(crate) fn choose_weight(
     let errors: Vec<Vec<(f64, usize)>> = candidates
         .iter()
         .map(|&lambda| {
-            let weight = lambda * system.row_variance(lambda);
+            let weight = lambda * system.row_variance();
             let x = system.solve(weight).x;
             Ok(Clusters::new(groups, mass_kg, Some(prior), weight, &x)?.held_out())
         })

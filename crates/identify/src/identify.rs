@@ -225,7 +225,7 @@ impl Fit {
         options: &IdentifyOptions,
     ) -> Result<Self, IdentifyError> {
         let system = System::new(merged, mass_kg, prior)?;
-        let row_variance = system.row_variance(lambda);
+        let row_variance = system.row_variance();
         let weight = lambda * row_variance;
         let solution = system.solve(weight);
         let model = system.covariance(row_variance, weight);

@@ -14,10 +14,10 @@
 
 use crate::prior::covariance_root;
 use crate::{IdentifyError, LinkPrior};
-use aloft_body::inertia::{phi_from_pseudo_inertia, pseudo_inertia};
+use aloft_body::inertia::pseudo_inertia;
 use aloft_body::{BaseParameters, LinkInertia, Phi};
 use aloft_regressor::Factor;
-use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix4, SMatrix, Vector3};
 
 /// Weights of the three terms.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,7 +41,7 @@ pub struct ConsistentLinks {
     pub effects: DVector<f64>,
     /// Newton steps taken.
     pub steps: usize,
-    /// Smallest eigenvalue of any link's pseudo-inertia relative to the largest of the same link.
+    /// Smallest eigenvalue of any link's second moment about its centre of mass, relative to the largest of the same link.
     pub smallest_eigenvalue: f64,
 }
 
@@ -239,7 +239,7 @@ impl Problem {
         let smallest = phi_links
             .iter()
             .map(|p| {
-                let eigenvalues = pseudo_inertia(p).symmetric_eigenvalues();
+                let eigenvalues = central_second_moment(p).symmetric_eigenvalues();
                 eigenvalues.min() / eigenvalues.max()
             })
             .fold(f64::INFINITY, f64::min);
@@ -352,11 +352,20 @@ pub struct LinkSd {
     pub inertia_kgm2: [f64; 6],
 }
 
-/// Nearest consistent parameters to arbitrary ones of a single link, for display: eigenvalues of the pseudo-inertia clipped from below
-/// at `floor` times the largest.
+/// Second moments of mass about the centre of mass, kg·m²: positive definite exactly where the link is consistent (and its mass positive).
+fn central_second_moment(phi: &Phi) -> Matrix3<f64> {
+    let i = LinkInertia::from_phi(phi).inertia_com_kgm2;
+    Matrix3::identity() * (0.5 * i.trace()) - i
+}
+
+/// Consistent parameters near arbitrary ones of a single link of positive mass: eigenvalues of the second moment about the centre of mass
+/// clipped from below at `floor` times the largest (which is lifted to `floor` squared centimetres times the mass at least).
 pub fn clipped(phi: &Phi, floor: f64) -> Phi {
-    let eigen = pseudo_inertia(phi).symmetric_eigen();
-    let least = floor * eigen.eigenvalues.max();
-    let clipped = Matrix4::from_diagonal(&eigen.eigenvalues.map(|l| l.max(least)));
-    phi_from_pseudo_inertia(&(eigen.eigenvectors * clipped * eigen.eigenvectors.transpose()))
+    let mut link = LinkInertia::from_phi(phi);
+    let eigen = central_second_moment(phi).symmetric_eigen();
+    let least = floor * eigen.eigenvalues.max().max(1e-4 * link.mass_kg);
+    let clipped = Matrix3::from_diagonal(&eigen.eigenvalues.map(|l| l.max(least)));
+    let second = eigen.eigenvectors * clipped * eigen.eigenvectors.transpose();
+    link.inertia_com_kgm2 = Matrix3::identity() * second.trace() - second;
+    link.to_phi()
 }

@@ -160,23 +160,45 @@ impl System {
         Solution { x, rss, effective_parameters: effective, deficient }
     }
 
-    /// Variance of a row that makes the fit agree with itself, `s² = rss / (rows − effective parameters)` at the weight `λ s²`.
-    pub fn row_variance(&self, lambda: f64) -> f64 {
+    /// Variance s² of a row. Without a prior `rss / (rows − parameters)`; with one the value that makes the data most likely,
+    /// `b − A x₀ ~ N(0, s² + A P Aᵀ)`, which holds for fewer rows than parameters too.
+    pub fn row_variance(&self) -> f64 {
         let n = self.n_rows as f64;
-        let mut variance = self.solve(0.0).rss.max(f64::MIN_POSITIVE) / n;
         if !self.has_prior {
             let s = self.solve(0.0);
             return s.rss / (n - s.effective_parameters).max(1.0);
         }
-        for _ in 0..50 {
-            let s = self.solve(lambda * variance);
-            let next = s.rss / (n - s.effective_parameters).max(1.0);
-            if (next - variance).abs() <= 1e-6 * variance {
-                return next;
-            }
-            variance = next;
+        let m = self.singular.len();
+        let seen = self.n_rows.saturating_sub(self.n_effects).min(m);
+        let beyond = self.n_rows.saturating_sub(self.n_effects + m) as f64;
+        let minus_log_likelihood = |log_variance: f64| -> f64 {
+            let variance = log_variance.exp();
+            let inside: f64 = (0..seen)
+                .map(|i| {
+                    let total = variance + self.singular[i] * self.singular[i];
+                    self.projected[i] * self.projected[i] / total + total.ln()
+                })
+                .sum();
+            inside + self.outside / variance + beyond * log_variance
+        };
+        // bracket: from far below the smallest residual to all of the misfit of the prior mean
+        let total = (self.projected.norm_squared() + self.outside).max(f64::MIN_POSITIVE);
+        let high = (total / n.max(1.0)).ln() + 1.0;
+        let low = high - 70.0;
+        let grid = 281;
+        let at = |i: usize| low + (high - low) * i as f64 / (grid - 1) as f64;
+        let best = (0..grid)
+            .map(|i| (i, minus_log_likelihood(at(i))))
+            .fold((0, f64::INFINITY), |best, next| if next.1 < best.1 { next } else { best })
+            .0;
+        // golden section within the neighbours of the best point
+        let (mut a, mut b) = (at(best.saturating_sub(1)), at((best + 1).min(grid - 1)));
+        let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+        for _ in 0..40 {
+            let (c, d) = (b - golden * (b - a), a + golden * (b - a));
+            if minus_log_likelihood(c) < minus_log_likelihood(d) { b = d } else { a = c }
         }
-        variance
+        (0.5 * (a + b)).exp()
     }
 
     /// Covariance of parameters and effects for independent rows of variance `row_variance` at the weight w of the prior:

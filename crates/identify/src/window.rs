@@ -61,7 +61,7 @@ pub fn choose_window(
         }
         let merged = Factor::merge(factors)?;
         let system = System::new(&merged, mass_kg, prior)?;
-        let weight = if prior.is_some() { system.row_variance(1.0) } else { 0.0 };
+        let weight = if prior.is_some() { system.row_variance() } else { 0.0 };
         let solution = system.solve(weight);
         let clusters = Clusters::new(&merge_groups(factors, &groups)?, mass_kg, prior, weight, &solution.x)?;
         let (mut squares, mut rows) = (0.0, 0usize);

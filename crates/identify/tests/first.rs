@@ -26,7 +26,7 @@ pub fn prior_of(t: &common::Truth, seed: u64) -> LinkPrior {
     let z = DVector::from_fn(exact.mean.len(), |_, _| { let x: f64 = StandardNormal.sample(&mut rng); x });
     let phi = &exact.mean + &e.eigenvectors * e.eigenvalues.map(|l| l.max(0.0).sqrt()).component_mul(&z);
     let total: f64 = (0..links.len()).map(|i| phi[10*i]).sum();
-    let drawn: Vec<LinkInertia> = (0..links.len()).map(|i| LinkInertia::from_phi(&links::clipped(&(phi.fixed_rows::<10>(10*i) * (t.mass()/total)).into(), 0.003))).collect();
+    let drawn: Vec<LinkInertia> = (0..links.len()).map(|i| LinkInertia::from_phi(&links::clipped(&(phi.fixed_rows::<10>(10*i) * (t.mass()/total)).into(), 0.03))).collect();
     LinkPrior::new(&drawn, &sd, sym.as_ref()).unwrap()
 }
 
@@ -55,7 +55,7 @@ fn human() {
     for (label, m) in [("noise", t.noisy(0.3e-3, 1)), ("soft", t.tracked(0.3e-3, soft, 1))] {
         for window in [0.2, 0.25, 0.3, 0.35, 0.4] {
             for (wl, w) in [("fixed .1", 0), ("fixed .3", 3), ("white", 1), ("white+slow", 2), ("slow2", 4)] {
-                let options = WeakOptions { window_s: Some(window), moment_length_m: if w == 3 { 0.3 } else { 0.1 }, ..Default::default() };
+                let options = WeakOptions { window_s: Some(window), moment_length_m: Some(if w == 3 { 0.3 } else { 0.1 }), ..Default::default() };
                 let noise = Noise { coordinates: CoordinateNoise::Markers { markers: &t.markers, sd_m: 0.3e-3 }, slow: match w { 2 => 5.0, 4 => 10.0, _ => 0.0 }, slow_time_s: if w == 4 { 0.05 } else { 0.1 } };
                 let start = std::time::Instant::now();
                 let f: Vec<Factor> = t.stretches().iter().map(|s| weak_factor(&t.model, &t.base, &prior.phi(), &m, s, Acting::nothing(), &options, [1,2,4].contains(&w).then_some(&noise)).unwrap()).collect();

@@ -5,4 +5,5 @@ pub mod compare;
 pub mod init;
 pub mod inspect;
 pub mod parameters;
+pub mod report;
 pub mod status;
