@@ -115,6 +115,17 @@ def with_ezc3d(path):
     return out
 
 
+def parameters_with_ezc3d(path):
+    """Every parameter as ezc3d gives it, but for the place of the samples, which moves."""
+    out = {}
+    for group, content in ezc3d.c3d(str(path))["parameters"].items():
+        for name, parameter in content.items():
+            if name != "__METADATA__" and (group, name) != ("POINT", "DATA_START"):
+                value = parameter["value"]
+                out[f"{group}:{name}"] = repr(value.tolist() if hasattr(value, "tolist") else value)
+    return out
+
+
 def with_python_c3d(path):
     try:
         with open(path, "rb") as handle:
@@ -168,12 +179,20 @@ def golden(target, folders):
 def same(originals, rewritten):
     bad = 0
     counts = {}
+    kept = changed = 0
     new = files(rewritten)
     for name, path in files(originals).items():
         if name not in new:
             print(f"missing: {name}")
             bad += 1
             continue
+        old_parameters, new_parameters = parameters_with_ezc3d(path), parameters_with_ezc3d(new[name])
+        for key in sorted(old_parameters.keys() | new_parameters.keys()):
+            if old_parameters.get(key) != new_parameters.get(key):
+                changed += 1
+                print(f"ezc3d: {name}: {key} {old_parameters.get(key)} became {new_parameters.get(key)}")
+            else:
+                kept += 1
         for reader in (with_ezc3d, with_python_c3d):
             a, b = reader(path), reader(new[name])
             key = reader.__name__
@@ -190,6 +209,7 @@ def same(originals, rewritten):
                 print(f"{key}: {name}: {differing} {b.get('error', '')}")
     for key, (total, equal, unreadable) in counts.items():
         print(f"{key}: {equal} of {total - unreadable} readable files seen alike ({unreadable} originals not readable)")
+    print(f"ezc3d: {kept} parameters kept, {changed} changed")
     return bad
 
 

@@ -4,7 +4,7 @@
 //! difference of the noise (70 times its variance), body motion has nothing there. Noise drawn with it is added to the motion once more,
 //! and the rows are formed again: their change, applied to the prior, is the floor. Soft tissue and joint centres are not in it.
 
-use crate::session::{Block, Body, TrialInput};
+use crate::session::{Block, Body, TrialInput, moment_length_m};
 use aloft_body::{Model, Motion};
 use aloft_regressor::{Acting, Stretch, WeakOptions, weak_rows};
 use nalgebra::{DMatrix, DVector};
@@ -36,7 +36,7 @@ pub(crate) fn white_noise(
                 let zero = vec![nalgebra::Vector6::zeros(); m.n_frames()];
                 let acting = Acting { measured: Some(&zero), effects: None };
                 let mut rows = weak_rows(body.model, body.base, body.phi, m, &whole, acting, options).ok()?;
-                rows.apply_fixed_weights(options.moment_length_m);
+                rows.apply_fixed_weights(moment_length_m(body, options));
                 let n = rows.matrix.nrows();
                 Some(DVector::from_fn(n, |r, _| (0..prior.len()).map(|c| rows.matrix[(r, c)] * prior[c]).sum::<f64>()))
             };

@@ -111,6 +111,11 @@ pub fn scene_of(body: &Body<'_>, trials: &[TrialInput<'_>]) -> Scene {
     Scene::new(body.model, body.phi, body.plate_centers_m).with_volume(&places)
 }
 
+/// Length of the fixed weights, as the regressor sets it.
+pub(crate) fn moment_length_m(body: &Body<'_>, options: &WeakOptions) -> f64 {
+    options.moment_length_m.unwrap_or_else(|| aloft_regressor::weak::body_radius_m(body.model, body.phi))
+}
+
 impl<'a> Session<'a> {
     /// Forms the weak rows of all stretches. `scene` comes from [`scene_of`]. Stretches too short for a window are left out with a warning.
     ///
@@ -142,7 +147,7 @@ impl<'a> Session<'a> {
                 let t = &trials[trial];
                 let acting = Acting { measured: t.measured, effects: None };
                 let rows = weak_rows(body.model, body.base, body.phi, t.motion, stretch, acting, options)?;
-                Ok(Block::from_rows(trial, stretch, rows, options.moment_length_m))
+                Ok(Block::from_rows(trial, stretch, rows, moment_length_m(body, options)))
             })
             .collect();
         let mut blocks = Vec::new();
@@ -173,7 +178,7 @@ impl<'a> Session<'a> {
             from_full: body.base.from_full.clone(),
             prior: body.prior.cloned(),
             mass_kg: body.mass_kg,
-            unit: [weight_n, weight_n * options.moment_length_m],
+            unit: [weight_n, weight_n * moment_length_m(body, options)],
             stored_names: Vec::new(),
             noise: None,
             warnings,
@@ -225,7 +230,7 @@ impl<'a> Session<'a> {
             from_full: body.base.from_full.clone(),
             prior: body.prior.cloned(),
             mass_kg: body.mass_kg,
-            unit: [weight_n, weight_n * WeakOptions::default().moment_length_m],
+            unit: [weight_n, weight_n * moment_length_m(body, &WeakOptions::default())],
             stored_names: first.columns.effects.clone(),
             noise: None,
             warnings: Vec::new(),

@@ -191,7 +191,8 @@ impl Clusters {
 
     /// Cluster-robust covariance (bias-reduced linearisation, CR2), mass included with zeros. The prior's rows, of weight w, add what its
     /// own spread leaves as bias.
-    pub fn robust_covariance(&self, weight: f64) -> DMatrix<f64> {
+    /// The scores' part is multiplied by `inflation`.
+    pub fn robust_covariance(&self, weight: f64, inflation: f64) -> DMatrix<f64> {
         let m = self.estimate.len();
         let mut meat = DMatrix::zeros(m, m);
         if weight > 0.0 {
@@ -209,7 +210,7 @@ impl Clusters {
             })
             .collect();
         for score in &adjusted {
-            meat += score * score.transpose();
+            meat += score * score.transpose() * inflation;
         }
         let reduced = &self.inverse * meat * self.inverse.transpose();
         let mut out = DMatrix::zeros(m + 1, m + 1);

@@ -136,7 +136,9 @@ impl System {
             let s = self.singular[i];
             if s <= floor {
                 rss += self.projected[i] * self.projected[i];
-                deficient += 1;
+                if weight <= 0.0 || !self.has_prior {
+                    deficient += 1;
+                }
                 continue;
             }
             let share = s * s / (s * s + weight);

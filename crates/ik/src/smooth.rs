@@ -7,8 +7,9 @@
 //! rotation vector of the increments agree to first order; the second-order difference was measured on two-link objects tumbling at up
 //! to 9 rad/s (200 Hz, order 3, 10 Hz, 14 frames from the throw): the filtered angular velocity is off by 5.7e-3 rad/s root mean square,
 //! against 5.0e-3 rad/s when the true body angular velocity itself is filtered, and the same to two digits on gentler throws. What is lost is
-//! the filter's own pass band and its edges, not the representation, so nothing more elaborate is done. The paper's rows of these motions
-//! with 0.3 mm of marker noise, 14 frames from the throw, give all 17 base parameters within 9e-5 (kg·m, kg·m²).
+//! the filter's own pass band and its edges, not the representation, so nothing more elaborate is done. With marker
+//! noise of 0.3 mm, 14 frames from the throw, the paper's rows give the 17 base parameters of the fast throws within 9e-5 (kg·m, kg·m²) and
+//! of the gentle ones within 1.5e-3, most of it errors in variables.
 //!
 //! Derivatives are fourth-order differences of the unit quaternion, then `ω = 2 vec(q* q̇)` and `α = 2 vec(q* q̈)` in the axes of the
 //! moving link. A free joint's translation is filtered in the world; its velocity is `v = Rᵀṗ` and its acceleration the rate of these

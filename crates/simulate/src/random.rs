@@ -68,6 +68,10 @@ impl Stream {
             }
         }
     }
+    /// A phase, 0 to 2π.
+    pub fn phase(&mut self) -> f64 {
+        self.between(0.0, std::f64::consts::TAU)
+    }
     /// Plus or minus one.
     pub fn sign(&mut self) -> f64 {
         if self.0.random::<bool>() { 1.0 } else { -1.0 }

@@ -1,4 +1,5 @@
 //! The equations of motion against conservation laws, their own step, and MuJoCo.
+#![allow(clippy::expect_used, clippy::panic, reason = "helpers of tests stand outside of #[test] functions")]
 
 use aloft_body::{Joint, JointSpec, LinkInertia, LinkSpec, Model, ModelSpec, Phi, State};
 use aloft_simulate::Hidden;

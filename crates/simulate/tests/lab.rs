@@ -1,4 +1,5 @@
 //! Whole laboratories: what the files hold, that physics is kept, that nothing depends on chance or threads.
+#![allow(clippy::expect_used, clippy::panic, reason = "helpers of tests stand outside of #[test] functions")]
 
 use aloft_body::{LinkInertia, State, inertia::pseudo_inertia};
 use aloft_simulate::{BodySpec, Hidden, Lab, Scenario, SimulateError, simulate};

@@ -35,13 +35,16 @@ impl<'a> AirMotion<'a> {
         from: &[Jet; PLAN],
         to: &[Jet; PLAN],
         bumps: Vec<Bump>,
+        tick_s: f64,
     ) -> Self {
-        let usual_s = (0.26 * duration_s).clamp(0.05, 0.14);
+        // pieces meet at ticks: a kink in the jerk inside of an integration step would cost two orders of accuracy
+        let snap = |t: f64| (t / tick_s).round().max(1.0) * tick_s;
+        let usual_s = snap((0.26 * duration_s).clamp(0.05, 0.14));
         let brake = |i: usize, jet: &Jet| {
             if KNEES.contains(&i) {
                 // a knee is braked before it is straight
                 let room = (-jet.x - STRAIGHT_RAD).max(0.0) / (BRAKING * jet.v.abs()).max(1e-6);
-                room.clamp(0.045, usual_s)
+                snap(room.clamp(0.045, usual_s))
             } else {
                 usual_s
             }

@@ -58,8 +58,8 @@ pub fn exercise_trial(
     let mut curve = PlanCurve::through(&[(0.0, rest(&plan))]);
     for (i, amplitude) in amplitudes {
         let amplitude = size * amplitude * rng.between(0.75, 1.2);
-        curve.sways.push((i, 0.8 * amplitude, rng.between(0.32, 0.75), rng.between(0.0, 6.28)));
-        curve.sways.push((i, 0.3 * amplitude, rng.between(0.85, 1.4), rng.between(0.0, 6.28)));
+        curve.sways.push((i, 0.8 * amplitude, rng.between(0.32, 0.75), rng.phase()));
+        curve.sways.push((i, 0.3 * amplitude, rng.between(0.85, 1.4), rng.phase()));
     }
     play(stance, plant, &curve, tick_s, ticks)
 }
@@ -81,7 +81,7 @@ pub fn static_trial(
     let mut curve = PlanCurve::through(&[(0.0, rest(&plan))]);
     for i in (0..FOOT[0]).chain(UPPER..UPPER + 20) {
         let amplitude = if i < PELVIS { 0.0015 } else { 0.005 } * rng.between(0.3, 1.0);
-        curve.sways.push((i, amplitude, rng.between(0.15, 0.5), rng.between(0.0, 6.28)));
+        curve.sways.push((i, amplitude, rng.between(0.15, 0.5), rng.phase()));
     }
     play(stance, plant, &curve, tick_s, ticks)
 }

@@ -28,6 +28,7 @@ struct Jumper<'a, 'b> {
     plant: &'a Plant,
     stance: Stance<'b>,
     g: f64,
+    tick_s: f64,
 }
 
 /// Plans of one flight, found by aiming.
@@ -132,7 +133,7 @@ impl<'b> Jumper<'_, 'b> {
         for _ in 0..14 {
             let mut start = self.stance.solve_jets(&take_off, &guess).map_err(Stumble::reach("around take-off"))?;
             let chart = self.stance.chart.clone();
-            let air = AirMotion::new(person, chart, t0, duration, &start, &end, style.to_vec());
+            let air = AirMotion::new(person, chart, t0, duration, &start, &end, style.to_vec(), self.tick_s);
             self.fall(&air, t0, &mut start)?;
             // the ground's moment vanishes with its force: the pelvis leaves with the acceleration of free fall
             for i in 0..3 {
@@ -196,7 +197,8 @@ pub fn jump_trial(
 ) -> Result<JumpTrial, Stumble> {
     let h = person.height_m;
     let mut footing = Footing::comfortable(h, rng);
-    let mut jumper = Jumper { plant, stance: Stance::new(person, footing.toe_out), g: plant.model.gravity_mps2.norm() };
+    let g = plant.model.gravity_mps2.norm();
+    let mut jumper = Jumper { plant, stance: Stance::new(person, footing.toe_out), g, tick_s };
     let snap = |t: f64| (t / tick_s).round() * tick_s;
     let ticks = |a: f64, b: f64| ((b - a) / tick_s).round() as usize;
     let n_links = plant.model.n_links();
@@ -311,10 +313,7 @@ pub fn jump_trial(
             .solve_jets(&aimed.take_off, &Vector3::new(0.0, 0.0, 0.5 * h))
             .map_err(Stumble::reach("at take-off"))?;
         jumper.fall(&aimed.air, t_off, &mut chart_off)?;
-        let start = match &player {
-            None => None,
-            Some(p) => Some(chart_now(&jumper, p, p.motion())),
-        };
+        let start = player.as_ref().map(|p| chart_now(&jumper, p));
         let ground =
             GroundMotion::new(&mut jumper.stance, &plan, [contact_start, t_off], start.as_ref(), Some(&chart_off))
                 .map_err(Stumble::reach("on the ground"))?;
@@ -331,7 +330,7 @@ pub fn jump_trial(
         p.advance(ticks(0.0, duration), &root_only(n_links), &aimed.air)?;
 
         // what the flight made of the landing is where the next contact starts
-        let chart = chart_now(&jumper, &p, p.motion());
+        let chart = chart_now(&jumper, &p);
         let jets = jumper.stance.observe_jets(&chart);
         for side in 0..2 {
             let i = FOOT[side];
@@ -369,7 +368,7 @@ pub fn jump_trial(
     knots.push((t_end, rest(&stand)));
     let mut plan = PlanCurve::through(&knots);
     feet(&mut plan, &footing, Some((now, &jets)), None);
-    let start = chart_now(&jumper, &p, p.motion());
+    let start = chart_now(&jumper, &p);
     let ground = GroundMotion::new(&mut jumper.stance, &plan, [now, t_end], Some(&start), None)
         .map_err(Stumble::reach("after the last landing"))?;
     p.advance(ticks(now, t_end), &held, &ground)?;
@@ -387,8 +386,8 @@ fn draw_style(last: &mut Option<Style>, rng: &mut Stream) -> Style {
 }
 
 /// Chart jets of the player's last tick.
-fn chart_now(jumper: &Jumper<'_, '_>, player: &Player<'_>, motion: &TrueMotion) -> [Jet; PLAN] {
-    let tick = player.tick();
+fn chart_now(jumper: &Jumper<'_, '_>, player: &Player<'_>) -> [Jet; PLAN] {
+    let (tick, motion) = (player.tick(), player.motion());
     let mut jets = [Jet::default(); PLAN];
     jumper.stance.chart.lower(&jumper.plant.model, motion.q(tick), motion.v(tick), motion.a(tick), &mut jets);
     jets

@@ -79,7 +79,7 @@ const ANKLE: [usize; 2] = [30, 37];
 /// Draws the bumps of a flight.
 pub fn bumps(style: Style, vigour: f64, rng: &mut Stream) -> Vec<Bump> {
     let mut out = Vec::new();
-    let size = vigour * rng.between(0.75, 1.1);
+    let size = vigour * rng.between(0.85, 1.25);
     let mut plain = |coordinate: usize, amplitude: f64| {
         debug_assert!(coordinate < PLAN);
         out.push(Bump { coordinate, amplitude: amplitude * size, frequency_hz: 0.0, phase: 0.0 });
@@ -141,24 +141,24 @@ pub fn bumps(style: Style, vigour: f64, rng: &mut Stream) -> Vec<Bump> {
     let mut wave = |coordinate: usize, amplitude: f64| {
         out.push(Bump {
             coordinate,
-            amplitude: amplitude * vigour * rng.moderate(),
-            frequency_hz: rng.between(1.0, 2.6),
-            phase: rng.between(0.0, 6.28),
+            amplitude: amplitude * vigour * rng.sign() * rng.between(0.5, 1.25),
+            frequency_hz: rng.between(1.4, 3.2),
+            phase: rng.phase(),
         });
     };
     for axis in 0..3 {
-        wave(TORSO + axis, 0.13);
-        wave(HEAD + axis, 0.18);
+        wave(TORSO + axis, 0.15);
+        wave(HEAD + axis, 0.28);
         for side in 0..2 {
-            wave(ARM[side] + axis, 0.22);
-            wave(HAND[side] + axis, 0.26);
-            wave(HIP[side] + axis, if axis == 2 { 0.12 } else { 0.08 });
-            wave(ANKLE[side] + axis, if axis == 2 { 0.25 } else { 0.08 });
+            wave(ARM[side] + axis, 0.34);
+            wave(HAND[side] + axis, 0.36);
+            wave(HIP[side] + axis, if axis == 2 { 0.2 } else { 0.14 });
+            wave(ANKLE[side] + axis, if axis == 2 { 0.32 } else { 0.16 });
         }
     }
     for side in 0..2 {
-        wave(ELBOW[side], 0.25);
-        wave(KNEE[side], 0.08);
+        wave(ELBOW[side], 0.34);
+        wave(KNEE[side], 0.10);
     }
     out
 }

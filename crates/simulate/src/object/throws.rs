@@ -160,7 +160,7 @@ pub fn calibration(
         };
         let base = if i < 6 { 0.12 } else { 0.45 };
         let wave = |rng: &mut Stream, share: f64, times: f64| {
-            [amplitude * share, base * times * rng.between(0.9, 1.2), rng.between(0.0, 6.28)]
+            [amplitude * share, base * times * rng.between(0.9, 1.2), rng.phase()]
         };
         sines.push((mean, [wave(rng, 1.0, 1.0), wave(rng, 0.35, 2.1)]));
     }

@@ -47,10 +47,10 @@ impl Plant {
                     model.gravity_mps2 = Rotation3::from_scaled_axis(turn) * model.gravity_mps2;
                 }
                 Hidden::GravityScale { factor } => model.gravity_mps2 *= *factor,
-                Hidden::Payload { link, point_m, mass_kg, trials } => {
-                    if trials.is_empty() || trials.iter().any(|t| trial.starts_with(t.as_str())) {
-                        phi[model.link_index(link)?] += point_mass(*mass_kg, &Vector3::from(*point_m));
-                    }
+                Hidden::Payload { link, point_m, mass_kg, trials }
+                    if trials.is_empty() || trials.iter().any(|t| trial.starts_with(t.as_str())) =>
+                {
+                    phi[model.link_index(link)?] += point_mass(*mass_kg, &Vector3::from(*point_m));
                 }
                 Hidden::WobblingMass { link, point_m, mass_kg, .. } => {
                     phi[model.link_index(link)?] -= point_mass(*mass_kg, &Vector3::from(*point_m));
