@@ -9,7 +9,7 @@ use std::path::PathBuf;
     name = "aloft",
     version,
     arg_required_else_help = true,
-    after_help = "The loop:\n  aloft run P.yaml           from recordings to identified mass properties\n  aloft compare P.yaml       model against measurement\n  aloft status P.yaml        what is done, stale or failed\n\nExit codes: 0 all well; 1 some trials failed, the others are done and kept; 2 the command or configuration is wrong."
+    after_help = "The loop:\n  aloft run P.yaml           from recordings to identified mass properties\n  aloft compare P.yaml       model against measurement, and where it fails\n  aloft discover P.yaml      which effect is missing\n  aloft effect add P.yaml E  add it; the ladder shows the error fall\n  aloft report P.yaml        one page that tells the story\n  aloft status P.yaml        what is done, stale or failed\n\nExit codes: 0 all well; 1 some trials failed, the others are done and kept; 2 the command or configuration is wrong."
 )]
 pub struct Cli {
     /// What to do.
@@ -37,6 +37,44 @@ pub enum RowsArg {
     Paper,
     /// Weak momentum rows.
     Weak,
+}
+
+/// What can be done with effects.
+#[derive(Debug, Subcommand)]
+pub enum EffectAction {
+    /// List the catalogue.
+    List,
+    /// Show one effect's documentation.
+    Show {
+        /// Identifier.
+        name: String,
+    },
+    /// Add an effect to the model: a new revision, and what depends on it again.
+    #[command(after_help = "Examples:\n  aloft effect add P.yaml quadratic_drag\n  aloft effect add P.yaml tether --set anchor_x=0.5")]
+    Add {
+        /// The pipeline.
+        #[command(flatten)]
+        pipeline: PipelineArgs,
+        /// Identifier, with a target in brackets where there are several: `flywheel[torso]`.
+        name: String,
+        /// Value of a nonlinear parameter, `name=value`; what the last `discover` found where not given.
+        #[arg(long, value_name = "K=V", value_parser = key_value)]
+        set: Vec<(String, f64)>,
+    },
+    /// Take an effect out of the model: a new revision without it.
+    Remove {
+        /// The pipeline.
+        #[command(flatten)]
+        pipeline: PipelineArgs,
+        /// Identifier.
+        name: String,
+    },
+}
+
+fn key_value(text: &str) -> Result<(String, f64), String> {
+    let (key, value) = text.split_once('=').ok_or_else(|| format!("`{text}`: expected name=value"))?;
+    let value = value.trim().parse().map_err(|_| format!("`{value}` is not a number"))?;
+    Ok((key.trim().to_owned(), value))
 }
 
 /// The commands.
@@ -123,6 +161,36 @@ pub enum Command {
         /// Also the table of rows and estimators on the same held-out data.
         #[arg(long)]
         estimators: bool,
+        /// Machine-readable output.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Say which physical effect or measurement artefact is missing, how sure, and what it can be confused with.
+    Discover {
+        /// The pipeline.
+        #[command(flatten)]
+        pipeline: PipelineArgs,
+        /// Only these effects (may be given several times).
+        #[arg(long, value_name = "NAME")]
+        only: Vec<String>,
+        /// Not these effects.
+        #[arg(long, value_name = "NAME")]
+        without: Vec<String>,
+        /// Machine-readable output.
+        #[arg(long)]
+        json: bool,
+    },
+    /// List, show, add or remove effects of the model.
+    Effect {
+        /// What to do with effects.
+        #[command(subcommand)]
+        action: EffectAction,
+    },
+    /// Show the ladder: model revisions and their held-out error.
+    History {
+        /// The pipeline.
+        #[command(flatten)]
+        pipeline: PipelineArgs,
         /// Machine-readable output.
         #[arg(long)]
         json: bool,

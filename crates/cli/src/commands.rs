@@ -1,10 +1,10 @@
 //! Each command: open the study, ask the pipeline, render for people or as JSON.
 
-use crate::args::{Cli, Command, PipelineArgs, RowsArg};
+use crate::args::{Cli, Command, EffectAction, PipelineArgs, RowsArg};
 use crate::progress::Bars;
 use crate::render::{note, out, table};
 use crate::{Success, show};
-use aloft_pipeline::command::{check, compare, init, inspect, parameters, report, status};
+use aloft_pipeline::command::{check, compare, discover, effect, init, inspect, parameters, report, simulate, status};
 use aloft_pipeline::config::Rows;
 use aloft_pipeline::error::PipelineError;
 use aloft_pipeline::graph::Standing;
@@ -28,9 +28,12 @@ impl From<PipelineError> for Stop {
     }
 }
 
+fn overrides(args: &PipelineArgs) -> Overrides {
+    Overrides { data: args.data.clone(), workspace: args.workspace.clone() }
+}
+
 fn open(args: &PipelineArgs) -> Result<Study, Stop> {
-    let overrides = Overrides { data: args.data.clone(), workspace: args.workspace.clone() };
-    Ok(Study::open(&args.pipeline, &overrides)?)
+    Ok(Study::open(&args.pipeline, &overrides(args))?)
 }
 
 fn json<T: serde::Serialize>(value: &T) -> Result<(), Stop> {
@@ -62,6 +65,39 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             if as_json { json(&found)? } else { out(inspect::to_text(&found))? }
             Ok(Success::Full)
         }
+        Command::Parameters { pipeline, rows, json: as_json } => {
+            let found = parameters::parameters(&open(&pipeline)?, rows.map(Rows::from))?;
+            if as_json { json(&found)? } else { show::parameters(&found)? }
+            Ok(Success::Full)
+        }
+        Command::Compare { pipeline, estimators: _, json: as_json } => {
+            let found = compare::compare(&open(&pipeline)?)?;
+            if as_json { json(&found)? } else { show::comparison(&found)? }
+            Ok(Success::Full)
+        }
+        Command::Discover { pipeline, only, without, json: as_json } => {
+            let options = discover::options(only, without);
+            let found = discover::discover(&open(&pipeline)?, &options)?;
+            if as_json { json(&found)? } else { show::discovery(&found)? }
+            Ok(Success::Full)
+        }
+        Command::Effect { action } => effects(action),
+        Command::History { pipeline, json: as_json } => {
+            let found = effect::history(&open(&pipeline)?)?;
+            if as_json { json(&found)? } else { show::history(&found)? }
+            Ok(Success::Full)
+        }
+        Command::Report { pipeline, out: target } => {
+            let path = report::write(&open(&pipeline)?, target.as_deref())?;
+            out(path.display())?;
+            Ok(Success::Full)
+        }
+        Command::Simulate { scenario, out: folder, seed } => {
+            for file in simulate::simulate(&scenario, &folder, seed)? {
+                out(file.display())?;
+            }
+            Ok(Success::Full)
+        }
         Command::Init { folder, out: target } => {
             let path = init::init(&folder, target.as_deref())?;
             note(format!("wrote {}", path.display()));
@@ -76,6 +112,18 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
         Command::Compare { pipeline, estimators: _, json: as_json } => {
             let found = compare::compare(&open(&pipeline)?)?;
             if as_json { json(&found)? } else { show::comparison(&found)? }
+            Ok(Success::Full)
+        }
+        Command::Discover { pipeline, only, without, json: as_json } => {
+            let options = discover::options(only, without);
+            let found = discover::discover(&open(&pipeline)?, &options)?;
+            if as_json { json(&found)? } else { show::discovery(&found)? }
+            Ok(Success::Full)
+        }
+        Command::Effect { action } => effects(action),
+        Command::History { pipeline, json: as_json } => {
+            let found = effect::history(&open(&pipeline)?)?;
+            if as_json { json(&found)? } else { show::history(&found)? }
             Ok(Success::Full)
         }
         Command::Report { pipeline, out: target } => {
@@ -103,6 +151,31 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             Ok(Success::Full)
         }
     }
+}
+
+fn effects(action: EffectAction) -> Result<Success, Stop> {
+    let (args, (report, history)) = match action {
+        EffectAction::List => {
+            show::effects(effect::list())?;
+            return Ok(Success::Full);
+        }
+        EffectAction::Show { name } => {
+            let found = effect::show(&name)?;
+            out(format!("# {} ({})\n\n{}", found.title, found.id, found.documentation.trim()))?;
+            return Ok(Success::Full);
+        }
+        EffectAction::Add { pipeline, name, set } => {
+            let done = effect::add(&open(&pipeline)?, &overrides(&pipeline), &name, &set, &Bars::default())?;
+            (pipeline, done)
+        }
+        EffectAction::Remove { pipeline, name } => {
+            let done = effect::remove(&open(&pipeline)?, &overrides(&pipeline), &name, &Bars::default())?;
+            (pipeline, done)
+        }
+    };
+    show_run(&report, &args)?;
+    show::history(&history)?;
+    Ok(if report.has_trouble() { Success::Partial } else { Success::Full })
 }
 
 fn run(args: &PipelineArgs, selection: &Selection, jobs: Option<usize>) -> Result<Success, Stop> {

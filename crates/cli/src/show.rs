@@ -141,3 +141,89 @@ pub fn comparison(view: &ComparisonView) -> Result<(), Stop> {
     }
     Ok(())
 }
+
+/// The catalogue of effects.
+pub fn effects(list: &[&aloft_effects::EffectDefinition]) -> Result<(), Stop> {
+    let mut t = table(&["effect", "what", "kind"]);
+    for e in list {
+        t.add_row([e.id.to_owned(), e.title.to_owned(), format!("{:?}", e.kind).to_lowercase()]);
+    }
+    if let Some(column) = t.column_mut(1) {
+        column.set_cell_alignment(comfy_table::CellAlignment::Left);
+    }
+    out(t)
+}
+
+/// What is missing.
+pub fn discovery(d: &aloft_discover::Discovery) -> Result<(), Stop> {
+    let verdict = match d.verdict {
+        aloft_discover::Verdict::Supported => "supported",
+        aloft_discover::Verdict::OneOf => "one of",
+        aloft_discover::Verdict::NothingMissing => "nothing missing",
+        aloft_discover::Verdict::NotDetectable => "not detectable",
+    };
+    out(format!("verdict: {verdict}{}", if d.effects.is_empty() { String::new() } else { format!(": {}", d.effects.join(", ")) }))?;
+    out(&d.words)?;
+    out(format!(
+        "held-out error {} N ({} % of body weight), noise alone {} N, with the effects found {} N\n",
+        significant(d.held_out_error, 3),
+        significant(100.0 * d.held_out_error_of_weight, 2),
+        significant(d.noise_floor, 3),
+        significant(d.held_out_error_after, 3)
+    ))?;
+    for found in &d.found {
+        for c in found.nonlinear.iter().chain(&found.coefficients) {
+            out(format!("  {} {}: {} ± {} {}", found.key, c.name, significant(c.value, 4), significant(1.96 * c.se, 2), c.unit))?;
+        }
+    }
+    let mut t = table(&["effect", "held-out ratio", "95 %", "coefficient", "± 95 %", "smallest seen", "unit", "like it"]);
+    for c in d.candidates.iter().filter(|c| !c.placebo).take(15) {
+        let first = c.coefficients.first();
+        let like: Vec<&str> = c.confused_with.iter().filter(|x| x.p_value > 0.05).map(|x| x.effect.as_str()).take(3).collect();
+        t.add_row([
+            c.key.clone(),
+            format!("{:.3}", c.held_out_ratio),
+            format!("{:.2}–{:.2}", c.ci95[0], c.ci95[1]),
+            first.map_or("–".into(), |e| significant(e.value, 3)),
+            first.map_or("–".into(), |e| significant(1.96 * e.se, 2)),
+            significant(c.minimum_detectable, 2),
+            first.map_or(String::new(), |e| e.unit.clone()),
+            like.join(" "),
+        ]);
+    }
+    out(t)?;
+    for a in &d.advice {
+        out(format!("next: {a}"))?;
+    }
+    if let Some(found) = d.found.first() {
+        out(format!("add it: aloft effect add P.yaml {}", found.key))?;
+    }
+    Ok(())
+}
+
+/// The ladder.
+pub fn history(h: &aloft_pipeline::command::effect::History) -> Result<(), Stop> {
+    let mut t = table(&["revision", "what", "effects", "held-out error N", "noise N", "in flight N", "σ_N-1/σ_N", "coefficients"]);
+    let number = |v: Option<f64>| v.map_or("–".to_owned(), |x| significant(x, 3));
+    for r in &h.revisions {
+        let coefficients: Vec<String> = r
+            .coefficients
+            .iter()
+            .map(|c| format!("{} {} ± {}", c.name, significant(c.value, 4), significant(1.96 * c.se, 2)))
+            .collect();
+        t.add_row([
+            r.revision.to_string(),
+            r.action.clone(),
+            if r.effects.is_empty() { "none".into() } else { r.effects.join(", ") },
+            number(r.held_out_error),
+            number(r.noise_floor),
+            number(r.flight_error),
+            number(r.sigma_ratio),
+            coefficients.join("; "),
+        ]);
+        if let Some(void) = &r.void {
+            out(format!("revision {}: {void}", r.revision))?;
+        }
+    }
+    out(t)
+}

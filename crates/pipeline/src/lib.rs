@@ -9,6 +9,7 @@ pub mod command;
 pub mod config;
 pub mod error;
 pub mod graph;
+pub mod revision;
 pub mod runner;
 pub mod stages;
 pub mod study;

@@ -89,6 +89,8 @@ pub struct Study {
     pub marker_set: MarkerSet,
     /// The object description, for things that are not people.
     pub object: Option<ObjectSpec>,
+    /// Effects of the model's present revision.
+    pub effects: Vec<crate::revision::ModelEffect>,
     /// The anthropometric tables (unused for objects).
     pub anthropometry: aloft_scale::Anthropometry,
 }
@@ -151,7 +153,9 @@ impl Study {
             catalog::load("anthropometry", &config.scale.anthropometry, &dir).map_err(|e| at("anthropometry", e))?;
         let trials = find_trials(&config, &data, &file, &text)?;
         let facts = find_facts(&config, &data, &file, &text)?;
+        let effects = crate::revision::Revisions::load(&workspace)?.effects();
         Ok(Self {
+            effects,
             config,
             config_path: path.to_path_buf(),
             config_text: text,

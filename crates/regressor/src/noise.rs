@@ -8,10 +8,14 @@
 
 use crate::weak::{CENTRAL, Velocity, WeakRows};
 use crate::{RegressorError, Stretch};
-use aloft_body::{Model, ModelMarker, Motion, Phi, State};
+use aloft_body::{JointKind, Model, ModelMarker, Motion, Phi, State};
 use faer::Mat;
+use faer::linalg::solvers::Solve;
 use nalgebra::{DMatrix, SMatrix, Vector3};
 use rayon::prelude::*;
+
+/// Coordinates that move the markers by less than this lever (m per rad) count as not seen.
+const UNSEEN_LEVER_M: f64 = 1e-3;
 
 /// Errors of the coordinates in one frame.
 #[derive(Debug, Clone, Copy)]
@@ -252,6 +256,22 @@ impl FrameNoise {
             by_v.set_column(c, &moments(&state, prior, &fixed).fixed_rows::<6>(3));
             direction[c] = 0.0;
         }
+        // velocities are those of the moving axes, so an error δ of a rotation also turns them: δω = δ̇ + ω × δ, and for the root's path,
+        // differenced in the world, δv = δ̇ + ω × δ + v × δθ
+        for link in &model.links {
+            let first = link.joint.v_offset;
+            let cross = |at: usize| Vector3::new(v[at], v[at + 1], v[at + 2]).cross_matrix();
+            let blocks: &[(usize, usize, usize)] = match link.joint.kind {
+                JointKind::Free => &[(0, 0, 3), (0, 3, 0), (3, 3, 3)],
+                JointKind::Spherical => &[(0, 0, 0)],
+                _ => &[],
+            };
+            for &(of, by, velocity) in blocks {
+                let turned = by_v.columns(first + of, 3) * cross(first + velocity);
+                let mut target = by_q.view_mut((3, first + by), (6, 3));
+                target += turned;
+            }
+        }
         state.forward_position(model, q);
         let root = coordinate_root(model, motion, stretch, frame, noise, &state)?;
         Ok(Self { by_q, by_v, root, fixed, reach })
@@ -313,17 +333,19 @@ fn coordinate_root(
                 state.point_jacobian(model, marker.link, &marker.position_m, &mut jacobian);
                 information.gemm_tr(1.0, &jacobian, &jacobian, 1.0);
             }
-            // a coordinate that no marker sees is known to a third of a radian at best
+            // inverse kinematics leaves a coordinate that no marker sees where it is, instead of moving it with the noise
+            let (mut damped, mut seen) = (information.clone(), information);
             for i in 0..nv {
-                information[(i, i)] += (3.0 * sd_m) * (3.0 * sd_m);
+                damped[(i, i)] += UNSEEN_LEVER_M * UNSEEN_LEVER_M;
+                seen[(i, i)] += 1e-6 * UNSEEN_LEVER_M * UNSEEN_LEVER_M;
             }
-            let information = Mat::from_fn(nv, nv, |i, j| information[(i, j)]);
-            let cholesky = information
-                .llt(faer::Side::Lower)
-                .map_err(|_| numeric("the markers leave the coordinates undetermined".to_owned()))?;
-            // information = GGᵀ, so a root of its inverse is G⁻ᵀ
-            let mut root = Mat::<f64>::identity(nv, nv);
-            cholesky.L().transpose().solve_upper_triangular_in_place(root.as_mut());
+            let undetermined = || numeric("the markers leave the coordinates undetermined".to_owned());
+            let factor = |m: &DMatrix<f64>| {
+                Mat::from_fn(nv, nv, |i, j| m[(i, j)]).llt(faer::Side::Lower).map_err(|_| undetermined())
+            };
+            // noise of damped least squares: (N + ε)⁻¹ N (N + ε)⁻¹, so a root is (N + ε)⁻¹ N^½
+            let mut root = factor(&seen)?.L().to_owned();
+            factor(&damped)?.solve_in_place(root.as_mut());
             Ok(faer::Scale(sd_m) * &root)
         }
     }

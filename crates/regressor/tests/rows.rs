@@ -31,7 +31,7 @@ fn validate_acceleration_rows_vanish_on_simulated_flights() {
             let factor = acceleration_factor(&truth.model, &truth.base, &motion, &stretch, Acting::nothing(), &options).unwrap();
             // coordinates are stored to 5e-9: differencing twice at 200 Hz leaves some 1e-3 N of 10
             let rms = misfit(&factor, &truth.truth());
-            assert!(rms < 2e-3, "{name} flight {}: {rms:e} N", stretch.index);
+            assert!(rms < 4e-3, "{name} flight {}: {rms:e} N", stretch.index);
         }
     }
     let truth = load("subject_a");
@@ -144,7 +144,7 @@ fn prop_an_effect_acts_like_a_measured_wrench() {
     let d = driven(500.0, 600);
     let effects = EffectColumns {
         names: vec!["driver".into(), "nothing".into()],
-        wrench: d.wrench.iter().map(|w| DMatrix::from_columns(&[w * 0.5, Vector6::zeros()])).collect(),
+        wrench: d.wrench.iter().map(|w| DMatrix::from_fn(6, 2, |i, j| if j == 0 { 0.5 * w[i] } else { 0.0 })).collect(),
     };
     let acting = Acting { measured: None, effects: Some(&effects) };
     let stretch = Stretch::flight("driven", 0, 10, 590);
@@ -187,13 +187,13 @@ fn prop_missing_frames_split_windows_and_spoil_nothing() {
 /// Whitened rows of noisy markers have unit variance at the true parameters: the propagated covariance is the real one.
 #[test]
 fn validate_whitened_rows_have_unit_variance() {
-    for name in ["chain_p", "subject_a"] {
+    for name in ["chain_p", "chain_a", "subject_a"] {
         let truth = load(name);
         let sd_m = 0.3e-3;
         let noise = Noise::white(CoordinateNoise::Markers { markers: &truth.markers, sd_m });
         let options = WeakOptions { window_s: Some(0.25), ..WeakOptions::default() };
         let (mut squares, mut rows) = (0.0, 0);
-        for seed in 0..if name == "chain_p" { 4 } else { 3 } {
+        for seed in 0..if name == "subject_a" { 6 } else { 3 } {
             let motion = truth.noisy(sd_m, seed);
             for stretch in truth.stretches() {
                 let factor =
@@ -204,7 +204,8 @@ fn validate_whitened_rows_have_unit_variance() {
             }
         }
         let sd = (squares / f64::from(u32::try_from(rows).unwrap())).sqrt();
-        assert!((sd - 1.0).abs() < 0.1, "{name}: standard deviation {sd} over {rows} rows");
+        println!("{name}: whitened rows of noisy markers have standard deviation {sd:.3}");
+        assert!((sd - 1.0).abs() < 0.07, "{name}: standard deviation {sd} over {rows} rows");
     }
 }
 
@@ -214,7 +215,7 @@ fn prop_the_moment_origin_does_not_matter() {
     let d = driven(500.0, 400);
     let stretch = Stretch::contact("driven", 0, 10, 390);
     let acting = Acting { measured: Some(&d.wrench), effects: None };
-    let options = WeakOptions { window_s: Some(0.3), ..WeakOptions::default() };
+    let options = WeakOptions { window_s: Some(0.3), moment_length_m: Some(0.1), ..WeakOptions::default() };
     // a wrong prior moves the origin by decimetres, the balance stays
     let mut wrong = d.truth.phi.clone();
     wrong[0][1] += 0.3;

@@ -2,8 +2,11 @@
 
 pub mod check;
 pub mod compare;
+pub mod discover;
+pub mod effect;
 pub mod init;
 pub mod inspect;
 pub mod parameters;
 pub mod report;
+pub mod simulate;
 pub mod status;

@@ -5,12 +5,14 @@ use crate::error::StageFailure;
 use crate::graph::{Done, Job, Need, Scope, Stage};
 use crate::stages::filter::low_pass;
 use crate::stages::identify::{estimator, identify_from, training_factors};
+use crate::stages::regressor::{TrialRows, effect_columns};
 use crate::study::Role;
 use crate::table::Table;
 use crate::workspace::write_json;
 use aloft_body::{BaseParameters, Motion};
 use aloft_compare::{Body, Candidate, CompareOptions, Comparison, Filtering, Measured, TrialInput, TrialSeries, compare, measured_wrench};
 use aloft_ik::smooth;
+use aloft_regressor::EffectColumns;
 use nalgebra::DVector;
 use rayon::prelude::*;
 use serde_json::json;
@@ -34,7 +36,7 @@ pub static STAGE: Stage = Stage {
     ],
     parameters: |study, _| {
         json!({"compare": study.config.compare, "filter": study.config.filter, "rows": study.config.regressor.rows,
-            "identify": study.config.identify, "margin_s": study.config.flight.margin_s})
+            "identify": study.config.identify, "margin_s": study.config.flight.margin_s, "effects": study.effects})
     },
     run,
 };
@@ -55,6 +57,8 @@ pub struct ComparedTrial {
     pub flights: Vec<Range<usize>>,
     /// Frames in which everything that the body touches is measured.
     pub complete: Vec<bool>,
+    /// Columns of the model's effects.
+    pub effects: Option<EffectColumns>,
 }
 
 /// Loads the trials that every earlier stage brought through.
@@ -77,7 +81,8 @@ pub fn load_trials(job: &Job<'_>) -> Result<Vec<ComparedTrial>, StageFailure> {
                 Some(m)
             };
             let complete = completely_measured(measured.as_ref(), &flights, filtered.n_frames());
-            Ok(ComparedTrial { name: name.clone(), role, filtered, unfiltered, measured, flights, complete })
+            let effects = effect_columns(job.study, &TrialRows::load(job, name)?)?;
+            Ok(ComparedTrial { name: name.clone(), role, filtered, unfiltered, measured, flights, complete, effects })
         })
         .collect()
 }
@@ -107,11 +112,12 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         let Some(parameters) = job.load_parameters(rows)? else { continue };
         let name = if i == 0 { "identified".to_owned() } else { format!("{} rows", rows.word()) };
         let all = parameters.base_values();
-        candidates.push(if has_validation {
+        let candidate = if has_validation {
             Candidate::base(name, all)
         } else {
             Candidate::per_trial(name, without_each_trial(job, &subject, &trials, rows, &all, &mut done)?)
-        });
+        };
+        candidates.push(candidate.with_effects(parameters.effects.iter().map(|e| (e.name.clone(), e.value))));
     }
     candidates.push(Candidate::links("prior", &base, &prior));
     let inputs: Vec<TrialInput<'_>> = trials
@@ -120,6 +126,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
             unfiltered: Some(&t.unfiltered),
             measured: t.measured.as_ref(),
             complete: Some(&t.complete),
+            effects: t.effects.as_ref(),
             held_out_contact: if has_validation { t.role == Role::Validate } else { t.measured.is_some() },
             held_out_flight: t.role == Role::Validate || !has_validation,
             ..TrialInput::new(&t.filtered, &t.flights)
@@ -163,7 +170,7 @@ fn without_each_trial(
                 let alone = kept.is_empty().then(|| format!("{}: the only trial with flights, so it is not held out", t.name));
                 return (all.clone(), alone);
             }
-            match identify_from(job.study, subject, &kept, estimator(job.study, rows), 0) {
+            match identify_from(subject, &kept, estimator(job.study, rows), 0) {
                 Ok(p) => (p.base_values(), None),
                 Err(e) => (all.clone(), Some(format!("{} could not be left out: {}", t.name, e.problem))),
             }

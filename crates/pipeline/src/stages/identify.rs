@@ -53,7 +53,6 @@ pub fn estimator(study: &Study, rows: Rows) -> Estimator {
 
 /// Identifies from the given factors.
 pub fn identify_from(
-    study: &Study,
     subject: &Subject,
     factors: &[(Stretch, Factor)],
     estimator: Estimator,
@@ -96,7 +95,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
             done.warnings.push(problem);
             continue;
         }
-        match identify_from(study, &subject, &factors, estimator(study, rows), study.config.identify.bootstrap) {
+        match identify_from(&subject, &factors, estimator(study, rows), study.config.identify.bootstrap) {
             Ok(parameters) => {
                 write_json(&job.out.join(file_name(rows)), &parameters)?;
                 if rows == chosen {

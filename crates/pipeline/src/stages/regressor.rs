@@ -4,16 +4,17 @@ use crate::config::Rows;
 use crate::error::{PipelineError, StageFailure};
 use crate::graph::{Done, Job, Need, Scope, Stage};
 use crate::stages::filter::low_pass;
-use crate::study::Role;
+use crate::study::{Role, Study};
 use crate::table::Table;
 use crate::workspace::{read_json, write_json};
 use aloft_body::{BaseParameters, Motion, Subject};
+use aloft_effects::{PlateSeries, Scene, Span, TrialMotion, columns};
 use aloft_flight::{FlightReport, plate_wrench_at_marker_rate, total_wrench};
 use aloft_regressor::{
-    AccelerationOptions, Acting, Columns, Factor, RegressorError, RowKind, Stretch, WeakOptions, acceleration_factor, weak_factor,
+    AccelerationOptions, Acting, Columns, EffectColumns, Factor, RegressorError, RowKind, Stretch, StretchKind, WeakOptions, acceleration_factor, weak_factor,
 };
 use aloft_trial::Trial;
-use nalgebra::Vector6;
+use nalgebra::{Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::Path;
@@ -27,7 +28,8 @@ pub static STAGE: Stage = Stage {
     gives: "one triangular factor a flight and contact stretch",
     needs: &[Need::Same("import"), Need::Same("ik"), Need::Same("filter"), Need::Same("flight"), Need::Once("calibrate")],
     parameters: |study, _| {
-        json!({"window_s": study.config.regressor.window_s, "margin_s": study.config.flight.margin_s, "filter": study.config.filter})
+        json!({"window_s": study.config.regressor.window_s, "margin_s": study.config.flight.margin_s, "filter": study.config.filter,
+            "effects": study.effects})
     },
     run,
 };
@@ -110,6 +112,33 @@ pub fn contact_stretches(trial: &Trial, flights: &FlightReport, motion: &Motion,
     out
 }
 
+/// Unit wrenches of the model's effects in every frame of a trial; none for a plain model.
+pub fn effect_columns(study: &Study, rows: &TrialRows) -> Result<Option<EffectColumns>, StageFailure> {
+    if study.effects.is_empty() {
+        return Ok(None);
+    }
+    let scene = Scene::new(&rows.subject.model, &rows.subject.prior_phi(), &rows.plate_centers_m);
+    let choices = study.effects.iter().map(|e| e.choice(&scene)).collect::<Result<Vec<_>, _>>()?;
+    // everywhere, so that comparison sees the effect between the stretches, too
+    let mut spans: Vec<Span> = Vec::new();
+    let mut at = 0;
+    let mut flights: Vec<&Stretch> = rows.stretches.iter().filter(|s| s.kind == StretchKind::Flight).collect();
+    flights.sort_by_key(|s| s.first_frame);
+    for s in flights {
+        if s.first_frame > at {
+            spans.push(Span { first_frame: at, end_frame: s.first_frame, flight: false });
+        }
+        spans.push(Span { first_frame: s.first_frame, end_frame: s.end_frame, flight: true });
+        at = s.end_frame;
+    }
+    if at < rows.motion.n_frames() {
+        spans.push(Span { first_frame: at, end_frame: rows.motion.n_frames(), flight: false });
+    }
+    let trial = TrialMotion { motion: &rows.motion, spans: &spans, plates: &rows.plates, session_time_s: 0.0 };
+    let found = columns(&scene, &trial, &choices).map_err(|e| StageFailure::new(e.to_string()))?;
+    Ok(Some(EffectColumns { names: found.names, wrench: found.wrench }))
+}
+
 /// Everything of one trial that rows are made of.
 pub struct TrialRows {
     /// The subject.
@@ -124,6 +153,10 @@ pub struct TrialRows {
     pub wrench: Option<Vec<Vector6<f64>>>,
     /// The same through the filter of the motion.
     pub wrench_filtered: Option<Vec<Vector6<f64>>>,
+    /// Each plate, unfiltered.
+    pub plates: Vec<PlateSeries>,
+    /// Centres of the plates, world, m.
+    pub plate_centers_m: Vec<Vector3<f64>>,
 }
 
 impl TrialRows {
@@ -137,9 +170,17 @@ impl TrialRows {
         let mut stretches: Vec<Stretch> =
             flights.flights.iter().enumerate().map(|(i, f)| Stretch::flight(name, i, f.start, f.end)).collect();
         let (mut wrench, mut wrench_filtered) = (None, None);
+        let mut plates = Vec::new();
+        let plate_centers_m = trial
+            .plates
+            .iter()
+            .map(|p| p.corners_m.iter().sum::<Vector3<f64>>() / p.corners_m.len().max(1) as f64)
+            .collect();
         if !trial.plates.is_empty() {
             let fail = |e: aloft_flight::FlightError| StageFailure::new(e.to_string());
-            let raw = total_wrench(&plate_wrench_at_marker_rate(&trial, None).map_err(fail)?);
+            let each = plate_wrench_at_marker_rate(&trial, None).map_err(fail)?;
+            let raw = total_wrench(&each);
+            plates = each.into_iter().map(|p| PlateSeries { force_n: p.force_n, moment_nm: p.moment_nm }).collect();
             let smooth = total_wrench(&plate_wrench_at_marker_rate(&trial, Some(low_pass(job.study))).map_err(fail)?);
             let weight_n = subject.facts.mass_kg * subject.model.gravity_mps2.norm();
             let z: Vec<f64> = raw.force_n.iter().map(|f| f.z).collect();
@@ -150,7 +191,7 @@ impl TrialRows {
             wrench = Some(join(&raw));
             wrench_filtered = Some(join(&smooth));
         }
-        Ok(Self { subject, motion, filtered, stretches, wrench, wrench_filtered })
+        Ok(Self { subject, motion, filtered, stretches, wrench, wrench_filtered, plates, plate_centers_m })
     }
 }
 
@@ -163,12 +204,13 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let window = job.study.config.regressor.window_s;
     let weak = WeakOptions { window_s: (window > 0.0).then_some(window), ..WeakOptions::default() };
     let acceleration = AccelerationOptions { margin_s: job.study.config.flight.margin_s, ..AccelerationOptions::default() };
+    let effects = effect_columns(job.study, &rows)?;
     let mut factors: Vec<(Stretch, Factor)> = Vec::new();
     let mut done = Done::default();
     for stretch in &rows.stretches {
-        let acting = Acting { measured: rows.wrench.as_deref(), effects: None };
+        let acting = Acting { measured: rows.wrench.as_deref(), effects: effects.as_ref() };
         let by_weak = weak_factor(&subject.model, &base, &prior, &rows.motion, stretch, acting, &weak, None);
-        let acting = Acting { measured: rows.wrench_filtered.as_deref(), effects: None };
+        let acting = Acting { measured: rows.wrench_filtered.as_deref(), effects: effects.as_ref() };
         let by_paper = acceleration_factor(&subject.model, &base, &rows.filtered, stretch, acting, &acceleration);
         for result in [by_weak, by_paper] {
             match result {
