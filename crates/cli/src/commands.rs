@@ -104,34 +104,6 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             note(format!("next: aloft check {}", path.display()));
             Ok(Success::Full)
         }
-        Command::Parameters { pipeline, rows, json: as_json } => {
-            let found = parameters::parameters(&open(&pipeline)?, rows.map(Rows::from))?;
-            if as_json { json(&found)? } else { show::parameters(&found)? }
-            Ok(Success::Full)
-        }
-        Command::Compare { pipeline, estimators: _, json: as_json } => {
-            let found = compare::compare(&open(&pipeline)?)?;
-            if as_json { json(&found)? } else { show::comparison(&found)? }
-            Ok(Success::Full)
-        }
-        Command::Discover { pipeline, only, without, json: as_json } => {
-            let options = discover::options(only, without);
-            let found = discover::discover(&open(&pipeline)?, &options)?;
-            if as_json { json(&found)? } else { show::discovery(&found)? }
-            Ok(Success::Full)
-        }
-        Command::Effect { action } => effects(action),
-        Command::History { pipeline, json: as_json } => {
-            let found = effect::history(&open(&pipeline)?)?;
-            if as_json { json(&found)? } else { show::history(&found)? }
-            Ok(Success::Full)
-        }
-        Command::Report { pipeline, out: target } => {
-            let path = report::write(&open(&pipeline)?, target.as_deref())?;
-            out(path.display())?;
-            Ok(Success::Full)
-        }
-        Command::Simulate { .. } => Err(Stop::Error(miette::miette!("not yet"))),
         Command::Schema => {
             json(&aloft_pipeline::config_schema())?;
             Ok(Success::Full)

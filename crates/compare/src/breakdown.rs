@@ -90,7 +90,7 @@ pub(crate) fn breakdown(
     let mut push = |by, name: String, range: Option<(f64, f64)>, keep: &dyn Fn(usize, &FrameRecord) -> bool| {
         let mut sums = WrenchSums::default();
         for (_, r) in counted.iter().filter(|(trial, r)| keep(*trial, r)) {
-            sums.add(&r.residual[which], &r.world_from_root);
+            sums.add(&r.residual[which], &r.world_from_root.rotation);
         }
         let errors = sums.errors();
         if errors.frames > 0 {

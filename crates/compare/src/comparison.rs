@@ -4,12 +4,13 @@ use crate::breakdown::{Counting, breakdown};
 use crate::errors::{Sums, WrenchSums};
 use crate::frames::{TrialFrames, trial_frames};
 use crate::noise_floor::{FloorSums, trial_floor};
+use crate::offset::sought;
 use crate::segments::SegmentSums;
 use crate::windows::{TrialWindows, trial_windows};
 use crate::words::words;
 use crate::{
-    Body, Candidate, CompareError, CompareOptions, FlightErrors, Group, NoiseFloor, SegmentShare, Smooth, TrialInput,
-    TrialSeries, WindowErrors, WrenchErrors,
+    Body, Candidate, CompareError, CompareOptions, FlightErrors, Group, NoiseFloor, RecordingOffset, SegmentShare,
+    Smooth, TrialInput, TrialSeries, WindowErrors, WrenchErrors,
 };
 use aloft_signal::LowPass;
 use rayon::prelude::*;
@@ -20,10 +21,15 @@ use serde::{Deserialize, Serialize};
 pub struct ModelComparison {
     /// Name of the model.
     pub model: String,
-    /// Frames in contact of held-out trials. No frames where none is held out; the breakdown then speaks of all.
+    /// Frames in contact of held-out trials. No frames where none is held out; the breakdown then speaks of all. The offset of
+    /// untared recordings is taken off, as in every figure that is not called otherwise.
     pub held_out: WrenchErrors,
     /// The same over weak windows.
     pub held_out_weak: WindowErrors,
+    /// As `held_out`, with the offset of untared recordings still in it; equal where there are none.
+    pub held_out_as_measured: WrenchErrors,
+    /// As `held_out_weak`, with the offset still in it.
+    pub held_out_weak_as_measured: WindowErrors,
     /// Residual wrench in flight: of held-out flights where there are any, else of all.
     pub flight: FlightErrors,
     /// The same frames, root and world axes.
@@ -49,12 +55,21 @@ pub struct TrialComparison {
     pub held_out_flight: bool,
     /// Number of flights.
     pub flights: usize,
-    /// Frames in contact.
+    /// True when its plates were never unloaded ([`TrialInput::untared`], and no flights).
+    pub untared: bool,
+    /// What was taken off for this model; none where plates were tared, or contact was too short for an offset (2 s), or the model
+    /// has no mass that could be brought to the known one.
+    pub offset: Option<RecordingOffset>,
+    /// Frames in contact, the offset taken off.
     pub contact: WrenchErrors,
     /// Frames in flight (the measured wrench is zero).
     pub flight: WrenchErrors,
-    /// Weak windows in contact.
+    /// Weak windows in contact, the offset taken off.
     pub contact_weak: WindowErrors,
+    /// Frames in contact with the offset still in them.
+    pub contact_as_measured: WrenchErrors,
+    /// Weak windows in contact with the offset still in them.
+    pub contact_weak_as_measured: WindowErrors,
     /// Weak windows in flight.
     pub flight_weak: WindowErrors,
 }
@@ -128,7 +143,7 @@ pub fn compare(
     let windows: Vec<TrialWindows> = trials
         .par_iter()
         .enumerate()
-        .map(|(i, t)| trial_windows(body, candidates, i, t, options))
+        .map(|(i, t)| trial_windows(body, candidates, i, t, &frames[i].offsets, options))
         .collect::<Result<_, _>>()?;
     let counting = Counting::new(trials, &frames);
     let noise_floor = match filtering {
@@ -172,6 +187,7 @@ fn model_comparison(
 ) -> ModelComparison {
     let (mut contact, mut flight) = (WrenchSums::default(), WrenchSums::default());
     let (mut contact_weak, mut flight_weak) = (Sums::default(), Sums::default());
+    let (mut as_measured, mut weak_as_measured) = (WrenchSums::default(), Sums::default());
     let mut contact_segments =
         SegmentSums::new(body.model.n_links(), inputs.first().map_or(0, |_| segments_of(frames)));
     let mut flight_segments = contact_segments.clone();
@@ -180,11 +196,13 @@ fn model_comparison(
         let (mut of_contact, mut of_flight) = (WrenchSums::default(), WrenchSums::default());
         for r in &frames.records {
             let sums = if r.place.phase.is_contact() { &mut of_contact } else { &mut of_flight };
-            sums.add(&r.residual[c], &r.world_from_root);
+            sums.add(&r.residual[c], &r.world_from_root.rotation);
         }
         if input.held_out_contact {
             contact.merge(&of_contact);
             contact_weak.merge(&windows.contact[c]);
+            as_measured.merge(&frames.contact_as_measured[c]);
+            weak_as_measured.merge(&windows.contact_as_measured[c]);
         }
         if counting.contact(input) {
             contact_segments.merge(&frames.contact_segments);
@@ -199,10 +217,14 @@ fn model_comparison(
             held_out_contact: input.held_out_contact,
             held_out_flight: input.held_out_flight,
             flights: input.flights.len(),
+            untared: sought(input),
+            offset: frames.offsets[c],
             contact: of_contact.errors(),
             flight: of_flight.errors(),
             contact_weak: windows.contact[c].windows(),
             flight_weak: windows.flight[c].windows(),
+            contact_as_measured: frames.contact_as_measured[c].errors(),
+            contact_weak_as_measured: windows.contact_as_measured[c].windows(),
         });
     }
     let flight_wrench = flight.errors();
@@ -218,6 +240,8 @@ fn model_comparison(
         model: candidate.name.clone(),
         held_out: contact.errors(),
         held_out_weak: contact_weak.windows(),
+        held_out_as_measured: as_measured.errors(),
+        held_out_weak_as_measured: weak_as_measured.windows(),
         flight: (&flight_wrench).into(),
         flight_wrench,
         flight_weak: flight_weak.windows(),

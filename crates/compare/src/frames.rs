@@ -1,11 +1,12 @@
 //! Predicted against measured wrench, frame by frame, in root axes about the root origin.
 
-use crate::errors::{halves, joined};
+use crate::errors::{WrenchSums, halves, joined, rotated};
+use crate::offset::{OffsetSamples, mass_ratio, sought};
 use crate::phase::{Place, places};
 use crate::segments::SegmentSums;
-use crate::{Body, Candidate, CompareOptions, Phase, TrialInput};
+use crate::{Body, Candidate, CompareOptions, Phase, RecordingOffset, TrialInput};
 use aloft_body::State;
-use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector6};
+use nalgebra::{DMatrix, DVector, Isometry3, Vector6};
 use serde::{Deserialize, Serialize};
 
 /// Measured and predicted wrench of one trial, for plots: root axes about the root origin, force (N) then moment (N·m).
@@ -19,7 +20,8 @@ pub struct TrialSeries {
     pub phase: Vec<Option<Phase>>,
     /// True inside a flight, margins included.
     pub in_flight: Vec<bool>,
-    /// Measured by the plates, zero in flight, NaN where nothing complete was measured.
+    /// Measured by the plates, zero in flight, NaN where nothing complete was measured. As measured: the offset of an untared
+    /// recording ([`RecordingOffset`], another one for each model) is still in it.
     pub measured: Vec<Vector6<f64>>,
     /// Predicted, `predicted[model][frame]`, NaN where the frame has no motion.
     pub predicted: Vec<Vec<Vector6<f64>>>,
@@ -40,10 +42,11 @@ pub(crate) struct Features {
 
 /// A frame that counts.
 pub(crate) struct FrameRecord {
+    pub frame: usize,
     pub place: Place,
-    pub world_from_root: UnitQuaternion<f64>,
+    pub world_from_root: Isometry3<f64>,
     pub features: Features,
-    /// Predicted − measured of each model.
+    /// Predicted − measured of each model, the recording's offset taken off.
     pub residual: Vec<Vector6<f64>>,
 }
 
@@ -53,6 +56,10 @@ pub(crate) struct TrialFrames {
     pub series: TrialSeries,
     pub contact_segments: SegmentSums,
     pub flight_segments: SegmentSums,
+    /// The recording's offset by each model.
+    pub offsets: Vec<Option<RecordingOffset>>,
+    /// Errors in contact with the offset still in them, of each model.
+    pub contact_as_measured: Vec<WrenchSums>,
 }
 
 /// The world wrench about the world origin, seen from the root.
@@ -109,16 +116,18 @@ pub(crate) fn trial_frames(
         predicted: vec![vec![missing; n]; candidates.len()],
     };
     let mut out_records = Vec::with_capacity(places.iter().flatten().count());
-    let mut contact_segments = SegmentSums::new(model.n_links(), candidates.len());
-    let mut flight_segments = contact_segments.clone();
+    let mut samples = sought(input).then(|| OffsetSamples::new(candidates.len()));
+    let ratios: Vec<f64> =
+        parameters.row(0).iter().map(|m| mass_ratio(options.mass_kg, *m).unwrap_or(f64::NAN)).collect();
     let mut state = State::new(model);
     let mut rows = DMatrix::zeros(6, body.base.len());
-    let mut full = DMatrix::zeros(6, 10 * model.n_links());
     let mut wrench = DMatrix::zeros(6, candidates.len());
+    let mut body_alone = wrench.clone();
     for f in (0..n).filter(|&f| is_solved[f]) {
         state.forward_acceleration(model, motion.q(f), motion.v(f), motion.a(f));
         state.base_wrench_rows(model, body.base, &mut rows);
         wrench.gemm(1.0, &rows, &parameters, 0.0);
+        body_alone.copy_from(&wrench);
         let world_from_root = state.world_from_link[0];
         if let Some(effects) = input.effects {
             for (c, theta) in coefficients.iter().enumerate().filter(|(_, t)| t.iter().any(|x| *x != 0.0)) {
@@ -138,18 +147,22 @@ pub(crate) fn trial_frames(
         }
         let Some(place) = places[f] else { continue };
         let residual: Vec<Vector6<f64>> = series.predicted.iter().map(|p| p[f] - in_root).collect();
-        state.base_wrench_regressor(model, &mut full);
-        let segments = if place.phase.is_contact() { &mut contact_segments } else { &mut flight_segments };
-        segments.add(&state, &full, &residual);
-
+        if let Some(samples) = samples.as_mut().filter(|_| place.phase.is_contact()) {
+            let excess = residual.iter().zip(body_alone.column_iter()).zip(&ratios).map(|((e, own), ratio)| {
+                let to_known_mass: Vector6<f64> = own.fixed_rows::<6>(0) * (ratio - 1.0);
+                -rotated(&(e + to_known_mass), &world_from_root.rotation)
+            });
+            samples.add(world_from_root.translation.vector, excess);
+        }
         let com = state.center_of_mass(body.prior).1;
         let lowest = state.world_from_link.iter().map(|p| p.translation.z).fold(f64::INFINITY, f64::min);
         let mass = parameters[(0, 0)];
         let (force, _) = halves(&series.predicted[0][f]);
         let acceleration = world_from_root.rotation * force / mass + model.gravity_mps2;
         out_records.push(FrameRecord {
+            frame: f,
             place,
-            world_from_root: world_from_root.rotation,
+            world_from_root,
             features: Features {
                 speed: state.center_of_mass_velocity(body.prior).norm(),
                 acceleration: acceleration.norm(),
@@ -159,5 +172,41 @@ pub(crate) fn trial_frames(
             residual,
         });
     }
-    TrialFrames { records: out_records, series, contact_segments, flight_segments }
+    let mut contact_as_measured = vec![WrenchSums::default(); candidates.len()];
+    for r in out_records.iter().filter(|r| r.place.phase.is_contact()) {
+        for (sums, e) in contact_as_measured.iter_mut().zip(&r.residual) {
+            sums.add(e, &r.world_from_root.rotation);
+        }
+    }
+    let offsets = samples.map_or_else(|| vec![None; candidates.len()], |s| s.offsets(motion.rate_hz));
+    take_off(&mut out_records, &offsets);
+    let [contact_segments, flight_segments] = segments(body, candidates.len(), input, &out_records);
+    TrialFrames { records: out_records, series, contact_segments, flight_segments, offsets, contact_as_measured }
+}
+
+/// The measured wrench less the offset: what is predicted beyond it grows by as much.
+fn take_off(records: &mut [FrameRecord], offsets: &[Option<RecordingOffset>]) {
+    for r in records.iter_mut().filter(|r| r.place.phase.is_contact()) {
+        for (e, offset) in r.residual.iter_mut().zip(offsets) {
+            if let Some(offset) = offset {
+                *e += into_root(&offset.wrench(), &r.world_from_root);
+            }
+        }
+    }
+}
+
+/// Which link could carry the error, `[contact, flight]`.
+fn segments(body: &Body<'_>, models: usize, input: &TrialInput<'_>, records: &[FrameRecord]) -> [SegmentSums; 2] {
+    let (model, motion) = (body.model, input.motion);
+    let mut contact = SegmentSums::new(model.n_links(), models);
+    let mut flight = contact.clone();
+    let mut state = State::new(model);
+    let mut full = DMatrix::zeros(6, 10 * model.n_links());
+    for r in records {
+        state.forward_acceleration(model, motion.q(r.frame), motion.v(r.frame), motion.a(r.frame));
+        state.base_wrench_regressor(model, &mut full);
+        let sums = if r.place.phase.is_contact() { &mut contact } else { &mut flight };
+        sums.add(&state, &full, &r.residual);
+    }
+    [contact, flight]
 }

@@ -75,7 +75,7 @@ pub struct TrialInput<'a> {
     pub motion: &'a Motion,
     /// The same motion before filtering, for weak windows and the noise floor; without it both are left out.
     pub unfiltered: Option<&'a Motion>,
-    /// Measured wrench at the motion's frames, tared; without plates the trial speaks in flight only.
+    /// Measured wrench at the motion's frames, tared where it can be; without plates the trial speaks in flight only.
     pub measured: Option<&'a Measured>,
     /// Flights, `first..end` (end not included).
     pub flights: &'a [Range<usize>],
@@ -87,6 +87,9 @@ pub struct TrialInput<'a> {
     pub held_out_contact: bool,
     /// True when no flight of this trial was used.
     pub held_out_flight: bool,
+    /// True when a plate was loaded all the time, so that nothing tells what it reads unloaded. A constant wrench of the recording is
+    /// then taken off for each model ([`RecordingOffset`](crate::RecordingOffset)). Without effect in a trial that has flights.
+    pub untared: bool,
 }
 
 impl<'a> TrialInput<'a> {
@@ -101,6 +104,7 @@ impl<'a> TrialInput<'a> {
             effects: None,
             held_out_contact: true,
             held_out_flight: true,
+            untared: false,
         }
     }
     pub(crate) fn check(&self, body: &Body<'_>) -> Result<(), CompareError> {
@@ -159,6 +163,9 @@ pub struct CompareOptions {
     pub noise_draws: usize,
     /// Seed of the drawn noise.
     pub seed: u64,
+    /// Mass of the body from a scale, kg. While the offset of an untared recording is sought, each model is brought to it, so that
+    /// the offset does not hide a wrong mass. Without it, each model's own.
+    pub mass_kg: Option<f64>,
 }
 
 impl Default for CompareOptions {
@@ -171,6 +178,7 @@ impl Default for CompareOptions {
             window_s: 0.3,
             noise_draws: 2,
             seed: 1,
+            mass_kg: None,
         }
     }
 }

@@ -8,6 +8,9 @@
 //! single frames (what inverse dynamics would show, limited by the noise of second derivatives), weak windows (the model's own error),
 //! and the noise floor (what noise alone makes in either). Several models (identified, prior, …) are compared on the same motion.
 //!
+//! Plates that were never unloaded in a recording cannot be tared. Where [`TrialInput::untared`] says so, a constant wrench of the
+//! recording is taken off for each model ([`RecordingOffset`]) and all figures are without it; `…_as_measured` are with it.
+//!
 //! ```no_run
 //! # fn f(body: aloft_compare::Body<'_>, motion: &aloft_body::Motion, flights: &[std::ops::Range<usize>],
 //! #      identified: nalgebra::DVector<f64>) -> Result<(), aloft_compare::CompareError> {
@@ -29,6 +32,7 @@ mod frames;
 mod input;
 mod measured;
 mod noise_floor;
+mod offset;
 mod phase;
 mod segments;
 mod windows;
@@ -42,5 +46,6 @@ pub use frames::TrialSeries;
 pub use input::{Body, Candidate, CompareOptions, TrialInput};
 pub use measured::{Measured, measured_wrench};
 pub use noise_floor::{NoiseFloor, Smooth};
+pub use offset::RecordingOffset;
 pub use phase::Phase;
 pub use segments::SegmentShare;

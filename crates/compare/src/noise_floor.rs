@@ -226,7 +226,7 @@ fn add_windows(
             };
             let (plain, noisy) = (of(clean, &silent)?, of(noisy, plates.unwrap_or(&silent))?);
             let weak = if flying { &mut sums.flight_weak } else { &mut sums.contact_weak };
-            for (a, b) in plain[0].iter().zip(&noisy[0]) {
+            for (a, b) in plain.residual[0].iter().zip(&noisy.residual[0]) {
                 weak.add(&(b - a));
             }
         }

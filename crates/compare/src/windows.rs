@@ -3,13 +3,13 @@
 //! On single frames the noise of twice-differentiated positions hides the model; over a window of 0.3 s it is an order of magnitude
 //! smaller, and what remains is the model's. World axes, moments about a smooth path near the centre of mass.
 
-use crate::errors::Sums;
+use crate::errors::{Sums, halves, joined};
 use crate::frames::complete;
 use crate::phase::weak_stretches;
-use crate::{Body, Candidate, CompareError, CompareOptions, TrialInput};
+use crate::{Body, Candidate, CompareError, CompareOptions, RecordingOffset, TrialInput};
 use aloft_body::Motion;
 use aloft_regressor::{Acting, RegressorError, Stretch, WeakOptions, WeakRows, weak_rows};
-use nalgebra::{DVector, Vector6};
+use nalgebra::{DVector, Vector3, Vector6};
 use std::ops::Range;
 
 /// Errors over the windows of one trial, `[contact, flight]` for each model.
@@ -17,6 +17,8 @@ use std::ops::Range;
 pub(crate) struct TrialWindows {
     pub contact: Vec<Sums>,
     pub flight: Vec<Sums>,
+    /// Contact with the recording's offset still in it.
+    pub contact_as_measured: Vec<Sums>,
 }
 
 /// Frames left out at both ends of a flight: its edges are known within two frames.
@@ -27,11 +29,13 @@ pub(crate) fn trial_windows(
     candidates: &[Candidate],
     index: usize,
     input: &TrialInput<'_>,
+    offsets: &[Option<RecordingOffset>],
     options: &CompareOptions,
 ) -> Result<TrialWindows, CompareError> {
     let mut out = TrialWindows {
         contact: vec![Sums::default(); candidates.len()],
         flight: vec![Sums::default(); candidates.len()],
+        contact_as_measured: vec![Sums::default(); candidates.len()],
     };
     let Some(motion) = input.unfiltered else { return Ok(out) };
     let series = input.measured.map(|m| m.unfiltered.as_slice());
@@ -40,15 +44,37 @@ pub(crate) fn trial_windows(
     let names = input.effects.map_or(&[][..], |e| &e.names);
     let coefficients: Vec<DVector<f64>> = candidates.iter().map(|c| c.coefficients(names)).collect();
     let acting = Acting { measured: series, effects: input.effects };
-    for (runs, sums, flying) in [(contact, &mut out.contact, false), (flights, &mut out.flight, true)] {
-        for (i, run) in runs.into_iter().enumerate() {
-            let windows = window_residuals(body, motion, i, &run, flying, acting, options, &parameters, &coefficients)?;
-            for (sums, windows) in sums.iter_mut().zip(&windows) {
-                windows.iter().for_each(|e| sums.add(e));
+    for (i, run) in contact.iter().enumerate() {
+        let found = window_residuals(body, motion, i, run, false, acting, options, &parameters, &coefficients)?;
+        for (c, windows) in found.residual.iter().enumerate() {
+            for (e, path) in windows.iter().zip(&found.path) {
+                out.contact_as_measured[c].add(e);
+                out.contact[c].add(&offsets[c].as_ref().map_or(*e, |o| e + about(&o.wrench(), path)));
             }
         }
     }
+    for (i, run) in flights.iter().enumerate() {
+        let found = window_residuals(body, motion, i, run, true, acting, options, &parameters, &coefficients)?;
+        for (sums, windows) in out.flight.iter_mut().zip(&found.residual) {
+            windows.iter().for_each(|e| sums.add(e));
+        }
+    }
     Ok(out)
+}
+
+/// A wrench about the world origin with its moment about another point.
+fn about(wrench: &Vector6<f64>, point: &Vector3<f64>) -> Vector6<f64> {
+    let (force, moment) = halves(wrench);
+    joined(&force, &(moment - point.cross(&force)))
+}
+
+/// Window averages of one run.
+#[derive(Debug, Clone)]
+pub(crate) struct RunWindows {
+    /// Of the error, `[model][window]`.
+    pub residual: Vec<Vec<Vector6<f64>>>,
+    /// Of the point about which moments are taken, one for each window, m.
+    pub path: Vec<Vector3<f64>>,
 }
 
 /// Runs of contact and flights for windows.
@@ -68,7 +94,7 @@ pub(crate) fn stretches(
     )
 }
 
-/// Window averages of the error in one run, `[model][window]`; empty where the run is shorter than a window (in contact) or than
+/// Window averages of the error in one run; empty where the run is shorter than a window (in contact) or than
 /// any window at all (flights use shorter windows when they must).
 pub(crate) fn window_residuals(
     body: &Body<'_>,
@@ -80,8 +106,8 @@ pub(crate) fn window_residuals(
     options: &CompareOptions,
     parameters: &[&DVector<f64>],
     coefficients: &[DVector<f64>],
-) -> Result<Vec<Vec<Vector6<f64>>>, CompareError> {
-    let nothing = || Ok(vec![Vec::new(); parameters.len()]);
+) -> Result<RunWindows, CompareError> {
+    let nothing = || Ok(RunWindows { residual: vec![Vec::new(); parameters.len()], path: Vec::new() });
     let seconds = run.len() as f64 / motion.rate_hz;
     if !flying && seconds < options.window_s {
         return nothing();
@@ -94,10 +120,20 @@ pub(crate) fn window_residuals(
     let margin_s = if flying { FLIGHT_MARGIN_FRAMES / motion.rate_hz } else { 0.0 };
     let weak = WeakOptions { window_s: Some(options.window_s), margin_s, ..WeakOptions::default() };
     match weak_rows(body.model, body.base, body.prior, motion, &stretch, acting, &weak) {
-        Ok(rows) => Ok(residuals(&rows, parameters, coefficients)),
+        Ok(rows) => Ok(RunWindows { residual: residuals(&rows, parameters, coefficients), path: path(&rows) }),
         Err(RegressorError::TooShort { .. }) => nothing(),
         Err(error) => Err(error.into()),
     }
+}
+
+/// ∫ψ o dt / ∫ψ dt of the moment origin o in each window.
+fn path(rows: &WeakRows) -> Vec<Vector3<f64>> {
+    let per_second = 1.0 / rows.test.integral_s();
+    let psi = &rows.test.psi;
+    rows.origin
+        .iter()
+        .map(|origin| origin.iter().zip(psi).map(|(o, psi)| o.position * (psi * per_second)).sum())
+        .collect()
 }
 
 /// The weak rows times the parameters of each model, over ∫ψ.

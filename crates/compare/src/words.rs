@@ -30,6 +30,7 @@ pub(crate) fn words(model: &ModelComparison, beside: &[ModelComparison], floor: 
             String::new()
         }
     ));
+    out.extend(offsets(model));
     if let Some(floor) = floor {
         let (on_frames, on_windows) =
             if contact { (&floor.contact, &floor.contact_weak) } else { (&floor.flight, &floor.flight_weak) };
@@ -117,6 +118,44 @@ pub(crate) fn words(model: &ModelComparison, beside: &[ModelComparison], floor: 
         ));
     }
     out
+}
+
+/// What was taken off recordings whose plates were never unloaded, and the error with it.
+fn offsets(model: &ModelComparison) -> Vec<String> {
+    let mut out = Vec::new();
+    for t in model.trials.iter().filter(|t| t.untared && t.contact.frames > 0) {
+        out.push(match &t.offset {
+            Some(o) => format!(
+                "The plates of {} were never unloaded: a constant wrench of ({}) N and ({}) N·m about the world origin was taken off \
+                 (every model has its own, this is that of `{}`); it would hide a constant error of the model of the same size.",
+                t.trial,
+                signed(&o.force_n),
+                signed(&o.moment_nm),
+                model.model
+            ),
+            None => format!(
+                "The plates of {} were never unloaded, and no constant could be taken off: their offset counts as error of the model.",
+                t.trial
+            ),
+        });
+    }
+    if model.trials.iter().any(|t| t.held_out_contact && t.offset.is_some()) {
+        let (frames, windows) = (&model.held_out_as_measured, &model.held_out_weak_as_measured);
+        out.push(format!(
+            "As measured, with such constants, the mean error in held-out contact is {} on single frames{}.",
+            pair(frames.force_n.mean_mae(), frames.moment_nm.mean_mae()),
+            if windows.windows > 0 {
+                format!(" and {} over weak windows", pair(windows.force_n.mean_mae(), windows.moment_nm.mean_mae()))
+            } else {
+                String::new()
+            }
+        ));
+    }
+    out
+}
+
+fn signed(values: &[f64; 3]) -> String {
+    values.map(|x| format!("{x:+.2}")).join(", ")
 }
 
 /// Share of a mean square above the floor's.

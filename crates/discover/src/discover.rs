@@ -1,16 +1,16 @@
 //! The rounds: rank, judge, add, rank again.
 
-use crate::candidate::Scored;
+use crate::candidate::{Scored, Variant};
 use crate::placebo::PLACEBOS;
 use crate::problem::{Domain, Problem};
 use crate::rank::{EffectScore, cosine, judged_in, null_ratios, score_effect};
-use crate::result::{Candidate, Confusion, Discovery, Estimate, Found, Round, Verdict};
+use crate::result::{Alternative, Candidate, Confusion, Discovery, Estimate, Found, Round, Verdict};
 use crate::session::Session;
 use crate::statistics::{jackknife_se, ratio_interval, resamples, sign_flip_p};
 use crate::{DiscoverError, words};
 use aloft_effects::{Choice, Effect};
 use aloft_regressor::StretchKind;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -20,6 +20,11 @@ use serde::{Deserialize, Serialize};
 pub struct DiscoverOptions {
     /// A held-out ratio above this is never believed.
     pub belief: f64,
+    /// The same for faults of kinematics (soft tissue, joint centres, filters, camera volume, flight edges). Every recording has some of them, so
+    /// only a great one is worth a name, and only before any other effect was found.
+    pub belief_kinematics: f64,
+    /// The same for faults of plates: every plate drifts a little.
+    pub belief_plates: f64,
     /// Draws of flipped signs for the null distribution.
     pub null_draws: usize,
     /// Resamples of clusters for intervals.
@@ -44,6 +49,8 @@ impl Default for DiscoverOptions {
     fn default() -> Self {
         Self {
             belief: 0.90,
+            belief_kinematics: 0.75,
+            belief_plates: 0.80,
             null_draws: 200,
             resamples: 500,
             rounds: 3,
@@ -86,11 +93,11 @@ pub fn discover(
     let mut before = f64::NAN;
     let mut after = f64::NAN;
     // a variant found in flight also acts in contact, so its columns are made anew for every domain
-    let mut kept: Vec<crate::candidate::Variant<'_>> = Vec::new();
+    let mut kept: Vec<Variant<'_>> = Vec::new();
     for domain in domains {
         let mut first_gain: Option<f64> = None;
         for _ in 0..options.rounds.max(1) {
-            let extra = extra_columns(session, domain, accepted, &kept);
+            let extra = extra_columns(session, domain, accepted, &kept, &found);
             let problem = match Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight) {
                 Ok(problem) => problem,
                 // too few contact stretches are no reason to give up on flights
@@ -199,26 +206,47 @@ fn wanted(effect: &dyn Effect, options: &DiscoverOptions) -> bool {
     (options.only.is_empty() || named(&options.only)) && !named(&options.without)
 }
 
-/// Columns of effects in the model, by block.
+/// Columns of effects in the model, by block; of nonlinear ones found in an earlier round also the derivatives by their parameters, so that a small
+/// error in these does not pass for another effect.
 fn extra_columns(
     session: &Session<'_>,
     domain: Domain,
     accepted: &[Choice<'_>],
-    kept: &[crate::candidate::Variant<'_>],
+    kept: &[Variant<'_>],
+    found: &[Found],
 ) -> Vec<Vec<DMatrix<f64>>> {
     let mut out: Vec<Vec<DMatrix<f64>>> =
         accepted.iter().filter_map(|c| session.columns(c.effect, c.target, &c.nonlinear, domain)).collect();
-    for v in kept {
-        if let Some(mut columns) = session.columns(v.effect, v.target, &v.nonlinear, domain) {
-            if !v.group.is_empty() {
-                for (block, c) in session.blocks.iter().zip(&mut columns) {
-                    if !v.group[block.trial] {
-                        c.fill(0.0);
+    for (i, v) in kept.iter().enumerate() {
+        let at = |p: &[f64]| {
+            session.columns(v.effect, v.target, p, domain).map(|mut columns| {
+                if !v.group.is_empty() {
+                    for (block, c) in session.blocks.iter().zip(&mut columns) {
+                        if !v.group[block.trial] {
+                            c.fill(0.0);
+                        }
                     }
                 }
+                columns
+            })
+        };
+        let Some(columns) = at(&v.nonlinear) else { continue };
+        if let Some(found) = found.get(i) {
+            let theta = DVector::from_iterator(columns[0].ncols(), found.coefficients.iter().map(|e| e.value));
+            for (k, q) in v.effect.nonlinear(session.scene, v.target).iter().enumerate() {
+                let mut p = v.nonlinear.clone();
+                let h = if p[k] + 0.02 * q.scale > q.upper { -0.02 * q.scale } else { 0.02 * q.scale };
+                p[k] += h;
+                if let Some(moved) = at(&p) {
+                    let of = |(a, b): (&DMatrix<f64>, &DMatrix<f64>)| {
+                        let slope: DVector<f64> = (a - b) * &theta / h;
+                        DMatrix::from_column_slice(slope.len(), 1, slope.as_slice())
+                    };
+                    out.push(moved.iter().zip(&columns).map(of).collect());
+                }
             }
-            out.push(columns);
         }
+        out.push(columns);
     }
     // an effect that does nothing here would leave the rows singular
     out.retain(|e| e.iter().any(|m| m.norm_squared() > 0.0));
@@ -229,7 +257,7 @@ fn extra_columns(
 fn refit_found(
     session: &Session<'_>,
     accepted: &[Choice<'_>],
-    kept: &[crate::candidate::Variant<'_>],
+    kept: &[Variant<'_>],
     found: &mut [Found],
     options: &DiscoverOptions,
 ) {
@@ -237,10 +265,10 @@ fn refit_found(
         return;
     }
     for i in 0..kept.len() {
-        let others: Vec<crate::candidate::Variant<'_>> =
+        let others: Vec<Variant<'_>> =
             kept.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, v)| v.clone()).collect();
         let domain = if kept[i].effect.acts().in_flight() { Domain::Flight } else { Domain::Contact };
-        let extra = extra_columns(session, domain, accepted, &others);
+        let extra = extra_columns(session, domain, accepted, &others, &[]);
         let Ok(problem) = Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight) else {
             continue;
         };
@@ -249,8 +277,8 @@ fn refit_found(
             let columns = kept[i].columns(session, &problem);
             columns.map(|c| crate::candidate::score(&problem, kept[i].clone(), &problem.reduce(&c)))
         } else {
-            crate::nonlinear::improve(session, &problem, &kept[i])
-                .and_then(|v| crate::nonlinear::score_fitted(session, &problem, v))
+            crate::nonlinear::improve(session, &problem, &kept[i], crate::rank::FULL_STEPS)
+                .and_then(|(v, _)| crate::nonlinear::score_fitted(session, &problem, v))
         };
         if let Some(scored) = scored {
             found[i] = as_found(session, &scored);
@@ -359,7 +387,7 @@ fn run_round<'a>(
             let beaten = null.iter().filter(|n| **n <= ratio).count();
             let believed = !score.placebo
                 && plausible
-                && ratio < threshold
+                && ratio < threshold.min(limit(score.effect.id(), already.is_empty(), options))
                 && ci95[1] < 1.0
                 && score.mean_square(problem) < placebo;
             Candidate {
@@ -381,6 +409,7 @@ fn run_round<'a>(
                 plausible,
                 believed,
                 placebo: score.placebo,
+                alternatives: alternatives(session, problem, score),
             }
         })
         .collect();
@@ -401,6 +430,32 @@ fn run_round<'a>(
         candidates,
     };
     (round, scores)
+}
+
+/// The best variant of every target, best first.
+fn alternatives(session: &Session<'_>, problem: &Problem, score: &EffectScore<'_>) -> Vec<Alternative> {
+    let mut out: Vec<Alternative> = Vec::new();
+    let mut order: Vec<&Scored<'_>> = score.scored.iter().collect();
+    order.sort_by(|a, b| a.fold_error.iter().sum::<f64>().total_cmp(&b.fold_error.iter().sum()));
+    for s in order {
+        let key = key_of(session, s);
+        if out.len() < 5 && !out.iter().any(|a| a.key == key) {
+            let error: f64 = s.fold_error.iter().sum::<f64>() / problem.n_judged as f64;
+            out.push(Alternative { key, held_out_ratio: (error / problem.plain()).sqrt() });
+        }
+    }
+    out
+}
+
+/// Largest ratio at which an effect may be believed.
+fn limit(id: &str, first_round: bool, options: &DiscoverOptions) -> f64 {
+    match id {
+        "soft_tissue" | "joint_centre" | "filter_attenuation" | "camera_warp" | "residual_contact" => {
+            if first_round { options.belief_kinematics } else { 0.0 }
+        }
+        _ if id.starts_with("plate_") || id == "body_mass" => options.belief_plates,
+        _ => options.belief,
+    }
 }
 
 /// Held-out root mean squares of forces (N) and moments (N·m).

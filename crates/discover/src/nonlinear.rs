@@ -11,9 +11,6 @@ use aloft_effects::NonlinearParameter;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-/// Gauss-Newton steps at most.
-const STEPS: usize = 12;
-
 struct Point {
     p: Vec<f64>,
     theta: DVector<f64>,
@@ -84,12 +81,17 @@ fn step(
         .collect()
 }
 
-/// Improves a variant from its values of the nonlinear parameters; `None` where nothing is gained there.
-pub(crate) fn improve<'a>(session: &Session<'_>, problem: &Problem, variant: &Variant<'a>) -> Option<Variant<'a>> {
+/// Improves a variant from its values of the nonlinear parameters by at most `steps` steps, with the gain reached; `None` where nothing is gained.
+pub(crate) fn improve<'a>(
+    session: &Session<'_>,
+    problem: &Problem,
+    variant: &Variant<'a>,
+    steps: usize,
+) -> Option<(Variant<'a>, f64)> {
     let parameters = variant.effect.nonlinear(session.scene, variant.target);
     let mut at = evaluate(session, problem, variant, variant.nonlinear.clone())?;
     let mut damping = 0.03;
-    for _ in 0..STEPS {
+    for _ in 0..steps {
         if at.gain <= 0.0 {
             return None;
         }
@@ -114,7 +116,7 @@ pub(crate) fn improve<'a>(session: &Session<'_>, problem: &Problem, variant: &Va
             break;
         }
     }
-    Some(Variant { nonlinear: at.p, fitted: parameters.len(), ..variant.clone() })
+    Some((Variant { nonlinear: at.p, fitted: parameters.len(), ..variant.clone() }, at.gain))
 }
 
 /// Scores a fitted variant, its nonlinear parameters refitted in every fold.

@@ -13,6 +13,10 @@ use rayon::prelude::*;
 /// Rows that count as one independent observation: windows overlap by three quarters.
 const OVERLAP: f64 = 3.0;
 
+/// Gauss-Newton steps of a first look, and of the final fit.
+const QUICK_STEPS: usize = 5;
+pub(crate) const FULL_STEPS: usize = 20;
+
 /// An effect with its variants and its nested held-out error.
 pub(crate) struct EffectScore<'a> {
     pub effect: &'a dyn Effect,
@@ -54,7 +58,7 @@ pub(crate) fn score_effect<'a>(
     refine: bool,
 ) -> Option<EffectScore<'a>> {
     let targets = effect.targets(session.scene);
-    let nonlinear = targets.first().is_some_and(|t| !effect.nonlinear(session.scene, *t).is_empty());
+    let nonlinear = targets.iter().any(|t| !effect.nonlinear(session.scene, *t).is_empty());
     let screened = screen(session, problem, effect, &targets);
     if screened.is_empty() {
         return None;
@@ -85,8 +89,14 @@ pub(crate) fn score_effect<'a>(
         null.push(of_null);
     }
     if nonlinear && refine {
-        for variant in promising(&scored) {
-            if let Some(better) = improve(session, problem, &variant)
+        // a few steps everywhere, then the best to the end
+        let mut tried: Vec<(Variant<'a>, f64)> = promising(session, &scored)
+            .into_par_iter()
+            .filter_map(|variant| improve(session, problem, &variant, QUICK_STEPS))
+            .collect();
+        tried.sort_by(|a, b| b.1.total_cmp(&a.1));
+        for (variant, _) in tried.into_iter().take(2) {
+            if let Some((better, _)) = improve(session, problem, &variant, FULL_STEPS)
                 && let Some(fitted) = score_fitted(session, problem, better)
             {
                 scored.push(fitted);
@@ -112,16 +122,19 @@ pub(crate) fn score_effect<'a>(
     Some(EffectScore { effect, scored, best, fold_error, placebo, null })
 }
 
-/// The variants from which others start: the three best of different targets, and the second best of the best target.
-fn promising<'a>(scored: &[Scored<'a>]) -> Vec<Variant<'a>> {
+/// The variants from which others start: the best of every target where there are few, of the seven best else, and the next two of the best.
+fn promising<'a>(session: &Session<'_>, scored: &[Scored<'a>]) -> Vec<Variant<'a>> {
     let mut order: Vec<usize> = (0..scored.len()).filter(|&i| scored[i].gain > 0.0).collect();
     order.sort_by(|&a, &b| scored[b].gain.total_cmp(&scored[a].gain));
     let mut out: Vec<Variant<'a>> = Vec::new();
     for &i in &order {
         let v = &scored[i].variant;
+        if v.effect.nonlinear(session.scene, v.target).is_empty() {
+            continue;
+        }
         let of_target = out.iter().filter(|o| o.target == v.target).count();
         let first = out.first().is_none_or(|o| o.target == v.target);
-        if of_target < if first { 2 } else { 1 } && out.len() < 4 {
+        if of_target < if first { 3 } else { 1 } && out.len() < 9 {
             out.push(v.clone());
         }
     }

@@ -83,6 +83,17 @@ pub struct Candidate {
     pub believed: bool,
     /// True for an effect that does not exist.
     pub placebo: bool,
+    /// The same effect on other targets, best first (this one included).
+    pub alternatives: Vec<Alternative>,
+}
+
+/// An effect on one target.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Alternative {
+    /// Effect with target.
+    pub key: String,
+    /// Held-out ratio of this target alone.
+    pub held_out_ratio: f64,
 }
 
 /// One round: the ranking against a model, and what was concluded.

@@ -36,6 +36,7 @@ mod definition;
 mod displacement;
 mod effect;
 mod error;
+mod formula;
 mod inertia;
 mod scene;
 mod series;
@@ -48,6 +49,9 @@ pub use definition::{
 };
 pub use effect::Effect;
 pub use error::EffectsError;
+pub use formula::{
+    CompiledFormula, FormulaAxes, FormulaCoefficient, FormulaEffect, FormulaParameter, FormulaPoint,
+};
 pub use scene::{AIR_DENSITY_KGPM3, Scene};
 pub use series::{EffectFrame, LinkFrame, PlateFrame, PlateSeries, Series, Span, TrialMotion};
 

@@ -261,7 +261,12 @@ impl Fit {
         } else {
             Vec::new()
         };
-        let freedom = if robust { resampled.len() - 1 } else { system.n_rows().saturating_sub(solution.effective_parameters as usize) };
+        let freedom = match (robust, prior) {
+            (true, _) => resampled.len() - 1,
+            // a prior makes intervals those of a normal distribution
+            (false, Some(_)) => usize::MAX,
+            (false, None) => system.n_rows().saturating_sub(solution.effective_parameters as usize),
+        };
         Ok(Self {
             x: solution.x,
             n_parameters: merged.n_parameters(),

@@ -170,60 +170,22 @@ impl Problem {
         0.5 * (&self.rows * y - &self.right).norm_squared() + 0.5 * self.prior_weight * y.norm_squared() + mu * divergence
     }
 
-    fn solve(&self, mu: f64) -> Result<ConsistentLinks, IdentifyError> {
+    /// The minimum for the weight `target` of the divergence. The path leads there from the prior, the minimum for a great weight, in steps of
+    /// a tenth: far from the minimum a small weight would let Newton's method creep along the border of consistency.
+    fn solve(&self, target: f64) -> Result<ConsistentLinks, IdentifyError> {
         let m = self.root.ncols();
-        let basis = pseudo_basis();
         let gram = self.rows.tr_mul(&self.rows) + DMatrix::identity(m, m) * self.prior_weight;
         let mut y = DVector::zeros(m);
-        let mut value = self.value(&y, mu);
-        let mut hessian = gram.clone();
+        let misfit = 0.5 * self.right.norm_squared();
+        let mut mu = target.max(misfit);
         let mut steps = 0;
-        let mut converged = false;
-        while steps < 200 {
-            let phi = self.phi(&y);
-            let (gradient_phi, blocks) = self.divergence(&phi, &basis);
-            let gradient = self.rows.tr_mul(&(&self.rows * &y - &self.right))
-                + &y * self.prior_weight
-                + self.root.tr_mul(&gradient_phi) * mu;
-            hessian.copy_from(&gram);
-            for (j, curvature) in blocks.iter().enumerate() {
-                let rows = self.root.rows(10 * j, 10);
-                hessian += rows.tr_mul(&(curvature * rows * mu));
+        let hessian = loop {
+            let hessian = self.descend(mu, &gram, &mut y, &mut steps)?;
+            if mu <= target {
+                break hessian;
             }
-            let Some(cholesky) = hessian.clone().cholesky() else {
-                return Err(IdentifyError::Numeric("the curvature of the link problem is not positive definite".to_owned()));
-            };
-            let step = cholesky.solve(&gradient);
-            let decrement = gradient.dot(&step);
-            steps += 1;
-            if decrement < 1e-10 {
-                converged = true;
-                break;
-            }
-            let mut length = 1.0;
-            loop {
-                let candidate = &y - &step * length;
-                let next = self.value(&candidate, mu);
-                if next <= value - 1e-4 * length * decrement {
-                    y = candidate;
-                    value = next;
-                    break;
-                }
-                length *= 0.5;
-                if length < 1e-10 {
-                    // the objective no longer falls beyond rounding
-                    converged = decrement < 1e-4;
-                    length = 0.0;
-                    break;
-                }
-            }
-            if length == 0.0 {
-                break;
-            }
-        }
-        if !converged {
-            return Err(IdentifyError::Numeric(format!("consistent links: no minimum after {steps} steps")));
-        }
+            mu = (0.1 * mu).max(target);
+        };
         let phi = self.phi(&y);
         let inverse = hessian
             .clone()
@@ -245,6 +207,58 @@ impl Problem {
             .fold(f64::INFINITY, f64::min);
         let effects = self.effects.of(&phi);
         Ok(ConsistentLinks { phi: phi_links, covariance, effects, steps, smallest_eigenvalue: smallest })
+    }
+
+    /// Newton steps to the minimum for one weight of the divergence; the curvature there.
+    fn descend(
+        &self,
+        mu: f64,
+        gram: &DMatrix<f64>,
+        y: &mut DVector<f64>,
+        steps: &mut usize,
+    ) -> Result<DMatrix<f64>, IdentifyError> {
+        const MOST_STEPS: usize = 100;
+        let basis = pseudo_basis();
+        let mut value = self.value(y, mu);
+        // what rounding leaves of the objective, and what is small against its unit: half a squared standard deviation
+        let enough = |value: f64| 1e-9_f64.max(1e-12 * value);
+        for _ in 0..MOST_STEPS {
+            let phi = self.phi(y);
+            let (gradient_phi, blocks) = self.divergence(&phi, &basis);
+            let gradient = self.rows.tr_mul(&(&self.rows * &*y - &self.right))
+                + &*y * self.prior_weight
+                + self.root.tr_mul(&gradient_phi) * mu;
+            let mut hessian = gram.clone();
+            for (j, curvature) in blocks.iter().enumerate() {
+                let rows = self.root.rows(10 * j, 10);
+                hessian += rows.tr_mul(&(curvature * rows * mu));
+            }
+            let Some(cholesky) = hessian.clone().cholesky() else {
+                return Err(IdentifyError::Numeric("the curvature of the link problem is not positive definite".to_owned()));
+            };
+            let step = cholesky.solve(&gradient);
+            let decrement = gradient.dot(&step);
+            *steps += 1;
+            if decrement < enough(value) {
+                return Ok(hessian);
+            }
+            let mut length = 1.0;
+            loop {
+                let candidate = &*y - &step * length;
+                let next = self.value(&candidate, mu);
+                if next <= value - 1e-4 * length * decrement {
+                    *y = candidate;
+                    value = next;
+                    break;
+                }
+                length *= 0.5;
+                if length < 1e-12 {
+                    // the objective no longer falls beyond rounding
+                    return if decrement < 1e-4 { Ok(hessian) } else { Err(no_minimum(*steps)) };
+                }
+            }
+        }
+        Err(no_minimum(*steps))
     }
 
     /// Gradient of the divergence by φ and its curvature, link by link.
@@ -273,6 +287,10 @@ impl EffectsOf {
         let right = &self.right - &self.coupling * (&self.from_full * phi);
         self.triangle.solve_upper_triangular(&right).unwrap_or_else(|| DVector::zeros(self.right.len()))
     }
+}
+
+fn no_minimum(steps: usize) -> IdentifyError {
+    IdentifyError::Numeric(format!("consistent links: no minimum after {steps} steps"))
 }
 
 fn block(phi: &DVector<f64>, j: usize) -> Phi {

@@ -7,7 +7,7 @@ use crate::{ColumnScaling, Sigma};
 use aloft_body::LinkInertia;
 use aloft_regressor::RowKind;
 use nalgebra::DMatrix;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// How parameters are estimated from the merged factor.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -36,6 +36,15 @@ impl Estimator {
     }
 }
 
+/// JSON has no NaN and no infinity: both are written as null, and null is read as NaN.
+pub(crate) fn nullable<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::NAN))
+}
+
+fn nullable_pair<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 2], D::Error> {
+    Ok(<[Option<f64>; 2]>::deserialize(deserializer)?.map(|x| x.unwrap_or(f64::NAN)))
+}
+
 /// One base parameter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BaseEstimate {
@@ -44,8 +53,10 @@ pub struct BaseEstimate {
     /// Estimate.
     pub value: f64,
     /// Standard error.
+    #[serde(deserialize_with = "nullable")]
     pub se: f64,
     /// 95 % interval.
+    #[serde(deserialize_with = "nullable_pair")]
     pub ci95: [f64; 2],
     /// `kg`, `kg·m` or `kg·m²`.
     pub unit: String,
@@ -67,8 +78,10 @@ pub struct EffectEstimate {
     /// Estimate.
     pub value: f64,
     /// Standard error.
+    #[serde(deserialize_with = "nullable")]
     pub se: f64,
     /// 95 % interval.
+    #[serde(deserialize_with = "nullable_pair")]
     pub ci95: [f64; 2],
 }
 
@@ -130,8 +143,10 @@ pub struct Parameters {
     /// Rows.
     pub n_rows: usize,
     /// Root mean square of the residual rows.
+    #[serde(deserialize_with = "nullable")]
     pub row_rms: f64,
     /// Standard deviation s of a row that weights the prior.
+    #[serde(deserialize_with = "nullable")]
     pub row_sd: f64,
     /// Weight λ of the prior; 0 without.
     pub prior_weight: f64,

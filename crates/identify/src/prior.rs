@@ -113,7 +113,11 @@ impl LinkPrior {
                 }
             }
         }
-        let covariance = &map * numbers * map.transpose();
+        let mut covariance = &map * numbers * map.transpose();
+        for (i, (link, sd)) in links.iter().zip(sd).enumerate() {
+            let mut block = covariance.fixed_view_mut::<10, 10>(10 * i, 10 * i);
+            block += of_second_order(link.mass_kg, sd.com_m);
+        }
         Ok(Self { links: links.to_vec(), mean, covariance })
     }
 
@@ -174,6 +178,24 @@ fn odd_numbers(axis: usize) -> [usize; 3] {
         1 => [2, 7, 9],
         _ => [3, 7, 8],
     }
+}
+
+/// Covariance of what the linear map leaves out: a shift d of the centre of mass also adds m d dᵀ to the second moments about the origin. For
+/// limbs thinner than the shift's standard deviation s it matters as much as the radii: without it a shift would have to be paid
+/// for with thickness. Expected squares: 3 m² s⁴ on the diagonal, m² s⁴ beside it.
+fn of_second_order(mass_kg: f64, com_sd_m: f64) -> SMatrix<f64, 10, 10> {
+    let size = mass_kg * com_sd_m * com_sd_m;
+    let mut map = SMatrix::<f64, 10, 6>::zeros();
+    for k in 0..3 {
+        // I = tr(Σ) 1 − Σ
+        for (row, share) in [(4, 1.0), (5, 1.0), (6, 1.0)] {
+            map[(row, k)] = share;
+        }
+        map[(4 + k, k)] -= 1.0;
+        map[(7 + k, 3 + k)] = -1.0;
+    }
+    let squares = SMatrix::<f64, 6, 1>::from_column_slice(&[3.0, 3.0, 3.0, 1.0, 1.0, 1.0]) * (size * size);
+    map * SMatrix::<f64, 6, 6>::from_diagonal(&squares) * map.transpose()
 }
 
 /// ∂φ/∂numbers at the prior.

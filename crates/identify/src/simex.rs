@@ -5,36 +5,43 @@
 //! all. Weak rows drift by little, acceleration rows at gentle excitation by much.
 
 use crate::IdentifyError;
-use aloft_body::{Model, Motion};
+use aloft_body::{Model, Motion, State};
+use aloft_regressor::CoordinateNoise;
+use aloft_regressor::noise::coordinate_root;
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
-/// A motion with white noise added to its coordinates, `sd[i]` along each of the nv directions (m, rad). Depends on the seed and the frame
-/// number alone. Velocities, accelerations and standard deviations are dropped: they belong to the motion without the noise.
+/// A motion with white noise added to its coordinates, of the covariance that `noise` states times `scale` squared. Depends on the seed and the
+/// frame number alone. Velocities, accelerations and standard deviations are dropped: they belong to the motion without the noise.
 ///
 /// # Errors
-/// [`IdentifyError::Length`] when there is not one standard deviation a direction.
-pub fn add_noise(model: &Model, motion: &Motion, sd: &[f64], seed: u64) -> Result<Motion, IdentifyError> {
-    if sd.len() != model.nv {
-        return Err(IdentifyError::Length { what: "standard deviations of the coordinates", expected: model.nv, found: sd.len() });
-    }
+/// [`IdentifyError::Regressor`] when the noise does not fit the model.
+pub fn add_noise(
+    model: &Model,
+    motion: &Motion,
+    noise: &CoordinateNoise<'_>,
+    scale: f64,
+    seed: u64,
+) -> Result<Motion, IdentifyError> {
     let mut out = motion.clone();
     out.v.clear();
     out.a.clear();
     out.q_sd.clear();
-    let mut step = vec![0.0; model.nv];
-    for frame in 0..motion.n_frames() {
-        if !motion.is_valid(frame) {
-            continue;
-        }
+    let nv = model.nv;
+    let mut state = State::new(model);
+    let mut unit = vec![0.0; nv];
+    let mut step = vec![0.0; nv];
+    for frame in (0..motion.n_frames()).filter(|&f| motion.is_valid(f)) {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(frame as u64);
-        for (step, sd) in step.iter_mut().zip(sd) {
-            let unit: f64 = StandardNormal.sample(&mut rng);
-            *step = sd * unit;
+        unit.iter_mut().for_each(|u| *u = StandardNormal.sample(&mut rng));
+        state.forward_position(model, motion.q(frame));
+        let root = coordinate_root(model, motion, frame, noise, &state)?;
+        for (i, step) in step.iter_mut().enumerate() {
+            *step = scale * (0..nv).map(|j| root[(i, j)] * unit[j]).sum::<f64>();
         }
         model.integrate(motion.q(frame), &step, &mut out.q[frame * model.nq..(frame + 1) * model.nq]);
     }

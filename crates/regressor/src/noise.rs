@@ -68,7 +68,7 @@ pub fn row_covariance(
     noise: &Noise<'_>,
 ) -> Result<Mat<f64>, RegressorError> {
     let nv = model.nv;
-    check_noise(model, motion, noise)?;
+    check_noise(model, motion, &noise.coordinates)?;
     let half = rows.test.half;
     let reach = half + CENTRAL.len() - 1;
     let first = rows.centers.iter().min().map_or(0, |c| c.saturating_sub(reach)).max(stretch.first_frame);
@@ -77,7 +77,7 @@ pub fn row_covariance(
         .into_par_iter()
         .map(|f| {
             if motion.is_valid(f) {
-                FrameNoise::of(model, prior, motion, stretch, f, first, end, noise).map(Some)
+                FrameNoise::of(model, prior, motion, f, first, end, noise).map(Some)
             } else {
                 Ok(None)
             }
@@ -161,8 +161,8 @@ pub(crate) fn whiten(
     Ok(())
 }
 
-fn check_noise(model: &Model, motion: &Motion, noise: &Noise<'_>) -> Result<(), RegressorError> {
-    let (expected, found) = match noise.coordinates {
+fn check_noise(model: &Model, motion: &Motion, noise: &CoordinateNoise<'_>) -> Result<(), RegressorError> {
+    let (expected, found) = match *noise {
         CoordinateNoise::PerCoordinate(sd) => (model.nv, sd.len()),
         CoordinateNoise::FromMotion => (motion.n_frames() * model.nv, motion.q_sd.len()),
         CoordinateNoise::Markers { .. } => return Ok(()),
@@ -218,7 +218,6 @@ impl FrameNoise {
         model: &Model,
         prior: &[Phi],
         motion: &Motion,
-        stretch: &Stretch,
         frame: usize,
         first: usize,
         end: usize,
@@ -273,7 +272,7 @@ impl FrameNoise {
             }
         }
         state.forward_position(model, q);
-        let root = coordinate_root(model, motion, stretch, frame, noise, &state)?;
+        let root = coordinate_root(model, motion, frame, &noise.coordinates, &state)?;
         Ok(Self { by_q, by_v, root, fixed, reach })
     }
 }
@@ -301,19 +300,22 @@ fn moments(state: &State, phi: &[Phi], fixed: &Vector3<f64>) -> SMatrix<f64, 9, 
     out
 }
 
-/// Root L of the covariance LLᵀ of the coordinates in one frame.
-fn coordinate_root(
+/// Root L of the covariance LLᵀ of the coordinates' errors in one frame, nv × nv. `state` must hold the poses of the frame.
+///
+/// # Errors
+/// [`RegressorError::Length`] when standard deviations do not fit the model, [`RegressorError::Numeric`] when one is negative or not finite.
+pub fn coordinate_root(
     model: &Model,
     motion: &Motion,
-    stretch: &Stretch,
     frame: usize,
-    noise: &Noise<'_>,
+    noise: &CoordinateNoise<'_>,
     state: &State,
 ) -> Result<Mat<f64>, RegressorError> {
     let nv = model.nv;
+    check_noise(model, motion, noise)?;
     let numeric = |problem: String| RegressorError::Numeric {
-        trial: stretch.trial.clone(),
-        stretch: stretch.index,
+        trial: motion.trial.clone(),
+        stretch: 0,
         problem: format!("frame {frame}: {problem}"),
     };
     let diagonal = |sd: &[f64]| {
@@ -323,7 +325,7 @@ fn coordinate_root(
             Err(numeric("a standard deviation is negative or not finite".to_owned()))
         }
     };
-    match noise.coordinates {
+    match *noise {
         CoordinateNoise::PerCoordinate(sd) => diagonal(sd),
         CoordinateNoise::FromMotion => diagonal(&motion.q_sd[frame * nv..(frame + 1) * nv]),
         CoordinateNoise::Markers { markers, sd_m } => {

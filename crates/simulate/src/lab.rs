@@ -1,7 +1,9 @@
 //! A laboratory session: trials as structures, then as files.
 
+use crate::check::{check_capture, check_hidden};
 use crate::describe;
 use crate::error::SimulateError;
+use crate::files::c3d;
 use crate::hidden::Hidden;
 use crate::human::Person;
 use crate::human::person::LABELS;
@@ -15,7 +17,6 @@ use crate::physics::{Body, Plant, TrueMotion, Wrench};
 use crate::random::Stream;
 use crate::scenario::{BodySpec, HumanLab, Scenario, ThrowProtocol};
 use crate::truth::{self, TrialTruth, Truth};
-use aloft_c3d::{C3dBuilder, FileEvent, Parameter, PlateDescription};
 use aloft_trial::{Event, Markers, Trial};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -112,70 +113,6 @@ pub fn simulate(scenario: &Scenario) -> Result<Lab, SimulateError> {
     }
 }
 
-fn check_capture(scenario: &Scenario) -> Result<(), SimulateError> {
-    let c = &scenario.capture;
-    scenario.expect("capture.point_rate_hz", c.point_rate_hz, 20.0..=2000.0, "20 to 2000 Hz")?;
-    scenario.expect("capture.analog_per_frame", c.analog_per_frame as f64, 1.0..=50.0, "1 to 50")?;
-    scenario.expect("capture.marker_noise_m", c.marker_noise_m, 0.0..=1.0, "0 to 1 m")?;
-    scenario.expect("capture.soft_tissue_m", c.soft_tissue_m, 0.0..=0.1, "0 to 0.1 m")?;
-    scenario.expect("capture.gap_fraction", c.gap_fraction, 0.0..=0.5, "0 to 0.5")?;
-    scenario.expect("capture.plate_noise_n", c.plate_noise_n, 0.0..=1e3, "0 to 1000 N")?;
-    scenario.expect("capture.plate_drift_n", c.plate_drift_n, 0.0..=1e3, "0 to 1000 N")?;
-    scenario.expect("capture.gravity_mps2", c.gravity_mps2, 0.1..=30.0, "0.1 to 30 m/s²")?;
-    for effect in &scenario.hidden {
-        let field = |name: &str| format!("hidden.{}.{name}", effect.name());
-        match effect {
-            Hidden::TimeBase { true_rate_hz } => {
-                scenario.expect(&field("true_rate_hz"), *true_rate_hz, 20.0..=2000.0, "20 to 2000 Hz")?;
-            }
-            Hidden::WobblingMass { mass_kg, frequency_hz, damping_ratio, .. } => {
-                scenario.expect(&field("mass_kg"), *mass_kg, 1e-6..=1e3, "a positive mass")?;
-                scenario.expect(&field("frequency_hz"), *frequency_hz, 0.5..=60.0, "0.5 to 60 Hz")?;
-                scenario.expect(&field("damping_ratio"), *damping_ratio, 0.0..=2.0, "0 to 2")?;
-            }
-            Hidden::Rotor { axis, .. } => {
-                let length = axis.iter().map(|x| x * x).sum::<f64>();
-                scenario.expect(&field("axis"), length, 1e-12..=f64::MAX, "a direction")?;
-            }
-            _ => {}
-        }
-    }
-    Ok(())
-}
-
-fn check_hidden(scenario: &Scenario, body: &Body, n_plates: usize) -> Result<(), SimulateError> {
-    let model = &body.model;
-    for effect in &scenario.hidden {
-        if let Some(link) = effect.link() {
-            let Some(index) = model.links.iter().position(|l| l.name == link) else {
-                let known: Vec<&str> = model.links.iter().map(|l| l.name.as_str()).collect();
-                return Err(SimulateError::UnknownLink {
-                    scenario: scenario.name.clone(),
-                    effect: effect.name().to_owned(),
-                    link: link.to_owned(),
-                    known: known.join(", "),
-                });
-            };
-            if let Hidden::WobblingMass { mass_kg, .. } = effect {
-                let half = 0.5 * body.phi[index][0];
-                scenario.expect(
-                    "hidden.wobbling_mass.mass_kg",
-                    *mass_kg,
-                    0.0..=half,
-                    "at most half of the link's mass",
-                )?;
-            }
-        }
-        if let Some(plate) = effect.plate()
-            && !(1..=n_plates).contains(&plate)
-        {
-            let effect = effect.name().to_owned();
-            return Err(SimulateError::UnknownPlate { scenario: scenario.name.clone(), effect, plate, n_plates });
-        }
-    }
-    Ok(())
-}
-
 fn true_rate(scenario: &Scenario) -> f64 {
     let stated = scenario.capture.point_rate_hz;
     scenario.hidden.iter().fold(stated, |rate, effect| match effect {
@@ -199,7 +136,10 @@ fn human(scenario: &Scenario, lab: &HumanLab) -> Result<Lab, SimulateError> {
         scenario.expect(&format!("body.protocol.flight_s ({field})"), value, seconds.clone(), "0.2 to 1.2 s")?;
     }
     scenario.expect("body.protocol.vigour", protocol.vigour, 0.0..=1.5, "0 to 1.5")?;
-    scenario.expect("body.protocol.exercise_s", protocol.exercise_s, 0.5..=600.0, "0.5 to 600 s")?;
+    scenario.expect("body.protocol.exercise_s", protocol.exercise_s, 0.5..=120.0, "0.5 to 120 s")?;
+    scenario.expect("body.protocol.jumps", protocol.jumps as f64, 0.0..=200.0, "0 to 200")?;
+    scenario.expect("body.protocol.exercises", protocol.exercises as f64, 0.0..=200.0, "0 to 200")?;
+    scenario.expect("body.protocol.flights", protocol.flights[1] as f64, 1.0..=20.0, "1 to 20")?;
     scenario.expect("body.protocol.static_s", protocol.static_s, 0.2..=60.0, "0.2 to 60 s")?;
     let person = Person::new(scenario, &lab.person)?;
     let n_plates = if protocol.plates { 2 } else { 0 };
@@ -386,7 +326,7 @@ fn thrown(
 ) -> Result<Lab, SimulateError> {
     let p = "body.throws";
     scenario.expect(&format!("{p}.recordings"), protocol.recordings as f64, 1.0..=99.0, "1 to 99")?;
-    scenario.expect(&format!("{p}.throws"), protocol.throws as f64, 1.0..=1000.0, "1 to 1000")?;
+    scenario.expect(&format!("{p}.throws"), protocol.throws as f64, 1.0..=100.0, "1 to 100")?;
     for value in protocol.flight_s {
         scenario.expect(&format!("{p}.flight_s"), value, 0.1..=3.0, "0.1 to 3 s")?;
     }
@@ -550,53 +490,4 @@ fn finish(
         }
     }
     Ok(Lab { name: scenario.name.clone(), body, ticks_per_frame, trials, truth, files })
-}
-
-/// A recording as C3D: mm, Intel floats, plates of type 2 with their channels, subject and events.
-fn c3d(scenario: &Scenario, trial: &LabTrial) -> Result<Vec<u8>, SimulateError> {
-    let fail = |source| SimulateError::C3d { trial: trial.name.clone(), source };
-    let capture = &scenario.capture;
-    let mut builder = C3dBuilder::new(capture.point_rate_hz);
-    for (label, trajectory) in trial.markers.labels.iter().zip(&trial.markers.trajectories) {
-        let xyz = trajectory.iter().map(|p| std::array::from_fn(|i| (1000.0 * p[i]) as f32)).collect();
-        builder = builder.marker(label, xyz);
-    }
-    if !trial.plates.is_empty() {
-        builder = builder.analog_rate_hz(capture.point_rate_hz * capture.analog_per_frame as f64);
-    }
-    for (plate, recorded) in trial.plates.iter().enumerate() {
-        for (i, values) in recorded.channels.iter().enumerate() {
-            let name = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"][i];
-            let (unit, scale) = if i < 3 { ("N", 1.0) } else { ("Nmm", 1000.0) };
-            let values = values.iter().map(|x| scale * x).collect();
-            builder = builder.analog(&format!("{name}{}", plate + 1), unit, values);
-        }
-        let millimetres = |v: &nalgebra::Vector3<f64>| [1000.0 * v.x, 1000.0 * v.y, 1000.0 * v.z];
-        builder = builder.described_plate(PlateDescription {
-            kind: 2,
-            corners: recorded.geometry.corners_m.each_ref().map(millimetres),
-            origin: millimetres(&recorded.geometry.origin_m),
-            channels: (6 * plate..6 * plate + 6).collect(),
-            ..PlateDescription::default()
-        });
-    }
-    let is_person = matches!(scenario.body, BodySpec::Human(_));
-    let subject = if is_person { scenario.name.clone() } else { String::new() };
-    if is_person {
-        builder = builder
-            .parameter("SUBJECTS", Parameter::integer("USED", 1))
-            .parameter("SUBJECTS", Parameter::texts("NAMES", &[&subject]))
-            .parameter("SUBJECTS", Parameter::integer("IS_STATIC", i16::from(trial.kind == "static")))
-            .parameter("SUBJECTS", Parameter::integer("USES_PREFIXES", 0));
-    }
-    for event in &trial.events {
-        builder = builder.full_event(FileEvent {
-            label: event.label.clone(),
-            context: event.context.clone(),
-            time_s: event.time_s,
-            subject: subject.clone(),
-            ..FileEvent::default()
-        });
-    }
-    builder.build().and_then(|file| file.to_bytes()).map_err(fail)
 }

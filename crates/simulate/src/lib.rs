@@ -42,8 +42,10 @@
 //! # Ok::<(), aloft_simulate::SimulateError>(())
 //! ```
 
+mod check;
 mod describe;
 pub mod error;
+mod files;
 pub mod hidden;
 pub mod human;
 pub mod lab;

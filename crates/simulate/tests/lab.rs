@@ -305,6 +305,46 @@ fn prop_every_effect_plays() {
     }
 }
 
+const ROBOT: &str = "
+name: robot
+seed: 4
+body:
+  kind: custom
+  joint_damping: 0.002
+  joint_friction: 0.001
+  model:
+    name: robot
+    links:
+      - {name: trunk, joint: free, inertia: {mass_kg: 2.0, com_m: [0.0, 0.0, 0.05], inertia_com_kgm2: [0.02, 0.0, 0.0, 0.0, 0.03, 0.0, 0.0, 0.0, 0.01]}}
+      - {name: arm, parent: trunk, joint: spherical, position_m: [0.0, 0.1, 0.1], inertia: {mass_kg: 0.6, com_m: [0.0, 0.15, 0.0], inertia_com_kgm2: [0.005, 0.0, 0.0, 0.0, 0.001, 0.0, 0.0, 0.0, 0.005]}}
+      - {name: slide, parent: trunk, joint: {prismatic: [0.0, 0.0, 1.0]}, inertia: {mass_kg: 0.3, com_m: [0.0, 0.0, 0.0], inertia_com_kgm2: [0.001, 0.0, 0.0, 0.0, 0.001, 0.0, 0.0, 0.0, 0.001]}}
+  markers:
+    T1: {link: trunk, position_m: [0.1, 0.0, 0.0]}
+    T2: {link: trunk, position_m: [0.0, 0.1, 0.0]}
+    T3: {link: trunk, position_m: [0.0, 0.0, 0.1]}
+    A1: {link: arm, position_m: [0.0, 0.3, 0.0]}
+    S1: {link: slide, position_m: [0.05, 0.0, 0.0]}
+  throws: {recordings: 1, throws: 2, joint_rate_radps: 1.0, calibration_s: 1.0}
+";
+
+/// Any model can be thrown: spherical and sliding joints, its own markers.
+#[test]
+fn prop_any_model_flies() {
+    let scenario: Scenario = serde_yaml::from_str(ROBOT).expect("scenario");
+    let lab = simulate(&scenario).expect("lab");
+    let thrown = lab.trial("throws_01").expect("throws");
+    assert_eq!(thrown.motion.flights.len(), 2);
+    assert_eq!(thrown.markers.labels, ["A1", "S1", "T1", "T2", "T3"]);
+    assert!(lab.truth.trials.iter().all(|t| t.flight_resid < 1e-10));
+    let description = String::from_utf8(lab.files[0].bytes.clone()).expect("text");
+    let parsed: serde_yaml::Value = serde_yaml::from_str(&description).expect("yaml");
+    assert_eq!(parsed["total_mass_kg"].as_f64(), Some(2.9));
+    let truth: serde_json::Value =
+        serde_json::from_slice(&lab.files.iter().find(|f| f.path == "truth/truth.json").expect("truth").bytes)
+            .expect("json");
+    assert_eq!(truth["links"][2]["mass"].as_f64(), Some(0.3));
+}
+
 #[test]
 fn prop_wrong_scenarios_are_refused_in_words() {
     let with = |hidden: Hidden| simulate(&Scenario { hidden: vec![hidden], ..small_human() }).expect_err("refused");
@@ -312,6 +352,8 @@ fn prop_wrong_scenarios_are_refused_in_words() {
     assert!(matches!(error, SimulateError::UnknownLink { .. }) && error.to_string().contains("forearm_l"), "{error}");
     let error = with(Hidden::PlateGain { plate: 3, gain: [1.0; 6] });
     assert!(matches!(error, SimulateError::UnknownPlate { .. }), "{error}");
+    let error = with(Hidden::GravityTilt { about_x_deg: f64::NAN, about_y_deg: 0.0 });
+    assert!(error.to_string().contains("gravity_tilt"), "{error}");
     let mut scenario = small_human();
     scenario.capture.point_rate_hz = 0.0;
     assert!(simulate(&scenario).expect_err("refused").to_string().contains("point_rate_hz"));

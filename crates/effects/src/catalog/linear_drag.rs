@@ -1,5 +1,6 @@
 //! Resistance in proportion to the speed.
 
+use super::quadratic_drag::{centre, centre_starts, centres};
 use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
 use crate::{Columns, EffectFrame, Scene};
 
@@ -13,8 +14,8 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     by_group: false,
     targets: def::body_or_links,
     coefficients,
-    nonlinear: def::none,
-    starts: def::one_start,
+    nonlinear: centres,
+    starts: centre_starts,
     wrench: Some(WrenchLaw::Frame(law)),
     inertia: None,
     documentation: "\
@@ -22,7 +23,8 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
 A viscous surrounding, a dragged cable or a brake resists in proportion to the velocity of each link. It always takes energy from the body.
 
 ## Equation
-`F_i = -c s_i v_i` at the centre of mass of link i, s_i the link's share of the mean area. Coefficient: `c` in N s/m, positive; with few links one a link may be fitted.
+`F_i = -c s_i v_i` at the centre of mass of link i, s_i the link's share of the mean area. Coefficient: `c` in N s/m, positive; with few links one a link may be fitted, \
+each at a centre of its own (nonlinear).
 
 ## Identifiability
 Visible to 92-99 % beside the inertial parameters. Quadratic drag looks alike (cosine 0.97-0.98): only a range of speeds of 3:1 or more separates them.
@@ -41,12 +43,13 @@ fn coefficients(scene: &Scene, target: Target) -> Vec<Coefficient> {
     }
 }
 
-fn law(f: &EffectFrame<'_>, target: Target, _: &[f64], out: &mut Columns, i: usize) {
-    for (link, (here, com)) in f.links.iter().zip(&f.scene.link_com_m).enumerate() {
-        let unit = -here.point_velocity(com);
+fn law(f: &EffectFrame<'_>, target: Target, p: &[f64], out: &mut Columns, i: usize) {
+    for (link, here) in f.links.iter().enumerate() {
+        let centre = centre(f, link, p);
+        let unit = -here.point_velocity(&centre);
         match target {
-            Target::EveryLink => out.force_at(i, link, &unit, &here.point(com)),
-            _ => out.force_at(i, 0, &(unit * f.scene.area_share[link]), &here.point(com)),
+            Target::EveryLink => out.force_at(i, link, &unit, &here.point(&centre)),
+            _ => out.force_at(i, 0, &(unit * f.scene.area_share[link]), &here.point(&centre)),
         }
     }
 }

@@ -1,6 +1,8 @@
 //! Air resistance that grows with the square of the speed.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
+use crate::definition::{
+    self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, NonlinearParameter, Target, WrenchLaw,
+};
 use crate::scene::AIR_DENSITY_KGPM3;
 use crate::{Columns, EffectFrame, Scene};
 use nalgebra::Vector3;
@@ -15,8 +17,8 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     by_group: false,
     targets: def::body_or_links,
     coefficients,
-    nonlinear: def::none,
-    starts: def::one_start,
+    nonlinear: centres,
+    starts: centre_starts,
     wrench: Some(WrenchLaw::Frame(law)),
     inertia: None,
     documentation: "\
@@ -26,7 +28,8 @@ It always takes energy from the body. A 1 kg object at 5 m/s feels 0.2-0.7 N; a 
 
 ## Equation
 `F_i = -1/2 rho C_dA s_i |v_i| v_i` at the centre of mass of link i, rho = 1.2 kg/m3, s_i the link's share of the mean area shown to the air \
-(ellipsoids of the same inertia). Coefficient: the drag area `C_dA` in m2, positive; with few links one area a link may be fitted instead.
+(ellipsoids of the same inertia). Coefficient: the drag area `C_dA` in m2, positive; with few links one area a link may be fitted instead, \
+each at a centre of its own (nonlinear, within 0.3 m of the link's centre of mass).
 
 ## Identifiability
 Visible to 90-99 % beside the inertial parameters. Linear drag looks alike (cosine 0.97) unless speeds span 3:1; a tether to 0.8; wind contains it. \
@@ -46,18 +49,44 @@ fn coefficients(scene: &Scene, target: Target) -> Vec<Coefficient> {
     }
 }
 
+/// Centres of the links' areas, where each link has its own.
+pub(super) fn centres(scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
+    if target != Target::EveryLink {
+        return Vec::new();
+    }
+    let of = |(link, com): (&aloft_body::Link, &Vector3<f64>)| {
+        NonlinearParameter::point(&format!("centre_{}", link.name), [com.x, com.y, com.z], 0.3)
+    };
+    scene.model.links.iter().zip(&scene.link_com_m).flat_map(of).collect()
+}
+
+/// The links' centres of mass.
+pub(super) fn centre_starts(scene: &Scene, target: Target) -> Vec<Vec<f64>> {
+    let coms = || scene.link_com_m.iter().flat_map(|c| [c.x, c.y, c.z]).collect();
+    vec![if target == Target::EveryLink { coms() } else { Vec::new() }]
+}
+
+/// Centre of a link's area: given, or its centre of mass.
+pub(super) fn centre(f: &EffectFrame<'_>, link: usize, p: &[f64]) -> Vector3<f64> {
+    match p.get(3 * link..3 * link + 3) {
+        Some(c) => Vector3::new(c[0], c[1], c[2]),
+        None => f.scene.link_com_m[link],
+    }
+}
+
 /// Drag on every link for one velocity of the air, a column for all or one a link.
-pub(super) fn drag(f: &EffectFrame<'_>, target: Target, air: &Vector3<f64>, out: &mut Columns, i: usize) {
-    for (link, (here, com)) in f.links.iter().zip(&f.scene.link_com_m).enumerate() {
-        let u = here.point_velocity(com) - air;
+pub(super) fn drag(f: &EffectFrame<'_>, target: Target, air: &Vector3<f64>, p: &[f64], out: &mut Columns, i: usize) {
+    for (link, here) in f.links.iter().enumerate() {
+        let centre = centre(f, link, p);
+        let u = here.point_velocity(&centre) - air;
         let unit = u * (-0.5 * AIR_DENSITY_KGPM3 * u.norm());
         match target {
-            Target::EveryLink => out.force_at(i, link, &unit, &here.point(com)),
-            _ => out.force_at(i, 0, &(unit * f.scene.area_share[link]), &here.point(com)),
+            Target::EveryLink => out.force_at(i, link, &unit, &here.point(&centre)),
+            _ => out.force_at(i, 0, &(unit * f.scene.area_share[link]), &here.point(&centre)),
         }
     }
 }
 
-fn law(f: &EffectFrame<'_>, target: Target, _: &[f64], out: &mut Columns, i: usize) {
-    drag(f, target, &Vector3::zeros(), out, i);
+fn law(f: &EffectFrame<'_>, target: Target, p: &[f64], out: &mut Columns, i: usize) {
+    drag(f, target, &Vector3::zeros(), p, out, i);
 }

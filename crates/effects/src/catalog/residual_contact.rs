@@ -40,8 +40,10 @@ fn targets(scene: &Scene) -> Vec<Target> {
     (0..links.len()).filter(|i| links.iter().all(|l| l.parent != Some(*i))).map(Target::Link).collect()
 }
 
-fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
-    ["start_force", "end_force"].iter().flat_map(|p| Coefficient::vector(p, "N")).collect()
+fn coefficients(scene: &Scene, _: Target) -> Vec<Coefficient> {
+    let weight = scene.mass_kg * scene.gravity();
+    let within = |p: &str, a: &str| Coefficient::within(format!("{p}_{a}"), "N", -weight, weight);
+    ["start_force", "end_force"].iter().flat_map(|p| ["x", "y", "z"].map(|a| within(p, a))).collect()
 }
 
 fn law(f: &EffectFrame<'_>, target: Target, _: &[f64], out: &mut Columns, i: usize) {

@@ -55,5 +55,5 @@ fn starts(_: &Scene, _: Target) -> Vec<Vec<f64>> {
 }
 
 fn law(f: &EffectFrame<'_>, _: Target, p: &[f64], out: &mut Columns, i: usize) {
-    drag(f, Target::Body, &Vector3::new(p[0], p[1], p[2]), out, i);
+    drag(f, Target::Body, &Vector3::new(p[0], p[1], p[2]), &[], out, i);
 }

@@ -8,7 +8,8 @@ use crate::stages::identify::{estimator, identify_from, training_factors};
 use crate::stages::regressor::{TrialRows, effect_columns};
 use crate::study::Role;
 use crate::table::Table;
-use crate::workspace::write_json;
+use crate::workspace::{read_json, write_json};
+use aloft_flight::{PlateTare, TareSource};
 use aloft_body::{BaseParameters, Motion};
 use aloft_compare::{Body, Candidate, CompareOptions, Comparison, Filtering, Measured, TrialInput, TrialSeries, compare, measured_wrench};
 use aloft_ik::smooth;
@@ -21,7 +22,7 @@ use std::ops::Range;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "compare",
-    version: 1,
+    version: 2,
     scope: Scope::Study,
     reads: "parameters, held-out trials",
     gives: "model against measurement, everywhere",
@@ -59,6 +60,8 @@ pub struct ComparedTrial {
     pub complete: Vec<bool>,
     /// Columns of the model's effects.
     pub effects: Option<EffectColumns>,
+    /// True when the plates were never unloaded, so that what they read at rest is not known.
+    pub untared: bool,
 }
 
 /// Loads the trials that every earlier stage brought through.
@@ -82,7 +85,9 @@ pub fn load_trials(job: &Job<'_>) -> Result<Vec<ComparedTrial>, StageFailure> {
             };
             let complete = completely_measured(measured.as_ref(), &flights, filtered.n_frames());
             let effects = effect_columns(job.study, &TrialRows::load(job, name)?)?;
-            Ok(ComparedTrial { name: name.clone(), role, filtered, unfiltered, measured, flights, complete, effects })
+            let tares: Vec<PlateTare> = read_json(&job.workspace.place("flight", name).join("tare.json"))?;
+            let untared = measured.is_some() && tares.iter().all(|t| t.source == TareSource::None);
+            Ok(ComparedTrial { name: name.clone(), role, filtered, unfiltered, measured, flights, complete, effects, untared })
         })
         .collect()
 }
@@ -127,6 +132,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
             measured: t.measured.as_ref(),
             complete: Some(&t.complete),
             effects: t.effects.as_ref(),
+            untared: t.untared,
             held_out_contact: if has_validation { t.role == Role::Validate } else { t.measured.is_some() },
             held_out_flight: t.role == Role::Validate || !has_validation,
             ..TrialInput::new(&t.filtered, &t.flights)
@@ -139,6 +145,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         edge_s: study.config.compare.edge_s,
         flight_margin_s: study.config.flight.margin_s,
         window_s: study.config.compare.window_s,
+        mass_kg: Some(subject.facts.mass_kg),
         ..CompareOptions::default()
     };
     let filtering = Filtering { filter: Some(spec), smooth: &again };

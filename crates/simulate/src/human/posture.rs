@@ -42,7 +42,7 @@ impl Footing {
         let h = height_m / 1.7;
         let x = 0.06 * h + 0.01 * rng.moderate();
         let mut ball =
-            |sign: f64| Vector3::new(x + 0.008 * rng.moderate(), sign * (0.125 * h + 0.012 * rng.moderate()), 0.0);
+            |sign: f64| Vector3::new(x + 0.005 * rng.moderate(), sign * (0.125 * h + 0.006 * rng.moderate()), 0.0);
         let ball = [ball(-1.0), ball(1.0)];
         Self { ball, toe_out: [0.09 + 0.04 * rng.moderate(), 0.09 + 0.04 * rng.moderate()] }
     }

@@ -98,16 +98,16 @@ pub fn record(
         }
     }
     let channels = std::array::from_fn(|i| {
-        let unit = if i < 3 { 1.0 } else { 0.3 };
-        let (offset, slope) =
-            (0.8 * capture.plate_drift_n * rng.moderate(), 0.5 * capture.plate_drift_n * rng.moderate());
-        let (wave, turns, phase) = (0.3 * capture.plate_drift_n * rng.moderate(), rng.between(0.3, 0.9), rng.phase());
+        let (noise, drift) = if i < 3 { (1.0, 1.0) } else { (0.3, 0.12) };
+        let size = drift * capture.plate_drift_n;
+        let (offset, slope, wave) = (0.5 * rng.moderate(), 0.4 * rng.moderate(), 0.25 * rng.moderate());
+        let (turns, phase) = (rng.between(0.3, 0.9), rng.phase());
         (0..n)
             .map(|k| {
                 let s = k as f64 / n.max(2) as f64;
-                let drift = offset + slope * (s - 0.5) + wave * (std::f64::consts::TAU * turns * s + phase).sin();
+                let wander = offset + slope * (s - 0.5) + wave * (std::f64::consts::TAU * turns * s + phase).sin();
                 let value = at(&true_channels[i], clock(k as f64));
-                gain[i] * value + tare[i] + unit * (drift + capture.plate_noise_n * rng.normal())
+                gain[i] * value + tare[i] + size * wander + noise * capture.plate_noise_n * rng.normal()
             })
             .collect()
     });

@@ -86,7 +86,7 @@ impl Piecewise {
     /// Evaluates at time `t`; before the first and after the last knot the outer pieces go on.
     pub fn at(&self, t: f64) -> Jet {
         let i = self.starts.partition_point(|s| *s <= t).saturating_sub(1);
-        self.pieces[i].at(t - self.starts[i])
+        self.pieces.get(i).map_or_else(Jet::default, |piece| piece.at(t - self.starts[i]))
     }
 }
 

@@ -1,0 +1,160 @@
+//! What the plates of a recording read too much, where no unloaded moment tells.
+//!
+//! Plates drift between recordings by about a newton and a fraction of a newton metre. A flight shows it; a trial whose plates were
+//! loaded from the first frame to the last does not, and the constant would pass for an error of the model. For such trials
+//! ([`TrialInput::untared`]) one constant wrench is taken off what was measured, in world axes about the world origin: plates stand
+//! still, so the offsets of all of them add up to one such wrench, wherever the subject goes. Six numbers for each recording, from
+//! that recording's own contact frames, and for each model its own six, so that none is favoured.
+//!
+//! Over a recording the mean of the wrench about a fixed point is nearly free of the model's details: momentum ends as it began, and
+//! what is left is the weight at the mean place of the centre of mass. So horizontal force and vertical moment of the offset come from
+//! the momentum balance alone; vertical force needs the mass, and horizontal moments the mean place of the centre of mass. The
+//! mass should come from a scale ([`CompareOptions::mass_kg`](crate::CompareOptions::mass_kg)): then each model is brought to
+//! that mass while the offset is sought, and a model with a wrong mass keeps its error. No such help exists for the centre of mass: a
+//! constant error of the horizontal moments is hidden, up to the size of the offset. Errors as measured therefore stay beside.
+//!
+//! Means are Huber's, about the mean place of the root (where the moments of noise in the force are small), axis by axis.
+
+use crate::TrialInput;
+use crate::errors::{halves, joined, nullable};
+use crate::measured::median_scale;
+use nalgebra::{Vector3, Vector6};
+use serde::{Deserialize, Serialize};
+
+/// Constant part of what was measured that one model does not find in the motion: taken off the measurement.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RecordingOffset {
+    /// Force in world axes, N: measured less true.
+    #[serde(with = "nullable")]
+    pub force_n: [f64; 3],
+    /// Moment about the world origin in world axes, N·m.
+    #[serde(with = "nullable")]
+    pub moment_nm: [f64; 3],
+    /// Frames that it comes from.
+    pub frames: usize,
+}
+
+impl RecordingOffset {
+    /// Force, then moment about the world origin.
+    pub(crate) fn wrench(&self) -> Vector6<f64> {
+        joined(&self.force_n.into(), &self.moment_nm.into())
+    }
+}
+
+/// Shortest contact from which an offset is taken, s: in less, a movement of the body is no different from a constant.
+const SHORTEST_S: f64 = 2.0;
+/// Huber's constant in standard deviations: 99 % efficient for normal noise.
+const HUBER: f64 = 2.0;
+const ITERATIONS: usize = 50;
+
+/// True where an offset is to be sought. A flight unloads all plates: with one, they can be tared, and nothing is taken off.
+pub(crate) fn sought(input: &TrialInput<'_>) -> bool {
+    input.untared && input.measured.is_some() && input.flights.is_empty()
+}
+
+/// By how much the wrench of a model with mass `model_kg` is scaled while its offset is sought; none where it has no mass to scale.
+pub(crate) fn mass_ratio(known_kg: Option<f64>, model_kg: f64) -> Option<f64> {
+    match known_kg {
+        None => Some(1.0),
+        Some(known) => Some(known / model_kg).filter(|r| r.is_finite() && *r > 0.0),
+    }
+}
+
+/// What each model leaves of the measured wrench, frame by frame.
+pub(crate) struct OffsetSamples {
+    /// Of the root in the world, m.
+    root: Vec<Vector3<f64>>,
+    /// Measured − predicted, `[model][frame]`: world axes, about the root origin.
+    excess: Vec<Vec<Vector6<f64>>>,
+}
+
+impl OffsetSamples {
+    pub fn new(models: usize) -> Self {
+        Self { root: Vec::new(), excess: vec![Vec::new(); models] }
+    }
+
+    pub fn add(&mut self, root: Vector3<f64>, excess: impl Iterator<Item = Vector6<f64>>) {
+        self.root.push(root);
+        self.excess.iter_mut().zip(excess).for_each(|(all, e)| all.push(e));
+    }
+
+    /// The offset by each model; none where too few frames have a number.
+    pub fn offsets(&self, rate_hz: f64) -> Vec<Option<RecordingOffset>> {
+        self.excess.iter().map(|excess| self.offset(excess, rate_hz)).collect()
+    }
+
+    fn offset(&self, excess: &[Vector6<f64>], rate_hz: f64) -> Option<RecordingOffset> {
+        let finite: Vec<(&Vector3<f64>, &Vector6<f64>)> =
+            self.root.iter().zip(excess).filter(|(p, e)| p.iter().chain(e.iter()).all(|x| x.is_finite())).collect();
+        let n = finite.len();
+        if n == 0 || (n as f64) < SHORTEST_S * rate_hz {
+            return None;
+        }
+        let center: Vector3<f64> = finite.iter().map(|(p, _)| *p).sum::<Vector3<f64>>() / n as f64;
+        let about_center: Vec<Vector6<f64>> = finite
+            .iter()
+            .map(|(p, e)| {
+                let (force, moment) = halves(e);
+                joined(&force, &(moment + (*p - center).cross(&force)))
+            })
+            .collect();
+        let mean = Vector6::from_fn(|axis, _| huber_mean(about_center.iter().map(|e| e[axis]).collect()));
+        let (force, moment) = halves(&mean);
+        let moment = moment + center.cross(&force);
+        mean.iter().all(|x| x.is_finite()).then_some(RecordingOffset {
+            force_n: force.into(),
+            moment_nm: moment.into(),
+            frames: n,
+        })
+    }
+}
+
+/// Huber's estimate of location, scale from the median absolute deviation; values must be finite.
+fn huber_mean(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    let middle = values.len() / 2;
+    let median = *values.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let mut deviations: Vec<f64> = values.iter().map(|x| (x - median).abs()).collect();
+    let limit = HUBER * median_scale(&mut deviations);
+    if limit <= 0.0 || !limit.is_finite() {
+        return median;
+    }
+    let mut mean = median;
+    for _ in 0..ITERATIONS {
+        // a step with clipped deviations: what lies within the limit counts as it is
+        let step = values.iter().map(|x| (x - mean).clamp(-limit, limit)).sum::<f64>() / values.len() as f64;
+        mean += step;
+        if step.abs() <= 1e-9 * limit {
+            break;
+        }
+    }
+    mean
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn prop_the_mean_follows_a_shift_and_ignores_outliers() {
+        let values: Vec<f64> = (0..1000).map(|i| (f64::from(i) * 0.7).sin()).collect();
+        let plain = huber_mean(values.clone());
+        let shifted = huber_mean(values.iter().map(|x| x + 5.0).collect());
+        assert!(plain.abs() < 5e-3 && (shifted - plain - 5.0).abs() < 1e-8, "{plain} {shifted}");
+        let mut spoilt = values;
+        spoilt[..20].fill(1e6);
+        assert!(huber_mean(spoilt).abs() < 0.1);
+        assert!(huber_mean(vec![3.0; 7]) == 3.0 && huber_mean(Vec::new()).is_nan());
+    }
+
+    #[test]
+    fn prop_the_mass_of_a_scale_is_used_where_there_is_one() {
+        assert_eq!(mass_ratio(None, f64::NAN), Some(1.0));
+        assert_eq!(mass_ratio(Some(60.0), 50.0), Some(1.2));
+        for mass in [0.0, -3.0, f64::NAN] {
+            assert_eq!(mass_ratio(Some(60.0), mass), None);
+        }
+    }
+}

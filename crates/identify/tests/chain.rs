@@ -1,0 +1,233 @@
+//! The two-link chain: paper's rows and weak rows against the truth, intervals, errors in variables.
+//!
+//! Set `ALOFT_IDENTIFY_DATA` to a folder that `tests/peers/identify_goldens.py --recordings 5 --jumps 8` filled to run on all 30 flights.
+
+#[path = "../../regressor/tests/common/mod.rs"]
+mod common;
+
+use aloft_body::Motion;
+use aloft_identify::{
+    ClusterBy, ColumnScaling, Estimator, GateLimits, IdentifyError, IdentifyOptions, Seen, add_noise, choose_window, identify, mass_constrained,
+    null_vector, simex,
+};
+use aloft_regressor::{
+    AccelerationOptions, Acting, CoordinateNoise, Factor, Noise, WeakOptions, acceleration_factor, weak_factor,
+};
+use aloft_signal::{Butterworth, LowPass};
+use common::{Truth, differentiate, load};
+use nalgebra::DVector;
+
+const MARKER_SD_M: f64 = 0.3e-3;
+
+/// Third-order 10 Hz zero-phase low-pass of every coordinate, then differences: the paper's treatment.
+fn filtered(truth: &Truth, motion: &Motion) -> Motion {
+    let mut out = motion.clone();
+    let spec = LowPass { order: 3, cutoff_hz: 10.0, correction: aloft_signal::CutoffCorrection::None };
+    let filter = Butterworth::design(spec, motion.rate_hz).unwrap();
+    for block in &truth.flights {
+        for c in 0..motion.nq {
+            let mut x: Vec<f64> = (block[0]..block[3]).map(|f| motion.q[f * motion.nq + c]).collect();
+            filter.filtfilt(&mut x);
+            for (i, value) in x.into_iter().enumerate() {
+                out.q[(block[0] + i) * motion.nq + c] = value;
+            }
+        }
+    }
+    for q in out.q.chunks_exact_mut(motion.nq) {
+        truth.model.normalize(q);
+    }
+    differentiate(truth, &mut out);
+    out
+}
+
+fn paper_factors(truth: &Truth, motion: &Motion) -> Vec<Factor> {
+    let motion = filtered(truth, motion);
+    truth
+        .stretches()
+        .iter()
+        .map(|s| {
+            acceleration_factor(&truth.model, &truth.base, &motion, s, Acting::nothing(), &AccelerationOptions::default()).unwrap()
+        })
+        .collect()
+}
+
+fn weak_factors(truth: &Truth, motion: &Motion, window_s: f64, white: bool) -> Vec<Factor> {
+    let noise = Noise::white(CoordinateNoise::Markers { markers: &truth.markers, sd_m: MARKER_SD_M });
+    let options = WeakOptions { window_s: Some(window_s), ..WeakOptions::default() };
+    truth
+        .stretches()
+        .iter()
+        .map(|s| {
+            let noise = white.then_some(&noise);
+            weak_factor(&truth.model, &truth.base, &truth.phi, motion, s, Acting::nothing(), &options, noise).unwrap()
+        })
+        .collect()
+}
+
+/// Largest error of the mass moments (kg·m) and of the inertias (kg·m²).
+fn errors(truth: &Truth, x: &DVector<f64>) -> (f64, f64) {
+    let (mut moments, mut inertias) = (0.0f64, 0.0f64);
+    for (i, parameter) in truth.base.parameters.iter().enumerate() {
+        let error = (x[i] - truth.truth()[i]).abs();
+        match parameter.unit {
+            "kg·m" => moments = moments.max(error),
+            "kg·m²" => inertias = inertias.max(error),
+            _ => {}
+        }
+    }
+    (moments, inertias)
+}
+
+#[test]
+fn validate_exact_motion_gives_exact_parameters() {
+    for name in ["chain_p", "chain_a"] {
+        let truth = load(name);
+        let mut motion = truth.motion.clone();
+        differentiate(&truth, &mut motion);
+        let options = AccelerationOptions { margin_s: 0.0, ..AccelerationOptions::default() };
+        let factors: Vec<Factor> = truth
+            .stretches()
+            .iter()
+            .map(|s| acceleration_factor(&truth.model, &truth.base, &motion, s, Acting::nothing(), &options).unwrap())
+            .collect();
+        for factors in [factors, weak_factors(&truth, &truth.motion, 0.3, false)] {
+            let merged = Factor::merge(&factors).unwrap();
+            for scaling in [ColumnScaling::None, ColumnScaling::Unit] {
+                let vector = null_vector(&merged, truth.mass(), scaling).unwrap();
+                assert!((&vector.parameters - truth.truth()).amax() < 1e-5, "{name} {scaling:?}");
+            }
+            let x = mass_constrained(&merged, truth.mass()).unwrap();
+            assert!((x - truth.truth()).amax() < 1e-5, "{name}");
+        }
+    }
+}
+
+#[test]
+fn validate_the_papers_rows_reach_the_papers_figures() {
+    // the paper: each parameter within 0.007, σ 1191 / 76 / 18
+    for (name, limit) in [("chain_p", 0.0025), ("chain_a", 0.0005)] {
+        let truth = load(name);
+        let merged = Factor::merge(&paper_factors(&truth, &truth.noisy(MARKER_SD_M, 1))).unwrap();
+        let vector = null_vector(&merged, truth.mass(), ColumnScaling::None).unwrap();
+        let (moments, inertias) = errors(&truth, &vector.parameters);
+        println!("{name}, paper's rows: {moments:.1e} kg·m, {inertias:.1e} kg·m², {:?}", vector.sigma);
+        assert!(moments < limit && inertias < limit, "{name}: {moments:e} {inertias:e}");
+    }
+}
+
+#[test]
+fn validate_weak_rows_beat_them_tenfold() {
+    for name in ["chain_p", "chain_a"] {
+        let truth = load(name);
+        for white in [false, true] {
+            let merged = Factor::merge(&weak_factors(&truth, &truth.noisy(MARKER_SD_M, 1), 0.4, white)).unwrap();
+            let x = mass_constrained(&merged, truth.mass()).unwrap();
+            let (moments, inertias) = errors(&truth, &x);
+            println!("{name}, weak rows, whitened {white}: {moments:.1e} kg·m, {inertias:.1e} kg·m²");
+            assert!(moments < 1e-4 && inertias < 5e-5, "{name}: {moments:e} {inertias:e}");
+        }
+    }
+}
+
+#[test]
+fn validate_intervals_cover_the_truth() {
+    for name in ["chain_p", "chain_a"] {
+        let truth = load(name);
+        let (mut covered, mut all, mut worst) = (0, 0, 0.0f64);
+        for seed in 0..25 {
+            let factors = weak_factors(&truth, &truth.noisy(MARKER_SD_M, 100 + seed), 0.4, true);
+            let found = identify(&truth.model, &truth.base, &factors, truth.mass(), None, &IdentifyOptions::default()).unwrap();
+            assert!(found.parameters.gate.passed, "{:?}", found.parameters.gate);
+            for (estimate, value) in found.parameters.base.iter().zip(truth.truth().iter()).skip(1) {
+                all += 1;
+                covered += usize::from(estimate.ci95[0] <= *value && *value <= estimate.ci95[1]);
+                worst = worst.max((estimate.value - value).abs());
+            }
+        }
+        let share = f64::from(covered as u32) / f64::from(all);
+        println!("{name}: 95 % intervals cover {:.1} % of {all}, largest error {worst:.1e}", 100.0 * share);
+        assert!(share >= 0.9, "{name}: {share}");
+        assert!(worst < 3e-4, "{name}: {worst:e}");
+    }
+}
+
+#[test]
+fn prop_bootstrap_and_standard_errors_agree() {
+    let truth = load("chain_a");
+    let factors = weak_factors(&truth, &truth.noisy(MARKER_SD_M, 3), 0.4, true);
+    let options = IdentifyOptions { bootstrap: 400, ..IdentifyOptions::default() };
+    let found = identify(&truth.model, &truth.base, &factors, truth.mass(), None, &options).unwrap();
+    assert_eq!(found.draws.len(), 400);
+    for (i, estimate) in found.parameters.base.iter().enumerate().skip(1) {
+        let mean = found.draws.iter().map(|d| d[i]).sum::<f64>() / 400.0;
+        let sd = (found.draws.iter().map(|d| (d[i] - mean).powi(2)).sum::<f64>() / 399.0).sqrt();
+        assert!(sd < 2.5 * estimate.se && estimate.se < 4.0 * sd, "{}: bootstrap {sd:e}, standard error {:e}", estimate.name, estimate.se);
+        assert_eq!(estimate.seen, Seen::Well);
+    }
+    let again = identify(&truth.model, &truth.base, &factors, truth.mass(), None, &options).unwrap();
+    assert_eq!(found, again);
+}
+
+#[test]
+fn prop_the_gate_refuses_what_is_not_determined() {
+    let truth = load("chain_p");
+    let factors = weak_factors(&truth, &truth.noisy(MARKER_SD_M, 3), 0.4, false);
+    // a hinge that does not move shows nothing of its link: one flight, joint frozen
+    let mut frozen = truth.motion.clone();
+    for q in frozen.q.chunks_exact_mut(truth.model.nq) {
+        q[7] = 0.1;
+    }
+    let stiff = weak_factors(&truth, &frozen, 0.4, false);
+    let options = IdentifyOptions { estimator: Estimator::NullVector(ColumnScaling::None), ..IdentifyOptions::default() };
+    let found = identify(&truth.model, &truth.base, &stiff, truth.mass(), None, &options);
+    assert!(found.is_err() || !found.unwrap().parameters.gate.passed);
+    let strict = IdentifyOptions {
+        estimator: Estimator::NullVector(ColumnScaling::None),
+        gate: GateLimits { sigma_ratio: 1e9, ..GateLimits::default() },
+        ..IdentifyOptions::default()
+    };
+    let found = identify(&truth.model, &truth.base, &factors, truth.mass(), None, &strict).unwrap();
+    assert!(!found.parameters.gate.passed && found.parameters.gate.reasons[0].contains("σ"));
+    assert!(identify(&truth.model, &truth.base, &[], truth.mass(), None, &strict).is_err());
+    assert!(identify(&truth.model, &truth.base, &factors, -1.0, None, &IdentifyOptions::default()).is_err());
+    let regularised = IdentifyOptions { estimator: Estimator::Regularised { weight: None }, ..IdentifyOptions::default() };
+    assert!(matches!(
+        identify(&truth.model, &truth.base, &factors, truth.mass(), None, &regularised),
+        Err(IdentifyError::Option { .. })
+    ));
+}
+
+#[test]
+fn validate_simex_sees_and_removes_the_bias_of_the_papers_rows() {
+    let truth = load("chain_p");
+    let motion = truth.noisy(MARKER_SD_M, 5);
+    let noise = CoordinateNoise::Markers { markers: &truth.markers, sd_m: MARKER_SD_M };
+    let run = |weak: bool| {
+        simex(&[0.0, 0.5, 1.0, 2.0], 8, |level, replicate| {
+            let noisy = add_noise(&truth.model, &motion, &noise, level.sqrt(), 1000 + replicate as u64)?;
+            let factors = if weak { weak_factors(&truth, &noisy, 0.4, false) } else { paper_factors(&truth, &noisy) };
+            Ok(null_vector(&Factor::merge(&factors)?, truth.mass(), ColumnScaling::None)?.parameters)
+        })
+        .unwrap()
+    };
+    let (paper, weak) = (run(false), run(true));
+    let (naive, corrected) = (errors(&truth, &paper.naive).1, errors(&truth, &paper.extrapolated).1);
+    println!("paper's rows: inertias off by {naive:.1e}, after extrapolation {corrected:.1e}; bias of weak rows {:.1e}", weak.bias.amax());
+    assert!(corrected < 0.6 * naive, "{naive:e} → {corrected:e}");
+    assert!(weak.bias.amax() < 1e-4);
+    assert!(simex(&[0.0], 3, |_, _| Ok(DVector::zeros(1))).is_err());
+}
+
+#[test]
+fn prop_the_window_is_chosen_by_held_out_error() {
+    let truth = load("chain_a");
+    let motion = truth.noisy(MARKER_SD_M, 7);
+    let candidates: Vec<(f64, Vec<Factor>)> =
+        [0.1, 0.2, 0.3, 0.4].into_iter().map(|w| (w, weak_factors(&truth, &motion, w, false))).collect();
+    let choice = choose_window(&candidates, &candidates[2].1, truth.mass(), None, ClusterBy::Stretch).unwrap();
+    println!("{}", choice.words);
+    assert!(choice.window_s >= 0.2, "{choice:?}");
+    assert_eq!(choice.tried.len(), 4);
+    assert!(choose_window(&candidates, &candidates[2].1[..5], truth.mass(), None, ClusterBy::Stretch).is_err());
+    assert!(choose_window(&[], &candidates[2].1, truth.mass(), None, ClusterBy::Stretch).is_err());
+}

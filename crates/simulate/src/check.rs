@@ -1,0 +1,88 @@
+//! What a scenario may not say.
+
+use crate::error::SimulateError;
+use crate::hidden::Hidden;
+use crate::physics::Body;
+use crate::scenario::Scenario;
+
+/// Ranges of the instruments' figures and of the hidden effects'.
+pub(crate) fn check_capture(scenario: &Scenario) -> Result<(), SimulateError> {
+    let c = &scenario.capture;
+    scenario.expect("capture.point_rate_hz", c.point_rate_hz, 20.0..=2000.0, "20 to 2000 Hz")?;
+    scenario.expect("capture.analog_per_frame", c.analog_per_frame as f64, 1.0..=50.0, "1 to 50")?;
+    scenario.expect("capture.marker_noise_m", c.marker_noise_m, 0.0..=1.0, "0 to 1 m")?;
+    scenario.expect("capture.soft_tissue_m", c.soft_tissue_m, 0.0..=0.1, "0 to 0.1 m")?;
+    scenario.expect("capture.gap_fraction", c.gap_fraction, 0.0..=0.5, "0 to 0.5")?;
+    scenario.expect("capture.plate_noise_n", c.plate_noise_n, 0.0..=1e3, "0 to 1000 N")?;
+    scenario.expect("capture.plate_drift_n", c.plate_drift_n, 0.0..=1e3, "0 to 1000 N")?;
+    scenario.expect("capture.gravity_mps2", c.gravity_mps2, 0.1..=30.0, "0.1 to 30 m/s²")?;
+    for effect in &scenario.hidden {
+        // JSON has no numbers that are not finite: they turn into nothing
+        let written = serde_json::to_value(effect)
+            .map_err(|source| SimulateError::Json { scenario: scenario.name.clone(), source })?;
+        if holds_null(&written) {
+            let field = format!("hidden.{}", effect.name());
+            return Err(scenario.value_error(&field, "not finite", "finite numbers"));
+        }
+        let field = |name: &str| format!("hidden.{}.{name}", effect.name());
+        match effect {
+            Hidden::TimeBase { true_rate_hz } => {
+                scenario.expect(&field("true_rate_hz"), *true_rate_hz, 20.0..=2000.0, "20 to 2000 Hz")?;
+            }
+            Hidden::WobblingMass { mass_kg, frequency_hz, damping_ratio, .. } => {
+                scenario.expect(&field("mass_kg"), *mass_kg, 1e-6..=1e3, "a positive mass")?;
+                scenario.expect(&field("frequency_hz"), *frequency_hz, 0.5..=60.0, "0.5 to 60 Hz")?;
+                scenario.expect(&field("damping_ratio"), *damping_ratio, 0.0..=2.0, "0 to 2")?;
+            }
+            Hidden::Rotor { axis, .. } => {
+                let length = axis.iter().map(|x| x * x).sum::<f64>();
+                scenario.expect(&field("axis"), length, 1e-12..=f64::MAX, "a direction")?;
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// Links and plates that hidden effects name.
+pub(crate) fn check_hidden(scenario: &Scenario, body: &Body, n_plates: usize) -> Result<(), SimulateError> {
+    let model = &body.model;
+    for effect in &scenario.hidden {
+        if let Some(link) = effect.link() {
+            let Some(index) = model.links.iter().position(|l| l.name == link) else {
+                let known: Vec<&str> = model.links.iter().map(|l| l.name.as_str()).collect();
+                return Err(SimulateError::UnknownLink {
+                    scenario: scenario.name.clone(),
+                    effect: effect.name().to_owned(),
+                    link: link.to_owned(),
+                    known: known.join(", "),
+                });
+            };
+            if let Hidden::WobblingMass { mass_kg, .. } = effect {
+                let half = 0.5 * body.phi[index][0];
+                scenario.expect(
+                    "hidden.wobbling_mass.mass_kg",
+                    *mass_kg,
+                    0.0..=half,
+                    "at most half of the link's mass",
+                )?;
+            }
+        }
+        if let Some(plate) = effect.plate()
+            && !(1..=n_plates).contains(&plate)
+        {
+            let effect = effect.name().to_owned();
+            return Err(SimulateError::UnknownPlate { scenario: scenario.name.clone(), effect, plate, n_plates });
+        }
+    }
+    Ok(())
+}
+
+fn holds_null(value: &serde_json::Value) -> bool {
+    match value {
+        serde_json::Value::Null => true,
+        serde_json::Value::Array(items) => items.iter().any(holds_null),
+        serde_json::Value::Object(map) => map.values().any(holds_null),
+        _ => false,
+    }
+}

@@ -1,0 +1,66 @@
+//! A laboratory in which much is broken: one clear line for each, exit code 1, and every healthy trial is done.
+
+use crate::support::{aloft, expect, folder, json, lab, repo};
+use std::fs;
+
+#[test]
+fn broken_files_give_one_line_each_and_the_others_go_on() {
+    let dir = folder();
+    let data = lab("fixtures/scenarios/human_small.yaml", dir.path());
+    let jump = fs::read(data.join("jump01.c3d")).unwrap();
+    fs::write(data.join("jump91_truncated.c3d"), &jump[..3000]).unwrap();
+    fs::write(data.join("jump92_empty.c3d"), b"").unwrap();
+    fs::write(data.join("jump93_text.c3d"), "this is a letter, not a recording\n").unwrap();
+    let ws = dir.path().join("ws").display().to_string();
+    let data = data.display().to_string();
+    let words = ["run", &repo("pipelines/human.yaml"), "--data", &data, "--workspace", &ws];
+    let (_, err) = expect(&words, 1);
+    for name in ["jump91_truncated", "jump92_empty", "jump93_text"] {
+        let lines: Vec<&str> = err.lines().filter(|l| l.starts_with("failed: import ") && l.contains(name)).collect();
+        assert_eq!(lines.len(), 1, "one line for {name}:\n{err}");
+    }
+    let status = json(&["status", words[1], "--data", &data, "--workspace", &ws, "--json"]);
+    for row in status["rows"].as_array().unwrap() {
+        let trial = row["trial"].as_str().unwrap();
+        let failed = row["cells"].as_array().unwrap().iter().any(|c| c == "failed");
+        assert_eq!(failed, trial.starts_with("jump9"), "{row}");
+    }
+    let compared = json(&["compare", words[1], "--data", &data, "--workspace", &ws, "--json"]);
+    assert!(compared["held_out"]["force_n"]["mae"][2].as_f64().unwrap() < 10.0);
+}
+
+#[test]
+fn no_static_trial_is_said_with_a_way_out() {
+    let dir = folder();
+    let data = lab("fixtures/scenarios/human_small.yaml", dir.path());
+    fs::remove_file(data.join("static.c3d")).unwrap();
+    let ws = dir.path().join("ws").display().to_string();
+    let (_, err) = expect(&["run", &repo("pipelines/human.yaml"), "--data", &data.display().to_string(), "--workspace", &ws], 1);
+    assert!(err.contains("no static trial") && err.contains("static_frames"), "{err}");
+}
+
+#[test]
+fn a_wrong_word_in_the_pipeline_is_shown_at_its_line() {
+    let dir = folder();
+    let file = dir.path().join("p.yaml");
+    fs::write(&file, "name: x\nmodel: human34\nmarker_set: plug-in-gait-35\ndata: .\nfilter:\n  cutoff: 6\n").unwrap();
+    let (_, err) = expect(&["run", &file.display().to_string()], 2);
+    assert!(err.contains("line 6") && err.contains("cutoff_hz"), "{err}");
+    fs::write(&file, "name: x\nmodel: human35\nmarker_set: plug-in-gait-35\ndata: .\n").unwrap();
+    let (_, err) = expect(&["check", &file.display().to_string()], 2);
+    assert!(err.contains("human35") && err.contains("human34"), "{err}");
+}
+
+#[test]
+fn a_workspace_that_is_somebody_elses_folder_is_left_alone() {
+    let dir = folder();
+    let data = lab("fixtures/scenarios/chain_small.yaml", dir.path());
+    let theirs = dir.path().join("thesis");
+    fs::create_dir(&theirs).unwrap();
+    fs::write(theirs.join("chapter1.txt"), "precious").unwrap();
+    let words = ["run", &repo("pipelines/chain.yaml"), "--data", &data.display().to_string(), "--workspace", &theirs.display().to_string()];
+    let output = aloft(&words);
+    assert_eq!(output.status.code(), Some(2));
+    assert_eq!(fs::read_to_string(theirs.join("chapter1.txt")).unwrap(), "precious");
+    assert_eq!(fs::read_dir(&theirs).unwrap().count(), 1);
+}

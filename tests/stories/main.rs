@@ -1,0 +1,7 @@
+//! Stories: what a user types, on recordings that the tests make for themselves, through the real binary.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests fail by panicking")]
+
+mod broken_lab;
+mod demo;
+mod one_stage_again;
+mod support;

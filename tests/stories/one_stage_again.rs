@@ -1,0 +1,55 @@
+//! Running again: nothing when nothing changed; just what follows when a parameter changed.
+
+use crate::support::{expect, folder, lab, repo};
+use std::fs;
+
+#[test]
+fn only_what_follows_from_a_change_is_done_again() {
+    let dir = folder();
+    let data = lab("fixtures/scenarios/chain_small.yaml", dir.path()).display().to_string();
+    let ws = dir.path().join("ws").display().to_string();
+    let pipeline = dir.path().join("p.yaml");
+    let text = fs::read_to_string(repo("pipelines/chain.yaml")).unwrap();
+    fs::write(&pipeline, &text).unwrap();
+    let p = pipeline.display().to_string();
+    let base = ["--data", &data, "--workspace", &ws];
+    let run = |extra: &[&str]| expect(&[&["run", &p], &base[..], extra].concat(), 0);
+
+    run(&[]);
+    let (_, err) = run(&[]);
+    assert!(err.contains(" 0 done") || err.starts_with("0 done"), "nothing changed, nothing is done: {err}");
+
+    // touched, not changed
+    let first = fs::read_dir(&data).unwrap().filter_map(|e| e.ok()).find(|e| e.path().extension().is_some_and(|x| x == "c3d")).unwrap();
+    let bytes = fs::read(first.path()).unwrap();
+    fs::write(first.path(), bytes).unwrap();
+    let (_, err) = run(&[]);
+    assert!(err.contains("0 done"), "{err}");
+
+    // another cut-off: filter and what follows, never inverse kinematics
+    fs::write(&pipeline, text.replace("cutoff_hz: 10.0", "cutoff_hz: 8.0")).unwrap();
+    let (out, _) = run(&["--dry-run"]);
+    assert!(out.contains("filter") && out.contains("cutoff_hz"), "{out}");
+    assert!(!out.lines().any(|l| l.starts_with("ik ")), "{out}");
+    let (explained, _) = expect(&[&["explain", &p], &base[..], &["throws_01", "filter"]].concat(), 0);
+    assert!(explained.contains("stale") && explained.contains("cutoff_hz"), "{explained}");
+    run(&["--only", "filter"]);
+    let (_, err) = expect(&[&["run", &p], &base[..], &["--only", "identify"]].concat(), 2);
+    assert!(err.contains("stale"), "{err}");
+    run(&["--from", "flight"]);
+    let (_, err) = run(&[]);
+    assert!(err.contains("0 done"), "{err}");
+}
+
+#[test]
+fn results_do_not_depend_on_the_number_of_threads() {
+    let dir = folder();
+    let data = lab("fixtures/scenarios/chain_small.yaml", dir.path()).display().to_string();
+    let read = |jobs: &str| {
+        let ws = dir.path().join(format!("ws{jobs}"));
+        expect(&["run", &repo("pipelines/chain.yaml"), "--data", &data, "--workspace", &ws.display().to_string(), "-j", jobs], 0);
+        ["identify/_study/parameters_weak.json", "identify/_study/parameters_paper.json", "compare/_study/comparison.json"]
+            .map(|f| fs::read(ws.join(f)).unwrap())
+    };
+    assert_eq!(read("1"), read("3"));
+}

@@ -1,0 +1,45 @@
+//! Helpers of the stories: folders that vanish, and the binary.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// A temporary folder for a story.
+pub fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+/// The repository.
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// A file of the repository.
+pub fn repo(path: &str) -> String {
+    root().join(path).display().to_string()
+}
+
+/// Runs `aloft` with the given words.
+pub fn aloft(words: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_aloft")).args(words).env("NO_COLOR", "1").output().unwrap()
+}
+
+/// Runs and expects an exit code; returns stdout and stderr.
+pub fn expect(words: &[&str], code: i32) -> (String, String) {
+    let output = aloft(words);
+    let (out, err) = (String::from_utf8_lossy(&output.stdout).into_owned(), String::from_utf8_lossy(&output.stderr).into_owned());
+    assert_eq!(output.status.code(), Some(code), "aloft {}\n{out}\n{err}", words.join(" "));
+    (out, err)
+}
+
+/// Runs a `--json` command and parses its output.
+pub fn json(words: &[&str]) -> serde_json::Value {
+    let (out, _) = expect(words, 0);
+    serde_json::from_str(&out).unwrap()
+}
+
+/// A simulated laboratory folder from a scenario of the repository.
+pub fn lab(scenario: &str, at: &Path) -> PathBuf {
+    let out = at.join("lab");
+    expect(&["simulate", &repo(scenario), "--out", &out.display().to_string()], 0);
+    out
+}
