@@ -105,10 +105,14 @@ pub(crate) fn score_effect<'a>(
     }
     let n_rows: f64 = problem.clusters.iter().map(|c| c.b.len() as f64).sum();
     let pick = |gain: &dyn Fn(&Scored<'_>) -> f64, rss: f64, n_rows: f64| {
+        let of: Vec<f64> =
+            scored.iter().map(|s| criterion(gain(s), rss, n_rows, s.variant.unknowns())).collect();
+        let least = of.iter().copied().fold(f64::INFINITY, f64::min);
+        // what the rows cannot tell apart goes to the link nearer to the root
         (0..scored.len())
+            .filter(|&i| of[i] <= least + 1.0)
             .min_by(|&a, &b| {
-                let of = |i: usize| criterion(gain(&scored[i]), rss, n_rows, scored[i].variant.unknowns());
-                of(a).total_cmp(&of(b))
+                scored[a].variant.target.cmp(&scored[b].variant.target).then(of[a].total_cmp(&of[b]))
             })
             .unwrap_or(0)
     };

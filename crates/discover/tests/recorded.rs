@@ -86,6 +86,35 @@ fn look_recorded() {
         let session = Session::new(&body, &scene, &trials, &WeakOptions::default()).unwrap();
         let built = start.elapsed().as_secs_f64();
         let d = discover(&session, &catalogue(), &[], &DiscoverOptions::default()).unwrap();
+        if name == "chain_b" {
+            use aloft_effects::*;
+            let make = |id: &str, link: &str, at: [f64; 3], force: [&str; 3], moment: Option<[&str; 3]>, c: &[(&str, &str)], axes| FormulaEffect {
+                id: id.into(), title: String::new(), point: FormulaPoint { link: link.into(), position_m: Some(at) }, axes,
+                force: Some(force.map(str::to_owned)), moment: moment.map(|m| m.map(str::to_owned)),
+                coefficients: c.iter().map(|(n, u)| FormulaCoefficient { name: (*n).into(), unit: (*u).into(), lower: None, upper: None }).collect(),
+                parameters: vec![], acts: ActsIn::Both, kind: EffectKind::Physics, documentation: String::new() };
+            let points = [("link0", [-0.008, 0.149, -0.001]), ("link1", [-0.082, -0.002, 0.006])];
+            let iso = ["-c*speed*v_x", "-c*speed*v_y", "-c*speed*v_z"];
+            let lin = ["-c*speed*v_x-d*v_x", "-c*speed*v_y-d*v_y", "-c*speed*v_z-d*v_z"];
+            let axial = ["-a*abs(v_x)*v_x", "-b*abs(v_y)*v_y", "-c*abs(v_z)*v_z"];
+            let axial2 = ["-a*speed*v_x", "-b*speed*v_y", "-c*speed*v_z"];
+            let spin = ["-p*spin*omega_x", "-p*spin*omega_y", "-p*spin*omega_z"];
+            let k = "kg/m";
+            let cases: Vec<(&str, [&str; 3], Option<[&str; 3]>, Vec<(&str, &str)>, FormulaAxes)> = vec![
+                ("iso", iso, None, vec![("c", k)], FormulaAxes::World),
+                ("iso+lin", lin, None, vec![("c", k), ("d", "kg/s")], FormulaAxes::World),
+                ("axial", axial, None, vec![("a", k), ("b", k), ("c", k)], FormulaAxes::Link),
+                ("axial speed", axial2, None, vec![("a", k), ("b", k), ("c", k)], FormulaAxes::Link),
+                ("iso+spin", iso, Some(spin), vec![("c", k), ("p", "kg*m^2")], FormulaAxes::World),
+                ("axial speed+spin", axial2, Some(spin), vec![("a", k), ("b", k), ("c", k), ("p", "kg*m^2")], FormulaAxes::Link),
+            ];
+            for (what, force, moment, c, axes) in cases {
+                let made: Vec<CompiledFormula> = points.iter().map(|(l, at)| make(&format!("f_{l}"), l, *at, force, moment, &c, axes).compile(&scene).unwrap()).collect();
+                let accepted: Vec<Choice> = made.iter().map(|m| Choice::new(m, m.targets(&scene)[0], &scene)).collect();
+                let d = discover(&session, &catalogue(), &accepted, &DiscoverOptions { rounds: 1, only: vec!["gravity_tilt".into(), "joint_centre".into(), "rotational_drag".into()], ..Default::default() }).unwrap();
+                println!("  {what}: error {:.4} {}", d.held_out_error, d.candidates.iter().take(3).map(|c| format!("{} {:.3}", c.key, c.held_out_ratio)).collect::<Vec<_>>().join(", "));
+            }
+        }
         println!("== {name}: rows {built:.2} s, all {:.2} s, warnings {:?}", start.elapsed().as_secs_f64(), d.warnings);
         print(&d);
     }

@@ -33,10 +33,15 @@ pub(crate) fn in_words(model: &Model, parameters: &[(String, Seen)]) -> Vec<Stri
         }
         let how = match &link.joint.kind {
             JointKind::Free => {
-                "turn the whole body in the air, about each of its axes and both ways (somersault, side tilt, twist)".to_owned()
+                "turn the whole body in the air, about each of its axes and both ways (somersault, side tilt, twist)"
+                    .to_owned()
             }
-            JointKind::Spherical => format!("swing `{}` in the air, to and fro and sideways, and roll it about its own axis", link.name),
-            JointKind::Revolute(_) => format!("bend and stretch `{}` quickly in the air, while its parent turns", link.name),
+            JointKind::Spherical => {
+                format!("swing `{}` in the air, to and fro and sideways, and roll it about its own axis", link.name)
+            }
+            JointKind::Revolute(_) => {
+                format!("bend and stretch `{}` quickly in the air, while its parent turns", link.name)
+            }
             JointKind::Prismatic(_) => format!("slide `{}` to and fro in the air", link.name),
             JointKind::Fixed => continue,
         };
@@ -104,7 +109,11 @@ pub fn excitation_advice(
     options: &AdviceOptions,
 ) -> Result<Vec<MotionAdvice>, IdentifyError> {
     if posture.len() != model.nq {
-        return Err(IdentifyError::Length { what: "coordinates of the posture", expected: model.nq, found: posture.len() });
+        return Err(IdentifyError::Length {
+            what: "coordinates of the posture",
+            expected: model.nq,
+            found: posture.len(),
+        });
     }
     let phi = prior.phi();
     let base_prior = prior.base(base)?;
@@ -116,7 +125,8 @@ pub fn excitation_advice(
     };
     let now = sd_of(&merged)?;
     // share of the prior's deviation that is left, without the mass
-    let left: Vec<f64> = (0..now.len()).map(|i| if i == 0 { 0.0 } else { now[i] / base_prior.covariance[(i, i)].sqrt() }).collect();
+    let left: Vec<f64> =
+        (0..now.len()).map(|i| if i == 0 { 0.0 } else { now[i] / base_prior.covariance[(i, i)].sqrt() }).collect();
     let mut worst: Vec<usize> = (1..left.len()).collect();
     worst.sort_by(|&a, &b| left[b].total_cmp(&left[a]));
     worst.truncate((left.len() / 4).max(1));
@@ -131,8 +141,7 @@ pub fn excitation_advice(
             let log_gain: f64 = worst.iter().map(|&i| (then[i] / now[i]).ln()).sum::<f64>() / worst.len() as f64;
             let mut best: Vec<usize> = (1..now.len()).collect();
             best.sort_by(|&a, &b| (then[a] / now[a]).total_cmp(&(then[b] / now[b])));
-            let best =
-                best.into_iter().take(5).map(|i| (base.parameters[i].name.clone(), now[i], then[i])).collect();
+            let best = best.into_iter().take(5).map(|i| (base.parameters[i].name.clone(), now[i], then[i])).collect();
             Ok(MotionAdvice {
                 motion: candidate.words(model, options),
                 link: model.links[candidate.link].name.clone(),
@@ -159,7 +168,12 @@ impl Candidate {
         let link = &model.links[self.link];
         let axis = ["x", "y", "z"][self.axis];
         if self.spin {
-            return format!("{} flights with the whole body turning at {:.0}°/s about the {axis} axis of `{}`", options.flights, options.spin_rad_s.to_degrees(), link.name);
+            return format!(
+                "{} flights with the whole body turning at {:.0}°/s about the {axis} axis of `{}`",
+                options.flights,
+                options.spin_rad_s.to_degrees(),
+                link.name
+            );
         }
         let about = match link.joint.kind {
             JointKind::Spherical => format!(" about its {axis} axis"),
@@ -278,7 +292,8 @@ fn synthesise(model: &Model, phi: &[Phi], posture: &[f64], candidate: &Candidate
 fn momentum(state: &State, phi: &[Phi], about: &Vector3<f64>) -> Vector6<f64> {
     let mut out = Vector6::zeros();
     for ((pose, velocity), phi) in state.world_from_link.iter().zip(&state.velocity).zip(phi) {
-        let (v, w): (Vector3<f64>, Vector3<f64>) = (velocity.fixed_rows::<3>(0).into(), velocity.fixed_rows::<3>(3).into());
+        let (v, w): (Vector3<f64>, Vector3<f64>) =
+            (velocity.fixed_rows::<3>(0).into(), velocity.fixed_rows::<3>(3).into());
         let mc = aloft_body::inertia::first_moment(phi);
         let linear = pose.rotation * (v * phi[0] + w.cross(&mc));
         let angular = pose.rotation * (mc.cross(&v) + aloft_body::inertia::inertia_about_origin(phi) * w)

@@ -134,8 +134,7 @@ impl Clusters {
                 (q.tr_mul(&q), q, residual, n_rows)
             })
             .collect();
-        let mut out =
-            Self { estimate, inverse, grams: Vec::new(), scores: Vec::new(), rows: Vec::new(), mass_kg };
+        let mut out = Self { estimate, inverse, grams: Vec::new(), scores: Vec::new(), rows: Vec::new(), mass_kg };
         for (gram, q, residual, n_rows) in prepared {
             out.scores.push(q.tr_mul(&residual));
             out.grams.push(gram);
@@ -300,19 +299,18 @@ pub(crate) fn choose_weight(
         e.iter().map(|x| x.0).sum::<f64>() / rows.max(1) as f64
     };
     let means: Vec<f64> = errors.iter().map(|e| mean_square(e)).collect();
-    let best = (0..means.len())
-        .min_by(|&a, &b| means[a].total_cmp(&means[b]))
-        .ok_or(IdentifyError::TooFew { what: "weights of the prior", needed: 1, found: 0 })?;
+    let best = (0..means.len()).min_by(|&a, &b| means[a].total_cmp(&means[b])).ok_or(IdentifyError::TooFew {
+        what: "weights of the prior",
+        needed: 1,
+        found: 0,
+    })?;
     let n = groups.len() as f64;
     let table: Vec<WeightTrial> = candidates
         .iter()
         .enumerate()
         .map(|(i, &weight)| {
-            let differences: Vec<f64> = errors[i]
-                .iter()
-                .zip(&errors[best])
-                .map(|(a, b)| (a.0 - b.0) / a.1.max(1) as f64)
-                .collect();
+            let differences: Vec<f64> =
+                errors[i].iter().zip(&errors[best]).map(|(a, b)| (a.0 - b.0) / a.1.max(1) as f64).collect();
             let mean = differences.iter().sum::<f64>() / n;
             let variance = differences.iter().map(|d| (d - mean) * (d - mean)).sum::<f64>() / (n - 1.0).max(1.0);
             WeightTrial { weight, held_out_rms: means[i].sqrt(), difference_se: (variance / n).sqrt() }

@@ -148,8 +148,9 @@ fn flight_sigma(factors: &[Factor]) -> Result<Sigma, IdentifyError> {
     let p = merged.n_parameters();
     let dense = merged.dense();
     let a = faer::Mat::from_fn(p, p, |i, j| if i < dense.nrows() { dense[(i, j)] } else { 0.0 });
-    let singular =
-        a.singular_values().map_err(|_| IdentifyError::Numeric("the singular value decomposition failed".to_owned()))?;
+    let singular = a
+        .singular_values()
+        .map_err(|_| IdentifyError::Numeric("the singular value decomposition failed".to_owned()))?;
     Ok(sigma_of(&singular))
 }
 
@@ -204,7 +205,8 @@ impl Fit {
             covariance.fill_diagonal(f64::INFINITY);
         }
         let rows = merged.n_rows.max(p) as f64;
-        let row_variance = merged.sum_of_squares(&pad(&whole.parameters, merged.n_effects())) / (rows - p as f64 + 1.0).max(1.0);
+        let row_variance =
+            merged.sum_of_squares(&pad(&whole.parameters, merged.n_effects())) / (rows - p as f64 + 1.0).max(1.0);
         Ok(Self {
             x: whole.parameters,
             n_parameters: p,

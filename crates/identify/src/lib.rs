@@ -1,29 +1,43 @@
 //! Base parameters, their scale and uncertainty, and consistent links.
+//!
+//! Stands between `regressor` and `compare`, `discover`. From the factors of all flights (and contact phases) [`identify`] gives
+//! [`Parameters`]: base parameters with intervals and the prior beside them, links that a real body can have, and a verdict that
+//! says in words what was seen and what was not. It never touches a frame.
+//!
+//! | estimator | what it minimises | when |
+//! |---|---|---|
+//! | [`Estimator::NullVector`] | the smallest singular vector, scaled by the mass (the paper) | flights, rich motion |
+//! | [`Estimator::MassConstrained`] | squares of all rows with the mass held | flights, contact, effects |
+//! | [`Estimator::Regularised`] | the same, drawn to the prior as far as held-out flights allow | people, few flights |
+//!
+//! Standard errors are cluster-robust (the unit of evidence is the flight or the trial, never the row) and never below what the rows' own
+//! noise says. [`consistent_links`] finds physical links, [`simex()`](simex()) measures the bias of noisy regressors, [`choose_window`] compares
+//! window lengths, [`excitation_advice`] tries motions that were not made.
 
-mod error;
 pub mod advice;
 mod clusters;
+mod error;
 pub mod gate;
+mod identify;
 pub mod links;
 pub mod null_vector;
 pub mod parameters;
 pub mod prior;
-mod identify;
 pub mod simex;
 mod system;
 pub mod window;
 
 pub use advice::{AdviceOptions, MotionAdvice, excitation_advice};
+pub use clusters::{ClusterBy, WeightTrial};
 pub use error::IdentifyError;
-pub use identify::{IdentifyOptions, identify};
 pub use gate::{Gate, GateLimits, Seen};
+pub use identify::{IdentifyOptions, identify};
 pub use links::{ConsistentLinks, LinkOptions, LinkSd, consistent_links};
 pub use null_vector::{ColumnScaling, NullVector, Sigma, null_vector};
-pub use clusters::{ClusterBy, WeightTrial};
 pub use parameters::{BaseEstimate, EffectEstimate, Estimator, Identification, LinkEstimate, Parameters};
+pub use prior::{LinkPrior, Prior, Symmetry};
 pub use simex::{Simex, add_noise, simex};
 pub use window::{WindowChoice, WindowTrial, choose_window};
-pub use prior::{LinkPrior, Prior, Symmetry};
 
 use aloft_regressor::Factor;
 use nalgebra::DVector;

@@ -66,7 +66,11 @@ pub fn consistent_links(
     }
     let n = prior.links.len();
     if base.from_full.ncols() != 10 * n {
-        return Err(IdentifyError::Length { what: "links of the prior", expected: base.from_full.ncols() / 10, found: n });
+        return Err(IdentifyError::Length {
+            what: "links of the prior",
+            expected: base.from_full.ncols() / 10,
+            found: n,
+        });
     }
     let start = scaled_to_mass(prior, mass_kg);
     let references: Vec<Matrix4<f64>> = start
@@ -167,7 +171,9 @@ impl Problem {
             let log_det: f64 = (0..4).map(|i| 2.0 * cholesky.l_dirty()[(i, i)].ln()).sum();
             divergence += (reference * pseudo).trace() - log_det;
         }
-        0.5 * (&self.rows * y - &self.right).norm_squared() + 0.5 * self.prior_weight * y.norm_squared() + mu * divergence
+        0.5 * (&self.rows * y - &self.right).norm_squared()
+            + 0.5 * self.prior_weight * y.norm_squared()
+            + mu * divergence
     }
 
     /// The minimum for the weight `target` of the divergence. The path leads there from the prior, the minimum for a great weight, in steps of
@@ -234,7 +240,9 @@ impl Problem {
                 hessian += rows.tr_mul(&(curvature * rows * mu));
             }
             let Some(cholesky) = hessian.clone().cholesky() else {
-                return Err(IdentifyError::Numeric("the curvature of the link problem is not positive definite".to_owned()));
+                return Err(IdentifyError::Numeric(
+                    "the curvature of the link problem is not positive definite".to_owned(),
+                ));
             };
             let step = cholesky.solve(&gradient);
             let decrement = gradient.dot(&step);

@@ -76,11 +76,16 @@ impl LinkPrior {
     pub fn new(links: &[LinkInertia], sd: &[PriorSd], symmetry: Option<&Symmetry>) -> Result<Self, IdentifyError> {
         let n = links.len();
         if sd.len() != n {
-            return Err(IdentifyError::Length { what: "standard deviations of the prior", expected: n, found: sd.len() });
+            return Err(IdentifyError::Length {
+                what: "standard deviations of the prior",
+                expected: n,
+                found: sd.len(),
+            });
         }
         let bad = |problem: String| IdentifyError::Option { option: "prior", problem };
         for (i, (link, sd)) in links.iter().zip(sd).enumerate() {
-            let positive = [link.mass_kg, sd.mass_rel, sd.com_m, sd.radius_rel].iter().all(|x| *x > 0.0 && x.is_finite());
+            let positive =
+                [link.mass_kg, sd.mass_rel, sd.com_m, sd.radius_rel].iter().all(|x| *x > 0.0 && x.is_finite());
             if !positive {
                 return Err(bad(format!("link {i}: mass and standard deviations must be positive")));
             }
@@ -256,7 +261,11 @@ impl Prior {
     /// Mean and root of the covariance of all base parameters but the mass, given the mass.
     pub(crate) fn given_mass(&self, p: usize, mass_kg: f64) -> Result<(DVector<f64>, DMatrix<f64>), IdentifyError> {
         if self.mean.len() != p || self.covariance.shape() != (p, p) {
-            return Err(IdentifyError::Length { what: "base parameters of the prior", expected: p, found: self.mean.len() });
+            return Err(IdentifyError::Length {
+                what: "base parameters of the prior",
+                expected: p,
+                found: self.mean.len(),
+            });
         }
         let variance = self.covariance[(0, 0)];
         let cross = self.covariance.view((1, 0), (p - 1, 1)).into_owned();
@@ -277,7 +286,9 @@ pub(crate) fn covariance_root(covariance: &DMatrix<f64>) -> Result<DMatrix<f64>,
     // scale to correlations first: units differ by orders of magnitude
     let sd = DVector::from_fn(n, |i, _| covariance[(i, i)].max(0.0).sqrt());
     if sd.iter().any(|s| !s.is_finite() || *s == 0.0) {
-        return Err(IdentifyError::Numeric("the prior covariance has a variance that is zero or not finite".to_owned()));
+        return Err(IdentifyError::Numeric(
+            "the prior covariance has a variance that is zero or not finite".to_owned(),
+        ));
     }
     let correlation = DMatrix::from_fn(n, n, |i, j| 0.5 * (covariance[(i, j)] + covariance[(j, i)]) / (sd[i] * sd[j]));
     let eigen = correlation.symmetric_eigen();

@@ -94,8 +94,9 @@ impl System {
         let block = Mat::from_fn(p - 1, p - 1, |i, j| get(k + i, k + j));
         let target = DVector::from_fn(p - 1, |i, _| get(k + i, k + p - 1));
         let last = get(k + p - 1, k + p - 1);
-        let svd =
-            block.thin_svd().map_err(|_| IdentifyError::Numeric("the singular value decomposition failed".to_owned()))?;
+        let svd = block
+            .thin_svd()
+            .map_err(|_| IdentifyError::Numeric("the singular value decomposition failed".to_owned()))?;
         let m = p - 1;
         let singular = DVector::from_iterator(m, svd.S().column_vector().iter().copied());
         let v = DMatrix::from_fn(m, m, |i, j| svd.V()[(i, j)]);

@@ -72,10 +72,11 @@ pub fn choose_window(
         let held_out_rms = (squares / rows.max(1) as f64).sqrt();
         tried.push(WindowTrial { window_s: *window_s, held_out_rms, n_rows: merged.n_rows });
     }
-    let best = tried
-        .iter()
-        .min_by(|a, b| a.held_out_rms.total_cmp(&b.held_out_rms))
-        .ok_or(IdentifyError::TooFew { what: "window lengths", needed: 1, found: 0 })?;
+    let best = tried.iter().min_by(|a, b| a.held_out_rms.total_cmp(&b.held_out_rms)).ok_or(IdentifyError::TooFew {
+        what: "window lengths",
+        needed: 1,
+        found: 0,
+    })?;
     let window_s = best.window_s;
     let words = format!(
         "{:.2} s: smallest error of a cluster predicted from the others ({:.3e}) among {}",

@@ -7,8 +7,8 @@ mod common;
 
 use aloft_body::Motion;
 use aloft_identify::{
-    ClusterBy, ColumnScaling, Estimator, GateLimits, IdentifyError, IdentifyOptions, Seen, add_noise, choose_window, identify, mass_constrained,
-    null_vector, simex,
+    ClusterBy, ColumnScaling, Estimator, GateLimits, IdentifyError, IdentifyOptions, Seen, add_noise, choose_window,
+    identify, mass_constrained, null_vector, simex,
 };
 use aloft_regressor::{
     AccelerationOptions, Acting, CoordinateNoise, Factor, Noise, WeakOptions, acceleration_factor, weak_factor,
@@ -46,7 +46,15 @@ fn paper_factors(truth: &Truth, motion: &Motion) -> Vec<Factor> {
         .stretches()
         .iter()
         .map(|s| {
-            acceleration_factor(&truth.model, &truth.base, &motion, s, Acting::nothing(), &AccelerationOptions::default()).unwrap()
+            acceleration_factor(
+                &truth.model,
+                &truth.base,
+                &motion,
+                s,
+                Acting::nothing(),
+                &AccelerationOptions::default(),
+            )
+            .unwrap()
         })
         .collect()
 }
@@ -136,7 +144,8 @@ fn validate_intervals_cover_the_truth() {
         let (mut covered, mut all, mut worst) = (0, 0, 0.0f64);
         for seed in 0..25 {
             let factors = weak_factors(&truth, &truth.noisy(MARKER_SD_M, 100 + seed), 0.4, true);
-            let found = identify(&truth.model, &truth.base, &factors, truth.mass(), None, &IdentifyOptions::default()).unwrap();
+            let found =
+                identify(&truth.model, &truth.base, &factors, truth.mass(), None, &IdentifyOptions::default()).unwrap();
             assert!(found.parameters.gate.passed, "{:?}", found.parameters.gate);
             for (estimate, value) in found.parameters.base.iter().zip(truth.truth().iter()).skip(1) {
                 all += 1;
@@ -161,7 +170,12 @@ fn prop_bootstrap_and_standard_errors_agree() {
     for (i, estimate) in found.parameters.base.iter().enumerate().skip(1) {
         let mean = found.draws.iter().map(|d| d[i]).sum::<f64>() / 400.0;
         let sd = (found.draws.iter().map(|d| (d[i] - mean).powi(2)).sum::<f64>() / 399.0).sqrt();
-        assert!(sd < 2.5 * estimate.se && estimate.se < 4.0 * sd, "{}: bootstrap {sd:e}, standard error {:e}", estimate.name, estimate.se);
+        assert!(
+            sd < 2.5 * estimate.se && estimate.se < 4.0 * sd,
+            "{}: bootstrap {sd:e}, standard error {:e}",
+            estimate.name,
+            estimate.se
+        );
         assert_eq!(estimate.seen, Seen::Well);
     }
     let again = identify(&truth.model, &truth.base, &factors, truth.mass(), None, &options).unwrap();
@@ -178,7 +192,8 @@ fn prop_the_gate_refuses_what_is_not_determined() {
         q[7] = 0.1;
     }
     let stiff = weak_factors(&truth, &frozen, 0.4, false);
-    let options = IdentifyOptions { estimator: Estimator::NullVector(ColumnScaling::None), ..IdentifyOptions::default() };
+    let options =
+        IdentifyOptions { estimator: Estimator::NullVector(ColumnScaling::None), ..IdentifyOptions::default() };
     let found = identify(&truth.model, &truth.base, &stiff, truth.mass(), None, &options);
     assert!(found.is_err() || !found.unwrap().parameters.gate.passed);
     let strict = IdentifyOptions {
@@ -190,7 +205,8 @@ fn prop_the_gate_refuses_what_is_not_determined() {
     assert!(!found.parameters.gate.passed && found.parameters.gate.reasons[0].contains("σ"));
     assert!(identify(&truth.model, &truth.base, &[], truth.mass(), None, &strict).is_err());
     assert!(identify(&truth.model, &truth.base, &factors, -1.0, None, &IdentifyOptions::default()).is_err());
-    let regularised = IdentifyOptions { estimator: Estimator::Regularised { weight: None }, ..IdentifyOptions::default() };
+    let regularised =
+        IdentifyOptions { estimator: Estimator::Regularised { weight: None }, ..IdentifyOptions::default() };
     assert!(matches!(
         identify(&truth.model, &truth.base, &factors, truth.mass(), None, &regularised),
         Err(IdentifyError::Option { .. })
@@ -212,7 +228,10 @@ fn validate_simex_sees_and_removes_the_bias_of_the_papers_rows() {
     };
     let (paper, weak) = (run(false), run(true));
     let (naive, corrected) = (errors(&truth, &paper.naive).1, errors(&truth, &paper.extrapolated).1);
-    println!("paper's rows: inertias off by {naive:.1e}, after extrapolation {corrected:.1e}; bias of weak rows {:.1e}", weak.bias.amax());
+    println!(
+        "paper's rows: inertias off by {naive:.1e}, after extrapolation {corrected:.1e}; bias of weak rows {:.1e}",
+        weak.bias.amax()
+    );
     assert!(corrected < 0.6 * naive, "{naive:e} → {corrected:e}");
     assert!(weak.bias.amax() < 1e-4);
     assert!(simex(&[0.0], 3, |_, _| Ok(DVector::zeros(1))).is_err());

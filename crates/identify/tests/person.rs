@@ -8,7 +8,8 @@ use aloft_body::subject::PriorSd;
 use aloft_body::{LinkInertia, Phi};
 use aloft_identify::links::clipped;
 use aloft_identify::{
-    AdviceOptions, ClusterBy, Estimator, IdentifyOptions, LinkPrior, Parameters, Seen, Symmetry, excitation_advice, identify,
+    AdviceOptions, ClusterBy, Estimator, IdentifyOptions, LinkPrior, Parameters, Seen, Symmetry, excitation_advice,
+    identify,
 };
 use aloft_regressor::{AccelerationRows, Acting, CoordinateNoise, Factor, Noise, Stretch, WeakOptions, weak_factor};
 use common::{Truth, load};
@@ -60,7 +61,8 @@ fn weak_factors(truth: &Truth, prior: &LinkPrior, seed: u64, soft_m: f64, white:
         .iter()
         .map(|s| {
             let noise = white.then_some(&noise);
-            weak_factor(&truth.model, &truth.base, &prior.phi(), &motion, s, Acting::nothing(), &options, noise).unwrap()
+            weak_factor(&truth.model, &truth.base, &prior.phi(), &motion, s, Acting::nothing(), &options, noise)
+                .unwrap()
         })
         .collect()
 }
@@ -92,7 +94,8 @@ fn validate_three_flights_and_a_prior_find_the_person() {
     let before = wrench_error(&truth, &prior.base(&truth.base).unwrap().mean);
     for (soft_m, white) in [(0.0, false), (0.0, true), (0.003, true)] {
         let factors = weak_factors(&truth, &prior, 1, soft_m, white);
-        let found = identify(&truth.model, &truth.base, &factors, truth.mass(), Some(&prior), &regularised(Some(1.0))).unwrap();
+        let found =
+            identify(&truth.model, &truth.base, &factors, truth.mass(), Some(&prior), &regularised(Some(1.0))).unwrap();
         let after = wrench_error(&truth, &found.parameters.base_values());
         println!("soft tissue {soft_m} m, whitened {white}: prior {before:.2?}, identified {after:.2?} N, N·m");
         let gain = if soft_m > 0.0 { 0.3 } else { 0.1 };
@@ -118,7 +121,8 @@ fn prop_links_are_consistent_keep_the_mass_and_the_base_parameters() {
     let prior = prior(&truth, 5);
     for soft_m in [0.0, 0.003] {
         let factors = weak_factors(&truth, &prior, 2, soft_m, true);
-        let found = identify(&truth.model, &truth.base, &factors, truth.mass(), Some(&prior), &regularised(Some(1.0))).unwrap();
+        let found =
+            identify(&truth.model, &truth.base, &factors, truth.mass(), Some(&prior), &regularised(Some(1.0))).unwrap();
         let p: &Parameters = &found.parameters;
         assert_eq!(p.links.len(), 15);
         let phi: Vec<Phi> = p.links.iter().map(|l| l.inertia().to_phi()).collect();
@@ -133,8 +137,11 @@ fn prop_links_are_consistent_keep_the_mass_and_the_base_parameters() {
         let merged = Factor::merge(&factors).unwrap();
         let (free, held) = (p.base_values(), truth.base.regroup(&phi));
         let rms = |x: &DVector<f64>| (merged.sum_of_squares(x) / merged.n_rows as f64).sqrt();
-        let (before, base, links) =
-            (wrench_error(&truth, &prior.base(&truth.base).unwrap().mean), wrench_error(&truth, &free), wrench_error(&truth, &held));
+        let (before, base, links) = (
+            wrench_error(&truth, &prior.base(&truth.base).unwrap().mean),
+            wrench_error(&truth, &free),
+            wrench_error(&truth, &held),
+        );
         println!(
             "soft tissue {soft_m} m: residual of the flights {:.2} and {:.2} with consistent links; wrench error prior {before:.2?}, base parameters {base:.2?}, consistent links {links:.2?}",
             rms(&free),
@@ -159,7 +166,9 @@ fn prop_repeating_errors_widen_intervals_and_more_motion_narrows_them() {
     assert!(mean(&three) < mean(&one));
     assert!(mean(&repeating) > mean(&three));
     assert!(three.base.iter().all(|b| b.se <= 1.05 * b.prior_sd.unwrap() || b.name == "M"));
-    let chosen = identify(&truth.model, &truth.base, &factors, truth.mass(), Some(&prior), &regularised(None)).unwrap().parameters;
+    let chosen = identify(&truth.model, &truth.base, &factors, truth.mass(), Some(&prior), &regularised(None))
+        .unwrap()
+        .parameters;
     assert_eq!(chosen.weights_tried.len(), 3);
     assert!([1.0, 3.0, 10.0].contains(&chosen.prior_weight));
     let trial = identify(
@@ -174,7 +183,16 @@ fn prop_repeating_errors_widen_intervals_and_more_motion_narrows_them() {
     .parameters;
     assert!(trial.se_from.contains("too few"));
     let json = serde_json::to_value(&chosen).unwrap();
-    for path in ["/base/0/value", "/base/0/se", "/base/0/unit", "/links/3/mass_kg", "/links/3/prior", "/sigma/max", "/sigma/second", "/sigma/min"] {
+    for path in [
+        "/base/0/value",
+        "/base/0/se",
+        "/base/0/unit",
+        "/links/3/mass_kg",
+        "/links/3/prior",
+        "/sigma/max",
+        "/sigma/second",
+        "/sigma/min",
+    ] {
         assert!(json.pointer(path).is_some(), "{path}");
     }
     let back: Parameters = serde_json::from_value(json).unwrap();
@@ -188,7 +206,8 @@ fn prop_advice_names_a_motion_that_helps() {
     let factors = weak_factors(&truth, &prior, 1, 0.0, false);
     let weak = WeakOptions { window_s: Some(0.25), ..WeakOptions::default() };
     let options = AdviceOptions::default();
-    let found = identify(&truth.model, &truth.base, &factors[..1], truth.mass(), Some(&prior), &regularised(Some(1.0))).unwrap();
+    let found = identify(&truth.model, &truth.base, &factors[..1], truth.mass(), Some(&prior), &regularised(Some(1.0)))
+        .unwrap();
     let advice = excitation_advice(
         &truth.model,
         &truth.base,
@@ -208,7 +227,8 @@ fn prop_advice_names_a_motion_that_helps() {
     let worst = &advice[0].link;
     let seen = found.parameters.base.iter().filter(|b| b.name.starts_with(worst.as_str())).map(|b| b.seen).max();
     assert!(seen == Some(Seen::Hardly) || seen == Some(Seen::Partly), "{worst} {seen:?}");
-    let bad = excitation_advice(&truth.model, &truth.base, &factors, truth.mass(), &prior, &[0.0], 1.0, &weak, &options);
+    let bad =
+        excitation_advice(&truth.model, &truth.base, &factors, truth.mass(), &prior, &[0.0], 1.0, &weak, &options);
     assert!(bad.is_err());
     let _ = Stretch::flight("x", 0, 0, 1);
 }
@@ -225,7 +245,8 @@ fn prop_a_prior_states_the_spread_it_was_given() {
         assert!((mass_sd - 0.1 * link.mass_kg).abs() < 1e-12);
     }
     let (i, j) = symmetry(&truth).pairs[0];
-    let correlation = |p: &LinkPrior, a: usize, b: usize| p.covariance[(a, b)] / (p.covariance[(a, a)] * p.covariance[(b, b)]).sqrt();
+    let correlation =
+        |p: &LinkPrior, a: usize, b: usize| p.covariance[(a, b)] / (p.covariance[(a, a)] * p.covariance[(b, b)]).sqrt();
     assert!((correlation(&mirrored, 10 * i, 10 * j) - 0.9).abs() < 1e-9);
     assert!(correlation(&plain, 10 * i, 10 * j).abs() < 1e-12);
     // lateral first moments of mirrored limbs vary against each other

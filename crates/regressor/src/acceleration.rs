@@ -121,12 +121,7 @@ pub struct AccelerationRows<'a> {
 impl<'a> AccelerationRows<'a> {
     /// Scratch for one model.
     pub fn new(model: &'a Model, base: &'a BaseParameters) -> Self {
-        Self {
-            model,
-            base,
-            state: State::new(model),
-            rows: DMatrix::zeros(6, base.len()),
-        }
+        Self { model, base, state: State::new(model), rows: DMatrix::zeros(6, base.len()) }
     }
     /// Rows of one frame in root axes about the root origin: three of force (N per unit), three of moment (N·m per unit).
     pub fn base_rows(&mut self, q: &[f64], v: &[f64], a: &[f64]) -> &DMatrix<f64> {

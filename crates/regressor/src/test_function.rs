@@ -130,7 +130,8 @@ mod tests {
             for k in 0..=4 {
                 let scale = f.integral_s() * reach.powi(k);
                 let first = sum(&f.psi_dot, k) + f64::from(k) * if k > 0 { sum(&f.psi, k - 1) } else { 0.0 };
-                let second = sum(&f.psi_ddot, k) - f64::from(k * (k - 1)) * if k > 1 { sum(&f.psi, k - 2) } else { 0.0 };
+                let second =
+                    sum(&f.psi_ddot, k) - f64::from(k * (k - 1)) * if k > 1 { sum(&f.psi, k - 2) } else { 0.0 };
                 assert!(first.abs() < 1e-13 * scale / reach, "{half} {power} {k}: {first:e}");
                 assert!(second.abs() < 1e-12 * scale / reach / reach, "{half} {power} {k}: {second:e}");
             }

@@ -26,7 +26,8 @@ fn factor(seed: u64, m: usize, p: usize, k: usize) -> Factor {
 
 fn close(a: &Factor, b: &Factor) -> bool {
     let scale = a.values().iter().fold(0.0f64, |s, x| s.max(x.abs()));
-    a.values().len() == b.values().len() && a.values().iter().zip(b.values()).all(|(x, y)| (x - y).abs() <= 1e-12 * scale)
+    a.values().len() == b.values().len()
+        && a.values().iter().zip(b.values()).all(|(x, y)| (x - y).abs() <= 1e-12 * scale)
 }
 
 proptest! {
@@ -103,7 +104,10 @@ fn prop_what_is_stored_comes_back() {
         assert_eq!(f, back);
         let json: Factor = serde_json::from_str(&serde_json::to_string(&f).unwrap()).unwrap();
         assert_eq!(f, json);
-        assert!(Factor::from_values(&f.as_stretch(), f.rows, f.columns.clone(), f.n_rows, f.values()[1..].to_vec()).is_err());
+        assert!(
+            Factor::from_values(&f.as_stretch(), f.rows, f.columns.clone(), f.n_rows, f.values()[1..].to_vec())
+                .is_err()
+        );
     }
 }
 

@@ -28,7 +28,8 @@ fn validate_acceleration_rows_vanish_on_simulated_flights() {
         let mut motion = truth.motion.clone();
         differentiate(&truth, &mut motion);
         for stretch in truth.stretches() {
-            let factor = acceleration_factor(&truth.model, &truth.base, &motion, &stretch, Acting::nothing(), &options).unwrap();
+            let factor =
+                acceleration_factor(&truth.model, &truth.base, &motion, &stretch, Acting::nothing(), &options).unwrap();
             // coordinates are stored to 5e-9: differencing twice at 200 Hz leaves some 1e-3 N of 10
             let rms = misfit(&factor, &truth.truth());
             assert!(rms < 4e-3, "{name} flight {}: {rms:e} N", stretch.index);
@@ -85,7 +86,8 @@ fn prop_a_ballistic_body_gives_exact_zeros() {
     }
     let motion = Motion { trial: "stone".into(), rate_hz, nq: 7, nv: 6, q, ..Motion::default() };
     let stretch = Stretch::flight("stone", 0, 0, 60);
-    let factor = weak_factor(&model, &base, &phi, &motion, &stretch, Acting::nothing(), &WeakOptions::default(), None).unwrap();
+    let factor =
+        weak_factor(&model, &base, &phi, &motion, &stretch, Acting::nothing(), &WeakOptions::default(), None).unwrap();
     let rms = misfit(&factor, &base.regroup(&phi));
     assert!(rms < 1e-11, "{rms:e} of body weight");
 }
@@ -117,7 +119,8 @@ fn driven(rate_hz: f64, n: usize) -> Driven {
             let local: DVector<f64> = rows.base_rows(motion.q(f), motion.v(f), motion.a(f)) * shell.truth();
             let pose = rows.world_from_root();
             let force = pose.rotation * Vector3::new(local[0], local[1], local[2]);
-            let moment = pose.rotation * Vector3::new(local[3], local[4], local[5]) + pose.translation.vector.cross(&force);
+            let moment =
+                pose.rotation * Vector3::new(local[3], local[4], local[5]) + pose.translation.vector.cross(&force);
             Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
         })
         .collect();
@@ -134,8 +137,15 @@ fn validate_contact_rows_balance_a_known_wrench() {
         let rms = misfit(&weak(&d.truth, &d.motion, &stretch, acting, &options), &d.truth.truth());
         assert!(rms < 1e-8, "weak rows, window {window_s}: {rms:e} of body weight");
     }
-    let factor =
-        acceleration_factor(&d.truth.model, &d.truth.base, &d.motion, &stretch, acting, &AccelerationOptions::default()).unwrap();
+    let factor = acceleration_factor(
+        &d.truth.model,
+        &d.truth.base,
+        &d.motion,
+        &stretch,
+        acting,
+        &AccelerationOptions::default(),
+    )
+    .unwrap();
     assert!(misfit(&factor, &d.truth.truth()) < 1e-9);
 }
 
@@ -153,8 +163,15 @@ fn prop_an_effect_acts_like_a_measured_wrench() {
     let options = WeakOptions { window_s: Some(0.3), ..WeakOptions::default() };
     let factor = weak(&d.truth, &d.motion, &stretch, acting, &options);
     assert!(misfit(&factor, &x) < 1e-8, "{:e}", misfit(&factor, &x));
-    let factor =
-        acceleration_factor(&d.truth.model, &d.truth.base, &d.motion, &stretch, acting, &AccelerationOptions::default()).unwrap();
+    let factor = acceleration_factor(
+        &d.truth.model,
+        &d.truth.base,
+        &d.motion,
+        &stretch,
+        acting,
+        &AccelerationOptions::default(),
+    )
+    .unwrap();
     assert!(misfit(&factor, &x) < 1e-9, "{:e}", misfit(&factor, &x));
     let without = factor.with_effects(&["nothing"]).unwrap();
     x.remove_row(d.truth.base.len());
@@ -177,11 +194,46 @@ fn prop_missing_frames_split_windows_and_spoil_nothing() {
     assert!(split.n_rows < whole.n_rows && split.n_rows > 0);
     assert!(misfit(&split, &truth.truth()) < 3e-6);
     let nothing = Stretch::flight("chain_p", 0, gap, gap + 3);
-    let failed = weak_factor(&truth.model, &truth.base, &truth.phi, &motion, &nothing, Acting::nothing(), &options, None);
+    let failed =
+        weak_factor(&truth.model, &truth.base, &truth.phi, &motion, &nothing, Acting::nothing(), &options, None);
     assert!(failed.is_err());
-    assert!(weak_factor(&truth.model, &truth.base, &truth.phi, &motion, &Stretch::contact("chain_p", 0, 0, 100), Acting::nothing(), &options, None).is_err());
-    assert!(weak_factor(&truth.model, &truth.base, &truth.phi, &motion, &Stretch::flight("chain_p", 0, 0, 1_000_000), Acting::nothing(), &options, None).is_err());
-    assert!(acceleration_factor(&truth.model, &truth.base, &motion, &stretch, Acting::nothing(), &AccelerationOptions::default()).is_err());
+    assert!(
+        weak_factor(
+            &truth.model,
+            &truth.base,
+            &truth.phi,
+            &motion,
+            &Stretch::contact("chain_p", 0, 0, 100),
+            Acting::nothing(),
+            &options,
+            None
+        )
+        .is_err()
+    );
+    assert!(
+        weak_factor(
+            &truth.model,
+            &truth.base,
+            &truth.phi,
+            &motion,
+            &Stretch::flight("chain_p", 0, 0, 1_000_000),
+            Acting::nothing(),
+            &options,
+            None
+        )
+        .is_err()
+    );
+    assert!(
+        acceleration_factor(
+            &truth.model,
+            &truth.base,
+            &motion,
+            &stretch,
+            Acting::nothing(),
+            &AccelerationOptions::default()
+        )
+        .is_err()
+    );
 }
 
 /// Whitened rows of noisy markers have unit variance at the true parameters: the propagated covariance is the real one.
@@ -196,9 +248,17 @@ fn validate_whitened_rows_have_unit_variance() {
         for seed in 0..if name == "subject_a" { 6 } else { 3 } {
             let motion = truth.noisy(sd_m, seed);
             for stretch in truth.stretches() {
-                let factor =
-                    weak_factor(&truth.model, &truth.base, &truth.phi, &motion, &stretch, Acting::nothing(), &options, Some(&noise))
-                        .unwrap();
+                let factor = weak_factor(
+                    &truth.model,
+                    &truth.base,
+                    &truth.phi,
+                    &motion,
+                    &stretch,
+                    Acting::nothing(),
+                    &options,
+                    Some(&noise),
+                )
+                .unwrap();
                 squares += factor.sum_of_squares(&truth.truth());
                 rows += factor.n_rows;
             }

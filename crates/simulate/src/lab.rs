@@ -333,6 +333,8 @@ fn thrown(
     for value in protocol.spin_radps {
         scenario.expect(&format!("{p}.spin_radps"), value, 0.0..=60.0, "0 to 60 rad/s")?;
     }
+    scenario.expect(&format!("{p}.static_s"), protocol.static_s, 0.1..=60.0, "0.1 to 60 s")?;
+    scenario.expect(&format!("{p}.calibration_s"), protocol.calibration_s, 0.5..=120.0, "0.5 to 120 s")?;
     scenario.expect(&format!("{p}.joint_rate_radps"), protocol.joint_rate_radps, 0.0..=60.0, "0 to 60 rad/s")?;
     check_hidden(scenario, &object.body, 0)?;
     let ticks_per_frame = refine(scenario, 1);

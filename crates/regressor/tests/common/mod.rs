@@ -41,7 +41,8 @@ pub fn load(name: &str) -> Truth {
     let markers: Vec<(usize, [f64; 3])> = serde_json::from_value(json["markers"].clone()).unwrap();
     let flights: Vec<[usize; 4]> = serde_json::from_value(json["flights"].clone()).unwrap();
     let raw = std::fs::read(folder.join(format!("{name}.i32"))).unwrap();
-    let mut q: Vec<f64> = raw.chunks_exact(4).map(|b| 5e-9 * f64::from(i32::from_le_bytes(b.try_into().unwrap()))).collect();
+    let mut q: Vec<f64> =
+        raw.chunks_exact(4).map(|b| 5e-9 * f64::from(i32::from_le_bytes(b.try_into().unwrap()))).collect();
     for frame in q.chunks_exact_mut(model.nq) {
         model.normalize(frame);
     }
@@ -75,9 +76,12 @@ impl Truth {
     /// v and a of every fourth frame, where the set has them.
     pub fn velocities(&self) -> Option<Vec<(usize, Vec<f64>, Vec<f64>)>> {
         let raw = std::fs::read(data().join(format!("{}.f32", self.motion.trial))).ok()?;
-        let values: Vec<f64> = raw.chunks_exact(4).map(|b| f64::from(f32::from_le_bytes(b.try_into().unwrap()))).collect();
+        let values: Vec<f64> =
+            raw.chunks_exact(4).map(|b| f64::from(f32::from_le_bytes(b.try_into().unwrap()))).collect();
         let nv = self.model.nv;
-        Some(values.chunks_exact(2 * nv).enumerate().map(|(i, c)| (4 * i, c[..nv].to_vec(), c[nv..].to_vec())).collect())
+        Some(
+            values.chunks_exact(2 * nv).enumerate().map(|(i, c)| (4 * i, c[..nv].to_vec(), c[nv..].to_vec())).collect(),
+        )
     }
 
     /// Motion as inverse kinematics would give it from markers with white noise: Gauss-Newton from the truth.
@@ -105,7 +109,9 @@ impl Truth {
                 let seen: Vec<Vector3<f64>> = self
                     .markers
                     .iter()
-                    .map(|m| state.point_in_world(m.link, &m.position_m) + Vector3::from_fn(|_, _| normal.sample(&mut rng)))
+                    .map(|m| {
+                        state.point_in_world(m.link, &m.position_m) + Vector3::from_fn(|_, _| normal.sample(&mut rng))
+                    })
                     .zip(&soft)
                     .map(|(p, soft)| p + soft[frame])
                     .collect();
@@ -156,7 +162,12 @@ impl Truth {
                 let by: Vec<Vector3<f64>> =
                     (0..count).map(|_| Vector3::from_fn(|_, _| unit.sample(&mut rng))).collect();
                 let local: Vec<Vector3<f64>> = (0..n)
-                    .map(|f| by.iter().enumerate().map(|(k, d)| d * self.motion.q(f)[(first + k).min(self.model.nq - 1)]).sum())
+                    .map(|f| {
+                        by.iter()
+                            .enumerate()
+                            .map(|(k, d)| d * self.motion.q(f)[(first + k).min(self.model.nq - 1)])
+                            .sum()
+                    })
                     .collect();
                 let mean = local.iter().sum::<Vector3<f64>>() / n as f64;
                 let rms = (local.iter().map(|d| (d - mean).norm_squared()).sum::<f64>() / n as f64).sqrt();
