@@ -1,6 +1,6 @@
 //! The story of the README on the recordings in the repository.
 
-use crate::support::{expect, folder, json, repo};
+use crate::support::{expect, folder, json, lab, repo};
 use std::fs;
 
 #[test]
@@ -26,7 +26,45 @@ fn the_demonstration_goes_from_recordings_to_a_report() {
     assert!(compared["parameters"]["sigma_ratio"].is_number());
     assert!(compared["trials"].as_array().is_some_and(|t| !t.is_empty()));
 
+    // the loop: what is missing, add it, watch the error fall
+    let before = json(&["history", &demo, "--workspace", &ws, "--json"])["revisions"][0]["held_out_error"].as_f64().unwrap();
+    let found = json(&["discover", &demo, "--workspace", &ws, "--json"]);
+    assert_eq!(found["verdict"], "supported", "{}", found["words"]);
+    assert_eq!(found["effects"][0], "quadratic_drag");
+    expect(&["effect", "add", &demo, "quadratic_drag", "--workspace", &ws], 0);
+    let ladder = json(&["history", &demo, "--workspace", &ws, "--json"]);
+    let rung = &ladder["revisions"][1];
+    let after = rung["held_out_error"].as_f64().unwrap();
+    assert!(after < 0.5 * before && after < 1.2 * rung["noise_floor"].as_f64().unwrap(), "{before} N to {after} N");
+    let area: f64 = rung["coefficients"].as_array().unwrap().iter().map(|c| c["value"].as_f64().unwrap()).sum();
+    let hidden = truth["hidden"][0]["drag_area_m2"].as_f64().unwrap();
+    assert!((area - hidden).abs() < 0.05 * hidden, "{area} m² for {hidden} m²");
+    let again = json(&["discover", &demo, "--workspace", &ws, "--json"]);
+    assert_eq!(again["verdict"], "nothing_missing", "{}", again["words"]);
+
+    // with the drag in the model the base parameters are those of the true body
+    let found = json(&["parameters", &demo, "--workspace", &ws, "--json"]);
+    for (b, t) in found["base"].as_array().unwrap().iter().zip(truth["base"].as_array().unwrap()) {
+        let (value, true_value) = (b["value"].as_f64().unwrap(), t["value"].as_f64().unwrap());
+        assert!((value - true_value).abs() < 5e-4, "{}: {value} for {true_value}", b["name"]);
+    }
+
     let (page, _) = expect(&["report", &demo, "--workspace", &ws], 0);
     let html = fs::read_to_string(page.trim()).unwrap();
-    assert!(html.len() < 10_000_000 && html.contains("Identified parameters"));
+    assert!(html.len() < 10_000_000 && html.contains("Identified parameters") && html.contains("The ladder"));
+}
+
+#[test]
+fn nothing_is_missing_where_nothing_is_hidden() {
+    let dir = folder();
+    let data = lab("fixtures/scenarios/chain_small.yaml", dir.path()).display().to_string();
+    let ws = dir.path().join("ws").display().to_string();
+    let words = [&repo("pipelines/chain.yaml"), "--data", &data, "--workspace", &ws];
+    expect(&[&["run"], &words[..]].concat(), 0);
+    let found = json(&[&["discover"], &words[..], &["--json"]].concat());
+    assert_eq!(found["verdict"], "nothing_missing", "{}", found["words"]);
+    assert!(found["noise_floor"].as_f64().unwrap() > 0.0);
+    for key in ["effect", "held_out_ratio", "ci95", "coefficients", "confused_with", "minimum_detectable"] {
+        assert!(!found["candidates"][0][key].is_null(), "discover --json lacks candidates[].{key}");
+    }
 }

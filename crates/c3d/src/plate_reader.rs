@@ -61,10 +61,11 @@ pub(crate) fn read_plates(
         for channel in &listed[..take] {
             match channel.and_then(|c| c.checked_sub(1)).filter(|c| *c < n_channels) {
                 Some(index) => plate.channels.push(index),
+                // zeros fill the list of a plate that has fewer channels than others
+                None if *channel == Some(0) => break,
                 None => {
                     let shown = channel.map_or("not a number".to_owned(), |c| c.to_string());
                     warn(format!("plate {}: channel {shown}, the file holds {n_channels}", i + 1));
-                    plate.channels.clear();
                     break;
                 }
             }

@@ -40,6 +40,8 @@ mod formula;
 mod inertia;
 mod scene;
 mod series;
+#[cfg(test)]
+mod tests;
 
 pub use catalog::EFFECTS;
 pub use choice::{Choice, WrenchColumns, columns};

@@ -1,4 +1,5 @@
 //! Singular values, estimators, consistent links on the factors of a simulated person.
+#![allow(missing_docs, reason = "criterion makes the functions")]
 
 #[path = "../../regressor/tests/common/mod.rs"]
 mod common;

@@ -54,10 +54,22 @@ pub(crate) struct Clusters {
     /// Estimate without the mass: parameters 1.. and effects.
     estimate: DVector<f64>,
     inverse: DMatrix<f64>,
-    grams: Vec<DMatrix<f64>>,
-    scores: Vec<DVector<f64>>,
-    rows: Vec<(DMatrix<f64>, DVector<f64>, usize)>,
+    clusters: Vec<ClusterRows>,
     mass_kg: f64,
+}
+
+/// One cluster, preconditioned.
+#[derive(Debug, Clone)]
+struct ClusterRows {
+    /// Q_g.
+    q: DMatrix<f64>,
+    /// r_g.
+    residual: DVector<f64>,
+    /// Q_gᵀQ_g.
+    gram: DMatrix<f64>,
+    /// Q_gᵀ r_g.
+    score: DVector<f64>,
+    n_rows: usize,
 }
 
 impl Clusters {
@@ -127,24 +139,18 @@ impl Clusters {
                 *x = 0.0;
             }
         });
-        let prepared: Vec<(DMatrix<f64>, DMatrix<f64>, DVector<f64>, usize)> = reduced
+        let rows: Vec<ClusterRows> = reduced
             .into_par_iter()
             .map(|(a, residual, n_rows)| {
                 let q = a * &inverse;
-                (q.tr_mul(&q), q, residual, n_rows)
+                ClusterRows { gram: q.tr_mul(&q), score: q.tr_mul(&residual), q, residual, n_rows }
             })
             .collect();
-        let mut out = Self { estimate, inverse, grams: Vec::new(), scores: Vec::new(), rows: Vec::new(), mass_kg };
-        for (gram, q, residual, n_rows) in prepared {
-            out.scores.push(q.tr_mul(&residual));
-            out.grams.push(gram);
-            out.rows.push((q, residual, n_rows));
-        }
-        Ok(out)
+        Ok(Self { estimate, inverse, clusters: rows, mass_kg })
     }
 
     pub fn len(&self) -> usize {
-        self.grams.len()
+        self.clusters.len()
     }
 
     fn whole(&self, reduced: DVector<f64>) -> DVector<f64> {
@@ -157,7 +163,7 @@ impl Clusters {
     /// `(1 − G_g)⁻¹ Q_gᵀ r_g`, by least squares where leaving the cluster out leaves a direction undetermined.
     fn left_out(&self, g: usize, vector: &DVector<f64>) -> DVector<f64> {
         let m = self.estimate.len();
-        let rest = DMatrix::identity(m, m) - &self.grams[g];
+        let rest = DMatrix::identity(m, m) - &self.clusters[g].gram;
         match rest.clone().cholesky() {
             Some(cholesky) => cholesky.solve(vector),
             None => {
@@ -172,7 +178,7 @@ impl Clusters {
     pub fn leave_one_out(&self) -> Vec<DVector<f64>> {
         (0..self.len())
             .into_par_iter()
-            .map(|g| self.whole(&self.estimate + &self.inverse * self.left_out(g, &self.scores[g])))
+            .map(|g| self.whole(&self.estimate + &self.inverse * self.left_out(g, &self.clusters[g].score)))
             .collect()
     }
 
@@ -181,8 +187,8 @@ impl Clusters {
         (0..self.len())
             .into_par_iter()
             .map(|g| {
-                let (q, residual, n_rows) = &self.rows[g];
-                let error = residual + q * self.left_out(g, &self.scores[g]);
+                let ClusterRows { q, residual, n_rows, .. } = &self.clusters[g];
+                let error = residual + q * self.left_out(g, &self.clusters[g].score);
                 (error.norm_squared(), *n_rows)
             })
             .collect()
@@ -196,16 +202,16 @@ impl Clusters {
         let mut meat = DMatrix::zeros(m, m);
         if weight > 0.0 {
             meat = DMatrix::identity(m, m) * weight;
-            for gram in &self.grams {
-                meat -= gram * weight;
+            for cluster in &self.clusters {
+                meat -= &cluster.gram * weight;
             }
         }
         let adjusted: Vec<DVector<f64>> = (0..self.len())
             .into_par_iter()
             .map(|g| {
-                let eigen = (DMatrix::identity(m, m) - &self.grams[g]).symmetric_eigen();
+                let eigen = (DMatrix::identity(m, m) - &self.clusters[g].gram).symmetric_eigen();
                 let kept = eigen.eigenvalues.map(|l| if l > 1e-8 { l.sqrt().recip() } else { 0.0 });
-                &eigen.eigenvectors * kept.component_mul(&eigen.eigenvectors.tr_mul(&self.scores[g]))
+                &eigen.eigenvectors * kept.component_mul(&eigen.eigenvectors.tr_mul(&self.clusters[g].score))
             })
             .collect();
         for score in &adjusted {
@@ -231,10 +237,10 @@ impl Clusters {
                 }
                 let mut matrix = DMatrix::identity(m, m);
                 let mut right = DVector::zeros(m);
-                for ((w, gram), score) in weights.iter().zip(&self.grams).zip(&self.scores) {
+                for (w, cluster) in weights.iter().zip(&self.clusters) {
                     if *w != 0.0 {
-                        matrix += gram * *w;
-                        right -= score * *w;
+                        matrix += &cluster.gram * *w;
+                        right -= &cluster.score * *w;
                     }
                 }
                 // draws that leave a direction out keep it where it was

@@ -80,7 +80,7 @@ pub(crate) fn judge(
         ));
     }
     if let Estimator::NullVector(_) = estimator
-        && !(sigma.ratio >= limits.sigma_ratio)
+        && (sigma.ratio.is_nan() || sigma.ratio < limits.sigma_ratio)
     {
         passed = false;
         reasons.push(format!(
@@ -94,15 +94,12 @@ pub(crate) fn judge(
     }
     let share = hardly_seen.len() as f64 / parameters.len().max(1) as f64;
     match estimator {
-        Estimator::Regularised { .. } => {
-            if !hardly_seen.is_empty() {
-                reasons.push(format!(
-                    "{} of {} parameters stay where the prior put them; combinations that move the whole body are known better than each of them",
-                    hardly_seen.len(),
-                    parameters.len()
-                ));
-            }
-        }
+        Estimator::Regularised { .. } if hardly_seen.is_empty() => {}
+        Estimator::Regularised { .. } => reasons.push(format!(
+            "{} of {} parameters stay where the prior put them; combinations that move the whole body are known better than each of them",
+            hardly_seen.len(),
+            parameters.len()
+        )),
         _ if share > limits.hardly_share => {
             passed = false;
             reasons.push(format!(

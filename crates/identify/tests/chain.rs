@@ -1,6 +1,7 @@
 //! The two-link chain: paper's rows and weak rows against the truth, intervals, errors in variables.
 //!
 //! Set `ALOFT_IDENTIFY_DATA` to a folder that `tests/peers/identify_goldens.py --recordings 5 --jumps 8` filled to run on all 30 flights.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 #[path = "../../regressor/tests/common/mod.rs"]
 mod common;

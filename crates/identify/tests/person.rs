@@ -1,4 +1,5 @@
 //! A simulated person: prior, regularised estimate, consistent links, advice.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 #[path = "../../regressor/tests/common/mod.rs"]
 mod common;
@@ -11,7 +12,7 @@ use aloft_identify::{
     AdviceOptions, ClusterBy, Estimator, IdentifyOptions, LinkPrior, Parameters, Seen, Symmetry, excitation_advice,
     identify,
 };
-use aloft_regressor::{AccelerationRows, Acting, CoordinateNoise, Factor, Noise, Stretch, WeakOptions, weak_factor};
+use aloft_regressor::{AccelerationRows, Acting, CoordinateNoise, Factor, Noise, WeakOptions, weak_factor};
 use common::{Truth, load};
 use nalgebra::DVector;
 use rand::SeedableRng;
@@ -45,7 +46,7 @@ fn prior(truth: &Truth, seed: u64) -> LinkPrior {
     let total: f64 = (0..links.len()).map(|i| phi[10 * i]).sum();
     let drawn: Vec<LinkInertia> = (0..links.len())
         .map(|i| {
-            let own: Phi = (phi.fixed_rows::<10>(10 * i) * (truth.mass() / total)).into();
+            let own: Phi = phi.fixed_rows::<10>(10 * i) * (truth.mass() / total);
             LinkInertia::from_phi(&clipped(&own, 0.03))
         })
         .collect();
@@ -230,7 +231,6 @@ fn prop_advice_names_a_motion_that_helps() {
     let bad =
         excitation_advice(&truth.model, &truth.base, &factors, truth.mass(), &prior, &[0.0], 1.0, &weak, &options);
     assert!(bad.is_err());
-    let _ = Stretch::flight("x", 0, 0, 1);
 }
 
 #[test]

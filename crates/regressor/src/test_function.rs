@@ -113,7 +113,7 @@ pub fn window_centers(start: usize, end: usize, half: usize, hop: usize) -> Vec<
     }
     let span = length - (2 * half + 1);
     let steps = span.div_ceil(hop.max(1));
-    (0..=steps).map(|i| start + half + if steps == 0 { 0 } else { (i * span + steps / 2) / steps }).collect()
+    (0..=steps).map(|i| start + half + (i * span + steps / 2).checked_div(steps).unwrap_or(0)).collect()
 }
 
 #[cfg(test)]

@@ -1,4 +1,5 @@
 //! Factors: merging in any order, leaving out, storing, on any number of threads.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 use aloft_regressor::{Columns, Factor, RowKind, Stretch, StretchKind, leave_group_out, leave_one_out};
 use faer::Mat;

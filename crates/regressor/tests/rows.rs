@@ -1,4 +1,5 @@
 //! Rows against truth: simulated motions, exact identities, sign and frame conventions.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 mod common;
 

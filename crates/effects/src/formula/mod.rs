@@ -182,6 +182,12 @@ enum Quantity {
     Pi,
 }
 
+/// True for units that can be read.
+#[cfg(test)]
+pub(crate) fn unit_is_readable(text: &str) -> bool {
+    Unit::parse(text).is_ok()
+}
+
 /// Quantities by name, besides the joints'.
 const QUANTITIES: &str = "v_x v_y v_z speed a_x a_y a_z r_x r_y r_z omega_x omega_y omega_z spin alpha_x alpha_y alpha_z \
 com_x com_y com_z comv_x comv_y comv_z t since_start to_end mass gravity pi";
@@ -391,12 +397,13 @@ impl Law {
             let units: Vec<f64> = (0..n).map(|k| at(&|j| f64::from(u8::from(j == k)))).collect();
             let mixed = |k: usize| 0.7 + 0.31 * k as f64 * if k % 2 == 0 { 1.0 } else { -1.0 };
             let both = at(&mixed);
+            let mirrored = at(&|k| -mixed(k));
             let size = units.iter().fold(none.abs() + both.abs(), |m, u| m + u.abs()).max(1e-12);
             if none.abs() > 1e-9 * size {
                 return Err("a part has no coefficient: an effect of known size belongs into the model".to_owned());
             }
             let sum: f64 = units.iter().enumerate().map(|(k, u)| mixed(k) * u).sum();
-            if (sum - both).abs() > 1e-9 * size {
+            if (sum - both).abs() > 1e-9 * size || (both + mirrored).abs() > 1e-9 * size {
                 return Err("the formula is not linear in its coefficients: make this one a parameter".to_owned());
             }
         }

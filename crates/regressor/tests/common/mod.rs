@@ -1,5 +1,10 @@
 //! Truth motions of the simulated sets, and markers on them: what tests of rows and of identification share.
-#![allow(dead_code, reason = "every test binary uses a part")]
+#![allow(
+    dead_code,
+    missing_docs,
+    clippy::unwrap_used,
+    reason = "every test binary uses a part; broken data should stop it"
+)]
 
 use aloft_body::inertia::Phi;
 use aloft_body::{BaseParameters, Model, ModelMarker, ModelSpec, Motion, State};
@@ -10,6 +15,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
+
+/// Frame, v and a.
+pub type Instant = (usize, Vec<f64>, Vec<f64>);
 
 pub struct Truth {
     pub model: Model,
@@ -74,7 +82,7 @@ impl Truth {
         self.phi.iter().map(|p| p[0]).sum()
     }
     /// v and a of every fourth frame, where the set has them.
-    pub fn velocities(&self) -> Option<Vec<(usize, Vec<f64>, Vec<f64>)>> {
+    pub fn velocities(&self) -> Option<Vec<Instant>> {
         let raw = std::fs::read(data().join(format!("{}.f32", self.motion.trial))).ok()?;
         let values: Vec<f64> =
             raw.chunks_exact(4).map(|b| f64::from(f32::from_le_bytes(b.try_into().unwrap()))).collect();

@@ -1,0 +1,82 @@
+//! Every entry of the explicit slices conforms: stages, effects, built-in configurations; and the documents say so.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests fail by panicking")]
+
+use aloft_pipeline::catalog;
+use aloft_pipeline::graph::Need;
+use aloft_pipeline::stages::STAGES;
+use std::path::Path;
+
+fn document(name: &str) -> String {
+    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(name)).unwrap()
+}
+
+#[test]
+fn prop_stages_read_only_what_stands_before_them() {
+    for (i, stage) in STAGES.iter().enumerate() {
+        assert!(STAGES[..i].iter().all(|s| s.name != stage.name), "{} twice", stage.name);
+        for need in stage.needs {
+            let name = match need {
+                Need::Recording => continue,
+                Need::Same(n) | Need::Once(n) | Need::Every(n, _) | Need::EveryOrStaticFrames(n, _) => n,
+            };
+            assert!(STAGES[..i].iter().any(|s| s.name == *name), "{} reads {name}, which does not stand before it", stage.name);
+        }
+    }
+}
+
+#[test]
+fn prop_readme_has_the_stage_table() {
+    let readme = document("README.md");
+    for stage in STAGES {
+        let row = format!("| `{}` | {} | {} |", stage.name, stage.reads, stage.gives);
+        assert!(readme.contains(&row), "README.md lacks the row\n{row}");
+    }
+}
+
+#[test]
+fn prop_readme_names_the_commands_that_checks_run() {
+    let checks = document(".ci/run");
+    let readme = document("README.md");
+    let test = "cargo test --release --workspace";
+    assert!(checks.contains(test) && readme.contains(test));
+}
+
+#[test]
+fn prop_every_built_in_configuration_parses() {
+    let nowhere = Path::new("");
+    for name in catalog::names("models") {
+        let spec: aloft_body::ModelSpec = catalog::load("models", &name, nowhere).unwrap();
+        aloft_body::Model::from_spec(&spec).unwrap();
+    }
+    for set in catalog::all::<aloft_trial::MarkerSet>("markersets").unwrap() {
+        let spec: aloft_body::ModelSpec = catalog::load("models", &set.model, nowhere).unwrap();
+        for marker in &set.markers {
+            assert!(spec.links.iter().any(|l| l.name == marker.link), "{}: {} sits on no link", set.name, marker.label);
+        }
+    }
+    assert!(catalog::all::<aloft_scale::Anthropometry>("anthropometry").unwrap().len() >= 3);
+    assert!(!catalog::all::<aloft_scale::ObjectSpec>("objects").unwrap().is_empty());
+    assert!(catalog::all::<aloft_simulate::Scenario>("scenarios").unwrap().len() >= 5);
+}
+
+#[test]
+fn prop_every_shipped_pipeline_parses() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pipelines");
+    let mut n = 0;
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let text = std::fs::read_to_string(&path).unwrap();
+        aloft_pipeline::config::parse_yaml::<aloft_pipeline::config::PipelineConfig>(&path.display().to_string(), &text).unwrap();
+        n += 1;
+    }
+    assert!(n >= 4);
+}
+
+#[test]
+fn prop_effects_are_documented_under_four_headings() {
+    for effect in aloft_effects::EFFECTS {
+        for heading in ["Physics", "Equation", "Identifiability", "References"] {
+            assert!(effect.documentation.contains(heading), "{} lacks {heading}", effect.id);
+        }
+    }
+}
