@@ -35,7 +35,8 @@ fn no_static_trial_is_said_with_a_way_out() {
     let data = lab("fixtures/scenarios/human_small.yaml", dir.path());
     fs::remove_file(data.join("static.c3d")).unwrap();
     let ws = dir.path().join("ws").display().to_string();
-    let (_, err) = expect(&["run", &repo("pipelines/human.yaml"), "--data", &data.display().to_string(), "--workspace", &ws], 1);
+    let (_, err) =
+        expect(&["run", &repo("pipelines/human.yaml"), "--data", &data.display().to_string(), "--workspace", &ws], 1);
     assert!(err.contains("no static trial") && err.contains("static_frames"), "{err}");
 }
 
@@ -58,7 +59,14 @@ fn a_workspace_that_is_somebody_elses_folder_is_left_alone() {
     let theirs = dir.path().join("thesis");
     fs::create_dir(&theirs).unwrap();
     fs::write(theirs.join("chapter1.txt"), "precious").unwrap();
-    let words = ["run", &repo("pipelines/chain.yaml"), "--data", &data.display().to_string(), "--workspace", &theirs.display().to_string()];
+    let words = [
+        "run",
+        &repo("pipelines/chain.yaml"),
+        "--data",
+        &data.display().to_string(),
+        "--workspace",
+        &theirs.display().to_string(),
+    ];
     let output = aloft(&words);
     assert_eq!(output.status.code(), Some(2));
     assert_eq!(fs::read_to_string(theirs.join("chapter1.txt")).unwrap(), "precious");

@@ -27,7 +27,8 @@ fn the_demonstration_goes_from_recordings_to_a_report() {
     assert!(compared["trials"].as_array().is_some_and(|t| !t.is_empty()));
 
     // the loop: what is missing, add it, watch the error fall
-    let before = json(&["history", &demo, "--workspace", &ws, "--json"])["revisions"][0]["held_out_error"].as_f64().unwrap();
+    let before =
+        json(&["history", &demo, "--workspace", &ws, "--json"])["revisions"][0]["held_out_error"].as_f64().unwrap();
     let found = json(&["discover", &demo, "--workspace", &ws, "--json"]);
     assert_eq!(found["verdict"], "supported", "{}", found["words"]);
     assert_eq!(found["effects"][0], "quadratic_drag");

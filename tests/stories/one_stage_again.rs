@@ -20,7 +20,11 @@ fn only_what_follows_from_a_change_is_done_again() {
     assert!(err.contains(" 0 done") || err.starts_with("0 done"), "nothing changed, nothing is done: {err}");
 
     // touched, not changed
-    let first = fs::read_dir(&data).unwrap().filter_map(|e| e.ok()).find(|e| e.path().extension().is_some_and(|x| x == "c3d")).unwrap();
+    let first = fs::read_dir(&data)
+        .unwrap()
+        .filter_map(|e| e.ok())
+        .find(|e| e.path().extension().is_some_and(|x| x == "c3d"))
+        .unwrap();
     let bytes = fs::read(first.path()).unwrap();
     fs::write(first.path(), bytes).unwrap();
     let (_, err) = run(&[]);
@@ -47,9 +51,25 @@ fn results_do_not_depend_on_the_number_of_threads() {
     let data = lab("fixtures/scenarios/chain_small.yaml", dir.path()).display().to_string();
     let read = |jobs: &str| {
         let ws = dir.path().join(format!("ws{jobs}"));
-        expect(&["run", &repo("pipelines/chain.yaml"), "--data", &data, "--workspace", &ws.display().to_string(), "-j", jobs], 0);
-        ["identify/_study/parameters_weak.json", "identify/_study/parameters_paper.json", "compare/_study/comparison.json"]
-            .map(|f| fs::read(ws.join(f)).unwrap())
+        expect(
+            &[
+                "run",
+                &repo("pipelines/chain.yaml"),
+                "--data",
+                &data,
+                "--workspace",
+                &ws.display().to_string(),
+                "-j",
+                jobs,
+            ],
+            0,
+        );
+        [
+            "identify/_study/parameters_weak.json",
+            "identify/_study/parameters_paper.json",
+            "compare/_study/comparison.json",
+        ]
+        .map(|f| fs::read(ws.join(f)).unwrap())
     };
     assert_eq!(read("1"), read("3"));
 }

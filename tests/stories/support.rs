@@ -26,7 +26,8 @@ pub fn aloft(words: &[&str]) -> Output {
 /// Runs and expects an exit code; returns stdout and stderr.
 pub fn expect(words: &[&str], code: i32) -> (String, String) {
     let output = aloft(words);
-    let (out, err) = (String::from_utf8_lossy(&output.stdout).into_owned(), String::from_utf8_lossy(&output.stderr).into_owned());
+    let (out, err) =
+        (String::from_utf8_lossy(&output.stdout).into_owned(), String::from_utf8_lossy(&output.stderr).into_owned());
     assert_eq!(output.status.code(), Some(code), "aloft {}\n{out}\n{err}", words.join(" "));
     (out, err)
 }

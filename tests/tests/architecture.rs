@@ -5,8 +5,23 @@ use std::path::Path;
 
 /// Crates from bottom to top: each may use only those above it in this list.
 const ORDER: [&str; 17] = [
-    "c3d", "body", "signal", "trial", "scale", "ik", "flight", "effects", "regressor", "identify", "compare", "discover",
-    "simulate", "export", "report", "pipeline", "cli",
+    "c3d",
+    "body",
+    "signal",
+    "trial",
+    "scale",
+    "ik",
+    "flight",
+    "effects",
+    "regressor",
+    "identify",
+    "compare",
+    "discover",
+    "simulate",
+    "export",
+    "report",
+    "pipeline",
+    "cli",
 ];
 
 fn workspace() -> cargo_metadata::Metadata {
@@ -53,7 +68,8 @@ fn prop_dependencies_point_one_way() {
 fn prop_bottom_crates_know_nothing_of_the_others() {
     let all = dependencies();
     for bottom in ["c3d", "body", "signal"] {
-        let own: Vec<_> = all[&format!("aloft-{bottom}")].iter().filter(|(d, t)| !t && d.starts_with("aloft-")).collect();
+        let own: Vec<_> =
+            all[&format!("aloft-{bottom}")].iter().filter(|(d, t)| !t && d.starts_with("aloft-")).collect();
         assert!(own.is_empty(), "{bottom} uses {own:?}");
     }
 }

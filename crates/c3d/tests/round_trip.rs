@@ -195,3 +195,19 @@ fn regress_what_does_not_fit_is_refused() {
     let long_label = C3dBuilder::new(100.0).marker(&"x".repeat(300), vec![[0.0; 3]]).build();
     assert!(matches!(long_label, Err(C3dError::Write { .. })));
 }
+
+/// Found by fuzzing: what is not equal to itself, and what is not complete, is no reason to write a group anew.
+#[test]
+fn regress_odd_plates_and_events_are_kept() {
+    let mut file = support::laboratory(Default::default(), Default::default());
+    file.plates[1].corners[2][0] = f64::NAN;
+    file.plates[0].channels.truncate(2);
+    file.header_events[1].time_s = f32::NAN;
+    file.header_events[0].label = "x\u{e9}".into();
+    let first = C3dFile::from_bytes(&file.to_bytes().unwrap()).unwrap();
+    assert_eq!(first.plates[0].channels, [0, 1]);
+    assert_eq!(first.header_events[0].label, file.header_events[0].label);
+    let second = assert_rewrites("odd plates", &first.to_bytes().unwrap());
+    assert_eq!(second.plates[0].channels, [0, 1]);
+    assert_eq!(format!("{:?}", second.groups), format!("{:?}", first.groups));
+}

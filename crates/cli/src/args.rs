@@ -50,7 +50,9 @@ pub enum EffectAction {
         name: String,
     },
     /// Add an effect to the model: a new revision, and what depends on it again.
-    #[command(after_help = "Examples:\n  aloft effect add P.yaml quadratic_drag\n  aloft effect add P.yaml tether --set anchor_x=0.5")]
+    #[command(
+        after_help = "Examples:\n  aloft effect add P.yaml quadratic_drag\n  aloft effect add P.yaml tether --set anchor_x=0.5"
+    )]
     Add {
         /// The pipeline.
         #[command(flatten)]
@@ -81,7 +83,9 @@ fn key_value(text: &str) -> Result<(String, f64), String> {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Run the stages of a pipeline; what is up to date is kept.
-    #[command(after_help = "Examples:\n  aloft run pipelines/demo.yaml\n  aloft run pipelines/human.yaml --data lab/s01 --workspace out/s01\n  aloft run P.yaml --from filter            after a change of the cut-off\n  aloft run P.yaml --trial 'jump0*' --dry-run")]
+    #[command(
+        after_help = "Examples:\n  aloft run pipelines/demo.yaml\n  aloft run pipelines/human.yaml --data lab/s01 --workspace out/s01\n  aloft run P.yaml --from filter            after a change of the cut-off\n  aloft run P.yaml --trial 'jump0*' --dry-run"
+    )]
     Run {
         /// The pipeline.
         #[command(flatten)]

@@ -37,7 +37,8 @@ fn open(args: &PipelineArgs) -> Result<Study, Stop> {
 }
 
 fn json<T: serde::Serialize>(value: &T) -> Result<(), Stop> {
-    let text = serde_json::to_string_pretty(value).map_err(|e| Stop::Error(miette::miette!("cannot write JSON: {e}")))?;
+    let text =
+        serde_json::to_string_pretty(value).map_err(|e| Stop::Error(miette::miette!("cannot write JSON: {e}")))?;
     out(text)
 }
 
@@ -62,29 +63,49 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
         Command::Explain { pipeline, trial, stage } => show_explanation(&open(&pipeline)?, &trial, &stage),
         Command::Inspect { file, json: as_json } => {
             let found = inspect::inspect(&file)?;
-            if as_json { json(&found)? } else { out(inspect::to_text(&found))? }
+            if as_json {
+                json(&found)?
+            } else {
+                out(inspect::to_text(&found))?
+            }
             Ok(Success::Full)
         }
         Command::Parameters { pipeline, rows, json: as_json } => {
             let found = parameters::parameters(&open(&pipeline)?, rows.map(Rows::from))?;
-            if as_json { json(&found)? } else { show::parameters(&found)? }
+            if as_json {
+                json(&found)?
+            } else {
+                show::parameters(&found)?
+            }
             Ok(Success::Full)
         }
         Command::Compare { pipeline, estimators: _, json: as_json } => {
             let found = compare::compare(&open(&pipeline)?)?;
-            if as_json { json(&found)? } else { show::comparison(&found)? }
+            if as_json {
+                json(&found)?
+            } else {
+                show::comparison(&found)?
+            }
             Ok(Success::Full)
         }
         Command::Discover { pipeline, only, without, json: as_json } => {
             let options = discover::options(only, without);
             let found = discover::discover(&open(&pipeline)?, &options)?;
-            if as_json { json(&found)? } else { show::discovery(&found)? }
+            if as_json {
+                json(&found)?
+            } else {
+                show::discovery(&found)?
+            }
             Ok(Success::Full)
         }
         Command::Effect { action } => effects(action),
         Command::History { pipeline, json: as_json } => {
             let found = effect::history(&open(&pipeline)?)?;
-            if as_json { json(&found)? } else { show::history(&found)? }
+            if as_json {
+                json(&found)?
+            } else {
+                show::history(&found)?
+            }
             Ok(Success::Full)
         }
         Command::Report { pipeline, out: target } => {
@@ -176,7 +197,11 @@ fn show_dry_run(done: &RunReport) -> Result<Success, Stop> {
             t.add_row([task.stage, &task.trial, reason]);
         }
     }
-    if t.is_empty() { out("nothing to do: everything is up to date")? } else { out(t)? }
+    if t.is_empty() {
+        out("nothing to do: everything is up to date")?
+    } else {
+        out(t)?
+    }
     Ok(Success::Full)
 }
 

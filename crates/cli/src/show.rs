@@ -38,7 +38,11 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
             b.prior.map_or("–".to_owned(), |v| significant(v, 3)),
             b.unit.clone(),
             format!("{:?}", b.seen).to_lowercase(),
-            if b.formula.chars().count() > 60 { format!("{}…", b.formula.chars().take(59).collect::<String>()) } else { b.formula.clone() },
+            if b.formula.chars().count() > 60 {
+                format!("{}…", b.formula.chars().take(59).collect::<String>())
+            } else {
+                b.formula.clone()
+            },
         ]);
     }
     out(t)?;
@@ -46,7 +50,8 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
         out(format!("effect {}: {} ± {}", e.name, significant(e.value, 4), significant(1.96 * e.se, 2)))?;
     }
     if !p.links.is_empty() {
-        let mut t = table(&["link", "mass kg", "prior kg", "centre of mass m", "prior m", "principal inertias kg·m²", "seen"]);
+        let mut t =
+            table(&["link", "mass kg", "prior kg", "centre of mass m", "prior m", "principal inertias kg·m²", "seen"]);
         for l in &p.links {
             let inertia = l.inertia().inertia_com_kgm2.symmetric_eigenvalues();
             let mut principal = [inertia[0], inertia[1], inertia[2]];
@@ -85,7 +90,11 @@ pub fn brief(view: &ComparisonView) -> Result<(), Stop> {
         t.add_row([m.model.clone(), three(&f), three(&n), significant(mean(&wf), 3), significant(mean(&wn), 3)]);
     }
     if let Some(floor) = &c.noise_floor {
-        let (frames, windows) = if c.first.held_out.frames > 0 { (&floor.contact, &floor.contact_weak) } else { (&floor.flight, &floor.flight_weak) };
+        let (frames, windows) = if c.first.held_out.frames > 0 {
+            (&floor.contact, &floor.contact_weak)
+        } else {
+            (&floor.flight, &floor.flight_weak)
+        };
         t.add_row([
             "noise alone".to_owned(),
             three(&frames.force_n.mae),
@@ -101,7 +110,8 @@ pub fn brief(view: &ComparisonView) -> Result<(), Stop> {
 pub fn comparison(view: &ComparisonView) -> Result<(), Stop> {
     brief(view)?;
     let c = &view.comparison;
-    let mut t = table(&["trial", "role", "marker RMS mm", "flights", "fall vs g %", "contact N", "N·m", "flight N", "N·m"]);
+    let mut t =
+        table(&["trial", "role", "marker RMS mm", "flights", "fall vs g %", "contact N", "N·m", "flight N", "N·m"]);
     for row in &view.kinematics {
         let errors = c.first.trials.iter().find(|t| t.trial == row.trial);
         let number = |v: Option<f64>| v.map_or("–".to_owned(), |x| significant(x, 3));
@@ -162,7 +172,10 @@ pub fn discovery(d: &aloft_discover::Discovery) -> Result<(), Stop> {
         aloft_discover::Verdict::NothingMissing => "nothing missing",
         aloft_discover::Verdict::NotDetectable => "not detectable",
     };
-    out(format!("verdict: {verdict}{}", if d.effects.is_empty() { String::new() } else { format!(": {}", d.effects.join(", ")) }))?;
+    out(format!(
+        "verdict: {verdict}{}",
+        if d.effects.is_empty() { String::new() } else { format!(": {}", d.effects.join(", ")) }
+    ))?;
     out(&d.words)?;
     out(format!(
         "held-out error {} N ({} % of body weight), noise alone {} N, with the effects found {} N\n",
@@ -173,13 +186,22 @@ pub fn discovery(d: &aloft_discover::Discovery) -> Result<(), Stop> {
     ))?;
     for found in &d.found {
         for c in found.nonlinear.iter().chain(&found.coefficients) {
-            out(format!("  {} {}: {} ± {} {}", found.key, c.name, significant(c.value, 4), significant(1.96 * c.se, 2), c.unit))?;
+            out(format!(
+                "  {} {}: {} ± {} {}",
+                found.key,
+                c.name,
+                significant(c.value, 4),
+                significant(1.96 * c.se, 2),
+                c.unit
+            ))?;
         }
     }
-    let mut t = table(&["effect", "held-out ratio", "95 %", "coefficient", "± 95 %", "smallest seen", "unit", "like it"]);
+    let mut t =
+        table(&["effect", "held-out ratio", "95 %", "coefficient", "± 95 %", "smallest seen", "unit", "like it"]);
     for c in d.candidates.iter().filter(|c| !c.placebo).take(15) {
         let first = c.coefficients.first();
-        let like: Vec<&str> = c.confused_with.iter().filter(|x| x.p_value > 0.05).map(|x| x.effect.as_str()).take(3).collect();
+        let like: Vec<&str> =
+            c.confused_with.iter().filter(|x| x.p_value > 0.05).map(|x| x.effect.as_str()).take(3).collect();
         t.add_row([
             c.key.clone(),
             format!("{:.3}", c.held_out_ratio),
@@ -203,7 +225,16 @@ pub fn discovery(d: &aloft_discover::Discovery) -> Result<(), Stop> {
 
 /// The ladder.
 pub fn history(h: &aloft_pipeline::command::effect::History) -> Result<(), Stop> {
-    let mut t = table(&["revision", "what", "effects", "held-out error N", "noise N", "in flight N", "σ_N-1/σ_N", "coefficients"]);
+    let mut t = table(&[
+        "revision",
+        "what",
+        "effects",
+        "held-out error N",
+        "noise N",
+        "in flight N",
+        "σ_N-1/σ_N",
+        "coefficients",
+    ]);
     let number = |v: Option<f64>| v.map_or("–".to_owned(), |x| significant(x, 3));
     for r in &h.revisions {
         let coefficients: Vec<String> = r

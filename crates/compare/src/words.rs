@@ -54,8 +54,13 @@ pub(crate) fn words(model: &ModelComparison, beside: &[ModelComparison], floor: 
     let (axis, value) = worst(&frames.force_n.rmse);
     let (turn, moment) = worst(&frames.moment_nm.rmse);
     out.push(format!(
-        "Worst axes of the root: force {} ({value:.2} N root mean square, mean {:+.2} N), moment {} ({moment:.2} N·m, mean {:+.2} N·m).",
-        AXES[axis], frames.force_n.bias[axis], AXES[turn], frames.moment_nm.bias[turn]
+        "Worst axes of the root: force {} ({} N root mean square, mean {} N), moment {} ({} N·m, mean {} N·m).",
+        AXES[axis],
+        figures(value),
+        figures(frames.force_n.bias[axis]),
+        AXES[turn],
+        figures(moment),
+        figures(frames.moment_nm.bias[turn])
     ));
     let trials: Vec<(&str, f64)> = model
         .trials
@@ -155,7 +160,17 @@ fn offsets(model: &ModelComparison) -> Vec<String> {
 }
 
 fn signed(values: &[f64; 3]) -> String {
-    values.map(|x| format!("{x:+.2}")).join(", ")
+    values.map(|x| format!("{}{}", if x < 0.0 { "" } else { "+" }, figures(x))).join(", ")
+}
+
+/// Two decimals, and more where the first two are zeros: errors of small objects are small numbers.
+fn figures(x: f64) -> String {
+    let size = x.abs();
+    if size >= 0.1 || size < 1e-9 || !size.is_finite() {
+        return format!("{x:.2}");
+    }
+    let decimals = (1.0 - size.log10().floor()) as usize;
+    format!("{x:.decimals$}")
 }
 
 /// Share of a mean square above the floor's.
@@ -164,7 +179,7 @@ pub(crate) fn explainable(size: f64, floor: f64) -> f64 {
 }
 
 fn pair(force_n: f64, moment_nm: f64) -> String {
-    format!("{force_n:.2} N and {moment_nm:.2} N·m")
+    format!("{} N and {} N·m", figures(force_n), figures(moment_nm))
 }
 
 fn of(groups: &[Group], by: GroupedBy) -> impl Iterator<Item = &Group> {

@@ -56,7 +56,9 @@ pub(crate) fn solve(s: &DMatrix<f64>, c: &DVector<f64>, coefficients: &[Coeffici
         let free: Vec<usize> = (0..k).filter(|&i| fixed[i].is_none()).collect();
         let mut theta = DVector::from_fn(k, |i, _| fixed[i].unwrap_or(0.0));
         if !free.is_empty() {
-            let right = DVector::from_fn(free.len(), |i, _| c[free[i]] - (0..k).map(|j| s[(free[i], j)] * theta[j]).sum::<f64>());
+            let right = DVector::from_fn(free.len(), |i, _| {
+                c[free[i]] - (0..k).map(|j| s[(free[i], j)] * theta[j]).sum::<f64>()
+            });
             let gram = DMatrix::from_fn(free.len(), free.len(), |i, j| s[(free[i], free[j])]);
             for (i, x) in pseudo_solve(&gram, &right).iter().enumerate() {
                 theta[free[i]] = *x;

@@ -1,6 +1,7 @@
 //! The rounds: rank, judge, add, rank again.
 
 use crate::candidate::{Scored, Variant};
+use crate::pairs::better_pair;
 use crate::placebo::PLACEBOS;
 use crate::problem::{Domain, Problem};
 use crate::rank::{EffectScore, cosine, judged_in, null_ratios, score_effect};
@@ -64,6 +65,9 @@ impl Default for DiscoverOptions {
     }
 }
 
+/// A pair of effects has to leave less than this share of the error of the best single one.
+const PAIR: f64 = 0.93;
+
 /// All effects of the catalogue.
 pub fn catalogue() -> Vec<&'static dyn Effect> {
     aloft_effects::EFFECTS.iter().map(|e| *e as &dyn Effect).collect()
@@ -104,11 +108,8 @@ pub fn discover(
                 Err(DiscoverError::TooFew { .. }) if !rounds.is_empty() => break,
                 Err(e) => return Err(e),
             };
-            let model: Vec<String> = accepted
-                .iter()
-                .map(|c| c.key(session.scene))
-                .chain(found.iter().map(|f| f.key.clone()))
-                .collect();
+            let model: Vec<String> =
+                accepted.iter().map(|c| c.key(session.scene)).chain(found.iter().map(|f| f.key.clone())).collect();
             let already: Vec<&str> = kept.iter().map(|v| v.effect.id()).collect();
             let (mut round, scores) = run_round(session, &problem, effects, &already, model, has_flights, options);
             let plain = problem.plain();
@@ -138,6 +139,37 @@ pub fn discover(
             }
             let go_on = matches!(round.verdict, Verdict::Supported | Verdict::OneOf);
             let sure = round.verdict == Verdict::Supported;
+            let pair = match chosen {
+                Some(score) if go_on => {
+                    let usable: Vec<bool> =
+                        scores.iter().map(|s| !s.placebo && limit(s.effect.id(), false, options) > 0.0).collect();
+                    let best = scores.iter().position(|s| s.effect.id() == score.effect.id()).unwrap_or(0);
+                    better_pair(session, &problem, &scores, best, &usable, PAIR, options.seed)
+                }
+                _ => None,
+            };
+            if let Some((a, b, error)) = pair {
+                let ids = [a.variant.effect.id().to_owned(), b.variant.effect.id().to_owned()];
+                round.words = format!(
+                    "two effects together, `{}` and `{}`, explain more ({:.0} % of the held-out error remains) than any one: {}",
+                    key_of(session, &a),
+                    key_of(session, &b),
+                    100.0 * (error / (plain * problem.n_judged as f64)).sqrt(),
+                    round.words
+                );
+                round.verdict = Verdict::Supported;
+                round.effects = ids.to_vec();
+                rounds.push(round);
+                first_gain = first_gain.or(Some(gain));
+                if domain == Domain::Flight || !has_flights {
+                    after = error / problem.n_judged as f64;
+                }
+                for part in [a, b] {
+                    found.push(as_found(session, &part));
+                    kept.push(part.variant);
+                }
+                continue;
+            }
             rounds.push(round);
             if !go_on {
                 break;
@@ -157,18 +189,15 @@ pub fn discover(
             }
         }
     }
+    prune(session, accepted, &mut kept, &mut found, options);
     refit_found(session, accepted, &kept, &mut found, options);
     let first = rounds.iter().find(|r| matches!(r.verdict, Verdict::Supported | Verdict::OneOf));
     let verdict = first.map_or_else(|| rounds.first().map_or(Verdict::NotDetectable, |r| r.verdict), |r| r.verdict);
     let mut named: Vec<String> = first.map(|r| r.effects.clone()).unwrap_or_default();
     if verdict == Verdict::Supported {
-        for r in rounds.iter().filter(|r| r.verdict == Verdict::Supported) {
-            for e in &r.effects {
-                if !named.contains(e) {
-                    named.push(e.clone());
-                }
-            }
-        }
+        let sure =
+            |id: &str| rounds.iter().any(|r| r.verdict == Verdict::Supported && r.effects.iter().any(|e| e == id));
+        named = found.iter().map(|f| f.effect.clone()).filter(|id| sure(id)).collect();
     }
     let mut candidates: Vec<Candidate> = Vec::new();
     for r in &rounds {
@@ -251,6 +280,40 @@ fn extra_columns(
     // an effect that does nothing here would leave the rows singular
     out.retain(|e| e.iter().any(|m| m.norm_squared() > 0.0));
     out
+}
+
+/// Takes out effects that those found later have made superfluous: a compromise found first, where two effects were at work.
+fn prune(
+    session: &Session<'_>,
+    accepted: &[Choice<'_>],
+    kept: &mut Vec<Variant<'_>>,
+    found: &mut Vec<Found>,
+    options: &DiscoverOptions,
+) {
+    /// A loss of held-out error (root mean square) below this is none.
+    const LOSS: f64 = 1.03;
+    let error = |kept: &[Variant<'_>], found: &[Found], domain: Domain| {
+        let extra = extra_columns(session, domain, accepted, kept, found);
+        Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight).ok().map(|p| p.plain())
+    };
+    while kept.len() > 1 {
+        let mut least: Option<(usize, f64)> = None;
+        for i in 0..kept.len() - 1 {
+            let domain = if kept[i].effect.acts().in_flight() { Domain::Flight } else { Domain::Contact };
+            let (mut fewer, mut fewer_found) = (kept.clone(), found.clone());
+            fewer.remove(i);
+            fewer_found.remove(i);
+            if let (Some(with), Some(without)) = (error(kept, found, domain), error(&fewer, &fewer_found, domain)) {
+                let loss = (without / with).sqrt();
+                if loss < LOSS && least.is_none_or(|l| loss < l.1) {
+                    least = Some((i, loss));
+                }
+            }
+        }
+        let Some((i, _)) = least else { break };
+        kept.remove(i);
+        found.remove(i);
+    }
 }
 
 /// Values of the coefficients with all effects found in the model at once.
@@ -353,10 +416,8 @@ fn run_round<'a>(
         .map(|e| (e, false))
         .chain(PLACEBOS.iter().map(|p| (p as &dyn Effect, true)))
         .collect();
-    let mut scores: Vec<EffectScore<'a>> = used
-        .par_iter()
-        .filter_map(|(e, placebo)| score_effect(session, problem, *e, *placebo, true))
-        .collect();
+    let mut scores: Vec<EffectScore<'a>> =
+        used.par_iter().filter_map(|(e, placebo)| score_effect(session, problem, *e, *placebo, true)).collect();
     let plain = problem.plain();
     scores.sort_by(|a, b| a.mean_square(problem).total_cmp(&b.mean_square(problem)));
     let mut null = null_ratios(problem, &scores, options.null_draws, options.seed);
@@ -451,7 +512,11 @@ fn alternatives(session: &Session<'_>, problem: &Problem, score: &EffectScore<'_
 fn limit(id: &str, first_round: bool, options: &DiscoverOptions) -> f64 {
     match id {
         "soft_tissue" | "joint_centre" | "filter_attenuation" | "camera_warp" | "residual_contact" => {
-            if first_round { options.belief_kinematics } else { 0.0 }
+            if first_round {
+                options.belief_kinematics
+            } else {
+                0.0
+            }
         }
         _ if id.starts_with("plate_") || id == "body_mass" => options.belief_plates,
         _ => options.belief,
@@ -525,7 +590,7 @@ fn minimum_detectable(
     if energy <= 0.0 {
         return f64::INFINITY;
     }
-    let n = problem.clusters.iter().map(|c| c.b.len() as f64).sum::<f64>();
+    let n = problem.clusters.iter().map(|c| c.n_rows as f64).sum::<f64>();
     let size = (n * noise_square * (threshold.powi(-2) - 1.0) / energy).sqrt();
     let se = of_unit.iter().map(|&k| estimates[k].se.powi(2)).sum::<f64>().sqrt() / (of_unit.len() as f64).sqrt();
     size + 0.84 * if se.is_finite() { se.min(size) } else { 0.0 }
@@ -578,10 +643,16 @@ fn judge(
     options: &DiscoverOptions,
 ) -> (Verdict, Vec<String>) {
     let believed: Vec<usize> = (0..candidates.len()).filter(|&i| candidates[i].believed).collect();
-    let Some(&best) = believed.first() else {
+    let Some(&first) = believed.first() else {
         let hopeless = problem.clusters.iter().filter(|c| !c.judged.is_empty()).count() < 4;
         return (if hopeless { Verdict::NotDetectable } else { Verdict::NothingMissing }, Vec::new());
     };
+    // a generalisation has to be as much better as another effect would have to be: its freedom also follows errors that repeat
+    let simpler = believed.iter().copied().find(|&i| {
+        scores[first].effect.contains().contains(&scores[i].effect.id())
+            && candidates[first].held_out_ratio > options.belief * candidates[i].held_out_ratio
+    });
+    let best = simpler.unwrap_or(first);
     let mut class: Vec<usize> = believed
         .iter()
         .copied()

@@ -66,13 +66,7 @@ fn cut_motion(motion: &Motion, stretch: &Stretch) -> Motion {
     Motion { q, v: Vec::new(), a: Vec::new(), residual_m: Vec::new(), q_sd: Vec::new(), ..motion.clone() }
 }
 
-fn with_noise(
-    model: &Model,
-    motion: &Motion,
-    stretch: &Stretch,
-    root: &DMatrix<f64>,
-    rng: &mut ChaCha8Rng,
-) -> Motion {
+fn with_noise(model: &Model, motion: &Motion, stretch: &Stretch, root: &DMatrix<f64>, rng: &mut ChaCha8Rng) -> Motion {
     let mut out = cut_motion(motion, stretch);
     let mut moved = vec![0.0; model.nq];
     for frame in 0..out.n_frames() {

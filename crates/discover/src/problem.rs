@@ -4,8 +4,8 @@
 //! `Σ AᵀA + w` for all rows and one for each fold take the parameters out of any column (Frisch and Waugh), so that a candidate costs a few
 //! small products. Weights of rows are fixed; nothing here is estimated from residuals but the weight of the prior.
 
-use crate::session::Session;
 use crate::DiscoverError;
+use crate::session::Session;
 use aloft_regressor::StretchKind;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
@@ -26,10 +26,11 @@ pub(crate) struct Cluster {
     pub judged: Vec<usize>,
     gram: DMatrix<f64>,
     right: DVector<f64>,
+    /// Rows that went in.
+    pub n_rows: usize,
     /// Blocks of the session in order.
     pub blocks: Vec<usize>,
     pub trial: usize,
-    pub name: String,
 }
 
 pub(crate) struct Fold {
@@ -85,7 +86,8 @@ impl Problem {
         let mut trials: Vec<usize> = used.iter().map(|&i| session.blocks[i].trial).collect();
         trials.sort_unstable();
         trials.dedup();
-        let judged_trials = trials.iter().filter(|t| used.iter().any(|&i| session.blocks[i].trial == **t && judged(i))).count();
+        let judged_trials =
+            trials.iter().filter(|t| used.iter().any(|&i| session.blocks[i].trial == **t && judged(i))).count();
         let members: Vec<Vec<usize>> = if judged_trials >= fewest {
             trials.iter().map(|t| used.iter().copied().filter(|&i| session.blocks[i].trial == *t).collect()).collect()
         } else {
@@ -131,37 +133,36 @@ impl Problem {
                     }
                     at += h;
                 }
-                let name = match blocks.as_slice() {
-                    [only] => session.block_name(*only).to_owned(),
-                    _ => session.trials[session.blocks[blocks[0]].trial].clone(),
-                };
                 Cluster {
                     gram: a.tr_mul(&a),
                     right: a.tr_mul(&b),
                     a,
                     b,
                     judged: rows_judged,
+                    n_rows: blocks.iter().map(|&i| session.blocks[i].n_rows).sum(),
                     trial: session.blocks[blocks[0]].trial,
                     blocks,
-                    name,
                 }
             })
             .collect();
         clusters.sort_by_key(|c| c.blocks[0]);
-        let n_judged = clusters.iter().map(|c| c.judged.len()).sum();
+        let n_judged = used.iter().filter(|&&i| judged(i)).map(|&i| session.blocks[i].n_rows).sum();
         let n_test = clusters.iter().filter(|c| !c.judged.is_empty()).count();
         if n_test < 2 {
             return Err(DiscoverError::TooFew { what: "flights or trials with rows", needed: 2, found: n_test });
         }
         let gram = clusters.iter().fold(DMatrix::zeros(m, m), |s, c| s + &c.gram);
         let right = clusters.iter().fold(DVector::zeros(m), |s, c| s + &c.right);
-        let n_rows: usize = clusters.iter().map(|c| c.b.len()).sum();
+        let n_rows: usize = clusters.iter().map(|c| c.n_rows).sum();
         // the weight of the prior in squared row units: the variance of a row that agrees with the fit
         let mut variance = clusters.iter().map(|c| c.b.norm_squared()).sum::<f64>() / n_rows as f64;
         let has_prior = session.prior.is_some();
         let ridge = |variance: f64| -> DVector<f64> {
             let floor = 1e-10 * gram.trace() / m as f64;
-            DVector::from_fn(m, |i, _| if has_prior && i < p - 1 { (prior_weight * variance).max(floor) } else { floor })
+            DVector::from_fn(
+                m,
+                |i, _| if has_prior && i < p - 1 { (prior_weight * variance).max(floor) } else { floor },
+            )
         };
         let factor = |gram: &DMatrix<f64>, ridge: &DVector<f64>| {
             Cholesky::new(gram + DMatrix::from_diagonal(ridge))
@@ -248,7 +249,12 @@ impl Problem {
         self.fold_of(g, &columns[g], self.products(columns, Some(g)))
     }
 
-    fn fold_of(&self, g: usize, c_g: &DMatrix<f64>, products: (DMatrix<f64>, DMatrix<f64>, DVector<f64>)) -> ReducedFold {
+    fn fold_of(
+        &self,
+        g: usize,
+        c_g: &DMatrix<f64>,
+        products: (DMatrix<f64>, DMatrix<f64>, DVector<f64>),
+    ) -> ReducedFold {
         let (cluster, (ac, cc, cb)) = (&self.clusters[g], products);
         let x = self.folds[g].cholesky.solve(&ac);
         let all = c_g - &cluster.a * &x;
@@ -345,7 +351,11 @@ fn given_mass(session: &Session<'_>, p: usize) -> Result<(DVector<f64>, DMatrix<
         return Ok((DVector::zeros(p - 1), DMatrix::from_diagonal(&norms)));
     };
     if prior.mean.len() != p || prior.covariance.shape() != (p, p) {
-        return Err(DiscoverError::Length { what: "base parameters of the prior", expected: p, found: prior.mean.len() });
+        return Err(DiscoverError::Length {
+            what: "base parameters of the prior",
+            expected: p,
+            found: prior.mean.len(),
+        });
     }
     let variance = prior.covariance[(0, 0)];
     let cross = prior.covariance.view((1, 0), (p - 1, 1)).into_owned();

@@ -103,23 +103,20 @@ pub(crate) fn score_effect<'a>(
             }
         }
     }
-    let n_rows: f64 = problem.clusters.iter().map(|c| c.b.len() as f64).sum();
+    let n_rows: f64 = problem.clusters.iter().map(|c| c.n_rows as f64).sum();
     let pick = |gain: &dyn Fn(&Scored<'_>) -> f64, rss: f64, n_rows: f64| {
-        let of: Vec<f64> =
-            scored.iter().map(|s| criterion(gain(s), rss, n_rows, s.variant.unknowns())).collect();
+        let of: Vec<f64> = scored.iter().map(|s| criterion(gain(s), rss, n_rows, s.variant.unknowns())).collect();
         let least = of.iter().copied().fold(f64::INFINITY, f64::min);
         // what the rows cannot tell apart goes to the link nearer to the root
         (0..scored.len())
             .filter(|&i| of[i] <= least + 1.0)
-            .min_by(|&a, &b| {
-                scored[a].variant.target.cmp(&scored[b].variant.target).then(of[a].total_cmp(&of[b]))
-            })
+            .min_by(|&a, &b| scored[a].variant.target.cmp(&scored[b].variant.target).then(of[a].total_cmp(&of[b])))
             .unwrap_or(0)
     };
     let best = pick(&|s| s.gain, problem.rss, n_rows);
     let fold_error = (0..problem.folds.len())
         .map(|g| {
-            let n = n_rows - problem.clusters[g].b.len() as f64;
+            let n = n_rows - problem.clusters[g].n_rows as f64;
             scored[pick(&|s| s.fold_gain[g], problem.folds[g].train, n)].fold_error[g]
         })
         .collect();
@@ -150,6 +147,7 @@ type Screened<'a> = Vec<(Variant<'a>, Vec<DMatrix<f64>>)>;
 /// Variants at given values with their columns: all targets at the starts that serve the first target best.
 fn screen<'a>(session: &Session<'_>, problem: &Problem, effect: &'a dyn Effect, targets: &[Target]) -> Screened<'a> {
     const FEW: usize = 4;
+    const MANY: usize = 60;
     let mut out: Screened<'a> = Vec::new();
     let mut chosen: Option<Vec<usize>> = None;
     for &target in targets {
@@ -172,12 +170,15 @@ fn screen<'a>(session: &Session<'_>, problem: &Problem, effect: &'a dyn Effect, 
                 Some((i, gain, variant, columns))
             })
             .collect();
+        let mut order: Vec<(usize, f64)> = made.iter().map(|m| (m.0, m.1)).collect();
+        order.sort_by(|a, b| b.1.total_cmp(&a.1));
         if chosen.is_none() && starts.len() > FEW {
-            let mut order: Vec<(usize, f64)> = made.iter().map(|m| (m.0, m.1)).collect();
-            order.sort_by(|a, b| b.1.total_cmp(&a.1));
             chosen = Some(order.iter().take(FEW).map(|o| o.0).collect());
         }
-        out.extend(made.into_iter().map(|m| (m.2, m.3)));
+        // of a great many starts the best are kept, and a sample of the others for the null distribution
+        let best: Vec<usize> = order.iter().take(MANY / 10).map(|o| o.0).collect();
+        let stride = made.len().div_ceil(MANY).max(1);
+        out.extend(made.into_iter().filter(|m| m.0 % stride == 0 || best.contains(&m.0)).map(|m| (m.2, m.3)));
     }
     out
 }
@@ -224,7 +225,7 @@ fn group(session: &Session<'_>, problem: &Problem, columns: &[DMatrix<f64>]) -> 
 pub(crate) fn null_ratios(problem: &Problem, scores: &[EffectScore<'_>], draws: usize, seed: u64) -> Vec<f64> {
     let flips = problem.flip_parts();
     let n = problem.clusters.len();
-    let n_rows: f64 = problem.clusters.iter().map(|c| c.b.len() as f64).sum();
+    let n_rows: f64 = problem.clusters.iter().map(|c| c.n_rows as f64).sum();
     // few clusters have few sign patterns, of which a common sign does not count
     let patterns = if n <= 12 { (1usize << (n - 1)) - 1 } else { usize::MAX };
     (0..draws.min(patterns))
@@ -247,7 +248,8 @@ pub(crate) fn null_ratios(problem: &Problem, scores: &[EffectScore<'_>], draws: 
                         .null
                         .iter()
                         .map(|v| {
-                            let u = v.u.iter().zip(&signs).fold(DVector::zeros(v.u[0].len()), |s, (u, sign)| s + u * *sign);
+                            let u =
+                                v.u.iter().zip(&signs).fold(DVector::zeros(v.u[0].len()), |s, (u, sign)| s + u * *sign);
                             let ac = v.ac.iter().fold(DMatrix::zeros(v.ac[0].nrows(), v.ac[0].ncols()), |s, a| s + a);
                             (u, ac)
                         })
@@ -256,7 +258,7 @@ pub(crate) fn null_ratios(problem: &Problem, scores: &[EffectScore<'_>], draws: 
                         .iter()
                         .enumerate()
                         .map(|(g, fold)| {
-                            let n_train = n_rows - problem.clusters[g].b.len() as f64;
+                            let n_train = n_rows - problem.clusters[g].n_rows as f64;
                             let mut chosen = (f64::INFINITY, 0.0);
                             for (v, (u, ac)) in score.null.iter().zip(&sums) {
                                 let c = u - &v.u[g] * signs[g] - (ac - &v.ac[g]).tr_mul(&fold.x);

@@ -3,10 +3,10 @@
 //! An effect of known size is added to the rows through its columns, at multiples of its minimum detectable size and in random directions, and the
 //! ranking is run again. What the recordings hold of other errors stays in them.
 
+use crate::DiscoverError;
 use crate::discover::{DiscoverOptions, discover};
 use crate::result::{Discovery, Verdict};
 use crate::session::Session;
-use crate::DiscoverError;
 use aloft_effects::{Choice, Effect};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -58,9 +58,10 @@ pub(crate) struct Block {
     pub y: DMatrix<f64>,
     /// Measured side, weighted.
     pub w: DVector<f64>,
+    /// Rows that went in (a factor keeps fewer).
+    pub n_rows: usize,
     windows: Option<Windows>,
     stored: Option<DMatrix<f64>>,
-    name: String,
 }
 
 #[derive(Debug, Clone)]
@@ -215,9 +216,9 @@ impl<'a> Session<'a> {
                 kind: factor.kind,
                 y: dense.columns(0, p).into_owned(),
                 w: dense.column(p + k).into_owned(),
+                n_rows: factor.n_rows,
                 windows: None,
                 stored: Some(dense.columns(p, k).into_owned()),
-                name: format!("{}#{}{}", factor.trial, factor.stretch, factor.kind.word()),
             });
         }
         let weight_n = body.mass_kg * scene.gravity();
@@ -319,7 +320,8 @@ impl<'a> Session<'a> {
         coefficients: &[aloft_effects::Coefficient],
     ) -> Option<Vec<DMatrix<f64>>> {
         if !effect.has_wrench() {
-            let changes = effect.inertia(self.scene, target, &[]).filter(|_| effect.starts(self.scene, target)[0].is_empty())?;
+            let changes =
+                effect.inertia(self.scene, target, &[]).filter(|_| effect.starts(self.scene, target)[0].is_empty())?;
             let change = self.regrouped(&changes);
             return Some(self.blocks.iter().map(|b| &b.y * &change).collect());
         }
@@ -341,11 +343,6 @@ impl<'a> Session<'a> {
         let full = DMatrix::from_fn(n, changes.len(), |i, j| changes[j].get(i / 10).map_or(0.0, |phi| phi[i % 10]));
         &self.from_full * full
     }
-
-    /// Name of a block: trial, number, kind.
-    pub(crate) fn block_name(&self, block: usize) -> &str {
-        &self.blocks[block].name
-    }
 }
 
 impl Block {
@@ -359,6 +356,7 @@ impl Block {
             kind: stretch.kind,
             y: DMatrix::from_fn(n, p, |i, j| rows.matrix[(i, j)]),
             w: DVector::from_fn(n, |i, _| rows.matrix[(i, p)]),
+            n_rows: n,
             windows: Some(Windows {
                 half: rows.test.half,
                 centers: rows.centers,
@@ -368,7 +366,6 @@ impl Block {
                 moment_weight: force_weight / moment_length_m,
             }),
             stored: None,
-            name: format!("{}#{}{}", stretch.trial, stretch.index, stretch.kind.word()),
         }
     }
 

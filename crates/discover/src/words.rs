@@ -16,7 +16,11 @@ fn list(names: &[String]) -> String {
 }
 
 fn estimate(c: &Candidate) -> String {
-    c.coefficients.iter().map(|e| format!("{} {:.4} ± {:.2} {}", e.name, e.value, e.se, e.unit)).collect::<Vec<_>>().join(", ")
+    c.coefficients
+        .iter()
+        .map(|e| format!("{} {:.4} ± {:.2} {}", e.name, e.value, e.se, e.unit))
+        .collect::<Vec<_>>()
+        .join(", ")
 }
 
 pub(crate) fn round(

@@ -1,95 +1,236 @@
-//! Effects added to truth motions with marker noise: named, or not claimed where there is nothing.
+//! Effects added to truth motions with marker noise: named, not claimed where there is nothing, and quick.
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test that fails should say where")]
 
 #[path = "../../regressor/tests/common/mod.rs"]
 mod common;
 
-use aloft_body::Motion;
 use aloft_discover::*;
-use aloft_effects::{Choice, Scene};
-use aloft_regressor::{Stretch, WeakOptions};
-use std::time::Instant;
+use aloft_effects::{Choice, EffectKind, FormulaEffect, Scene, Span, TrialMotion, columns};
+use aloft_regressor::{Acting, EffectColumns, Factor, WeakOptions, weak_factor};
 
 struct Lab {
     truth: common::Truth,
-    motion: Motion,
-    stretches: Vec<Stretch>,
+    motion: aloft_body::Motion,
+    stretches: Vec<aloft_regressor::Stretch>,
 }
 
-fn lab(name: &str, noise_m: f64, seed: u64) -> Lab {
-    let truth = common::load(name);
-    let motion = if noise_m > 0.0 { truth.noisy(noise_m, seed) } else { truth.motion.clone() };
+fn lab() -> Lab {
+    let truth = common::load("chain_a");
+    let motion = truth.noisy(0.3e-3, 7);
     let stretches = truth.stretches();
     Lab { truth, motion, stretches }
 }
 
 impl Lab {
-    fn with<T>(&self, f: impl FnOnce(&Scene, Session<'_>) -> T) -> T {
-        let body = Body {
+    fn body(&self) -> Body<'_> {
+        Body {
             model: &self.truth.model,
             base: &self.truth.base,
             phi: &self.truth.phi,
             prior: None,
             mass_kg: self.truth.mass(),
             plate_centers_m: &[],
-        };
-        let trials = [TrialInput {
+        }
+    }
+    fn trials(&self) -> [TrialInput<'_>; 1] {
+        [TrialInput {
             motion: &self.motion,
             stretches: &self.stretches,
             measured: None,
             plates: &[],
             group: None,
             session_time_s: 0.0,
-        }];
+        }]
+    }
+    fn with<T>(&self, f: impl FnOnce(&Scene, Session<'_>) -> T) -> T {
+        let (body, trials) = (self.body(), self.trials());
         let scene = scene_of(&body, &trials);
         let session = Session::new(&body, &scene, &trials, &WeakOptions::default()).unwrap();
         f(&scene, session)
     }
+    fn find(&self, hidden: &[(&str, &[f64], &[(&str, f64)])], options: &DiscoverOptions) -> Discovery {
+        self.with(|scene, mut session| {
+            for (key, theta, set) in hidden {
+                let mut choice = Choice::parse(key, scene).unwrap();
+                for (name, value) in *set {
+                    choice.set(scene, name, *value).unwrap();
+                }
+                session.inject(&choice, theta).unwrap();
+            }
+            discover(&session, &catalogue(), &[], options).unwrap()
+        })
+    }
 }
 
-fn print(d: &Discovery) {
-    println!("  {:?} {:?} | floor {:.4} error {:.4} after {:.4}", d.verdict, d.effects, d.noise_floor, d.held_out_error, d.held_out_error_after);
-    println!("  {}", d.words);
-    for r in &d.rounds {
-        println!("    round {} clusters {} thr {:.3} null {:?}", r.judged_on, r.clusters, r.threshold, r.null_quantiles);
-        for c in r.candidates.iter().take(6) {
-            println!("      {:28} {:.3} [{:.3} {:.3}] p {:.3} believed {} mdd {:.4} {:?}", c.key, c.held_out_ratio, c.ci95[0], c.ci95[1], c.family_wise_p, c.believed, c.minimum_detectable,
-                c.coefficients.iter().chain(&c.nonlinear).map(|e| format!("{:.3}±{:.3}", e.value, e.se)).collect::<Vec<_>>());
-        }
+fn only(names: &[&str]) -> DiscoverOptions {
+    DiscoverOptions { only: names.iter().map(|n| (*n).to_owned()).collect(), null_draws: 60, ..Default::default() }
+}
+
+#[test]
+fn prop_nothing_is_claimed_where_nothing_is() {
+    let d = lab().find(&[], &DiscoverOptions::default());
+    assert_eq!(d.verdict, Verdict::NothingMissing, "{}", d.words);
+    assert!(d.effects.is_empty() && d.found.is_empty());
+    let ratio = d.held_out_error / d.noise_floor;
+    assert!((0.5..1.5).contains(&ratio), "error {} floor {}", d.held_out_error, d.noise_floor);
+    assert!(d.candidates.iter().all(|c| c.held_out_ratio > 0.9), "{}", d.candidates[0].key);
+}
+
+#[test]
+fn prop_effects_are_named_with_their_size() {
+    let lab = lab();
+    let options = DiscoverOptions { rounds: 1, ..Default::default() };
+    let cases: [(&str, &[f64], &[(&str, f64)]); 6] = [
+        ("quadratic_drag", &[0.01], &[]),
+        ("gravity_tilt", &[0.05, -0.03], &[]),
+        ("gravity_scale", &[0.004], &[]),
+        ("flywheel[link1]", &[0.002, 0.001, 0.0], &[]),
+        ("thrust[link0]", &[0.05, 0.05, 0.02, 0.0, 0.0, 0.0], &[]),
+        (
+            "tether[link0]",
+            &[0.3, 0.0],
+            &[("anchor_x", 1.0), ("anchor_y", 0.5), ("anchor_z", 2.6), ("rest_length", 0.4)],
+        ),
+    ];
+    for case in cases {
+        let d = lab.find(&[case], &options);
+        let id = case.0.split('[').next().unwrap();
+        assert_eq!((d.verdict, d.effects.as_slice()), (Verdict::Supported, &[id.to_owned()][..]), "{}", d.words);
+        let c = d.candidates.iter().find(|c| c.effect == id).unwrap();
+        assert!(c.believed && c.ci95[0] <= c.held_out_ratio && c.held_out_ratio <= c.ci95[1]);
+        assert!(c.minimum_detectable < 0.6 * case.1.iter().map(|x| x * x).sum::<f64>().sqrt(), "{}", c.key);
+        // drag may have found an area for every link
+        let value: f64 =
+            if id == "quadratic_drag" { c.coefficients.iter().map(|e| e.value).sum() } else { c.coefficients[0].value };
+        let se = c.coefficients[0].se;
+        assert!((value - case.1[0]).abs() < (4.0 * se).max(0.1 * case.1[0].abs()), "{}: {value} ± {se}", c.key);
+        assert!((d.held_out_error_after / d.held_out_error - c.held_out_ratio).abs() < 1e-6);
     }
 }
 
 #[test]
-fn look_chain() {
-    let lab = lab("chain_a", 0.3e-3, 7);
-    let cases: Vec<(&str, Vec<f64>, Vec<(&str, f64)>)> = vec![
-        ("", vec![], vec![]),
-        ("quadratic_drag", vec![0.01], vec![]),
-        ("linear_drag", vec![0.03], vec![]),
-        ("gravity_tilt", vec![0.05, -0.03], vec![]),
-        ("gravity_scale", vec![0.004], vec![]),
-        ("rotational_drag", vec![0.0005], vec![]),
-        ("constant_force[link1]", vec![0.05, 0.05, 0.02], vec![]),
-        ("tether[link0]", vec![0.3, 0.0], vec![("anchor_x", 1.0), ("anchor_y", 0.5), ("anchor_z", 2.6), ("rest_length", 0.4)]),
-        ("crane[link1]", vec![0.1], vec![("pulley_x", 1.0), ("pulley_y", 0.5), ("pulley_z", 2.6)]),
-        ("flywheel[link1]", vec![0.002, 0.001, 0.0], vec![]),
-        ("thrust[link0]", vec![0.05, 0.05, 0.02, 0.0, 0.0, 0.0], vec![]),
-        ("wind", vec![0.01], vec![("wind_x", 3.0), ("wind_y", 1.0)]),
-        ("wobbling_mass[link0]", vec![0.1], vec![("frequency", 6.0)]),
-    ];
-    for (key, theta, set) in cases {
-        lab.with(|scene, mut session| {
-            println!("== {key} {theta:?} {set:?}");
-            if !key.is_empty() {
-                let mut choice = Choice::parse(key, scene).unwrap();
-                for (name, value) in &set {
-                    choice.set(scene, name, *value).unwrap();
-                }
-                session.inject(&choice, &theta).unwrap();
-            }
-            let start = Instant::now();
-            let d = discover(&session, &catalogue(), &[], &DiscoverOptions::default()).unwrap();
-            println!("  {:.2} s", start.elapsed().as_secs_f64());
-            print(&d);
-        });
+fn prop_linear_drag_is_confused_with_quadratic_and_says_what_separates_them() {
+    let d = lab().find(&[("linear_drag", &[0.006], &[])], &only(&["linear_drag", "quadratic_drag", "gravity_tilt"]));
+    let c = d.candidates.iter().find(|c| c.effect == "linear_drag").unwrap();
+    let other = c.confused_with.iter().find(|o| o.effect == "quadratic_drag").unwrap();
+    assert!(other.cosine > 0.9 && other.separate_by.contains("speeds"));
+    assert!(d.effects.iter().any(|e| e == "linear_drag"), "{}", d.words);
+}
+
+#[test]
+fn prop_two_effects_are_found_one_after_the_other() {
+    let d = lab().find(
+        &[("gravity_tilt", &[0.05, -0.03], &[]), ("flywheel[link1]", &[0.001, 0.0005, 0.0], &[])],
+        &only(&["gravity_tilt", "flywheel", "quadratic_drag", "linear_drag"]),
+    );
+    let mut names = d.effects.clone();
+    names.sort();
+    assert_eq!(names, ["flywheel", "gravity_tilt"], "{}", d.words);
+    let tilt = d.found.iter().find(|f| f.effect == "gravity_tilt").unwrap();
+    assert!((tilt.coefficients[0].value - 0.05).abs() < 4e-3);
+}
+
+#[test]
+fn prop_a_user_s_formula_is_ranked_like_the_catalogue() {
+    let lab = lab();
+    let sail: FormulaEffect = serde_json::from_str(
+        r#"{"id": "sail", "point": {"link": "link1"}, "force": ["-c*speed*v_x", "-c*speed*v_y", "-c*speed*v_z"],
+            "coefficients": [{"name": "c", "unit": "kg/m", "lower": 0}]}"#,
+    )
+    .unwrap();
+    lab.with(|scene, mut session| {
+        let compiled = sail.compile(scene).unwrap();
+        let choice = Choice::new(&compiled, aloft_effects::Target::Link(1), scene);
+        assert_eq!(choice.names(scene), ["sail[link1].c"]);
+        session.inject(&choice, &[0.02]).unwrap();
+        let mut effects = catalogue();
+        effects.push(&compiled);
+        let options = only(&["sail", "gravity_tilt", "rotational_drag", "flywheel"]);
+        let d = discover(&session, &effects, &[], &options).unwrap();
+        assert_eq!((d.verdict, d.effects.as_slice()), (Verdict::Supported, &["sail".to_owned()][..]), "{}", d.words);
+        assert_eq!(d.candidates[0].kind, EffectKind::Physics);
+        assert!((d.found[0].coefficients[0].value - 0.02).abs() < 2e-3);
+        // with the effect in the model nothing more is missing
+        let after = discover(&session, &effects, &[choice], &options).unwrap();
+        assert_eq!(after.verdict, Verdict::NothingMissing, "{}", after.words);
+    });
+}
+
+/// Factors that hold the columns of effects say the same as the recordings.
+#[test]
+fn prop_stored_factors_say_the_same() {
+    let lab = lab();
+    let (body, trials) = (lab.body(), lab.trials());
+    let scene = scene_of(&body, &trials);
+    let choices: Vec<Choice<'_>> =
+        ["gravity_tilt", "rotational_drag", "flywheel[link1]"].map(|k| Choice::parse(k, &scene).unwrap()).into();
+    let spans: Vec<Span> = lab
+        .stretches
+        .iter()
+        .map(|s| Span { first_frame: s.first_frame, end_frame: s.end_frame, flight: true })
+        .collect();
+    let motion = TrialMotion { motion: &lab.motion, spans: &spans, plates: &[], session_time_s: 0.0 };
+    let made = columns(&scene, &motion, &choices).unwrap();
+    let effects = EffectColumns { names: made.names, wrench: made.wrench };
+    // frames next to the spans are needed by no window
+    let factors: Vec<Factor> = lab
+        .stretches
+        .iter()
+        .map(|s| {
+            let acting = Acting { measured: None, effects: Some(&effects) };
+            let model = &lab.truth.model;
+            weak_factor(model, body.base, body.phi, &lab.motion, s, acting, &WeakOptions::default(), None).unwrap()
+        })
+        .collect();
+    let options = only(&["gravity_tilt", "rotational_drag", "flywheel"]);
+    let stored = Session::from_factors(&body, &scene, &factors).unwrap();
+    let by_factor = discover(&stored, &catalogue(), &[], &options).unwrap();
+    let by_rows = lab.with(|_, session| discover(&session, &catalogue(), &[], &options).unwrap());
+    for id in ["gravity_tilt", "rotational_drag"] {
+        let of = |d: &Discovery| d.candidates.iter().find(|c| c.effect == id).unwrap().held_out_ratio;
+        assert!((of(&by_factor) - of(&by_rows)).abs() < 1e-6, "{id}: {} {}", of(&by_factor), of(&by_rows));
     }
+    assert!((by_factor.held_out_error / by_rows.held_out_error - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn prop_a_self_test_hits_at_twice_the_detectable_size() {
+    let lab = lab();
+    lab.with(|_, session| {
+        let options = only(&["gravity_tilt", "rotational_drag", "flywheel", "gravity_scale"]);
+        let found = discover(&session, &catalogue(), &[], &options).unwrap();
+        let table = self_test(&session, &catalogue(), &[], &found, &options).unwrap();
+        assert_eq!(table.summary.len(), 3);
+        let twice = table.summary[2];
+        assert_eq!(twice[0], 2.0);
+        assert!(twice[3] >= 0.75 && twice[4] == 0.0, "{table:?}");
+        assert!(table.summary[0][4] == 0.0);
+    });
+}
+
+#[test]
+fn prop_the_answer_does_not_depend_on_the_number_of_threads() {
+    let lab = lab();
+    let options = only(&["quadratic_drag", "tether", "flywheel"]);
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let d = pool.install(|| lab.find(&[("quadratic_drag", &[0.004], &[])], &options));
+        serde_json::to_string(&d).unwrap()
+    };
+    assert_eq!(run(1), run(3));
+}
+
+#[test]
+fn prop_too_little_is_said_to_be_too_little() {
+    let mut lab = lab();
+    lab.stretches.truncate(1);
+    let (body, trials) = (lab.body(), lab.trials());
+    let scene = scene_of(&body, &trials);
+    let session = Session::new(&body, &scene, &trials, &WeakOptions::default()).unwrap();
+    assert!(matches!(
+        discover(&session, &catalogue(), &[], &DiscoverOptions::default()),
+        Err(DiscoverError::TooFew { .. })
+    ));
+    let json = serde_json::to_value(Verdict::NotDetectable).unwrap();
+    assert_eq!(json, "not_detectable");
 }

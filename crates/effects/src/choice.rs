@@ -110,11 +110,7 @@ pub struct WrenchColumns {
 ///
 /// # Errors
 /// As [`Series::new`].
-pub fn columns(
-    scene: &Scene,
-    trial: &TrialMotion<'_>,
-    choices: &[Choice<'_>],
-) -> Result<WrenchColumns, EffectsError> {
+pub fn columns(scene: &Scene, trial: &TrialMotion<'_>, choices: &[Choice<'_>]) -> Result<WrenchColumns, EffectsError> {
     let series = Series::new(scene, trial)?;
     let names: Vec<String> = choices.iter().flat_map(|c| c.names(scene)).collect();
     let k = names.len();

@@ -24,8 +24,11 @@ pub(crate) fn rate(values: &[Vector3<f64>], rate_hz: f64) -> Vec<Vector3<f64>> {
                 let slope: Vector3<f64> = (1..=h).map(|k| (values[i + k] - values[i - k]) * k as f64).sum();
                 slope * (rate_hz / sum)
             } else if n >= 3 {
-                let (a, b, c, sign) =
-                    if i == 0 { (values[0], values[1], values[2], 1.0) } else { (values[n - 1], values[n - 2], values[n - 3], -1.0) };
+                let (a, b, c, sign) = if i == 0 {
+                    (values[0], values[1], values[2], 1.0)
+                } else {
+                    (values[n - 1], values[n - 2], values[n - 3], -1.0)
+                };
                 (b * 4.0 - a * 3.0 - c) * (0.5 * rate_hz * sign)
             } else {
                 Vector3::zeros()

@@ -47,21 +47,8 @@ pub enum EffectsError {
         expected: String,
     },
     /// A formula that cannot be read, or whose units do not fit.
-    #[error("effect `{effect}`, {entry}: {problem}\n  {formula}\n  {marker}")]
-    Formula {
-        #[doc(hidden)]
-        effect: String,
-        /// Which formula: `force[0]`, `moment[2]` …
-        entry: String,
-        /// The formula.
-        formula: String,
-        /// Characters before the place (from zero).
-        position: usize,
-        /// A line with a caret under the place.
-        marker: String,
-        /// What is wrong there.
-        problem: String,
-    },
+    #[error(transparent)]
+    Formula(Box<FormulaProblem>),
     /// Anything else that a user-written effect says and that cannot be.
     #[error("effect `{effect}`: {problem}")]
     Spec {
@@ -70,4 +57,20 @@ pub enum EffectsError {
         #[doc(hidden)]
         problem: String,
     },
+}
+
+/// What is wrong in a formula, and where.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("effect `{effect}`, {entry}: {problem}\n  {formula}\n  {:>1$}", "^", position + 1)]
+pub struct FormulaProblem {
+    /// The effect.
+    pub effect: String,
+    /// Which formula: `force[0]`, `moment[2]` …
+    pub entry: String,
+    /// The formula.
+    pub formula: String,
+    /// Characters before the place (from zero).
+    pub position: usize,
+    /// What is wrong there.
+    pub problem: String,
 }

@@ -16,8 +16,7 @@ pub(crate) fn add_wrench(series: &Series<'_>, change: &[Phi], sign: f64, column:
             let inertia = link.rotation * inertia_about_origin(phi) * link.rotation.transpose();
             let fall = link.acceleration - g;
             let force = fall * phi[0] + link.alpha.cross(&mc) + link.omega.cross(&link.omega.cross(&mc));
-            let about_link =
-                mc.cross(&fall) + inertia * link.alpha + link.omega.cross(&(inertia * link.omega));
+            let about_link = mc.cross(&fall) + inertia * link.alpha + link.omega.cross(&(inertia * link.omega));
             out.add(i, column, &(force * sign), &((about_link + link.origin.cross(&force)) * sign));
         }
     }

@@ -50,10 +50,8 @@ pub use definition::{
     ActsIn, Coefficient, EffectDefinition, EffectKind, InertiaLaw, NonlinearParameter, Target, WrenchLaw,
 };
 pub use effect::Effect;
-pub use error::EffectsError;
-pub use formula::{
-    CompiledFormula, FormulaAxes, FormulaCoefficient, FormulaEffect, FormulaParameter, FormulaPoint,
-};
+pub use error::{EffectsError, FormulaProblem};
+pub use formula::{CompiledFormula, FormulaAxes, FormulaCoefficient, FormulaEffect, FormulaParameter, FormulaPoint};
 pub use scene::{AIR_DENSITY_KGPM3, Scene};
 pub use series::{EffectFrame, LinkFrame, PlateFrame, PlateSeries, Series, Span, TrialMotion};
 

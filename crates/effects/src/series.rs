@@ -372,8 +372,7 @@ impl<'a> Differentiator<'a> {
             let weights = if whole {
                 &self.central[order]
             } else {
-                let t: Vec<f64> =
-                    frames.iter().map(|&f| (f as f64 - frame as f64) / self.motion.rate_hz).collect();
+                let t: Vec<f64> = frames.iter().map(|&f| (f as f64 - frame as f64) / self.motion.rate_hz).collect();
                 own = derivative_weights(&t, if frames.len() > 2 * h { 3 } else { 2 })?;
                 &own
             };
@@ -395,8 +394,8 @@ impl<'a> Differentiator<'a> {
         if free_root {
             // the root's path is a polynomial in the world when it falls; then into link axes
             let q = nalgebra::Quaternion::new(here[6], here[3], here[4], here[5]);
-            let world_from_link = self.model.links[0].joint.parent_from_joint.rotation
-                * nalgebra::UnitQuaternion::from_quaternion(q);
+            let world_from_link =
+                self.model.links[0].joint.parent_from_joint.rotation * nalgebra::UnitQuaternion::from_quaternion(q);
             let base = self.model.links[0].joint.parent_from_joint.rotation;
             let v = world_from_link.inverse() * (base * root[0]);
             let omega = Vector3::new(self.v[3], self.v[4], self.v[5]);

@@ -130,7 +130,7 @@ fn prop_every_effect_is_described_and_bounded() {
 }
 
 fn formula_unit_is_readable(unit: &str) -> bool {
-    crate::formula::unit_is_readable(unit)
+    formula::unit_is_readable(unit)
 }
 
 #[test]
@@ -168,7 +168,9 @@ fn prop_drag_takes_energy_and_wheels_do_no_work() {
         fixture.motion.q[f * nq + 7] = 0.2;
     }
     fixture.with(|series| {
-        for (id, sign) in [("quadratic_drag", -1.0), ("linear_drag", -1.0), ("rotational_drag", -1.0), ("flywheel[base]", 0.0)] {
+        for (id, sign) in
+            [("quadratic_drag", -1.0), ("linear_drag", -1.0), ("rotational_drag", -1.0), ("flywheel[base]", 0.0)]
+        {
             let choice = Choice::parse(id, &fixture.scene).unwrap();
             let columns = fixture.columns(series, choice.effect, choice.target, &choice.nonlinear);
             for i in 0..series.len() {
@@ -194,7 +196,8 @@ fn prop_velocities_and_accelerations_follow_the_motion() {
             assert!((link.velocity - Vector3::new(2.0, -1.5, 3.0 - 9.8 * t)).norm() < 1e-9);
             assert!((link.acceleration - Vector3::new(0.0, 0.0, -9.8)).norm() < 1e-6);
             // angular velocity by a fine difference of the rotation itself
-            let turn = |t: f64| UnitQuaternion::from_scaled_axis(Vector3::new(1.5 * t, 2.0 * (2.0 * t).sin(), 0.5 - 3.0 * t));
+            let turn =
+                |t: f64| UnitQuaternion::from_scaled_axis(Vector3::new(1.5 * t, 2.0 * (2.0 * t).sin(), 0.5 - 3.0 * t));
             let h = 1e-5;
             let omega = |t: f64| (turn(t + h) * turn(t - h).inverse()).scaled_axis() / (2.0 * h);
             assert!((link.omega - omega(t)).norm() < 2e-3 * omega(t).norm(), "{:?}", link.omega);
@@ -300,7 +303,7 @@ fn validate_columns_against_the_simulator_s_laws() {
 /// What the body needs to follow a motion: `Y φ` about the world origin.
 fn inverse_dynamics(series: &Series<'_>, phi: &[Phi]) -> Columns {
     let mut out = Columns::zeros(series.len(), 1);
-    crate::inertia::add_wrench(series, phi, 1.0, 0, &mut out);
+    inertia::add_wrench(series, phi, 1.0, 0, &mut out);
     out
 }
 
@@ -380,7 +383,7 @@ fn prop_a_stiff_wobbling_mass_follows_with_the_delay_of_its_spring() {
         let fall: Vec<Vector3<f64>> = (0..series.len())
             .map(|i| series.links(i)[1].point_acceleration(&com) - fixture.scene.model.gravity_mps2)
             .collect();
-        let second = crate::displacement::rate(&crate::displacement::rate(&fall, 200.0), 200.0);
+        let second = displacement::rate(&displacement::rate(&fall, 200.0), 200.0);
         let (mut size, mut error) = (0.0f64, 0.0f64);
         for i in 40..series.len() - 20 {
             let expected = second[i] / (w * w);
@@ -399,7 +402,8 @@ fn prop_plates_are_corrected_in_the_right_sense() {
             let c = Choice::parse(key, &fixture.scene).unwrap();
             fixture.columns(series, c.effect, c.target, &[])
         };
-        let (delay, drift, origin) = (one("plate_time_offset[plate1]"), one("plate_clock_drift"), one("plate_origin[plate2]"));
+        let (delay, drift, origin) =
+            (one("plate_time_offset[plate1]"), one("plate_clock_drift"), one("plate_origin[plate2]"));
         let (turn, gain) = (one("plate_rotation[plate1]"), one("plate_gain"));
         for i in (10..series.len() - 10).step_by(9) {
             let f = series.frame(i);
@@ -463,10 +467,11 @@ fn prop_formula_errors_point_at_the_character() {
         let mut effect = sail();
         effect.force = Some([text.into(), "0".into(), "-c*speed*v_z".into()]);
         match effect.compile(&fixture.scene) {
-            Err(EffectsError::Formula { position, problem, entry, marker, .. }) => {
-                assert!(problem.contains(words), "{text}: {problem}");
-                assert_eq!((position, entry.as_str()), (place, "force[0]"), "{text}: {problem}");
-                assert_eq!(marker.find('^'), Some(place));
+            Err(EffectsError::Formula(found)) => {
+                assert!(found.problem.contains(words), "{text}: {}", found.problem);
+                assert_eq!((found.position, found.entry.as_str()), (place, "force[0]"), "{text}: {}", found.problem);
+                let shown = found.to_string();
+                assert_eq!(shown.lines().last().and_then(|l| l.find('^')), Some(place + 2), "{shown}");
             }
             other => panic!("{text}: {other:?}"),
         }
@@ -500,4 +505,20 @@ fn prop_formulas_read_as_people_write() {
             assert!((about - link.rotation * Vector3::new(0.5 * spin.x, spin.y, 0.0)).norm() < 1e-9);
         }
     });
+}
+
+#[test]
+fn prop_the_example_configuration_compiles() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/effects");
+    let mut model = model([0.0, 0.2, 0.0]);
+    model.links[1].name = "link1".into();
+    let scene = Scene::new(&model, &phi(), &[]);
+    let mut count = 0;
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let text = std::fs::read_to_string(entry.unwrap().path()).unwrap();
+        let effect: FormulaEffect = serde_yaml::from_str(&text).unwrap();
+        effect.compile(&scene).unwrap();
+        count += 1;
+    }
+    assert!(count > 0);
 }

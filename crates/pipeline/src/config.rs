@@ -362,9 +362,9 @@ CompareConfig {
 /// Parses YAML with errors that point at the place.
 pub fn parse_yaml<T: serde::de::DeserializeOwned>(file: &str, text: &str) -> Result<T, PipelineError> {
     serde_yaml::from_str(text).map_err(|error| {
-        let at = error
-            .location()
-            .map(|l| SourceSpan::new(SourceOffset::from_location(text, l.line(), l.column()), token_length(text, l.index())));
+        let at = error.location().map(|l| {
+            SourceSpan::new(SourceOffset::from_location(text, l.line(), l.column()), token_length(text, l.index()))
+        });
         let full = error.to_string();
         let problem = match full.rfind(" at line ") {
             Some(cut) => full[..cut].to_owned(),
@@ -389,7 +389,13 @@ fn token_length(text: &str, index: usize) -> usize {
 }
 
 /// A configuration error that points at the first line on which `key:` stands.
-pub fn error_at_key(file: &str, text: &str, key: &str, problem: impl Into<String>, hint: Option<String>) -> PipelineError {
+pub fn error_at_key(
+    file: &str,
+    text: &str,
+    key: &str,
+    problem: impl Into<String>,
+    hint: Option<String>,
+) -> PipelineError {
     let mut offset = 0;
     let mut at = None;
     for line in text.split_inclusive('\n') {

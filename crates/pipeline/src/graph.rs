@@ -228,7 +228,13 @@ impl Standing {
 }
 
 /// Compares a task's manifest with what is there now.
-pub fn standing(stage: &Stage, trial: Option<&TrialEntry>, study: &Study, inputs: &Inputs, manifest: Option<&Manifest>) -> Standing {
+pub fn standing(
+    stage: &Stage,
+    trial: Option<&TrialEntry>,
+    study: &Study,
+    inputs: &Inputs,
+    manifest: Option<&Manifest>,
+) -> Standing {
     if let Some(reason) = inputs.blocked_by.first() {
         return Standing::Blocked(reason.clone());
     }

@@ -109,7 +109,10 @@ impl Progress for Silent {
 pub fn stage_index(name: &str) -> Result<usize, PipelineError> {
     STAGES.iter().position(|s| s.name == name).ok_or_else(|| {
         let known: Vec<&str> = STAGES.iter().map(|s| s.name).collect();
-        PipelineError::request_hint(format!("there is no stage `{name}`"), format!("the stages are {}", known.join(", ")))
+        PipelineError::request_hint(
+            format!("there is no stage `{name}`"),
+            format!("the stages are {}", known.join(", ")),
+        )
     })
 }
 
@@ -227,7 +230,12 @@ pub fn run(study: &Study, selection: &Selection, progress: &dyn Progress) -> Res
     Ok(report)
 }
 
-fn upstream_will_change(stage: &Stage, trial: Option<&TrialEntry>, study: &Study, changed: &[(String, String)]) -> bool {
+fn upstream_will_change(
+    stage: &Stage,
+    trial: Option<&TrialEntry>,
+    study: &Study,
+    changed: &[(String, String)],
+) -> bool {
     use graph::Need;
     stage.needs.iter().any(|need| match need {
         Need::Recording => false,
@@ -239,7 +247,12 @@ fn upstream_will_change(stage: &Stage, trial: Option<&TrialEntry>, study: &Study
     })
 }
 
-fn refuse_if_not_current(stage: &Stage, study: &Study, workspace: &Workspace, manifests: &Manifests) -> Result<(), PipelineError> {
+fn refuse_if_not_current(
+    stage: &Stage,
+    study: &Study,
+    workspace: &Workspace,
+    manifests: &Manifests,
+) -> Result<(), PipelineError> {
     for trial in stage.tasks(study) {
         let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
         let inputs = graph::inputs(stage, trial, study, workspace, manifests)?;
@@ -256,7 +269,12 @@ fn refuse_if_not_current(stage: &Stage, study: &Study, workspace: &Workspace, ma
     Ok(())
 }
 
-fn run_task(stage: &'static Stage, task: &Task<'_>, study: &Study, workspace: &Workspace) -> Result<(Manifest, TaskReport), PipelineError> {
+fn run_task(
+    stage: &'static Stage,
+    task: &Task<'_>,
+    study: &Study,
+    workspace: &Workspace,
+) -> Result<(Manifest, TaskReport), PipelineError> {
     let name = task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
     let scratch = workspace.scratch(stage.name, name)?;
     let started = Instant::now();

@@ -134,8 +134,13 @@ impl Study {
             (Some(w), _) => w.clone(),
             (None, Some(w)) => dir.join(w),
             (None, None) => {
-                let name = data.canonicalize().ok().and_then(|p| p.file_name().map(|n| n.to_string_lossy().into_owned()));
-                PathBuf::from("workspaces").join(format!("{}-{}", config.name, name.unwrap_or_else(|| "data".to_owned())))
+                let name =
+                    data.canonicalize().ok().and_then(|p| p.file_name().map(|n| n.to_string_lossy().into_owned()));
+                PathBuf::from("workspaces").join(format!(
+                    "{}-{}",
+                    config.name,
+                    name.unwrap_or_else(|| "data".to_owned())
+                ))
             }
         };
         let at = |key: &str, e: PipelineError| match e {
@@ -198,7 +203,13 @@ fn load_model(name: &str, dir: &Path) -> Result<ModelSpec, PipelineError> {
 fn globs(patterns: &[String], key: &str, file: &str, text: &str) -> Result<GlobSet, PipelineError> {
     let mut builder = GlobSetBuilder::new();
     let wrong = |p: &str, e: globset::Error| {
-        error_at_key(file, text, key, format!("`{p}` is not a file pattern: {}", e.kind()), Some("use *, ? and ** as in a shell".to_owned()))
+        error_at_key(
+            file,
+            text,
+            key,
+            format!("`{p}` is not a file pattern: {}", e.kind()),
+            Some("use *, ? and ** as in a shell".to_owned()),
+        )
     };
     for p in patterns {
         builder.add(GlobBuilder::new(p).literal_separator(true).build().map_err(|e| wrong(p, e))?);
@@ -320,11 +331,20 @@ fn find_facts(config: &PipelineConfig, data: &Path, file: &str, text: &str) -> R
             text,
             "subject",
             "the body mass is not known: neither the pipeline nor a file beside the recordings states it",
-            Some("add `subject: {mass_kg: …}` to the pipeline, or put a subject.yaml with mass_kg beside the recordings".to_owned()),
+            Some(
+                "add `subject: {mass_kg: …}` to the pipeline, or put a subject.yaml with mass_kg beside the recordings"
+                    .to_owned(),
+            ),
         )
     })?;
     if !(mass_kg.is_finite() && mass_kg > 0.0) {
-        return Err(error_at_key(file, text, "mass_kg", format!("mass_kg is {mass_kg}, expected a positive number of kilograms"), None));
+        return Err(error_at_key(
+            file,
+            text,
+            "mass_kg",
+            format!("mass_kg is {mass_kg}, expected a positive number of kilograms"),
+            None,
+        ));
     }
     let sex = match s.sex.clone().or(facts.sex).as_deref().map(str::to_ascii_lowercase).as_deref() {
         Some("f" | "female") => Some(Sex::Female),
@@ -359,7 +379,8 @@ fn participants(data: &Path) -> Result<Option<FactsFile>, PipelineError> {
     let text = std::fs::read_to_string(&path).map_err(PipelineError::io("read", &path))?;
     let mut lines = text.lines();
     let header: Vec<&str> = lines.next().unwrap_or_default().split('\t').map(str::trim).collect();
-    let rows: Vec<Vec<&str>> = lines.filter(|l| !l.trim().is_empty()).map(|l| l.split('\t').map(str::trim).collect()).collect();
+    let rows: Vec<Vec<&str>> =
+        lines.filter(|l| !l.trim().is_empty()).map(|l| l.split('\t').map(str::trim).collect()).collect();
     let folder = data.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let id = header.iter().position(|h| *h == "participant_id");
     let row = rows
@@ -373,7 +394,12 @@ fn participants(data: &Path) -> Result<Option<FactsFile>, PipelineError> {
         ));
     };
     let get = |names: &[&str]| {
-        header.iter().position(|h| names.contains(h)).and_then(|i| row.get(i)).filter(|v| **v != "n/a" && !v.is_empty()).copied()
+        header
+            .iter()
+            .position(|h| names.contains(h))
+            .and_then(|i| row.get(i))
+            .filter(|v| **v != "n/a" && !v.is_empty())
+            .copied()
     };
     let number = |names: &[&str]| get(names).and_then(|v| v.parse::<f64>().ok());
     let height = number(&["height", "height_m"]).map(|h| if h > 3.0 { h / 100.0 } else { h });

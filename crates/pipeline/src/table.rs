@@ -60,7 +60,8 @@ impl Table {
 
     /// As a polars frame. NaN stays NaN.
     pub fn to_frame(&self) -> PolarsResult<DataFrame> {
-        let columns = self.names.iter().zip(&self.columns).map(|(n, c)| Column::new(n.as_str().into(), c.as_slice())).collect();
+        let columns =
+            self.names.iter().zip(&self.columns).map(|(n, c)| Column::new(n.as_str().into(), c.as_slice())).collect();
         DataFrame::new(self.height(), columns)
     }
 

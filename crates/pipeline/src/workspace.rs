@@ -56,7 +56,12 @@ impl Manifest {
     }
 
     /// What differs between the makings of two results, in words; empty when nothing does.
-    pub fn differences(&self, version: u32, parameters: &serde_json::Value, inputs: &BTreeMap<String, String>) -> Vec<String> {
+    pub fn differences(
+        &self,
+        version: u32,
+        parameters: &serde_json::Value,
+        inputs: &BTreeMap<String, String>,
+    ) -> Vec<String> {
         let mut changes = Vec::new();
         if self.version != version {
             changes.push(format!("the stage's code: version {} → {version}", self.version));
@@ -130,7 +135,10 @@ impl Workspace {
     /// Creates the folder where needed and takes the lock; says who holds it otherwise.
     pub fn lock(&self) -> Result<WorkspaceLock, PipelineError> {
         let marker = self.root.join("ALOFT_WORKSPACE.txt");
-        if self.root.is_dir() && !marker.is_file() && std::fs::read_dir(&self.root).is_ok_and(|mut d| d.next().is_some()) {
+        if self.root.is_dir()
+            && !marker.is_file()
+            && std::fs::read_dir(&self.root).is_ok_and(|mut d| d.next().is_some())
+        {
             return Err(PipelineError::request_hint(
                 format!("{} is not empty and is not a workspace", self.root.display()),
                 "give --workspace a new or empty folder, so that nothing of yours is overwritten",
@@ -154,13 +162,17 @@ impl Workspace {
             Err(TryLockError::WouldBlock) => {
                 let mut holder = String::new();
                 let _ = file.read_to_string(&mut holder);
-                let holder = if holder.trim().is_empty() { "another process".to_owned() } else { holder.trim().to_owned() };
+                let holder =
+                    if holder.trim().is_empty() { "another process".to_owned() } else { holder.trim().to_owned() };
                 return Err(PipelineError::Locked { path: self.root.clone(), holder });
             }
             Err(TryLockError::Error(e)) => return Err(PipelineError::io("lock", &path)(e)),
         }
         let note = format!("process {}", std::process::id());
-        file.set_len(0).and_then(|()| file.rewind()).and_then(|()| file.write_all(note.as_bytes())).map_err(PipelineError::io("write", &path))?;
+        file.set_len(0)
+            .and_then(|()| file.rewind())
+            .and_then(|()| file.write_all(note.as_bytes()))
+            .map_err(PipelineError::io("write", &path))?;
         let scratch = self.root.join(".tmp");
         if scratch.is_dir() {
             std::fs::remove_dir_all(&scratch).map_err(PipelineError::io("clear", &scratch))?;
@@ -219,11 +231,8 @@ impl Workspace {
     /// Content hash of a recording; read again only when its size or time changed.
     pub fn input_hash(&self, path: &Path) -> Result<String, PipelineError> {
         let meta = std::fs::metadata(path).map_err(PipelineError::io("read", path))?;
-        let modified_ns = meta
-            .modified()
-            .ok()
-            .and_then(|t| t.duration_since(UNIX_EPOCH).ok())
-            .map_or(0, |d| d.as_nanos());
+        let modified_ns =
+            meta.modified().ok().and_then(|t| t.duration_since(UNIX_EPOCH).ok()).map_or(0, |d| d.as_nanos());
         let key = path.canonicalize().unwrap_or_else(|_| path.to_path_buf()).display().to_string();
         if let Ok(known) = self.inputs.lock()
             && let Some(stamp) = known.get(&key)
@@ -277,5 +286,6 @@ pub fn write_json<T: Serialize>(path: &Path, value: &T) -> Result<(), PipelineEr
 /// Reads JSON.
 pub fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T, PipelineError> {
     let bytes = std::fs::read(path).map_err(PipelineError::io("read", path))?;
-    serde_json::from_slice(&bytes).map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })
+    serde_json::from_slice(&bytes)
+        .map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })
 }

@@ -19,7 +19,11 @@ fn prop_stages_read_only_what_stands_before_them() {
                 Need::Recording => continue,
                 Need::Same(n) | Need::Once(n) | Need::Every(n, _) | Need::EveryOrStaticFrames(n, _) => n,
             };
-            assert!(STAGES[..i].iter().any(|s| s.name == *name), "{} reads {name}, which does not stand before it", stage.name);
+            assert!(
+                STAGES[..i].iter().any(|s| s.name == *name),
+                "{} reads {name}, which does not stand before it",
+                stage.name
+            );
         }
     }
 }
@@ -66,7 +70,11 @@ fn prop_every_shipped_pipeline_parses() {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         let text = std::fs::read_to_string(&path).unwrap();
-        aloft_pipeline::config::parse_yaml::<aloft_pipeline::config::PipelineConfig>(&path.display().to_string(), &text).unwrap();
+        aloft_pipeline::config::parse_yaml::<aloft_pipeline::config::PipelineConfig>(
+            &path.display().to_string(),
+            &text,
+        )
+        .unwrap();
         n += 1;
     }
     assert!(n >= 4);

@@ -45,7 +45,7 @@ pub fn acceleration_factor(
     acting: Acting<'_>,
     options: &AccelerationOptions,
 ) -> Result<Factor, RegressorError> {
-    stretch.check(motion)?;
+    stretch.check(model, motion)?;
     check_base(model, base, &stretch.trial)?;
     acting.check(motion, stretch)?;
     for (series, missing) in [(&motion.v, "velocities"), (&motion.a, "accelerations")] {

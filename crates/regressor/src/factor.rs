@@ -49,6 +49,7 @@ impl Columns {
 
 /// Upper trapezoid of one stretch, or of many merged.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "StoredFactor")]
 pub struct Factor {
     /// Trial; `merged` after merging several trials.
     pub trial: String,
@@ -64,6 +65,27 @@ pub struct Factor {
     pub n_rows: usize,
     /// Packed row by row: row `i` holds the columns `i ..`.
     packed: Vec<f64>,
+}
+
+/// A factor as it comes from a file, before its length is checked.
+#[derive(Deserialize)]
+struct StoredFactor {
+    trial: String,
+    stretch: usize,
+    kind: StretchKind,
+    rows: RowKind,
+    columns: Columns,
+    n_rows: usize,
+    packed: Vec<f64>,
+}
+
+impl TryFrom<StoredFactor> for Factor {
+    type Error = RegressorError;
+    fn try_from(stored: StoredFactor) -> Result<Self, RegressorError> {
+        let StoredFactor { trial, stretch: index, kind, rows, columns, n_rows, packed } = stored;
+        let stretch = Stretch { trial, index, kind, first_frame: 0, end_frame: 0 };
+        Self::from_values(&stretch, rows, columns, n_rows, packed)
+    }
 }
 
 impl Factor {

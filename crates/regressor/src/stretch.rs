@@ -1,7 +1,7 @@
 //! A stretch of frames that gives rows: a flight, or a contact phase whose wrench plates measured; and what acts there.
 
 use crate::RegressorError;
-use aloft_body::Motion;
+use aloft_body::{Model, Motion};
 use nalgebra::{DMatrix, Vector6};
 use serde::{Deserialize, Serialize};
 
@@ -45,7 +45,14 @@ impl Stretch {
     pub fn n_frames(&self) -> usize {
         self.end_frame.saturating_sub(self.first_frame)
     }
-    pub(crate) fn check(&self, motion: &Motion) -> Result<(), RegressorError> {
+    pub(crate) fn check(&self, model: &Model, motion: &Motion) -> Result<(), RegressorError> {
+        for (what, expected, found) in
+            [("coordinates a frame", model.nq, motion.nq), ("velocities a frame", model.nv, motion.nv)]
+        {
+            if expected != found {
+                return Err(RegressorError::Length { trial: motion.trial.clone(), what, expected, found });
+            }
+        }
         if self.end_frame > motion.n_frames() || self.first_frame >= self.end_frame {
             return Err(RegressorError::OutOfRange {
                 trial: self.trial.clone(),

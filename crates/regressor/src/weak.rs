@@ -164,7 +164,7 @@ pub fn weak_rows(
     acting: Acting<'_>,
     options: &WeakOptions,
 ) -> Result<WeakRows, RegressorError> {
-    stretch.check(motion)?;
+    stretch.check(model, motion)?;
     acting.check(motion, stretch)?;
     check_base(model, base, &stretch.trial)?;
     if prior.len() != model.n_links() {

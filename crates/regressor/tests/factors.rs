@@ -105,6 +105,9 @@ fn prop_what_is_stored_comes_back() {
         assert_eq!(f, back);
         let json: Factor = serde_json::from_str(&serde_json::to_string(&f).unwrap()).unwrap();
         assert_eq!(f, json);
+        let mut cut = serde_json::to_value(&f).unwrap();
+        cut["packed"].as_array_mut().unwrap().pop();
+        assert!(serde_json::from_value::<Factor>(cut).is_err());
         assert!(
             Factor::from_values(&f.as_stretch(), f.rows, f.columns.clone(), f.n_rows, f.values()[1..].to_vec())
                 .is_err()

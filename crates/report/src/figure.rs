@@ -151,7 +151,14 @@ impl Figure {
     }
 
     /// Curves in panels below one another that share the abscissa, with shaded stretches and bands.
-    pub fn panels(caption: &str, x_title: &str, y_titles: &[&str], series: Vec<Series>, shades: &[Shade], bands: &[Band]) -> Self {
+    pub fn panels(
+        caption: &str,
+        x_title: &str,
+        y_titles: &[&str],
+        series: Vec<Series>,
+        shades: &[Shade],
+        bands: &[Band],
+    ) -> Self {
         let n = y_titles.len().max(1);
         let mut names: Vec<String> = Vec::new();
         let mut colour = |name: &str| {
@@ -191,12 +198,14 @@ impl Figure {
                 "xaxis": axis('x', 0), "yaxis": axis('y', s.panel), "legendgroup": s.name, "showlegend": first(&s.name)
             });
             if !s.error.is_empty() {
-                trace["error_y"] = json!({"type": "data", "array": numbers(&s.error), "visible": true, "color": c, "thickness": 1.4});
+                trace["error_y"] =
+                    json!({"type": "data", "array": numbers(&s.error), "visible": true, "color": c, "thickness": 1.4});
             }
             data.push(trace);
         }
         let mut layout = base_layout();
-        layout["xaxis"] = json!({"title": {"text": x_title}, "gridcolor": "#e6e6e6", "zeroline": false, "anchor": axis('y', n - 1)});
+        layout["xaxis"] =
+            json!({"title": {"text": x_title}, "gridcolor": "#e6e6e6", "zeroline": false, "anchor": axis('y', n - 1)});
         let gap = 0.035;
         for (i, title) in y_titles.iter().enumerate() {
             let height = (1.0 - gap * (n as f64 - 1.0)) / n as f64;
@@ -239,7 +248,11 @@ impl Figure {
         let mut layout = base_layout();
         layout["xaxis"] = json!({"automargin": true, "tickangle": -45});
         layout["yaxis"] = json!({"automargin": true, "autorange": "reversed"});
-        Self { caption: caption.to_owned(), height: 140 + 16 * map.y.len(), plot: json!({"data": data, "layout": layout}) }
+        Self {
+            caption: caption.to_owned(),
+            height: 140 + 16 * map.y.len(),
+            plot: json!({"data": data, "layout": layout}),
+        }
     }
 
     /// A playable skeleton: measured markers, model markers, bones and force arrows.
@@ -302,12 +315,17 @@ impl Figure {
         });
         let step_ms = if n > 1 { (a.times_s[1] - a.times_s[0]) * 1000.0 } else { 40.0 };
         layout["updatemenus"] = json!([{"type": "buttons", "showactive": false, "x": 0, "y": 0, "xanchor": "left", "yanchor": "top", "direction": "left",
-            "buttons": [
-                {"label": "Play", "method": "animate", "args": [null, {"fromcurrent": true, "frame": {"duration": step_ms, "redraw": true}, "transition": {"duration": 0}}]},
-                {"label": "Pause", "method": "animate", "args": [[null], {"mode": "immediate", "frame": {"duration": 0, "redraw": true}}]}
-            ]}]);
-        layout["sliders"] = json!([{"steps": steps, "x": 0.16, "len": 0.84, "y": 0, "currentvalue": {"prefix": "t = "}}]);
-        Self { caption: caption.to_owned(), height: 620, plot: json!({"data": data, "layout": layout, "frames": frames}) }
+        "buttons": [
+            {"label": "Play", "method": "animate", "args": [null, {"fromcurrent": true, "frame": {"duration": step_ms, "redraw": true}, "transition": {"duration": 0}}]},
+            {"label": "Pause", "method": "animate", "args": [[null], {"mode": "immediate", "frame": {"duration": 0, "redraw": true}}]}
+        ]}]);
+        layout["sliders"] =
+            json!([{"steps": steps, "x": 0.16, "len": 0.84, "y": 0, "currentvalue": {"prefix": "t = "}}]);
+        Self {
+            caption: caption.to_owned(),
+            height: 620,
+            plot: json!({"data": data, "layout": layout, "frames": frames}),
+        }
     }
 
     /// The chart for the plotting library: `data`, `layout`, `frames`.

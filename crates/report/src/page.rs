@@ -166,7 +166,12 @@ mod tests {
                 title: "A".to_owned(),
                 blocks: vec![
                     Block::Figure {
-                        figure: Figure::lines("t", "x", "y", vec![Series::line("</script><b>", vec![0.0, 1.0], vec![f64::NAN, 2.0])]),
+                        figure: Figure::lines(
+                            "t",
+                            "x",
+                            "y",
+                            vec![Series::line("</script><b>", vec![0.0, 1.0], vec![f64::NAN, 2.0])],
+                        ),
                     },
                     Block::Table {
                         table: Table { caption: "c".into(), header: vec!["h".into()], rows: vec![vec!["<i>".into()]] },

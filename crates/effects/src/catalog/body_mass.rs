@@ -1,7 +1,7 @@
 //! A body mass that was stated wrongly.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target};
 use crate::Scene;
+use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target};
 use aloft_body::Phi;
 
 pub(super) static EFFECT: EffectDefinition = EffectDefinition {

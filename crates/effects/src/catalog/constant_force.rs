@@ -1,6 +1,8 @@
 //! A force that keeps its direction in the room.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, NonlinearParameter, Target, WrenchLaw};
+use crate::definition::{
+    self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, NonlinearParameter, Target, WrenchLaw,
+};
 use crate::{Columns, EffectFrame, Scene};
 use nalgebra::Vector3;
 

@@ -1,7 +1,9 @@
 //! A line of constant tension over a pulley: body-weight support.
 
 use super::{constant_force, tether};
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, NonlinearParameter, Target, WrenchLaw};
+use crate::definition::{
+    self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, NonlinearParameter, Target, WrenchLaw,
+};
 use crate::{Columns, EffectFrame, Scene};
 use nalgebra::Vector3;
 

@@ -1,8 +1,8 @@
 //! Something carried on a link in some trials.
 
 use super::constant_force;
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target};
 use crate::Scene;
+use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target};
 use aloft_body::Phi;
 use nalgebra::Vector3;
 

@@ -1,6 +1,8 @@
 //! A wheel whose speed swings.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, NonlinearParameter, Target, WrenchLaw};
+use crate::definition::{
+    self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, NonlinearParameter, Target, WrenchLaw,
+};
 use crate::{Columns, EffectFrame, Scene};
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
@@ -43,7 +45,8 @@ fn nonlinear(_: &Scene, _: Target) -> Vec<NonlinearParameter> {
 }
 
 fn starts(_: &Scene, _: Target) -> Vec<Vec<f64>> {
-    (1..=16).map(|k| vec![0.5 * f64::from(k)]).collect()
+    // the clock runs through a whole recording, so neighbours a twentieth of a hertz apart are already out of step
+    (0..140).map(|k| vec![0.3 + 0.04 * f64::from(k)]).collect()
 }
 
 fn law(f: &EffectFrame<'_>, target: Target, p: &[f64], out: &mut Columns, i: usize) {

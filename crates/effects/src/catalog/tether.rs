@@ -1,7 +1,9 @@
 //! An elastic line to a fixed point of the room.
 
 use super::constant_force;
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, NonlinearParameter, Target, WrenchLaw};
+use crate::definition::{
+    self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, NonlinearParameter, Target, WrenchLaw,
+};
 use crate::{Columns, EffectFrame, Scene};
 use nalgebra::Vector3;
 

@@ -1,6 +1,8 @@
 //! A part of a link's mass that hangs on springs: muscle and fat.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, NonlinearParameter, Target, WrenchLaw};
+use crate::definition::{
+    self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, NonlinearParameter, Target, WrenchLaw,
+};
 use crate::{Columns, Scene, Series};
 use nalgebra::Vector3;
 use std::f64::consts::TAU;

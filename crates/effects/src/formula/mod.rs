@@ -26,8 +26,8 @@ mod parse;
 mod unit;
 
 use crate::{
-    ActsIn, Coefficient, Columns, Effect, EffectFrame, EffectKind, EffectsError, NonlinearParameter, Scene, Series,
-    Target,
+    ActsIn, Coefficient, Columns, Effect, EffectFrame, EffectKind, EffectsError, FormulaProblem, NonlinearParameter,
+    Scene, Series, Target,
 };
 use aloft_body::JointKind;
 use exmex::{Express, FlatEx};
@@ -279,12 +279,19 @@ impl FormulaEffect {
             }
             let range = p.upper - p.lower;
             parameters.push(NonlinearParameter::new(p.name.clone(), &p.unit, p.lower, p.upper, 0.02 * range));
-            let values = p.start.map_or_else(|| (0..5).map(|i| p.lower + range * (0.1 + 0.2 * f64::from(i))).collect(), |s| vec![s]);
-            starts = starts.iter().flat_map(|s| values.iter().map(|v| [s.as_slice(), &[*v]].concat())).take(625).collect();
+            let values = p
+                .start
+                .map_or_else(|| (0..5).map(|i| p.lower + range * (0.1 + 0.2 * f64::from(i))).collect(), |s| vec![s]);
+            starts =
+                starts.iter().flat_map(|s| values.iter().map(|v| [s.as_slice(), &[*v]].concat())).take(625).collect();
         }
         for (i, (name, _, _)) in symbols.iter().enumerate() {
-            let word = name.chars().enumerate().all(|(j, c)| c == '_' || c.is_ascii_alphabetic() || (j > 0 && c.is_ascii_digit()));
-            if name.is_empty() || !word || quantity(scene, name).is_some() || parse::FUNCTIONS.contains(&name.as_str()) {
+            let word = name
+                .chars()
+                .enumerate()
+                .all(|(j, c)| c == '_' || c.is_ascii_alphabetic() || (j > 0 && c.is_ascii_digit()));
+            if name.is_empty() || !word || quantity(scene, name).is_some() || parse::FUNCTIONS.contains(&name.as_str())
+            {
                 return Err(spec(format!("`{name}` cannot name an unknown: it is a quantity, a function, or no word")));
             }
             if symbols[..i].iter().any(|(n, _, _)| n == name) {
@@ -319,13 +326,14 @@ impl FormulaEffect {
         text: &str,
         wanted: Unit,
     ) -> Result<Option<Law>, EffectsError> {
-        let fail = |p: Problem| EffectsError::Formula {
-            effect: self.id.clone(),
-            entry: entry.to_owned(),
-            formula: text.to_owned(),
-            position: p.at,
-            marker: format!("{}^", " ".repeat(p.at)),
-            problem: p.text,
+        let fail = |p: Problem| {
+            EffectsError::Formula(Box::new(FormulaProblem {
+                effect: self.id.clone(),
+                entry: entry.to_owned(),
+                formula: text.to_owned(),
+                position: p.at,
+                problem: p.text,
+            }))
         };
         let node = parse::parse(text).map_err(fail)?;
         let find = |name: &str| {
@@ -349,7 +357,8 @@ impl FormulaEffect {
             let text = format!("the unit is {}, a {} has {}", unit.words(), &entry[..entry.len() - 3], wanted.words());
             return Err(fail(Problem { at: node.at, text }));
         }
-        let expression = exmex::parse::<f64>(&node.explicit()).map_err(|e| fail(Problem { at: node.at, text: e.to_string() }))?;
+        let expression =
+            exmex::parse::<f64>(&node.explicit()).map_err(|e| fail(Problem { at: node.at, text: e.to_string() }))?;
         let sources: Vec<Source> = expression
             .var_names()
             .iter()
@@ -383,7 +392,8 @@ impl Law {
         let mut values = Vec::new();
         for trial in 0..6u32 {
             // arbitrary but fixed numbers of order one, positive so that roots and logarithms exist
-            let arbitrary = |i: usize| 0.3 + ((i as f64 + 1.0) * 0.754_877_666 + f64::from(trial) * 0.569_840_29).fract();
+            let arbitrary =
+                |i: usize| 0.3 + ((i as f64 + 1.0) * 0.754_877_666 + f64::from(trial) * 0.569_840_29).fract();
             let mut at = |c: &dyn Fn(usize) -> f64| {
                 self.value(&mut values, |s| match s {
                     Source::Coefficient(k) => c(k),
@@ -395,7 +405,7 @@ impl Law {
                 continue;
             }
             let units: Vec<f64> = (0..n).map(|k| at(&|j| f64::from(u8::from(j == k)))).collect();
-            let mixed = |k: usize| 0.7 + 0.31 * k as f64 * if k % 2 == 0 { 1.0 } else { -1.0 };
+            let mixed = |k: usize| 0.7 + 0.31 * k as f64 * if k.is_multiple_of(2) { 1.0 } else { -1.0 };
             let both = at(&mixed);
             let mirrored = at(&|k| -mixed(k));
             let size = units.iter().fold(none.abs() + both.abs(), |m, u| m + u.abs()).max(1e-12);

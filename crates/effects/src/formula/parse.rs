@@ -195,10 +195,7 @@ impl Reader {
                     return Ok(Node { at, kind: Kind::Call(name, Box::new(inner)) });
                 }
                 if call {
-                    return problem(
-                        at,
-                        format!("there is no function `{name}`; there are {}", FUNCTIONS.join(", ")),
-                    );
+                    return problem(at, format!("there is no function `{name}`; there are {}", FUNCTIONS.join(", ")));
                 }
                 Ok(Node { at, kind: Kind::Name(name) })
             }

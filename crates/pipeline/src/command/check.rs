@@ -72,9 +72,11 @@ pub fn check(study: &Study) -> Result<Check, PipelineError> {
             row.rate_hz = Some(trial.markers.rate_hz);
             row.markers = format!("{}/{}", matched.present.len(), matched.present.len() + matched.missing.len());
             row.plates = Some(trial.plates.len());
-            row.broken = matched.present.is_empty() || quality.reasons.iter().any(|r| r.severity() == Severity::Unusable);
+            row.broken =
+                matched.present.is_empty() || quality.reasons.iter().any(|r| r.severity() == Severity::Unusable);
             row.remarks.extend(trial.warnings.iter().cloned());
-            row.remarks.extend(quality.reasons.iter().filter(|r| r.severity() != Severity::Note).map(ToString::to_string));
+            row.remarks
+                .extend(quality.reasons.iter().filter(|r| r.severity() != Severity::Note).map(ToString::to_string));
             if !matched.unknown.is_empty() {
                 row.remarks.push(format!("labels that the set does not know: {}", abridged(&matched.unknown)));
             }
@@ -97,7 +99,10 @@ pub fn check(study: &Study) -> Result<Check, PipelineError> {
             remarks.push("the subject's stature is not known: segment lengths come from the markers alone".to_owned());
         }
     }
-    for t in study.included().filter(|t| t.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("trc")) && t.forces.is_none()) {
+    for t in study
+        .included()
+        .filter(|t| t.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("trc")) && t.forces.is_none())
+    {
         remarks.push(format!("{}: no force file beside it; see `trials: {{forces: …}}`", t.name));
     }
     Ok(Check { trials, remarks })

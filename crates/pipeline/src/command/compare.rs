@@ -86,7 +86,8 @@ pub fn kinematics(study: &Study, ws: &Workspace) -> Vec<KinematicsRow> {
         .included()
         .filter(|t| t.role.is_dynamic())
         .map(|t| {
-            let flights: Option<aloft_flight::FlightReport> = read_json(&ws.place("flight", &t.name).join("flights.json")).ok();
+            let flights: Option<aloft_flight::FlightReport> =
+                read_json(&ws.place("flight", &t.name).join("flights.json")).ok();
             let ik = ws.manifest("ik", &t.name);
             let g = study.facts.gravity_mps2;
             let gravity_error_percent = flights.as_ref().and_then(|r| {

@@ -85,7 +85,12 @@ pub fn history(study: &Study) -> Result<History, PipelineError> {
     {
         last.reached = Some(reached(study, &view)?);
     }
-    let rows = all.revisions.iter().enumerate().map(|(i, r)| row(r, i.checked_sub(1).and_then(|j| all.revisions.get(j)))).collect();
+    let rows = all
+        .revisions
+        .iter()
+        .enumerate()
+        .map(|(i, r)| row(r, i.checked_sub(1).and_then(|j| all.revisions.get(j))))
+        .collect();
     Ok(History { version: 1, subject: study.facts.person.name.clone(), revisions: rows })
 }
 
@@ -93,11 +98,7 @@ fn row(r: &Revision, before: Option<&Revision>) -> HistoryRow {
     let now = r.reached.as_ref();
     let old = before.and_then(|b| b.reached.as_ref());
     let largest_change = now.zip(old).and_then(|(n, o)| {
-        n.base
-            .iter()
-            .zip(&o.base)
-            .map(|(a, b)| (a.0.clone(), a.1 - b.1))
-            .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
+        n.base.iter().zip(&o.base).map(|(a, b)| (a.0.clone(), a.1 - b.1)).max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
     });
     let void = now.zip(old).and_then(|(n, o)| {
         (n.marker_rms_mm > 1.02 * o.marker_rms_mm)
@@ -213,11 +214,9 @@ pub fn add(
 /// What the last discovery says of an effect: its key with target, and its nonlinear parameters.
 fn suggestion(d: &Discovery, key: &str) -> Option<(String, BTreeMap<String, f64>)> {
     let values = |n: &[aloft_discover::Estimate]| n.iter().map(|e| (e.name.clone(), e.value)).collect();
-    d.found
-        .iter()
-        .find(|f| f.key == key || f.effect == key)
-        .map(|f| (f.key.clone(), values(&f.nonlinear)))
-        .or_else(|| d.candidates.iter().find(|c| c.key == key || c.effect == key).map(|c| (c.key.clone(), values(&c.nonlinear))))
+    d.found.iter().find(|f| f.key == key || f.effect == key).map(|f| (f.key.clone(), values(&f.nonlinear))).or_else(
+        || d.candidates.iter().find(|c| c.key == key || c.effect == key).map(|c| (c.key.clone(), values(&c.nonlinear))),
+    )
 }
 
 /// Takes an effect out: a new revision without it.
@@ -252,7 +251,9 @@ fn rerun(
     all.save(&study.workspace)?;
     let now = Study::open(&study.config_path, overrides)?;
     let report = run(&now, &Selection::default(), progress)?;
-    if report.tasks.iter().any(|t| t.stage == "compare" && !matches!(t.ended, crate::runner::Ended::Failed(_) | crate::runner::Ended::Blocked(_))) {
+    if report.tasks.iter().any(|t| {
+        t.stage == "compare" && !matches!(t.ended, crate::runner::Ended::Failed(_) | crate::runner::Ended::Blocked(_))
+    }) {
         record(&now, &mut all)?;
         all.save(&now.workspace)?;
     }

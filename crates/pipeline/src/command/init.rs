@@ -100,7 +100,8 @@ fn write(folder: &Path, target: &Path, seen: &[Seen], broken: &[String]) -> Resu
     let is_object = model == "two_link";
     let lower = |s: &Seen| s.stem.to_lowercase();
     let calibration: Vec<&Seen> = seen.iter().filter(|s| lower(s).contains("calib")).collect();
-    let mut statics: Vec<&Seen> = seen.iter().filter(|s| lower(s).contains("static") || lower(s).contains("cal_pose")).collect();
+    let mut statics: Vec<&Seen> =
+        seen.iter().filter(|s| lower(s).contains("static") || lower(s).contains("cal_pose")).collect();
     if statics.is_empty() {
         statics = seen.iter().filter(|s| is_still(&s.trial) && !lower(s).contains("calib")).collect();
     }
@@ -113,7 +114,8 @@ fn write(folder: &Path, target: &Path, seen: &[Seen], broken: &[String]) -> Resu
         std::mem::swap(&mut identify, &mut validate);
     }
     let plates = seen.iter().map(|s| s.trial.plates.len()).max().unwrap_or(0);
-    let rates: std::collections::BTreeSet<String> = seen.iter().map(|s| format!("{}", s.trial.markers.rate_hz)).collect();
+    let rates: std::collections::BTreeSet<String> =
+        seen.iter().map(|s| format!("{}", s.trial.markers.rate_hz)).collect();
     let data = data_path(folder, target);
     let name = folder
         .canonicalize()
@@ -129,12 +131,21 @@ fn write(folder: &Path, target: &Path, seen: &[Seen], broken: &[String]) -> Resu
     line(format!("#   aloft check {0}\n#   aloft run {0}", target.display()));
     line(format!("name: {}", name.replace(|c: char| !c.is_alphanumeric() && c != '-' && c != '_', "_")));
     line(format!("data: {}", serde_yaml::to_string(&data).unwrap_or(data).trim()));
-    line(format!("# {} recordings at {} Hz, {} force plates", seen.len(), rates.into_iter().collect::<Vec<_>>().join(", "), plates));
+    line(format!(
+        "# {} recordings at {} Hz, {} force plates",
+        seen.len(),
+        rates.into_iter().collect::<Vec<_>>().join(", "),
+        plates
+    ));
     line(format!("model: {model}"));
     if fit > 0.5 {
         line(format!("marker_set: {set}      # fits {:.0} %", fit * 100.0));
     } else {
-        line(format!("marker_set: {set}      # fits only {:.0} %: choose another ({}) or map labels below", fit * 100.0, catalog::names("markersets").join(", ")));
+        line(format!(
+            "marker_set: {set}      # fits only {:.0} %: choose another ({}) or map labels below",
+            fit * 100.0,
+            catalog::names("markersets").join(", ")
+        ));
     }
     if is_object {
         line("object: two_link_chain   # how markers define the link frames".to_owned());
@@ -152,7 +163,10 @@ fn write(folder: &Path, target: &Path, seen: &[Seen], broken: &[String]) -> Resu
     if statics.is_empty()
         && let Some(first) = rest.first()
     {
-        line(format!("  # no static trial was found: quiet frames of a dynamic trial can serve\n  static_frames: {{trial: {}, first: 1, last: 30}}", first.stem));
+        line(format!(
+            "  # no static trial was found: quiet frames of a dynamic trial can serve\n  static_frames: {{trial: {}, first: 1, last: 30}}",
+            first.stem
+        ));
     }
     if !broken.is_empty() {
         line("  # could not be read:".to_owned());
@@ -171,7 +185,8 @@ fn write(folder: &Path, target: &Path, seen: &[Seen], broken: &[String]) -> Resu
 /// The folder relative to the pipeline file where that is a plain path, absolute otherwise.
 fn data_path(folder: &Path, target: &Path) -> String {
     let absolute = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
-    let base = target.parent().filter(|p| !p.as_os_str().is_empty()).map_or_else(|| PathBuf::from("."), Path::to_path_buf);
+    let base =
+        target.parent().filter(|p| !p.as_os_str().is_empty()).map_or_else(|| PathBuf::from("."), Path::to_path_buf);
     let base = base.canonicalize().unwrap_or(base);
     match absolute.strip_prefix(&base) {
         Ok(relative) if relative.as_os_str().is_empty() => ".".to_owned(),

@@ -101,26 +101,46 @@ fn overview(view: &ComparisonView, found: &ParametersView) -> Section {
     let (force_note, force_light) = beside(mean(&force), prior.map(|p| mean(&p.0)), "N");
     let (moment_note, moment_light) = beside(mean(&moment), prior.map(|p| mean(&p.1)), "N·m");
     let cards = vec![
-        card("Flights used", view.parameters.flights.to_string(), format!("{} rows", view.parameters.rows), Light::Neutral),
+        card(
+            "Flights used",
+            view.parameters.flights.to_string(),
+            format!("{} rows", view.parameters.rows),
+            Light::Neutral,
+        ),
         card(&format!("Force error, {}", judged_on(c)), format!("{} N", number(mean(&force))), force_note, force_light),
         card("Moment error", format!("{} N·m", number(mean(&moment))), moment_note, moment_light),
         card(
             "Singular-value gap σ_N−1 / σ_N",
             number(ratio),
             "how clearly the motion shows the parameters".to_owned(),
-            if ratio >= 20.0 { Light::Good } else if ratio >= 3.0 { Light::Fair } else { Light::Poor },
+            if ratio >= 20.0 {
+                Light::Good
+            } else if ratio >= 3.0 {
+                Light::Fair
+            } else {
+                Light::Poor
+            },
         ),
         card(
             "Marker error, RMS",
             format!("{} mm", number(mean_rms)),
             "usual limit 20 mm".to_owned(),
-            if mean_rms < 10.0 { Light::Good } else if mean_rms < 20.0 { Light::Fair } else { Light::Poor },
+            if mean_rms < 10.0 {
+                Light::Good
+            } else if mean_rms < 20.0 {
+                Light::Fair
+            } else {
+                Light::Poor
+            },
         ),
     ];
     let mut blocks = vec![Block::Cards { cards }];
     let gate = &found.parameters.gate;
     if gate.passed {
-        blocks.push(Block::Remark { text: "The motion determines the parameters; intervals stand beside every number.".into(), light: Light::Good });
+        blocks.push(Block::Remark {
+            text: "The motion determines the parameters; intervals stand beside every number.".into(),
+            light: Light::Good,
+        });
     }
     for reason in &gate.reasons {
         blocks.push(Block::Remark { text: reason.clone(), light: if gate.passed { Light::Fair } else { Light::Poor } });
@@ -150,8 +170,11 @@ fn model_table(view: &ComparisonView) -> Table {
         })
         .collect();
     if let Some(floor) = &c.noise_floor {
-        let (frames, windows) =
-            if c.first.held_out.frames > 0 { (&floor.contact, &floor.contact_weak) } else { (&floor.flight, &floor.flight_weak) };
+        let (frames, windows) = if c.first.held_out.frames > 0 {
+            (&floor.contact, &floor.contact_weak)
+        } else {
+            (&floor.flight, &floor.flight_weak)
+        };
         rows.push(vec![
             "noise alone".into(),
             three(&frames.force_n.mae),
@@ -161,8 +184,14 @@ fn model_table(view: &ComparisonView) -> Table {
         ]);
     }
     Table {
-        caption: format!("Mean absolute error on {} (root axes; frames, and windows of {} s)", judged_on(c), c.options.window_s),
-        header: ["model", "force x y z, N", "moment x y z, N·m", "windows, N", "windows, N·m"].map(str::to_owned).to_vec(),
+        caption: format!(
+            "Mean absolute error on {} (root axes; frames, and windows of {} s)",
+            judged_on(c),
+            c.options.window_s
+        ),
+        header: ["model", "force x y z, N", "moment x y z, N·m", "windows, N", "windows, N·m"]
+            .map(str::to_owned)
+            .to_vec(),
         rows,
     }
 }
@@ -173,7 +202,9 @@ fn recordings(study: &Study, ws: &Workspace, view: &ComparisonView) -> Section {
         .iter()
         .map(|t| {
             let import = ws.manifest("import", &t.name);
-            let get = |key: &str| import.as_ref().and_then(|m| m.summary.get(key)).map_or("–".to_owned(), ToString::to_string);
+            let get = |key: &str| {
+                import.as_ref().and_then(|m| m.summary.get(key)).map_or("–".to_owned(), ToString::to_string)
+            };
             let kin = view.kinematics.iter().find(|k| k.trial == t.name);
             let state = match (&t.excluded, &import) {
                 (Some(reason), _) => format!("excluded: {reason}"),
@@ -199,9 +230,21 @@ fn recordings(study: &Study, ws: &Workspace, view: &ComparisonView) -> Section {
     let mut blocks = vec![Block::Table {
         table: Table {
             caption: "Every recording".into(),
-            header: ["trial", "role", "state", "frames", "Hz", "markers", "gaps filled", "plates", "marker RMS, mm", "flights", "fall against g, %"]
-                .map(str::to_owned)
-                .to_vec(),
+            header: [
+                "trial",
+                "role",
+                "state",
+                "frames",
+                "Hz",
+                "markers",
+                "gaps filled",
+                "plates",
+                "marker RMS, mm",
+                "flights",
+                "fall against g, %",
+            ]
+            .map(str::to_owned)
+            .to_vec(),
             rows,
         },
     }];
@@ -211,7 +254,10 @@ fn recordings(study: &Study, ws: &Workspace, view: &ComparisonView) -> Section {
             let Some(m) = ws.manifest(stage.name, name) else { continue };
             if let crate::workspace::Outcome::Failed(f) = &m.outcome {
                 let hint = f.hint.as_ref().map_or(String::new(), |h| format!(" Hint: {h}."));
-                blocks.push(Block::Remark { text: format!("{} of {name} failed: {}.{hint}", stage.name, f.problem), light: Light::Poor });
+                blocks.push(Block::Remark {
+                    text: format!("{} of {name} failed: {}.{hint}", stage.name, f.problem),
+                    light: Light::Poor,
+                });
             }
         }
     }
@@ -242,7 +288,13 @@ fn shades(time: &[f64], in_flight: &[f64]) -> Vec<Shade> {
 
 fn wrench(study: &Study, ws: &Workspace, view: &ComparisonView) -> Result<Section, PipelineError> {
     let c = &view.comparison;
-    let mut order: Vec<&str> = c.first.trials.iter().filter(|t| t.held_out_contact && t.contact.frames > 0).map(|t| t.trial.as_str()).collect();
+    let mut order: Vec<&str> = c
+        .first
+        .trials
+        .iter()
+        .filter(|t| t.held_out_contact && t.contact.frames > 0)
+        .map(|t| t.trial.as_str())
+        .collect();
     if order.is_empty() {
         order = c.first.trials.iter().map(|t| t.trial.as_str()).collect();
     }
@@ -276,7 +328,9 @@ fn wrench(study: &Study, ws: &Workspace, view: &ComparisonView) -> Result<Sectio
             }
         }
         let caption = format!("{trial}: measured and predicted wrench on the root, root axes (flights shaded)");
-        blocks.push(Block::Figure { figure: Figure::panels(&caption, "time, s", &titles, series, &shades(&time, &in_flight), &[]) });
+        blocks.push(Block::Figure {
+            figure: Figure::panels(&caption, "time, s", &titles, series, &shades(&time, &in_flight), &[]),
+        });
     }
     let f = &c.first.flight;
     blocks.push(Block::Text {
@@ -341,9 +395,24 @@ fn missing(study: &Study) -> Option<Section> {
         Block::Remark { text: d.words.clone(), light },
         Block::Cards {
             cards: vec![
-                card("Held-out error before", format!("{} N", number(d.held_out_error)), format!("{:.2} % of body weight", 100.0 * d.held_out_error_of_weight), Light::Neutral),
-                card("With the effects found", format!("{} N", number(d.held_out_error_after)), String::new(), Light::Neutral),
-                card("Noise of the markers alone", format!("{} N", number(d.noise_floor)), "what no model can remove".into(), Light::Neutral),
+                card(
+                    "Held-out error before",
+                    format!("{} N", number(d.held_out_error)),
+                    format!("{:.2} % of body weight", 100.0 * d.held_out_error_of_weight),
+                    Light::Neutral,
+                ),
+                card(
+                    "With the effects found",
+                    format!("{} N", number(d.held_out_error_after)),
+                    String::new(),
+                    Light::Neutral,
+                ),
+                card(
+                    "Noise of the markers alone",
+                    format!("{} N", number(d.noise_floor)),
+                    "what no model can remove".into(),
+                    Light::Neutral,
+                ),
             ],
         },
         Block::Figure {
@@ -359,11 +428,14 @@ fn missing(study: &Study) -> Option<Section> {
         .iter()
         .map(|c| {
             let first = c.coefficients.first();
-            let like: Vec<&str> = c.confused_with.iter().filter(|x| x.p_value > 0.05).map(|x| x.effect.as_str()).collect();
+            let like: Vec<&str> =
+                c.confused_with.iter().filter(|x| x.p_value > 0.05).map(|x| x.effect.as_str()).collect();
             vec![
                 c.key.clone(),
                 format!("{:.3} ({:.2} to {:.2})", c.held_out_ratio, c.ci95[0], c.ci95[1]),
-                first.map_or("–".into(), |e| format!("{} {} ± {} {}", e.name, number(e.value), number(1.96 * e.se), e.unit)),
+                first.map_or("–".into(), |e| {
+                    format!("{} {} ± {} {}", e.name, number(e.value), number(1.96 * e.se), e.unit)
+                }),
                 number(c.minimum_detectable),
                 if like.is_empty() { "–".into() } else { like.join(", ") },
                 if c.believed { "yes".into() } else { "no".into() },
@@ -373,7 +445,16 @@ fn missing(study: &Study) -> Option<Section> {
     blocks.push(Block::Table {
         table: Table {
             caption: "Candidates: physics and measurement artefacts in one ranking".into(),
-            header: ["effect", "held-out ratio", "coefficient", "smallest that would be seen", "cannot be told from", "believed"].map(str::to_owned).to_vec(),
+            header: [
+                "effect",
+                "held-out ratio",
+                "coefficient",
+                "smallest that would be seen",
+                "cannot be told from",
+                "believed",
+            ]
+            .map(str::to_owned)
+            .to_vec(),
             rows,
         },
     });
@@ -393,7 +474,9 @@ fn ladder(study: &Study) -> Result<Option<Section>, PipelineError> {
         return Ok(None);
     }
     let x: Vec<f64> = h.revisions.iter().map(|r| r.revision as f64).collect();
-    let of = |get: &dyn Fn(&HistoryRow) -> Option<f64>| h.revisions.iter().map(|r| get(r).unwrap_or(f64::NAN)).collect::<Vec<f64>>();
+    let of = |get: &dyn Fn(&HistoryRow) -> Option<f64>| {
+        h.revisions.iter().map(|r| get(r).unwrap_or(f64::NAN)).collect::<Vec<f64>>()
+    };
     let mut error = Series::line("held-out error", x.clone(), of(&|r| r.held_out_error));
     error.mode = "lines+markers";
     let floor = Series::line("noise alone", x, of(&|r| r.noise_floor)).dashed();
@@ -406,7 +489,11 @@ fn ladder(study: &Study) -> Result<Option<Section>, PipelineError> {
                 if r.effects.is_empty() { "none".into() } else { r.effects.join(", ") },
                 r.held_out_error.map_or("–".into(), number),
                 r.noise_floor.map_or("–".into(), number),
-                r.coefficients.iter().map(|c| format!("{} {} ± {}", c.name, number(c.value), number(1.96 * c.se))).collect::<Vec<_>>().join("; "),
+                r.coefficients
+                    .iter()
+                    .map(|c| format!("{} {} ± {}", c.name, number(c.value), number(1.96 * c.se)))
+                    .collect::<Vec<_>>()
+                    .join("; "),
                 r.void.clone().unwrap_or_default(),
             ]
         })
@@ -416,11 +503,20 @@ fn ladder(study: &Study) -> Result<Option<Section>, PipelineError> {
         title: "The ladder".into(),
         lead: "Each revision of the model and the error that it left on held-out motion.".into(),
         blocks: vec![
-            Block::Figure { figure: Figure::lines("Held-out error (weak windows) of each model revision", "revision", "N", vec![error, floor]) },
+            Block::Figure {
+                figure: Figure::lines(
+                    "Held-out error (weak windows) of each model revision",
+                    "revision",
+                    "N",
+                    vec![error, floor],
+                ),
+            },
             Block::Table {
                 table: Table {
                     caption: "Revisions".into(),
-                    header: ["revision", "effects", "held-out error, N", "noise, N", "coefficients", "remark"].map(str::to_owned).to_vec(),
+                    header: ["revision", "effects", "held-out error, N", "noise, N", "coefficients", "remark"]
+                        .map(str::to_owned)
+                        .to_vec(),
                     rows,
                 },
             },
@@ -474,7 +570,9 @@ fn identified(found: &ParametersView) -> Section {
         blocks.push(Block::Table {
             table: Table {
                 caption: "Physically consistent links".into(),
-                header: ["link", "mass, kg", "prior, kg", "centre of mass, m", "prior, m", "in words"].map(str::to_owned).to_vec(),
+                header: ["link", "mass, kg", "prior, kg", "centre of mass, m", "prior, m", "in words"]
+                    .map(str::to_owned)
+                    .to_vec(),
                 rows: p
                     .links
                     .iter()
@@ -527,7 +625,9 @@ fn kinematics(study: &Study, ws: &Workspace) -> Result<Vec<Section>, PipelineErr
     }
     let width = map.x.len();
     map.z.iter_mut().for_each(|r| r.resize(width, f64::NAN));
-    let mut blocks = vec![Block::Figure { figure: Figure::heat_map("Root mean square distance of each marker from the model", &map) }];
+    let mut blocks = vec![Block::Figure {
+        figure: Figure::heat_map("Root mean square distance of each marker from the model", &map),
+    }];
     if let Some(figure) = skeleton(study, ws)? {
         blocks.push(Block::Figure { figure });
     }
@@ -543,7 +643,8 @@ fn kinematics(study: &Study, ws: &Workspace) -> Result<Vec<Section>, PipelineErr
 fn skeleton(study: &Study, ws: &Workspace) -> Result<Option<Figure>, PipelineError> {
     let subject: Subject = read_json(&ws.place("calibrate", WHOLE_STUDY).join("subject.json"))?;
     let model = &subject.model;
-    let candidates = study.included().filter(|t| t.role.is_dynamic() && ws.manifest("ik", &t.name).is_some_and(|m| m.is_ok()));
+    let candidates =
+        study.included().filter(|t| t.role.is_dynamic() && ws.manifest("ik", &t.name).is_some_and(|m| m.is_ok()));
     let mut best: Option<(&str, usize)> = None;
     for t in candidates {
         let first = read_json::<aloft_flight::FlightReport>(&ws.place("flight", &t.name).join("flights.json"))
@@ -608,7 +709,10 @@ fn skeleton(study: &Study, ws: &Workspace) -> Result<Option<Figure>, PipelineErr
         );
     }
     Ok((!a.times_s.is_empty()).then(|| {
-        Figure::animation(&format!("{name}: model, markers and plate forces (1 m for 1000 N); drag to turn, Play to run"), &a)
+        Figure::animation(
+            &format!("{name}: model, markers and plate forces (1 m for 1000 N); drag to turn, Play to run"),
+            &a,
+        )
     }))
 }
 
@@ -626,7 +730,8 @@ fn tips(subject: &Subject) -> Vec<(usize, nalgebra::Vector3<f64>)> {
 
 fn bones(subject: &Subject) -> Vec<(usize, usize)> {
     let n = subject.model.n_links();
-    let mut out: Vec<(usize, usize)> = subject.model.links.iter().enumerate().filter_map(|(i, l)| l.parent.map(|p| (p, i))).collect();
+    let mut out: Vec<(usize, usize)> =
+        subject.model.links.iter().enumerate().filter_map(|(i, l)| l.parent.map(|p| (p, i))).collect();
     out.extend(tips(subject).iter().enumerate().map(|(k, (link, _))| (*link, n + k)));
     out
 }

@@ -39,7 +39,13 @@ pub struct Explanation {
     pub manifest: Option<Manifest>,
 }
 
-fn stand(stage: &Stage, trial: Option<&TrialEntry>, study: &Study, ws: &Workspace, manifests: &Manifests) -> Result<Standing, PipelineError> {
+fn stand(
+    stage: &Stage,
+    trial: Option<&TrialEntry>,
+    study: &Study,
+    ws: &Workspace,
+    manifests: &Manifests,
+) -> Result<Standing, PipelineError> {
     let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
     let inputs = graph::inputs(stage, trial, study, ws, manifests)?;
     Ok(graph::standing(stage, trial, study, &inputs, manifests.get(stage.name, name)))
@@ -84,7 +90,8 @@ pub fn explain(study: &Study, trial: &str, stage: &str) -> Result<Explanation, P
     let manifests = Manifests::read(study, &ws, STAGES);
     let task = stage.tasks(study).into_iter().find(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()) == trial);
     let Some(task) = task else {
-        let names: Vec<&str> = stage.tasks(study).into_iter().map(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str())).collect();
+        let names: Vec<&str> =
+            stage.tasks(study).into_iter().map(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str())).collect();
         return Err(PipelineError::request_hint(
             format!("stage {} does not run for `{trial}`", stage.name),
             format!("it runs for {}", names.join(", ")),

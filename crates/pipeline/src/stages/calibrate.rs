@@ -43,8 +43,8 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     }
     let folder = job.workspace.place("scale", WHOLE_STUDY);
     let report: serde_json::Value = read_json(&folder.join("report.json"))?;
-    let joints: Vec<JointUncertainty> =
-        serde_json::from_value(report["joints"].clone()).map_err(|e| StageFailure::new(format!("scale/report.json: {e}")))?;
+    let joints: Vec<JointUncertainty> = serde_json::from_value(report["joints"].clone())
+        .map_err(|e| StageFailure::new(format!("scale/report.json: {e}")))?;
     let options = CalibrateOptions {
         frames: config.frames,
         joint_sd_m: joints.iter().map(|j| (j.link.clone(), j.centre_sd_m)).collect(),

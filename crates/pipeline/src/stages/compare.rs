@@ -9,9 +9,11 @@ use crate::stages::regressor::{TrialRows, effect_columns};
 use crate::study::Role;
 use crate::table::Table;
 use crate::workspace::{read_json, write_json};
-use aloft_flight::{PlateTare, TareSource};
 use aloft_body::{BaseParameters, Motion};
-use aloft_compare::{Body, Candidate, CompareOptions, Comparison, Filtering, Measured, TrialInput, TrialSeries, compare, measured_wrench};
+use aloft_compare::{
+    Body, Candidate, CompareOptions, Comparison, Filtering, Measured, TrialInput, TrialSeries, compare, measured_wrench,
+};
+use aloft_flight::{PlateTare, TareSource};
 use aloft_ik::smooth;
 use aloft_regressor::EffectColumns;
 use nalgebra::DVector;
@@ -79,15 +81,31 @@ pub fn load_trials(job: &Job<'_>) -> Result<Vec<ComparedTrial>, StageFailure> {
             let measured = if trial.plates.is_empty() {
                 None
             } else {
-                let m = measured_wrench(name, &trial.plates, filtered.rate_hz, filtered.n_frames(), Some(low_pass(job.study)))
-                    .map_err(|e| StageFailure::new(e.to_string()))?;
+                let m = measured_wrench(
+                    name,
+                    &trial.plates,
+                    filtered.rate_hz,
+                    filtered.n_frames(),
+                    Some(low_pass(job.study)),
+                )
+                .map_err(|e| StageFailure::new(e.to_string()))?;
                 Some(m)
             };
             let complete = completely_measured(measured.as_ref(), &flights, filtered.n_frames());
             let effects = effect_columns(job.study, &TrialRows::load(job, name)?)?;
             let tares: Vec<PlateTare> = read_json(&job.workspace.place("flight", name).join("tare.json"))?;
             let untared = measured.is_some() && tares.iter().all(|t| t.source == TareSource::None);
-            Ok(ComparedTrial { name: name.clone(), role, filtered, unfiltered, measured, flights, complete, effects, untared })
+            Ok(ComparedTrial {
+                name: name.clone(),
+                role,
+                filtered,
+                unfiltered,
+                measured,
+                flights,
+                complete,
+                effects,
+                untared,
+            })
         })
         .collect()
 }
@@ -149,8 +167,8 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         ..CompareOptions::default()
     };
     let filtering = Filtering { filter: Some(spec), smooth: &again };
-    let (comparison, series) =
-        compare(&body, &candidates, &inputs, Some(filtering), &options).map_err(|e| StageFailure::new(e.to_string()))?;
+    let (comparison, series) = compare(&body, &candidates, &inputs, Some(filtering), &options)
+        .map_err(|e| StageFailure::new(e.to_string()))?;
     write_json(&job.out.join("comparison.json"), &comparison)?;
     for s in &series {
         series_table(s, &comparison).write(&job.out.join(format!("series_{}.parquet", s.trial)))?;
@@ -174,7 +192,8 @@ fn without_each_trial(
         .map(|t| {
             let kept: Vec<_> = factors.iter().filter(|(s, _)| s.trial != t.name).cloned().collect();
             if kept.is_empty() || kept.len() == factors.len() {
-                let alone = kept.is_empty().then(|| format!("{}: the only trial with flights, so it is not held out", t.name));
+                let alone =
+                    kept.is_empty().then(|| format!("{}: the only trial with flights, so it is not held out", t.name));
                 return (all.clone(), alone);
             }
             match identify_from(subject, &kept, estimator(job.study, rows), 0) {

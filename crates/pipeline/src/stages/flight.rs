@@ -62,13 +62,12 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     done.note("flight_s", report.flight_frames() as f64 / report.rate_hz);
     done.warnings.extend(report.warnings.iter().cloned());
     if entry.role == Role::Identify && report.flights.is_empty() {
-        let why: Vec<String> = report
-            .rejected
-            .iter()
-            .take(3)
-            .map(|r| format!("frames {} to {}: {}", r.start, r.end, r.reason))
-            .collect();
-        done.warnings.push(format!("no flight found{}", if why.is_empty() { String::new() } else { format!(" ({})", why.join("; ")) }));
+        let why: Vec<String> =
+            report.rejected.iter().take(3).map(|r| format!("frames {} to {}: {}", r.start, r.end, r.reason)).collect();
+        done.warnings.push(format!(
+            "no flight found{}",
+            if why.is_empty() { String::new() } else { format!(" ({})", why.join("; ")) }
+        ));
     }
     Ok(done)
 }

@@ -90,7 +90,10 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         if factors.is_empty() {
             let problem = format!("no flight of an identification trial gave {} rows", rows.word());
             if rows == chosen {
-                return Err(StageFailure::with_hint(problem, "look at `aloft status` and the warnings of the stage `flight`"));
+                return Err(StageFailure::with_hint(
+                    problem,
+                    "look at `aloft status` and the warnings of the stage `flight`",
+                ));
             }
             done.warnings.push(problem);
             continue;

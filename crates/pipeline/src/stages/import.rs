@@ -114,7 +114,14 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     done.note("missing_markers", matched.missing.len());
     done.note("plates", trial.plates.len());
     done.note("filled_gaps", fills.len());
-    let gaps_left: usize = trial.markers.labels.iter().zip(&trial.markers.trajectories).filter(|(l, _)| matched.present.contains(l)).map(|(_, t)| t.iter().filter(|p| !p.x.is_finite()).count()).sum();
+    let gaps_left: usize = trial
+        .markers
+        .labels
+        .iter()
+        .zip(&trial.markers.trajectories)
+        .filter(|(l, _)| matched.present.contains(l))
+        .map(|(_, t)| t.iter().filter(|p| !p.x.is_finite()).count())
+        .sum();
     done.note("missing_samples", gaps_left);
     done.warnings.extend(trial.warnings.iter().cloned());
     done.warnings.extend(quality.reasons.iter().filter(|r| r.severity() == Severity::Warning).map(ToString::to_string));

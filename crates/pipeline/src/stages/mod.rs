@@ -26,6 +26,4 @@ pub static STAGES: &[&Stage] = &[
     &regressor::STAGE,
     &identify::STAGE,
     &compare::STAGE,
-
-
 ];

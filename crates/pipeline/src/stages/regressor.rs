@@ -11,7 +11,8 @@ use aloft_body::{BaseParameters, Motion, Subject};
 use aloft_effects::{PlateSeries, Scene, Span, TrialMotion, columns};
 use aloft_flight::{FlightReport, plate_wrench_at_marker_rate, total_wrench};
 use aloft_regressor::{
-    AccelerationOptions, Acting, Columns, EffectColumns, Factor, RegressorError, RowKind, Stretch, StretchKind, WeakOptions, acceleration_factor, weak_factor,
+    AccelerationOptions, Acting, Columns, EffectColumns, Factor, RegressorError, RowKind, Stretch, StretchKind,
+    WeakOptions, acceleration_factor, weak_factor,
 };
 use aloft_trial::Trial;
 use nalgebra::{Vector3, Vector6};
@@ -26,7 +27,13 @@ pub static STAGE: Stage = Stage {
     scope: Scope::Trial(&[Role::Identify, Role::Validate]),
     reads: "`Motion`, flights, plates",
     gives: "one triangular factor a flight and contact stretch",
-    needs: &[Need::Same("import"), Need::Same("ik"), Need::Same("filter"), Need::Same("flight"), Need::Once("calibrate")],
+    needs: &[
+        Need::Same("import"),
+        Need::Same("ik"),
+        Need::Same("filter"),
+        Need::Same("flight"),
+        Need::Once("calibrate"),
+    ],
     parameters: |study, _| {
         json!({"window_s": study.config.regressor.window_s, "margin_s": study.config.flight.margin_s, "filter": study.config.filter,
             "effects": study.effects})
@@ -70,7 +77,9 @@ pub fn load_factors(dir: &Path) -> Result<Vec<(Stretch, Factor)>, PipelineError>
     let mut out = Vec::new();
     for head in heads {
         let wrong = |problem: String| PipelineError::Table { path: path.clone(), problem };
-        let part = values.get(at..at + head.n_values).ok_or_else(|| wrong("fewer values than factors.json says".to_owned()))?;
+        let part = values
+            .get(at..at + head.n_values)
+            .ok_or_else(|| wrong("fewer values than factors.json says".to_owned()))?;
         at += head.n_values;
         let factor = Factor::from_values(&head.stretch, head.rows, head.columns, head.n_rows, part.to_vec())
             .map_err(|e| wrong(e.to_string()))?;
@@ -88,12 +97,19 @@ pub fn row_kind(rows: Rows) -> RowKind {
 }
 
 /// Contact stretches that plates measure completely: between flights (50 ms away from them), loaded with at least a fifth of the weight.
-pub fn contact_stretches(trial: &Trial, flights: &FlightReport, motion: &Motion, force_z: &[f64], weight_n: f64) -> Vec<Stretch> {
+pub fn contact_stretches(
+    trial: &Trial,
+    flights: &FlightReport,
+    motion: &Motion,
+    force_z: &[f64],
+    weight_n: f64,
+) -> Vec<Stretch> {
     let n = motion.n_frames();
     let edge = (0.05 * motion.rate_hz).ceil() as usize;
     let shortest = (0.2 * motion.rate_hz) as usize;
     let near_flight = |f: usize| flights.flights.iter().any(|x| f + edge >= x.start && f < x.end + edge);
-    let usable = |f: usize| motion.is_valid(f) && !near_flight(f) && force_z.get(f).is_some_and(|z| *z > 0.2 * weight_n);
+    let usable =
+        |f: usize| motion.is_valid(f) && !near_flight(f) && force_z.get(f).is_some_and(|z| *z > 0.2 * weight_n);
     let mut out = Vec::new();
     let mut start = None;
     for f in 0..=n {
@@ -203,7 +219,8 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let prior = subject.prior_phi();
     let window = job.study.config.regressor.window_s;
     let weak = WeakOptions { window_s: (window > 0.0).then_some(window), ..WeakOptions::default() };
-    let acceleration = AccelerationOptions { margin_s: job.study.config.flight.margin_s, ..AccelerationOptions::default() };
+    let acceleration =
+        AccelerationOptions { margin_s: job.study.config.flight.margin_s, ..AccelerationOptions::default() };
     let effects = effect_columns(job.study, &rows)?;
     let mut factors: Vec<(Stretch, Factor)> = Vec::new();
     let mut done = Done::default();

@@ -70,9 +70,14 @@ fn static_source(job: &Job<'_>) -> Result<(String, Option<std::ops::Range<usize>
     match names.first() {
         Some(name) => Ok((name.clone(), None)),
         None => {
-            let tried: Vec<&str> = study.included().filter(|t| t.role == Role::Static).map(|t| t.name.as_str()).collect();
+            let tried: Vec<&str> =
+                study.included().filter(|t| t.role == Role::Static).map(|t| t.name.as_str()).collect();
             let problem = if tried.is_empty() {
-                format!("no static trial in {} (patterns: {})", study.data.display(), study.config.trials.r#static.join(", "))
+                format!(
+                    "no static trial in {} (patterns: {})",
+                    study.data.display(),
+                    study.config.trials.r#static.join(", ")
+                )
             } else {
                 format!("the static trial {} could not be imported", tried.join(", "))
             };
@@ -99,7 +104,8 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         static_trial: &trial,
         frames,
     };
-    let mut scaled = scale_person(&input, &study.anthropometry, &options).map_err(|e| StageFailure::new(e.to_string()))?;
+    let mut scaled =
+        scale_person(&input, &study.anthropometry, &options).map_err(|e| StageFailure::new(e.to_string()))?;
     scaled.subject.model.gravity_mps2 = study.gravity();
     save_subject(job, &scaled.subject)?;
     write_json(&job.out.join("locked.json"), &scaled.locked)?;

@@ -1,0 +1,104 @@
+//! Two effects at once: where a single one is a compromise between two others.
+//!
+//! Steady wind with drag, for instance, passes for drag in still air together with a tilt. When the best single effect has been chosen, all pairs of other
+//! effects are screened by the gain of their joint fit; the best are judged by held-out error, and one replaces the single effect if it is
+//! better by as much as a second effect would have to be.
+
+use crate::candidate::{Scored, Variant, score, solve};
+use crate::problem::Problem;
+use crate::rank::EffectScore;
+use crate::session::Session;
+use crate::statistics::sign_flip_p;
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+/// Variants of an effect that take part, pairs that are judged.
+const VARIANTS: usize = 3;
+const JUDGED: usize = 8;
+
+/// The pair that beats the effect `best` by `ratio`, with coefficients of each: `None` where there is none.
+pub(crate) fn better_pair<'a>(
+    session: &Session<'_>,
+    problem: &Problem,
+    scores: &[EffectScore<'a>],
+    best: usize,
+    usable: &[bool],
+    ratio: f64,
+    seed: u64,
+) -> Option<(Scored<'a>, Scored<'a>, f64)> {
+    let parts: Vec<(usize, Variant<'a>, Vec<DMatrix<f64>>)> = (0..scores.len())
+        .into_par_iter()
+        .filter(|&i| i != best && usable[i] && !scores[i].effect.by_group())
+        .flat_map_iter(|i| {
+            let mut order: Vec<&Scored<'a>> = scores[i].scored.iter().filter(|s| s.gain > 0.0).collect();
+            order.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+            order.into_iter().take(VARIANTS).map(|s| s.variant.clone()).collect::<Vec<_>>().into_iter().filter_map(
+                move |v| {
+                    let columns = v.columns(session, problem)?;
+                    Some((i, v, columns))
+                },
+            )
+        })
+        .collect();
+    let joint = |a: usize, b: usize| -> (Variant<'a>, Vec<DMatrix<f64>>) {
+        let (ka, kb) = (parts[a].1.coefficients.len(), parts[b].1.coefficients.len());
+        let columns = parts[a]
+            .2
+            .iter()
+            .zip(&parts[b].2)
+            .map(|(x, y)| {
+                let mut wide = DMatrix::zeros(x.nrows(), ka + kb);
+                wide.columns_mut(0, ka).copy_from(x);
+                wide.columns_mut(ka, kb).copy_from(y);
+                wide
+            })
+            .collect();
+        let coefficients = parts[a].1.coefficients.iter().chain(&parts[b].1.coefficients).cloned().collect();
+        (Variant { coefficients, ..parts[a].1.clone() }, columns)
+    };
+    let pairs: Vec<(usize, usize)> = (0..parts.len())
+        .flat_map(|a| (a + 1..parts.len()).map(move |b| (a, b)))
+        .filter(|&(a, b)| {
+            let (x, y) = (scores[parts[a].0].effect, scores[parts[b].0].effect);
+            x.id() != y.id() && !x.contains().contains(&y.id()) && !y.contains().contains(&x.id())
+        })
+        .collect();
+    let mut gains: Vec<(f64, usize, usize)> = pairs
+        .into_par_iter()
+        .map(|(a, b)| {
+            let (variant, columns) = joint(a, b);
+            let (s, c) = problem.reduce_all(&columns);
+            (solve(&s, &c, &variant.coefficients).1, a, b)
+        })
+        .collect();
+    gains.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
+    let single = &scores[best].fold_error;
+    let of_single: f64 = single.iter().sum();
+    let judged: Vec<(Scored<'a>, usize, usize, f64)> = gains
+        .into_iter()
+        .take(JUDGED)
+        .map(|(_, a, b)| {
+            let (variant, columns) = joint(a, b);
+            let scored = score(problem, variant, &problem.reduce(&columns));
+            let error = scored.fold_error.iter().sum::<f64>();
+            (scored, a, b, error)
+        })
+        .collect();
+    let (scored, a, b, error) = judged.into_iter().min_by(|x, y| x.3.total_cmp(&y.3))?;
+    if (error / of_single).sqrt() >= ratio || sign_flip_p(&scored.fold_error, single, 2000, seed) >= 0.01 {
+        return None;
+    }
+    let ka = parts[a].1.coefficients.len();
+    let kb = parts[b].1.coefficients.len();
+    let part = |variant: &Variant<'a>, first: usize, k: usize| Scored {
+        variant: variant.clone(),
+        theta: scored.theta.rows(first, k).into_owned(),
+        gain: scored.gain,
+        fold_theta: scored.fold_theta.iter().map(|t| t.rows(first, k).into_owned()).collect(),
+        fold_nonlinear: vec![variant.nonlinear.clone(); scored.fold_theta.len()],
+        fold_gain: scored.fold_gain.clone(),
+        fold_error: scored.fold_error.clone(),
+        s: scored.s.view((first, first), (k, k)).into_owned(),
+    };
+    Some((part(&parts[a].1, 0, ka), part(&parts[b].1, ka, kb), error))
+}
