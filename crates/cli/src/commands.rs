@@ -217,7 +217,16 @@ fn show_run(done: &RunReport, args: &PipelineArgs) -> Result<(), Stop> {
             note(format!("  hint: {hint}"));
         }
         if task.trial != WHOLE_STUDY {
-            note(format!("  again: aloft run {} --trial {}", args.pipeline.display(), task.trial));
+            let folder = |flag: &str, path: &Option<std::path::PathBuf>| {
+                path.as_ref().map_or(String::new(), |p| format!(" --{flag} {}", p.display()))
+            };
+            note(format!(
+                "  again: aloft run {}{}{} --trial {}",
+                args.pipeline.display(),
+                folder("data", &args.data),
+                folder("workspace", &args.workspace),
+                task.trial
+            ));
         }
     }
     let blocked = done.tasks.iter().filter(|t| matches!(t.ended, Ended::Blocked(_))).count();

@@ -69,7 +69,7 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
         out(format!("\nphysically consistent links\n{t}"))?;
     }
     for reason in p.gate.reasons.iter().chain(&p.gate.advice) {
-        out(format!("{reason}"))?;
+        out(reason)?;
     }
     Ok(())
 }

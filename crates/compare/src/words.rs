@@ -166,7 +166,7 @@ fn signed(values: &[f64; 3]) -> String {
 /// Two decimals, and more where the first two are zeros: errors of small objects are small numbers.
 fn figures(x: f64) -> String {
     let size = x.abs();
-    if size >= 0.1 || size < 1e-9 || !size.is_finite() {
+    if !(1e-9..0.1).contains(&size) {
         return format!("{x:.2}");
     }
     let decimals = (1.0 - size.log10().floor()) as usize;

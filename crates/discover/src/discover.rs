@@ -65,6 +65,9 @@ impl Default for DiscoverOptions {
     }
 }
 
+/// A richer effect has to leave less than this share of a simpler one's error to be told from it.
+const NEARLY: f64 = 0.94;
+
 /// A pair of effects has to leave less than this share of the error of the best single one.
 const PAIR: f64 = 0.93;
 
@@ -141,10 +144,17 @@ pub fn discover(
             let sure = round.verdict == Verdict::Supported;
             let pair = match chosen {
                 Some(score) if go_on => {
-                    let usable: Vec<bool> =
-                        scores.iter().map(|s| !s.placebo && limit(s.effect.id(), false, options) > 0.0).collect();
+                    let named = |id: &str| round.effects.iter().any(|e| e == id);
+                    let usable: Vec<bool> = scores
+                        .iter()
+                        .map(|s| {
+                            let more = s.effect.contains().contains(&score.effect.id());
+                            !s.placebo && !more && !named(s.effect.id()) && limit(s.effect.id(), false, options) > 0.0
+                        })
+                        .collect();
+                    let refit = Refit { accepted, kept: &kept, found: &found, options };
                     let best = scores.iter().position(|s| s.effect.id() == score.effect.id()).unwrap_or(0);
-                    better_pair(session, &problem, &scores, best, &usable, PAIR, options.seed)
+                    better_pair(session, &problem, &scores, best, &usable, PAIR, &refit)
                 }
                 _ => None,
             };
@@ -233,6 +243,27 @@ pub fn discover(
 fn wanted(effect: &dyn Effect, options: &DiscoverOptions) -> bool {
     let named = |list: &[String]| list.iter().any(|n| n == effect.id());
     (options.only.is_empty() || named(&options.only)) && !named(&options.without)
+}
+
+/// What a problem with one more effect in its model is made of.
+pub(crate) struct Refit<'a, 'b> {
+    accepted: &'a [Choice<'b>],
+    kept: &'a [Variant<'b>],
+    found: &'a [Found],
+    options: &'a DiscoverOptions,
+}
+
+impl Refit<'_, '_> {
+    /// The problem of a domain with the columns of a variant in the model.
+    pub fn with(&self, session: &Session<'_>, domain: Domain, variant: &Variant<'_>) -> Option<Problem> {
+        let mut extra = extra_columns(session, domain, self.accepted, self.kept, self.found);
+        extra.extend(extra_columns(session, domain, &[], std::slice::from_ref(variant), &[]));
+        Problem::new(session, domain, &extra, self.options.fewest_trials, self.options.prior_weight).ok()
+    }
+    /// Seed of every draw.
+    pub fn seed(&self) -> u64 {
+        self.options.seed
+    }
 }
 
 /// Columns of effects in the model, by block; of nonlinear ones found in an earlier round also the derivatives by their parameters, so that a small
@@ -643,6 +674,7 @@ fn judge(
     options: &DiscoverOptions,
 ) -> (Verdict, Vec<String>) {
     let believed: Vec<usize> = (0..candidates.len()).filter(|&i| candidates[i].believed).collect();
+    let unknowns = |i: usize| scores[i].scored[scores[i].best].variant.unknowns();
     let Some(&first) = believed.first() else {
         let hopeless = problem.clusters.iter().filter(|c| !c.judged.is_empty()).count() < 4;
         return (if hopeless { Verdict::NotDetectable } else { Verdict::NothingMissing }, Vec::new());
@@ -661,13 +693,14 @@ fn judge(
                 return true;
             }
             let p = sign_flip_p(&scores[best].fold_error, &scores[i].fold_error, 2000, options.seed ^ 0xc1a5);
-            p >= options.significance || candidates[i].held_out_ratio < 1.02 * candidates[best].held_out_ratio
+            // errors that repeat from trial to trial favour the richer model, so the simpler one stays in the class when it is nearly as good
+            let near = if unknowns(i) < unknowns(best) { NEARLY } else { 0.98 };
+            p >= options.significance || near * candidates[i].held_out_ratio < candidates[best].held_out_ratio
         })
         .collect();
     // an effect that contains another counts only where it does better
     let ids: Vec<&str> = class.iter().map(|&i| scores[i].effect.id()).collect();
     class.retain(|&i| !scores[i].effect.contains().iter().any(|c| ids.contains(c)));
-    let unknowns = |i: usize| scores[i].scored[scores[i].best].variant.unknowns();
     class.sort_by(|&a, &b| {
         unknowns(a).cmp(&unknowns(b)).then(candidates[a].held_out_ratio.total_cmp(&candidates[b].held_out_ratio))
     });

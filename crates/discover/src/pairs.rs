@@ -5,8 +5,10 @@
 //! better by as much as a second effect would have to be.
 
 use crate::candidate::{Scored, Variant, score, solve};
+use crate::discover::Refit;
+use crate::nonlinear::{improve, score_fitted};
 use crate::problem::Problem;
-use crate::rank::EffectScore;
+use crate::rank::{EffectScore, FULL_STEPS};
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
 use nalgebra::DMatrix;
@@ -24,7 +26,7 @@ pub(crate) fn better_pair<'a>(
     best: usize,
     usable: &[bool],
     ratio: f64,
-    seed: u64,
+    refit: &Refit<'_, '_>,
 ) -> Option<(Scored<'a>, Scored<'a>, f64)> {
     let parts: Vec<(usize, Variant<'a>, Vec<DMatrix<f64>>)> = (0..scores.len())
         .into_par_iter()
@@ -84,8 +86,23 @@ pub(crate) fn better_pair<'a>(
             (scored, a, b, error)
         })
         .collect();
-    let (scored, a, b, error) = judged.into_iter().min_by(|x, y| x.3.total_cmp(&y.3))?;
-    if (error / of_single).sqrt() >= ratio || sign_flip_p(&scored.fold_error, single, 2000, seed) >= 0.01 {
+    let (scored, a, b, mut error) = judged.into_iter().min_by(|x, y| x.3.total_cmp(&y.3))?;
+    // the one with more nonlinear parameters was fitted alone: once more beside the other
+    let nonlinear = |i: usize| parts[i].1.nonlinear.len();
+    let (plain, bent) = if nonlinear(a) <= nonlinear(b) { (a, b) } else { (b, a) };
+    let mut fold_error = scored.fold_error.clone();
+    let mut refined = parts[bent].1.clone();
+    if nonlinear(bent) > 0
+        && let Some(beside) = refit.with(session, problem.domain, &parts[plain].1)
+        && let Some((better, _)) = improve(session, &beside, &parts[bent].1, FULL_STEPS)
+        && let Some(own) = score_fitted(session, &beside, better)
+    {
+        let own_error = own.fold_error.iter().sum::<f64>();
+        if own_error < error {
+            (error, fold_error, refined) = (own_error, own.fold_error, own.variant);
+        }
+    }
+    if (error / of_single).sqrt() >= ratio || sign_flip_p(&fold_error, single, 2000, refit.seed()) >= 0.01 {
         return None;
     }
     let ka = parts[a].1.coefficients.len();
@@ -97,8 +114,9 @@ pub(crate) fn better_pair<'a>(
         fold_theta: scored.fold_theta.iter().map(|t| t.rows(first, k).into_owned()).collect(),
         fold_nonlinear: vec![variant.nonlinear.clone(); scored.fold_theta.len()],
         fold_gain: scored.fold_gain.clone(),
-        fold_error: scored.fold_error.clone(),
+        fold_error: fold_error.clone(),
         s: scored.s.view((first, first), (k, k)).into_owned(),
     };
-    Some((part(&parts[a].1, 0, ka), part(&parts[b].1, ka, kb), error))
+    let of = |i: usize| if i == bent { &refined } else { &parts[i].1 };
+    Some((part(of(a), 0, ka), part(of(b), ka, kb), error))
 }

@@ -54,6 +54,8 @@ pub(crate) struct Problem {
     pub rss: f64,
     /// Number of judged rows.
     pub n_judged: usize,
+    /// Base parameters of the fit, the mass first.
+    pub parameters: DVector<f64>,
 }
 
 /// Columns of a candidate with the parameters taken out.
@@ -178,6 +180,9 @@ impl Problem {
             solution = cholesky.solve(&right);
         }
         let ridge = ridge(variance);
+        let mut parameters = DVector::zeros(p);
+        parameters[0] = session.mass_kg;
+        parameters.rows_mut(1, p - 1).copy_from(&(&mean + &root * solution.rows(0, p - 1)));
         let squares: f64 = clusters.iter().map(|c| c.b.norm_squared()).sum();
         let rss = squares - right.dot(&solution);
         let folds = clusters
@@ -192,7 +197,7 @@ impl Problem {
                 Ok(Fold { cholesky, error: test.norm_squared(), test, train })
             })
             .collect::<Result<Vec<Fold>, DiscoverError>>()?;
-        Ok(Self { domain, clusters, cholesky, solution, right, folds, rss, n_judged })
+        Ok(Self { domain, clusters, cholesky, solution, right, folds, rss, n_judged, parameters })
     }
 
     /// Held-out mean square of the model without a candidate.

@@ -4,7 +4,7 @@
 //! nonlinear parameters are made without touching the regressor again.
 
 use crate::DiscoverError;
-use crate::problem::Domain;
+use crate::problem::{Domain, Problem};
 use aloft_body::{BaseParameters, Model, Motion, Phi};
 use aloft_effects::{Columns, Effect, PlateSeries, Scene, Series, Span, Target, TrialMotion};
 use aloft_identify::Prior;
@@ -185,6 +185,14 @@ impl<'a> Session<'a> {
             warnings,
         };
         out.noise = crate::floor::white_noise(body, trials, options, &out.blocks);
+        // gravity acts where the body's centre of mass is, and that is known better from its flights than from the prior
+        let flying = out.blocks.iter().any(|b| b.kind == StretchKind::Flight);
+        let domain = if flying { Domain::Flight } else { Domain::Contact };
+        if let Ok(problem) = Problem::new(&out, domain, &[], usize::MAX, 1.0) {
+            for series in out.series.iter_mut().flatten() {
+                series.set_center_of_mass(body.base, problem.parameters.as_slice());
+            }
+        }
         Ok(out)
     }
 

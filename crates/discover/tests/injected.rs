@@ -1,5 +1,6 @@
 //! Effects added to truth motions with marker noise: named, not claimed where there is nothing, and quick.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test that fails should say where")]
+#![allow(clippy::type_complexity, reason = "tables of cases are read once, beside their use")]
 
 #[path = "../../regressor/tests/common/mod.rs"]
 mod common;
@@ -7,6 +8,9 @@ mod common;
 use aloft_discover::*;
 use aloft_effects::{Choice, EffectKind, FormulaEffect, Scene, Span, TrialMotion, columns};
 use aloft_regressor::{Acting, EffectColumns, Factor, WeakOptions, weak_factor};
+
+/// An effect, its coefficients, its nonlinear parameters.
+type Hidden = (&'static str, &'static [f64], &'static [(&'static str, f64)]);
 
 struct Lab {
     truth: common::Truth,
@@ -48,7 +52,7 @@ impl Lab {
         let session = Session::new(&body, &scene, &trials, &WeakOptions::default()).unwrap();
         f(&scene, session)
     }
-    fn find(&self, hidden: &[(&str, &[f64], &[(&str, f64)])], options: &DiscoverOptions) -> Discovery {
+    fn find(&self, hidden: &[Hidden], options: &DiscoverOptions) -> Discovery {
         self.with(|scene, mut session| {
             for (key, theta, set) in hidden {
                 let mut choice = Choice::parse(key, scene).unwrap();
@@ -80,7 +84,7 @@ fn prop_nothing_is_claimed_where_nothing_is() {
 fn prop_effects_are_named_with_their_size() {
     let lab = lab();
     let options = DiscoverOptions { rounds: 1, ..Default::default() };
-    let cases: [(&str, &[f64], &[(&str, f64)]); 6] = [
+    let cases: [Hidden; 6] = [
         ("quadratic_drag", &[0.01], &[]),
         ("gravity_tilt", &[0.05, -0.03], &[]),
         ("gravity_scale", &[0.004], &[]),

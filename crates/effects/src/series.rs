@@ -6,7 +6,7 @@
 //! 10⁻⁴ of a drag coefficient, and no filter carries the impact of a landing into the flight.
 
 use crate::{EffectsError, Scene};
-use aloft_body::{JointKind, Model, Motion, State};
+use aloft_body::{BaseParameters, JointKind, Model, Motion, State};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// Wrench of one plate at the frames of the motion, on the body, world axes.
@@ -228,6 +228,25 @@ impl<'a> Series<'a> {
         self.coms.push(com.map(|x| x / self.scene.mass_kg));
         self.q.extend_from_slice(q);
         self.v.extend_from_slice(v);
+    }
+
+    /// Places the centre of mass where identified base parameters (the mass first) have it, instead of the scene's φ; its velocity and
+    /// acceleration stay. Values that do not fit the model change nothing.
+    pub fn set_center_of_mass(&mut self, base: &BaseParameters, values: &[f64]) {
+        let model = &self.scene.model;
+        if base.len() != values.len() || base.from_full.ncols() != 10 * model.n_links() || values[0] <= 0.0 {
+            return;
+        }
+        let mut state = State::new(model);
+        let mut rows = DMatrix::zeros(3, base.len());
+        for (q, com) in self.q.chunks_exact(model.nq).zip(&mut self.coms) {
+            state.forward_position(model, q);
+            let origin = state.world_from_link[0].translation.vector;
+            state.first_moment_rows(base, &origin, &mut rows);
+            let moment =
+                Vector3::from_fn(|axis, _| (0..values.len()).map(|j| rows[(axis, j)] * values[j]).sum::<f64>());
+            com[0] = origin + moment / values[0];
+        }
     }
 
     /// Number of frames.

@@ -1,9 +1,8 @@
 //! `compare`: model against measurement, from what the stage left; and the table of estimators.
 
-use crate::config::Rows;
 use crate::error::PipelineError;
 use crate::stages::identify::file_name;
-use crate::study::{Role, Study};
+use crate::study::Study;
 use crate::workspace::{WHOLE_STUDY, Workspace, read_json};
 use aloft_compare::{Comparison, ModelComparison};
 use aloft_identify::{Parameters, Sigma};
@@ -116,8 +115,11 @@ pub fn judged_on(c: &Comparison) -> &'static str {
     if c.first.held_out.frames > 0 { "held-out contact" } else { "held-out flight" }
 }
 
+/// Force (N) and moment (N·m) on frames, force and moment over weak windows, by axis.
+pub type ErrorsByAxis = ([f64; 3], [f64; 3], [f64; 3], [f64; 3]);
+
 /// Mean absolute error of a model on what it is judged on: frames (N, N·m by axis) and weak windows.
-pub fn errors_of(model: &ModelComparison) -> ([f64; 3], [f64; 3], [f64; 3], [f64; 3]) {
+pub fn errors_of(model: &ModelComparison) -> ErrorsByAxis {
     if model.held_out.frames > 0 {
         let (f, w) = (&model.held_out, &model.held_out_weak);
         (f.force_n.mae, f.moment_nm.mae, w.force_n.mae, w.moment_nm.mae)
@@ -130,17 +132,4 @@ pub fn errors_of(model: &ModelComparison) -> ([f64; 3], [f64; 3], [f64; 3], [f64
 /// The mean over axes.
 pub fn mean(v: &[f64; 3]) -> f64 {
     v.iter().sum::<f64>() / 3.0
-}
-
-/// True where the study has trials held out for contact.
-pub fn has_validation(study: &Study) -> bool {
-    study.included().any(|t| t.role == Role::Validate)
-}
-
-/// Name of rows for headings.
-pub fn rows_title(rows: Rows) -> &'static str {
-    match rows {
-        Rows::Weak => "weak rows",
-        Rows::Paper => "the paper's rows",
-    }
 }
