@@ -162,9 +162,6 @@ pub enum Command {
         /// The pipeline.
         #[command(flatten)]
         pipeline: PipelineArgs,
-        /// Also the table of rows and estimators on the same held-out data.
-        #[arg(long)]
-        estimators: bool,
         /// Machine-readable output.
         #[arg(long)]
         json: bool,

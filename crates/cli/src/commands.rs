@@ -79,7 +79,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             }
             Ok(Success::Full)
         }
-        Command::Compare { pipeline, estimators: _, json: as_json } => {
+        Command::Compare { pipeline, json: as_json } => {
             let found = compare::compare(&open(&pipeline)?)?;
             if as_json {
                 json(&found)?

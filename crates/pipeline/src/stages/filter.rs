@@ -5,14 +5,16 @@ use crate::config::Correction;
 use crate::error::StageFailure;
 use crate::graph::{Done, Job, Need, Scope, Stage};
 use crate::study::{Role, Study};
+use crate::workspace::write_json;
 use aloft_ik::smooth;
+use aloft_signal::residual_analysis::{default_cutoffs, residual_analysis};
 use aloft_signal::{CutoffCorrection, LowPass};
 use serde_json::json;
 
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "filter",
-    version: 1,
+    version: 2,
     scope: Scope::Trial(&[Role::Identify, Role::Validate]),
     reads: "`Motion`",
     gives: "`Motion` with velocities and accelerations (zero-phase Butterworth)",
@@ -43,6 +45,15 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         .map_err(|e| StageFailure::with_hint(e.to_string(), "see `filter` in the pipeline"))?;
     save_motion(job.out, &smoothed, &subject.model)?;
     let mut done = Done::default();
+    // how much of the root's path each cut-off would take away: a help for choosing one
+    let root: Vec<Vec<f64>> = (0..3).map(|i| motion.q.iter().skip(i).step_by(motion.nq).copied().collect()).collect();
+    let channels: Vec<&[f64]> = root.iter().map(Vec::as_slice).collect();
+    if let Ok(analysis) = residual_analysis(&channels, motion.rate_hz, spec, &default_cutoffs(motion.rate_hz)) {
+        if let Some(hz) = analysis.suggested_cutoff_hz {
+            done.note("suggested_cutoff_hz", hz);
+        }
+        write_json(&job.out.join("residual_analysis.json"), &analysis)?;
+    }
     if let Ok(facts) = spec.describe(motion.rate_hz) {
         done.note("effective_order", facts.effective_order);
         done.note("design_cutoff_hz", facts.design_cutoff_hz);
