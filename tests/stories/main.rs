@@ -3,5 +3,6 @@
 
 mod broken_lab;
 mod demo;
+mod estimators;
 mod one_stage_again;
 mod support;

@@ -153,15 +153,27 @@ pub enum Command {
         /// Rows to show instead of the pipeline's choice.
         #[arg(long, value_enum)]
         rows: Option<RowsArg>,
+        /// First try other window lengths, added noise (SIMEX) and motions that were not made; the answer stays in the workspace.
+        #[arg(long)]
+        assess: bool,
         /// Machine-readable output.
         #[arg(long)]
         json: bool,
     },
     /// Compare the model with measurement: by trial, phase, axis, segment.
+    #[command(
+        after_help = "Examples:\n  aloft compare P.yaml\n  aloft compare P.yaml --estimators       rows × estimators × geometry on the same held-out motion\n  aloft compare P.yaml --leave-one-out    each trial predicted from the others: prior, flights, contact, both"
+    )]
     Compare {
         /// The pipeline.
         #[command(flatten)]
         pipeline: PipelineArgs,
+        /// Every way of identifying on the same held-out motion: rows, estimators, landmark and calibrated geometry, the prior.
+        #[arg(long)]
+        estimators: bool,
+        /// Each trial predicted from all others, contact and flight apart: from the prior, from flights, from contact, from both.
+        #[arg(long, conflicts_with = "estimators")]
+        leave_one_out: bool,
         /// Machine-readable output.
         #[arg(long)]
         json: bool,

@@ -3,8 +3,10 @@
 use crate::args::{Cli, Command, EffectAction, PipelineArgs, RowsArg};
 use crate::progress::Bars;
 use crate::render::{note, out, table};
-use crate::{Success, show};
-use aloft_pipeline::command::{check, compare, discover, effect, init, inspect, parameters, report, simulate, status};
+use crate::{Success, show, show_estimators};
+use aloft_pipeline::command::{
+    assess, check, compare, discover, effect, estimators, init, inspect, parameters, report, simulate, status,
+};
 use aloft_pipeline::config::Rows;
 use aloft_pipeline::error::PipelineError;
 use aloft_pipeline::graph::Standing;
@@ -70,8 +72,12 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             }
             Ok(Success::Full)
         }
-        Command::Parameters { pipeline, rows, json: as_json } => {
-            let found = parameters::parameters(&open(&pipeline)?, rows.map(Rows::from))?;
+        Command::Parameters { pipeline, rows, assess: with_assessment, json: as_json } => {
+            let study = open(&pipeline)?;
+            if with_assessment {
+                assess::assess(&study)?;
+            }
+            let found = parameters::parameters(&study, rows.map(Rows::from))?;
             if as_json {
                 json(&found)?
             } else {
@@ -79,7 +85,25 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             }
             Ok(Success::Full)
         }
-        Command::Compare { pipeline, json: as_json } => {
+        Command::Compare { pipeline, estimators: true, json: as_json, .. } => {
+            let found = estimators::estimators(&open(&pipeline)?)?;
+            if as_json {
+                json(&found)?
+            } else {
+                show_estimators::estimators(&found)?
+            }
+            Ok(Success::Full)
+        }
+        Command::Compare { pipeline, leave_one_out: true, json: as_json, .. } => {
+            let found = estimators::leave_one_out(&open(&pipeline)?)?;
+            if as_json {
+                json(&found)?
+            } else {
+                show_estimators::leave_one_out(&found)?
+            }
+            Ok(Success::Full)
+        }
+        Command::Compare { pipeline, json: as_json, .. } => {
             let found = compare::compare(&open(&pipeline)?)?;
             if as_json {
                 json(&found)?

@@ -6,6 +6,7 @@ mod commands;
 mod progress;
 mod render;
 mod show;
+mod show_estimators;
 
 use clap::Parser;
 use std::process::ExitCode;

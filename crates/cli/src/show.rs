@@ -71,7 +71,10 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
     for reason in p.gate.reasons.iter().chain(&p.gate.advice) {
         out(reason)?;
     }
-    Ok(())
+    match &view.assessment {
+        Some(assessment) => crate::show_estimators::assessment(assessment),
+        None => Ok(()),
+    }
 }
 
 /// The few lines that end a run.
@@ -128,6 +131,9 @@ pub fn comparison(view: &ComparisonView) -> Result<(), Stop> {
         ]);
     }
     out(format!("\n{t}"))?;
+    if let Some(calibration) = &view.calibration {
+        crate::show_estimators::calibration(calibration)?;
+    }
     let f = &c.first.flight;
     out(format!(
         "residual wrench in flight, RMS: force {} N, moment {} N·m ({} frames)\n",

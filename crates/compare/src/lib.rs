@@ -45,7 +45,7 @@ pub use errors::{AxisErrors, AxisResidual, FlightErrors, WindowErrors, WrenchErr
 pub use frames::TrialSeries;
 pub use input::{Body, Candidate, CompareOptions, TrialInput};
 pub use measured::{Measured, measured_wrench};
-pub use noise_floor::{NoiseFloor, Smooth};
+pub use noise_floor::{NoiseFloor, Smooth, noise_root};
 pub use offset::RecordingOffset;
 pub use phase::Phase;
 pub use segments::SegmentShare;

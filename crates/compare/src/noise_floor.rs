@@ -16,7 +16,7 @@ use crate::measured::{FOURTH_DIFFERENCE, median_scale};
 use crate::phase::places;
 use crate::windows::{stretches, window_residuals};
 use crate::{Body, Candidate, CompareError, CompareOptions, TrialInput};
-use aloft_body::{Motion, State};
+use aloft_body::{Model, Motion, State};
 use aloft_regressor::Acting;
 use aloft_signal::{Butterworth, LowPass};
 use nalgebra::{DMatrix, DVector, Vector6};
@@ -53,9 +53,10 @@ pub(crate) struct FloorSums {
 /// A coordinate's fourth difference this many standard deviations from zero marks a frame that is not noise.
 const STANDS_OUT: f64 = 5.0;
 
-/// Lower triangular root of the covariance of the coordinates' white noise (nv × nv, m and rad); `None` without enough frames.
-pub(crate) fn noise_root(body: &Body<'_>, filtered: &Motion, unfiltered: &Motion) -> Option<DMatrix<f64>> {
-    let (model, n) = (body.model, filtered.n_frames());
+/// Lower triangular root of the covariance of the coordinates' white noise (nv × nv, m and rad), read off a recording before and
+/// after its filter; `None` without enough frames.
+pub fn noise_root(model: &Model, filtered: &Motion, unfiltered: &Motion) -> Option<DMatrix<f64>> {
+    let n = filtered.n_frames();
     let nv = model.nv;
     let mut high = vec![f64::NAN; n * nv];
     for f in (0..n).filter(|&f| filtered.is_valid(f) && unfiltered.is_valid(f)) {
@@ -99,7 +100,7 @@ pub(crate) fn trial_floor(
 ) -> Result<FloorSums, CompareError> {
     let mut sums = FloorSums::default();
     let clean = input.motion;
-    let Some(root) = input.unfiltered.and_then(|raw| noise_root(body, clean, raw)) else { return Ok(sums) };
+    let Some(root) = input.unfiltered.and_then(|raw| noise_root(body.model, clean, raw)) else { return Ok(sums) };
     let Some(base_line) = smooth(clean) else { return Ok(sums) };
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     rng.set_stream(index as u64);

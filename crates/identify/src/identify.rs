@@ -7,7 +7,8 @@ use crate::null_vector::sigma_of;
 use crate::system::System;
 use crate::{
     BaseEstimate, ClusterBy, ColumnScaling, EffectEstimate, Estimator, GateLimits, Identification, IdentifyError,
-    LinkEstimate, LinkOptions, LinkPrior, Parameters, Prior, Seen, Sigma, advice, consistent_links, null_vector,
+    LinkEstimate, LinkOptions, LinkPrior, Parameters, Prior, Seen, Sigma, advice, balanced, consistent_links,
+    null_vector,
 };
 use aloft_body::{BaseParameters, Model, Phi};
 use aloft_regressor::{Factor, StretchKind, leave_group_out};
@@ -56,6 +57,7 @@ impl Default for IdentifyOptions {
 
 /// Identifies parameters from the factors of all stretches.
 ///
+/// [`Estimator::NullVector`] uses flights alone and leaves contact stretches out; the others use both.
 /// `prior` is needed for [`Estimator::Regularised`] and for consistent links; with another estimator it stands beside the results only
 /// (and shapes the links).
 ///
@@ -70,6 +72,16 @@ pub fn identify(
     prior: Option<&LinkPrior>,
     options: &IdentifyOptions,
 ) -> Result<Identification, IdentifyError> {
+    let base_prior = prior.map(|p| p.base(base)).transpose()?;
+    let (factors, balance) = match options.estimator {
+        // a null vector exists where nothing acts: contact, whose rows have a right side, is left out
+        Estimator::NullVector(_) => {
+            (factors.iter().filter(|f| f.kind != StretchKind::Contact).cloned().collect(), None)
+        }
+        Estimator::MassConstrained => balanced(factors, mass_kg, None)?,
+        Estimator::Regularised { .. } => balanced(factors, mass_kg, base_prior.as_ref())?,
+    };
+    let factors = factors.as_slice();
     let merged = Factor::merge(factors)?;
     if merged.n_parameters() != base.len() {
         return Err(IdentifyError::Length {
@@ -80,7 +92,6 @@ pub fn identify(
     }
     let (groups, cluster_names) = options.cluster.groups(factors);
     let clusters = merge_groups(factors, &groups)?;
-    let base_prior = prior.map(|p| p.base(base)).transpose()?;
     let fit = match options.estimator {
         Estimator::NullVector(scaling) => Fit::null_vector(factors, &groups, &merged, mass_kg, scaling)?,
         Estimator::MassConstrained => Fit::least_squares(&clusters, &merged, mass_kg, None, 0.0, Vec::new(), options)?,
@@ -133,6 +144,7 @@ pub fn identify(
         prior_weight: fit.prior_weight,
         weights_tried: fit.tried.clone(),
         cluster: options.cluster,
+        contact: balance,
         se_from: fit.se_from(cluster_names.len()),
     };
     Ok(Identification { parameters, covariance: fit.covariance, draws: fit.draws })

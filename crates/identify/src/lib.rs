@@ -15,6 +15,7 @@
 //! window lengths, [`excitation_advice`] tries motions that were not made.
 
 pub mod advice;
+pub mod balance;
 mod clusters;
 mod error;
 pub mod gate;
@@ -28,6 +29,7 @@ mod system;
 pub mod window;
 
 pub use advice::{AdviceOptions, MotionAdvice, excitation_advice};
+pub use balance::{KindBalance, balanced};
 pub use clusters::{ClusterBy, WeightTrial};
 pub use error::IdentifyError;
 pub use gate::{Gate, GateLimits, Seen};
@@ -48,4 +50,25 @@ use nalgebra::DVector;
 /// [`IdentifyError::Option`] for a mass that is not positive, [`IdentifyError::Numeric`] for rows that are not finite.
 pub fn mass_constrained(merged: &Factor, mass_kg: f64) -> Result<DVector<f64>, IdentifyError> {
     Ok(system::System::new(merged, mass_kg, None)?.solve(0.0).x)
+}
+
+/// Base parameters (and effect coefficients, but for the null vector) by an estimator, without intervals, links or a verdict: for repeated calls. A prior's weight
+/// that is not given counts as 1.
+///
+/// # Errors
+/// As [`identify`].
+pub fn point_estimate(
+    merged: &Factor,
+    mass_kg: f64,
+    prior: Option<&Prior>,
+    estimator: Estimator,
+) -> Result<DVector<f64>, IdentifyError> {
+    match estimator {
+        Estimator::NullVector(scaling) => Ok(null_vector(merged, mass_kg, scaling)?.parameters),
+        Estimator::MassConstrained => mass_constrained(merged, mass_kg),
+        Estimator::Regularised { weight } => {
+            let system = system::System::new(merged, mass_kg, prior)?;
+            Ok(system.solve(weight.unwrap_or(1.0) * system.row_variance()).x)
+        }
+    }
 }

@@ -3,7 +3,7 @@
 use crate::clusters::{ClusterBy, WeightTrial};
 use crate::gate::{Gate, Seen};
 use crate::links::LinkSd;
-use crate::{ColumnScaling, Sigma};
+use crate::{ColumnScaling, KindBalance, Sigma};
 use aloft_body::LinkInertia;
 use aloft_regressor::RowKind;
 use nalgebra::DMatrix;
@@ -154,6 +154,9 @@ pub struct Parameters {
     pub weights_tried: Vec<WeightTrial>,
     /// What counted as independent evidence.
     pub cluster: ClusterBy,
+    /// How contact was weighted against flights; nothing where one of them is missing.
+    #[serde(default)]
+    pub contact: Option<KindBalance>,
     /// How standard errors were found, in words.
     pub se_from: String,
 }

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 /// One length that was tried.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct WindowTrial {
-    /// Window, s.
+    /// Window, s; 0 where each stretch has its own by its length.
     pub window_s: f64,
     /// Root mean square of the yardstick's rows, predicted from the other clusters.
     pub held_out_rms: f64,
@@ -24,7 +24,7 @@ pub struct WindowTrial {
 /// The choice and what it was made from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WindowChoice {
-    /// The window chosen, s.
+    /// The window chosen, s; 0 where each stretch has its own by its length.
     pub window_s: f64,
     /// All that were tried.
     pub tried: Vec<WindowTrial>,
@@ -32,7 +32,11 @@ pub struct WindowChoice {
     pub words: String,
 }
 
-/// Chooses among window lengths. `candidates` hold, per length, the factors of the same stretches in the same order as `yardstick`.
+fn named(window_s: f64) -> String {
+    if window_s > 0.0 { format!("{window_s:.2} s") } else { "by the length of each stretch".to_owned() }
+}
+
+/// Chooses among window lengths (0 stands for one by the length of each stretch). `candidates` hold, per length, the factors of the same stretches in the same order as `yardstick`.
 ///
 /// # Errors
 /// [`IdentifyError::Length`] when stretches do not correspond, [`IdentifyError::TooFew`] without candidates or with fewer than two clusters.
@@ -79,10 +83,10 @@ pub fn choose_window(
     })?;
     let window_s = best.window_s;
     let words = format!(
-        "{:.2} s: smallest error of a cluster predicted from the others ({:.3e}) among {}",
-        window_s,
+        "{}: smallest error of a cluster predicted from the others ({:.3e}) among {}",
+        named(window_s),
         best.held_out_rms,
-        tried.iter().map(|t| format!("{:.2}", t.window_s)).collect::<Vec<_>>().join(", ")
+        tried.iter().map(|t| format!("{} ({:.3e})", named(t.window_s), t.held_out_rms)).collect::<Vec<_>>().join(", ")
     );
     Ok(WindowChoice { window_s, tried, words })
 }

@@ -8,11 +8,12 @@ mod common;
 
 use aloft_body::Motion;
 use aloft_identify::{
-    ClusterBy, ColumnScaling, Estimator, GateLimits, IdentifyError, IdentifyOptions, Seen, add_noise, choose_window,
-    identify, mass_constrained, null_vector, simex,
+    ClusterBy, ColumnScaling, Estimator, GateLimits, IdentifyError, IdentifyOptions, Seen, add_noise, balanced,
+    choose_window, identify, mass_constrained, null_vector, simex,
 };
 use aloft_regressor::{
-    AccelerationOptions, Acting, CoordinateNoise, Factor, Noise, WeakOptions, acceleration_factor, weak_factor,
+    AccelerationOptions, Acting, CoordinateNoise, Factor, Noise, Stretch, StretchKind, WeakOptions,
+    acceleration_factor, weak_factor,
 };
 use aloft_signal::{Butterworth, LowPass};
 use common::{Truth, differentiate, load};
@@ -140,13 +141,16 @@ fn validate_weak_rows_beat_them_tenfold() {
 
 #[test]
 fn validate_intervals_cover_the_truth() {
-    for name in ["chain_p", "chain_a"] {
+    // fixed weights are what a pipeline without further words uses, with its 200 bootstrap draws; whitened rows and none are the other extreme
+    for (name, white, bootstrap) in
+        [("chain_p", false, 200), ("chain_a", false, 200), ("chain_p", true, 0), ("chain_a", true, 0)]
+    {
         let truth = load(name);
+        let options = IdentifyOptions { bootstrap, ..IdentifyOptions::default() };
         let (mut covered, mut all, mut worst) = (0, 0, 0.0f64);
         for seed in 0..25 {
-            let factors = weak_factors(&truth, &truth.noisy(MARKER_SD_M, 100 + seed), 0.4, true);
-            let found =
-                identify(&truth.model, &truth.base, &factors, truth.mass(), None, &IdentifyOptions::default()).unwrap();
+            let factors = weak_factors(&truth, &truth.noisy(MARKER_SD_M, 100 + seed), 0.4, white);
+            let found = identify(&truth.model, &truth.base, &factors, truth.mass(), None, &options).unwrap();
             assert!(found.parameters.gate.passed, "{:?}", found.parameters.gate);
             for (estimate, value) in found.parameters.base.iter().zip(truth.truth().iter()).skip(1) {
                 all += 1;
@@ -155,10 +159,60 @@ fn validate_intervals_cover_the_truth() {
             }
         }
         let share = f64::from(covered as u32) / f64::from(all);
-        println!("{name}: 95 % intervals cover {:.1} % of {all}, largest error {worst:.1e}", 100.0 * share);
-        assert!(share >= 0.9, "{name}: {share}");
-        assert!(worst < 3e-4, "{name}: {worst:e}");
+        println!(
+            "{name}, whitened {white}: 95 % intervals cover {:.1} % of {all}, largest error {worst:.1e}",
+            100.0 * share
+        );
+        assert!(share >= 0.9, "{name}, whitened {white}: {share}");
+        assert!(worst < 3e-4, "{name}, whitened {white}: {worst:e}");
     }
+}
+
+#[test]
+fn prop_contact_counts_by_its_own_error() {
+    let truth = load("chain_a");
+    let motion = truth.noisy(MARKER_SD_M, 11);
+    let options = WeakOptions { window_s: Some(0.4), ..WeakOptions::default() };
+    // every second flight passes for contact with plates that should read zero, and read up to half a newton of slow error instead
+    let wrench: Vec<nalgebra::Vector6<f64>> = (0..motion.n_frames())
+        .map(|f| nalgebra::Vector6::from_fn(|i, _| 0.5 * (0.011 * f as f64 + 1.7 * i as f64).sin()))
+        .collect();
+    let factors: Vec<Factor> = truth
+        .stretches()
+        .iter()
+        .enumerate()
+        .map(|(i, s)| {
+            let contact = Stretch::contact(s.trial.clone(), i, s.first_frame, s.end_frame);
+            let (stretch, acting) = if i % 2 == 0 {
+                (s, Acting::nothing())
+            } else {
+                (&contact, Acting { measured: Some(&wrench), effects: None })
+            };
+            weak_factor(&truth.model, &truth.base, &truth.phi, &motion, stretch, acting, &options, None).unwrap()
+        })
+        .collect();
+    let (scaled, balance) = balanced(&factors, truth.mass(), None).unwrap();
+    let balance = balance.unwrap();
+    println!("{balance:?}");
+    assert!(balance.contact_rms > 10.0 * balance.flight_rms);
+    assert!((balance.contact_weight - balance.flight_rms / balance.contact_rms).abs() < 0.02 * balance.contact_weight);
+    let error = |f: &[Factor]| {
+        let (moments, inertias) =
+            errors(&truth, &mass_constrained(&Factor::merge(f).unwrap(), truth.mass()).unwrap());
+        moments.max(inertias)
+    };
+    let (alike, own) = (error(&factors), error(&scaled));
+    println!("largest error: weights alike {alike:.1e}, by own error {own:.1e}");
+    assert!(own < 0.2 * alike);
+    let found =
+        identify(&truth.model, &truth.base, &factors, truth.mass(), None, &IdentifyOptions::default()).unwrap();
+    assert_eq!(found.parameters.contact, Some(balance));
+    // the paper's estimator leaves contact out instead of failing on its right side
+    let paper = IdentifyOptions { estimator: Estimator::NullVector(ColumnScaling::None), ..IdentifyOptions::default() };
+    let found = identify(&truth.model, &truth.base, &factors, truth.mass(), None, &paper).unwrap();
+    assert_eq!(found.parameters.n_stretches, factors.iter().filter(|f| f.kind == StretchKind::Flight).count());
+    let flights: Vec<Factor> = factors.iter().filter(|f| f.kind == StretchKind::Flight).cloned().collect();
+    assert_eq!(balanced(&flights, truth.mass(), None).unwrap().1, None);
 }
 
 #[test]

@@ -314,13 +314,27 @@ impl Rows {
     }
 }
 
+/// Weights of weak rows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Weighting {
+    /// Fixed weights that depend on nothing but the prior.
+    Fixed,
+    /// By the inverse of the rows' covariance, propagated from the markers' noise. `discover` weights its own rows by fixed weights in any case.
+    Whitened,
+}
+
 section! {
 /// Rows and factors.
 RegressorConfig {
     /// Rows that the results are built on; the other kind is computed beside them.
     rows: Rows = Rows::Weak,
-    /// Length of a weak window, s; 0 lets flight length and noise decide.
+    /// Length of a weak window, s; 0 lets the length of each stretch decide. `aloft parameters --assess` shows what other lengths give.
     window_s: f64 = 0.0,
+    /// Weights of weak rows.
+    weighting: Weighting = Weighting::Fixed,
+    /// Size of errors that fade within a tenth of a second (soft tissue) in units of the markers' white noise; for `whitened`.
+    slow_noise: f64 = 5.0,
 }}
 
 /// Estimator of the base parameters.
@@ -348,6 +362,9 @@ IdentifyConfig {
     contact: bool = false,
     /// Bootstrap resamples over flights for the intervals.
     bootstrap: usize = 200,
+    /// Correlation of errors from flight to flight, 0 to 1, which no resampling can see (soft tissue, joint centres beside their place);
+    /// where not given 0.2 for people and 0 for rigid objects.
+    repeat_correlation: Option<f64> = None,
 }}
 
 section! {

@@ -24,6 +24,8 @@ pub enum CoordinateNoise<'a> {
     PerCoordinate(&'a [f64]),
     /// [`Motion::q_sd`] of each frame, coordinates taken as independent.
     FromMotion,
+    /// The same for every frame: a root L (nv × nv) of the coordinates' covariance L Lᵀ.
+    Root(&'a DMatrix<f64>),
     /// Propagated from markers through least-squares inverse kinematics: `sd² (Σ JᵀJ)⁻¹` over the markers, all seen.
     Markers {
         /// Markers and the links that carry them; a weight of zero leaves one out.
@@ -165,6 +167,7 @@ fn check_noise(model: &Model, motion: &Motion, noise: &CoordinateNoise<'_>) -> R
     let (expected, found) = match *noise {
         CoordinateNoise::PerCoordinate(sd) => (model.nv, sd.len()),
         CoordinateNoise::FromMotion => (motion.n_frames() * model.nv, motion.q_sd.len()),
+        CoordinateNoise::Root(root) => (model.nv * model.nv, root.len()),
         CoordinateNoise::Markers { .. } => return Ok(()),
     };
     if expected == found {
@@ -328,6 +331,7 @@ pub fn coordinate_root(
     match *noise {
         CoordinateNoise::PerCoordinate(sd) => diagonal(sd),
         CoordinateNoise::FromMotion => diagonal(&motion.q_sd[frame * nv..(frame + 1) * nv]),
+        CoordinateNoise::Root(root) => Ok(Mat::from_fn(nv, nv, |i, j| root[(i, j)])),
         CoordinateNoise::Markers { markers, sd_m } => {
             let mut information = DMatrix::<f64>::zeros(nv, nv);
             let mut jacobian = DMatrix::zeros(3, nv);

@@ -6,6 +6,7 @@ use crate::study::Study;
 use crate::workspace::{WHOLE_STUDY, Workspace, read_json};
 use aloft_compare::{Comparison, ModelComparison};
 use aloft_identify::{Parameters, Sigma};
+use aloft_ik::CalibrationReport;
 use serde::Serialize;
 
 /// The comparison as `--json` shows it.
@@ -22,6 +23,19 @@ pub struct ComparisonView {
     pub parameters: ParametersBrief,
     /// Kinematics: marker RMS and flights a trial.
     pub kinematics: Vec<KinematicsRow>,
+    /// Landmark against calibrated geometry; none for objects and where nothing was calibrated.
+    pub calibration: Option<CalibrationView>,
+}
+
+/// What calibration of the geometry moved and gained.
+#[derive(Debug, Clone, Serialize)]
+pub struct CalibrationView {
+    /// Whether the calibrated geometry is used (`calibrate: {enabled: auto}` keeps it when held-out marker error falls).
+    pub used: bool,
+    /// Marker RMS of frames that took no part in the calibration: landmarks, calibrated; m.
+    pub held_out_rms_m: [f64; 2],
+    /// Joints and markers, landmarks against calibration.
+    pub report: CalibrationReport,
 }
 
 /// About the parameters.
@@ -75,8 +89,16 @@ pub fn compare(study: &Study) -> Result<ComparisonView, PipelineError> {
             flights: parameters.n_stretches,
         },
         kinematics: kinematics(study, &ws),
+        calibration: calibration(&ws),
         comparison,
     })
+}
+
+/// The calibration's report with the decision that followed.
+pub fn calibration(ws: &Workspace) -> Option<CalibrationView> {
+    let report: CalibrationReport = read_json(&ws.place("calibrate", WHOLE_STUDY).join("report.json")).ok()?;
+    let used = ws.manifest("calibrate", WHOLE_STUDY)?.summary.get("used")?.as_bool()?;
+    Some(CalibrationView { used, held_out_rms_m: [report.held_out_rms_before_m, report.held_out_rms_after_m], report })
 }
 
 /// Marker error, flights and the free-fall check of every dynamic trial.

@@ -1,9 +1,11 @@
 //! What the commands beside `run` tell: plain data, rendered by the binary.
 
+pub mod assess;
 pub mod check;
 pub mod compare;
 pub mod discover;
 pub mod effect;
+pub mod estimators;
 pub mod init;
 pub mod inspect;
 pub mod parameters;

@@ -1,5 +1,6 @@
 //! `parameters`: what was identified, with intervals and the prior beside it.
 
+use crate::command::assess::{self, Assessment};
 use crate::config::Rows;
 use crate::error::PipelineError;
 use crate::stages::identify::file_name;
@@ -20,6 +21,8 @@ pub struct ParametersView {
     /// The parameters.
     #[serde(flatten)]
     pub parameters: Parameters,
+    /// Window lengths, errors in variables, motions to add: what `--assess` found for these parameters; none where it was not asked for.
+    pub assessment: Option<Assessment>,
 }
 
 /// Reads what `identify` left.
@@ -33,5 +36,11 @@ pub fn parameters(study: &Study, rows: Option<Rows>) -> Result<ParametersView, P
         ));
     }
     let parameters: Parameters = read_json(&path)?;
-    Ok(ParametersView { version: 1, subject: study.facts.person.name.clone(), rows_used: rows.word(), parameters })
+    Ok(ParametersView {
+        version: 1,
+        subject: study.facts.person.name.clone(),
+        rows_used: rows.word(),
+        parameters,
+        assessment: assess::stored(study),
+    })
 }

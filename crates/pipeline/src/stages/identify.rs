@@ -14,7 +14,7 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "identify",
-    version: 1,
+    version: 2,
     scope: Scope::Study,
     reads: "all factors",
     gives: "base parameters with intervals, consistent link inertias",
@@ -51,8 +51,14 @@ pub fn estimator(study: &Study, rows: Rows) -> Estimator {
     }
 }
 
+/// Errors that repeat from flight to flight: soft tissue and joint centres of people; nothing for rigid objects.
+pub fn repeat_correlation(study: &Study) -> f64 {
+    study.config.identify.repeat_correlation.unwrap_or(if study.object.is_some() { 0.0 } else { 0.2 })
+}
+
 /// Identifies from the given factors.
 pub fn identify_from(
+    study: &Study,
     subject: &Subject,
     factors: &[(Stretch, Factor)],
     estimator: Estimator,
@@ -60,7 +66,8 @@ pub fn identify_from(
 ) -> Result<Parameters, StageFailure> {
     let base = BaseParameters::of(&subject.model);
     let prior = LinkPrior::of_subject(subject).map_err(|e| StageFailure::new(e.to_string()))?;
-    let options = IdentifyOptions { estimator, bootstrap, ..IdentifyOptions::default() };
+    let repeat_correlation = repeat_correlation(study);
+    let options = IdentifyOptions { estimator, bootstrap, repeat_correlation, ..IdentifyOptions::default() };
     let plain: Vec<Factor> = factors.iter().map(|(_, f)| f.clone()).collect();
     identify(&subject.model, &base, &plain, subject.facts.mass_kg, Some(&prior), &options)
         .map(|i| i.parameters)
@@ -98,7 +105,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
             done.warnings.push(problem);
             continue;
         }
-        match identify_from(&subject, &factors, estimator(study, rows), study.config.identify.bootstrap) {
+        match identify_from(study, &subject, &factors, estimator(study, rows), study.config.identify.bootstrap) {
             Ok(parameters) => {
                 write_json(&job.out.join(file_name(rows)), &parameters)?;
                 if rows == chosen {

@@ -6,7 +6,8 @@ use crate::graph::{Done, Job, Need, Scope, Stage};
 use crate::stages::scale::load_locked;
 use crate::study::Role;
 use crate::workspace::write_json;
-use aloft_ik::{IkOptions, smooth, solve};
+use aloft_body::{Motion, Subject};
+use aloft_ik::{IkOptions, IkReport, smooth, solve};
 use serde_json::json;
 
 /// The stage.
@@ -21,10 +22,9 @@ pub static STAGE: Stage = Stage {
     run,
 };
 
-fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
-    let entry = job.trial()?;
-    let trial = job.load_trial(&entry.name)?;
-    let mut subject = job.load_subject("calibrate")?;
+/// Tracks a trial with a subject's geometry: motion with continuous turns and signs, and the report.
+pub fn track(job: &Job<'_>, mut subject: Subject, name: &str) -> Result<(Subject, Motion, IkReport), StageFailure> {
+    let trial = job.load_trial(name)?;
     let config = &job.study.config.ik;
     for (label, weight) in &config.weights {
         match subject.markers.iter_mut().find(|m| &m.label == label) {
@@ -39,13 +39,18 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     }
     let options = IkOptions { marker_sd_m: config.marker_sd_m, locked: load_locked(job)?, ..IkOptions::default() };
     let result = solve(&subject, &trial, &options).map_err(|e| StageFailure::new(e.to_string()))?;
-    let report = &result.report;
     let mut motion = smooth(&subject.model, &result.motion, None).map_err(|e| StageFailure::new(e.to_string()))?;
     // only the continuity of turns and signs is wanted here; derivatives belong to `filter`
     motion.v.clear();
     motion.a.clear();
+    Ok((subject, motion, result.report))
+}
+
+fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
+    let entry = job.trial()?;
+    let (subject, motion, report) = track(job, job.load_subject("calibrate")?, &entry.name)?;
     save_motion(job.out, &motion, &subject.model)?;
-    write_json(&job.out.join("report.json"), report)?;
+    write_json(&job.out.join("report.json"), &report)?;
     let mut done = Done::default();
     done.note("marker_rms_mm", report.rms_m * 1e3);
     done.note("marker_max_mm", report.max_m * 1e3);

@@ -1,6 +1,6 @@
 //! `regressor`: one triangular factor a flight and a contact stretch, from weak rows and from the paper's rows.
 
-use crate::config::Rows;
+use crate::config::{Rows, Weighting};
 use crate::error::{PipelineError, StageFailure};
 use crate::graph::{Done, Job, Need, Scope, Stage};
 use crate::stages::filter::low_pass;
@@ -11,8 +11,8 @@ use aloft_body::{BaseParameters, Motion, Subject};
 use aloft_effects::{PlateSeries, Scene, Span, TrialMotion, columns};
 use aloft_flight::{FlightReport, plate_wrench_at_marker_rate, total_wrench};
 use aloft_regressor::{
-    AccelerationOptions, Acting, Columns, EffectColumns, Factor, RegressorError, RowKind, Stretch, StretchKind,
-    WeakOptions, acceleration_factor, weak_factor,
+    AccelerationOptions, Acting, Columns, CoordinateNoise, EffectColumns, Factor, Noise, RegressorError, RowKind,
+    Stretch, StretchKind, WeakOptions, acceleration_factor, weak_factor,
 };
 use aloft_trial::Trial;
 use nalgebra::{Vector3, Vector6};
@@ -35,7 +35,8 @@ pub static STAGE: Stage = Stage {
         Need::Once("calibrate"),
     ],
     parameters: |study, _| {
-        json!({"window_s": study.config.regressor.window_s, "margin_s": study.config.flight.margin_s, "filter": study.config.filter,
+        json!({"window_s": study.config.regressor.window_s, "weighting": study.config.regressor.weighting,
+            "slow_noise": study.config.regressor.slow_noise, "marker_sd_m": study.config.ik.marker_sd_m, "margin_s": study.config.flight.margin_s, "filter": study.config.filter,
             "effects": study.effects})
     },
     run,
@@ -181,6 +182,17 @@ impl TrialRows {
         let subject = job.load_subject("calibrate")?;
         let motion = job.load_motion("ik", name)?;
         let filtered = job.load_motion("filter", name)?;
+        Self::of(job, name, subject, motion, filtered)
+    }
+
+    /// The same for a motion at hand, such as one of another geometry: flights and plates are those of the trial.
+    pub fn of(
+        job: &Job<'_>,
+        name: &str,
+        subject: Subject,
+        motion: Motion,
+        filtered: Motion,
+    ) -> Result<Self, StageFailure> {
         let flights = job.load_flights(name)?;
         let trial = job.load_tared_trial(name)?;
         let mut stretches: Vec<Stretch> =
@@ -211,29 +223,27 @@ impl TrialRows {
     }
 }
 
-fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
-    let entry = job.trial()?;
-    let rows = TrialRows::load(job, &entry.name)?;
+/// Factors of every stretch of a trial, from weak rows and from the paper's; and what was odd.
+pub fn factors_of(study: &Study, rows: &TrialRows) -> Result<(Vec<(Stretch, Factor)>, Vec<String>), StageFailure> {
     let subject = &rows.subject;
     let base = BaseParameters::of(&subject.model);
     let prior = subject.prior_phi();
-    let window = job.study.config.regressor.window_s;
-    let weak = WeakOptions { window_s: (window > 0.0).then_some(window), ..WeakOptions::default() };
-    let acceleration =
-        AccelerationOptions { margin_s: job.study.config.flight.margin_s, ..AccelerationOptions::default() };
-    let effects = effect_columns(job.study, &rows)?;
+    let weak = weak_options(study);
+    let acceleration = AccelerationOptions { margin_s: study.config.flight.margin_s, ..AccelerationOptions::default() };
+    let effects = effect_columns(study, rows)?;
+    let noise = row_noise(study, subject);
     let mut factors: Vec<(Stretch, Factor)> = Vec::new();
-    let mut done = Done::default();
+    let mut warnings = Vec::new();
     for stretch in &rows.stretches {
         let acting = Acting { measured: rows.wrench.as_deref(), effects: effects.as_ref() };
-        let by_weak = weak_factor(&subject.model, &base, &prior, &rows.motion, stretch, acting, &weak, None);
+        let by_weak = weak_factor(&subject.model, &base, &prior, &rows.motion, stretch, acting, &weak, noise.as_ref());
         let acting = Acting { measured: rows.wrench_filtered.as_deref(), effects: effects.as_ref() };
         let by_paper = acceleration_factor(&subject.model, &base, &rows.filtered, stretch, acting, &acceleration);
         for result in [by_weak, by_paper] {
             match result {
                 Ok(factor) => factors.push((stretch.clone(), factor)),
                 Err(RegressorError::TooShort { .. }) => {
-                    done.warnings.push(format!(
+                    warnings.push(format!(
                         "{:?} {} (frames {} to {}) is too short for rows",
                         stretch.kind, stretch.index, stretch.first_frame, stretch.end_frame
                     ));
@@ -242,6 +252,30 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
             }
         }
     }
+    Ok((factors, warnings))
+}
+
+/// Weak rows as the pipeline asks for them.
+pub fn weak_options(study: &Study) -> WeakOptions {
+    let window = study.config.regressor.window_s;
+    WeakOptions { window_s: (window > 0.0).then_some(window), ..WeakOptions::default() }
+}
+
+/// Noise that whitens weak rows, where the pipeline asks for whitening: that of the markers, and a slow part for soft tissue.
+pub fn row_noise<'a>(study: &Study, subject: &'a Subject) -> Option<Noise<'a>> {
+    let config = &study.config.regressor;
+    (config.weighting == Weighting::Whitened).then(|| Noise {
+        coordinates: CoordinateNoise::Markers { markers: &subject.markers, sd_m: study.config.ik.marker_sd_m },
+        slow: config.slow_noise,
+        slow_time_s: 0.1,
+    })
+}
+
+fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
+    let entry = job.trial()?;
+    let rows = TrialRows::load(job, &entry.name)?;
+    let (factors, warnings) = factors_of(job.study, &rows)?;
+    let mut done = Done { warnings, ..Done::default() };
     save_factors(job.out, &factors)?;
     let count = |kind: RowKind| factors.iter().filter(|(_, f)| f.rows == kind).map(|(_, f)| f.n_rows).sum::<usize>();
     done.note("weak_rows", count(RowKind::Weak));

@@ -1,0 +1,199 @@
+//! How far results may be trusted, for people: the table of estimators, leaving trials out, the assessment, the calibration.
+
+use crate::commands::Stop;
+use crate::render::{out, significant, table};
+use aloft_pipeline::command::assess::Assessment;
+use aloft_pipeline::command::compare::CalibrationView;
+use aloft_pipeline::command::estimators::{ErrorsBrief, EstimatorsView, LeaveOneOutView};
+
+fn number(value: Option<f64>) -> String {
+    value.map_or("–".to_owned(), |x| significant(x, 3))
+}
+
+fn by_axis(values: Option<[Option<f64>; 3]>) -> String {
+    values.map_or("–".to_owned(), |v| v.map(number).join(" "))
+}
+
+fn means(errors: Option<&ErrorsBrief>) -> [String; 2] {
+    [number(errors.and_then(|e| e.force_mean_n)), number(errors.and_then(|e| e.moment_mean_nm))]
+}
+
+/// Rows × estimators × geometry.
+pub fn estimators(view: &EstimatorsView) -> Result<(), Stop> {
+    out(format!("{}: {}: {}", view.subject, view.judged_on, view.held_out))?;
+    let window = format!("{} s windows N", view.window_s);
+    let mut t = table(&[
+        "geometry",
+        "rows",
+        "estimator",
+        "force x y z N",
+        "moment x y z N·m",
+        &window,
+        "N·m",
+        "σ_N-1/σ_N",
+        "gate",
+    ]);
+    for row in &view.table {
+        let gate = match (&row.gate, &row.failed) {
+            (Some(gate), _) if gate.passed => "passed",
+            (Some(_), _) => "refused",
+            (None, Some(_)) => "failed",
+            (None, None) => "–",
+        };
+        let [force, moment] = means(row.windows.as_ref());
+        t.add_row([
+            row.geometry.to_owned(),
+            row.rows.unwrap_or("–").to_owned(),
+            format!("{}{}", row.estimator.unwrap_or("prior"), if row.chosen { " *" } else { "" }),
+            by_axis(row.frames.map(|e| e.force_n)),
+            by_axis(row.frames.map(|e| e.moment_nm)),
+            force,
+            moment,
+            number(row.sigma_ratio),
+            gate.to_owned(),
+        ]);
+    }
+    if view.noise_frames.is_some() {
+        let [force, moment] = means(view.noise_windows.as_ref());
+        t.add_row([
+            "–".to_owned(),
+            "–".to_owned(),
+            "noise alone".to_owned(),
+            by_axis(view.noise_frames.map(|e| e.force_n)),
+            by_axis(view.noise_frames.map(|e| e.moment_nm)),
+            force,
+            moment,
+            "–".to_owned(),
+            "–".to_owned(),
+        ]);
+    }
+    for i in [1, 2] {
+        if let Some(column) = t.column_mut(i) {
+            column.set_cell_alignment(comfy_table::CellAlignment::Left);
+        }
+    }
+    out(t)?;
+    out("mean absolute error; * the pipeline's choice")?;
+    for row in &view.table {
+        let name = format!("{}, {} rows, {}", row.geometry, row.rows.unwrap_or("no"), row.estimator.unwrap_or("prior"));
+        if let Some(reason) = row.gate.as_ref().filter(|g| !g.passed).and_then(|g| g.reasons.last()) {
+            out(format!("refused: {name}: {reason}"))?;
+        }
+        if let Some(problem) = &row.failed {
+            out(format!("failed: {name}: {problem}"))?;
+        }
+    }
+    for note in &view.notes {
+        out(note)?;
+    }
+    Ok(())
+}
+
+/// Each trial predicted from the others.
+pub fn leave_one_out(view: &LeaveOneOutView) -> Result<(), Stop> {
+    out(format!("{}: {}", view.subject, view.words))?;
+    let mut t = table(&[
+        "trial",
+        "model",
+        "contact force x y z N",
+        "moment x y z N·m",
+        "windows N",
+        "N·m",
+        "flight force x y z N",
+        "moment x y z N·m",
+    ]);
+    let trials = view.models.first().map_or(0, |m| m.trials.len());
+    for i in 0..trials {
+        for model in &view.models {
+            let Some(trial) = model.trials.get(i) else { continue };
+            let [force, moment] = means(trial.contact_windows.as_ref());
+            t.add_row([
+                trial.trial.clone(),
+                model.model.to_owned(),
+                by_axis(trial.contact.map(|e| e.force_n)),
+                by_axis(trial.contact.map(|e| e.moment_nm)),
+                force,
+                moment,
+                by_axis(trial.flight.map(|e| e.force_n)),
+                by_axis(trial.flight.map(|e| e.moment_nm)),
+            ]);
+        }
+    }
+    if let Some(column) = t.column_mut(1) {
+        column.set_cell_alignment(comfy_table::CellAlignment::Left);
+    }
+    out(t)?;
+    out("mean absolute error, root axes")?;
+    for model in &view.models {
+        if let Some(b) = &model.balance {
+            out(format!(
+                "{}: rows of contact count {} of a row of flight (held-out error {} against {})",
+                model.model,
+                significant(b.contact_weight, 2),
+                significant(b.contact_rms, 2),
+                significant(b.flight_rms, 2)
+            ))?;
+        }
+        if let Some(problem) = &model.failed {
+            out(format!("{}: {problem}", model.model))?;
+        }
+    }
+    Ok(())
+}
+
+/// Window lengths, errors in variables, motions to add.
+pub fn assessment(a: &Assessment) -> Result<(), Stop> {
+    if let Some(window) = &a.window {
+        out(format!("\nwindow of weak rows: {}", window.words))?;
+    }
+    for e in &a.errors_in_variables {
+        out(format!("errors in variables: {} ({} flights, {})", e.words, e.flights, e.estimator))?;
+    }
+    if !a.motions.is_empty() {
+        out("\nmotions that would improve the worst parameters most, if recorded next")?;
+        let mut t = table(&["motion", "worst parameters, error falls by", "improves most"]);
+        for m in &a.motions {
+            let best: Vec<String> = m
+                .best
+                .iter()
+                .take(3)
+                .map(|(name, now, then)| format!("{name} ± {} to {}", significant(*now, 2), significant(*then, 2)))
+                .collect();
+            t.add_row([m.motion.clone(), format!("{:.0} %", 100.0 * m.gain), best.join("; ")]);
+        }
+        if let Some(column) = t.column_mut(2) {
+            column.set_cell_alignment(comfy_table::CellAlignment::Left);
+        }
+        out(t)?;
+    }
+    for note in &a.notes {
+        out(note)?;
+    }
+    Ok(())
+}
+
+/// Landmark against calibrated geometry.
+pub fn calibration(c: &CalibrationView) -> Result<(), Stop> {
+    let r = &c.report;
+    let [before, after] = c.held_out_rms_m;
+    out(format!(
+        "calibration {}: marker RMS {:.2} to {:.2} mm on {} frames that took no part ({} took part)",
+        if c.used { "used" } else { "not used" },
+        1e3 * before,
+        1e3 * after,
+        r.frames_held_out,
+        r.frames_used
+    ))?;
+    let mut t = table(&["joint", "centre moved mm", "± mm", "axis turned °", "± °"]);
+    for j in &r.joints {
+        let degrees = |v: Option<f64>| v.map_or("–".to_owned(), |x| significant(x.to_degrees(), 2));
+        t.add_row([
+            j.link.clone(),
+            significant(1e3 * j.moved_m, 2),
+            significant(1e3 * j.sd_m, 2),
+            degrees(j.axis_turned_rad),
+            degrees(j.axis_sd_rad),
+        ]);
+    }
+    out(format!("{t}\n"))
+}
