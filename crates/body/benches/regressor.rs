@@ -2,8 +2,8 @@
 #![allow(clippy::expect_used)] // a bench may stop
 #![allow(missing_docs)] // criterion's macros make public items
 
-use aloft_body::{BaseParameters, LinkInertia, Model, ModelSpec, Phi, State};
-use criterion::{Criterion, criterion_group, criterion_main};
+use aloft_body::{BaseParameters, FrameBatch, LANES, LinkInertia, Model, ModelSpec, Phi, State};
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use std::hint::black_box;
 
@@ -66,6 +66,37 @@ fn regressor(c: &mut Criterion) {
             state.momentum_rows(&base, &origin, black_box(&mut rows));
         });
     });
+    let mut batch = FrameBatch::new(&model);
+    let mut lanes = vec![[0.0; LANES]; 6 * base.len()];
+    let frames: Vec<(Vec<f64>, Vec<f64>, Vec<f64>)> = (0..LANES)
+        .map(|k| {
+            let step: Vec<f64> = (0..model.nv).map(|i| (0.7 * i as f64 + 0.1 * k as f64).sin()).collect();
+            let mut q = model.neutral();
+            model.integrate(&start, &step, &mut q);
+            (q, v.iter().map(|x| x + 0.1 * k as f64).collect(), a.iter().map(|x| x - 0.1 * k as f64).collect())
+        })
+        .collect();
+    let qs: [&[f64]; LANES] = std::array::from_fn(|k| frames[k].0.as_slice());
+    let vs: [&[f64]; LANES] = std::array::from_fn(|k| frames[k].1.as_slice());
+    let accelerations: [&[f64]; LANES] = std::array::from_fn(|k| frames[k].2.as_slice());
+    let mut group = c.benchmark_group("batch of eight frames");
+    group.throughput(Throughput::Elements(LANES as u64));
+    group.bench_function("forward_acceleration", |b| {
+        b.iter(|| batch.forward_acceleration(&model, black_box(&qs), &vs, &accelerations))
+    });
+    group.bench_function("accelerations and base-wrench rows", |b| {
+        b.iter(|| {
+            batch.forward_acceleration(&model, black_box(&qs), &vs, &accelerations);
+            batch.base_wrench_rows(&base, black_box(&mut lanes));
+        });
+    });
+    group.bench_function("velocities and momentum rows", |b| {
+        b.iter(|| {
+            batch.forward_velocity(&model, black_box(&qs), &vs, &origin);
+            batch.momentum_rows(&base, black_box(&mut lanes));
+        });
+    });
+    group.finish();
     let foot = model.n_links() - 1;
     c.bench_function("point_jacobian", |b| {
         b.iter(|| state.point_jacobian(&model, foot, &origin, black_box(&mut jacobian)));

@@ -38,6 +38,7 @@
 //! ```
 
 pub mod base_parameters;
+pub mod batch;
 mod dynamics;
 mod error;
 mod formula;
@@ -52,6 +53,7 @@ pub mod subject;
 mod urdf;
 
 pub use base_parameters::{BaseParameter, BaseParameters};
+pub use batch::{FrameBatch, LANES, Lanes};
 pub use error::BodyError;
 pub use inertia::{LinkInertia, PHI_NAMES, Phi};
 pub use model::{Joint, JointKind, JointSpec, Link, LinkSpec, Model, ModelSpec};

@@ -133,7 +133,7 @@ impl State {
     /// If `out` is not 6 × n_base, or `base` belongs to a larger model.
     pub fn base_wrench_rows(&self, model: &Model, base: &BaseParameters, out: &mut DMatrix<f64>) {
         assert_eq!(out.shape(), (6, base.len()), "shape of the base-wrench rows");
-        write_base::<60>(base, out.as_mut_slice(), |i, block| self.wrench_block(model, i, block));
+        write_base::<60, f64>(base, out.as_mut_slice(), |i, block| self.wrench_block(model, i, block));
     }
 
     /// The base columns of [`State::momentum_regressor`], 6 × n_base.
@@ -142,7 +142,7 @@ impl State {
     /// If `out` is not 6 × n_base, or `base` belongs to a larger model.
     pub fn momentum_rows(&self, base: &BaseParameters, origin_in_world: &Vector3<f64>, out: &mut DMatrix<f64>) {
         assert_eq!(out.shape(), (6, base.len()), "shape of the momentum rows");
-        write_base::<60>(base, out.as_mut_slice(), |i, block| self.momentum_block(i, origin_in_world, block));
+        write_base::<60, f64>(base, out.as_mut_slice(), |i, block| self.momentum_block(i, origin_in_world, block));
     }
 
     /// The base columns of [`State::first_moment_regressor`], 3 × n_base.
@@ -151,42 +151,76 @@ impl State {
     /// If `out` is not 3 × n_base, or `base` belongs to a larger model.
     pub fn first_moment_rows(&self, base: &BaseParameters, origin_in_world: &Vector3<f64>, out: &mut DMatrix<f64>) {
         assert_eq!(out.shape(), (3, base.len()), "shape of the first-moment rows");
-        write_base::<30>(base, out.as_mut_slice(), |i, block| self.first_moment_block(i, origin_in_world, block));
+        write_base::<30, f64>(base, out.as_mut_slice(), |i, block| self.first_moment_block(i, origin_in_world, block));
+    }
+}
+
+/// A number, or one number of each of several frames.
+pub(crate) trait Entry: Copy {
+    const ZERO: Self;
+    /// `self += x factor`.
+    fn add(&mut self, x: &Self, factor: f64);
+}
+
+impl Entry for f64 {
+    const ZERO: Self = 0.0;
+    #[inline(always)]
+    fn add(&mut self, x: &Self, factor: f64) {
+        *self += x * factor;
+    }
+}
+
+impl<const LANES: usize> Entry for [f64; LANES] {
+    const ZERO: Self = [0.0; LANES];
+    #[inline(always)]
+    fn add(&mut self, x: &Self, factor: f64) {
+        for (to, from) in self.iter_mut().zip(x) {
+            *to += from * factor;
+        }
     }
 }
 
 /// Writes base columns link by link; `block` fills the ten columns of one link. `LENGTH` is ten times the number of rows.
-fn write_base<const LENGTH: usize>(base: &BaseParameters, out: &mut [f64], block: impl Fn(usize, &mut [f64; LENGTH])) {
+#[inline(always)]
+pub(crate) fn write_base<const LENGTH: usize, T: Entry>(
+    base: &BaseParameters,
+    out: &mut [T],
+    block: impl Fn(usize, &mut [T; LENGTH]),
+) {
     let rows = LENGTH / 10;
-    let mut full = [0.0; LENGTH];
+    let mut full = [T::ZERO; LENGTH];
     // From the last link to the first: a link that keeps all but its first columns writes its whole block in place, over
     // the end of its predecessor's, which is then written in its turn.
     for (i, kept) in base.kept.iter().enumerate().rev() {
         let start = rows * kept.first;
+        let mut place = None;
         match &kept.columns {
-            KeptColumns::Run(_, 0) => {}
+            KeptColumns::Run(_, 0) => continue,
             KeptColumns::Run(first, number) if first + number == 10 && *first <= kept.first => {
-                if let Some(place) = out[start - rows * first..].first_chunk_mut() {
-                    block(i, place);
-                }
+                place = out[start - rows * first..].first_chunk_mut();
             }
+            _ => {}
+        }
+        if let Some(place) = place {
+            block(i, place);
+            continue;
+        }
+        block(i, &mut full);
+        match &kept.columns {
             KeptColumns::Run(first, number) => {
-                block(i, &mut full);
                 out[start..start + rows * number].copy_from_slice(&full[rows * first..rows * (first + number)]);
             }
             KeptColumns::Some(columns) => {
-                block(i, &mut full);
                 for (to, from) in out[start..].chunks_exact_mut(rows).zip(columns) {
                     to.copy_from_slice(&full[rows * from..rows * (from + 1)]);
                 }
             }
             KeptColumns::Mixed(matrix) => {
-                block(i, &mut full);
                 for (to, column) in out[start..].chunks_exact_mut(rows).zip(matrix.column_iter()) {
-                    to.fill(0.0);
+                    to.fill(T::ZERO);
                     for (from, factor) in full.chunks_exact(rows).zip(column.iter()) {
                         for (t, f) in to.iter_mut().zip(from) {
-                            *t += f * factor;
+                            t.add(f, *factor);
                         }
                     }
                 }
@@ -202,7 +236,7 @@ fn write_base<const LENGTH: usize>(base: &BaseParameters, out: &mut [f64], block
         }
         let from = rows * (from % 10);
         for (t, f) in out[rows * column..rows * (column + 1)].iter_mut().zip(&full[from..from + rows]) {
-            *t += f * factor;
+            t.add(f, *factor);
         }
     }
 }

@@ -3,7 +3,7 @@
 
 mod common;
 
-use aloft_body::{BaseParameters, Model, State};
+use aloft_body::{BaseParameters, FrameBatch, LANES, Model, State};
 use common::{Random, human};
 use nalgebra::{DMatrix, Vector3};
 
@@ -22,7 +22,17 @@ fn count(model: &Model) -> u64 {
     let (mut tau, mut out) = (vec![0.0; model.nv], vec![0.0; model.nq]);
     let origin = Vector3::zeros();
     let last = model.n_links() - 1;
+    let mut batch = FrameBatch::new(model);
+    let mut lanes = vec![[0.0; LANES]; 6 * base.len()];
+    let mut lanes3 = vec![[0.0; LANES]; 3 * base.len()];
+    let (qs, vs, accelerations) = ([q.as_slice(); LANES], [v.as_slice(); LANES], [a.as_slice(); LANES]);
     let info = allocation_counter::measure(|| {
+        batch.forward_acceleration(model, &qs, &vs, &accelerations);
+        batch.base_wrench_rows(&base, &mut lanes);
+        batch.forward_velocity(model, &qs, &vs, &origin);
+        batch.momentum_rows(&base, &mut lanes);
+        batch.first_moment_rows(&base, &mut lanes3);
+        batch.center_of_mass(&phi);
         state.forward_acceleration(model, &q, &v, &a);
         state.point_jacobian(model, last, &origin, &mut jacobian);
         state.inverse_dynamics(model, &phi, &mut tau);

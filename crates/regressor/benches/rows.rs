@@ -6,10 +6,11 @@
 mod common;
 
 use aloft_regressor::{
-    AccelerationOptions, AccelerationRows, Acting, CoordinateNoise, Factor, Noise, WeakOptions, acceleration_factor,
-    leave_one_out, weak_factor,
+    AccelerationOptions, AccelerationRows, Acting, Columns, CoordinateNoise, Factor, Noise, RowKind, WeakOptions,
+    acceleration_factor, leave_one_out, weak_factor,
 };
 use criterion::{Criterion, criterion_group, criterion_main};
+use faer::Mat;
 use std::hint::black_box;
 
 fn rows(c: &mut Criterion) {
@@ -64,6 +65,20 @@ fn rows(c: &mut Criterion) {
     slow.bench_function("merge", |b| b.iter(|| Factor::merge(&factors)));
     slow.bench_function("leave each out", |b| b.iter(|| leave_one_out(&factors, |_, rest| rest.values()[0])));
     slow.finish();
+    // 600,000 rows, as `tests/peers/bench_triangle.py` gives to numpy
+    let columns = Columns { parameters: (1..128).map(|i| format!("p{i}")).collect(), effects: Vec::new() };
+    let tall = Mat::from_fn(600_000, 128, |i, j| (((i * 128 + j) as f64 * 12.9898).sin() * 43_758.545_3).fract());
+    let mut reduction = c.benchmark_group("600000 x 128 rows to a triangle");
+    reduction.sample_size(10);
+    for threads in [1, 2] {
+        let Ok(pool) = rayon::ThreadPoolBuilder::new().num_threads(threads).build() else { return };
+        reduction.bench_function(format!("{threads} threads"), |b| {
+            b.iter(|| {
+                pool.install(|| Factor::from_rows(&stretch, RowKind::Weak, columns.clone(), black_box(tall.as_ref())))
+            });
+        });
+    }
+    reduction.finish();
 }
 
 criterion_group!(benches, rows);

@@ -5,11 +5,12 @@
 
 use crate::stretch::Acting;
 use crate::weak::check_base;
-use crate::{Columns, Factor, RegressorError, RowKind, Stretch};
-use aloft_body::{BaseParameters, Model, Motion, State};
+use crate::{Columns, Factor, RegressorError, RowKind, Stretch, StretchKind};
+use aloft_body::{BaseParameters, FrameBatch, LANES, Model, Motion, State};
 use faer::Mat;
 use nalgebra::{DMatrix, Vector3};
 use serde::{Deserialize, Serialize};
+use std::array::from_fn;
 
 /// How acceleration rows are formed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -75,41 +76,63 @@ pub fn acceleration_factor(
     };
     let (p, k) = (base.len(), acting.n_effects());
     let mut rows = Mat::<f64>::zeros(6 * frames.len(), p + k + 1);
-    let mut scratch = AccelerationRows::new(model, base);
     let weights = [options.force_weight, options.moment_weight];
-    for (i, &frame) in frames.iter().enumerate() {
-        let y = scratch.base_rows(motion.q(frame), motion.v(frame), motion.a(frame));
-        for r in 0..6 {
-            for c in 0..p {
-                rows[(6 * i + r, c)] = weights[r / 3] * y[(r, c)];
+    let mut batch = FrameBatch::new(model);
+    let mut lanes = vec![[0.0; LANES]; 6 * p];
+    let mut state = State::new(model);
+    let acts = acting.effects.is_some() || stretch.kind != StretchKind::Flight;
+    // the rows of a batch stand axis by axis: R does not depend on their order
+    for (b, group) in frames.chunks(LANES).enumerate() {
+        let (first, width) = (6 * LANES * b, group.len());
+        // the last frame fills the lanes that the last batch leaves
+        let frame = |lane: usize| group[lane.min(width - 1)];
+        batch.forward_acceleration(
+            model,
+            &from_fn(|lane| motion.q(frame(lane))),
+            &from_fn(|lane| motion.v(frame(lane))),
+            &from_fn(|lane| motion.a(frame(lane))),
+        );
+        batch.base_wrench_rows(base, &mut lanes);
+        for (c, entries) in lanes.chunks_exact(6).enumerate() {
+            let column = &mut rows.col_as_slice_mut(c)[first..first + 6 * width];
+            for (r, (to, from)) in column.chunks_exact_mut(width).zip(entries).enumerate() {
+                for (to, from) in to.iter_mut().zip(from) {
+                    *to = weights[r / 3] * from;
+                }
             }
         }
-        let world_from_root = scratch.state.world_from_link[0];
-        let into_root = |force: Vector3<f64>, moment: Vector3<f64>| {
-            let about_root = moment - world_from_root.translation.vector.cross(&force);
-            let rotation = world_from_root.rotation.inverse();
-            (rotation * force, rotation * about_root)
-        };
-        let mut put = |column: usize, sign: f64, force: Vector3<f64>, moment: Vector3<f64>| {
-            let (force, moment) = into_root(force, moment);
-            for axis in 0..3 {
-                rows[(6 * i + axis, column)] = sign * weights[0] * force[axis];
-                rows[(6 * i + 3 + axis, column)] = sign * weights[1] * moment[axis];
-            }
-        };
-        if let Some(effects) = acting.effects {
-            for e in 0..k {
-                let column = effects.wrench[frame].column(e);
-                put(p + e, -1.0, column.fixed_rows::<3>(0).into(), column.fixed_rows::<3>(3).into());
-            }
+        if !acts {
+            continue;
         }
-        let wrench = acting.wrench(stretch, frame);
-        put(p + k, 1.0, wrench.fixed_rows::<3>(0).into(), wrench.fixed_rows::<3>(3).into());
+        for (lane, &frame) in group.iter().enumerate() {
+            state.forward_position(model, motion.q(frame));
+            let world_from_root = state.world_from_link[0];
+            let into_root = |force: Vector3<f64>, moment: Vector3<f64>| {
+                let about_root = moment - world_from_root.translation.vector.cross(&force);
+                let rotation = world_from_root.rotation.inverse();
+                (rotation * force, rotation * about_root)
+            };
+            let mut put = |column: usize, sign: f64, force: Vector3<f64>, moment: Vector3<f64>| {
+                let (force, moment) = into_root(force, moment);
+                for axis in 0..3 {
+                    rows[(first + width * axis + lane, column)] = sign * weights[0] * force[axis];
+                    rows[(first + width * (3 + axis) + lane, column)] = sign * weights[1] * moment[axis];
+                }
+            };
+            if let Some(effects) = acting.effects {
+                for e in 0..k {
+                    let column = effects.wrench[frame].column(e);
+                    put(p + e, -1.0, column.fixed_rows::<3>(0).into(), column.fixed_rows::<3>(3).into());
+                }
+            }
+            let wrench = acting.wrench(stretch, frame);
+            put(p + k, 1.0, wrench.fixed_rows::<3>(0).into(), wrench.fixed_rows::<3>(3).into());
+        }
     }
     Factor::from_rows(stretch, RowKind::Acceleration, columns, rows.as_ref())
 }
 
-/// Scratch that turns a frame into its 6 × n_base rows without allocating.
+/// Scratch that turns one frame into its 6 × n_base rows without allocating; [`FrameBatch`] does eight at a time, faster.
 #[derive(Debug, Clone)]
 pub struct AccelerationRows<'a> {
     model: &'a Model,

@@ -6,6 +6,7 @@
 //! stack: the R of stacked R's is the R of all rows. Diagonals are made non-negative, which makes R unique where the
 //! rows have full rank, whatever the order of merging.
 
+use crate::triangle::Triangle;
 use crate::{RegressorError, Stretch, StretchKind};
 use faer::{Mat, MatRef};
 use nalgebra::{DMatrix, DVector};
@@ -116,7 +117,7 @@ impl Factor {
             n_rows: matrix.nrows(),
             packed: Vec::new(),
         };
-        factor.packed = triangle(matrix);
+        factor.packed = packed_triangle(matrix);
         if factor.packed.iter().any(|x| !x.is_finite()) {
             return Err(RegressorError::Numeric {
                 trial: factor.trial,
@@ -238,7 +239,7 @@ impl Factor {
             effects: effects.iter().map(|&e| e.to_owned()).collect(),
         };
         let mut out = self.clone();
-        out.packed = triangle(rows.as_ref());
+        out.packed = packed_triangle(rows.as_ref());
         out.columns = columns;
         Ok(out)
     }
@@ -391,6 +392,13 @@ fn stack(factors: &[&Factor]) -> Factor {
     }
     let n = factors[0].columns.len();
     let height: usize = factors.iter().map(|f| f.height()).sum();
+    if height >= n {
+        let mut triangle = Triangle::new(n);
+        for factor in factors {
+            triangle.absorb_packed(factor.packed_rows());
+        }
+        return joined(factors, triangle.packed());
+    }
     let mut rows = Mat::zeros(height, n);
     let mut at = 0;
     for factor in factors {
@@ -401,7 +409,7 @@ fn stack(factors: &[&Factor]) -> Factor {
         }
         at += factor.height();
     }
-    joined(factors, triangle(rows.as_ref()))
+    joined(factors, packed_triangle(rows.as_ref()))
 }
 
 fn joined(factors: &[&Factor], packed: Vec<f64>) -> Factor {
@@ -419,77 +427,22 @@ fn joined(factors: &[&Factor], packed: Vec<f64>) -> Factor {
     }
 }
 
-/// R of `[R1; R2]` by Householder reflections that touch only what is not zero: column `j` reflects the diagonal of R1
-/// with the first `j + 1` rows of R2.
+/// R of `[R1; R2]`.
 fn merge_pair(a: &Factor, b: &Factor) -> Factor {
-    let n = a.columns.len();
-    if a.height() < n {
-        return if b.height() < n {
-            stack(&[a, b])
-        } else {
-            let swapped = merge_pair(b, a);
-            joined(&[a, b], swapped.packed)
-        };
-    }
-    let mut top = a.packed.clone();
-    // the lower trapezoid by columns, so that the inner loops run over contiguous memory
-    let height = b.height();
-    let mut low = vec![0.0; height * n];
-    for (i, row) in b.packed_rows().enumerate() {
-        for (j, value) in row.iter().enumerate() {
-            low[(i + j) * height + i] = *value;
-        }
-    }
-    let mut start = 0;
-    for j in 0..n {
-        let depth = (j + 1).min(height);
-        let (head, tail) = low.split_at_mut((j + 1) * height);
-        let pivot_column = &mut head[j * height..j * height + depth];
-        let below: f64 = dot(pivot_column, pivot_column);
-        let row = &mut top[start..start + n - j];
-        start += n - j;
-        if below == 0.0 {
-            if row[0] < 0.0 {
-                row.iter_mut().for_each(|x| *x = -*x);
-            }
-            continue;
-        }
-        let diagonal = row[0];
-        let norm = (diagonal * diagonal + below).sqrt();
-        let alpha = if diagonal > 0.0 { -norm } else { norm };
-        let v0 = diagonal - alpha;
-        let beta = 2.0 / (v0 * v0 + below);
-        // the reflection maps the column to alpha; flip the row where alpha is negative
-        let sign = if alpha < 0.0 { -1.0 } else { 1.0 };
-        row[0] = sign * alpha;
-        for (k, element) in row[1..].iter_mut().enumerate() {
-            let column = &mut tail[k * height..k * height + depth];
-            let s = beta * (v0 * *element + dot(pivot_column, column));
-            *element = sign * (*element - s * v0);
-            for (c, p) in column.iter_mut().zip(pivot_column.iter()) {
-                *c -= s * p;
-            }
-        }
-    }
-    joined(&[a, b], top)
-}
-
-/// Dot product over four running sums: the same order on every machine, and quick.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 8];
-    let (a8, a_rest) = a.as_chunks::<8>();
-    let (b8, b_rest) = b.as_chunks::<8>();
-    for (x, y) in a8.iter().zip(b8) {
-        for k in 0..8 {
-            sums[k] += x[k] * y[k];
-        }
-    }
-    let rest: f64 = a_rest.iter().zip(b_rest).map(|(x, y)| x * y).sum();
-    sums.iter().sum::<f64>() + rest
+    stack(&[a, b])
 }
 
 /// Packed upper trapezoid of a matrix, diagonals non-negative.
-fn triangle(matrix: MatRef<'_, f64>) -> Vec<f64> {
+fn packed_triangle(matrix: MatRef<'_, f64>) -> Vec<f64> {
+    let (m, n) = (matrix.nrows(), matrix.ncols());
+    if m >= n {
+        return Triangle::of(matrix).packed();
+    }
+    plain_triangle(matrix)
+}
+
+/// [`packed_triangle`] by the library's QR: for fewer rows than columns, and beside the other in tests.
+fn plain_triangle(matrix: MatRef<'_, f64>) -> Vec<f64> {
     let (m, n) = (matrix.nrows(), matrix.ncols());
     let kept = m.min(n);
     if kept == 0 {

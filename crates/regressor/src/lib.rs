@@ -13,6 +13,7 @@ pub mod factor;
 pub mod noise;
 pub mod stretch;
 pub mod test_function;
+mod triangle;
 pub mod weak;
 
 pub use acceleration::{AccelerationOptions, AccelerationRows, acceleration_factor};

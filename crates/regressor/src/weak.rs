@@ -18,10 +18,12 @@ use crate::noise::{Noise, whiten};
 use crate::stretch::Acting;
 use crate::test_function::{MIN_HALF_WINDOW, TestFunction, window_centers};
 use crate::{Columns, Factor, RegressorError, RowKind, Stretch, StretchKind};
-use aloft_body::{BaseParameters, JointKind, Model, Motion, Phi, State};
+use aloft_body::{BaseParameters, FrameBatch, JointKind, LANES, Lanes, Model, Motion, Phi, State};
 use faer::Mat;
-use nalgebra::{DMatrix, Matrix3, Vector3, Vector6};
+use fearless_simd::{Level, Simd, SimdBase, dispatch, f64x8};
+use nalgebra::{DMatrix, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
+use std::array::from_fn;
 
 /// How weak rows are formed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -148,8 +150,17 @@ impl WeakRows {
     }
 }
 
-/// First moment and momentum of one frame about the fixed point of the stretch: rows C (3), P (3), H (3) over base columns.
-struct FrameRows(DMatrix<f64>);
+/// First moment C, momentum P and angular momentum H of the frames of a run about one fixed point, over base columns.
+struct RunRows {
+    /// The fixed point, world, m.
+    fixed: Vector3<f64>,
+    /// Numbers of a series: one a frame, and some that nothing is multiplied with.
+    stride: usize,
+    /// Series `9 * column + row` over the frames; rows C (3), P (3), H (3).
+    series: Vec<f64>,
+    /// Centre of mass of the prior, world, m.
+    path: Vec<Vector3<f64>>,
+}
 
 /// Weak rows of one stretch, unweighted: [`weak_factor`] weights them and keeps their triangle.
 ///
@@ -206,23 +217,18 @@ pub fn weak_rows(
         origin: Vec::with_capacity(n_windows),
         weight_n: prior.iter().map(|phi| phi[0]).sum::<f64>() * model.gravity_mps2.norm(),
     };
-    let mut state = State::new(model);
-    let mut sums = DMatrix::zeros(6, p);
+    let mut weights = Vec::new();
     for (start, end, centers) in &windows {
-        let (fixed, frames, path) = run_rows(model, base, prior, motion, *start, *end, &mut state);
+        let run = run_rows(model, base, prior, motion, *start, *end);
         for &center in centers {
             let begin = center - half - start;
-            let span = begin..begin + out.test.n_frames();
-            let (origin, fall) = fit_origin(&path[span.clone()], &out.test, stretch.kind, &model.gravity_mps2);
-            sums.fill(0.0);
-            for (i, frame) in frames[span].iter().enumerate() {
-                accumulate(&mut sums, &frame.0, &out.test, i, &fixed, &origin[i], &fall[i]);
-            }
+            let (origin, fall) =
+                fit_origin(&run.path[begin..begin + out.test.n_frames()], &out.test, stretch.kind, &model.gravity_mps2);
+            window_weights(&mut weights, &out.test, &run.fixed, &origin, &fall);
             let row = 6 * out.centers.len();
-            for r in 0..6 {
-                for c in 0..p {
-                    out.matrix[(row + r, c)] = sums[(r, c)];
-                }
+            for c in 0..p {
+                let to = &mut out.matrix.col_as_slice_mut(c)[row..row + 6];
+                to.copy_from_slice(&window_sums(&run, c, begin, &weights));
             }
             for (i, at) in origin.iter().enumerate() {
                 let frame = center - half + i;
@@ -281,35 +287,41 @@ fn valid_runs(first: usize, end: usize, good: impl Fn(usize) -> bool) -> Vec<(us
 }
 
 /// Rows of every frame of a run about one fixed point, that point, and the path of the prior's centre of mass.
-fn run_rows(
-    model: &Model,
-    base: &BaseParameters,
-    prior: &[Phi],
-    motion: &Motion,
-    start: usize,
-    end: usize,
-    state: &mut State,
-) -> (Vector3<f64>, Vec<FrameRows>, Vec<Vector3<f64>>) {
+fn run_rows(model: &Model, base: &BaseParameters, prior: &[Phi], motion: &Motion, start: usize, end: usize) -> RunRows {
     let p = base.len();
+    let mut state = State::new(model);
     state.forward_position(model, motion.q((start + end) / 2));
     let fixed = state.center_of_mass(prior).1;
     let mut velocity = Velocity::new(model);
-    let mut momentum = DMatrix::zeros(6, p);
-    let mut first_moment = DMatrix::zeros(3, p);
-    let mut frames = Vec::with_capacity(end - start);
-    let mut path = Vec::with_capacity(end - start);
-    for frame in start..end {
-        let v = velocity.at(model, motion, start, end, frame);
-        state.forward_velocity(model, motion.q(frame), v);
-        state.first_moment_rows(base, &fixed, &mut first_moment);
-        state.momentum_rows(base, &fixed, &mut momentum);
-        let mut rows = DMatrix::zeros(9, p);
-        rows.rows_mut(0, 3).copy_from(&first_moment);
-        rows.rows_mut(3, 6).copy_from(&momentum);
-        frames.push(FrameRows(rows));
-        path.push(state.center_of_mass(prior).1);
+    let n = end - start;
+    let stride = n.next_multiple_of(LANES);
+    // a window reads whole vectors, beyond its end with weights of zero
+    let mut out = RunRows { fixed, stride, series: vec![0.0; 9 * p * stride + LANES], path: Vec::with_capacity(n) };
+    let mut batch = FrameBatch::new(model);
+    let mut velocities = vec![0.0; LANES * model.nv];
+    let mut momentum = vec![[0.0; LANES]; 6 * p];
+    let mut first_moment = vec![[0.0; LANES]; 3 * p];
+    for begin in (start..end).step_by(LANES) {
+        // the last frame fills the lanes that the last batch leaves
+        let frame = |lane: usize| (begin + lane).min(end - 1);
+        for (lane, v) in velocities.chunks_exact_mut(model.nv).enumerate() {
+            v.copy_from_slice(velocity.at(model, motion, start, end, frame(lane)));
+        }
+        let v: [&[f64]; LANES] = from_fn(|lane| &velocities[lane * model.nv..(lane + 1) * model.nv]);
+        batch.forward_velocity(model, &from_fn(|lane| motion.q(frame(lane))), &v, &fixed);
+        batch.first_moment_rows(base, &mut first_moment);
+        batch.momentum_rows(base, &mut momentum);
+        for c in 0..p {
+            let rows = first_moment[3 * c..3 * c + 3].iter().chain(&momentum[6 * c..6 * c + 6]);
+            for (r, lanes) in rows.enumerate() {
+                let at = (9 * c + r) * stride + begin - start;
+                out.series[at..at + LANES].copy_from_slice(lanes);
+            }
+        }
+        let width = LANES.min(end - begin);
+        out.path.extend(batch.center_of_mass(prior)[..width].iter().map(|x| x + fixed));
     }
-    (fixed, frames, path)
+    out
 }
 
 /// Velocities by central differences on the manifold: sixth order inside a run, fourth and second next to its ends.
@@ -404,34 +416,110 @@ fn fit_origin(
     (origin, fall)
 }
 
-/// Adds frame `i` of a window to its six rows. The first base parameter is the whole mass, so a shift of the origin meets that column alone.
-fn accumulate(
-    full: &mut DMatrix<f64>,
-    frame: &DMatrix<f64>,
+/// What a frame's first moment and momenta are multiplied with in a window: see [`window_weights`].
+#[derive(Debug, Clone, Copy)]
+struct Weights {
+    /// ψ̈
+    second: Lanes,
+    /// −ψ̇
+    first: Lanes,
+    /// ψ̇ d: the moment arm that takes H from the fixed point to the moving origin
+    arm: [Lanes; 3],
+    /// ψ (g − ö) − ψ̇ ȯ
+    turn: [Lanes; 3],
+    /// d, which the first moment of the whole mass loses
+    shift: [Lanes; 3],
+    /// ψ (g − ö), which the whole mass adds to the force
+    fall: [Lanes; 3],
+}
+
+const NO_WEIGHTS: Weights = Weights {
+    second: [0.0; LANES],
+    first: [0.0; LANES],
+    arm: [[0.0; LANES]; 3],
+    turn: [[0.0; LANES]; 3],
+    shift: [[0.0; LANES]; 3],
+    fall: [[0.0; LANES]; 3],
+};
+
+/// The six rows of a window are sums over its frames, with `C′ = C − d` for the whole mass and C for all else:
+///
+/// ```text
+/// force   ψ̈ C′ − ψ (g − ö) m
+/// moment  −ψ̇ (H − d × P + ȯ × C′) + ψ (g − ö) × C′  =  −ψ̇ H + (ψ̇ d) × P + (ψ (g − ö) − ψ̇ ȯ) × C′
+/// ```
+fn window_weights(
+    out: &mut Vec<Weights>,
     test: &TestFunction,
-    i: usize,
     fixed: &Vector3<f64>,
-    origin: &Origin,
-    fall: &Vector3<f64>,
+    origin: &[Origin],
+    fall: &[Vector3<f64>],
 ) {
-    let (psi, psi_dot, psi_ddot) = (test.psi[i], test.psi_dot[i], test.psi_ddot[i]);
-    let d = origin.position - fixed;
-    let d_cross: Matrix3<f64> = d.cross_matrix();
-    let velocity_cross = origin.velocity.cross_matrix();
-    let fall_cross = fall.cross_matrix();
-    for c in 0..full.ncols() {
-        let column = frame.column(c);
-        let mass = if c == 0 { 1.0 } else { 0.0 };
-        // C about the moving origin, and H from the fixed point to it
-        let first: Vector3<f64> = Vector3::from(column.fixed_rows::<3>(0)) - d * mass;
-        let linear: Vector3<f64> = column.fixed_rows::<3>(3).into();
-        let angular: Vector3<f64> =
-            Vector3::from(column.fixed_rows::<3>(6)) - d_cross * linear + velocity_cross * first;
-        let force = first * psi_ddot - fall * (psi * mass);
-        let moment = -angular * psi_dot + fall_cross * first * psi;
+    out.clear();
+    out.resize(origin.len().div_ceil(LANES), NO_WEIGHTS);
+    for (i, (origin, fall)) in origin.iter().zip(fall).enumerate() {
+        let (weights, lane) = (&mut out[i / LANES], i % LANES);
+        let d = origin.position - fixed;
+        weights.second[lane] = test.psi_ddot[i];
+        weights.first[lane] = -test.psi_dot[i];
         for axis in 0..3 {
-            full[(axis, c)] += force[axis];
-            full[(3 + axis, c)] += moment[axis];
+            weights.arm[axis][lane] = test.psi_dot[i] * d[axis];
+            weights.fall[axis][lane] = test.psi[i] * fall[axis];
+            weights.turn[axis][lane] = test.psi[i] * fall[axis] - test.psi_dot[i] * origin.velocity[axis];
+            weights.shift[axis][lane] = d[axis];
         }
+    }
+}
+
+/// The six rows of a window in base column `c`; the window begins at frame `begin` of the run. The first base parameter is the whole mass, so
+/// a shift of the origin meets that column alone.
+fn window_sums(run: &RunRows, c: usize, begin: usize, weights: &[Weights]) -> [f64; 6] {
+    let series = |r: usize| {
+        let first = (9 * c + r) * run.stride + begin;
+        run.series[first..first + weights.len() * LANES].as_chunks::<LANES>().0
+    };
+    let frames: [&[Lanes]; 9] = from_fn(series);
+    let mut sums = [[0.0; LANES]; 6];
+    dispatch!(Level::new(), simd => if c == 0 {
+        sum_lanes::<_, true>(simd, &frames, weights, &mut sums);
+    } else {
+        sum_lanes::<_, false>(simd, &frames, weights, &mut sums);
+    });
+    sums.map(|lanes| lanes.iter().sum())
+}
+
+#[inline(always)]
+fn sum_lanes<S: Simd, const WHOLE_MASS: bool>(
+    simd: S,
+    frames: &[&[Lanes]; 9],
+    weights: &[Weights],
+    sums: &mut [Lanes; 6],
+) {
+    let zero = f64x8::splat(simd, 0.0);
+    let load = |lanes: &[Lanes; 3]| -> [f64x8<S>; 3] { from_fn(|axis| f64x8::load_array_ref(simd, &lanes[axis])) };
+    let (mut force, mut moment) = ([zero; 3], [zero; 3]);
+    for (i, w) in weights.iter().enumerate() {
+        let at = |r: usize| f64x8::load_array_ref(simd, &frames[r][i]);
+        let mut c = [at(0), at(1), at(2)];
+        let (p, h) = ([at(3), at(4), at(5)], [at(6), at(7), at(8)]);
+        if WHOLE_MASS {
+            let (shift, fall) = (load(&w.shift), load(&w.fall));
+            for axis in 0..3 {
+                c[axis] -= shift[axis];
+                force[axis] -= fall[axis];
+            }
+        }
+        let (arm, turn) = (load(&w.arm), load(&w.turn));
+        let second = f64x8::load_array_ref(simd, &w.second);
+        let first = f64x8::load_array_ref(simd, &w.first);
+        for axis in 0..3 {
+            let (y, z) = ((axis + 1) % 3, (axis + 2) % 3);
+            force[axis] += second * c[axis];
+            moment[axis] += first * h[axis] + (arm[y] * p[z] - arm[z] * p[y]) + (turn[y] * c[z] - turn[z] * c[y]);
+        }
+    }
+    for axis in 0..3 {
+        force[axis].store_array(&mut sums[axis]);
+        moment[axis].store_array(&mut sums[3 + axis]);
     }
 }
