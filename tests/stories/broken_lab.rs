@@ -30,6 +30,32 @@ fn broken_files_give_one_line_each_and_the_others_go_on() {
 }
 
 #[test]
+fn results_of_a_recording_that_breaks_later_are_not_used_any_more() {
+    let dir = folder();
+    let data = lab("fixtures/scenarios/chain_small.yaml", dir.path());
+    let ws = dir.path().join("ws").display().to_string();
+    let words = [&repo("pipelines/chain.yaml"), "--data", &data.display().to_string(), "--workspace", &ws];
+    expect(&[&["run"], &words[..]].concat(), 0);
+    let whole = fs::read(data.join("throws_02.c3d")).unwrap();
+    fs::write(data.join("throws_02.c3d"), b"").unwrap();
+    let (_, err) = expect(&[&["run"], &words[..]].concat(), 1);
+    let failed: Vec<&str> = err.lines().filter(|l| l.starts_with("failed: ")).collect();
+    assert!(failed.len() == 1 && failed[0].starts_with("failed: import throws_02"), "{err}");
+    let compared = json(&[&["compare"], &words[..], &["--json"]].concat());
+    assert!(compared["trials"].as_array().unwrap().iter().all(|t| t["trial"] != "throws_02"), "{}", compared["trials"]);
+    let status = json(&[&["status"], &words[..], &["--json"]].concat());
+    let row = status["rows"].as_array().unwrap().iter().find(|r| r["trial"] == "throws_02").unwrap();
+    assert_eq!(row["cells"][0], "failed");
+    assert!(row["cells"].as_array().unwrap().iter().any(|c| c == "blocked"), "{row}");
+    // mended: as if nothing had been
+    fs::write(data.join("throws_02.c3d"), whole).unwrap();
+    let (_, err) = expect(&[&["run"], &words[..]].concat(), 0);
+    assert!(err.lines().all(|l| !l.starts_with("failed")), "{err}");
+    let (_, err) = expect(&[&["run"], &words[..]].concat(), 0);
+    assert!(err.contains("0 done"), "{err}");
+}
+
+#[test]
 fn no_static_trial_is_said_with_a_way_out() {
     let dir = folder();
     let data = lab("fixtures/scenarios/human_small.yaml", dir.path());

@@ -1,6 +1,7 @@
 //! The stage graph: what each stage reads, which parameters it sees, and which tasks a study consists of.
 
 use crate::error::{PipelineError, StageFailure};
+use crate::stages::STAGES;
 use crate::study::{Role, Study, TrialEntry};
 use crate::workspace::{Manifest, WHOLE_STUDY, Workspace};
 use std::collections::{BTreeMap, HashMap};
@@ -136,6 +137,21 @@ impl Manifests {
     pub fn get(&self, stage: &str, trial: &str) -> Option<&Manifest> {
         self.0.get(&(stage.to_owned(), trial.to_owned()))
     }
+    /// Why a result must not be used: it failed or is missing, or something that it was made from (of the same trial or of the whole
+    /// study) has failed since. Results that were made before a recording broke do not outlive it.
+    pub fn trouble(&self, stage: &str, trial: &str) -> Option<String> {
+        match self.get(stage, trial) {
+            None => return Some(format!("{stage} has not run")),
+            Some(m) if !m.is_ok() => return Some(format!("{stage} failed")),
+            Some(_) => {}
+        }
+        let needs = STAGES.iter().find(|s| s.name == stage).map_or(&[][..], |s| s.needs);
+        needs.iter().find_map(|need| match need {
+            Need::Same(above) => self.trouble(above, trial),
+            Need::Once(above) => self.trouble(above, WHOLE_STUDY),
+            Need::Recording | Need::Every(..) | Need::EveryOrStaticFrames(..) => None,
+        })
+    }
     /// Puts a manifest in.
     pub fn insert(&mut self, manifest: Manifest) {
         self.0.insert((manifest.stage.clone(), manifest.trial.clone()), manifest);
@@ -151,14 +167,15 @@ pub fn inputs(
     manifests: &Manifests,
 ) -> Result<Inputs, PipelineError> {
     let mut out = Inputs { hashes: BTreeMap::new(), ready: Vec::new(), blocked_by: Vec::new() };
-    let upstream = |out: &mut Inputs, name: &str, of: &str, required: bool| match manifests.get(name, of) {
-        Some(m) if m.is_ok() => {
-            out.hashes.insert(format!("{name}/{of}"), m.output.clone());
-            out.ready.push((name.to_owned(), of.to_owned()));
+    let upstream = |out: &mut Inputs, name: &str, of: &str, required: bool| {
+        match (manifests.get(name, of), manifests.trouble(name, of)) {
+            (Some(m), None) => {
+                out.hashes.insert(format!("{name}/{of}"), m.output.clone());
+                out.ready.push((name.to_owned(), of.to_owned()));
+            }
+            (_, Some(reason)) if required => out.blocked_by.push(reason),
+            _ => {}
         }
-        Some(_) if required => out.blocked_by.push(format!("{name} failed")),
-        None if required => out.blocked_by.push(format!("{name} has not run")),
-        _ => {}
     };
     for need in stage.needs {
         match need {
