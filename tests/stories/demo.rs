@@ -1,5 +1,6 @@
 //! The story of the README on the recordings in the repository.
 
+use crate::report::{check_page, figures};
 use crate::support::{expect, folder, json, lab, repo};
 use std::fs;
 
@@ -52,7 +53,15 @@ fn the_demonstration_goes_from_recordings_to_a_report() {
 
     let (page, _) = expect(&["report", &demo, "--workspace", &ws], 0);
     let html = fs::read_to_string(page.trim()).unwrap();
-    assert!(html.len() < 10_000_000 && html.contains("Identified parameters") && html.contains("The ladder"));
+    let chapters = ["overview", "prediction", "discovery", "parameters", "kinematics", "methods", "trial-throws-01"];
+    check_page(&html, &chapters);
+    for told in ["The ladder falling to the floor", "at the noise floor", "quadratic_drag", "Choosing the filter", "Where the error sits"] {
+        assert!(html.contains(told), "the page does not tell of: {told}");
+    }
+    // the story from its beginning: the answer to the plain model and the answer after the drag was added
+    assert!(html.contains("asked of the plain model") && html.contains("asked of the model with quadratic_drag"));
+    let players = figures(&html).iter().filter(|f| f["joints"].is_object()).count();
+    assert_eq!(players, 3, "one player a recording");
 }
 
 #[test]

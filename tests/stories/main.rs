@@ -5,4 +5,5 @@ mod broken_lab;
 mod demo;
 mod estimators;
 mod one_stage_again;
+mod report;
 mod support;

@@ -1,37 +1,49 @@
-//! The page: sections of cards, text, tables and figures, rendered with one template.
+//! The page: chapters of sections of blocks.
 
-use crate::Figure;
-use minijinja::{AutoEscape, Environment, context};
+use crate::{Figure, Table};
 use serde::Serialize;
 
-/// Errors of this crate.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ReportError {
-    /// The template does not fit what it is given.
-    #[error("the report's template: {0}")]
-    Template(#[from] minijinja::Error),
-    /// The plotting library's script was not found in its package.
-    #[error("the plotting script is missing from the build")]
-    Script,
-}
-
-/// A traffic light; always shown with its word, never as colour alone.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+/// A traffic light; always shown with its sign and its word, never as colour alone.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Light {
+    /// Neither good nor bad.
+    #[default]
+    Neutral,
     /// As it should be.
     Good,
     /// Usable, with a remark.
     Fair,
     /// Not to be relied on.
     Poor,
-    /// Neither good nor bad.
-    Neutral,
+}
+
+impl Light {
+    /// Its word; empty for neutral.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Neutral => "",
+            Self::Good => "good",
+            Self::Fair => "fair",
+            Self::Poor => "poor",
+        }
+    }
+    /// Good below `good`, fair below `fair`, else poor; neutral where the value is missing.
+    pub fn below(value: f64, good: f64, fair: f64) -> Self {
+        if !value.is_finite() {
+            Self::Neutral
+        } else if value < good {
+            Self::Good
+        } else if value < fair {
+            Self::Fair
+        } else {
+            Self::Poor
+        }
+    }
 }
 
 /// One figure of merit.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Card {
     /// What it is.
     pub label: String,
@@ -41,17 +53,6 @@ pub struct Card {
     pub note: String,
     /// Judgement.
     pub light: Light,
-}
-
-/// A table of text.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub struct Table {
-    /// Caption.
-    pub caption: String,
-    /// Column heads.
-    pub header: Vec<String>,
-    /// Rows; the first cell of each is its name.
-    pub rows: Vec<Vec<String>>,
 }
 
 /// One piece of a section.
@@ -70,6 +71,11 @@ pub enum Block {
         /// Judgement.
         light: Light,
     },
+    /// Remarks or sentences one below the other.
+    List {
+        /// Plain text each.
+        items: Vec<String>,
+    },
     /// Figures of merit side by side.
     Cards {
         /// The cards.
@@ -80,10 +86,22 @@ pub enum Block {
         /// The table.
         table: Table,
     },
-    /// A chart.
+    /// A chart or a player.
     Figure {
-        /// The chart.
+        /// The figure.
         figure: Figure,
+    },
+    /// What only some readers want: shown on request.
+    Folded {
+        /// What it holds.
+        title: String,
+        /// Contents.
+        blocks: Vec<Block>,
+    },
+    /// Text to take away, with a button that copies it.
+    Copy {
+        /// Plain text.
+        text: String,
     },
     /// Commands to type.
     Commands {
@@ -92,10 +110,33 @@ pub enum Block {
     },
 }
 
+impl Block {
+    /// A paragraph.
+    pub fn text(text: impl Into<String>) -> Self {
+        Self::Text { text: text.into() }
+    }
+    /// A remark with its judgement.
+    pub fn remark(light: Light, text: impl Into<String>) -> Self {
+        Self::Remark { text: text.into(), light }
+    }
+}
+
+impl From<Table> for Block {
+    fn from(table: Table) -> Self {
+        Self::Table { table }
+    }
+}
+
+impl From<Figure> for Block {
+    fn from(figure: Figure) -> Self {
+        Self::Figure { figure }
+    }
+}
+
 /// A section with its heading.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Section {
-    /// Identifier in links.
+    /// Identifier in links, unique on the page.
     pub id: String,
     /// Heading.
     pub title: String,
@@ -105,6 +146,28 @@ pub struct Section {
     pub blocks: Vec<Block>,
 }
 
+impl Section {
+    /// A section.
+    pub fn new(id: impl Into<String>, title: &str, lead: &str, blocks: Vec<Block>) -> Self {
+        Self { id: id.into(), title: title.to_owned(), lead: lead.to_owned(), blocks }
+    }
+}
+
+/// What a reader sees at a time.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Chapter {
+    /// Identifier in links, unique on the page.
+    pub id: String,
+    /// Title, in the list of chapters, too.
+    pub title: String,
+    /// Heading in the list of chapters under which it stands.
+    pub group: String,
+    /// Judgement, shown in the list.
+    pub light: Light,
+    /// Contents.
+    pub sections: Vec<Section>,
+}
+
 /// A whole page.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Page {
@@ -112,81 +175,22 @@ pub struct Page {
     pub title: String,
     /// Line below the title.
     pub subtitle: String,
-    /// Sections in order.
-    pub sections: Vec<Section>,
+    /// Chapters in order; those of one group stand together.
+    pub chapters: Vec<Chapter>,
     /// Small print: versions, hashes.
     pub footer: Vec<String>,
 }
 
-fn plotting_script() -> Result<String, ReportError> {
-    // the package joins the plotting library and a formula renderer (2 MB, unused here); keep the first
-    const END: &str = "</script>";
-    let both = plotly::Plot::offline_js_sources();
-    let end = both.find(END).ok_or(ReportError::Script)?;
-    Ok(both[..end + END.len()].to_owned())
-}
-
-/// Renders the page as one HTML text that needs nothing else.
-pub fn render(page: &Page) -> Result<String, ReportError> {
-    let mut env = Environment::new();
-    env.set_auto_escape_callback(|_| AutoEscape::Html);
-    env.add_template("page.html", include_str!("../templates/page.html"))?;
-    let figures: Vec<_> = page
-        .sections
-        .iter()
-        .flat_map(|s| &s.blocks)
-        .filter_map(|b| match b {
-            Block::Figure { figure } => Some(figure.to_plot()),
-            _ => None,
-        })
-        .collect();
-    // `</` inside a script element would end it
-    let figures = serde_json::Value::Array(figures).to_string().replace("</", "<\\/");
-    let html = env.get_template("page.html")?.render(context! {
-        page => minijinja::value::Serde(page),
-        figures => figures,
-        plotting_script => plotting_script()?,
-        style => include_str!("../templates/page.css"),
-        script => include_str!("../templates/page.js"),
-    })?;
-    Ok(html)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::Series;
-
-    #[test]
-    fn prop_page_is_self_contained_and_escaped() {
-        let page = Page {
-            title: "S <01>".to_owned(),
-            sections: vec![Section {
-                id: "a".to_owned(),
-                title: "A".to_owned(),
-                blocks: vec![
-                    Block::Figure {
-                        figure: Figure::lines(
-                            "t",
-                            "x",
-                            "y",
-                            vec![Series::line("</script><b>", vec![0.0, 1.0], vec![f64::NAN, 2.0])],
-                        ),
-                    },
-                    Block::Table {
-                        table: Table { caption: "c".into(), header: vec!["h".into()], rows: vec![vec!["<i>".into()]] },
-                    },
-                ],
-                ..Section::default()
-            }],
-            ..Page::default()
-        };
-        let html = render(&page).unwrap();
-        assert!(html.contains("S &lt;01&gt;") && html.contains("&lt;i&gt;"));
-        assert!(!html.contains("</script><b>"));
-        assert!(html.contains("plotly.js v"), "the plotting library must be inside");
-        assert!(html.len() < 6_000_000, "{} bytes", html.len());
-        let own = html.replace(&plotting_script().unwrap(), "");
-        assert!(!own.contains("src=\"http") && !own.contains("href=\"http"));
+impl Page {
+    /// True when a figure on it is drawn by `chart` or `player`.
+    pub fn has(&self, drawn_by: &str) -> bool {
+        fn any(blocks: &[Block], drawn_by: &str) -> bool {
+            blocks.iter().any(|b| match b {
+                Block::Figure { figure } => figure.drawn_by == drawn_by,
+                Block::Folded { blocks, .. } => any(blocks, drawn_by),
+                _ => false,
+            })
+        }
+        self.chapters.iter().flat_map(|c| &c.sections).any(|s| any(&s.blocks, drawn_by))
     }
 }

@@ -1,40 +1,103 @@
-// Draws each chart when it comes into view, so that a page with many charts opens at once; saves tables and charts as CSV.
+// One chapter at a time; figures drawn when they come into view; tables sorted; CSV; theme and print.
 (() => {
-  const options = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
+  const chapters = [...document.querySelectorAll(".chapter")];
+  const drawings = [...document.querySelectorAll(".drawing")];
+  const drawn = new Set();
   const draw = (el) => {
-    const f = FIGURES[+el.dataset.figure];
-    if (!f || el.dataset.drawn) return;
-    el.dataset.drawn = "1";
-    Plotly.newPlot(el, f.data, f.layout, options).then(() => f.frames && Plotly.addFrames(el, f.frames));
-  };
-  const charts = [...document.querySelectorAll(".chart")];
-  if ("IntersectionObserver" in window && !location.hash.includes("draw-all")) {
-    const seen = new IntersectionObserver((list) => list.forEach((e) => { if (e.isIntersecting) { draw(e.target); seen.unobserve(e.target); } }), { rootMargin: "400px" });
-    charts.forEach((c) => seen.observe(c));
-  } else {
-    charts.forEach(draw);
-  }
-  window.addEventListener("beforeprint", () => charts.forEach(draw));
-  const quote = (v) => (/[",\n]/.test(v) ? '"' + String(v).replace(/"/g, '""') + '"' : String(v));
-  const save = (name, rows) => {
-    const blob = new Blob([rows.map((r) => r.map((v) => quote(v ?? "")).join(",")).join("\n") + "\n"], { type: "text/csv" });
-    const a = document.createElement("a");
-    a.href = URL.createObjectURL(blob);
-    a.download = name + ".csv";
-    a.click();
-    URL.revokeObjectURL(a.href);
-  };
-  const name = (fig) => fig.querySelector("figcaption").firstChild.textContent.trim().toLowerCase().replace(/[^a-z0-9]+/g, "_").slice(0, 60);
-  document.querySelectorAll("button.csv").forEach((b) => b.addEventListener("click", () => {
-    const fig = b.closest("figure");
-    const table = fig.querySelector("table");
-    if (table) return save(name(fig), [...table.rows].map((r) => [...r.cells].map((c) => c.textContent)));
-    const f = FIGURES[+fig.querySelector(".chart").dataset.figure];
-    const rows = [["series", "x", "y", "z"]];
-    for (const t of f.data) {
-      if (t.type === "heatmap") t.y.forEach((y, i) => t.x.forEach((x, j) => rows.push([y, x, t.z[i][j], ""])));
-      else (t.x || []).forEach((x, i) => rows.push([t.name || "", x, (t.y || [])[i], (t.z || [])[i] ?? ""]));
+    if (drawn.has(el)) return;
+    drawn.add(el);
+    try {
+      (el.classList.contains("player") ? Player : Charts).draw(el);
+    } catch (e) {
+      el.textContent = "This figure could not be drawn: " + e.message;
     }
-    save(name(fig), rows);
+  };
+  const seen = new IntersectionObserver((list) => list.forEach((e) => { if (e.isIntersecting) draw(e.target); }), { rootMargin: "300px" });
+  drawings.forEach((d) => seen.observe(d));
+  document.querySelectorAll("details").forEach((d) => d.addEventListener("toggle", () => d.open && d.querySelectorAll(".drawing").forEach(draw)));
+
+  const title = document.title;
+  let all = false;
+  const show = (move) => {
+    const id = decodeURIComponent(location.hash.slice(1));
+    const target = id && document.getElementById(id);
+    const chapter = target?.closest(".chapter") || chapters[0];
+    all = all || id === "draw-all";
+    chapters.forEach((c) => { c.hidden = !all && c !== chapter; });
+    document.querySelectorAll("nav a").forEach((a) => {
+      const own = a.getAttribute("href") === "#" + chapter.id;
+      a.toggleAttribute("aria-current", own);
+      if (own) { a.setAttribute("aria-current", "page"); a.scrollIntoView({ block: "nearest" }); }
+    });
+    if (chapter !== chapters[0]) document.title = chapter.querySelector(".chapter-title").textContent + " · " + title;
+    else document.title = title;
+    if (all) drawings.forEach(draw);
+    if (move) (target && target !== chapter ? target : document.body).scrollIntoView();
+  };
+  window.addEventListener("hashchange", () => show(true));
+  show(location.hash.length > 1);
+
+  // print what is shown, or everything
+  const prepare = () => drawings.filter((d) => d.offsetParent).forEach(draw);
+  window.addEventListener("beforeprint", prepare);
+  document.getElementById("print-all").addEventListener("click", async () => {
+    document.querySelectorAll("details").forEach((d) => { d.open = true; });
+    chapters.forEach((c) => { c.hidden = false; });
+    drawings.forEach(draw);
+    setTimeout(() => window.print(), 300);
+  });
+
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+    [...drawn].filter((d) => d.classList.contains("chart")).forEach(Charts.draw);
+    Player.renderAll();
+  });
+
+  document.querySelectorAll("button.csv").forEach((b) => b.addEventListener("click", () => {
+    const figure = b.closest("figure"), table = figure.querySelector("table");
+    const name = b.closest(".chapter").querySelector(".chapter-title").textContent + " " + figure.querySelector(".what").textContent;
+    const rows = table
+      ? [...table.rows].map((r) => [...r.cells].map((c) => c.innerText.trim()))
+      : (figure.querySelector(".player") ? Player : Charts).rows(figure);
+    Numbers.save(name, rows);
+  }));
+
+  // a click on a head sorts by it
+  const key = (cell) => { const t = cell.innerText.trim(), v = parseFloat(t.replace("−", "-")); return Number.isFinite(v) ? v : t; };
+  document.querySelectorAll("table").forEach((table) => {
+    const body = table.tBodies[0];
+    if (body.rows.length < 3) return;
+    [...table.tHead.rows[0].cells].forEach((head, i) => {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.className = "sort";
+      button.append(...head.childNodes);
+      head.append(button);
+      button.addEventListener("click", () => {
+        const up = head.getAttribute("aria-sort") !== "ascending";
+        [...table.tHead.rows[0].cells].forEach((h) => h.removeAttribute("aria-sort"));
+        head.setAttribute("aria-sort", up ? "ascending" : "descending");
+        const rows = [...body.rows].sort((a, b) => {
+          const [x, y] = [key(a.cells[i]), key(b.cells[i])];
+          const order = typeof x === typeof y ? (x < y ? -1 : x > y ? 1 : 0) : typeof x === "number" ? -1 : 1;
+          return up ? order : -order;
+        });
+        body.append(...rows);
+      });
+    });
+  });
+
+  document.querySelectorAll("button.copy-text").forEach((b) => b.addEventListener("click", async () => {
+    const text = b.previousElementSibling.textContent;
+    try {
+      await navigator.clipboard.writeText(text);
+      b.textContent = "Copied";
+    } catch {
+      const range = document.createRange();
+      range.selectNodeContents(b.previousElementSibling);
+      getSelection().removeAllRanges();
+      getSelection().addRange(range);
+      b.textContent = "Selected: press Ctrl+C";
+    }
+    setTimeout(() => { b.textContent = "Copy"; }, 2500);
   }));
 })();

@@ -2,7 +2,7 @@
 
 use crate::error::PipelineError;
 use crate::graph::Job;
-use crate::revision::ModelEffect;
+use crate::revision::{ModelEffect, Revisions};
 use crate::stages::regressor::TrialRows;
 use crate::study::Study;
 use crate::workspace::{WHOLE_STUDY, Workspace, write_json};
@@ -11,6 +11,7 @@ use aloft_discover::{Body, DiscoverOptions, Discovery, Session, TrialInput, cata
 use aloft_identify::LinkPrior;
 use aloft_regressor::WeakOptions;
 use rayon::prelude::*;
+use std::path::PathBuf;
 
 /// Ranks the whole catalogue against the present model; keeps the answer beside the results for `effect add` and `report`.
 pub fn discover(study: &Study, options: &DiscoverOptions) -> Result<Discovery, PipelineError> {
@@ -69,7 +70,19 @@ pub fn discover(study: &Study, options: &DiscoverOptions) -> Result<Discovery, P
     let accepted = study.effects.iter().map(|e: &ModelEffect| e.choice(&scene)).collect::<Result<Vec<_>, _>>()?;
     let found = rank(&session, &catalogue(), &accepted, options).map_err(|e| wrong(&e))?;
     write_json(&study.workspace.join("discovery.json"), &found)?;
+    // the answer to each revision of the model stays, so that the report can tell the story from its beginning
+    let revision = Revisions::load(&study.workspace)?.revisions.len().saturating_sub(1);
+    let kept = answer_of(study, revision);
+    if let Some(folder) = kept.parent() {
+        std::fs::create_dir_all(folder).map_err(PipelineError::io("create", folder))?;
+    }
+    write_json(&kept, &found)?;
     Ok(found)
+}
+
+/// Where the answer to a revision of the model is kept.
+pub fn answer_of(study: &Study, revision: usize) -> PathBuf {
+    study.workspace.join("discoveries").join(format!("revision_{revision}.json"))
 }
 
 /// Options for some effects only, or without some.

@@ -1,154 +1,124 @@
-//! What is missing, and the ladder of revisions.
+//! The story of what is missing: verdict, ranking, look-alikes, ladder, what to record next.
 
+use super::STUDY;
+use super::candidates;
+use super::ladder;
+use super::story::Story;
 use super::words::{card, number};
-use crate::command::effect::{HistoryRow, history};
-use crate::error::PipelineError;
-use crate::study::Study;
-use crate::workspace::read_json;
 use aloft_discover::{Discovery, Verdict};
-use aloft_report::{Block, Figure, Light, Section, Series, Table};
+use aloft_report::{Block, Chapter, Light, Section};
 
-/// What the last `discover` said, where there was one.
-pub fn missing(study: &Study) -> Option<Section> {
-    let d: Discovery = read_json(&study.workspace.join("discovery.json")).ok()?;
-    let light = match d.verdict {
+/// The chapter.
+pub fn chapter(story: &Story<'_>) -> Chapter {
+    let mut sections = Vec::new();
+    let last = story.discoveries.len();
+    for (i, (revision, d)) in story.discoveries.iter().enumerate() {
+        sections.push(answer(story, *revision, d, last > 1));
+        if i + 1 == last || last <= 2 {
+            sections.push(candidates::ranking(d, &format!("-{revision}")));
+        }
+    }
+    sections.extend(ladder::section(story));
+    if let Some(d) = story.discovery() {
+        if !d.advice.is_empty() {
+            sections.push(Section::new(
+                "next",
+                "What to record next",
+                "Motions that would tell apart what these recordings cannot, the most useful first.",
+                vec![Block::List { items: d.advice.clone() }],
+            ));
+        }
+        if !d.warnings.is_empty() {
+            let blocks = vec![Block::List { items: d.warnings.clone() }];
+            sections.push(Section::new("left-out", "Left out, and why", "", blocks));
+        }
+    }
+    if story.discoveries.is_empty() {
+        let p = story.study.config_path.display();
+        sections.insert(
+            0,
+            Section::new(
+                "missing",
+                "Not asked yet",
+                "`discover` refits the mass parameters together with each physical effect and each measurement artefact, and judges them on recordings that took no part.",
+                vec![Block::Commands { lines: vec![format!("aloft discover {p}"), format!("aloft report {p}")] }],
+            ),
+        );
+    }
+    let light = story.discovery().map_or(Light::Neutral, |d| verdict_light(d.verdict));
+    Chapter { id: "discovery".into(), title: "What is missing".into(), group: STUDY.into(), light, sections }
+}
+
+fn verdict_light(v: Verdict) -> Light {
+    match v {
         Verdict::NothingMissing => Light::Good,
         Verdict::Supported | Verdict::OneOf => Light::Fair,
         Verdict::NotDetectable => Light::Neutral,
-    };
-    let ranked: Vec<_> = d.candidates.iter().filter(|c| !c.placebo).take(12).collect();
-    let names: Vec<String> = ranked.iter().map(|c| c.key.clone()).collect();
-    let ratios = ranked.iter().map(|c| c.held_out_ratio).collect();
-    let halves = ranked.iter().map(|c| (c.ci95[1] - c.ci95[0]) / 2.0).collect();
-    let mut blocks = vec![
-        Block::Remark { text: d.words.clone(), light },
-        Block::Cards {
-            cards: vec![
-                card(
-                    "Held-out error before",
-                    format!("{} N", number(d.held_out_error)),
-                    format!("{:.2} % of body weight", 100.0 * d.held_out_error_of_weight),
-                    Light::Neutral,
-                ),
-                card(
-                    "With the effects found",
-                    format!("{} N", number(d.held_out_error_after)),
-                    String::new(),
-                    Light::Neutral,
-                ),
-                card(
-                    "Noise of the markers alone",
-                    format!("{} N", number(d.noise_floor)),
-                    "what no model can remove".into(),
-                    Light::Neutral,
-                ),
-            ],
-        },
-        Block::Figure {
-            figure: Figure::bars(
-                "Held-out error with each effect over that without (95 % interval); 1 means that it explains nothing",
-                "ratio",
-                &names,
-                &[("held-out ratio".to_owned(), ratios, halves)],
-            ),
-        },
-    ];
-    let rows = ranked
-        .iter()
-        .map(|c| {
-            let first = c.coefficients.first();
-            let like: Vec<&str> =
-                c.confused_with.iter().filter(|x| x.p_value > 0.05).map(|x| x.effect.as_str()).collect();
-            vec![
-                c.key.clone(),
-                format!("{:.3} ({:.2} to {:.2})", c.held_out_ratio, c.ci95[0], c.ci95[1]),
-                first.map_or("–".into(), |e| {
-                    format!("{} {} ± {} {}", e.name, number(e.value), number(1.96 * e.se), e.unit)
-                }),
-                number(c.minimum_detectable),
-                if like.is_empty() { "–".into() } else { like.join(", ") },
-                if c.believed { "yes".into() } else { "no".into() },
-            ]
-        })
-        .collect();
-    blocks.push(Block::Table {
-        table: Table {
-            caption: "Candidates: physics and measurement artefacts in one ranking".into(),
-            header: [
-                "effect",
-                "held-out ratio",
-                "coefficient",
-                "smallest that would be seen",
-                "cannot be told from",
-                "believed",
-            ]
-            .map(str::to_owned)
-            .to_vec(),
-            rows,
-        },
-    });
-    blocks.extend(d.advice.iter().map(|a| Block::Text { text: format!("Next recording: {a}") }));
-    Some(Section {
-        id: "missing".into(),
-        title: "What is missing".into(),
-        lead: "Every effect was refitted together with the inertial parameters and judged on flights or trials that took no part.".into(),
-        blocks,
-    })
+    }
 }
 
-/// The revisions of the model, where there is more than one.
-pub fn ladder(study: &Study) -> Result<Option<Section>, PipelineError> {
-    let h = history(study)?;
-    if h.revisions.len() < 2 {
-        return Ok(None);
+fn verdict_word(v: Verdict) -> &'static str {
+    match v {
+        Verdict::NothingMissing => "nothing missing",
+        Verdict::Supported => "supported",
+        Verdict::OneOf => "one of several",
+        Verdict::NotDetectable => "not detectable",
     }
-    let x: Vec<f64> = h.revisions.iter().map(|r| r.revision as f64).collect();
-    let of = |get: &dyn Fn(&HistoryRow) -> Option<f64>| {
-        h.revisions.iter().map(|r| get(r).unwrap_or(f64::NAN)).collect::<Vec<f64>>()
-    };
-    let mut error = Series::line("held-out error", x.clone(), of(&|r| r.held_out_error));
-    error.mode = "lines+markers";
-    let floor = Series::line("noise alone", x, of(&|r| r.noise_floor)).dashed();
-    let rows = h
-        .revisions
-        .iter()
-        .map(|r| {
-            vec![
-                format!("{} ({})", r.revision, r.action),
-                if r.effects.is_empty() { "none".into() } else { r.effects.join(", ") },
-                r.held_out_error.map_or("–".into(), number),
-                r.noise_floor.map_or("–".into(), number),
-                r.coefficients
-                    .iter()
-                    .map(|c| format!("{} {} ± {}", c.name, number(c.value), number(1.96 * c.se)))
-                    .collect::<Vec<_>>()
-                    .join("; "),
-                r.void.clone().unwrap_or_default(),
-            ]
-        })
-        .collect();
-    Ok(Some(Section {
-        id: "ladder".into(),
-        title: "The ladder".into(),
-        lead: "Each revision of the model and the error that it left on held-out motion.".into(),
-        blocks: vec![
-            Block::Figure {
-                figure: Figure::lines(
-                    "Held-out error (weak windows) of each model revision",
-                    "revision",
-                    "N",
-                    vec![error, floor],
-                ),
-            },
-            Block::Table {
-                table: Table {
-                    caption: "Revisions".into(),
-                    header: ["revision", "effects", "held-out error, N", "noise, N", "coefficients", "remark"]
-                        .map(str::to_owned)
-                        .to_vec(),
-                    rows,
-                },
-            },
-        ],
-    }))
+}
+
+/// The answer against one revision of the model.
+fn answer(story: &Story<'_>, revision: usize, d: &Discovery, several: bool) -> Section {
+    let held = story.history.revisions.get(revision).map(|r| r.effects.join(", ")).filter(|e| !e.is_empty());
+    let model = held.map_or_else(|| "the plain model".to_owned(), |e| format!("the model with {e}"));
+    let mut blocks = vec![Block::remark(verdict_light(d.verdict), d.words.clone())];
+    let share = 100.0 * d.held_out_error_of_weight;
+    let mut cards = vec![
+        card("Verdict", verdict_word(d.verdict).to_owned(), d.effects.join(", "), verdict_light(d.verdict)),
+        card(
+            "Held-out error",
+            format!("{} N", number(d.held_out_error)),
+            format!("{share:.2} % of the weight"),
+            Light::Neutral,
+        ),
+    ];
+    if !d.found.is_empty() {
+        let names: Vec<&str> = d.found.iter().map(|f| f.key.as_str()).collect();
+        cards.push(card(
+            "With what was found",
+            format!("{} N", number(d.held_out_error_after)),
+            format!("with {}", names.join(", ")),
+            Light::Neutral,
+        ));
+    }
+    cards.push(card(
+        "Noise of the markers alone",
+        format!("{} N", number(d.noise_floor)),
+        "no model can go below it",
+        Light::Neutral,
+    ));
+    blocks.push(Block::Cards { cards });
+    if let Some(r) = d.rounds.first() {
+        blocks.push(Block::text(format!(
+            "Judged on {} {} held out one after the other. Signs of the residuals flipped at random, the best of the whole catalogue came to a \
+             ratio of {} in one case of twenty: only a ratio below {} is believed.",
+            r.clusters,
+            r.judged_on,
+            number(r.null_quantiles[1]),
+            number(r.threshold)
+        )));
+    }
+    if d.rounds.len() > 1 {
+        let items = d.rounds.iter().enumerate().map(|(i, r)| {
+            let with = if r.model.is_empty() { "plain".to_owned() } else { format!("with {}", r.model.join(", ")) };
+            format!("Round {} ({}, {with}): {}", i + 1, r.judged_on, r.words)
+        });
+        blocks.push(Block::List { items: items.collect() });
+    }
+    let title = if several { format!("Revision {revision}: asked of {model}") } else { "The verdict".to_owned() };
+    Section::new(
+        format!("missing-{revision}"),
+        &title,
+        "Each effect was refitted together with the mass parameters and judged on recordings that took no part.",
+        blocks,
+    )
 }

@@ -1,21 +1,38 @@
 //! `report`: the page that tells the story of a study to someone who was not there.
+//!
+//! One file a chapter. [`story`] reads the workspace once; [`lights`] judges; the chapters choose what to say.
 
+mod anthropometry;
+mod calibration;
+mod candidates;
 mod discovery;
+mod filtering;
+mod flights;
 mod kinematics;
+mod ladder;
+mod lights;
 mod methods;
 mod overview;
 mod parameters;
+mod prediction;
+mod residuals;
+mod series;
 mod skeleton;
+mod story;
+mod trial;
 mod words;
-mod wrench;
 
-use crate::command::compare::compare;
-use crate::command::parameters::parameters as identified;
 use crate::error::PipelineError;
 use crate::study::Study;
-use crate::workspace::Workspace;
-use aloft_report::{Page, render};
+use aloft_report::{Chapter, Page, render};
+use rayon::prelude::*;
 use std::path::{Path, PathBuf};
+use story::Story;
+
+/// Heading of the chapters about the whole study.
+const STUDY: &str = "Study";
+/// Heading of the chapters about one recording each.
+const RECORDINGS: &str = "Recordings";
 
 /// Builds the page and writes it; returns where.
 pub fn write(study: &Study, out: Option<&Path>) -> Result<PathBuf, PipelineError> {
@@ -26,33 +43,36 @@ pub fn write(study: &Study, out: Option<&Path>) -> Result<PathBuf, PipelineError
 }
 
 fn page(study: &Study) -> Result<Page, PipelineError> {
-    let ws = Workspace::open(&study.workspace);
-    let comparison = compare(study)?;
-    let found = identified(study, None)?;
-    let mut sections = vec![overview::overview(&comparison, &found)];
-    sections.push(overview::recordings(study, &ws, &comparison));
-    sections.push(wrench::wrench(study, &ws, &comparison)?);
-    sections.push(wrench::where_it_fails(&comparison));
-    sections.extend(discovery::missing(study));
-    sections.extend(discovery::ladder(study)?);
-    sections.push(parameters::identified(&found));
-    sections.extend(kinematics::kinematics(study, &ws)?);
-    sections.push(methods::methods(study, &found));
+    let story = Story::read(study)?;
+    let mut chapters = vec![overview::chapter(&story)];
+    chapters.extend(prediction::chapter(&story));
+    chapters.push(discovery::chapter(&story));
+    chapters.extend(parameters::chapter(&story));
+    chapters.push(kinematics::chapter(&story));
+    chapters.push(methods::chapter(&story));
+    let shown: Vec<_> = story.trials.iter().filter(|t| t.entry.role.is_dynamic() || !t.failures.is_empty()).collect();
+    let recordings: Vec<Chapter> = shown.par_iter().map(|t| trial::chapter(&story, t)).collect();
+    chapters.extend(recordings);
+    let person = &study.facts.person;
+    let flights = story.found.as_ref().map_or(0, |f| f.parameters.n_stretches);
+    let mut facts = vec![study.config.name.clone()];
+    if words::short(&person.name) != person.name {
+        facts.push(person.name.clone());
+    }
+    facts.push(words::count(study.included().count(), "recording"));
+    facts.push(words::count(flights, "flight"));
+    facts.push(format!("mass {} kg", person.mass_kg));
+    facts.extend(person.height_m.map(|h| format!("height {h} m")));
+    let sources = &study.facts.sources;
     Ok(Page {
-        title: format!("{}: mass properties from flight", study.facts.person.name),
-        subtitle: format!(
-            "{} · {} recordings · {} flights · body mass {} kg",
-            study.config.name,
-            study.included().count(),
-            comparison.parameters.flights,
-            study.facts.person.mass_kg
-        ),
-        sections,
+        title: format!("{}: mass properties from flight", words::short(&person.name)),
+        subtitle: facts.join(" · "),
+        chapters,
         footer: vec![format!(
-            "aloft {} · pipeline {} · facts from {}",
+            "aloft {} · pipeline {} · facts from {} · every number of a figure or table: its CSV button; full rate: the Parquet tables of the workspace",
             env!("CARGO_PKG_VERSION"),
             study.config.name,
-            if study.facts.sources.is_empty() { "the pipeline".to_owned() } else { study.facts.sources.join(" and ") }
+            if sources.is_empty() { "the pipeline".to_owned() } else { sources.join(" and ") }
         )],
     })
 }

@@ -1,195 +1,187 @@
 //! What was identified, how well it predicts, and what came in.
 
-use super::words::{card, number, three};
-use crate::command::compare::{ComparisonView, errors_of, judged_on, mean};
-use crate::command::parameters::ParametersView;
-use crate::stages::STAGES;
-use crate::study::Study;
-use crate::workspace::{WHOLE_STUDY, Workspace};
-use aloft_report::{Block, Light, Section, Table};
+use super::STUDY;
+use super::lights;
+use super::prediction::model_table;
+use super::story::{Story, TrialStory};
+use super::words::{card, maybe, number};
+use crate::command::compare::{errors_of, judged_on, mean};
+use aloft_discover::Verdict;
+use aloft_report::{Block, Card, Cell, Chapter, Light, Section, Table};
 
-pub fn overview(view: &ComparisonView, found: &ParametersView) -> Section {
-    let c = &view.comparison;
-    let (force, moment, _, _) = errors_of(&c.first);
-    let prior = c.beside.iter().find(|m| m.model == "prior").map(errors_of);
-    let ratio = view.parameters.sigma_ratio;
-    let rms: Vec<f64> = view.kinematics.iter().filter_map(|k| k.marker_rms_mm).collect();
-    let mean_rms = rms.iter().sum::<f64>() / rms.len().max(1) as f64;
-    let beside = |own: f64, prior: Option<f64>, unit: &str| {
-        let light = match prior {
-            Some(p) if own < 0.95 * p => Light::Good,
-            Some(p) if own > 1.05 * p => Light::Poor,
-            _ => Light::Fair,
-        };
-        (prior.map_or(String::new(), |p| format!("prior {} {unit}", number(p))), light)
-    };
-    let (force_note, force_light) = beside(mean(&force), prior.map(|p| mean(&p.0)), "N");
-    let (moment_note, moment_light) = beside(mean(&moment), prior.map(|p| mean(&p.1)), "N·m");
-    let cards = vec![
-        card(
-            "Flights used",
-            view.parameters.flights.to_string(),
-            format!("{} rows", view.parameters.rows),
+/// The first chapter.
+pub fn chapter(story: &Story<'_>) -> Chapter {
+    let cards = cards(story);
+    let light = cards.iter().map(|c| c.light).max().unwrap_or_default();
+    let mut result = vec![Block::Cards { cards }];
+    result.extend(remarks(story));
+    let mut sections = vec![Section::new(
+        "result",
+        "Result",
+        "What was identified from motion in the air alone, how well it predicts what was measured, and how far it may be believed.",
+        result,
+    )];
+    if let Some(view) = &story.comparison {
+        let mut blocks: Vec<Block> = vec![model_table(view).into()];
+        blocks.push(Block::List { items: view.comparison.words.clone() });
+        sections.push(Section::new("in-short", "Model against measurement, in short", "", blocks));
+    }
+    sections.push(Section::new(
+        "quality",
+        "Quality of the recordings",
+        "Every recording with its judgement and the reasons for it. In flight the centre of mass should fall with g: how nearly it \
+         does, with the masses of the tables, checks cameras, markers and flight edges together.",
+        vec![recordings(story).into()],
+    ));
+    Chapter { id: "overview".into(), title: "Overview".into(), group: STUDY.into(), light, sections }
+}
+
+fn cards(story: &Story<'_>) -> Vec<Card> {
+    let (light, note) = lights::recordings(story);
+    let used = story.trials.iter().filter(|t| t.entry.excluded.is_none()).count();
+    let mut cards = vec![card("Recordings", used.to_string(), note, light)];
+    let rms: Vec<f64> = story.dynamic().filter_map(|t| t.kinematics.as_ref()?.marker_rms_mm).collect();
+    let mean_rms = rms.iter().sum::<f64>() / rms.len() as f64;
+    cards.push(card(
+        "Marker error, RMS",
+        format!("{} mm", number(mean_rms)),
+        "mean over recordings; usual limit 20 mm",
+        lights::marker_rms(mean_rms),
+    ));
+    let fall: Vec<f64> = story.dynamic().filter_map(|t| t.kinematics.as_ref()?.gravity_error_percent).collect();
+    if !fall.is_empty() {
+        let mean_fall = fall.iter().map(|g| g.abs()).sum::<f64>() / fall.len() as f64;
+        cards.push(card(
+            "Free fall against g",
+            format!("{} %", number(mean_fall)),
+            "mean size over recordings, masses of the tables",
+            lights::free_fall(mean_fall),
+        ));
+    }
+    if let Some(found) = &story.found {
+        let p = &found.parameters;
+        cards.push(card(
+            "Flights",
+            p.n_stretches.to_string(),
+            format!("{} rows of the regressor", p.n_rows),
             Light::Neutral,
-        ),
-        card(&format!("Force error, {}", judged_on(c)), format!("{} N", number(mean(&force))), force_note, force_light),
-        card("Moment error", format!("{} N·m", number(mean(&moment))), moment_note, moment_light),
-        card(
+        ));
+        cards.push(card(
             "Singular-value gap σ_N−1 / σ_N",
-            number(ratio),
-            "how clearly the motion shows the parameters".to_owned(),
-            if ratio >= 20.0 {
-                Light::Good
-            } else if ratio >= 3.0 {
-                Light::Fair
-            } else {
-                Light::Poor
-            },
-        ),
-        card(
-            "Marker error, RMS",
-            format!("{} mm", number(mean_rms)),
-            "usual limit 20 mm".to_owned(),
-            if mean_rms < 10.0 {
-                Light::Good
-            } else if mean_rms < 20.0 {
-                Light::Fair
-            } else {
-                Light::Poor
-            },
-        ),
-    ];
-    let mut blocks = vec![Block::Cards { cards }];
-    let gate = &found.parameters.gate;
-    if gate.passed {
-        blocks.push(Block::Remark {
-            text: "The motion determines the parameters; intervals stand beside every number.".into(),
-            light: Light::Good,
-        });
+            number(p.sigma.ratio),
+            "how clearly the motion shows the parameters; 20 is clear",
+            lights::gap(p.sigma.ratio),
+        ));
     }
-    for reason in &gate.reasons {
-        blocks.push(Block::Remark { text: reason.clone(), light: if gate.passed { Light::Fair } else { Light::Poor } });
-    }
-    for advice in gate.advice.iter().take(4) {
-        blocks.push(Block::Remark { text: advice.clone(), light: Light::Neutral });
-    }
-    blocks.push(Block::Table { table: model_table(view) });
-    for line in &c.words {
-        blocks.push(Block::Text { text: line.clone() });
-    }
-    Section {
-        id: "overview".into(),
-        title: "Overview".into(),
-        lead: "What was identified from motion in the air alone, and how well it predicts what plates measured.".into(),
-        blocks,
-    }
-}
-
-pub fn model_table(view: &ComparisonView) -> Table {
-    let c = &view.comparison;
-    let mut rows: Vec<Vec<String>> = c
-        .models()
-        .map(|m| {
-            let (f, n, wf, wn) = errors_of(m);
-            vec![m.model.clone(), three(&f), three(&n), number(mean(&wf)), number(mean(&wn))]
-        })
-        .collect();
-    if let Some(floor) = &c.noise_floor {
-        let (frames, windows) = if c.first.held_out.frames > 0 {
-            (&floor.contact, &floor.contact_weak)
-        } else {
-            (&floor.flight, &floor.flight_weak)
+    if let Some(view) = &story.comparison {
+        let c = &view.comparison;
+        let (force, moment, _, _) = errors_of(&c.first);
+        let prior = c.beside.iter().find(|m| m.model == "prior").map(errors_of);
+        let note = |p: Option<f64>, unit: &str| {
+            let beside = p.map_or(String::new(), |p| format!("; prior {} {unit}", number(p)));
+            format!("{}{beside}", judged_on(c))
         };
-        rows.push(vec![
-            "noise alone".into(),
-            three(&frames.force_n.mae),
-            three(&frames.moment_nm.mae),
-            number(mean(&windows.force_n.mae)),
-            number(mean(&windows.moment_nm.mae)),
-        ]);
+        let (f, n) = (prior.map(|p| mean(&p.0)), prior.map(|p| mean(&p.1)));
+        let own = mean(&force);
+        cards.push(card("Force error", format!("{} N", number(own)), note(f, "N"), lights::beside(own, f)));
+        let own = mean(&moment);
+        cards.push(card("Moment error", format!("{} N·m", number(own)), note(n, "N·m"), lights::beside(own, n)));
     }
-    Table {
-        caption: format!(
-            "Mean absolute error on {} (root axes; frames, and windows of {} s)",
-            judged_on(c),
-            c.options.window_s
-        ),
-        header: ["model", "force x y z, N", "moment x y z, N·m", "windows, N", "windows, N·m"]
-            .map(str::to_owned)
-            .to_vec(),
-        rows,
+    if let Some(d) = story.discovery() {
+        let (value, light) = match d.verdict {
+            Verdict::NothingMissing => ("nothing".to_owned(), Light::Good),
+            Verdict::Supported => (d.effects.join(", "), Light::Fair),
+            Verdict::OneOf => (format!("one of {}", d.effects.len()), Light::Fair),
+            Verdict::NotDetectable => ("cannot tell".to_owned(), Light::Neutral),
+        };
+        let held = story.history.revisions.last().map_or(String::new(), |r| match r.effects.len() {
+            0 => "plain model".to_owned(),
+            _ => format!("model holds {}", r.effects.join(", ")),
+        });
+        let added = !d.effects.is_empty()
+            && story
+                .history
+                .revisions
+                .last()
+                .is_some_and(|r| d.effects.iter().all(|e| r.effects.iter().any(|x| x.starts_with(e.as_str()))));
+        let light = if added { Light::Good } else { light };
+        cards.push(card(if added { "Was missing, now added" } else { "Missing from the model" }, value, held, light));
     }
+    cards
 }
 
-pub fn recordings(study: &Study, ws: &Workspace, view: &ComparisonView) -> Section {
-    let rows = study
-        .trials
-        .iter()
-        .map(|t| {
-            let import = ws.manifest("import", &t.name);
-            let get = |key: &str| {
-                import.as_ref().and_then(|m| m.summary.get(key)).map_or("–".to_owned(), ToString::to_string)
-            };
-            let kin = view.kinematics.iter().find(|k| k.trial == t.name);
-            let state = match (&t.excluded, &import) {
-                (Some(reason), _) => format!("excluded: {reason}"),
-                (None, Some(m)) if m.is_ok() => "good".to_owned(),
-                (None, Some(_)) => "failed".to_owned(),
-                (None, None) => "not run".to_owned(),
-            };
-            vec![
-                t.name.clone(),
-                t.role.word().to_owned(),
-                state,
-                get("frames"),
-                get("rate_hz"),
-                get("markers"),
-                get("filled_gaps"),
-                get("plates"),
-                kin.and_then(|k| k.marker_rms_mm).map_or("–".into(), number),
-                kin.and_then(|k| k.flights).map_or("–".into(), |n| n.to_string()),
-                kin.and_then(|k| k.gravity_error_percent).map_or("–".into(), |g| format!("{g:+.2}")),
-            ]
-        })
-        .collect();
-    let mut blocks = vec![Block::Table {
-        table: Table {
-            caption: "Every recording".into(),
-            header: [
-                "trial",
-                "role",
-                "state",
-                "frames",
-                "Hz",
-                "markers",
-                "gaps filled",
-                "plates",
-                "marker RMS, mm",
-                "flights",
-                "fall against g, %",
-            ]
-            .map(str::to_owned)
-            .to_vec(),
-            rows,
-        },
-    }];
-    for stage in STAGES {
-        for task in stage.tasks(study) {
-            let name = task.map_or(WHOLE_STUDY, |t| t.name.as_str());
-            let Some(m) = ws.manifest(stage.name, name) else { continue };
-            if let crate::workspace::Outcome::Failed(f) = &m.outcome {
-                let hint = f.hint.as_ref().map_or(String::new(), |h| format!(" Hint: {h}."));
-                blocks.push(Block::Remark {
-                    text: format!("{} of {name} failed: {}.{hint}", stage.name, f.problem),
-                    light: Light::Poor,
-                });
-            }
+fn remarks(story: &Story<'_>) -> Vec<Block> {
+    let mut blocks = Vec::new();
+    for (stage, f) in &story.failures {
+        let hint = f.hint.as_ref().map_or(String::new(), |h| format!(" Hint: {h}."));
+        blocks.push(Block::remark(Light::Poor, format!("{stage} failed: {}.{hint}", f.problem.trim_end_matches('.'))));
+    }
+    if let Some(found) = &story.found {
+        let gate = &found.parameters.gate;
+        if gate.passed {
+            let text = "The motion determines the combinations of parameters that motion can determine; intervals stand beside every number.";
+            blocks.push(Block::remark(Light::Good, text));
         }
+        let light = if gate.passed { Light::Fair } else { Light::Poor };
+        blocks.extend(gate.reasons.iter().map(|r| Block::remark(light, r.clone())));
+        let next = gate.advice.iter().take(4);
+        blocks.extend(next.map(|a| Block::remark(Light::Neutral, format!("Next recording: {a}"))));
     }
-    Section {
-        id: "recordings".into(),
-        title: "Recordings".into(),
-        lead: "What came in. In flight the centre of mass should fall with g: the last column says how nearly it does, with the prior's masses.".into(),
-        blocks,
+    if let Some(d) = story.discovery() {
+        blocks.push(Block::text(format!("Missing effects: {}", d.words)));
     }
+    blocks
+}
+
+/// Every recording with its judgement and the reasons.
+fn recordings(story: &Story<'_>) -> Table {
+    let rows = story.trials.iter().map(row).collect();
+    Table::new(
+        "Recordings",
+        "A name leads to the recording's own chapter.",
+        &[
+            "recording",
+            "judgement",
+            "part",
+            "length, s",
+            "gaps filled",
+            "missing, %",
+            "marker RMS, mm",
+            "flights",
+            "fall against g, %",
+            "reasons",
+        ],
+        rows,
+    )
+}
+
+fn row(t: &TrialStory<'_>) -> Vec<Cell> {
+    let light = lights::trial(t);
+    let remarks = lights::remarks(t);
+    let reasons = match (&t.entry.excluded, &t.import) {
+        (Some(reason), _) => format!("excluded: {reason}"),
+        (None, None) => "not run".to_owned(),
+        _ => {
+            let mut shown: Vec<String> = remarks.iter().take(2).map(|r| r.1.chars().take(160).collect()).collect();
+            if remarks.len() > 2 {
+                shown.push(format!("{} more", remarks.len() - 2));
+            }
+            shown.join("; ")
+        }
+    };
+    let has_chapter = t.entry.role.is_dynamic() || !t.failures.is_empty();
+    let name = Cell::from(t.entry.name.clone());
+    let k = t.kinematics.as_ref();
+    vec![
+        if has_chapter { name.to(format!("#{}", t.anchor())) } else { name },
+        Cell::light(light, ""),
+        t.entry.role.word().into(),
+        t.duration_s().map_or("–".into(), |s| format!("{s:.1}").into()),
+        t.noted("filled_gaps").map_or("–".into(), |n| format!("{n:.0}").into()),
+        t.missing_percent().map_or("–".into(), |p| format!("{p:.1}").into()),
+        maybe(k.and_then(|k| k.marker_rms_mm)).into(),
+        t.n_flights().map_or("–".into(), |n| n.to_string().into()),
+        k.and_then(|k| k.gravity_error_percent).map_or("–".into(), |g| format!("{g:+.2}").into()),
+        reasons.into(),
+    ]
 }

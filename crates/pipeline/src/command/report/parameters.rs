@@ -1,11 +1,106 @@
-//! What was identified, beside the prior.
+//! What was identified, with intervals, beside the prior.
 
-use super::words::{number, three};
-use crate::command::parameters::ParametersView;
-use aloft_report::{Block, Figure, Section, Table};
+use super::STUDY;
+use super::anthropometry;
+use super::lights;
+use super::story::Story;
+use super::words::{card, number, plus_minus, three};
+use aloft_identify::{BaseEstimate, Parameters};
+use aloft_report::{Block, Chapter, Dots, Figure, Light, Section, Table, Words};
 
-pub fn identified(found: &ParametersView) -> Section {
-    let p = &found.parameters;
+/// The chapter; none where nothing was identified.
+pub fn chapter(story: &Story<'_>) -> Option<Chapter> {
+    let p = &story.found.as_ref()?.parameters;
+    let light = if p.gate.passed { Light::Good } else { Light::Poor };
+    let mut sections = vec![trust(p)];
+    sections.extend(anthropometry::section(story, p));
+    sections.push(base(p));
+    Some(Chapter {
+        id: "parameters".into(),
+        title: "Identified parameters".into(),
+        group: STUDY.into(),
+        light,
+        sections,
+    })
+}
+
+/// How far the numbers may be believed.
+fn trust(p: &Parameters) -> Section {
+    let of = |word: &str| p.base.iter().filter(|b| seen(b) == word).count();
+    let mut blocks = vec![Block::Cards {
+        cards: vec![
+            card(
+                "Singular-value gap σ_N−1 / σ_N",
+                number(p.sigma.ratio),
+                "20 is clear, below 3 nothing is shown",
+                lights::gap(p.sigma.ratio),
+            ),
+            card("σ₁", number(p.sigma.max), "largest singular value", Light::Neutral),
+            card("σ_N−1", number(p.sigma.second), "the least of what motion shows", Light::Neutral),
+            card("σ_N", number(p.sigma.min), "zero for an exact model: scale is left to the body mass", Light::Neutral),
+            card(
+                "Base parameters",
+                p.base.len().to_string(),
+                format!("{} well, {} partly, {} hardly seen", of("well"), of("partly"), of("hardly")),
+                Light::Neutral,
+            ),
+        ],
+    }];
+    let light = if p.gate.passed { Light::Fair } else { Light::Poor };
+    blocks.extend(p.gate.reasons.iter().map(|r| Block::remark(light, r.clone())));
+    blocks.push(Block::text(format!(
+        "Estimator: {}; weight of the prior {}; {} stretches of {} recordings. Intervals: {}.",
+        p.estimator.name().replace('_', " "),
+        number(p.prior_weight),
+        p.n_stretches,
+        p.n_trials,
+        p.se_from
+    )));
+    if !p.effects.is_empty() {
+        let rows = p.effects.iter().map(|e| vec![e.name.clone(), plus_minus(e.value, e.se)]).collect();
+        let table = Table::new(
+            "Effects in the model",
+            "Fitted together with the mass parameters; 95 % intervals.",
+            &["coefficient", "value"],
+            rows,
+        );
+        blocks.push(table.into());
+    }
+    Section::new(
+        "trust",
+        "How far the numbers may be believed",
+        "Motion in the air tells combinations of mass, first moment and inertia. What it does not tell stays where the prior put it, and is marked so.",
+        blocks,
+    )
+}
+
+fn seen(b: &BaseEstimate) -> String {
+    format!("{:?}", b.seen).to_lowercase()
+}
+
+/// Every base parameter.
+fn base(p: &Parameters) -> Section {
+    let has_prior = p.base.iter().any(|b| b.prior_sd.is_some_and(|s| s > 0.0));
+    let mut blocks = Vec::new();
+    if has_prior {
+        // the change against the prior in its own standard deviations: one axis for kg, kg·m and kg·m²
+        let mut chosen: Vec<&BaseEstimate> =
+            p.base.iter().filter(|b| b.prior.is_some() && b.prior_sd.is_some_and(|s| s > 0.0)).collect();
+        let change = |b: &BaseEstimate| (b.value - b.prior.unwrap_or(f64::NAN)) / b.prior_sd.unwrap_or(f64::NAN);
+        chosen.sort_by(|a, b| change(b).abs().total_cmp(&change(a).abs()));
+        chosen.truncate(20);
+        let names: Vec<String> = chosen.iter().map(|b| b.name.clone()).collect();
+        let values: Vec<f64> = chosen.iter().map(|b| change(b)).collect();
+        let half: Vec<f64> = chosen.iter().map(|b| 1.96 * b.se / b.prior_sd.unwrap_or(f64::NAN)).collect();
+        let words = Words::new(
+            "What the motion changed most",
+            "The twenty base parameters that moved farthest from the prior, in standard deviations of the prior, with 95 % intervals. An \
+             interval that excludes zero is news about this body.",
+        );
+        let kinds = [Dots::with_half("", values, &half)];
+        let line = aloft_report::Line { at: 0.0, upright: true, label: "prior".into() };
+        blocks.push(Figure::dots(words, "change, standard deviations of the prior", &names, &kinds, &[line]).into());
+    }
     let rows = p
         .base
         .iter()
@@ -16,71 +111,55 @@ pub fn identified(found: &ParametersView) -> Section {
                 number(1.96 * b.se),
                 b.prior.map_or("–".into(), number),
                 b.unit.clone(),
-                format!("{:?}", b.seen).to_lowercase(),
+                seen(b),
                 b.formula.clone(),
             ]
         })
         .collect();
-    let mut blocks = vec![Block::Text {
-        text: format!(
-            "Singular values: σ₁ {}, σ_N−1 {}, σ_N {}. Estimator: {}; intervals: {}.",
-            number(p.sigma.max),
-            number(p.sigma.second),
-            number(p.sigma.min),
-            p.estimator.name(),
-            p.se_from
-        ),
-    }];
-    for e in &p.effects {
-        blocks.push(Block::Text { text: format!("Effect {}: {} ± {}", e.name, number(e.value), number(1.96 * e.se)) });
-    }
-    if !p.links.is_empty() {
-        let names: Vec<String> = p.links.iter().map(|l| l.name.clone()).collect();
-        let masses = p.links.iter().map(|l| l.mass_kg).collect();
-        let spread = p.links.iter().map(|l| 1.96 * l.sd.mass_kg).collect();
-        let prior = p.links.iter().map(|l| l.prior.mass_kg).collect();
-        blocks.push(Block::Figure {
-            figure: Figure::bars(
-                "Mass of each link: identified (95 % interval) and prior",
-                "kg",
-                &names,
-                &[("identified".to_owned(), masses, spread), ("prior".to_owned(), prior, vec![f64::NAN; names.len()])],
-            ),
-        });
-        blocks.push(Block::Table {
-            table: Table {
-                caption: "Physically consistent links".into(),
-                header: ["link", "mass, kg", "prior, kg", "centre of mass, m", "prior, m", "in words"]
-                    .map(str::to_owned)
-                    .to_vec(),
-                rows: p
-                    .links
-                    .iter()
-                    .map(|l| {
-                        vec![
-                            l.name.clone(),
-                            number(l.mass_kg),
-                            number(l.prior.mass_kg),
-                            three(&l.com_m),
-                            three(&l.prior.com_m.into()),
-                            l.words.clone(),
-                        ]
-                    })
-                    .collect(),
-            },
-        });
-    }
-    blocks.push(Block::Table {
-        table: Table {
-            caption: "Base parameters with the regrouping".into(),
-            header: ["parameter", "value", "± 95 %", "prior", "unit", "seen", "regrouping"].map(str::to_owned).to_vec(),
-            rows,
-        },
+    let table = Table::new(
+        &format!("All {} base parameters", p.base.len()),
+        "With 95 % intervals, how well the motion shows each, and the regrouping spelled out.",
+        &["parameter", "value", "± 95 %", "prior", "unit", "seen", "regrouping"],
+        rows,
+    );
+    blocks.push(if p.base.len() > 24 {
+        Block::Folded { title: format!("All {} base parameters", p.base.len()), blocks: vec![table.into()] }
+    } else {
+        table.into()
     });
-    Section {
-        id: "parameters".into(),
-        title: "Identified parameters".into(),
-        lead: "The combinations of mass, first moment and inertia that motion in the air can tell, and links that agree with them.".into(),
-        blocks,
-    }
+    Section::new("base-parameters", "Base parameters", "", blocks)
+}
+
+/// The links as a table.
+pub fn link_table(p: &Parameters) -> Table {
+    let rows = p
+        .links
+        .iter()
+        .map(|l| {
+            vec![
+                l.name.clone(),
+                plus_minus(l.mass_kg, l.sd.mass_kg),
+                number(l.prior.mass_kg),
+                three(&l.com_m),
+                three(&l.prior.com_m.into()),
+                three(&[l.inertia_kgm2[0][0], l.inertia_kgm2[1][1], l.inertia_kgm2[2][2]]),
+                l.words.clone(),
+            ]
+        })
+        .collect();
+    Table::new(
+        "Physically consistent links",
+        "One set of links among those that agree with the base parameters: positive masses, inertias that a body can have, nearest to the prior. \
+         Inertia about the centre of mass, link axes.",
+        &[
+            "link",
+            "mass, kg",
+            "prior, kg",
+            "centre of mass x y z, m",
+            "prior x y z, m",
+            "Ixx Iyy Izz, kg·m²",
+            "in words",
+        ],
+        rows,
+    )
 }

@@ -1,7 +1,8 @@
-//! Numbers and cards as text.
+//! Numbers and names as text.
 
 use aloft_report::{Card, Light};
 
+/// A number with as many digits as a reader wants; a dash where it is missing.
 pub fn number(x: f64) -> String {
     if !x.is_finite() {
         return "–".to_owned();
@@ -22,10 +23,62 @@ pub fn number(x: f64) -> String {
     }
 }
 
+/// The number, where there is one.
+pub fn maybe(x: Option<f64>) -> String {
+    x.map_or_else(|| "–".to_owned(), number)
+}
+
+/// Three components.
 pub fn three(v: &[f64; 3]) -> String {
     v.iter().map(|x| number(*x)).collect::<Vec<_>>().join("  ")
 }
 
-pub fn card(label: &str, value: String, note: String, light: Light) -> Card {
-    Card { label: label.to_owned(), value, note, light }
+/// Value and half of its 95 % interval.
+pub fn plus_minus(value: f64, se: f64) -> String {
+    if se.is_finite() { format!("{} ± {}", number(value), number(1.96 * se)) } else { number(value) }
+}
+
+/// `1 flight`, `2 flights`.
+pub fn count(n: usize, one: &str) -> String {
+    if n == 1 { format!("1 {one}") } else { format!("{n} {one}s") }
+}
+
+/// An identifier that may stand in a link: letters, digits and hyphens.
+pub fn anchor(prefix: &str, name: &str) -> String {
+    let clean: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect();
+    format!("{prefix}-{clean}")
+}
+
+/// A name short enough for a heading: up to its first comma or bracket, and no longer than a line.
+pub fn short(name: &str) -> String {
+    let head = name.split([',', '(', ';']).next().unwrap_or(name).trim();
+    if head.chars().count() <= 48 {
+        head.to_owned()
+    } else {
+        format!("{}…", head.chars().take(47).collect::<String>())
+    }
+}
+
+/// A figure of merit.
+pub fn card(label: &str, value: String, note: impl Into<String>, light: Light) -> Card {
+    Card { label: label.to_owned(), value, note: note.into(), light }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headings_are_short_and_anchors_are_clean() {
+        assert_eq!(short("two-link chain, one hinge with bearings"), "two-link chain");
+        assert_eq!(short(&"x".repeat(80)).chars().count(), 48);
+        assert_eq!(anchor("trial", "s01/jump 1"), "trial-s01-jump-1");
+    }
+
+    #[test]
+    fn missing_numbers_are_dashes() {
+        assert_eq!(number(f64::NAN), "–");
+        assert_eq!(plus_minus(1.0, f64::NAN), "1.00");
+        assert_eq!(plus_minus(1.0, 0.05), "1.00 ± 0.0980");
+    }
 }

@@ -1,0 +1,94 @@
+//! The ladder: each revision of the model and the error that it left.
+
+use super::story::Story;
+use super::words::{maybe, number};
+use crate::command::effect::HistoryRow;
+use aloft_report::{Block, Cell, Figure, Light, Panel, Section, Series, Table, Words};
+
+/// The section; none where the model was never changed.
+pub fn section(story: &Story<'_>) -> Option<Section> {
+    let rungs = &story.history.revisions;
+    if rungs.len() < 2 {
+        return None;
+    }
+    let x: Vec<f64> = (0..rungs.len()).map(|i| i as f64).collect();
+    let of = |get: &dyn Fn(&HistoryRow) -> Option<f64>| {
+        rungs.iter().map(|r| get(r).unwrap_or(f64::NAN)).collect::<Vec<f64>>()
+    };
+    let judged = rungs.iter().rev().find_map(|r| r.judged_on.clone()).unwrap_or_else(|| "held-out motion".to_owned());
+    let panel = Panel {
+        y: "N".into(),
+        ticks: rungs
+            .iter()
+            .map(|r| if r.revision == 0 { "0: plain".to_owned() } else { format!("{}: {}", r.revision, r.action) })
+            .collect(),
+        series: vec![
+            Series::line("held-out error", x.clone(), of(&|r| r.held_out_error)).with_points().coloured("$c0"),
+            Series::line("noise alone", x, of(&|r| r.noise_floor)).dashed().coloured("$dim"),
+        ],
+        from_zero: true,
+        ..Panel::default()
+    };
+    let words = Words::new(
+        "The ladder falling to the floor",
+        "Held-out error over weak windows (moments over a lever of 0.1 m) of each revision of the model, and what noise alone would leave.",
+    );
+    let figure = Figure::panels(words, "revision of the model", 1, &[panel], &[]);
+    let table = Table::new(
+        "Revisions",
+        "Coefficients with 95 % intervals.",
+        &[
+            "revision",
+            "effects",
+            "held-out error, N",
+            "noise, N",
+            "σ_N−1 / σ_N",
+            "coefficients",
+            "largest change of a base parameter",
+            "remark",
+        ],
+        rungs.iter().map(row).collect(),
+    );
+    let lead = format!(
+        "Each revision of the model and the error that it left on {judged}. A gain that is paid for with worse markers is void."
+    );
+    let mut blocks: Vec<Block> = vec![figure.into(), table.into()];
+    if let (Some(first), Some(last)) = (rungs.first().and_then(|r| r.held_out_error), rungs.last())
+        && let (Some(now), Some(floor)) = (last.held_out_error, last.noise_floor)
+    {
+        let light = if last.void.is_some() {
+            Light::Poor
+        } else if now < 1.1 * floor {
+            Light::Good
+        } else {
+            Light::Fair
+        };
+        let where_it_is = if now < 1.1 * floor { "at the noise floor" } else { "above the noise floor" };
+        let text = format!(
+            "From {} N to {} N; noise alone leaves {} N: {where_it_is}.",
+            number(first),
+            number(now),
+            number(floor)
+        );
+        blocks.insert(0, Block::remark(light, text));
+    }
+    Some(Section::new("ladder", "The ladder", &lead, blocks))
+}
+
+fn row(r: &HistoryRow) -> Vec<Cell> {
+    let coefficients: Vec<String> = r
+        .coefficients
+        .iter()
+        .map(|c| format!("{} {} ({} to {})", c.name, number(c.value), number(c.ci95[0]), number(c.ci95[1])))
+        .collect();
+    vec![
+        format!("{} ({})", r.revision, r.action).into(),
+        if r.effects.is_empty() { "none".into() } else { r.effects.join(", ").into() },
+        maybe(r.held_out_error).into(),
+        maybe(r.noise_floor).into(),
+        maybe(r.sigma_ratio).into(),
+        coefficients.join("; ").into(),
+        r.largest_change.as_ref().map_or("–".into(), |(name, by)| format!("{name} by {}", number(*by)).into()),
+        r.void.clone().unwrap_or_default().into(),
+    ]
+}

@@ -1,0 +1,101 @@
+//! Figures: what they show, in words, and the drawing as the plotting library or the player wants it.
+//!
+//! Colours are names (`$c0` … `$c5`, `$ink`, `$dim`, `$grid`), which the page turns into its light or dark theme.
+
+mod dots;
+mod map;
+mod panels;
+
+pub use dots::Dots;
+pub use map::{Columns, HeatMap};
+pub use panels::{Band, Line, Panel, Series, Shade};
+
+use crate::pack;
+use serde::{Serialize, Serializer};
+use serde_json::{Value, json};
+
+/// What a figure shows and what to see in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Words<'a> {
+    /// What it shows: a few words.
+    pub title: &'a str,
+    /// What to look for.
+    pub caption: &'a str,
+}
+
+impl<'a> Words<'a> {
+    /// Both.
+    pub fn new(title: &'a str, caption: &'a str) -> Self {
+        Self { title, caption }
+    }
+}
+
+/// A chart or a player.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Figure {
+    /// What it shows.
+    pub title: String,
+    /// What to see.
+    pub caption: String,
+    /// Drawn by: `chart` or `player`.
+    pub drawn_by: &'static str,
+    /// Height on the page, pixels.
+    pub height: usize,
+    #[serde(serialize_with = "inside_script")]
+    data: Value,
+}
+
+/// JSON that may stand inside a script element: `</` would end it, `<!--` would start a comment.
+fn inside_script<S: Serializer>(value: &Value, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_str(&value.to_string().replace('<', "\\u003c"))
+}
+
+impl Figure {
+    pub(crate) fn new(drawn_by: &'static str, words: Words<'_>, height: usize, data: Value) -> Self {
+        Self { title: words.title.to_owned(), caption: words.caption.to_owned(), drawn_by, height, data }
+    }
+
+    /// The drawing.
+    pub fn data(&self) -> &Value {
+        &self.data
+    }
+}
+
+/// Lists of numbers that several curves share, packed once.
+#[derive(Default)]
+struct Pool {
+    lists: Vec<Vec<f64>>,
+    packed: Vec<Value>,
+}
+
+impl Pool {
+    fn add(&mut self, values: &[f64]) -> Value {
+        let same = |l: &Vec<f64>| {
+            l.len() == values.len() && l.iter().zip(values).all(|(a, b)| a == b || (a.is_nan() && b.is_nan()))
+        };
+        let i = self.lists.iter().position(same).unwrap_or_else(|| {
+            self.lists.push(values.to_vec());
+            self.packed.push(pack::numbers(values));
+            self.lists.len() - 1
+        });
+        json!({"$": "list", "i": i})
+    }
+}
+
+/// What all charts have in common.
+fn base_layout() -> Value {
+    json!({
+        "margin": {"l": 62, "r": 18, "t": 44, "b": 48},
+        "font": {"family": "system-ui, -apple-system, 'Segoe UI', sans-serif", "size": 12.5, "color": "$ink"},
+        "paper_bgcolor": "rgba(0,0,0,0)", "plot_bgcolor": "rgba(0,0,0,0)",
+        "legend": {"orientation": "h", "yref": "container", "y": 1.0, "yanchor": "top", "x": 0, "itemwidth": 30},
+        "hovermode": "closest",
+        "hoverlabel": {"bgcolor": "$paper", "bordercolor": "$grid", "font": {"color": "$ink"}}
+    })
+}
+
+/// A coordinate axis with its title.
+fn axis(title: &str) -> Value {
+    json!({"title": {"text": title, "standoff": 8}, "gridcolor": "$grid", "zerolinecolor": "$line", "linecolor": "$line",
+        "showline": true, "ticks": "outside", "ticklen": 4, "tickcolor": "$line", "automargin": true})
+}

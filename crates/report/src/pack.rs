@@ -1,0 +1,83 @@
+//! Numbers as text that is short, and quick to read for a browser.
+//!
+//! Short lists stay JSON numbers. Long ones become base64 of little-endian values, `{"$": "f4" | "i2", "b": …}`; `i2` has a
+//! step `"s"` by which integers are multiplied. Missing values are null in lists, NaN in `f4`, −32768 in `i2`.
+
+use serde_json::{Value, json};
+
+const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+
+/// Lists shorter than this stay JSON numbers.
+const SHORT: usize = 24;
+
+/// The integer that stands for a missing value.
+const MISSING: i16 = i16::MIN;
+
+/// Base64 (RFC 4648, padded).
+pub fn base64(bytes: &[u8]) -> String {
+    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for chunk in bytes.chunks(3) {
+        let word = chunk.iter().enumerate().fold(0u32, |w, (i, b)| w | u32::from(*b) << (16 - 8 * i));
+        for i in 0..4 {
+            if i <= chunk.len() {
+                out.push(char::from(DIGITS[(word >> (18 - 6 * i)) as usize & 63]));
+            } else {
+                out.push('=');
+            }
+        }
+    }
+    out
+}
+
+/// One number with six significant digits; null where it is not finite.
+pub fn number(value: f64) -> Value {
+    if !value.is_finite() {
+        return Value::Null;
+    }
+    format!("{value:.5e}").parse::<f64>().map_or(Value::Null, |v| json!(v))
+}
+
+/// A list of numbers in single precision (seven digits).
+pub fn numbers(values: &[f64]) -> Value {
+    if values.len() < SHORT {
+        return Value::Array(values.iter().map(|v| number(*v)).collect());
+    }
+    let bytes: Vec<u8> = values.iter().flat_map(|v| (*v as f32).to_le_bytes()).collect();
+    json!({"$": "f4", "b": base64(&bytes)})
+}
+
+/// A list of numbers in multiples of `step`, clipped at ±32767 steps.
+pub fn steps(values: impl IntoIterator<Item = f64>, step: f64) -> Value {
+    let bytes: Vec<u8> = values
+        .into_iter()
+        .flat_map(|v| {
+            let n = if v.is_finite() { (v / step).round().clamp(-32767.0, 32767.0) as i16 } else { MISSING };
+            n.to_le_bytes()
+        })
+        .collect();
+    json!({"$": "i2", "s": step, "b": base64(&bytes)})
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn validate_base64_against_the_vectors_of_rfc_4648() {
+        let known =
+            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foob", "Zm9vYg=="), ("fooba", "Zm9vYmE=")];
+        for (plain, coded) in known.into_iter().chain([("foobar", "Zm9vYmFy")]) {
+            assert_eq!(base64(plain.as_bytes()), coded);
+        }
+    }
+
+    #[test]
+    fn missing_values_stay_missing() {
+        assert_eq!(numbers(&[1.0, f64::NAN]), json!([1.0, null]));
+        // 0x8000 and 2: bytes 00 80 02 00
+        assert_eq!(steps([f64::NAN, 0.002], 0.001)["b"], json!(base64(&[0, 0x80, 2, 0])));
+        let long = numbers(&[0.5; 30]);
+        assert_eq!(long["$"], "f4");
+        assert_eq!(long["b"].as_str().map(str::len), Some(160));
+    }
+}

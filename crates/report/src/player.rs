@@ -1,0 +1,105 @@
+//! A recording in three dimensions, to be played: bones, measured and model markers, forces.
+//!
+//! Drawn on a plain canvas by the page's own script, so that any number of recordings stand on one page (browsers limit
+//! WebGL views to a few) and old machines keep up.
+
+use crate::figure::{Figure, Words};
+use crate::pack;
+use serde_json::{Value, json};
+
+/// A kind of arrow, one or several a frame.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Arrows {
+    /// Name in the legend.
+    pub name: String,
+    /// `frames[frame][arrow]`: foot and tip, m; NaN where there is none. The same number of arrows in every frame.
+    pub frames: Vec<Vec<[[f64; 3]; 2]>>,
+}
+
+/// A skeleton, markers and forces over time; world axes, m, Z up.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Animation {
+    /// Time of each frame, s.
+    pub times_s: Vec<f64>,
+    /// True for frames in the air.
+    pub in_flight: Vec<bool>,
+    /// Frame shown first.
+    pub first: usize,
+    /// Pairs of joint indices.
+    pub bones: Vec<(usize, usize)>,
+    /// `joints[frame][joint]`; NaN where unknown.
+    pub joints: Vec<Vec<[f64; 3]>>,
+    /// Names of the markers.
+    pub labels: Vec<String>,
+    /// `measured[frame][marker]`; NaN where missing.
+    pub measured: Vec<Vec<[f64; 3]>>,
+    /// `modelled[frame][marker]`.
+    pub modelled: Vec<Vec<[f64; 3]>>,
+    /// Forces.
+    pub arrows: Vec<Arrows>,
+    /// What one metre of arrow stands for, N.
+    pub newtons_per_m: f64,
+    /// Corners of force plates.
+    pub plates: Vec<Vec<[f64; 3]>>,
+}
+
+/// Positions are kept to a tenth of a millimetre within ±3.2 m, to half a millimetre beyond.
+fn step_for(extent_m: f64) -> f64 {
+    if extent_m < 3.2 { 1e-4 } else { (extent_m / 32_000.0).max(5e-4) }
+}
+
+fn flat(frames: &[Vec<[f64; 3]>]) -> impl Iterator<Item = f64> + '_ {
+    frames.iter().flatten().flatten().copied()
+}
+
+impl Figure {
+    /// A playable skeleton: measured markers, model markers, bones and force arrows.
+    pub fn animation(words: Words<'_>, a: &Animation) -> Self {
+        let positions = || flat(&a.joints).chain(flat(&a.measured)).chain(flat(&a.modelled)).filter(|x| x.is_finite());
+        let step = step_for(positions().fold(0.0_f64, |m, x| m.max(x.abs())));
+        let arrows: Vec<Value> = a
+            .arrows
+            .iter()
+            .map(|kind| {
+                json!({"name": kind.name, "n": kind.frames.first().map_or(0, Vec::len),
+                    "at": pack::steps(kind.frames.iter().flatten().flatten().flatten().copied(), step)})
+            })
+            .collect();
+        let data = json!({
+            "t": pack::numbers(&a.times_s),
+            "flight": pack::steps(a.in_flight.iter().map(|f| f64::from(u8::from(*f))), 1.0),
+            "first": a.first,
+            "bones": a.bones,
+            "n_joints": a.joints.first().map_or(0, Vec::len),
+            "joints": pack::steps(flat(&a.joints), step),
+            "labels": a.labels,
+            "measured": pack::steps(flat(&a.measured), step),
+            "modelled": pack::steps(flat(&a.modelled), step),
+            "arrows": arrows,
+            "newtons_per_m": a.newtons_per_m,
+            "plates": a.plates,
+        });
+        Self::new("player", words, 460, data)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_takes_six_bytes_a_point() {
+        let point = vec![vec![[0.1, f64::NAN, 1.0]; 10]; 30];
+        let a = Animation {
+            times_s: vec![0.0; 30],
+            in_flight: vec![false; 30],
+            joints: point.clone(),
+            measured: point.clone(),
+            modelled: point,
+            ..Animation::default()
+        };
+        let text = Figure::animation(Words::new("t", "c"), &a).data().to_string();
+        let packed = 3 * 30 * 10 * 6 * 4 / 3;
+        assert!(text.len() < packed + 900, "{} bytes for {packed}", text.len());
+    }
+}

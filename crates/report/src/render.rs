@@ -1,0 +1,145 @@
+//! Page to HTML, with one template.
+
+use crate::Page;
+use minijinja::syntax::SyntaxConfig;
+use minijinja::value::Serde;
+use minijinja::{AutoEscape, Environment, Value, context};
+
+/// Errors of this crate.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReportError {
+    /// The template does not fit what it is given.
+    #[error("the report's template: {0}")]
+    Template(#[from] minijinja::Error),
+    /// The plotting library's script was not found in its package.
+    #[error("the plotting script is missing from the build")]
+    Script,
+}
+
+fn plotting_script() -> Result<String, ReportError> {
+    // the package joins the plotting library and a formula renderer (2 MB, unused here); keep the first
+    const END: &str = "</script>";
+    let both = plotly::Plot::offline_js_sources();
+    let end = both.find(END).ok_or(ReportError::Script)?;
+    Ok(both[..end + END.len()].to_owned())
+}
+
+/// A judgement: its sign, and its word where asked for. Signs differ in shape, so that colour is never needed.
+fn light(name: &str, with_word: &str) -> Value {
+    let word = if with_word.is_empty() || name == "neutral" {
+        String::new()
+    } else {
+        format!("<b class=\"word {name}\">{name}</b> ")
+    };
+    // in a list the word is there for those who hear the page; a neutral sign in running text says nothing
+    let sign = match (with_word.is_empty(), name) {
+        (false, "neutral") => String::new(),
+        (true, n) if n != "neutral" => {
+            format!(
+                "<svg class=\"light {name}\" role=\"img\" aria-label=\"{name}\"><use href=\"#light-{name}\"/></svg>"
+            )
+        }
+        _ => format!("<svg class=\"light {name}\" aria-hidden=\"true\"><use href=\"#light-{name}\"/></svg>"),
+    };
+    Value::from_safe_string(format!("{sign}{word}"))
+}
+
+/// Renders the page as one HTML text that needs nothing else.
+pub fn render(page: &Page) -> Result<String, ReportError> {
+    let mut env = Environment::new();
+    env.set_auto_escape_callback(|_| AutoEscape::Html);
+    env.set_syntax(SyntaxConfig::builder().trim_blocks(true).lstrip_blocks(true).build()?);
+    env.add_template("page.html", include_str!("../templates/page.html"))?;
+    env.add_template("blocks.html", include_str!("../templates/blocks.html"))?;
+    env.add_function("light", light);
+    // the plotting library only where something is plotted: pages without charts stay small
+    let charts = page.has("chart");
+    let html = env.get_template("page.html")?.render(context! {
+        page => Serde(page),
+        plotting_script => if charts { plotting_script()? } else { String::new() },
+        style => include_str!("../templates/page.css"),
+        scripts => [
+            include_str!("../templates/numbers.js"),
+            include_str!("../templates/charts.js"),
+            include_str!("../templates/player.js"),
+            include_str!("../templates/page.js"),
+        ].concat(),
+    })?;
+    Ok(html)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Animation, Block, Cell, Chapter, Figure, Light, Panel, Section, Series, Table, Words};
+
+    fn chapter(id: &str, blocks: Vec<Block>) -> Chapter {
+        Chapter {
+            id: id.into(),
+            title: format!("Chapter {id}"),
+            group: "Study".into(),
+            light: Light::Fair,
+            sections: vec![Section::new(format!("{id}-s"), "Section", "What it says.", blocks)],
+        }
+    }
+
+    fn sample() -> Page {
+        let panel = Panel {
+            y: "N".into(),
+            series: vec![Series::line("</script><b>", vec![0.0, 1.0], vec![f64::NAN, 2.0])],
+            ..Panel::default()
+        };
+        let figure = Figure::panels(Words::new("curve", "look"), "time, s", 1, &[panel], &[]);
+        let player = Figure::animation(Words::new("player", ""), &Animation::default());
+        let table = Table::new(
+            "table",
+            "",
+            &["trial", "value"],
+            vec![vec![Cell::light(Light::Poor, "<i>").to("#b"), Cell::from("1.5")]],
+        );
+        Page {
+            title: "S <01>".into(),
+            chapters: vec![
+                chapter("a", vec![figure.into(), table.into()]),
+                chapter("b", vec![Block::Folded { title: "more".into(), blocks: vec![player.into()] }]),
+            ],
+            ..Page::default()
+        }
+    }
+
+    #[test]
+    fn prop_page_is_self_contained_and_escaped() {
+        let html = render(&sample()).unwrap();
+        assert!(html.contains("S &lt;01&gt;") && html.contains("&lt;i&gt;"));
+        assert!(!html.contains("</script><b>"));
+        assert!(html.contains("plotly.js v"), "the plotting library must be inside");
+        assert!(html.len() < 6_000_000, "{} bytes", html.len());
+        let own = html.replace(&plotting_script().unwrap(), "");
+        for outside in ["src=", "http:", "https:", "@import", "url("] {
+            assert!(!own.contains(outside), "`{outside}` on the page");
+        }
+    }
+
+    #[test]
+    fn a_light_has_a_sign_and_a_word() {
+        let html = render(&sample()).unwrap();
+        assert!(html.contains("<use href=\"#light-poor\"/></svg><b class=\"word poor\">poor</b>"), "in the table");
+        assert!(html.contains("role=\"img\" aria-label=\"fair\""), "in the list of chapters");
+    }
+
+    #[test]
+    fn folded_blocks_are_drawn_and_chapters_lead_on() {
+        let html = render(&sample()).unwrap();
+        assert!(html.contains("<summary>more</summary>") && html.contains("class=\"drawing player\""));
+        assert!(html.contains("<a rel=\"next\" href=\"#b\">Chapter b →</a>"));
+        assert_eq!(html.matches("<figure").count(), html.matches("</figure>").count());
+        assert_eq!(html.matches("class=\"csv\"").count(), 3, "each table and figure saves its numbers");
+    }
+
+    #[test]
+    fn pages_without_charts_do_not_carry_the_plotting_library() {
+        let page = Page { chapters: vec![chapter("a", vec![Block::text("t")])], ..Page::default() };
+        assert!(render(&page).unwrap().len() < 60_000);
+    }
+}

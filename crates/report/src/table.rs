@@ -1,0 +1,93 @@
+//! Tables of text, with links and lights in their cells.
+
+use crate::Light;
+use serde::Serialize;
+
+/// One cell.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Cell {
+    /// What it says.
+    pub text: String,
+    /// Where it leads: the identifier of a chapter or section with `#` in front, or a relative path; empty for nowhere.
+    pub link: String,
+    /// Judgement, shown as a sign and a word before the text.
+    pub light: Option<Light>,
+}
+
+impl Cell {
+    /// The same, leading somewhere.
+    pub fn to(self, link: impl Into<String>) -> Self {
+        Self { link: link.into(), ..self }
+    }
+    /// A judgement with its word.
+    pub fn light(light: Light, text: impl Into<String>) -> Self {
+        Self { text: text.into(), light: Some(light), ..Self::default() }
+    }
+}
+
+impl From<String> for Cell {
+    fn from(text: String) -> Self {
+        Self { text, ..Self::default() }
+    }
+}
+
+impl From<&str> for Cell {
+    fn from(text: &str) -> Self {
+        text.to_owned().into()
+    }
+}
+
+/// A table of text.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Table {
+    /// What it holds.
+    pub title: String,
+    /// What to see in it.
+    pub caption: String,
+    /// Column heads, with units.
+    pub header: Vec<String>,
+    /// Rows; the first cell of each is its name.
+    pub rows: Vec<Vec<Cell>>,
+    /// By column: true where it holds words (left, may wrap), false for numbers (right).
+    words: Vec<bool>,
+}
+
+impl Table {
+    /// A table; columns in which every cell is a number, or missing, are set as numbers.
+    pub fn new<C: Into<Cell>>(title: &str, caption: &str, header: &[&str], rows: Vec<Vec<C>>) -> Self {
+        let rows: Vec<Vec<Cell>> = rows.into_iter().map(|r| r.into_iter().map(Into::into).collect()).collect();
+        let words = (0..header.len())
+            .map(|i| rows.iter().filter_map(|r| r.get(i)).any(|c| c.light.is_some() || !is_number(&c.text)))
+            .collect();
+        Self {
+            title: title.to_owned(),
+            caption: caption.to_owned(),
+            header: header.iter().map(|h| (*h).to_owned()).collect(),
+            rows,
+            words,
+        }
+    }
+}
+
+/// True for what reads as numbers: digits, signs, exponents, and the dash of a missing value.
+fn is_number(text: &str) -> bool {
+    text.is_empty()
+        || text == "–"
+        || text.split_whitespace().all(|t| t.replace('−', "-").parse::<f64>().is_ok() || t == "±" || t == "–")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_of_numbers_are_told_from_columns_of_words() {
+        let t = Table::new(
+            "t",
+            "",
+            &["name", "value", "remark"],
+            vec![vec!["a", "−1.5e-3", "x"], vec!["b", "–", ""], vec!["c", "1.0  2.0 ± 3", ""]],
+        );
+        assert_eq!(t.words, [true, false, true]);
+    }
+}
