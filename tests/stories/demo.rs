@@ -1,7 +1,7 @@
 //! The story of the README on the recordings in the repository.
 
 use crate::report::{check_page, figures};
-use crate::support::{expect, folder, json, lab, repo};
+use crate::support::{expect, folder, json, repo};
 use std::fs;
 
 #[test]
@@ -55,7 +55,13 @@ fn the_demonstration_goes_from_recordings_to_a_report() {
     let html = fs::read_to_string(page.trim()).unwrap();
     let chapters = ["overview", "prediction", "discovery", "parameters", "kinematics", "methods", "trial-throws-01"];
     check_page(&html, &chapters);
-    for told in ["The ladder falling to the floor", "at the noise floor", "quadratic_drag", "Choosing the filter", "Where the error sits"] {
+    for told in [
+        "The ladder falling to the floor",
+        "at the noise floor",
+        "quadratic_drag",
+        "Choosing the filter",
+        "Where the error sits",
+    ] {
         assert!(html.contains(told), "the page does not tell of: {told}");
     }
     // the story from its beginning: the answer to the plain model and the answer after the drag was added
@@ -67,9 +73,9 @@ fn the_demonstration_goes_from_recordings_to_a_report() {
 #[test]
 fn nothing_is_missing_where_nothing_is_hidden() {
     let dir = folder();
-    let data = lab("fixtures/scenarios/chain_small.yaml", dir.path()).display().to_string();
+    let data = repo("fixtures/demo_twin");
     let ws = dir.path().join("ws").display().to_string();
-    let words = [&repo("pipelines/chain.yaml"), "--data", &data, "--workspace", &ws];
+    let words = [&repo("pipelines/demo.yaml"), "--data", &data, "--workspace", &ws];
     expect(&[&["run"], &words[..]].concat(), 0);
     let found = json(&[&["discover"], &words[..], &["--json"]].concat());
     assert_eq!(found["verdict"], "nothing_missing", "{}", found["words"]);
