@@ -25,6 +25,7 @@ const Player = (() => {
     grow(d.joints); grow(d.measured);
     const middle = low.map((v, k) => (v + high[k]) / 2);
     const radius = Math.max(0.3, 0.5 * Math.hypot(...low.map((v, k) => high[k] - v)));
+    const tall = 0.5 * (high[2] - low[2]), wide = 0.5 * Math.hypot(high[0] - low[0], high[1] - low[1]);
 
     const canvas = make("canvas", { tabindex: "0", role: "img", "aria-label": el.getAttribute("aria-label") + " Space plays; arrow keys turn; comma and full stop step." });
     const play = make("button", { type: "button", "aria-label": "Play" }, "▶ Play");
@@ -102,13 +103,13 @@ const Player = (() => {
     };
     let places = [];
     const render = () => {
-      const ratio = window.devicePixelRatio || 1, width = el.clientWidth, height = 400;
+      const ratio = window.devicePixelRatio || 1, width = el.clientWidth, height = 430;
       if (!width) return;
       if (canvas.width !== Math.round(width * ratio)) { canvas.width = Math.round(width * ratio); canvas.height = Math.round(height * ratio); canvas.style.height = height + "px"; }
       const g = canvas.getContext("2d");
       g.setTransform(ratio, 0, 0, ratio, 0, 0);
       g.clearRect(0, 0, width, height);
-      view = { sy: Math.sin(state.yaw), cy: Math.cos(state.yaw), sp: Math.sin(state.pitch), cp: Math.cos(state.pitch), cx: width / 2, cyy: height / 2, scale: (state.zoom * 0.47 * Math.min(height, width)) / radius };
+      view = { sy: Math.sin(state.yaw), cy: Math.cos(state.yaw), sp: Math.sin(state.pitch), cp: Math.cos(state.pitch), cx: width / 2, cyy: height / 2, scale: state.zoom * Math.min((0.44 * height) / (tall + 0.22 * wide), (0.44 * width) / (wide + 0.1)) };
       const f = state.frame, ink = Numbers.colour("ink"), c0 = Numbers.colour("c0"), c1 = Numbers.colour("c1"), arrowColours = [Numbers.colour("c2"), Numbers.colour("c3")];
       floor(g);
       g.lineCap = "round";

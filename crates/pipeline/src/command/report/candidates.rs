@@ -1,6 +1,6 @@
 //! The ranking of candidates with their intervals, and what looks alike.
 
-use super::words::{number, plus_minus};
+use super::words::{number, plus_minus, unit};
 use aloft_discover::{Candidate, Discovery};
 use aloft_effects::EffectKind;
 use aloft_report::{Block, Cell, Columns, Dots, Figure, HeatMap, Line, Section, Table, Words};
@@ -71,7 +71,9 @@ fn table(real: &[&Candidate]) -> Table {
                 format!("{:.3}", c.held_out_ratio).into(),
                 format!("{:.2} to {:.2}", c.ci95[0], c.ci95[1]).into(),
                 first
-                    .map_or("–".to_owned(), |e| format!("{} = {} {}", e.name, plus_minus(e.value, e.se), e.unit))
+                    .map_or("–".to_owned(), |e| {
+                        format!("{} = {} {}", e.name, plus_minus(e.value, e.se), unit(&e.unit))
+                    })
                     .into(),
                 number(c.minimum_detectable).into(),
                 number(c.family_wise_p).into(),
@@ -90,7 +92,7 @@ fn table(real: &[&Candidate]) -> Table {
             "held-out ratio",
             "95 % interval",
             "first coefficient",
-            "smallest seen",
+            "smallest seen, same unit",
             "chance of the best",
             "cannot be told from",
             "believed",
@@ -130,6 +132,7 @@ fn confusions(shown: &[&Candidate]) -> Option<Block> {
         unit: "cosine".into(),
         step: 1e-3,
         top: Some(1.0),
+        values: None,
     };
     let words = Words::new(
         "What looks alike",
