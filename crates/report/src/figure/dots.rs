@@ -36,7 +36,9 @@ impl Figure {
     pub fn dots(words: Words<'_>, x_title: &str, names: &[String], kinds: &[Dots], lines: &[Line]) -> Self {
         let kinds: Vec<&Dots> = kinds.iter().filter(|k| k.values.iter().any(|v| v.is_finite())).collect();
         let n = kinds.len().max(1) as f64;
-        let apart = kinds.len() > 1 && kinds.iter().any(|k| !k.intervals.is_empty());
+        let crowded = (0..names.len())
+            .any(|i| kinds.iter().filter(|k| k.values.get(i).is_some_and(|v| v.is_finite())).count() > 1);
+        let apart = crowded && kinds.iter().any(|k| !k.intervals.is_empty());
         let data: Vec<Value> = kinds
             .iter()
             .enumerate()

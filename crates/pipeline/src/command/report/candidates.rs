@@ -68,8 +68,7 @@ fn table(real: &[&Candidate]) -> Table {
             vec![
                 Cell::from(c.key.clone()),
                 kind(c).into(),
-                format!("{:.3}", c.held_out_ratio).into(),
-                format!("{:.2} to {:.2}", c.ci95[0], c.ci95[1]).into(),
+                format!("{:.3} ({:.2} to {:.2})", c.held_out_ratio, c.ci95[0], c.ci95[1]).into(),
                 first
                     .map_or("–".to_owned(), |e| {
                         format!("{} = {} {}", e.name, plus_minus(e.value, e.se), unit(&e.unit))
@@ -89,8 +88,7 @@ fn table(real: &[&Candidate]) -> Table {
         &[
             "effect",
             "kind",
-            "held-out ratio",
-            "95 % interval",
+            "held-out ratio (95 %)",
             "first coefficient",
             "smallest seen, same unit",
             "chance of the best",

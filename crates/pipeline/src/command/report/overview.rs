@@ -124,7 +124,7 @@ fn remarks(story: &Story<'_>) -> Vec<Block> {
     }
     if let Some(found) = &story.found {
         let gate = &found.parameters.gate;
-        if gate.passed {
+        if gate.passed && gate.reasons.is_empty() {
             let text = "The motion determines the combinations of parameters that motion can determine; intervals stand beside every number.";
             blocks.push(Block::remark(Light::Good, text));
         }

@@ -70,12 +70,12 @@ fn maps(groups: &[&Group], by: &str) -> Vec<Block> {
             z,
             unit: "error / mean of its kind".to_owned(),
             step: 1e-3,
-            top: Some(2.0),
+            top: Some(2.5),
             values: Some((values, unit.to_owned())),
         };
         let caption = format!(
             "Mean absolute error of the identified model in {unit}, by {by} and axis, in root and in world axes. Shades compare a row with the \
-             others of its kind: dark is twice their mean."
+             others of its kind: a dark row errs twice as much as they do on average."
         );
         Block::from(Figure::heat_map(Words::new(title, &caption), &map))
     };
