@@ -36,7 +36,8 @@ pub fn check_page(html: &str, chapters: &[&str]) {
 
 /// The page without the plotting library, whose text is not ours: the one script that is longer than a megabyte.
 fn without_plotting_library(html: &str) -> String {
-    let start = html.find("<script type=\"text/javascript\">").expect("the plotting library is inside");
+    let start =
+        html.find("<script type=\"text/plain\" id=\"plotting-library\">").expect("the plotting library is inside");
     let end = start + html[start..].find("</script>").unwrap();
     assert!(end - start > 1_000_000, "the plotting library is whole");
     [&html[..start], &html[end..]].concat()

@@ -46,12 +46,15 @@ pub fn numbers(values: &[f64]) -> Value {
     json!({"$": "f4", "b": base64(&bytes)})
 }
 
-/// A list of numbers in multiples of `step`, clipped at ±32767 steps.
+/// A list of numbers in multiples of `step`, or of a larger step where the largest of them asks for it.
 pub fn steps(values: impl IntoIterator<Item = f64>, step: f64) -> Value {
+    let values: Vec<f64> = values.into_iter().collect();
+    let largest = values.iter().filter(|v| v.is_finite()).fold(0.0_f64, |m, v| m.max(v.abs()));
+    let step = step.max(largest / 32_767.0);
     let bytes: Vec<u8> = values
         .into_iter()
         .flat_map(|v| {
-            let n = if v.is_finite() { (v / step).round().clamp(-32767.0, 32767.0) as i16 } else { MISSING };
+            let n = if v.is_finite() { (v / step).round() as i16 } else { MISSING };
             n.to_le_bytes()
         })
         .collect();
@@ -69,6 +72,13 @@ mod tests {
         for (plain, coded) in known.into_iter().chain([("foobar", "Zm9vYmFy")]) {
             assert_eq!(base64(plain.as_bytes()), coded);
         }
+    }
+
+    #[test]
+    fn large_values_take_larger_steps() {
+        let packed = steps([100.0, -327_670.0], 0.001);
+        assert_eq!(packed["s"], 10.0);
+        assert_eq!(packed["b"], base64(&[10, 0, 0x01, 0x80]));
     }
 
     #[test]

@@ -43,10 +43,8 @@ pub struct Animation {
     pub plates: Vec<Vec<[f64; 3]>>,
 }
 
-/// Positions are kept to a tenth of a millimetre within ±3.2 m, to half a millimetre beyond.
-fn step_for(extent_m: f64) -> f64 {
-    if extent_m < 3.2 { 1e-4 } else { (extent_m / 32_000.0).max(5e-4) }
-}
+/// Positions are kept to a tenth of a millimetre within ±3.2 m; beyond, the packing takes larger steps.
+const STEP_M: f64 = 1e-4;
 
 fn flat(frames: &[Vec<[f64; 3]>]) -> impl Iterator<Item = f64> + '_ {
     frames.iter().flatten().flatten().copied()
@@ -55,14 +53,12 @@ fn flat(frames: &[Vec<[f64; 3]>]) -> impl Iterator<Item = f64> + '_ {
 impl Figure {
     /// A playable skeleton: measured markers, model markers, bones and force arrows.
     pub fn animation(words: Words<'_>, a: &Animation) -> Self {
-        let positions = || flat(&a.joints).chain(flat(&a.measured)).chain(flat(&a.modelled)).filter(|x| x.is_finite());
-        let step = step_for(positions().fold(0.0_f64, |m, x| m.max(x.abs())));
         let arrows: Vec<Value> = a
             .arrows
             .iter()
             .map(|kind| {
                 json!({"name": kind.name, "n": kind.frames.first().map_or(0, Vec::len),
-                    "at": pack::steps(kind.frames.iter().flatten().flatten().flatten().copied(), step)})
+                    "at": pack::steps(kind.frames.iter().flatten().flatten().flatten().copied(), STEP_M)})
             })
             .collect();
         let data = json!({
@@ -71,15 +67,15 @@ impl Figure {
             "first": a.first,
             "bones": a.bones,
             "n_joints": a.joints.first().map_or(0, Vec::len),
-            "joints": pack::steps(flat(&a.joints), step),
+            "joints": pack::steps(flat(&a.joints), STEP_M),
             "labels": a.labels,
-            "measured": pack::steps(flat(&a.measured), step),
-            "modelled": pack::steps(flat(&a.modelled), step),
+            "measured": pack::steps(flat(&a.measured), STEP_M),
+            "modelled": pack::steps(flat(&a.modelled), STEP_M),
             "arrows": arrows,
             "newtons_per_m": a.newtons_per_m,
             "plates": a.plates,
         });
-        Self::new("player", words, 460, data)
+        Self::new("player", words, 540, data)
     }
 }
 

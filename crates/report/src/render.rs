@@ -19,10 +19,11 @@ pub enum ReportError {
 
 fn plotting_script() -> Result<String, ReportError> {
     // the package joins the plotting library and a formula renderer (2 MB, unused here); keep the first
-    const END: &str = "</script>";
     let both = plotly::Plot::offline_js_sources();
-    let end = both.find(END).ok_or(ReportError::Script)?;
-    Ok(both[..end + END.len()].to_owned())
+    let start = both.find('>').ok_or(ReportError::Script)? + 1;
+    let end = both.find("</script>").ok_or(ReportError::Script)?;
+    // as text: the browser need not read four megabytes of program before a chart comes into view
+    Ok(format!("<script type=\"text/plain\" id=\"plotting-library\">{}</script>", &both[start..end]))
 }
 
 /// A judgement: its sign, and its word where asked for. Signs differ in shape, so that colour is never needed.
@@ -45,6 +46,16 @@ fn light(name: &str, with_word: &str) -> Value {
     Value::from_safe_string(format!("{sign}{word}"))
 }
 
+/// Text with what stands between backticks set as code.
+fn prose(text: &str) -> Value {
+    let escape = |t: &str| t.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;");
+    let parts: Vec<&str> = text.split('`').collect();
+    let paired = parts.len() % 2 == 1;
+    let set =
+        |(i, part): (usize, &&str)| if i % 2 == 1 { format!("<code>{}</code>", escape(part)) } else { escape(part) };
+    Value::from_safe_string(if paired { parts.iter().enumerate().map(set).collect() } else { escape(text) })
+}
+
 /// Renders the page as one HTML text that needs nothing else.
 pub fn render(page: &Page) -> Result<String, ReportError> {
     let mut env = Environment::new();
@@ -53,6 +64,7 @@ pub fn render(page: &Page) -> Result<String, ReportError> {
     env.add_template("page.html", include_str!("../templates/page.html"))?;
     env.add_template("blocks.html", include_str!("../templates/blocks.html"))?;
     env.add_function("light", light);
+    env.add_function("prose", prose);
     // the plotting library only where something is plotted: pages without charts stay small
     let charts = page.has("chart");
     let html = env.get_template("page.html")?.render(context! {
@@ -119,6 +131,12 @@ mod tests {
         for outside in ["src=", "http:", "https:", "@import", "url("] {
             assert!(!own.contains(outside), "`{outside}` on the page");
         }
+    }
+
+    #[test]
+    fn backticks_become_code_and_text_stays_text() {
+        assert_eq!(prose("add `a<b>` & go").to_string(), "add <code>a&lt;b&gt;</code> &amp; go");
+        assert_eq!(prose("one ` alone <").to_string(), "one ` alone &lt;");
     }
 
     #[test]

@@ -3,6 +3,9 @@
 use crate::Light;
 use serde::Serialize;
 
+/// Columns whose longest cell has no more characters are not broken into lines.
+const SHORT: usize = 28;
+
 /// One cell.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Cell {
@@ -48,23 +51,31 @@ pub struct Table {
     pub header: Vec<String>,
     /// Rows; the first cell of each is its name.
     pub rows: Vec<Vec<Cell>>,
-    /// By column: true where it holds words (left, may wrap), false for numbers (right).
-    words: Vec<bool>,
+    /// Class of each column: empty for numbers (right), `w` for words (left), `w n` for words too short to wrap.
+    classes: Vec<&'static str>,
 }
 
 impl Table {
     /// A table; columns in which every cell is a number, or missing, are set as numbers.
     pub fn new<C: Into<Cell>>(title: &str, caption: &str, header: &[&str], rows: Vec<Vec<C>>) -> Self {
         let rows: Vec<Vec<Cell>> = rows.into_iter().map(|r| r.into_iter().map(Into::into).collect()).collect();
-        let words = (0..header.len())
-            .map(|i| rows.iter().filter_map(|r| r.get(i)).any(|c| c.light.is_some() || !is_number(&c.text)))
-            .collect();
+        let class = |i: usize| {
+            let cells = || rows.iter().filter_map(|r| r.get(i));
+            if !cells().any(|c| c.light.is_some() || !is_number(&c.text)) {
+                ""
+            } else if cells().all(|c| c.text.chars().count() <= SHORT) {
+                "w n"
+            } else {
+                "w"
+            }
+        };
+        let classes = (0..header.len()).map(class).collect();
         Self {
             title: title.to_owned(),
             caption: caption.to_owned(),
             header: header.iter().map(|h| (*h).to_owned()).collect(),
             rows,
-            words,
+            classes,
         }
     }
 }
@@ -88,6 +99,6 @@ mod tests {
             &["name", "value", "remark"],
             vec![vec!["a", "−1.5e-3", "x"], vec!["b", "–", ""], vec!["c", "1.0  2.0 ± 3", ""]],
         );
-        assert_eq!(t.words, [true, false, true]);
+        assert_eq!(t.classes, ["w n", "", "w n"]);
     }
 }

@@ -1,4 +1,4 @@
-// Charts: unpacks the numbers, puts on the theme, draws; gives the numbers back as CSV.
+// Charts: loads the plotting library when the first is drawn; unpacks the numbers, puts on the theme, draws; gives the numbers back as CSV.
 const Charts = (() => {
   const options = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"] };
   const named = (text) => {
@@ -22,7 +22,14 @@ const Charts = (() => {
     f.lists = f.lists.map(Numbers.list);
     return f;
   };
+  const library = () => {
+    if (typeof Plotly !== "undefined") return;
+    const program = document.createElement("script");
+    program.textContent = document.getElementById("plotting-library").textContent;
+    document.head.append(program);
+  };
   const draw = (el) => {
+    library();
     const f = read(el.closest("figure"));
     el.style.height = el.dataset.height + "px";
     return Plotly.react(el, unpack(f.data, f.lists), unpack(f.layout, f.lists), options);
@@ -32,7 +39,7 @@ const Charts = (() => {
     const data = unpack(f.data, f.lists).filter((t) => t.csv !== false);
     if (data[0]?.type === "heatmap") {
       const t = data[0];
-      return [["row", f.x || "column", f.panels[0]], ...t.y.flatMap((y, i) => t.x.map((x, j) => [y, x, t.z[i][j]]))];
+      return [["row", f.x || "column", f.panels[0]], ...t.y.flatMap((y, i) => t.x.map((x, j) => [y, x, (t.values || t.z)[i][j]]))];
     }
     if (data[0]?.names) {
       const out = [["name", "kind", f.x, "lower", "upper"]];
@@ -47,5 +54,5 @@ const Charts = (() => {
     }
     return out;
   };
-  return { draw, rows };
+  return { draw, rows, library };
 })();

@@ -32,10 +32,13 @@
     if (chapter !== chapters[0]) document.title = chapter.querySelector(".chapter-title").textContent + " · " + title;
     else document.title = title;
     if (all) drawings.forEach(draw);
-    if (move) (target && target !== chapter ? target : document.body).scrollIntoView();
+    if (move) setTimeout(() => (target && target !== chapter ? target.scrollIntoView() : window.scrollTo(0, 0)));
   };
   window.addEventListener("hashchange", () => show(true));
   show(location.hash.length > 1);
+
+  // the library while nothing else is to do, so that the first chart need not wait
+  if (document.getElementById("plotting-library")) (window.requestIdleCallback || setTimeout)(() => Charts.library());
 
   // print what is shown, or everything
   const prepare = () => drawings.filter((d) => d.offsetParent).forEach(draw);

@@ -25,6 +25,17 @@ const Player = (() => {
     grow(d.joints); grow(d.measured);
     const middle = low.map((v, k) => (v + high[k]) / 2);
     const radius = Math.max(0.3, 0.5 * Math.hypot(...low.map((v, k) => high[k] - v)));
+    const tall = 0.5 * (high[2] - low[2]), wide = 0.5 * Math.hypot(high[0] - low[0], high[1] - low[1]);
+
+    // a small body that travels far is followed
+    const centres = d.t.map((_, f) => {
+      const sum = [0, 0, 0]; let count = 0;
+      for (let m = 0; m < nm; m++) { const i = 3 * (f * nm + m); if (Number.isFinite(d.modelled[i])) { count++; for (let k = 0; k < 3; k++) sum[k] += d.modelled[i + k]; } }
+      return count ? sum.map((v) => v / count) : middle;
+    });
+    let size = 0.1;
+    d.t.forEach((_, f) => { for (let m = 0; m < nm; m++) { const i = 3 * (f * nm + m), r = Math.hypot(...[0, 1, 2].map((k) => d.modelled[i + k] - centres[f][k])); if (r > size) size = r; } });
+    state.follow = radius > 2.2 * size;
 
     const canvas = make("canvas", { tabindex: "0", role: "img", "aria-label": el.getAttribute("aria-label") + " Space plays; arrow keys turn; comma and full stop step." });
     const play = make("button", { type: "button", "aria-label": "Play" }, "▶ Play");
@@ -44,6 +55,10 @@ const Player = (() => {
       box.onchange = () => { state.show[name] = box.checked; render(); };
       return make("label", { class: "switch " + name.replace(" ", "-") }, box, make("i", { "aria-hidden": "true" }), name);
     });
+    const box = make("input", { type: "checkbox" });
+    box.checked = state.follow;
+    box.onchange = () => { state.follow = box.checked; render(); };
+    switches.push(make("label", { class: "switch" }, box, "follow"));
     const marks = make("div", { class: "flights", "aria-hidden": "true" });
     for (let i = 0, from = -1; i <= n; i++) {
       const up = i < n && d.flight[i] > 0.5;
@@ -58,10 +73,10 @@ const Player = (() => {
     const point = (list, i) => [list[3 * i], list[3 * i + 1], list[3 * i + 2]];
     let view = null;
     const project = (p) => {
-      const x = p[0] - middle[0], y = p[1] - middle[1], z = p[2] - middle[2];
+      const x = p[0] - view.at[0], y = p[1] - view.at[1], z = p[2] - view.at[2];
       const u = -x * view.sy + y * view.cy, w = x * view.cy + y * view.sy;
       const depth = w * view.cp + z * view.sp, v = z * view.cp - w * view.sp;
-      const s = view.scale / (1 - depth / (6 * radius));
+      const s = view.scale / Math.max(0.2, 1 - depth / (6 * radius));
       return [view.cx + u * s, view.cyy - v * s, depth];
     };
     const stroke = (g, a, b, colour, width) => {
@@ -102,13 +117,14 @@ const Player = (() => {
     };
     let places = [];
     const render = () => {
-      const ratio = window.devicePixelRatio || 1, width = el.clientWidth, height = 400;
+      const ratio = window.devicePixelRatio || 1, width = el.clientWidth, height = 430;
       if (!width) return;
       if (canvas.width !== Math.round(width * ratio)) { canvas.width = Math.round(width * ratio); canvas.height = Math.round(height * ratio); canvas.style.height = height + "px"; }
       const g = canvas.getContext("2d");
       g.setTransform(ratio, 0, 0, ratio, 0, 0);
       g.clearRect(0, 0, width, height);
-      view = { sy: Math.sin(state.yaw), cy: Math.cos(state.yaw), sp: Math.sin(state.pitch), cp: Math.cos(state.pitch), cx: width / 2, cyy: height / 2, scale: (state.zoom * 0.47 * Math.min(height, width)) / radius };
+      view = { sy: Math.sin(state.yaw), cy: Math.cos(state.yaw), sp: Math.sin(state.pitch), cp: Math.cos(state.pitch), cx: width / 2, cyy: height / 2, at: state.follow ? centres[state.frame] : middle,
+        scale: state.zoom * (state.follow ? (0.42 * Math.min(width, height)) / size : Math.min((0.44 * height) / (tall + 0.22 * wide), (0.44 * width) / (wide + 0.1))) };
       const f = state.frame, ink = Numbers.colour("ink"), c0 = Numbers.colour("c0"), c1 = Numbers.colour("c1"), arrowColours = [Numbers.colour("c2"), Numbers.colour("c3")];
       floor(g);
       g.lineCap = "round";

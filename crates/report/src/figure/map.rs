@@ -39,6 +39,26 @@ pub struct HeatMap {
     pub step: f64,
     /// Upper end of the colours; the largest value where not given.
     pub top: Option<f64>,
+    /// What the cells say and the CSV holds, where `z` is only their shade; and what that is, with unit.
+    pub values: Option<(Vec<Vec<f64>>, String)>,
+}
+
+/// Three significant digits.
+fn short(v: f64) -> String {
+    let a = v.abs();
+    if !v.is_finite() {
+        String::new()
+    } else if a >= 100.0 {
+        format!("{v:.0}")
+    } else if a >= 10.0 {
+        format!("{v:.1}")
+    } else if a >= 1.0 || a == 0.0 {
+        format!("{v:.2}")
+    } else if a >= 0.001 {
+        format!("{:.*}", 2 + (-a.log10()).floor() as usize + usize::from(a < 0.1), v)
+    } else {
+        format!("{v:.1e}")
+    }
 }
 
 impl Figure {
@@ -79,10 +99,18 @@ impl Figure {
             trace["texttemplate"] = json!("%{z:.3~g}");
             trace["textfont"] = json!({"size": 11});
         }
-        layout["margin"]["t"] = json!(14);
+        if let Some((values, unit)) = &map.values {
+            trace["values"] = values.iter().map(|row| pack::numbers(row)).collect();
+            trace["text"] = values.iter().map(|row| row.iter().map(|v| short(*v)).collect::<Value>()).collect();
+            trace["texttemplate"] = json!("%{text}");
+            trace["textfont"] = json!({"size": 11});
+            trace["hovertemplate"] =
+                json!(format!("%{{y}} · %{{x}}: %{{text}} {unit} (shade %{{z:.2f}})<extra></extra>"));
+        }
+        layout["margin"]["t"] = json!(32);
         let row = if crowded { 15 } else { 22 };
-        let height = 14 + 80 + map.y.len().max(3) * row;
-        let plot = json!({"data": [trace], "layout": layout, "lists": [], "x": map.x_title, "panels": [map.unit]});
+        let height = 32 + 80 + map.y.len().max(3) * row;
+        let plot = json!({"data": [trace], "layout": layout, "lists": [], "x": map.x_title, "panels": [map.values.as_ref().map_or(&map.unit, |v| &v.1)]});
         Self::new("chart", words, height, plot)
     }
 }

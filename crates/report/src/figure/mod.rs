@@ -90,6 +90,7 @@ fn base_layout() -> Value {
         "paper_bgcolor": "rgba(0,0,0,0)", "plot_bgcolor": "rgba(0,0,0,0)",
         "legend": {"orientation": "h", "yref": "container", "y": 1.0, "yanchor": "top", "x": 0, "itemwidth": 30},
         "hovermode": "closest",
+        "modebar": {"bgcolor": "rgba(0,0,0,0)", "color": "$line", "activecolor": "$accent"},
         "hoverlabel": {"bgcolor": "$paper", "bordercolor": "$grid", "font": {"color": "$ink"}}
     })
 }

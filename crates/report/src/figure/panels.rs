@@ -29,6 +29,8 @@ pub struct Series {
     pub dashed: bool,
     /// Colour of the theme; the next free one where not given.
     pub colour: Option<&'static str>,
+    /// Not in the legend; its name shows under the pointer and in the CSV.
+    pub quiet: bool,
 }
 
 impl Series {
@@ -104,6 +106,8 @@ pub struct Panel {
     pub lines: Vec<Line>,
     /// The ordinate starts at zero.
     pub from_zero: bool,
+    /// The ordinate is logarithmic.
+    pub log: bool,
     /// Names at the abscissae 0, 1, 2 …; empty where it is a quantity.
     pub ticks: Vec<String>,
 }
@@ -174,7 +178,7 @@ fn trace(s: &Series, panel: usize, pool: &mut Pool, names: &mut Names) -> Value 
         "line": {"color": colour, "width": 1.6, "dash": if s.dashed { "dash" } else { "solid" }},
         "marker": {"color": colour, "size": 8},
         "xaxis": format!("x{}", suffix(panel)), "yaxis": format!("y{}", suffix(panel)),
-        "legendgroup": s.name, "showlegend": names.first(&s.name)
+        "legendgroup": s.name, "showlegend": !s.quiet && names.first(&s.name)
     });
     if s.name.is_empty() {
         t["hoverinfo"] = json!("x+y");
@@ -240,6 +244,10 @@ impl Figure {
             y["domain"] = json!([(top - panel_px / inner).max(0.0), top.min(1.0)]);
             y["anchor"] = json!(format!("x{}", suffix(i)));
             y["nticks"] = json!(6);
+            if panel.log {
+                y["type"] = json!("log");
+                y["dtick"] = json!(1);
+            }
             if panel.from_zero {
                 y["rangemode"] = json!("tozero");
             }

@@ -1,6 +1,6 @@
 //! The ranking of candidates with their intervals, and what looks alike.
 
-use super::words::{number, plus_minus};
+use super::words::{number, plus_minus, unit};
 use aloft_discover::{Candidate, Discovery};
 use aloft_effects::EffectKind;
 use aloft_report::{Block, Cell, Columns, Dots, Figure, HeatMap, Line, Section, Table, Words};
@@ -68,10 +68,11 @@ fn table(real: &[&Candidate]) -> Table {
             vec![
                 Cell::from(c.key.clone()),
                 kind(c).into(),
-                format!("{:.3}", c.held_out_ratio).into(),
-                format!("{:.2} to {:.2}", c.ci95[0], c.ci95[1]).into(),
+                format!("{:.3} ({:.2} to {:.2})", c.held_out_ratio, c.ci95[0], c.ci95[1]).into(),
                 first
-                    .map_or("–".to_owned(), |e| format!("{} = {} {}", e.name, plus_minus(e.value, e.se), e.unit))
+                    .map_or("–".to_owned(), |e| {
+                        format!("{} = {} {}", e.name, plus_minus(e.value, e.se), unit(&e.unit))
+                    })
                     .into(),
                 number(c.minimum_detectable).into(),
                 number(c.family_wise_p).into(),
@@ -87,10 +88,9 @@ fn table(real: &[&Candidate]) -> Table {
         &[
             "effect",
             "kind",
-            "held-out ratio",
-            "95 % interval",
+            "held-out ratio (95 %)",
             "first coefficient",
-            "smallest seen",
+            "smallest seen, same unit",
             "chance of the best",
             "cannot be told from",
             "believed",
@@ -130,6 +130,7 @@ fn confusions(shown: &[&Candidate]) -> Option<Block> {
         unit: "cosine".into(),
         step: 1e-3,
         top: Some(1.0),
+        values: None,
     };
     let words = Words::new(
         "What looks alike",

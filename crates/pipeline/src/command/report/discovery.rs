@@ -49,7 +49,8 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
     Chapter { id: "discovery".into(), title: "What is missing".into(), group: STUDY.into(), light, sections }
 }
 
-fn verdict_light(v: Verdict) -> Light {
+/// How a verdict is shown.
+pub fn verdict_light(v: Verdict) -> Light {
     match v {
         Verdict::NothingMissing => Light::Good,
         Verdict::Supported | Verdict::OneOf => Light::Fair,
@@ -99,10 +100,11 @@ fn answer(story: &Story<'_>, revision: usize, d: &Discovery, several: bool) -> S
     blocks.push(Block::Cards { cards });
     if let Some(r) = d.rounds.first() {
         blocks.push(Block::text(format!(
-            "Judged on {} {} held out one after the other. Signs of the residuals flipped at random, the best of the whole catalogue came to a \
-             ratio of {} in one case of twenty: only a ratio below {} is believed.",
+            "Judged {} on {} groups of rows (recordings, or flights where recordings are few), each held out in its turn. With the signs of the \
+             residuals flipped at random, the best of the whole catalogue came to a ratio of {} in one case of twenty: only a ratio below {} is \
+             believed.",
+            if r.judged_on == "flight" { "in flight" } else { "in contact" },
             r.clusters,
-            r.judged_on,
             number(r.null_quantiles[1]),
             number(r.threshold)
         )));

@@ -11,27 +11,26 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         return None;
     }
     let f = &story.study.config.filter;
-    let single = all.len() == 1;
+    let many = all.len() > 4;
     let series = all
         .iter()
         .map(|(t, a)| {
             let y = a.residual_rms.iter().map(|r| 1e3 * r).collect();
-            let name = if all.len() <= 10 { t.entry.name.clone() } else { String::new() };
-            let s = Series::line(name, a.cutoff_hz.clone(), y);
-            if single || all.len() > 10 { s.coloured("$c0") } else { s }
+            let s = Series::line(t.entry.name.clone(), a.cutoff_hz.clone(), y);
+            if many { Series { quiet: true, ..s.coloured("$c0") } } else { s }
         })
         .collect();
     let panel = Panel {
         y: "residual, mm".into(),
         series,
         lines: vec![Line { at: f.cutoff_hz, upright: true, label: format!("chosen: {} Hz", f.cutoff_hz) }],
-        from_zero: true,
+        log: true,
         ..Panel::default()
     };
     let words = Words::new(
         "What each cut-off takes away",
         "Root mean square of the root's path less its filtered path, one curve a recording. To the right only noise is lost and the curve is \
-         nearly straight; where it bends upward the filter begins to take motion.",
+         nearly level; where it bends upward the filter begins to take motion.",
     );
     let figure = Figure::panels(words, "cut-off, Hz", 1, &[panel], &[]);
     let rows = all

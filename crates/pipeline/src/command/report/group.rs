@@ -71,7 +71,11 @@ pub fn page(title: &str, members: &[Member<'_>], absent: &[Absent]) -> Result<Pa
     let n: usize = rows.iter().map(|r| r.recordings).sum();
     Ok(Page {
         title: format!("{title}: mass properties from flight"),
-        subtitle: format!("{} · {} · one page a subject, linked below", count(rows.len(), "subject"), count(n, "recording")),
+        subtitle: format!(
+            "{} · {} · one page a subject, linked below",
+            count(rows.len(), "subject"),
+            count(n, "recording")
+        ),
         chapters,
         footer: vec![format!("aloft {}", env!("CARGO_PKG_VERSION"))],
     })
@@ -115,8 +119,11 @@ fn row(m: &Member<'_>) -> Row {
         out.flights = Some(p.n_stretches);
         out.gap = Some(p.sigma.ratio);
         out.trusted = Some(p.gate.passed);
-        out.shares =
-            p.links.iter().map(|l| (l.name.clone(), 100.0 * l.mass_kg / p.mass_kg, 100.0 * l.prior.mass_kg / p.mass_kg)).collect();
+        out.shares = p
+            .links
+            .iter()
+            .map(|l| (l.name.clone(), 100.0 * l.mass_kg / p.mass_kg, 100.0 * l.prior.mass_kg / p.mass_kg))
+            .collect();
         if !p.gate.passed {
             out.light = out.light.max(Light::Fair);
         }
@@ -135,7 +142,8 @@ fn row(m: &Member<'_>) -> Row {
         let Some(motion) = &t.motion else { continue };
         let n = motion.marker_labels.len();
         for (i, label) in motion.marker_labels.iter().enumerate() {
-            let own: Vec<f64> = motion.residual_m.iter().skip(i).step_by(n).filter(|r| r.is_finite()).copied().collect();
+            let own: Vec<f64> =
+                motion.residual_m.iter().skip(i).step_by(n).filter(|r| r.is_finite()).copied().collect();
             if !own.is_empty() {
                 let rms = 1e3 * (own.iter().map(|r| r * r).sum::<f64>() / own.len() as f64).sqrt();
                 // mean over recordings, taken at the end
@@ -151,7 +159,13 @@ fn row(m: &Member<'_>) -> Row {
         .map(|t| {
             let first = lights::remarks(t).into_iter().next().map_or(String::new(), |r| r.1);
             let remark = t.entry.excluded.as_ref().map_or(first, |e| format!("excluded: {e}"));
-            (t.entry.name.clone(), lights::trial(t), t.kinematics.as_ref().and_then(|k| k.marker_rms_mm), t.n_flights(), remark)
+            (
+                t.entry.name.clone(),
+                lights::trial(t),
+                t.kinematics.as_ref().and_then(|k| k.marker_rms_mm),
+                t.n_flights(),
+                remark,
+            )
         })
         .collect();
     out
@@ -188,11 +202,31 @@ fn overview(rows: &[Row], absent: &[Absent]) -> Chapter {
     let trusted = rows.iter().filter(|r| r.trusted == Some(true)).count();
     let flights: usize = rows.iter().filter_map(|r| r.flights).sum();
     let cards = vec![
-        card("Subjects", rows.len().to_string(), format!("{} good, {} fair, {} poor", of(Light::Good), of(Light::Fair), of(Light::Poor)), light),
-        card("Determined by their motion", format!("{trusted} of {}", rows.len()), "subjects whose parameters pass the gate", Light::Neutral),
+        card(
+            "Subjects",
+            rows.len().to_string(),
+            format!("{} good, {} fair, {} poor", of(Light::Good), of(Light::Fair), of(Light::Poor)),
+            light,
+        ),
+        card(
+            "Determined by their motion",
+            format!("{trusted} of {}", rows.len()),
+            "subjects whose parameters pass the gate",
+            Light::Neutral,
+        ),
         card("Flights", flights.to_string(), "over all subjects", Light::Neutral),
-        card("Marker error, RMS", format!("{} mm", mean_sd(rows.iter().map(|r| r.marker_rms_mm))), "mean ± SD over subjects", Light::Neutral),
-        card("Force error", format!("{} N", mean_sd(rows.iter().map(|r| r.force[0]))), format!("prior {} N", mean_sd(rows.iter().map(|r| r.force[1]))), Light::Neutral),
+        card(
+            "Marker error, RMS",
+            format!("{} mm", mean_sd(rows.iter().map(|r| r.marker_rms_mm))),
+            "mean ± SD over subjects",
+            Light::Neutral,
+        ),
+        card(
+            "Force error",
+            format!("{} N", mean_sd(rows.iter().map(|r| r.force[0]))),
+            format!("prior {} N", mean_sd(rows.iter().map(|r| r.force[1]))),
+            Light::Neutral,
+        ),
         card(
             "Moment error",
             format!("{} N·m", mean_sd(rows.iter().map(|r| r.moment[0]))),
@@ -202,8 +236,10 @@ fn overview(rows: &[Row], absent: &[Absent]) -> Chapter {
     ];
     let mut blocks = vec![Block::Cards { cards }, subjects(rows).into()];
     let failed = rows.iter().filter_map(|r| Some((r.name.clone(), r.failure.clone()?)));
-    let lost: Vec<(String, String, bool)> =
-        failed.map(|(n, f)| (n, f, false)).chain(absent.iter().map(|a| (a.name.clone(), a.reason.clone(), a.on_purpose))).collect();
+    let lost: Vec<(String, String, bool)> = failed
+        .map(|(n, f)| (n, f, false))
+        .chain(absent.iter().map(|a| (a.name.clone(), a.reason.clone(), a.on_purpose)))
+        .collect();
     for (name, reason, on_purpose) in lost {
         let light = if on_purpose { Light::Neutral } else { Light::Poor };
         let what = if on_purpose { "left out" } else { "no results" };
@@ -265,19 +301,29 @@ fn subjects(rows: &[Row]) -> Table {
 
 fn distributions(rows: &[Row]) -> Chapter {
     let names: Vec<String> = rows.iter().map(|r| r.name.clone()).collect();
-    let values = |get: &dyn Fn(&Row) -> Option<f64>| rows.iter().map(|r| get(r).unwrap_or(f64::NAN)).collect::<Vec<f64>>();
+    let values =
+        |get: &dyn Fn(&Row) -> Option<f64>| rows.iter().map(|r| get(r).unwrap_or(f64::NAN)).collect::<Vec<f64>>();
     let both = |title: &str, unit: &str, get: &dyn Fn(&Row) -> [Option<f64>; 2]| {
         let kinds = [Dots::new("identified", values(&|r| get(r)[0])), Dots::new("prior", values(&|r| get(r)[1]))];
-        let words = Words::new(title, "Each subject's identified model beside the anthropometric prior, on held-out motion. Left is better.");
+        let words = Words::new(
+            title,
+            "Each subject's identified model beside the anthropometric prior, on held-out motion. Left is better.",
+        );
         Block::from(Figure::dots(words, unit, &names, &kinds, &[]))
     };
     let mut sections = vec![Section::new(
         "errors",
         "Prediction",
         "Does identification help every subject, or some only?",
-        vec![both("Force error by subject", "mean absolute error, N", &|r| r.force), both("Moment error by subject", "mean absolute error, N·m", &|r| r.moment)],
+        vec![
+            both("Force error by subject", "mean absolute error, N", &|r| r.force),
+            both("Moment error by subject", "mean absolute error, N·m", &|r| r.moment),
+        ],
     )];
-    let gap = Words::new("Singular-value gap by subject", "How clearly each subject's motion shows the parameters: 20 is clear, below 3 nothing is shown.");
+    let gap = Words::new(
+        "Singular-value gap by subject",
+        "How clearly each subject's motion shows the parameters: 20 is clear, below 3 nothing is shown.",
+    );
     let lines = [3.0, 20.0].map(|at| Line { at, upright: true, label: number(at) });
     let figure = Figure::dots(gap, "σ_N−1 / σ_N", &names, &[Dots::new("", values(&|r| r.gap))], &lines);
     sections.push(Section::new("gaps", "Excitation", "", vec![figure.into()]));
@@ -306,7 +352,8 @@ fn segments(rows: &[Row]) -> Option<Section> {
         names.iter().map(|n| of(n)).unzip()
     };
     let ((own, own_sd), (prior, prior_sd)) = (over(0), over(1));
-    let kinds = [Dots::with_half("identified, mean ± SD", own, &own_sd), Dots::with_half("prior, mean ± SD", prior, &prior_sd)];
+    let kinds =
+        [Dots::with_half("identified, mean ± SD", own, &own_sd), Dots::with_half("prior, mean ± SD", prior, &prior_sd)];
     let labels: Vec<String> = names.iter().map(|n| n.replace('_', " ")).collect();
     let words = Words::new(
         "Mass of each segment as a share of the body",
@@ -332,10 +379,14 @@ fn markers(rows: &[Row]) -> Option<Section> {
         x_title: "subject".into(),
         x: Columns::Names(rows.iter().map(|r| r.name.clone()).collect()),
         y: labels.iter().map(|l| (*l).to_owned()).collect(),
-        z: labels.iter().map(|l| rows.iter().map(|r| r.markers.get(*l).copied().unwrap_or(f64::NAN)).collect()).collect(),
+        z: labels
+            .iter()
+            .map(|l| rows.iter().map(|r| r.markers.get(*l).copied().unwrap_or(f64::NAN)).collect())
+            .collect(),
         unit: "RMS, mm".into(),
         step: 0.01,
         top: None,
+        values: None,
     };
     let words = Words::new(
         "Distance of each marker from the model",
@@ -389,9 +440,20 @@ fn recordings(rows: &[Row]) -> Chapter {
                     ]
                 })
                 .collect();
-            let table = Table::new(&r.name, "", &["recording", "judgement", "marker RMS, mm", "flights", "first remark"], cells);
+            let table = Table::new(
+                &r.name,
+                "",
+                &["recording", "judgement", "marker RMS, mm", "flights", "first remark"],
+                cells,
+            );
             Section::new(anchor("subject", &r.name), &r.name, "", vec![table.into()])
         })
         .collect();
-    Chapter { id: "recordings".into(), title: "All recordings".into(), group: STUDY.into(), light: Light::Neutral, sections }
+    Chapter {
+        id: "recordings".into(),
+        title: "All recordings".into(),
+        group: STUDY.into(),
+        light: Light::Neutral,
+        sections,
+    }
 }

@@ -56,6 +56,7 @@ fn markers(story: &Story<'_>) -> Option<Section> {
         unit: "RMS, mm".into(),
         step: 0.01,
         top: None,
+        values: None,
     };
     let words = Words::new(
         "Distance of each marker from the model",

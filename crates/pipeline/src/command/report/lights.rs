@@ -12,7 +12,7 @@ pub fn marker_rms(mm: f64) -> Light {
 
 /// Acceleration of the centre of mass in flight against g, percent: tables alone reach one or two.
 pub fn free_fall(percent: f64) -> Light {
-    Light::below(percent.abs(), 2.5, 6.0)
+    Light::below(percent.abs(), 3.0, 10.0)
 }
 
 /// Marker samples never measured, percent.
@@ -69,7 +69,9 @@ pub fn remarks(t: &TrialStory<'_>) -> Vec<(Light, String)> {
     {
         out.push((missing(p), format!("{p:.0} % of the marker samples are missing")));
     }
-    out.extend(t.warnings.iter().map(|w| (Light::Fair, w.clone())));
+    // plates that were never unloaded cannot be tared: worth saying, but no fault of the recording
+    let weight = |w: &str| if w.ends_with("not tared") { Light::Neutral } else { Light::Fair };
+    out.extend(t.warnings.iter().map(|w| (weight(w), w.clone())));
     if t.entry.role == Role::Identify && t.n_flights() == Some(0) && !out.iter().any(|r| r.1.contains("no flight")) {
         out.push((Light::Fair, "no flight found".to_owned()));
     }

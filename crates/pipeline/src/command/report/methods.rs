@@ -43,7 +43,7 @@ fn paragraph(story: &Story<'_>) -> String {
             "A model of {} links was scaled to the static trial (hip centres after {}, inertial prior: {}) and its joint centres, hinge axes and \
              marker places were refined over the dynamic trials on markers alone. ",
             study.model.links.len(),
-            study.config.scale.hip,
+            capital(&study.config.scale.hip),
             study.anthropometry.title
         )
     });
@@ -100,4 +100,10 @@ fn provenance(story: &Story<'_>) -> Table {
         &["stage", "version", "results", "time, s", "settings", "gives"],
         rows,
     )
+}
+
+/// The name of an author as written.
+fn capital(name: &str) -> String {
+    let mut letters = name.chars();
+    letters.next().map_or(String::new(), |c| c.to_uppercase().chain(letters).collect())
 }

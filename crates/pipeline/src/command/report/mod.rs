@@ -8,6 +8,7 @@ mod candidates;
 mod discovery;
 mod filtering;
 mod flights;
+mod group;
 mod kinematics;
 mod ladder;
 mod lights;
@@ -25,6 +26,7 @@ mod words;
 use crate::error::PipelineError;
 use crate::study::Study;
 use aloft_report::{Chapter, Page, render};
+pub use group::{Absent, Member};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use story::Story;
@@ -40,6 +42,18 @@ pub fn write(study: &Study, out: Option<&Path>) -> Result<PathBuf, PipelineError
     let path = out.map_or_else(|| study.workspace.join("report.html"), Path::to_path_buf);
     std::fs::write(&path, html).map_err(PipelineError::io("write", &path))?;
     Ok(path)
+}
+
+/// Builds the page of a study of several subjects and writes it; the subjects' own pages are written by [`write`].
+pub fn write_group(
+    title: &str,
+    members: &[Member<'_>],
+    absent: &[Absent],
+    out: &Path,
+) -> Result<PathBuf, PipelineError> {
+    let html = render(&group::page(title, members, absent)?).map_err(|e| PipelineError::request(e.to_string()))?;
+    std::fs::write(out, html).map_err(PipelineError::io("write", out))?;
+    Ok(out.to_path_buf())
 }
 
 fn page(study: &Study) -> Result<Page, PipelineError> {

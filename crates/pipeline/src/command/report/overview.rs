@@ -1,6 +1,7 @@
 //! What was identified, how well it predicts, and what came in.
 
 use super::STUDY;
+use super::discovery::verdict_light;
 use super::lights;
 use super::prediction::model_table;
 use super::story::{Story, TrialStory};
@@ -23,7 +24,12 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
     )];
     if let Some(view) = &story.comparison {
         let mut blocks: Vec<Block> = vec![model_table(view).into()];
-        blocks.push(Block::List { items: view.comparison.words.clone() });
+        let words = &view.comparison.words;
+        blocks.push(Block::List { items: words.iter().take(6).cloned().collect() });
+        if words.len() > 6 {
+            let rest = vec![Block::List { items: words[6..].to_vec() }];
+            blocks.push(Block::Folded { title: "More".into(), blocks: rest });
+        }
         sections.push(Section::new("in-short", "Model against measurement, in short", "", blocks));
     }
     sections.push(Section::new(
@@ -118,17 +124,22 @@ fn remarks(story: &Story<'_>) -> Vec<Block> {
     }
     if let Some(found) = &story.found {
         let gate = &found.parameters.gate;
-        if gate.passed {
+        if gate.passed && gate.reasons.is_empty() {
             let text = "The motion determines the combinations of parameters that motion can determine; intervals stand beside every number.";
             blocks.push(Block::remark(Light::Good, text));
         }
         let light = if gate.passed { Light::Fair } else { Light::Poor };
         blocks.extend(gate.reasons.iter().map(|r| Block::remark(light, r.clone())));
-        let next = gate.advice.iter().take(4);
-        blocks.extend(next.map(|a| Block::remark(Light::Neutral, format!("Next recording: {a}"))));
+        if !gate.advice.is_empty() {
+            blocks.push(Block::text("What to record next, to see more of the parameters:"));
+            blocks.push(Block::List { items: gate.advice.iter().take(4).cloned().collect() });
+        }
     }
     if let Some(d) = story.discovery() {
-        blocks.push(Block::text(format!("Missing effects: {}", d.words)));
+        blocks.push(Block::remark(
+            verdict_light(d.verdict),
+            format!("Missing from the model? {}.", d.words.trim_end_matches('.')),
+        ));
     }
     blocks
 }

@@ -56,17 +56,27 @@ fn maps(groups: &[&Group], by: &str) -> Vec<Block> {
     let names: Vec<String> = groups.iter().map(|g| label(g)).collect();
     let map = |title: &str, unit: &str, get: &dyn Fn(&Group) -> [f64; 6]| {
         let axes = ["root x", "root y", "root z", "world x", "world y", "world z"];
+        let values: Vec<Vec<f64>> = groups.iter().map(|g| get(g).to_vec()).collect();
+        // contact and flight differ by their own nature: a row is shaded beside the rows of its own kind
+        let usual = |by: GroupedBy, axis: usize| {
+            let own: Vec<f64> = groups.iter().zip(&values).filter(|(g, _)| g.by == by).map(|(_, v)| v[axis]).collect();
+            own.iter().sum::<f64>() / own.len() as f64
+        };
+        let z = groups.iter().zip(&values).map(|(g, row)| (0..6).map(|i| row[i] / usual(g.by, i)).collect()).collect();
         let map = HeatMap {
             x_title: "axis".into(),
             x: Columns::Names(axes.iter().map(|a| (*a).to_owned()).collect()),
             y: names.clone(),
-            z: groups.iter().map(|g| get(g).to_vec()).collect(),
-            unit: unit.to_owned(),
+            z,
+            unit: "error / mean of its kind".to_owned(),
             step: 1e-3,
-            top: None,
+            top: Some(2.5),
+            values: Some((values, unit.to_owned())),
         };
-        let caption =
-            format!("Mean absolute error of the identified model, by {by} and axis, in root and in world axes.");
+        let caption = format!(
+            "Mean absolute error of the identified model in {unit}, by {by} and axis, in root and in world axes. Shades compare a row with the \
+             others of its kind: a dark row errs twice as much as they do on average."
+        );
         Block::from(Figure::heat_map(Words::new(title, &caption), &map))
     };
     let six = |a: [f64; 3], b: [f64; 3]| [a[0], a[1], a[2], b[0], b[1], b[2]];

@@ -14,6 +14,8 @@ use std::ops::Range;
 const ROOM: usize = 2_400_000;
 /// Frames a second that a player shows at most.
 const RATE_HZ: f64 = 30.0;
+/// Up to so many links the markers tell the shape.
+const FEW_LINKS: usize = 4;
 /// Below this a plate's centre of pressure says nothing, N.
 const LOADED_N: f64 = 20.0;
 
@@ -77,9 +79,13 @@ pub fn figure(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
         a.arrows.push(Arrows { name: "force that the identified body needs".into(), frames: model_force });
     }
     let shown = range.len() as f64 / motion.rate_hz;
+    let arrows = match (trial.plates.is_empty(), asked.is_some()) {
+        (false, true) => "; both kinds of arrow should agree on the ground and vanish in flight",
+        (true, true) => "; the arrow should vanish in flight",
+        _ => "",
+    };
     let caption = format!(
-        "{shown:.1} s of {:.1} s at {:.0} frames a second. Lines between filled and open markers are the model's error; both kinds of arrow should \
-         agree on the ground and vanish in flight.",
+        "{shown:.1} s of {:.1} s at {:.0} frames a second. Lines between filled and open markers are the model's error{arrows}.",
         motion.n_frames() as f64 / motion.rate_hz,
         motion.rate_hz / step as f64
     );
@@ -140,8 +146,11 @@ fn round_number(x: f64) -> f64 {
         }
 }
 
-/// Ends of links that carry no other link: the marker farthest out.
+/// Ends of links that carry no other link: the marker farthest out. Of things with few links every marker, so that they have a shape.
 fn tips(subject: &Subject) -> Vec<(usize, Vector3<f64>)> {
+    if subject.model.n_links() <= FEW_LINKS {
+        return subject.markers.iter().map(|m| (m.link, m.position_m)).collect();
+    }
     (0..subject.model.n_links())
         .filter(|i| !subject.model.links.iter().any(|l| l.parent == Some(*i)))
         .filter_map(|i| {

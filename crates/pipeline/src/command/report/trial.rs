@@ -168,6 +168,7 @@ fn markers(t: &TrialStory<'_>) -> Option<Figure> {
         unit: "error, mm".into(),
         step: 0.02,
         top: None,
+        values: None,
     };
     let words = Words::new(
         "Distance of each marker from the model over time",

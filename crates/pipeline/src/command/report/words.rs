@@ -38,6 +38,11 @@ pub fn plus_minus(value: f64, se: f64) -> String {
     if se.is_finite() { format!("{} ± {}", number(value), number(1.96 * se)) } else { number(value) }
 }
 
+/// A unit as people write it: `m^2` becomes m², `N*s/m` N·s/m; `1` is none.
+pub fn unit(u: &str) -> String {
+    if u == "1" { String::new() } else { u.replace("^2", "²").replace("^3", "³").replace('*', "·") }
+}
+
 /// `1 flight`, `2 flights`.
 pub fn count(n: usize, one: &str) -> String {
     if n == 1 { format!("1 {one}") } else { format!("{n} {one}s") }
@@ -73,6 +78,11 @@ mod tests {
         assert_eq!(short("two-link chain, one hinge with bearings"), "two-link chain");
         assert_eq!(short(&"x".repeat(80)).chars().count(), 48);
         assert_eq!(anchor("trial", "s01/jump 1"), "trial-s01-jump-1");
+    }
+
+    #[test]
+    fn units_are_written_as_people_write_them() {
+        assert_eq!([unit("N*s^2/m"), unit("1")], ["N·s²/m", ""]);
     }
 
     #[test]
