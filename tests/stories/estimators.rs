@@ -4,7 +4,12 @@ use crate::support::{expect, folder, json, lab, repo};
 use std::fs;
 use std::path::Path;
 
-fn find<'a>(table: &'a serde_json::Value, geometry: &str, rows: Option<&str>, estimator: Option<&str>) -> &'a serde_json::Value {
+fn find<'a>(
+    table: &'a serde_json::Value,
+    geometry: &str,
+    rows: Option<&str>,
+    estimator: Option<&str>,
+) -> &'a serde_json::Value {
     table["table"]
         .as_array()
         .unwrap()
@@ -160,7 +165,11 @@ fn the_motion_that_is_advised_improves_the_parameters_that_it_names() {
     for best in motion["best"].as_array().unwrap().iter().take(3) {
         let name = best[0].as_str().unwrap();
         let (now, then) = (se(&before, name), se(&after, name));
-        println!("{words}: {name} ± {now:.2e} to {then:.2e}; predicted {:.2e} to {:.2e}", best[1].as_f64().unwrap(), best[2].as_f64().unwrap());
+        println!(
+            "{words}: {name} ± {now:.2e} to {then:.2e}; predicted {:.2e} to {:.2e}",
+            best[1].as_f64().unwrap(),
+            best[2].as_f64().unwrap()
+        );
         assert!(then < 0.7 * now, "{words}: {name} {now} {then}");
     }
 }

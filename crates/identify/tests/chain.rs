@@ -197,15 +197,13 @@ fn prop_contact_counts_by_its_own_error() {
     assert!(balance.contact_rms > 10.0 * balance.flight_rms);
     assert!((balance.contact_weight - balance.flight_rms / balance.contact_rms).abs() < 0.02 * balance.contact_weight);
     let error = |f: &[Factor]| {
-        let (moments, inertias) =
-            errors(&truth, &mass_constrained(&Factor::merge(f).unwrap(), truth.mass()).unwrap());
+        let (moments, inertias) = errors(&truth, &mass_constrained(&Factor::merge(f).unwrap(), truth.mass()).unwrap());
         moments.max(inertias)
     };
     let (alike, own) = (error(&factors), error(&scaled));
     println!("largest error: weights alike {alike:.1e}, by own error {own:.1e}");
     assert!(own < 0.2 * alike);
-    let found =
-        identify(&truth.model, &truth.base, &factors, truth.mass(), None, &IdentifyOptions::default()).unwrap();
+    let found = identify(&truth.model, &truth.base, &factors, truth.mass(), None, &IdentifyOptions::default()).unwrap();
     assert_eq!(found.parameters.contact, Some(balance));
     // the paper's estimator leaves contact out instead of failing on its right side
     let paper = IdentifyOptions { estimator: Estimator::NullVector(ColumnScaling::None), ..IdentifyOptions::default() };

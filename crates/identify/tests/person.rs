@@ -140,7 +140,11 @@ fn validate_intervals_of_people_cover_the_truth() {
             *share += covered as f64 / (truth.base.len() - 1) as f64 / DRAWS as f64;
         }
     }
-    println!("95 % intervals cover {:.1} % without and {:.1} % with a repeat correlation of 0.2", 100.0 * shares[0], 100.0 * shares[1]);
+    println!(
+        "95 % intervals cover {:.1} % without and {:.1} % with a repeat correlation of 0.2",
+        100.0 * shares[0],
+        100.0 * shares[1]
+    );
     assert!(shares[1] >= 0.9 && shares[1] >= shares[0], "{shares:?}");
 }
 
