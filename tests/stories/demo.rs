@@ -55,7 +55,13 @@ fn the_demonstration_goes_from_recordings_to_a_report() {
     let html = fs::read_to_string(page.trim()).unwrap();
     let chapters = ["overview", "prediction", "discovery", "parameters", "kinematics", "methods", "trial-throws-01"];
     check_page(&html, &chapters);
-    for told in ["The ladder falling to the floor", "at the noise floor", "quadratic_drag", "Choosing the filter", "Where the error sits"] {
+    for told in [
+        "The ladder falling to the floor",
+        "at the noise floor",
+        "quadratic_drag",
+        "Choosing the filter",
+        "Where the error sits",
+    ] {
         assert!(html.contains(told), "the page does not tell of: {told}");
     }
     // the story from its beginning: the answer to the plain model and the answer after the drag was added

@@ -19,7 +19,10 @@ pub fn check_page(html: &str, chapters: &[&str]) {
         assert!(ids.contains(&link), "a link leads nowhere: #{link}");
     }
     for tag in ["article", "section", "figure", "table", "tr", "td", "details", "ul", "li", "nav", "main"] {
-        let (open, close) = (own.matches(&format!("<{tag}>")).count() + own.matches(&format!("<{tag} ")).count(), own.matches(&format!("</{tag}>")).count());
+        let (open, close) = (
+            own.matches(&format!("<{tag}>")).count() + own.matches(&format!("<{tag} ")).count(),
+            own.matches(&format!("</{tag}>")).count(),
+        );
         assert_eq!(open, close, "<{tag}> opened and closed");
     }
     let data = figures(&own);

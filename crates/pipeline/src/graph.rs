@@ -167,15 +167,16 @@ pub fn inputs(
     manifests: &Manifests,
 ) -> Result<Inputs, PipelineError> {
     let mut out = Inputs { hashes: BTreeMap::new(), ready: Vec::new(), blocked_by: Vec::new() };
-    let upstream = |out: &mut Inputs, name: &str, of: &str, required: bool| {
-        match (manifests.get(name, of), manifests.trouble(name, of)) {
-            (Some(m), None) => {
-                out.hashes.insert(format!("{name}/{of}"), m.output.clone());
-                out.ready.push((name.to_owned(), of.to_owned()));
-            }
-            (_, Some(reason)) if required => out.blocked_by.push(reason),
-            _ => {}
+    let upstream = |out: &mut Inputs, name: &str, of: &str, required: bool| match (
+        manifests.get(name, of),
+        manifests.trouble(name, of),
+    ) {
+        (Some(m), None) => {
+            out.hashes.insert(format!("{name}/{of}"), m.output.clone());
+            out.ready.push((name.to_owned(), of.to_owned()));
         }
+        (_, Some(reason)) if required => out.blocked_by.push(reason),
+        _ => {}
     };
     for need in stage.needs {
         match need {
