@@ -1,20 +1,18 @@
-"""What the residual wrench of real drop jumps is made of: reads what `aloft run` and `aloft compare --leave-one-out` left.
+"""What the residual wrench of real drop jumps is made of: reads what `aloft run` left.
 
-    python drop_jump_rest.py WORKSPACE DATA
+    python drop_jump_rest.py WORKSPACE
 
 WORKSPACE is that of `aloft run pipelines/drop_jump.yaml --data DATA`. Prints, for the contact after each landing: error against time
-since touch-down, spectra of measured force and of error, the time shift and gain that fit best, one plate at a time, and the balance of
-impulse between free phases, which needs no kinematics but the height of the body.
+since touch-down, spectra of measured force and of error, the time shift and the gain that fit best, and the mass by impulse between flights.
 """
 import json, pathlib, sys
 import numpy as np
 import polars as pl
-from scipy.signal import butter, filtfilt, welch
+from scipy.signal import welch
 
-ws, data = map(pathlib.Path, sys.argv[1:3])
+ws = pathlib.Path(sys.argv[1])
 JUMPS = ["DJ1", "DJ2", "DJ3", "DJAsym1", "DJAsym2", "DJAsym3"]
 AXES = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"]
-G = 9.80665
 
 
 def series(trial):
@@ -28,18 +26,11 @@ def runs(mask):
     return list(zip(edges[::2], edges[1::2]))
 
 
-def mot(trial):
-    lines = (data / "forces" / f"{trial}_grf.mot").read_text().splitlines()
-    end = next(i for i, l in enumerate(lines) if l.strip() == "endheader")
-    names = lines[end + 1].split("\t")
-    return names, np.array([[float(x) for x in l.split("\t")] for l in lines[end + 2:] if l.strip()])
-
-
 def flights(trial):
     return [(f["start"], f["end"]) for f in json.loads((ws / "flight" / trial / "flights.json").read_text())["flights"]]
 
 
-print("## contact frames that count: mean absolute error by time since touch-down (identified, root axes: forward, up/lateral as in the root frame)")
+print("## contact frames that count: mean absolute error by time since touch-down (identified; force forward, up, right, N; moment list, rotation, tilt, N·m)")
 bins = [(0.05, 0.10), (0.10, 0.15), (0.15, 0.20), (0.20, 0.30), (0.30, 1.0)]
 by_bin = {b: [] for b in bins}
 shape = []
@@ -98,17 +89,7 @@ for trial in JUMPS:
     e2 = np.mean(np.abs(gain * predicted[use, up] - m[use]))
     print(f"{trial:8s} error {e0:5.1f} N; plates later by {1e3 * shift:+.0f} ms: {e1:5.1f} N; gain {gain:.3f}: {e2:5.1f} N")
 
-print("\n## balance of impulse over the contact between two free phases: plates against weight and ballistic motion")
-mass = json.loads((ws / "scale/_study/subject.json").read_text())["facts"]["mass_kg"]
+print("\n## mass by the plates' impulse from flight to flight (what the stage `flight` left)")
 for trial in JUMPS:
-    names, values = mot(trial)
-    vertical = sum(values[:, i] for i, n in enumerate(names) if n.endswith("_vy"))
-    fl = flights(trial)
-    if len(fl) < 2:
-        continue
-    (a0, a1), (b0, b1) = fl[0], fl[1]
-    impulse = np.trapezoid(vertical[a1:b0 + 1], dx=0.01)
-    rise = G * (b1 - b0) / 2 / 100  # take-off speed if landing is as high as take-off
-    contact = (b0 - a1) / 100
-    fall = impulse / mass - G * contact - rise
-    print(f"{trial:8s} contact {contact:.2f} s, impulse {impulse:.1f} N·s, take-off {rise:.2f} m/s → touch-down {fall:.2f} m/s (drop of {fall ** 2 / 2 / G:.3f} m)")
+    for m in json.loads((ws / "flight" / trial / "impulse_mass.json").read_text()):
+        print(f"{trial:8s} {m['mass_kg']:.2f} kg: {m['impulse_ns']:.1f} N·s over {m['duration_s']:.2f} s, velocity changes by {m['velocity_change_mps']:.2f} m/s")

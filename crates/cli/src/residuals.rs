@@ -30,6 +30,9 @@ pub fn comparison(view: &ComparisonView, by: &[ByArg]) -> Result<(), Stop> {
         if let Some(calibration) = &view.calibration {
             crate::show_estimators::calibration(calibration)?;
         }
+        if let Some(weighed) = &view.impulse_mass {
+            crate::show_estimators::impulse_mass(weighed)?;
+        }
         let f = &c.first.flight;
         out(format!(
             "residual wrench in flight, RMS: force {} N, moment {} N·m ({} frames)\n",

@@ -3,7 +3,7 @@
 use crate::commands::Stop;
 use crate::render::{out, significant, table};
 use aloft_pipeline::command::assess::Assessment;
-use aloft_pipeline::command::compare::CalibrationView;
+use aloft_pipeline::command::compare::{CalibrationView, ImpulseMassView};
 use aloft_pipeline::command::estimators::{ErrorsBrief, EstimatorsView, LeaveOneOutView};
 
 fn number(value: Option<f64>) -> String {
@@ -196,4 +196,16 @@ pub fn calibration(c: &CalibrationView) -> Result<(), Stop> {
         ]);
     }
     out(format!("{t}\n"))
+}
+
+/// The body weighed while it jumps.
+pub fn impulse_mass(w: &ImpulseMassView) -> Result<(), Stop> {
+    out(format!(
+        "mass by impulse of the plates from flight to flight: {:.2} kg ({:.2} to {:.2} over {} contacts){}",
+        w.mass_kg,
+        w.range_kg[0],
+        w.range_kg[1],
+        w.contacts,
+        w.doubt.as_ref().map_or(String::new(), |d| format!("; {d}"))
+    ))
 }

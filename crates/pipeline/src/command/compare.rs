@@ -5,6 +5,7 @@ use crate::stages::identify::file_name;
 use crate::study::Study;
 use crate::workspace::{WHOLE_STUDY, Workspace, read_json};
 use aloft_compare::{Comparison, ModelComparison};
+use aloft_flight::ImpulseMass;
 use aloft_identify::{Parameters, Sigma};
 use aloft_ik::CalibrationReport;
 use serde::Serialize;
@@ -25,6 +26,23 @@ pub struct ComparisonView {
     pub kinematics: Vec<KinematicsRow>,
     /// Landmark against calibrated geometry; none for objects and where nothing was calibrated.
     pub calibration: Option<CalibrationView>,
+    /// The body weighed by the plates' impulse from flight to flight; none without such contacts.
+    pub impulse_mass: Option<ImpulseMassView>,
+}
+
+/// The mass that the plates' impulse from flight to flight says, beside the stated one.
+#[derive(Debug, Clone, Serialize)]
+pub struct ImpulseMassView {
+    /// Median over contacts, kg.
+    pub mass_kg: f64,
+    /// Smallest and largest, kg.
+    pub range_kg: [f64; 2],
+    /// Contacts between two flights.
+    pub contacts: usize,
+    /// What the pipeline was told, kg.
+    pub stated_kg: f64,
+    /// Where both disagree: what to look at.
+    pub doubt: Option<String>,
 }
 
 /// What calibration of the geometry moved and gained.
@@ -90,8 +108,37 @@ pub fn compare(study: &Study) -> Result<ComparisonView, PipelineError> {
         },
         kinematics: kinematics(study, &ws),
         calibration: calibration(&ws),
+        impulse_mass: impulse_mass(study, &ws),
         comparison,
     })
+}
+
+/// Masses from further apart than this share of the body's are doubted.
+const MASS_DOUBT: f64 = 0.02;
+
+/// Mass by impulse over all trials with plates and at least two flights.
+pub fn impulse_mass(study: &Study, ws: &Workspace) -> Option<ImpulseMassView> {
+    let mut masses: Vec<f64> = study
+        .included()
+        .filter(|t| t.role.is_dynamic())
+        .filter_map(|t| read_json::<Vec<ImpulseMass>>(&ws.place("flight", &t.name).join("impulse_mass.json")).ok())
+        .flatten()
+        .map(|m| m.mass_kg)
+        .collect();
+    masses.sort_by(f64::total_cmp);
+    let (first, last) = (*masses.first()?, *masses.last()?);
+    let middle = masses.len() / 2;
+    let mass_kg = if masses.len() % 2 == 1 { masses[middle] } else { 0.5 * (masses[middle - 1] + masses[middle]) };
+    let stated_kg = study.facts.person.mass_kg;
+    let off = mass_kg / stated_kg - 1.0;
+    let doubt = (masses.len() >= 3 && off.abs() > MASS_DOUBT).then(|| {
+        format!(
+            "{:+.1} % of the stated {stated_kg:.2} kg: the stated mass, the plates' gain or their tare at rest is wrong (or a \
+             foot was beside the plates)",
+            100.0 * off
+        )
+    });
+    Some(ImpulseMassView { mass_kg, range_kg: [first, last], contacts: masses.len(), stated_kg, doubt })
 }
 
 /// The calibration's report with the decision that followed.

@@ -5,14 +5,18 @@ use crate::error::StageFailure;
 use crate::graph::{Done, Job, Need, Scope, Stage};
 use crate::study::Role;
 use crate::workspace::{read_json, write_json};
-use aloft_flight::{FlightMethod, FlightOptions, FlightReport, PlateTare, apply_tare, find_flights, tare};
+use aloft_body::{Motion, Subject};
+use aloft_flight::{
+    FlightMethod, FlightOptions, FlightReport, ImpulseMass, PlateTare, apply_tare, find_flights, impulse_masses,
+    plate_wrench_at_marker_rate, tare, total_wrench,
+};
 use aloft_trial::Trial;
 use serde_json::json;
 
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "flight",
-    version: 1,
+    version: 2,
     scope: Scope::Trial(&[Role::Identify, Role::Validate]),
     reads: "`Motion`, plates, prior",
     gives: "intervals in which no external force acts; tare of the plates",
@@ -57,6 +61,8 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let tares = tare(&mut trial, &report.flights);
     write_json(&job.out.join("flights.json"), &report)?;
     write_json(&job.out.join("tare.json"), &tares)?;
+    let weighed = weigh(&trial, &subject, &motion, &report)?;
+    write_json(&job.out.join("impulse_mass.json"), &weighed)?;
     let mut done = Done::default();
     done.note("flights", report.flights.len());
     done.note("flight_s", report.flight_frames() as f64 / report.rate_hz);
@@ -70,4 +76,19 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         ));
     }
     Ok(done)
+}
+
+/// The body's mass by the impulse of the tared plates from flight to flight.
+fn weigh(
+    trial: &Trial,
+    subject: &Subject,
+    motion: &Motion,
+    report: &FlightReport,
+) -> Result<Vec<ImpulseMass>, StageFailure> {
+    if trial.plates.is_empty() || report.flights.len() < 2 {
+        return Ok(Vec::new());
+    }
+    let fail = |e: aloft_flight::FlightError| StageFailure::new(e.to_string());
+    let total = total_wrench(&plate_wrench_at_marker_rate(trial, None).map_err(fail)?);
+    impulse_masses(&subject.model, &subject.prior_phi(), motion, &report.flights, &total).map_err(fail)
 }
