@@ -8,7 +8,10 @@ use crate::stages::regressor::TrialRows;
 use crate::study::Study;
 use crate::workspace::{WHOLE_STUDY, Workspace, write_json};
 use aloft_body::{BaseParameters, Subject};
-use aloft_discover::{Body, DiscoverOptions, Discovery, SelfTest, Session, TrialInput, discover as rank, scene_of};
+use aloft_discover::{
+    Body, DiscoverOptions, Discovery, SelfTest, SelfTestOptions, SelfTestProgress, Session, TrialInput,
+    discover as rank, scene_of,
+};
 use aloft_effects::{Choice, Effect};
 use aloft_identify::{LinkPrior, Prior};
 use aloft_regressor::WeakOptions;
@@ -164,15 +167,13 @@ pub fn answer_of(study: &Study, revision: usize) -> PathBuf {
     study.workspace.join("discoveries").join(format!("revision_{revision}.json"))
 }
 
-/// The ranking, and how often effects injected into these recordings come out under their name.
+/// How often effects injected into these recordings come out under their name.
 #[derive(Debug, Clone, Serialize)]
 pub struct SelfTested {
     /// Version of this structure.
     pub version: u32,
     /// Who.
     pub subject: String,
-    /// The ranking of the recordings as they are: what it names is part of the model on which effects are injected.
-    pub discovery: Discovery,
     /// The table.
     pub self_test: SelfTest,
 }
@@ -184,12 +185,11 @@ pub fn self_test(
     told: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<SelfTested, PipelineError> {
     Evidence::load(study)?.with(study, |bench| {
-        let discovery = found(study, bench, options)?;
-        told(0, 1);
-        let table = aloft_discover::self_test(&bench.session, &bench.effects, &bench.accepted, &discovery, options)
+        let options = SelfTestOptions { discover: options.clone(), ..SelfTestOptions::default() };
+        let each = |p: &SelfTestProgress<'_>| told(p.done, p.of);
+        let table = aloft_discover::self_test(&bench.session, &bench.effects, &bench.accepted, &options, &each)
             .map_err(|e| PipelineError::request(e.to_string()))?;
-        told(1, 1);
-        let out = SelfTested { version: 1, subject: study.facts.person.name.clone(), discovery, self_test: table };
+        let out = SelfTested { version: 1, subject: study.facts.person.name.clone(), self_test: table };
         write_json(&study.workspace.join("self_test.json"), &out)?;
         Ok(out)
     })
