@@ -4,6 +4,7 @@
 mod broken_lab;
 mod demo;
 mod estimators;
+mod export;
 mod loop_on_people;
 mod one_stage_again;
 mod own_effect;

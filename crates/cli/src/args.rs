@@ -64,6 +64,24 @@ pub enum ByArg {
     Segment,
 }
 
+/// Joint angles of exported files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum AnglesArg {
+    /// Names and axes of OpenSim's full-body models.
+    Model,
+    /// Recommendations of the International Society of Biomechanics.
+    Isb,
+}
+
+/// Formats and examples.
+fn export_help() -> String {
+    let mut text = "Formats:\n".to_owned();
+    for format in aloft_pipeline::command::export::formats() {
+        text.push_str(&format!("  {:<8} {}; {}\n", format.name, format.title, format.readers));
+    }
+    text + "\nExamples:\n  aloft export P.yaml --to out/s01\n  aloft export P.yaml --format osim,trc,mot --trial 'jump*'\n  aloft export P.yaml --angles isb --to out/s01_isb"
+}
+
 /// What can be done with effects.
 #[derive(Debug, Subcommand)]
 pub enum EffectAction {
@@ -255,6 +273,28 @@ pub enum Command {
         /// Where to write it (`report.html` in the workspace where not given).
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
+    },
+    /// Write files for other programs: OpenSim, C3D, Parquet, CSV, BIDS-Motion, URDF, MuJoCo; a README says what each is.
+    #[command(
+        after_help = export_help(),
+        long_about = "Write files for other programs. The folder must be new, empty or an earlier export; nothing else is overwritten."
+    )]
+    Export {
+        /// The pipeline.
+        #[command(flatten)]
+        pipeline: PipelineArgs,
+        /// Folder to write (`export` in the workspace where not given).
+        #[arg(long, visible_alias = "out", value_name = "DIR")]
+        to: Option<PathBuf>,
+        /// Formats, with commas between them (all where not given).
+        #[arg(long, value_name = "LIST", value_delimiter = ',')]
+        format: Vec<String>,
+        /// Only these trials (name or pattern; may be given several times).
+        #[arg(long, value_name = "GLOB")]
+        trial: Vec<String>,
+        /// Joint angles instead of the pipeline's choice.
+        #[arg(long, value_enum)]
+        angles: Option<AnglesArg>,
     },
     /// Make a laboratory folder of C3D trials with known truth.
     Simulate {

@@ -1,13 +1,13 @@
 //! Each command: open the study, ask the pipeline, render for people or as JSON.
 
-use crate::args::{Cli, Command, EffectAction, PipelineArgs, RowsArg};
+use crate::args::{AnglesArg, Cli, Command, EffectAction, PipelineArgs, RowsArg};
 use crate::progress::{Bars, Counted};
 use crate::render::{note, out, table};
 use crate::{Success, findings, residuals, show, show_estimators};
 use aloft_pipeline::command::{
-    assess, check, compare, discover, effect, estimators, init, inspect, parameters, report, simulate, status,
+    assess, check, compare, discover, effect, estimators, export, init, inspect, parameters, report, simulate, status,
 };
-use aloft_pipeline::config::Rows;
+use aloft_pipeline::config::{Angles, Rows};
 use aloft_pipeline::error::PipelineError;
 use aloft_pipeline::graph::Standing;
 use aloft_pipeline::runner::{self, Ended, RunReport, Selection};
@@ -149,6 +149,18 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             out(path.display())?;
             Ok(Success::Full)
         }
+        Command::Export { pipeline, to, format, trial, angles } => {
+            let options = export::ExportOptions {
+                to,
+                formats: format,
+                trials: trial,
+                angles: angles.map(|a| match a {
+                    AnglesArg::Model => Angles::Model,
+                    AnglesArg::Isb => Angles::Isb,
+                }),
+            };
+            show_export(&export::export(&open(&pipeline)?, &options)?)
+        }
         Command::Simulate { scenario, out: folder, seed } => {
             for file in simulate::simulate(&scenario, &folder, seed)? {
                 out(file.display())?;
@@ -180,6 +192,26 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             Ok(Success::Full)
         }
     }
+}
+
+fn show_export(done: &export::Exported) -> Result<Success, Stop> {
+    for remark in &done.remarks {
+        note(format!("warning: {remark}"));
+    }
+    for (what, problem) in &done.failures {
+        note(format!("failed: {what}: {problem}"));
+    }
+    let mut parts = Vec::new();
+    for (count, word) in
+        [(done.added, "new"), (done.changed, "changed"), (done.unchanged, "as before"), (done.removed, "removed")]
+    {
+        if count > 0 {
+            parts.push(format!("{count} {word}"));
+        }
+    }
+    note(format!("files: {}; README.md says what each is", parts.join(", ")));
+    out(done.folder.display())?;
+    Ok(if done.failures.is_empty() { Success::Full } else { Success::Partial })
 }
 
 fn effects(action: EffectAction) -> Result<Success, Stop> {

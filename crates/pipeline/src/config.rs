@@ -59,6 +59,9 @@ pub struct PipelineConfig {
     /// Model against measurement.
     #[serde(default)]
     pub compare: CompareConfig,
+    /// Files for other programs.
+    #[serde(default)]
+    pub export: ExportConfig,
     /// Effects of your own, ranked beside the catalogue.
     #[serde(default)]
     pub effects: EffectsConfig,
@@ -394,6 +397,23 @@ CompareConfig {
     edge_s: f64 = 0.05,
     /// Length of the windows of the weak comparison, s.
     window_s: f64 = 0.3,
+}}
+
+/// Joint angles of exported files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Angles {
+    /// Names and axes of OpenSim's full-body models.
+    Model,
+    /// Recommendations of the International Society of Biomechanics (Wu et al. 2002, 2005).
+    Isb,
+}
+
+section! {
+/// Files for other programs.
+ExportConfig {
+    /// Joint angles: `model` (names and axes of OpenSim's full-body models) or `isb` (shoulder Y-X-Y, wrist Z-X-Y).
+    angles: Angles = Angles::Model,
 }}
 
 /// Parses YAML with errors that point at the place.

@@ -129,7 +129,7 @@ fn stage_range(selection: &Selection) -> Result<(usize, usize), PipelineError> {
     Ok((from, until))
 }
 
-fn trial_filter(study: &Study, patterns: &[String]) -> Result<Option<GlobSet>, PipelineError> {
+pub(crate) fn trial_filter(study: &Study, patterns: &[String]) -> Result<Option<GlobSet>, PipelineError> {
     if patterns.is_empty() {
         return Ok(None);
     }

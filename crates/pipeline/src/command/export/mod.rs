@@ -1,0 +1,172 @@
+//! `export`: what a laboratory takes home. Formats are in the crate `aloft-export`; here a study is gathered and files are written.
+
+mod folder;
+mod gather;
+mod methods;
+
+use crate::command::status::status;
+use crate::config::Angles;
+use crate::error::PipelineError;
+use crate::study::Study;
+use crate::workspace::Workspace;
+use aloft_export::readme::{Making, readme};
+use aloft_export::{Convention, Format, OutFile, SubjectExport};
+use folder::{Folder, Kept};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+pub use gather::program;
+
+/// What to export.
+#[derive(Debug, Clone, Default)]
+pub struct ExportOptions {
+    /// Folder; `export` in the workspace where not given.
+    pub to: Option<PathBuf>,
+    /// Formats by name; all where empty.
+    pub formats: Vec<String>,
+    /// Patterns of trial names; all where empty.
+    pub trials: Vec<String>,
+    /// Joint angles instead of the pipeline's.
+    pub angles: Option<Angles>,
+}
+
+/// What an export did.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Exported {
+    /// The folder.
+    pub folder: PathBuf,
+    /// Files that are new.
+    pub added: usize,
+    /// Files that have another content than before.
+    pub changed: usize,
+    /// Files that are as they were.
+    pub unchanged: usize,
+    /// Files of an earlier export that no longer belong to it.
+    pub removed: usize,
+    /// What to keep in mind.
+    pub remarks: Vec<String>,
+    /// What could not be written: trial (or format) and reason.
+    pub failures: Vec<(String, String)>,
+}
+
+/// The formats, for help and tables.
+pub fn formats() -> &'static [&'static Format] {
+    aloft_export::FORMATS
+}
+
+impl From<Angles> for Convention {
+    fn from(angles: Angles) -> Self {
+        match angles {
+            Angles::Model => Self::Model,
+            Angles::Isb => Self::Isb,
+        }
+    }
+}
+
+/// Writes the export. A folder that holds anything else is refused; files of an earlier export are replaced only while they are as the
+/// export left them.
+///
+/// # Errors
+/// Nothing was run yet; a format or trial that does not exist; a folder with other content; a file that cannot be written.
+pub fn export(study: &Study, options: &ExportOptions) -> Result<Exported, PipelineError> {
+    let formats = Format::choose(&options.formats)
+        .map_err(|e| PipelineError::request_hint(e.to_string(), "see `aloft export --help`"))?;
+    let ws = Workspace::open(&study.workspace);
+    let convention: Convention = options.angles.unwrap_or(study.config.export.angles).into();
+    let subject = gather::subject(study, &ws, convention)?;
+    let entries = gather::entries(study, &options.trials)?;
+    let target = options.to.clone().unwrap_or_else(|| study.workspace.join("export"));
+    let state = gather::state(study, &ws, &subject)?;
+    let folder = Folder::prepare(&target, &state)?;
+
+    let mut done = Exported { folder: target, remarks: remarks(study)?, ..Exported::default() };
+    let mut files: Vec<Kept> = Vec::new();
+    for format in &formats {
+        let Some(write) = format.subject else { continue };
+        match write(&subject) {
+            Ok(out) => files.extend(folder.stage(out)?),
+            Err(e) => done.failures.push((format.name.to_owned(), e.to_string())),
+        }
+    }
+    let one =
+        |entry: &&crate::study::TrialEntry| -> Result<(Vec<Kept>, Vec<String>, Vec<(String, String)>), PipelineError> {
+            let (mut kept, mut failures) = (Vec::new(), Vec::new());
+            let trial = match gather::trial(study, &ws, &subject, entry)? {
+                Ok(trial) => trial,
+                Err(reason) => return Ok((kept, Vec::new(), vec![(entry.name.clone(), reason)])),
+            };
+            for format in &formats {
+                let Some(write) = format.trial else { continue };
+                match write(&subject, &trial) {
+                    Ok(out) => kept.extend(folder.stage(out)?),
+                    Err(e) => failures.push((format!("{} {}", format.name, entry.name), e.to_string())),
+                }
+            }
+            Ok((kept, gather::trial_remarks(&subject, &trial), failures))
+        };
+    let results: Vec<_> = entries.par_iter().map(one).collect::<Result<_, _>>()?;
+    for (kept, remarks, failures) in results {
+        files.extend(kept);
+        done.remarks.extend(remarks);
+        done.failures.extend(failures);
+    }
+    describe(study, &ws, &subject, &folder, &mut files, &mut done)?;
+    let partial = !options.formats.is_empty() || !options.trials.is_empty();
+    folder.commit(files, partial, &mut done)?;
+    Ok(done)
+}
+
+/// README, pipeline and the list of everything.
+fn describe(
+    study: &Study,
+    ws: &Workspace,
+    subject: &SubjectExport,
+    folder: &Folder,
+    files: &mut Vec<Kept>,
+    done: &mut Exported,
+) -> Result<(), PipelineError> {
+    let methods = methods::paragraph(study, ws, subject)?;
+    let making = Making {
+        program: program(),
+        pipeline: study.config.name.clone(),
+        pipeline_hash: blake3::hash(study.config_text.as_bytes()).to_hex().to_string(),
+        recordings: gather::recordings(study, ws)?,
+        stages: gather::stages(study, ws),
+        remarks: done.remarks.clone(),
+        methods: methods.clone(),
+    };
+    let text = |path: &str, text: String, what: &str| OutFile::text(path.to_owned(), text, what);
+    files.extend(folder.stage(vec![
+        text("pipeline.yaml", study.config_text.clone(), "the pipeline as it was run"),
+        text("methods.txt", format!("{methods}\n"), "paragraph for a paper, with the figures of this study"),
+    ])?);
+    // what an earlier export of the same results left stays, and stands in the README, too
+    let mut listed: BTreeMap<String, String> =
+        folder.earlier().map(|(path, what)| (path.to_owned(), what.to_owned())).collect();
+    listed.extend(files.iter().map(|f| (f.path.clone(), f.what.clone())));
+    listed.remove("README.md");
+    let listed: Vec<OutFile> =
+        listed.into_iter().map(|(path, what)| OutFile { path, bytes: Vec::new(), what }).collect();
+    files.extend(folder.stage(vec![text("README.md", readme(subject, &listed, &making), "this page")])?);
+    Ok(())
+}
+
+/// Results that are not up to date.
+fn remarks(study: &Study) -> Result<Vec<String>, PipelineError> {
+    let mut out = Vec::new();
+    let found = status(study)?;
+    for word in ["stale", "failed", "blocked"] {
+        let rows: Vec<&str> =
+            found.rows.iter().filter(|r| r.cells.iter().any(|c| c == word)).map(|r| r.trial.as_str()).collect();
+        if !rows.is_empty() {
+            out.push(format!("{word} when exported: {}; `aloft run` brings results up to date", rows.join(", ")));
+        }
+    }
+    for trial in study.trials.iter() {
+        if let Some(reason) = &trial.excluded {
+            out.push(format!("{} is excluded: {reason}", trial.name));
+        }
+    }
+    Ok(out)
+}
