@@ -132,8 +132,11 @@ pub(crate) fn trial_frames(
         if let Some(effects) = input.effects {
             for (c, theta) in coefficients.iter().enumerate().filter(|(_, t)| t.iter().any(|x| *x != 0.0)) {
                 let world: Vector6<f64> = (&effects.wrench[f] * theta).fixed_rows::<6>(0).into();
-                let mut column = wrench.column_mut(c);
-                column -= into_root(&world, &world_from_root);
+                // where no columns were made, the effect is not known and the frame does not count for it
+                if world.iter().all(|x| x.is_finite()) {
+                    let mut column = wrench.column_mut(c);
+                    column -= into_root(&world, &world_from_root);
+                }
             }
         }
         let in_root = if series.in_flight[f] {

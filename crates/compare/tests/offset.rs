@@ -4,7 +4,7 @@
 
 use aloft_body::{BaseParameters, JointSpec, LinkSpec, Model, ModelSpec, Motion, Phi, State};
 use aloft_compare::{
-    Body, Candidate, CompareOptions, Comparison, GroupedBy, Measured, TrialInput, WrenchErrors, compare,
+    Body, Candidate, CompareOptions, Comparison, GroupedBy, Measured, Noise, TrialInput, WrenchErrors, compare,
 };
 use aloft_signal::derivative::derivatives_of_run;
 use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion, Vector3, Vector6};

@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "a golden that cannot be read fails the test")]
 
 use aloft_body::{BaseParameters, JointSpec, LinkSpec, Model, ModelSpec, Motion, Phi};
-use aloft_compare::{Body, Candidate, CompareOptions, Measured, TrialInput, compare};
+use aloft_compare::{Body, Candidate, CompareOptions, Measured, Noise, TrialInput, compare};
 use aloft_ik::smooth;
 use nalgebra::Vector6;
 use serde_json::Value;

@@ -144,8 +144,8 @@ fn prop_a_user_s_formula_is_ranked_like_the_catalogue() {
     .unwrap();
     lab.with(|scene, mut session| {
         let compiled = sail.compile(scene).unwrap();
-        let choice = Choice::new(&compiled, aloft_effects::Target::Link(1), scene);
-        assert_eq!(choice.names(scene), ["sail[link1].c"]);
+        let choice = Choice::new(&compiled, aloft_effects::Target::Body, scene);
+        assert_eq!(choice.names(scene), ["sail.c"]);
         session.inject(&choice, &[0.02]).unwrap();
         let mut effects = catalogue();
         effects.push(&compiled);

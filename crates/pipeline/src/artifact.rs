@@ -101,9 +101,22 @@ pub fn save_trial(dir: &Path, trial: &Trial) -> Result<(), PipelineError> {
 
 /// Reads what [`save_trial`] wrote.
 pub fn load_trial(dir: &Path) -> Result<Trial, PipelineError> {
+    load(dir, true)
+}
+
+/// The same without trajectories and computed points, for what needs plates and times only.
+pub fn load_trial_without_points(dir: &Path) -> Result<Trial, PipelineError> {
+    load(dir, false)
+}
+
+fn load(dir: &Path, points: bool) -> Result<Trial, PipelineError> {
     let head: TrialHead = read_json(&dir.join("trial.json"))?;
-    let mut columns = Table::read(&dir.join("markers.parquet"))?.into_columns().into_iter().skip(1);
-    let trajectories = head.labels.iter().map(|_| take_vectors(&mut columns)).collect();
+    let trajectories = if points {
+        let mut columns = Table::read(&dir.join("markers.parquet"))?.into_columns().into_iter().skip(1);
+        head.labels.iter().map(|_| take_vectors(&mut columns)).collect()
+    } else {
+        Vec::new()
+    };
     let mut plates = Vec::new();
     for (i, p) in head.plates.into_iter().enumerate() {
         let mut columns = Table::read(&dir.join(format!("plate_{}.parquet", i + 1)))?.into_columns().into_iter();
@@ -112,7 +125,7 @@ pub fn load_trial(dir: &Path) -> Result<Trial, PipelineError> {
         plates.push(Plate { name: p.name, rate_hz: p.rate_hz, corners_m: p.corners_m, force_n, moment_nm });
     }
     let mut computed = Vec::new();
-    if !head.computed.is_empty() {
+    if points && !head.computed.is_empty() {
         let mut columns = Table::read(&dir.join("computed.parquet"))?.into_columns().into_iter();
         for c in head.computed {
             let values = take_vectors(&mut columns);
@@ -125,7 +138,7 @@ pub fn load_trial(dir: &Path) -> Result<Trial, PipelineError> {
             rate_hz: head.rate_hz,
             first_frame: head.first_frame,
             n_frames: head.n_frames,
-            labels: head.labels,
+            labels: if points { head.labels } else { Vec::new() },
             trajectories,
         },
         plates,

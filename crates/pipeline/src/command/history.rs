@@ -192,3 +192,58 @@ pub fn reached(study: &Study, view: &ComparisonView) -> Result<Reached, Pipeline
         base: parameters.base.iter().map(|b| (b.name.clone(), b.value)).collect(),
     })
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests fail by panicking")]
+mod tests {
+    use super::*;
+
+    fn reached(flight_n: f64, contact_n: f64, marker_rms_mm: f64) -> Reached {
+        let judged = |error_n| Some(Judged { error_n, noise_n: Some(1.0) });
+        Reached {
+            from: String::new(),
+            flight: judged(flight_n),
+            contact: judged(contact_n),
+            sigma_ratio: 30.0,
+            marker_rms_mm,
+            coefficients: vec![("drag.area".into(), 0.02, 0.001)],
+            base: vec![("M".into(), 60.0), ("MCx".into(), 0.01 * flight_n)],
+        }
+    }
+
+    fn revisions(second: Reached, key: &str) -> Vec<Revision> {
+        let revision = |number, effects, reached| Revision { number, action: String::new(), effects, reached };
+        let effect = ModelEffect { key: key.to_owned(), ..ModelEffect::default() };
+        vec![revision(0, Vec::new(), Some(reached(4.0, 6.0, 1.2))), revision(1, vec![effect], Some(second))]
+    }
+
+    fn acts(effect: &ModelEffect) -> ActsIn {
+        aloft_effects::effect(effect.id()).map(|e| e.acts).unwrap()
+    }
+
+    #[test]
+    fn prop_a_revision_is_judged_where_its_effect_acts() {
+        for (key, place, before, now) in [
+            ("quadratic_drag", "held-out flight", 4.0, 2.0),
+            ("residual_contact[foot_l]", "held-out flight", 4.0, 2.0),
+            ("plate_tare[plate1]", "held-out contact", 6.0, 3.0),
+        ] {
+            let all = revisions(reached(2.0, 3.0, 1.2), key);
+            let (first, second) = (row(&all, 0, &acts), row(&all, 1, &acts));
+            assert_eq!(second.judged_on.as_deref(), Some(place), "{key}");
+            assert_eq!((second.held_out_error_before, second.held_out_error), (Some(before), Some(now)));
+            assert_eq!((first.held_out_error, first.judged_on.as_deref()), (Some(before), Some(place)));
+            assert!((second.explainable.unwrap() - (1.0 - 1.0 / now.powi(2))).abs() < 1e-12);
+            assert_eq!(second.largest_change.as_ref().map(|c| c.0.as_str()), Some("MCx"));
+        }
+    }
+
+    #[test]
+    fn prop_a_gain_that_comes_with_worse_markers_is_void() {
+        let good = row(&revisions(reached(2.0, 3.0, 1.21), "tether"), 1, &acts);
+        assert!(good.void.is_none());
+        let bad = row(&revisions(reached(2.0, 3.0, 1.5), "tether"), 1, &acts);
+        assert!(bad.void.unwrap().contains("1.20 to 1.50 mm"));
+        assert_eq!((bad.marker_rms_before_mm, bad.marker_rms_mm), (Some(1.2), Some(1.5)));
+    }
+}

@@ -1,5 +1,6 @@
 //! `flight`: the intervals in which no external force acts, and what the plates read when nothing stands on them.
 
+use crate::artifact::load_trial_without_points;
 use crate::config::FlightSource;
 use crate::error::StageFailure;
 use crate::graph::{Done, Job, Need, Scope, Stage};
@@ -29,6 +30,13 @@ impl Job<'_> {
     /// The flights of a trial.
     pub fn load_flights(&self, trial: &str) -> Result<FlightReport, StageFailure> {
         Ok(read_json(&self.workspace.place("flight", trial).join("flights.json"))?)
+    }
+    /// The imported recording without its trajectories, the tare of its plates taken off.
+    pub fn load_tared_plates(&self, name: &str) -> Result<Trial, StageFailure> {
+        let mut trial = load_trial_without_points(&self.workspace.place("import", name))?;
+        let tares: Vec<PlateTare> = read_json(&self.workspace.place("flight", name).join("tare.json"))?;
+        apply_tare(&mut trial, &tares);
+        Ok(trial)
     }
     /// The imported recording with the tare of its plates taken off.
     pub fn load_tared_trial(&self, name: &str) -> Result<Trial, StageFailure> {

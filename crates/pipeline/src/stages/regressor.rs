@@ -137,19 +137,20 @@ pub fn effect_columns(study: &Study, rows: &TrialRows) -> Result<Option<EffectCo
     }
     let scene = Scene::new(&rows.subject.model, &rows.subject.prior_phi(), &rows.plate_centers_m);
     let known = KnownEffects::of(&study.own_effects, &scene)?;
-    // everywhere, so that comparison sees the effect between the stretches, too
+    // with plates everywhere, so that comparison sees the effect between the stretches, too
+    let everywhere = !rows.plates.is_empty();
     let mut spans: Vec<Span> = Vec::new();
     let mut at = 0;
     let mut flights: Vec<&Stretch> = rows.stretches.iter().filter(|s| s.kind == StretchKind::Flight).collect();
     flights.sort_by_key(|s| s.first_frame);
     for s in flights {
-        if s.first_frame > at {
+        if everywhere && s.first_frame > at {
             spans.push(Span { first_frame: at, end_frame: s.first_frame, flight: false });
         }
         spans.push(Span { first_frame: s.first_frame, end_frame: s.end_frame, flight: true });
         at = s.end_frame;
     }
-    if at < rows.motion.n_frames() {
+    if everywhere && at < rows.motion.n_frames() {
         spans.push(Span { first_frame: at, end_frame: rows.motion.n_frames(), flight: false });
     }
     let trial = TrialMotion { motion: &rows.motion, spans: &spans, plates: &rows.plates, session_time_s: 0.0 };
@@ -181,7 +182,7 @@ pub fn effect_columns(study: &Study, rows: &TrialRows) -> Result<Option<EffectCo
 
 /// Everything of one trial that rows are made of.
 pub struct TrialRows {
-    /// The recording, plates tared.
+    /// The recording without its trajectories, plates tared.
     pub trial: Trial,
     /// The subject.
     pub subject: Subject,
@@ -226,7 +227,7 @@ impl TrialRows {
         filtered: Motion,
     ) -> Result<Self, StageFailure> {
         let flights = job.load_flights(name)?;
-        let trial = job.load_tared_trial(name)?;
+        let trial = job.load_tared_plates(name)?;
         let mut stretches: Vec<Stretch> =
             flights.flights.iter().enumerate().map(|(i, f)| Stretch::flight(name, i, f.start, f.end)).collect();
         let (mut wrench, mut wrench_filtered) = (None, None);
