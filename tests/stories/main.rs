@@ -11,3 +11,4 @@ mod own_effect;
 mod report;
 mod several_effects;
 mod support;
+mod workflow;

@@ -39,6 +39,13 @@ pub enum RowsArg {
     Weak,
 }
 
+/// Programs that run workflows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum EngineArg {
+    /// Snakemake, on this machine or through its executors (Slurm and others).
+    Snakemake,
+}
+
 /// Breakdowns of the error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum ByArg {
@@ -159,6 +166,9 @@ pub enum Command {
         /// Run also what is up to date.
         #[arg(long)]
         force: bool,
+        /// Work beside other runs on the same workspace, each on trials or stages of its own (jobs of a cluster).
+        #[arg(long)]
+        shared: bool,
         /// Threads (all cores where not given).
         #[arg(short = 'j', value_name = "N")]
         jobs: Option<usize>,
@@ -314,6 +324,33 @@ pub enum Command {
         /// Pipeline file to write (`aloft.yaml` in the current folder where not given).
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
+    },
+    /// Write the pipeline as a Snakefile: each stage of each trial a job, on this machine's cores or on a cluster.
+    #[command(
+        after_help = "Examples:\n  aloft workflow P.yaml --out Snakefile\n  snakemake -s Snakefile --cores 8 --keep-going\n  snakemake -s Snakefile --jobs 100 --keep-going --executor slurm --default-resources mem_mb=1000 runtime=10\n  aloft workflow P.yaml --verdict        what is missing or failed; exit code 1 where something is"
+    )]
+    Workflow {
+        /// The pipeline.
+        #[command(flatten)]
+        pipeline: PipelineArgs,
+        /// Program that runs the workflow.
+        #[arg(long, value_enum, default_value = "snakemake")]
+        engine: EngineArg,
+        /// Where to write it.
+        #[arg(long, value_name = "FILE", default_value = "Snakefile")]
+        out: PathBuf,
+        /// Write nothing; say what a finished workflow lacks.
+        #[arg(long)]
+        verdict: bool,
+    },
+    /// Merge one node of the tree of flight factors (a job of `aloft workflow`).
+    Merge {
+        /// The pipeline.
+        #[command(flatten)]
+        pipeline: PipelineArgs,
+        /// Node: level from 1, index from 0.
+        #[arg(long, value_name = "LEVEL-INDEX")]
+        node: aloft_pipeline::merge::Node,
     },
     /// Show the JSON schema of pipeline files, for editors.
     Schema,

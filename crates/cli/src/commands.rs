@@ -1,9 +1,9 @@
 //! Each command: open the study, ask the pipeline, render for people or as JSON.
 
-use crate::args::{AnglesArg, Cli, Command, EffectAction, PipelineArgs, RowsArg};
+use crate::args::{AnglesArg, Cli, Command, EffectAction, EngineArg, PipelineArgs, RowsArg};
 use crate::progress::{Bars, Counted};
 use crate::render::{note, out, table};
-use crate::{Success, findings, residuals, show, show_estimators};
+use crate::{Success, findings, residuals, show, show_estimators, workflow};
 use aloft_pipeline::command::{
     assess, check, compare, discover, effect, estimators, export, init, inspect, parameters, report, simulate, status,
 };
@@ -34,7 +34,8 @@ fn overrides(args: &PipelineArgs) -> Overrides {
     Overrides { data: args.data.clone(), workspace: args.workspace.clone() }
 }
 
-fn open(args: &PipelineArgs) -> Result<Study, Stop> {
+/// The study of a pipeline.
+pub fn open(args: &PipelineArgs) -> Result<Study, Stop> {
     Ok(Study::open(&args.pipeline, &overrides(args))?)
 }
 
@@ -56,8 +57,8 @@ impl From<RowsArg> for Rows {
 /// Carries out a command.
 pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
     match cli.command {
-        Command::Run { pipeline, from, only, until, trial, dry_run, force, jobs } => {
-            let selection = Selection { from, only, until, trials: trial, dry_run, force };
+        Command::Run { pipeline, from, only, until, trial, dry_run, force, shared, jobs } => {
+            let selection = Selection { from, only, until, trials: trial, dry_run, force, shared };
             run(&pipeline, &selection, jobs)
         }
         Command::Check { pipeline } => show_check(&open(&pipeline)?),
@@ -171,6 +172,14 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             let path = init::init(&folder, target.as_deref())?;
             note(format!("wrote {}", path.display()));
             note(format!("next: aloft check {}", path.display()));
+            Ok(Success::Full)
+        }
+        Command::Workflow { pipeline, engine: EngineArg::Snakemake, out: target, verdict } => {
+            workflow::run(&pipeline, &target, verdict)
+        }
+        Command::Merge { pipeline, node } => {
+            let made = aloft_pipeline::merge::make(&open(&pipeline)?, node)?;
+            note(format!("{node}: {}", if made { "merged" } else { "up to date" }));
             Ok(Success::Full)
         }
         Command::Schema => {

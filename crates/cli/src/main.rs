@@ -9,6 +9,7 @@ mod render;
 mod residuals;
 mod show;
 mod show_estimators;
+mod workflow;
 
 use clap::Parser;
 use std::process::ExitCode;

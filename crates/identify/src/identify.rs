@@ -75,6 +75,23 @@ pub fn identify(
     prior: Option<&LinkPrior>,
     options: &IdentifyOptions,
 ) -> Result<Identification, IdentifyError> {
+    identify_merged(model, base, factors, None, mass_kg, prior, options)
+}
+
+/// As [`identify`], with the flights among `factors` merged already, for example by many machines in a tree. It is used where no
+/// contact stretch has to be weighed against them; uncertainty comes from the factors one by one in any case.
+///
+/// # Errors
+/// As [`identify`].
+pub fn identify_merged(
+    model: &Model,
+    base: &BaseParameters,
+    factors: &[Factor],
+    flights: Option<&Factor>,
+    mass_kg: f64,
+    prior: Option<&LinkPrior>,
+    options: &IdentifyOptions,
+) -> Result<Identification, IdentifyError> {
     let base_prior = prior.map(|p| p.base(base)).transpose()?;
     let (factors, balance) = match options.estimator {
         // a null vector exists where nothing acts: contact, whose rows have a right side, is left out
@@ -85,7 +102,13 @@ pub fn identify(
         Estimator::Regularised { .. } => balanced(factors, mass_kg, base_prior.as_ref())?,
     };
     let factors = factors.as_slice();
-    let merged = Factor::merge(factors)?;
+    // the same rows, or it is not their merger
+    let rows: usize = factors.iter().map(|f| f.n_rows).sum();
+    let alone = factors.iter().all(|f| f.kind != StretchKind::Contact);
+    let merged = match flights {
+        Some(all) if alone && all.n_rows == rows && factors.iter().all(|f| f.columns == all.columns) => all.clone(),
+        _ => Factor::merge(factors)?,
+    };
     if merged.n_parameters() != base.len() {
         return Err(IdentifyError::Length {
             what: "base parameters of the factors",

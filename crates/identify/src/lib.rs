@@ -33,7 +33,7 @@ pub use balance::{KindBalance, balanced};
 pub use clusters::{ClusterBy, WeightTrial};
 pub use error::IdentifyError;
 pub use gate::{Gate, GateLimits, Seen};
-pub use identify::{IdentifyOptions, identify};
+pub use identify::{IdentifyOptions, identify, identify_merged};
 pub use links::{ConsistentLinks, LinkOptions, LinkSd, consistent_links};
 pub use null_vector::{ColumnScaling, NullVector, Sigma, null_vector};
 pub use parameters::{BaseEstimate, EffectEstimate, Estimator, Identification, LinkEstimate, Parameters};

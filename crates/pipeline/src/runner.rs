@@ -25,6 +25,8 @@ pub struct Selection {
     pub force: bool,
     /// Say what would run, and run nothing.
     pub dry_run: bool,
+    /// Work beside other runs on the same workspace, each on tasks of its own.
+    pub shared: bool,
 }
 
 /// How one task ended in this run.
@@ -159,10 +161,11 @@ pub fn run(study: &Study, selection: &Selection, progress: &dyn Progress) -> Res
     let (from, until) = stage_range(selection)?;
     let filter = trial_filter(study, &selection.trials)?;
     let workspace = Workspace::open(&study.workspace);
-    let _lock = if selection.dry_run { None } else { Some(workspace.lock()?) };
+    let _lock = if selection.dry_run || selection.shared { None } else { Some(workspace.lock()?) };
+    let _shared = if selection.shared && !selection.dry_run { Some(workspace.lock_shared()?) } else { None };
     let mut manifests = Manifests::read(study, &workspace, STAGES);
-    for stage in STAGES[..from].iter().copied() {
-        refuse_if_not_current(stage, study, &workspace, &manifests)?;
+    for stage in STAGES[..from].iter().copied().filter(|s| needed(s.name, &STAGES[from..until])) {
+        refuse_if_not_current(stage, study, filter.as_ref(), &workspace, &manifests)?;
     }
     let mut report = RunReport::default();
     let mut would_change: Vec<(String, String)> = Vec::new();
@@ -210,6 +213,14 @@ pub fn run(study: &Study, selection: &Selection, progress: &dyn Progress) -> Res
         let results: Vec<Result<(Manifest, TaskReport), PipelineError>> = todo
             .par_iter()
             .map(|task| {
+                let name = task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
+                let _alone = if selection.shared { Some(workspace.lock_task(stage.name, name)?) } else { None };
+                if selection.shared
+                    && !selection.force
+                    && let Some(done) = made_meanwhile(stage, task, study, &workspace)
+                {
+                    return Ok(done);
+                }
                 let (manifest, report) = run_task(stage, task, study, &workspace)?;
                 progress.task(&report);
                 Ok((manifest, report))
@@ -223,7 +234,8 @@ pub fn run(study: &Study, selection: &Selection, progress: &dyn Progress) -> Res
         line.sort_by(|a, b| a.trial.cmp(&b.trial));
         report.tasks.extend(line);
     }
-    if !selection.dry_run {
+    // runs side by side would overwrite each other's list; each result's own manifest holds its hashes
+    if !selection.dry_run && !selection.shared {
         workspace.save_input_hashes()?;
     }
     report.seconds = started.elapsed().as_secs_f64();
@@ -247,13 +259,31 @@ fn upstream_will_change(
     })
 }
 
+/// Whether one of some stages reads what a stage gives, directly or through others.
+fn needed(name: &str, by: &[&Stage]) -> bool {
+    by.iter().any(|stage| {
+        stage.needs.iter().any(|need| {
+            let above = match need {
+                graph::Need::Recording => return false,
+                graph::Need::Same(n) | graph::Need::Once(n) => n,
+                graph::Need::Every(n, _) | graph::Need::EveryOrStaticFrames(n, _) => n,
+            };
+            *above == name || STAGES.iter().any(|s| s.name == *above && needed(name, &[*s]))
+        })
+    })
+}
+
 fn refuse_if_not_current(
     stage: &Stage,
     study: &Study,
+    filter: Option<&GlobSet>,
     workspace: &Workspace,
     manifests: &Manifests,
 ) -> Result<(), PipelineError> {
     for trial in stage.tasks(study) {
+        if trial.is_some_and(|t| filter.is_some_and(|f| !f.is_match(&t.name))) {
+            continue;
+        }
         let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
         let inputs = graph::inputs(stage, trial, study, workspace, manifests)?;
         let problem = match graph::standing(stage, trial, study, &inputs, manifests.get(stage.name, name)) {
@@ -267,6 +297,23 @@ fn refuse_if_not_current(
         ));
     }
     Ok(())
+}
+
+/// What another run made of a task since this one looked.
+fn made_meanwhile(
+    stage: &Stage,
+    task: &Task<'_>,
+    study: &Study,
+    workspace: &Workspace,
+) -> Option<(Manifest, TaskReport)> {
+    let name = task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
+    let manifest = workspace.manifest(stage.name, name)?;
+    if !graph::standing(stage, task.trial, study, &task.inputs, Some(&manifest)).is_current() {
+        return None;
+    }
+    let (trial, warnings) = (name.to_owned(), manifest.warnings.clone());
+    let report = TaskReport { stage: stage.name, trial, ended: Ended::UpToDate, warnings, seconds: 0.0 };
+    Some((manifest, report))
 }
 
 fn run_task(

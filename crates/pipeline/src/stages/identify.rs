@@ -3,18 +3,19 @@
 use crate::config::{Estimator as Choice, Rows};
 use crate::error::StageFailure;
 use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::merge;
 use crate::stages::regressor::{load_factors, row_kind};
 use crate::study::{Role, Study};
 use crate::workspace::{WHOLE_STUDY, read_json, write_json};
 use aloft_body::{BaseParameters, Subject};
-use aloft_identify::{ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, identify};
+use aloft_identify::{ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, identify_merged};
 use aloft_regressor::{Factor, Stretch, StretchKind};
 use serde_json::json;
 
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "identify",
-    version: 2,
+    version: 3,
     scope: Scope::Study,
     reads: "all factors",
     gives: "base parameters with intervals, consistent link inertias",
@@ -64,12 +65,24 @@ pub fn identify_from(
     estimator: Estimator,
     bootstrap: usize,
 ) -> Result<Parameters, StageFailure> {
+    identify_with(study, subject, factors, None, estimator, bootstrap)
+}
+
+/// The same with the flights merged already ([`merge::root`]).
+fn identify_with(
+    study: &Study,
+    subject: &Subject,
+    factors: &[(Stretch, Factor)],
+    flights: Option<&Factor>,
+    estimator: Estimator,
+    bootstrap: usize,
+) -> Result<Parameters, StageFailure> {
     let base = BaseParameters::of(&subject.model);
     let prior = LinkPrior::of_subject(subject).map_err(|e| StageFailure::new(e.to_string()))?;
     let repeat_correlation = repeat_correlation(study);
     let options = IdentifyOptions { estimator, bootstrap, repeat_correlation, ..IdentifyOptions::default() };
     let plain: Vec<Factor> = factors.iter().map(|(_, f)| f.clone()).collect();
-    identify(&subject.model, &base, &plain, subject.facts.mass_kg, Some(&prior), &options)
+    identify_merged(&subject.model, &base, &plain, flights, subject.facts.mass_kg, Some(&prior), &options)
         .map(|i| i.parameters)
         .map_err(|e| StageFailure::new(e.to_string()))
 }
@@ -123,7 +136,9 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
             done.warnings.push(problem);
             continue;
         }
-        match identify_from(study, &subject, &factors, estimator(study, rows), study.config.identify.bootstrap) {
+        let flights = merge::root(job, &factors, row_kind(rows))?;
+        let bootstrap = study.config.identify.bootstrap;
+        match identify_with(study, &subject, &factors, flights.as_ref(), estimator(study, rows), bootstrap) {
             Ok(parameters) => {
                 write_json(&job.out.join(file_name(rows)), &parameters)?;
                 if rows == chosen {

@@ -53,7 +53,7 @@ struct FactorHead {
 }
 
 /// Writes `factors.json` and `factors.parquet`.
-fn save_factors(dir: &Path, factors: &[(Stretch, Factor)]) -> Result<(), PipelineError> {
+pub fn save_factors(dir: &Path, factors: &[(Stretch, Factor)]) -> Result<(), PipelineError> {
     let heads: Vec<FactorHead> = factors
         .iter()
         .map(|(stretch, f)| FactorHead {

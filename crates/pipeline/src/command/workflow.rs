@@ -1,0 +1,344 @@
+//! `workflow`: the stage graph as a Snakefile. Each stage of each trial is a job on one shared folder of results; factors merge in a tree;
+//! the same file runs on the cores of one machine and through Snakemake's executors on a cluster.
+//!
+//! Snakemake decides by times which jobs to start, the jobs decide by content what there is to do: a job whose result is up to date ends
+//! at once. A trial that cannot be used is recorded as such, its jobs end well, and the study goes on without it; the last job of the
+//! workflow names it and fails. A job that was killed leaves no mark and runs again with the next call.
+
+use crate::error::{PipelineError, StageFailure};
+use crate::graph::{self, Manifests, Need, Scope, Stage, Standing};
+use crate::merge;
+use crate::stages::STAGES;
+use crate::study::{Role, Study};
+use crate::workspace::{WHOLE_STUDY, Workspace};
+use serde_json::{Value, json};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// One subject's session of a workflow.
+#[derive(Debug)]
+pub struct Member<'a> {
+    /// Name in paths and messages: `sub-01_ses-1`, or the study's name where there is one only.
+    pub name: String,
+    /// Words that choose it on the command line.
+    pub words: Vec<String>,
+    /// Its recordings.
+    pub study: &'a Study,
+}
+
+/// How jobs call the program.
+#[derive(Debug)]
+pub struct Call {
+    /// The pipeline file as the user gave it.
+    pub pipeline: PathBuf,
+    /// `--data` and `--workspace` as the user gave them.
+    pub words: Vec<String>,
+    /// Folder of results of the whole study.
+    pub workspace: PathBuf,
+}
+
+/// Roles that a stage runs for; none for a stage of the whole study.
+fn roles(stage: &Stage) -> Option<&'static [Role]> {
+    match stage.scope {
+        Scope::Trial(roles) => Some(roles),
+        Scope::Study => None,
+    }
+}
+
+/// First stage of the last run of stages that are made trial by trial before a study-wide one: those go to the cluster as one job a trial.
+fn group(stage: &Stage) -> Option<String> {
+    roles(stage)?;
+    let at = STAGES.iter().position(|s| s.name == stage.name)?;
+    let first = STAGES[..=at].iter().rposition(|s| roles(s).is_none()).map_or(0, |i| i + 1);
+    STAGES.get(first).map(|s| format!("from_{}", s.name))
+}
+
+/// What a job of a stage depends on beside files: its version and the parameters that it sees, as a short hash.
+fn seen(stage: &Stage, study: &Study) -> String {
+    let parameters: Vec<Value> = stage.tasks(study).into_iter().map(|t| (stage.parameters)(study, t)).collect();
+    let text = json!([stage.version, parameters]).to_string();
+    blake3::hash(text.as_bytes()).to_hex()[..12].to_owned()
+}
+
+fn plan(member: &Member<'_>) -> Value {
+    let study = member.study;
+    let trials: serde_json::Map<String, Value> = study
+        .included()
+        .map(|t| {
+            let files: Vec<String> =
+                std::iter::once(&t.file).chain(&t.forces).map(|p| p.display().to_string()).collect();
+            (t.name.clone(), json!({"role": t.role.word(), "files": files}))
+        })
+        .collect();
+    let hashes: serde_json::Map<String, Value> =
+        STAGES.iter().map(|s| (s.name.to_owned(), json!(seen(s, study)))).collect();
+    json!({
+        "words": member.words,
+        "trials": trials,
+        "static_frames": study.config.trials.static_frames.as_ref().map(|f| f.trial.clone()),
+        "seen": hashes,
+        "merge": merge::Tree::of(study).levels(),
+    })
+}
+
+/// A string as Python reads it: JSON strings are Python strings.
+fn python(text: &str) -> String {
+    Value::String(text.to_owned()).to_string()
+}
+
+fn words_of_roles(roles: &[Role]) -> String {
+    let all: Vec<String> = roles.iter().map(|r| python(r.word())).collect();
+    format!("[{}]", all.join(", "))
+}
+
+/// Inputs of a stage's rule, one line each.
+fn inputs(stage: &Stage) -> Vec<String> {
+    let mut out = Vec::new();
+    for need in stage.needs {
+        match need {
+            Need::Recording => out.push("lambda w: STUDIES[w.study][\"trials\"][w.trial][\"files\"]".to_owned()),
+            Need::Same(name) => out.push(format!("MARKS + \"/{{study}}/{name}/{{trial}}.done\"")),
+            Need::Once(name) => out.push(format!("MARKS + \"/{{study}}/{name}/_study.done\"")),
+            // what stands behind the root of the merge tree need not be named one by one
+            Need::Every("regressor", _) if stage.name == "identify" => out.push("root_of_merges".to_owned()),
+            Need::Every(..) if stage.needs.contains(&Need::Once("identify")) => {
+                if let Need::Every("regressor", roles) = need {
+                    out.push(format!("every(\"regressor\", {})", words_of_roles(roles)));
+                }
+            }
+            Need::Every(name, roles) | Need::EveryOrStaticFrames(name, roles) => {
+                out.push(format!("every({}, {})", python(name), words_of_roles(roles)));
+            }
+        }
+    }
+    out
+}
+
+fn rule(stage: &Stage) -> String {
+    let mut out = String::new();
+    let whole = roles(stage).is_none();
+    let trial = if whole { "_study" } else { "{trial}" };
+    let choice = if whole { "" } else { " --trial {params.trial:q}" };
+    let _ = writeln!(out, "rule {}:", stage.name);
+    let _ = writeln!(out, "    input:");
+    for input in inputs(stage) {
+        let _ = writeln!(out, "        {input},");
+    }
+    let _ = writeln!(out, "    output:\n        touch(MARKS + \"/{{study}}/{}/{trial}.done\"),", stage.name);
+    let _ = writeln!(out, "    log:\n        MARKS + \"/{{study}}/{}/{trial}.log\",", stage.name);
+    let _ = writeln!(out, "    params:");
+    let _ = writeln!(out, "        words=lambda w: STUDIES[w.study][\"words\"],");
+    if !whole {
+        let _ = writeln!(out, "        trial=lambda w: glob.escape(w.trial),");
+    }
+    let _ = writeln!(out, "        seen=lambda w: STUDIES[w.study][\"seen\"][{}],", python(stage.name));
+    if let Some(group) = group(stage) {
+        let _ = writeln!(out, "    group:\n        {}", python(&group));
+    }
+    let threads = if whole { "THREADS" } else { "1" };
+    let _ = writeln!(out, "    threads: {threads}");
+    let _ = writeln!(
+        out,
+        "    shell:\n        \"{{ALOFT}} run {{PIPELINE:q}} {{FOLDERS:q}} {{params.words:q}} --only {}{choice} --shared -j {{threads}} > {{log:q}} 2>&1 || test $? -eq 1\"\n",
+        stage.name
+    );
+    out
+}
+
+/// The Snakefile of a study.
+pub fn snakefile(members: &[Member<'_>], call: &Call) -> Result<String, PipelineError> {
+    let text = std::fs::read_to_string(&call.pipeline).map_err(PipelineError::io("read", &call.pipeline))?;
+    let studies: serde_json::Map<String, Value> = members.iter().map(|m| (m.name.clone(), plan(m))).collect();
+    let studies = serde_json::to_string_pretty(&studies)
+        .map_err(|e| PipelineError::request(format!("the plan cannot be written: {e}")))?;
+    let pipeline = call.pipeline.display().to_string();
+    let stages: Vec<String> = STAGES
+        .iter()
+        .map(|s| format!("    {}: {},", python(s.name), roles(s).map_or("None".to_owned(), words_of_roles)))
+        .collect();
+    let mut out = String::new();
+    let _ = write!(
+        out,
+        r#"# Written by `aloft workflow {pipeline} --engine snakemake`. Write it again when recordings come or go, or when the pipeline changes.
+#
+#   snakemake -s Snakefile --cores 8 --keep-going               on the cores of this machine
+#   snakemake -s Snakefile --jobs 100 --keep-going --executor slurm --default-resources mem_mb=1000 runtime=10
+#
+# Each stage of each trial is a job on the shared folder of results; stages of one trial travel to a cluster together (groups). A trial that
+# cannot be used is recorded and left out; the last job, `verdict`, names it and fails. Killed jobs run again with the next call.
+import glob
+import json
+from pathlib import Path
+
+from snakemake.exceptions import WorkflowError
+
+ALOFT = config.get("aloft", "aloft")  # --config aloft=/path/to/aloft
+THREADS = int(config.get("threads", 2))  # of jobs for a whole study
+PIPELINE = {pipeline}
+FOLDERS = {folders}
+WORKSPACE = Path({workspace})
+MARKS = (WORKSPACE / ".workflow").as_posix()
+
+if Path(PIPELINE).read_text(encoding="utf-8") != {text}:
+    raise WorkflowError(f"{{PIPELINE}} changed: write this file again with `aloft workflow {{PIPELINE}} --engine snakemake`")
+
+# a new folder of results says what it is before Snakemake puts marks into it
+WORKSPACE.mkdir(parents=True, exist_ok=True)
+if not any(WORKSPACE.iterdir()):
+    (WORKSPACE / {marker}).write_text("Results of aloft. Everything here can be made again from the recordings.\n")
+
+STUDIES = json.loads(r'''
+{studies}
+''')
+
+
+# stage -> roles of the trials that it runs for; none for stages of the whole study
+STAGES = {{
+{stages}
+}}
+
+
+def every_result(w):
+    """Marks of all stages for all trials."""
+    return [
+        f"{{MARKS}}/{{key}}/{{stage}}/{{name}}.done"
+        for key, study in STUDIES.items()
+        for stage, roles in STAGES.items()
+        for name in (["_study"] if roles is None else [n for n, t in study["trials"].items() if t["role"] in roles])
+    ]
+
+
+def every(stage, roles):
+    """Marks of a stage for all trials that play one of the roles."""
+
+    def of(w):
+        study = STUDIES[w.study]
+        names = [n for n, t in study["trials"].items() if t["role"] in roles or n == study["static_frames"] and stage == "import"]
+        return [f"{{MARKS}}/{{w.study}}/{{stage}}/{{n}}.done" for n in names]
+
+    return of
+
+
+def merge_node(w):
+    """What a node of the tree merges: trials at the first level, nodes of the level below above it."""
+    study, level, index = STUDIES[w.study], int(w.level), int(w.index)
+    first, last = index * {fan_in}, (index + 1) * {fan_in}
+    if level > 1:
+        below = study["merge"][level - 2]
+        return [f"{{MARKS}}/{{w.study}}/merge/{{level - 1}}-{{i}}.done" for i in range(first, min(last, below))]
+    names = sorted(n for n, t in study["trials"].items() if t["role"] == "identify")
+    return [f"{{MARKS}}/{{w.study}}/regressor/{{n}}.done" for n in names[first:last]]
+
+
+def root_of_merges(w):
+    """The top of the tree."""
+    levels = len(STUDIES[w.study]["merge"])
+    return [f"{{MARKS}}/{{w.study}}/merge/{{levels}}-0.done"] if levels else []
+
+
+wildcard_constraints:
+    study="[^/]+",
+    trial="[^/]+",
+    level="[0-9]+",
+    index="[0-9]+",
+
+
+localrules:
+    verdict,
+
+
+rule verdict:
+    input:
+        every_result,
+    output:
+        touch(MARKS + "/verdict.done"),
+    shell:
+        "{{ALOFT}} workflow {{PIPELINE:q}} {{FOLDERS:q}} --verdict"
+
+
+"#,
+        pipeline = python(&pipeline),
+        folders = json!(call.words),
+        workspace = python(&call.workspace.display().to_string()),
+        marker = python("ALOFT_WORKSPACE.txt"),
+        text = python(&text),
+        fan_in = merge::FAN_IN,
+        stages = stages.join("\n"),
+    );
+    for stage in STAGES {
+        out.push_str(&rule(stage));
+        out.push('\n');
+        if stage.name == "regressor" {
+            out.push_str(MERGE_RULE);
+            out.push('\n');
+        }
+    }
+    Ok(out.trim_end().to_owned() + "\n")
+}
+
+const MERGE_RULE: &str = r#"rule merge:
+    input:
+        merge_node,
+    output:
+        touch(MARKS + "/{study}/merge/{level}-{index}.done"),
+    log:
+        MARKS + "/{study}/merge/{level}-{index}.log",
+    params:
+        words=lambda w: STUDIES[w.study]["words"],
+        seen=lambda w: STUDIES[w.study]["seen"]["identify"],
+    threads: 1
+    shell:
+        "{ALOFT} merge {PIPELINE:q} {FOLDERS:q} {params.words:q} --node {wildcards.level}-{wildcards.index} > {log:q} 2>&1 || test $? -eq 1"
+
+"#;
+
+/// Writes the Snakefile; nothing else that a user placed is overwritten.
+pub fn write(members: &[Member<'_>], call: &Call, out: &Path) -> Result<(), PipelineError> {
+    let text = snakefile(members, call)?;
+    if let Ok(old) = std::fs::read_to_string(out)
+        && !old.starts_with("# Written by `aloft workflow")
+    {
+        return Err(PipelineError::request_hint(
+            format!("{} is there already, and not by this command", out.display()),
+            "give another name with --out; nothing is overwritten",
+        ));
+    }
+    std::fs::write(out, text).map_err(PipelineError::io("write", out))
+}
+
+/// A result that a finished workflow does not have.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lacking {
+    /// Stage.
+    pub stage: &'static str,
+    /// Trial, or [`WHOLE_STUDY`].
+    pub trial: String,
+    /// Why; a hint where there is one.
+    pub failure: StageFailure,
+    /// False where it only could not follow something else that failed.
+    pub first: bool,
+}
+
+/// Every result of a study that is not there or not up to date, those that failed by themselves first.
+pub fn verdict(study: &Study) -> Result<Vec<Lacking>, PipelineError> {
+    let workspace = Workspace::open(&study.workspace);
+    let manifests = Manifests::read(study, &workspace, STAGES);
+    let mut out = Vec::new();
+    for stage in STAGES {
+        for trial in stage.tasks(study) {
+            let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
+            let inputs = graph::inputs(stage, trial, study, &workspace, &manifests)?;
+            let (failure, first) = match graph::standing(stage, trial, study, &inputs, manifests.get(stage.name, name))
+            {
+                Standing::Ok | Standing::Warning => continue,
+                Standing::Failed(failure) => (failure, true),
+                Standing::Missing => (StageFailure::new("has not run"), true),
+                Standing::Stale(changes) => (StageFailure::new(format!("is stale: {}", changes.join("; "))), true),
+                Standing::Blocked(reason) => (StageFailure::new(reason), false),
+            };
+            out.push(Lacking { stage: stage.name, trial: name.to_owned(), failure, first });
+        }
+    }
+    out.sort_by_key(|l| !l.first);
+    Ok(out)
+}

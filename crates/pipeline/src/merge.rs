@@ -1,0 +1,261 @@
+//! Flight factors merged in a tree that depends on nothing but the study's list of trials: eight trials make a node of the first level,
+//! eight nodes one of the next. A trial that failed leaves its place empty. So the result is the same to the last bit whether one
+//! process merges all, or many machines one node each (`aloft workflow`), and a node that was made before serves again.
+//!
+//! Contact stretches are not in the tree: identification weighs them against the flights first.
+
+use crate::error::{PipelineError, StageFailure};
+use crate::graph::{Job, Manifests};
+use crate::stages::STAGES;
+use crate::stages::regressor::{load_factors, save_factors};
+use crate::study::{Role, Study};
+use crate::workspace::{Manifest, Outcome, Workspace};
+use aloft_regressor::{Factor, RowKind, Stretch, StretchKind};
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+/// Children of a node.
+pub const FAN_IN: usize = 8;
+
+/// Folder of the nodes in a workspace.
+const FOLDER: &str = "merge";
+
+/// Raised when what a node holds changes.
+const VERSION: u32 = 1;
+
+/// The tree over a study's identification trials.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Tree {
+    trials: Vec<String>,
+}
+
+/// Place of a node: level from 1 at the trials upwards, index from 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Node {
+    /// Level.
+    pub level: usize,
+    /// Index in its level.
+    pub index: usize,
+}
+
+impl std::fmt::Display for Node {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}-{}", self.level, self.index)
+    }
+}
+
+impl std::str::FromStr for Node {
+    type Err = String;
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || format!("`{text}` is not a node; expected LEVEL-INDEX, for example 1-0");
+        let (level, index) = text.split_once('-').ok_or_else(wrong)?;
+        let node = Self { level: level.parse().map_err(|_| wrong())?, index: index.parse().map_err(|_| wrong())? };
+        if node.level == 0 { Err(wrong()) } else { Ok(node) }
+    }
+}
+
+impl Tree {
+    /// The tree of a study: its identification trials in the order of their names.
+    pub fn of(study: &Study) -> Self {
+        Self { trials: study.included().filter(|t| t.role == Role::Identify).map(|t| t.name.clone()).collect() }
+    }
+
+    /// Number of nodes of each level, the first level first; the last is one. Empty without trials.
+    pub fn levels(&self) -> Vec<usize> {
+        let mut out = Vec::new();
+        let mut below = self.trials.len();
+        while below > 1 || (below == 1 && out.is_empty()) {
+            below = below.div_ceil(FAN_IN);
+            out.push(below);
+        }
+        out
+    }
+
+    fn root(&self) -> Option<Node> {
+        let level = self.levels().len();
+        (level > 0).then_some(Node { level, index: 0 })
+    }
+
+    fn trials_of(&self, node: Node) -> &[String] {
+        let first = (node.index * FAN_IN).min(self.trials.len());
+        &self.trials[first..(first + FAN_IN).min(self.trials.len())]
+    }
+
+    fn nodes_below(&self, node: Node) -> Vec<Node> {
+        let below = self.levels().get(node.level.saturating_sub(2)).copied().unwrap_or(0);
+        let first = node.index * FAN_IN;
+        (first..(first + FAN_IN).min(below)).map(|index| Node { level: node.level - 1, index }).collect()
+    }
+
+    /// Merges one factor a trial (none where it gave none) up to the root.
+    fn merge(
+        &self,
+        leaf: impl Fn(&str) -> Result<Option<Factor>, StageFailure>,
+    ) -> Result<Option<Factor>, StageFailure> {
+        let mut level: Vec<Option<Factor>> = self.trials.iter().map(|t| leaf(t)).collect::<Result<_, _>>()?;
+        for _ in self.levels() {
+            level = level.chunks(FAN_IN).map(merged).collect::<Result<_, _>>()?;
+        }
+        Ok(level.into_iter().next().flatten())
+    }
+}
+
+fn merged(children: &[Option<Factor>]) -> Result<Option<Factor>, StageFailure> {
+    let present: Vec<&Factor> = children.iter().flatten().collect();
+    match present.as_slice() {
+        [] => Ok(None),
+        all => Factor::merge_refs(all).map(Some).map_err(|e| StageFailure::new(e.to_string())),
+    }
+}
+
+/// Flights of one kind of rows among a trial's factors, merged.
+fn leaf(factors: &[(Stretch, Factor)], trial: &str, rows: RowKind) -> Result<Option<Factor>, StageFailure> {
+    let flights: Vec<Option<Factor>> = factors
+        .iter()
+        .filter(|(s, f)| s.trial == trial && s.kind == StretchKind::Flight && f.rows == rows)
+        .map(|(_, f)| Some(f.clone()))
+        .collect();
+    merged(&flights)
+}
+
+const KINDS: [RowKind; 2] = [RowKind::Weak, RowKind::Acceleration];
+
+/// All flights of the study's identification trials in one factor: the root of the tree, from its stored node where that is up to
+/// date, from `factors` (those of the trials, any order of kinds) otherwise. The result is the same.
+pub fn root(job: &Job<'_>, factors: &[(Stretch, Factor)], rows: RowKind) -> Result<Option<Factor>, StageFailure> {
+    let tree = Tree::of(job.study);
+    let stored = tree.root().filter(|n| job.workspace.place(FOLDER, &n.to_string()).is_dir());
+    if let Some(node) = stored {
+        let manifests = Manifests::read(job.study, job.workspace, STAGES);
+        if let Some(manifest) = current(&tree, node, job.workspace, &manifests) {
+            let stored = load_factors(&job.workspace.place(FOLDER, &manifest.trial))?;
+            return Ok(stored.into_iter().map(|(_, f)| f).find(|f| f.rows == rows));
+        }
+    }
+    tree.merge(|trial| leaf(factors, trial, rows))
+}
+
+/// What a node is made from, as it stands now; none where a part of it has not been made.
+fn inputs(tree: &Tree, node: Node, workspace: &Workspace, manifests: &Manifests) -> Option<BTreeMap<String, String>> {
+    if node.level == 1 {
+        let made = tree.trials_of(node).iter().filter_map(|t| {
+            let sound = manifests.trouble("regressor", t).is_none();
+            let m = manifests.get("regressor", t).filter(|_| sound)?;
+            Some((format!("regressor/{t}"), m.output.clone()))
+        });
+        return Some(made.collect());
+    }
+    tree.nodes_below(node)
+        .into_iter()
+        .map(|n| current(tree, n, workspace, manifests).map(|m| (format!("{FOLDER}/{n}"), m.output)))
+        .collect()
+}
+
+fn current(tree: &Tree, node: Node, workspace: &Workspace, manifests: &Manifests) -> Option<Manifest> {
+    let manifest = workspace.manifest(FOLDER, &node.to_string()).filter(Manifest::is_ok)?;
+    let now = inputs(tree, node, workspace, manifests)?;
+    manifest.differences(VERSION, &json!({}), &now).is_empty().then_some(manifest)
+}
+
+/// Makes one node; true when there was something to do.
+pub fn make(study: &Study, node: Node) -> Result<bool, PipelineError> {
+    let tree = Tree::of(study);
+    let levels = tree.levels();
+    if levels.get(node.level - 1).is_none_or(|n| node.index >= *n) {
+        return Err(PipelineError::request_hint(
+            format!("the tree has no node {node}"),
+            format!("nodes a level: {levels:?}, from 1-0 to {}-0", levels.len()),
+        ));
+    }
+    let workspace = Workspace::open(&study.workspace);
+    let _lock = workspace.lock_shared()?;
+    let manifests = Manifests::read(study, &workspace, STAGES);
+    if current(&tree, node, &workspace, &manifests).is_some() {
+        return Ok(false);
+    }
+    let Some(made_from) = inputs(&tree, node, &workspace, &manifests) else {
+        return Err(PipelineError::request_hint(
+            format!("what node {node} merges has not been made"),
+            "make the nodes of the level below first",
+        ));
+    };
+    let _task = workspace.lock_task(FOLDER, &node.to_string())?;
+    let started = Instant::now();
+    let mut out: Vec<(Stretch, Factor)> = Vec::new();
+    let fail = |f: StageFailure| PipelineError::Request { problem: f.problem, hint: f.hint };
+    let mut below: Vec<Vec<(Stretch, Factor)>> = Vec::new();
+    // in the order of the tree, which is not that of the names
+    let parts: Vec<String> = match node.level {
+        1 => tree.trials_of(node).iter().map(|t| format!("regressor/{t}")).collect(),
+        _ => tree.nodes_below(node).iter().map(|n| format!("{FOLDER}/{n}")).collect(),
+    };
+    for key in parts.iter().filter(|k| made_from.contains_key(*k)) {
+        if let Some((folder, name)) = key.split_once('/') {
+            below.push(load_factors(&workspace.place(folder, name))?);
+        }
+    }
+    for rows in KINDS {
+        let children: Vec<Option<Factor>> = if node.level == 1 {
+            let all: Vec<(Stretch, Factor)> = below.iter().flatten().cloned().collect();
+            tree.trials_of(node).iter().map(|t| leaf(&all, t, rows)).collect::<Result<_, _>>().map_err(fail)?
+        } else {
+            below.iter().map(|b| b.iter().map(|(_, f)| f).find(|f| f.rows == rows).cloned()).collect()
+        };
+        if let Some(factor) = merged(&children).map_err(fail)? {
+            out.push((factor.as_stretch(), factor));
+        }
+    }
+    let name = node.to_string();
+    let scratch = workspace.scratch(FOLDER, &name)?;
+    save_factors(&scratch, &out)?;
+    let manifest = Manifest {
+        stage: FOLDER.to_owned(),
+        trial: name,
+        version: VERSION,
+        parameters: json!({}),
+        inputs: made_from,
+        outcome: Outcome::Ok,
+        warnings: Vec::new(),
+        summary: BTreeMap::new(),
+        output: String::new(),
+        seconds: started.elapsed().as_secs_f64(),
+        program: env!("CARGO_PKG_VERSION").to_owned(),
+    };
+    workspace.commit(&scratch, manifest)?;
+    Ok(true)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tree(n: usize) -> Tree {
+        Tree { trials: (0..n).map(|i| format!("t{i:03}")).collect() }
+    }
+
+    #[test]
+    fn prop_every_trial_is_below_the_root_once() {
+        for n in [0, 1, 7, 8, 9, 64, 65, 600] {
+            let tree = tree(n);
+            let levels = tree.levels();
+            assert_eq!(levels.is_empty(), n == 0);
+            let mut nodes: Vec<Node> = tree.root().into_iter().collect();
+            let mut seen = 0;
+            while let Some(node) = nodes.pop() {
+                if node.level == 1 { seen += tree.trials_of(node).len() } else { nodes.extend(tree.nodes_below(node)) }
+            }
+            assert_eq!(seen, n);
+        }
+        assert_eq!(tree(600).levels(), [75, 10, 2, 1]);
+    }
+
+    #[test]
+    fn prop_nodes_are_written_as_level_and_index() {
+        let node: Node = "2-13".parse().unwrap();
+        assert_eq!((node.level, node.index, node.to_string().as_str()), (2, 13, "2-13"));
+        for wrong in ["2", "0-1", "a-b", "1-"] {
+            assert!(wrong.parse::<Node>().is_err());
+        }
+    }
+}

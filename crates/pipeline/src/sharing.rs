@@ -1,0 +1,110 @@
+//! Many runs on one workspace at once, each on tasks of its own: the jobs of a cluster (`aloft run --shared`, `aloft merge`).
+//!
+//! They share the workspace's lock among themselves, so that a plain run waits until none is left, and hold a lock of their own for each
+//! result that they make. Locks are those of the operating system (`flock`): they vanish with the process, and reach other
+//! machines where the file system carries them.
+
+use crate::error::PipelineError;
+use crate::workspace::Workspace;
+use std::fs::{File, TryLockError};
+use std::path::Path;
+
+/// Held by each of several runs; released when dropped.
+#[derive(Debug)]
+pub struct SharedLock {
+    _file: File,
+}
+
+/// Held while one result is made; released when dropped.
+#[derive(Debug)]
+pub struct TaskLock {
+    _file: File,
+}
+
+fn open(path: &Path) -> Result<File, PipelineError> {
+    File::options()
+        .create(true)
+        .truncate(false)
+        .read(true)
+        .write(true)
+        .open(path)
+        .map_err(PipelineError::io("open", path))
+}
+
+impl Workspace {
+    /// Takes part in the workspace beside others that do; says who holds it where a plain run does.
+    pub fn lock_shared(&self) -> Result<SharedLock, PipelineError> {
+        let path = self.root().join(".lock");
+        if !path.is_file() {
+            // the first of them makes the workspace; another one may be doing so in this moment
+            match self.lock() {
+                Ok(_) | Err(PipelineError::Locked { .. }) => {}
+                Err(e) => return Err(e),
+            }
+        }
+        let file = open(&path)?;
+        // the one that makes the workspace holds it for a moment only
+        for _ in 0..50 {
+            match file.try_lock_shared() {
+                Ok(()) => return Ok(SharedLock { _file: file }),
+                Err(TryLockError::WouldBlock) => std::thread::sleep(std::time::Duration::from_millis(100)),
+                Err(TryLockError::Error(e)) => return Err(PipelineError::io("lock", &path)(e)),
+            }
+        }
+        Err(PipelineError::Locked {
+            path: self.root().to_path_buf(),
+            holder: "a run that does not share it".to_owned(),
+        })
+    }
+
+    /// Waits until nobody else makes this result.
+    pub fn lock_task(&self, stage: &str, trial: &str) -> Result<TaskLock, PipelineError> {
+        let folder = self.root().join(".locks");
+        std::fs::create_dir_all(&folder).map_err(PipelineError::io("create", &folder))?;
+        let path = folder.join(format!("{stage}-{trial}"));
+        let file = open(&path)?;
+        file.lock().map_err(PipelineError::io("lock", &path))?;
+        Ok(TaskLock { _file: file })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn prop_shared_runs_exclude_plain_ones_only() {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path().join("ws");
+        let (a, b, c) = (Workspace::open(&root), Workspace::open(&root), Workspace::open(&root));
+        let one = a.lock_shared().unwrap();
+        let two = b.lock_shared().unwrap();
+        assert!(matches!(c.lock(), Err(PipelineError::Locked { .. })));
+        drop((one, two));
+        let plain = c.lock().unwrap();
+        assert!(matches!(a.lock_shared(), Err(PipelineError::Locked { .. })));
+        drop(plain);
+        a.lock_shared().unwrap();
+    }
+
+    #[test]
+    fn prop_one_result_is_made_by_one_at_a_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path().join("ws");
+        let ws = Workspace::open(&root);
+        let _shared = ws.lock_shared().unwrap();
+        let held = ws.lock_task("ik", "jump01").unwrap();
+        let other = ws.lock_task("ik", "jump02").unwrap();
+        let waits = std::thread::spawn({
+            let root = root.clone();
+            move || {
+                let started = std::time::Instant::now();
+                Workspace::open(&root).lock_task("ik", "jump01").map(|_| started.elapsed())
+            }
+        });
+        std::thread::sleep(std::time::Duration::from_millis(200));
+        drop(held);
+        assert!(waits.join().unwrap().unwrap().as_millis() >= 100);
+        drop(other);
+    }
+}
