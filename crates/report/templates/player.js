@@ -210,7 +210,6 @@ const Player = (() => {
   };
   const rows = (figure) => {
     const d = read(figure), out = [["time, s", "in flight", "kind", "name", "x, m", "y, m", "z, m"]];
-    const joints = Array.from({ length: d.n_joints }, (_, j) => "joint " + (j + 1));
     const put = (f, kind, names, list) => names.forEach((name, k) => {
       const i = 3 * (f * names.length + k);
       if (Number.isFinite(list[i])) out.push([d.t[f], d.flight[f], kind, name, list[i], list[i + 1], list[i + 2]]);
@@ -218,7 +217,7 @@ const Player = (() => {
     for (let f = 0; f < d.t.length; f++) {
       put(f, "measured marker", d.labels, d.measured);
       put(f, "model marker", d.labels, d.modelled);
-      put(f, "model", joints, d.joints);
+      put(f, "model point", d.joint_names, d.joints);
       for (const a of d.arrows) put(f, `arrow, 1 m for ${d.newtons_per_m} N`, Array.from({ length: 2 * a.n }, (_, k) => `${a.name} ${1 + (k >> 1)}: ${k % 2 ? "tip" : "foot"}`), a.at);
     }
     return out;
