@@ -89,14 +89,14 @@ def main():
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         probed = pathlib.Path(folder) / "page.html"
         probed.write_text(html.replace("<head>", "<head>" + PROBE.replace("PORT", str(port)), 1))
-        chapters = a.chapters or re.findall(r'<article class="chapter" id="([^"]+)"', html)
+        chapters = a.chapters or ["", *re.findall(r'<article class="chapter" id="([^"]+)"', html)]
         for chapter in chapters:
             seen = [visit(chromium, probed, chapter, told, folder) for _ in range(a.repeat)]
             least = {k: min((s[k] for s in seen if s[k] is not None), default=None) for k in ("paint", "loaded", "drawn")}
             show = ", ".join(f"{k} {v:.0f} ms" for k, v in least.items() if v is not None)
             trouble = {t for s in seen for t in s["errors"] + s["outside"]}
             wrong |= bool(trouble)
-            print(f"  {chapter:28} {show}{'  WRONG: ' + '; '.join(sorted(trouble)) if trouble else ''}")
+            print(f"  {chapter or '(as it opens)':28} {show}{'  WRONG: ' + '; '.join(sorted(trouble)) if trouble else ''}")
             for width, height in [(1440, 2400), (1280, 1800)] if a.shots else []:
                 a.shots.mkdir(parents=True, exist_ok=True)
                 subprocess.run([chromium, *FLAGS, f"--user-data-dir={folder}/shots", f"--window-size={width},{height}", "--virtual-time-budget=8000",

@@ -27,6 +27,8 @@ pub struct Animation {
     pub first: usize,
     /// Pairs of joint indices.
     pub bones: Vec<(usize, usize)>,
+    /// Names of the joints, for the CSV.
+    pub joint_names: Vec<String>,
     /// `joints[frame][joint]`; NaN where unknown.
     pub joints: Vec<Vec<[f64; 3]>>,
     /// Names of the markers.
@@ -66,6 +68,7 @@ impl Figure {
             "flight": pack::steps(a.in_flight.iter().map(|f| f64::from(u8::from(*f))), 1.0),
             "first": a.first,
             "bones": a.bones,
+            "joint_names": a.joint_names,
             "n_joints": a.joints.first().map_or(0, Vec::len),
             "joints": pack::steps(flat(&a.joints), STEP_M),
             "labels": a.labels,

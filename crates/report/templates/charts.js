@@ -43,7 +43,7 @@ const Charts = (() => {
     }
     if (data[0]?.names) {
       const out = [["name", "kind", f.x, "lower", "upper"]];
-      for (const t of data) t.x.forEach((x, i) => out.push([t.names[i], t.name, x, x - t.error_x?.arrayminus[i], x + t.error_x?.array[i]]));
+      for (const t of data) t.x.forEach((x, i) => Number.isFinite(x) && out.push([t.names[i], t.name, x, x - t.error_x?.arrayminus[i], x + t.error_x?.array[i]]));
       return out;
     }
     const out = [["quantity", "curve", f.x, "value", "sd or half interval"]];

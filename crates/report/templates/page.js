@@ -20,7 +20,7 @@
   let all = false;
   const show = (move) => {
     const id = decodeURIComponent(location.hash.slice(1));
-    const target = id && document.getElementById(id);
+    const target = id ? document.getElementById(id) : null;
     const chapter = target?.closest(".chapter") || chapters[0];
     all = all || id === "draw-all";
     chapters.forEach((c) => { c.hidden = !all && c !== chapter; });

@@ -209,11 +209,16 @@ const Player = (() => {
     render();
   };
   const rows = (figure) => {
-    const d = read(figure), n = d.t.length, nm = d.labels.length;
-    const out = [["time, s", "in flight", "marker", "measured x, m", "measured y, m", "measured z, m", "model x, m", "model y, m", "model z, m"]];
-    for (let f = 0; f < n; f++) for (let m = 0; m < nm; m++) {
-      const i = 3 * (f * nm + m);
-      out.push([d.t[f], d.flight[f], d.labels[m], d.measured[i], d.measured[i + 1], d.measured[i + 2], d.modelled[i], d.modelled[i + 1], d.modelled[i + 2]]);
+    const d = read(figure), out = [["time, s", "in flight", "kind", "name", "x, m", "y, m", "z, m"]];
+    const put = (f, kind, names, list) => names.forEach((name, k) => {
+      const i = 3 * (f * names.length + k);
+      if (Number.isFinite(list[i])) out.push([d.t[f], d.flight[f], kind, name, list[i], list[i + 1], list[i + 2]]);
+    });
+    for (let f = 0; f < d.t.length; f++) {
+      put(f, "measured marker", d.labels, d.measured);
+      put(f, "model marker", d.labels, d.modelled);
+      put(f, "model point", d.joint_names, d.joints);
+      for (const a of d.arrows) put(f, `arrow, 1 m for ${d.newtons_per_m} N`, Array.from({ length: 2 * a.n }, (_, k) => `${a.name} ${1 + (k >> 1)}: ${k % 2 ? "tip" : "foot"}`), a.at);
     }
     return out;
   };

@@ -30,6 +30,7 @@ pub fn figure(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
     let weight = subject.facts.mass_kg * story.study.facts.gravity_mps2;
     let mut a = Animation {
         bones: bones(subject),
+        joint_names: joint_names(subject),
         labels: subject.markers.iter().map(|m| m.label.clone()).collect(),
         newtons_per_m: round_number(2.0 * weight),
         plates: trial.plates.iter().map(|p| p.corners_m.iter().map(|c| <[f64; 3]>::from(*c)).collect()).collect(),
@@ -158,6 +159,14 @@ fn tips(subject: &Subject) -> Vec<(usize, Vector3<f64>)> {
             Some((i, own.max_by(|a, b| a.norm().total_cmp(&b.norm()))?))
         })
         .collect()
+}
+
+/// Origins of the links, then the ends of [`tips`].
+fn joint_names(subject: &Subject) -> Vec<String> {
+    let links = &subject.model.links;
+    let ends =
+        tips(subject).into_iter().enumerate().map(|(k, (link, _))| format!("end {} on {}", k + 1, links[link].name));
+    links.iter().map(|l| format!("origin of {}", l.name)).chain(ends).collect()
 }
 
 fn bones(subject: &Subject) -> Vec<(usize, usize)> {
