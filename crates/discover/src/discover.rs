@@ -1,17 +1,22 @@
 //! The rounds: rank, judge, add, rank again.
 
-use crate::candidate::{Scored, Variant};
+use crate::addition::addition;
+use crate::candidate::Variant;
+use crate::judge::{
+    Rival, alternatives, chosen_shares, confusions, judge, limit, minimum_detectable, parts, plausible, rivals,
+};
+use crate::ladder::{Refit, as_found, estimates, extra_columns, group_names, key_of, prune, refit_found, to_build_on};
 use crate::pairs::better_pair;
 use crate::placebo::PLACEBOS;
 use crate::problem::{Domain, Problem};
-use crate::rank::{EffectScore, cosine, judged_in, null_ratios, score_effect};
-use crate::result::{Alternative, Candidate, Confusion, Discovery, Estimate, Found, Round, Verdict};
+use crate::rank::{EffectScore, judged_in, null_ratios, score_effect};
+use crate::result::{Candidate, Discovery, Found, Round, Verdict};
 use crate::session::Session;
-use crate::statistics::{jackknife_se, ratio_interval, resamples, sign_flip_p};
+use crate::statistics::{ratio_interval, resamples};
 use crate::{DiscoverError, words};
 use aloft_effects::{Choice, Effect};
 use aloft_regressor::StretchKind;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -65,9 +70,6 @@ impl Default for DiscoverOptions {
     }
 }
 
-/// A richer effect has to leave less than this share of a simpler one's error to be told from it.
-const NEARLY: f64 = 0.94;
-
 /// A pair of effects has to leave less than this share of the error of the best single one.
 const PAIR: f64 = 0.93;
 
@@ -114,7 +116,8 @@ pub fn discover(
             let model: Vec<String> =
                 accepted.iter().map(|c| c.key(session.scene)).chain(found.iter().map(|f| f.key.clone())).collect();
             let already: Vec<&str> = kept.iter().map(|v| v.effect.id()).collect();
-            let (mut round, scores) = run_round(session, &problem, effects, &already, model, has_flights, options);
+            let (mut round, scores, rivals) =
+                run_round(session, &problem, &extra, effects, &already, model, has_flights, options);
             let plain = problem.plain();
             if rounds.is_empty() {
                 before = plain;
@@ -123,12 +126,11 @@ pub fn discover(
                 after = plain;
             }
             let chosen = match round.verdict {
-                Verdict::Supported | Verdict::OneOf => {
-                    scores.iter().find(|s| Some(s.effect.id()) == round.effects.first().map(String::as_str))
-                }
+                Verdict::Supported | Verdict::OneOf => to_build_on(&rivals, &round.effects, options),
                 _ => None,
             };
-            let gain = chosen.map_or(0.0, |s| plain - s.mean_square(&problem));
+            let mean_square = |r: &Rival<'_>| r.error() / problem.n_judged as f64;
+            let gain = chosen.map_or(0.0, |r| plain - mean_square(r));
             if let (Some(first), Some(_)) = (first_gain, chosen)
                 && gain < 0.01 * first
             {
@@ -143,18 +145,17 @@ pub fn discover(
             let go_on = matches!(round.verdict, Verdict::Supported | Verdict::OneOf);
             let sure = round.verdict == Verdict::Supported;
             let pair = match chosen {
-                Some(score) if go_on => {
+                Some(rival) if go_on => {
                     let named = |id: &str| round.effects.iter().any(|e| e == id);
                     let usable: Vec<bool> = scores
                         .iter()
                         .map(|s| {
-                            let more = s.effect.contains().contains(&score.effect.id());
+                            let more = s.effect.contains().contains(&rival.id());
                             !s.placebo && !more && !named(s.effect.id()) && limit(s.effect.id(), false, options) > 0.0
                         })
                         .collect();
                     let refit = Refit { accepted, kept: &kept, found: &found, options };
-                    let best = scores.iter().position(|s| s.effect.id() == score.effect.id()).unwrap_or(0);
-                    better_pair(session, &problem, &scores, best, &usable, PAIR, &refit)
+                    better_pair(session, &problem, &scores, rival.index, &usable, PAIR, &refit)
                 }
                 _ => None,
             };
@@ -184,14 +185,13 @@ pub fn discover(
             if !go_on {
                 break;
             }
-            if let Some(score) = chosen {
+            if let Some(rival) = chosen {
                 first_gain = first_gain.or(Some(gain));
-                let best = &score.scored[score.best];
                 if domain == Domain::Flight || !has_flights {
-                    after = score.mean_square(&problem);
+                    after = mean_square(rival);
                 }
-                found.push(as_found(session, best));
-                kept.push(best.variant.clone());
+                found.push(as_found(session, &rival.scored));
+                kept.push(rival.scored.variant.clone());
             }
             // without a name there is nothing to build on
             if !sure && rounds.len() >= options.rounds {
@@ -201,6 +201,14 @@ pub fn discover(
     }
     prune(session, accepted, &mut kept, &mut found, options);
     refit_found(session, accepted, &kept, &mut found, options);
+    let mut model: Vec<Choice<'_>> = accepted.to_vec();
+    let mut steps = Vec::new();
+    for (v, f) in kept.iter().zip(&found) {
+        let nonlinear = f.nonlinear.iter().map(|e| e.value).collect();
+        let choice = Choice { effect: v.effect, target: v.target, nonlinear, trials: f.trials.clone() };
+        steps.extend(addition(session, &model, &choice, options).ok());
+        model.push(choice);
+    }
     let first = rounds.iter().find(|r| matches!(r.verdict, Verdict::Supported | Verdict::OneOf));
     let verdict = first.map_or_else(|| rounds.first().map_or(Verdict::NotDetectable, |r| r.verdict), |r| r.verdict);
     let mut named: Vec<String> = first.map(|r| r.effects.clone()).unwrap_or_default();
@@ -231,6 +239,7 @@ pub fn discover(
         held_out_error_of_weight: before.sqrt(),
         candidates,
         rounds,
+        ladder: steps,
         found,
         advice: Vec::new(),
         warnings: session.warnings.clone(),
@@ -245,201 +254,16 @@ fn wanted(effect: &dyn Effect, options: &DiscoverOptions) -> bool {
     (options.only.is_empty() || named(&options.only)) && !named(&options.without)
 }
 
-/// What a problem with one more effect in its model is made of.
-pub(crate) struct Refit<'a, 'b> {
-    accepted: &'a [Choice<'b>],
-    kept: &'a [Variant<'b>],
-    found: &'a [Found],
-    options: &'a DiscoverOptions,
-}
-
-impl Refit<'_, '_> {
-    /// The problem of a domain with the columns of a variant in the model.
-    pub fn with(&self, session: &Session<'_>, domain: Domain, variant: &Variant<'_>) -> Option<Problem> {
-        let mut extra = extra_columns(session, domain, self.accepted, self.kept, self.found);
-        extra.extend(extra_columns(session, domain, &[], std::slice::from_ref(variant), &[]));
-        Problem::new(session, domain, &extra, self.options.fewest_trials, self.options.prior_weight).ok()
-    }
-    /// Seed of every draw.
-    pub fn seed(&self) -> u64 {
-        self.options.seed
-    }
-}
-
-/// Columns of effects in the model, by block; of nonlinear ones found in an earlier round also the derivatives by their parameters, so that a small
-/// error in these does not pass for another effect.
-fn extra_columns(
-    session: &Session<'_>,
-    domain: Domain,
-    accepted: &[Choice<'_>],
-    kept: &[Variant<'_>],
-    found: &[Found],
-) -> Vec<Vec<DMatrix<f64>>> {
-    let mut out: Vec<Vec<DMatrix<f64>>> =
-        accepted.iter().filter_map(|c| session.columns(c.effect, c.target, &c.nonlinear, domain)).collect();
-    for (i, v) in kept.iter().enumerate() {
-        let at = |p: &[f64]| {
-            session.columns(v.effect, v.target, p, domain).map(|mut columns| {
-                if !v.group.is_empty() {
-                    for (block, c) in session.blocks.iter().zip(&mut columns) {
-                        if !v.group[block.trial] {
-                            c.fill(0.0);
-                        }
-                    }
-                }
-                columns
-            })
-        };
-        let Some(columns) = at(&v.nonlinear) else { continue };
-        if let Some(found) = found.get(i) {
-            let theta = DVector::from_iterator(columns[0].ncols(), found.coefficients.iter().map(|e| e.value));
-            for (k, q) in v.effect.nonlinear(session.scene, v.target).iter().enumerate() {
-                let mut p = v.nonlinear.clone();
-                let h = if p[k] + 0.02 * q.scale > q.upper { -0.02 * q.scale } else { 0.02 * q.scale };
-                p[k] += h;
-                if let Some(moved) = at(&p) {
-                    let of = |(a, b): (&DMatrix<f64>, &DMatrix<f64>)| {
-                        let slope: DVector<f64> = (a - b) * &theta / h;
-                        DMatrix::from_column_slice(slope.len(), 1, slope.as_slice())
-                    };
-                    out.push(moved.iter().zip(&columns).map(of).collect());
-                }
-            }
-        }
-        out.push(columns);
-    }
-    // an effect that does nothing here would leave the rows singular
-    out.retain(|e| e.iter().any(|m| m.norm_squared() > 0.0));
-    out
-}
-
-/// Takes out effects that those found later have made superfluous: a compromise found first, where two effects were at work.
-fn prune(
-    session: &Session<'_>,
-    accepted: &[Choice<'_>],
-    kept: &mut Vec<Variant<'_>>,
-    found: &mut Vec<Found>,
-    options: &DiscoverOptions,
-) {
-    /// A loss of held-out error (root mean square) below this is none.
-    const LOSS: f64 = 1.03;
-    let error = |kept: &[Variant<'_>], found: &[Found], domain: Domain| {
-        let extra = extra_columns(session, domain, accepted, kept, found);
-        Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight).ok().map(|p| p.plain())
-    };
-    while kept.len() > 1 {
-        let mut least: Option<(usize, f64)> = None;
-        for i in 0..kept.len() - 1 {
-            let domain = if kept[i].effect.acts().in_flight() { Domain::Flight } else { Domain::Contact };
-            let (mut fewer, mut fewer_found) = (kept.clone(), found.clone());
-            fewer.remove(i);
-            fewer_found.remove(i);
-            if let (Some(with), Some(without)) = (error(kept, found, domain), error(&fewer, &fewer_found, domain)) {
-                let loss = (without / with).sqrt();
-                if loss < LOSS && least.is_none_or(|l| loss < l.1) {
-                    least = Some((i, loss));
-                }
-            }
-        }
-        let Some((i, _)) = least else { break };
-        kept.remove(i);
-        found.remove(i);
-    }
-}
-
-/// Values of the coefficients with all effects found in the model at once.
-fn refit_found(
-    session: &Session<'_>,
-    accepted: &[Choice<'_>],
-    kept: &[Variant<'_>],
-    found: &mut [Found],
-    options: &DiscoverOptions,
-) {
-    if kept.len() < 2 {
-        return;
-    }
-    for i in 0..kept.len() {
-        let others: Vec<Variant<'_>> =
-            kept.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, v)| v.clone()).collect();
-        let domain = if kept[i].effect.acts().in_flight() { Domain::Flight } else { Domain::Contact };
-        let extra = extra_columns(session, domain, accepted, &others, &[]);
-        let Ok(problem) = Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight) else {
-            continue;
-        };
-        let parameters = kept[i].effect.nonlinear(session.scene, kept[i].target);
-        let scored = if parameters.is_empty() {
-            let columns = kept[i].columns(session, &problem);
-            columns.map(|c| crate::candidate::score(&problem, kept[i].clone(), &problem.reduce(&c)))
-        } else {
-            crate::nonlinear::improve(session, &problem, &kept[i], crate::rank::FULL_STEPS)
-                .and_then(|(v, _)| crate::nonlinear::score_fitted(session, &problem, v))
-        };
-        if let Some(scored) = scored {
-            found[i] = as_found(session, &scored);
-        }
-    }
-}
-
-fn estimates(session: &Session<'_>, scored: &Scored<'_>) -> (Vec<Estimate>, Vec<Estimate>) {
-    let coefficients = scored
-        .variant
-        .coefficients
-        .iter()
-        .enumerate()
-        .map(|(k, c)| Estimate {
-            name: c.name.clone(),
-            value: scored.theta[k],
-            se: jackknife_se(&scored.fold_theta.iter().map(|t| t[k]).collect::<Vec<_>>()),
-            unit: c.unit.clone(),
-        })
-        .collect();
-    let nonlinear = scored
-        .variant
-        .effect
-        .nonlinear(session.scene, scored.variant.target)
-        .iter()
-        .enumerate()
-        .map(|(k, p)| Estimate {
-            name: p.name.clone(),
-            value: scored.variant.nonlinear[k],
-            se: jackknife_se(&scored.fold_nonlinear.iter().map(|t| t[k]).collect::<Vec<_>>()),
-            unit: p.unit.clone(),
-        })
-        .collect();
-    (coefficients, nonlinear)
-}
-
-fn group_names(session: &Session<'_>, scored: &Scored<'_>) -> Vec<String> {
-    let mask = &scored.variant.group;
-    session.trials.iter().zip(mask).filter(|(_, m)| **m).map(|(t, _)| t.clone()).collect()
-}
-
-fn key_of(session: &Session<'_>, scored: &Scored<'_>) -> String {
-    let v = &scored.variant;
-    Choice { effect: v.effect, target: v.target, nonlinear: Vec::new() }.key(session.scene)
-}
-
-fn as_found(session: &Session<'_>, scored: &Scored<'_>) -> Found {
-    let (coefficients, nonlinear) = estimates(session, scored);
-    Found {
-        effect: scored.variant.effect.id().to_owned(),
-        key: key_of(session, scored),
-        target: scored.variant.target,
-        nonlinear,
-        coefficients,
-        trials: group_names(session, scored),
-    }
-}
-
 fn run_round<'a>(
     session: &Session<'_>,
     problem: &Problem,
+    extra: &[Vec<DMatrix<f64>>],
     effects: &[&'a dyn Effect],
     already: &[&str],
     model: Vec<String>,
     has_flights: bool,
     options: &DiscoverOptions,
-) -> (Round, Vec<EffectScore<'a>>) {
+) -> (Round, Vec<EffectScore<'a>>, Vec<Rival<'a>>) {
     let used: Vec<(&'a dyn Effect, bool)> = effects
         .iter()
         .copied()
@@ -506,7 +330,8 @@ fn run_round<'a>(
         })
         .collect();
     confusions(session, problem, &scores, &mut candidates, options);
-    let (verdict, effects) = judge(problem, &scores, &candidates, options);
+    let (sharp, rivals) = rivals(session, problem, extra, &scores, &candidates, options);
+    let (verdict, effects) = judge(session, sharp.as_ref().unwrap_or(problem), &rivals, options);
     let words = words::round(verdict, &effects, &candidates, threshold, few);
     let round = Round {
         judged_on: words::domain(problem.domain).to_owned(),
@@ -521,189 +346,5 @@ fn run_round<'a>(
         words,
         candidates,
     };
-    (round, scores)
-}
-
-/// The best variant of every target, best first.
-fn alternatives(session: &Session<'_>, problem: &Problem, score: &EffectScore<'_>) -> Vec<Alternative> {
-    let mut out: Vec<Alternative> = Vec::new();
-    let mut order: Vec<&Scored<'_>> = score.scored.iter().collect();
-    order.sort_by(|a, b| a.fold_error.iter().sum::<f64>().total_cmp(&b.fold_error.iter().sum()));
-    for s in order {
-        let key = key_of(session, s);
-        if out.len() < 5 && !out.iter().any(|a| a.key == key) {
-            let error: f64 = s.fold_error.iter().sum::<f64>() / problem.n_judged as f64;
-            out.push(Alternative { key, held_out_ratio: (error / problem.plain()).sqrt() });
-        }
-    }
-    out
-}
-
-/// Largest ratio at which an effect may be believed.
-fn limit(id: &str, first_round: bool, options: &DiscoverOptions) -> f64 {
-    match id {
-        "soft_tissue" | "joint_centre" | "filter_attenuation" | "camera_warp" | "residual_contact" => {
-            if first_round {
-                options.belief_kinematics
-            } else {
-                0.0
-            }
-        }
-        _ if id.starts_with("plate_") || id == "body_mass" => options.belief_plates,
-        _ => options.belief,
-    }
-}
-
-/// Held-out root mean squares of forces (N) and moments (N·m).
-fn parts(session: &Session<'_>, problem: &Problem) -> [f64; 2] {
-    let mut sums = [0.0; 2];
-    let mut counts = [0.0; 2];
-    for (cluster, fold) in problem.clusters.iter().zip(&problem.folds) {
-        let mut kinds = Vec::new();
-        for &i in &cluster.blocks {
-            let block = &session.blocks[i];
-            for r in 0..block.y.nrows() {
-                match block.is_force(r) {
-                    Some(force) => kinds.push(usize::from(!force)),
-                    None => return [f64::NAN; 2],
-                }
-            }
-        }
-        for (x, &row) in fold.test.iter().zip(&cluster.judged) {
-            sums[kinds[row]] += x * x;
-            counts[kinds[row]] += 1.0;
-        }
-    }
-    [(sums[0] / counts[0]).sqrt() * session.unit[0], (sums[1] / counts[1]).sqrt() * session.unit[1]]
-}
-
-/// How often each effect comes first over resamples of clusters.
-fn chosen_shares(scores: &[EffectScore<'_>], weights: &[Vec<f64>]) -> Vec<f64> {
-    let mut wins = vec![0.0; scores.len()];
-    for w in weights {
-        let sum = |s: &EffectScore<'_>| -> f64 { s.fold_error.iter().zip(w).map(|(e, w)| e * w).sum() };
-        let first = (0..scores.len()).min_by(|&a, &b| sum(&scores[a]).total_cmp(&sum(&scores[b])));
-        if let Some(i) = first {
-            wins[i] += 1.0;
-        }
-    }
-    wins.iter().map(|n| n / weights.len().max(1) as f64).collect()
-}
-
-/// No coefficient at a bound that physics sets, none all zero.
-fn plausible(scored: &Scored<'_>, estimates: &[Estimate]) -> bool {
-    let bounds = &scored.variant.coefficients;
-    let mut moved = false;
-    for (bound, estimate) in bounds.iter().zip(estimates) {
-        let at_bound = |b: f64| b.is_finite() && b != 0.0 && (estimate.value - b).abs() <= 1e-9 * b.abs();
-        if at_bound(bound.lower) || at_bound(bound.upper) {
-            return false;
-        }
-        moved |= estimate.value != 0.0;
-    }
-    // with one sign allowed, zero means that the data ask for the other
-    let main = bounds.first().is_some_and(|b| b.lower == 0.0 && estimates[0].value <= 0.0) && bounds.len() <= 2;
-    moved && !main
-}
-
-/// Size at which the held-out ratio falls below the threshold in four of five sessions.
-fn minimum_detectable(
-    problem: &Problem,
-    scored: &Scored<'_>,
-    noise_square: f64,
-    threshold: f64,
-    estimates: &[Estimate],
-) -> f64 {
-    let unit = &scored.variant.coefficients[0].unit;
-    let of_unit: Vec<usize> =
-        (0..scored.variant.coefficients.len()).filter(|&k| scored.variant.coefficients[k].unit == *unit).collect();
-    let energy = of_unit.iter().map(|&k| scored.s[(k, k)]).sum::<f64>() / of_unit.len() as f64;
-    if energy <= 0.0 {
-        return f64::INFINITY;
-    }
-    let n = problem.clusters.iter().map(|c| c.n_rows as f64).sum::<f64>();
-    let size = (n * noise_square * (threshold.powi(-2) - 1.0) / energy).sqrt();
-    let se = of_unit.iter().map(|&k| estimates[k].se.powi(2)).sum::<f64>().sqrt() / (of_unit.len() as f64).sqrt();
-    size + 0.84 * if se.is_finite() { se.min(size) } else { 0.0 }
-}
-
-/// Fills in what looks like what: every believed effect against all, the rest against the best.
-fn confusions(
-    session: &Session<'_>,
-    problem: &Problem,
-    scores: &[EffectScore<'_>],
-    candidates: &mut [Candidate],
-    options: &DiscoverOptions,
-) {
-    let all: Vec<Vec<Confusion>> = (0..scores.len())
-        .into_par_iter()
-        .map(|a| {
-            if scores[a].placebo {
-                return Vec::new();
-            }
-            let mut out = Vec::new();
-            for b in (0..scores.len()).filter(|&b| b != a && !scores[b].placebo) {
-                let (x, y) = (&scores[a].scored[scores[a].best], &scores[b].scored[scores[b].best]);
-                let cosine = cosine(session, problem, x, y);
-                if cosine > 0.9 {
-                    let (ea, eb) = (&scores[a].fold_error, &scores[b].fold_error);
-                    let ahead = ea.iter().sum::<f64>() <= eb.iter().sum::<f64>();
-                    let (better, worse) = if ahead { (ea, eb) } else { (eb, ea) };
-                    out.push(Confusion {
-                        effect: scores[b].effect.id().to_owned(),
-                        cosine,
-                        p_value: sign_flip_p(better, worse, 1000, options.seed),
-                        separate_by: words::separate(scores[a].effect.id(), scores[b].effect.id()).to_owned(),
-                    });
-                }
-            }
-            out.sort_by(|p, q| q.cosine.total_cmp(&p.cosine));
-            out
-        })
-        .collect();
-    for (candidate, confused) in candidates.iter_mut().zip(all) {
-        candidate.confused_with = confused;
-    }
-}
-
-/// Verdict and names: the believed effects that no other of them beats beyond chance, the most economical first.
-fn judge(
-    problem: &Problem,
-    scores: &[EffectScore<'_>],
-    candidates: &[Candidate],
-    options: &DiscoverOptions,
-) -> (Verdict, Vec<String>) {
-    let believed: Vec<usize> = (0..candidates.len()).filter(|&i| candidates[i].believed).collect();
-    let unknowns = |i: usize| scores[i].scored[scores[i].best].variant.unknowns();
-    let Some(&first) = believed.first() else {
-        let hopeless = problem.clusters.iter().filter(|c| !c.judged.is_empty()).count() < 4;
-        return (if hopeless { Verdict::NotDetectable } else { Verdict::NothingMissing }, Vec::new());
-    };
-    // a generalisation has to be as much better as another effect would have to be: its freedom also follows errors that repeat
-    let simpler = believed.iter().copied().find(|&i| {
-        scores[first].effect.contains().contains(&scores[i].effect.id())
-            && candidates[first].held_out_ratio > options.belief * candidates[i].held_out_ratio
-    });
-    let best = simpler.unwrap_or(first);
-    let mut class: Vec<usize> = believed
-        .iter()
-        .copied()
-        .filter(|&i| {
-            if i == best {
-                return true;
-            }
-            let p = sign_flip_p(&scores[best].fold_error, &scores[i].fold_error, 2000, options.seed ^ 0xc1a5);
-            // errors that repeat from trial to trial favour the richer model, so the simpler one stays in the class when it is nearly as good
-            let near = if unknowns(i) < unknowns(best) { NEARLY } else { 0.98 };
-            p >= options.significance || near * candidates[i].held_out_ratio < candidates[best].held_out_ratio
-        })
-        .collect();
-    // an effect that contains another counts only where it does better
-    let ids: Vec<&str> = class.iter().map(|&i| scores[i].effect.id()).collect();
-    class.retain(|&i| !scores[i].effect.contains().iter().any(|c| ids.contains(c)));
-    class.sort_by(|&a, &b| {
-        unknowns(a).cmp(&unknowns(b)).then(candidates[a].held_out_ratio.total_cmp(&candidates[b].held_out_ratio))
-    });
-    let names: Vec<String> = class.iter().map(|&i| candidates[i].effect.clone()).collect();
-    (if names.len() == 1 { Verdict::Supported } else { Verdict::OneOf }, names)
+    (round, scores, rivals)
 }

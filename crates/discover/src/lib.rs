@@ -9,7 +9,8 @@
 //! | evidence | `session`, `floor` | rows, columns of effects, what marker noise alone would leave |
 //! | refit | `problem`, `candidate`, `nonlinear` | parameters taken out of columns, one Cholesky factor a fold; bounded coefficients; Gauss-Newton on the rest, again in each fold |
 //! | ranking | `rank`, `placebo`, `statistics` | choice of target inside each fold, intervals over clusters, sign-flip null over the whole library, effects that do not exist |
-//! | judgement | `discover`, `pairs`, `words` | what is believed and what cannot be told apart, second rounds, pairs, pruning, words |
+//! | judgement | `discover`, `judge`, `exchange`, `ladder`, `pairs`, `words` | what is believed and what cannot be told apart, second rounds, pairs, pruning, words |
+//! | ladder | `addition` | one effect more: held-out error before and after, from rows or stored factors |
 //! | self-test | `self_test` | inject and recover on the user's own recordings |
 //!
 //! Nothing is weighted by residuals: whitening with them would eat the effect that is sought.
@@ -41,10 +42,14 @@
 //! [`aloft_effects::Choice`] (its key and nonlinear parameters are in [`Found`]); for identification its columns come from
 //! [`aloft_effects::columns`], stored in the factors, and `Factor::with_effects` picks them.
 
+mod addition;
 mod candidate;
 mod discover;
 mod error;
+mod exchange;
 mod floor;
+mod judge;
+mod ladder;
 mod nonlinear;
 mod pairs;
 mod placebo;
@@ -56,8 +61,9 @@ mod session;
 mod statistics;
 mod words;
 
+pub use addition::{Addition, addition, detectable, ladder};
 pub use discover::{DiscoverOptions, catalogue, discover};
 pub use error::DiscoverError;
 pub use result::{Alternative, Candidate, Confusion, Discovery, Estimate, Found, Round, Verdict};
-pub use self_test::{Injection, SelfTest, self_test};
+pub use self_test::{Injection, SelfTest, SelfTestOptions, SelfTestProgress, SelfTestRow, self_test};
 pub use session::{Body, Session, TrialInput, scene_of};

@@ -5,7 +5,7 @@
 //! better by as much as a second effect would have to be.
 
 use crate::candidate::{Scored, Variant, score, solve};
-use crate::discover::Refit;
+use crate::ladder::Refit;
 use crate::nonlinear::{improve, score_fitted};
 use crate::problem::Problem;
 use crate::rank::{EffectScore, FULL_STEPS};
@@ -42,6 +42,8 @@ pub(crate) fn better_pair<'a>(
             )
         })
         .collect();
+    // a compromise hides two effects that are no richer than itself
+    let most = scores[best].scored[scores[best].best].variant.unknowns();
     let joint = |a: usize, b: usize| -> (Variant<'a>, Vec<DMatrix<f64>>) {
         let (ka, kb) = (parts[a].1.coefficients.len(), parts[b].1.coefficients.len());
         let columns = parts[a]
@@ -62,7 +64,8 @@ pub(crate) fn better_pair<'a>(
         .flat_map(|a| (a + 1..parts.len()).map(move |b| (a, b)))
         .filter(|&(a, b)| {
             let (x, y) = (scores[parts[a].0].effect, scores[parts[b].0].effect);
-            x.id() != y.id() && !x.contains().contains(&y.id()) && !y.contains().contains(&x.id())
+            let unknowns = parts[a].1.unknowns() + parts[b].1.unknowns();
+            x.id() != y.id() && unknowns <= most && !x.contains().contains(&y.id()) && !y.contains().contains(&x.id())
         })
         .collect();
     let mut gains: Vec<(f64, usize, usize)> = pairs

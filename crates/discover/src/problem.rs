@@ -19,6 +19,7 @@ pub(crate) enum Domain {
     Contact,
 }
 
+#[derive(Clone)]
 pub(crate) struct Cluster {
     pub a: DMatrix<f64>,
     pub b: DVector<f64>,
@@ -56,6 +57,8 @@ pub(crate) struct Problem {
     pub n_judged: usize,
     /// Base parameters of the fit, the mass first.
     pub parameters: DVector<f64>,
+    /// Variance of a row by which the prior was weighed.
+    pub variance: f64,
 }
 
 /// Columns of a candidate with the parameters taken out.
@@ -80,6 +83,18 @@ impl Problem {
         extra: &[Vec<DMatrix<f64>>],
         fewest: usize,
         prior_weight: f64,
+    ) -> Result<Self, DiscoverError> {
+        Self::with_variance(session, domain, extra, fewest, prior_weight, None)
+    }
+
+    /// The same, the variance of a row (which weighs the prior) given instead of estimated.
+    pub fn with_variance(
+        session: &Session<'_>,
+        domain: Domain,
+        extra: &[Vec<DMatrix<f64>>],
+        fewest: usize,
+        prior_weight: f64,
+        given: Option<f64>,
     ) -> Result<Self, DiscoverError> {
         let used: Vec<usize> = (0..session.blocks.len())
             .filter(|&i| domain == Domain::Contact || session.blocks[i].kind != StretchKind::Contact)
@@ -157,7 +172,8 @@ impl Problem {
         let right = clusters.iter().fold(DVector::zeros(m), |s, c| s + &c.right);
         let n_rows: usize = clusters.iter().map(|c| c.n_rows).sum();
         // the weight of the prior in squared row units: the variance of a row that agrees with the fit
-        let mut variance = clusters.iter().map(|c| c.b.norm_squared()).sum::<f64>() / n_rows as f64;
+        let mut variance =
+            given.unwrap_or_else(|| clusters.iter().map(|c| c.b.norm_squared()).sum::<f64>() / n_rows as f64);
         let has_prior = session.prior.is_some();
         let ridge = |variance: f64| -> DVector<f64> {
             let floor = 1e-10 * gram.trace() / m as f64;
@@ -172,7 +188,7 @@ impl Problem {
         };
         let mut cholesky = factor(&gram, &ridge(variance))?;
         let mut solution = cholesky.solve(&right);
-        for _ in 0..if has_prior { 4 } else { 0 } {
+        for _ in 0..if has_prior && given.is_none() { 4 } else { 0 } {
             let rss: f64 = clusters.iter().map(|c| (&c.b - &c.a * &solution).norm_squared()).sum();
             let effective = (cholesky.solve(&gram)).trace();
             variance = rss / (n_rows as f64 - effective).max(1.0);
@@ -197,12 +213,49 @@ impl Problem {
                 Ok(Fold { cholesky, error: test.norm_squared(), test, train })
             })
             .collect::<Result<Vec<Fold>, DiscoverError>>()?;
-        Ok(Self { domain, clusters, cholesky, solution, right, folds, rss, n_judged, parameters })
+        Ok(Self { domain, clusters, cholesky, solution, right, folds, rss, n_judged, parameters, variance })
     }
 
     /// Held-out mean square of the model without a candidate.
     pub fn plain(&self) -> f64 {
         self.folds.iter().map(|f| f.error).sum::<f64>() / self.n_judged as f64
+    }
+
+    /// The same rows with `delta` added to the measured side of every cluster.
+    pub fn shifted(&self, delta: &[DVector<f64>]) -> Self {
+        let mut clusters = self.clusters.clone();
+        for (c, d) in clusters.iter_mut().zip(delta) {
+            c.b += d;
+            c.right = c.a.tr_mul(&c.b);
+        }
+        let right = clusters.iter().fold(DVector::zeros(self.right.len()), |s, c| s + &c.right);
+        let solution = self.cholesky.solve(&right);
+        let squares: f64 = clusters.iter().map(|c| c.b.norm_squared()).sum();
+        let rss = squares - right.dot(&solution);
+        let folds = clusters
+            .par_iter()
+            .zip(&self.folds)
+            .map(|(c, fold)| {
+                let rest = &right - &c.right;
+                let x = fold.cholesky.solve(&rest);
+                let train = squares - c.b.norm_squared() - rest.dot(&x);
+                let all = &c.b - &c.a * x;
+                let test = DVector::from_fn(c.judged.len(), |i, _| all[c.judged[i]]);
+                Fold { cholesky: fold.cholesky.clone(), error: test.norm_squared(), test, train }
+            })
+            .collect();
+        Self {
+            domain: self.domain,
+            clusters,
+            cholesky: self.cholesky.clone(),
+            solution,
+            right,
+            folds,
+            rss,
+            n_judged: self.n_judged,
+            parameters: self.parameters.clone(),
+            variance: self.variance,
+        }
     }
 
     /// Residual of a cluster at the fit to all rows.

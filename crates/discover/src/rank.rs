@@ -15,6 +15,10 @@ const OVERLAP: f64 = 3.0;
 
 /// Gauss-Newton steps of a first look, and of the final fit.
 const QUICK_STEPS: usize = 5;
+/// Share of the squared error that an effect has to take before the shape of links is tried.
+const SHAPED: f64 = 0.5;
+/// Targets whose best start is fitted to the end.
+const FINISHED: usize = 4;
 pub(crate) const FULL_STEPS: usize = 20;
 
 /// An effect with its variants and its nested held-out error.
@@ -95,13 +99,21 @@ pub(crate) fn score_effect<'a>(
             .filter_map(|variant| improve(session, problem, &variant, QUICK_STEPS))
             .collect();
         tried.sort_by(|a, b| b.1.total_cmp(&a.1));
-        for (variant, _) in tried.into_iter().take(2) {
-            if let Some((better, _)) = improve(session, problem, &variant, FULL_STEPS)
-                && let Some(fitted) = score_fitted(session, problem, better)
-            {
-                scored.push(fitted);
-            }
-        }
+        let mut targets = Vec::new();
+        tried.retain(|(v, _)| {
+            let first = !targets.contains(&v.target);
+            targets.push(v.target);
+            first
+        });
+        let fitted: Vec<Option<Scored<'a>>> = tried
+            .into_par_iter()
+            .take(FINISHED)
+            .map(|(variant, _)| {
+                let (better, _) = improve(session, problem, &variant, FULL_STEPS)?;
+                score_fitted(session, problem, better)
+            })
+            .collect();
+        scored.extend(fitted.into_iter().flatten());
     }
     let n_rows: f64 = problem.clusters.iter().map(|c| c.n_rows as f64).sum();
     let pick = |gain: &dyn Fn(&Scored<'_>) -> f64, rss: f64, n_rows: f64| {
@@ -150,7 +162,12 @@ fn screen<'a>(session: &Session<'_>, problem: &Problem, effect: &'a dyn Effect, 
     const MANY: usize = 60;
     let mut out: Screened<'a> = Vec::new();
     let mut chosen: Option<Vec<usize>> = None;
+    let mut gained = 0.0f64;
     for &target in targets {
+        // the shape of links only bends what a great effect leaves
+        if target == Target::Shape && gained < SHAPED * problem.rss {
+            continue;
+        }
         let starts = effect.starts(session.scene, target);
         let indices: Vec<usize> = match &chosen {
             Some(chosen) => chosen.iter().copied().filter(|&i| i < starts.len()).collect(),
@@ -172,6 +189,7 @@ fn screen<'a>(session: &Session<'_>, problem: &Problem, effect: &'a dyn Effect, 
             .collect();
         let mut order: Vec<(usize, f64)> = made.iter().map(|m| (m.0, m.1)).collect();
         order.sort_by(|a, b| b.1.total_cmp(&a.1));
+        gained = order.first().map_or(gained, |o| gained.max(o.1));
         if chosen.is_none() && starts.len() > FEW {
             chosen = Some(order.iter().take(FEW).map(|o| o.0).collect());
         }
@@ -186,10 +204,8 @@ fn screen<'a>(session: &Session<'_>, problem: &Problem, effect: &'a dyn Effect, 
 /// Trials in which a group effect acts: as the laboratory named them, else by the largest gap between the coefficients of single trials.
 fn group(session: &Session<'_>, problem: &Problem, columns: &[DMatrix<f64>]) -> Option<Vec<bool>> {
     let n = session.trials.len();
-    if let Some(first) = session.groups.iter().flatten().next() {
-        let mask: Vec<bool> = session.groups.iter().map(|g| g.as_ref().is_some_and(|g| g != first)).collect();
-        let loaded = mask.iter().filter(|m| **m).count();
-        return (loaded > 0 && loaded < n).then_some(mask);
+    if session.groups.iter().any(Option::is_some) {
+        return session.loaded();
     }
     let mut seen: Vec<usize> = problem.clusters.iter().map(|c| c.trial).collect();
     seen.sort_unstable();

@@ -1,5 +1,6 @@
 //! What a discovery says: the contract of `aloft discover --json`.
 
+use crate::addition::Addition;
 use aloft_effects::{EffectKind, Target};
 use serde::{Deserialize, Serialize};
 
@@ -148,6 +149,9 @@ pub struct Discovery {
     pub rounds: Vec<Round>,
     /// Effects to add, in order: keys with values of their nonlinear parameters.
     pub found: Vec<Found>,
+    /// The same one after the other, each judged on the windows where it acts.
+    #[serde(default)]
+    pub ladder: Vec<Addition>,
     /// What to record next.
     pub advice: Vec<String>,
     /// What was left out and why.

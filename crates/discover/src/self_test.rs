@@ -1,16 +1,48 @@
 //! Inject and recover on the user's own recordings: how often would the right name have come out?
 //!
-//! An effect of known size is added to the rows through its columns, at multiples of its minimum detectable size and in random directions, and the
-//! ranking is run again. What the recordings hold of other errors stays in them.
+//! What the recordings already miss is found first and joins the model. Then every effect of the catalogue that could be told is added to the rows
+//! through its columns, at multiples of its minimum detectable size and in random directions, and the ranking is run again. What the recordings
+//! hold of other errors (soft tissue, joint centres) stays in them.
 
 use crate::DiscoverError;
 use crate::discover::{DiscoverOptions, discover};
-use crate::result::{Discovery, Verdict};
+use crate::result::{Candidate, Verdict};
 use crate::session::Session;
 use aloft_effects::{Choice, Effect};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
+
+/// How a self-test is made.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SelfTestOptions {
+    /// How every ranking is made; `only` and `without` choose what is injected and what competes.
+    pub discover: DiscoverOptions,
+    /// Sizes over the minimum detectable one.
+    pub multiples: Vec<f64>,
+    /// Directions in which each effect is injected at each size.
+    pub draws: usize,
+    /// Only these effects are injected (all compete); every one that could be told where empty.
+    pub inject: Vec<String>,
+}
+
+impl Default for SelfTestOptions {
+    fn default() -> Self {
+        Self { discover: DiscoverOptions::default(), multiples: vec![0.5, 1.0, 2.0], draws: 1, inject: Vec::new() }
+    }
+}
+
+/// Where a self-test stands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SelfTestProgress<'a> {
+    /// Injections done.
+    pub done: usize,
+    /// Injections in all.
+    pub of: usize,
+    /// The one that was just judged.
+    pub last: &'a Injection,
+}
 
 /// What became of one injected effect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -21,6 +53,8 @@ pub struct Injection {
     pub multiple: f64,
     /// Size, in the unit of the first coefficient.
     pub size: f64,
+    /// That unit.
+    pub unit: String,
     /// Verdict on the recordings with it.
     pub verdict: Verdict,
     /// Names given.
@@ -29,82 +63,154 @@ pub struct Injection {
     pub outcome: String,
 }
 
+/// Shares at one multiple of the minimum detectable size.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SelfTestRow {
+    /// Size over the minimum detectable one.
+    pub multiple: f64,
+    /// Injections.
+    pub injections: usize,
+    /// Share that was named alone.
+    pub hit: f64,
+    /// Share that was named, alone or in a class.
+    pub right: f64,
+    /// Share in which only other effects were named.
+    pub wrong: f64,
+}
+
 /// Table of a self-test.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SelfTest {
+    /// Version of this layout.
+    pub schema: u32,
+    /// Keys of the effects in the model while others were injected: accepted ones, then those that the recordings were found to miss.
+    pub model: Vec<String>,
     /// Every injection.
     pub injections: Vec<Injection>,
-    /// By multiple: multiple, injections, share of hits, of right classes (hits included), of wrong names.
-    pub summary: Vec<[f64; 5]>,
+    /// By multiple.
+    pub summary: Vec<SelfTestRow>,
+    /// Effects that could not be injected, with the reason.
+    pub left_out: Vec<String>,
 }
 
-/// Injects every effect that `found` could tell at 0.5, 1 and 2 times its minimum detectable size.
+/// Injects every effect that these recordings could tell and counts how often its name comes back.
+///
+/// This is the whole call that `aloft discover --self-test` needs: a session, the catalogue, the effects that the model holds, options, and a function
+/// that hears of every injection as it is judged (`&|_| {}` for none). The signature is meant to stay.
 ///
 /// # Errors
 /// As [`discover`].
 pub fn self_test(
     session: &Session<'_>,
-    effects: &[&dyn Effect],
+    catalogue: &[&dyn Effect],
     accepted: &[Choice<'_>],
-    found: &Discovery,
-    options: &DiscoverOptions,
+    options: &SelfTestOptions,
+    progress: &(dyn Fn(&SelfTestProgress<'_>) + Sync),
 ) -> Result<SelfTest, DiscoverError> {
-    let quick = DiscoverOptions { rounds: 1, null_draws: options.null_draws.min(100), ..options.clone() };
-    let mut injections = Vec::new();
-    for (index, candidate) in found.candidates.iter().filter(|c| !c.placebo).enumerate() {
-        let Some(effect) = effects.iter().copied().find(|e| e.id() == candidate.effect) else { continue };
-        let detectable = candidate.minimum_detectable;
-        if !(detectable.is_finite() && detectable > 0.0) || effect.by_group() {
-            continue;
+    let scene = session.scene();
+    let first = discover(session, catalogue, accepted, &options.discover)?;
+    let mut model: Vec<Choice<'_>> = accepted.to_vec();
+    for found in &first.found {
+        if let Some(effect) = catalogue.iter().copied().find(|e| e.id() == found.effect) {
+            let nonlinear = found.nonlinear.iter().map(|e| e.value).collect();
+            model.push(Choice { effect, target: found.target, nonlinear, trials: found.trials.clone() });
         }
-        let mut choice = Choice::new(effect, candidate.target, session.scene);
+    }
+    let quick =
+        DiscoverOptions { rounds: 1, null_draws: options.discover.null_draws.min(100), ..options.discover.clone() };
+    // sizes are those that the model with what was found could show
+    let ranked = if first.found.is_empty() { first } else { discover(session, catalogue, &model, &quick)? };
+    let mut left_out = Vec::new();
+    let mut jobs: Vec<(&Candidate, &dyn Effect, usize)> = Vec::new();
+    let wanted = |c: &Candidate| options.inject.is_empty() || options.inject.contains(&c.effect);
+    for (index, candidate) in ranked.candidates.iter().enumerate().filter(|(_, c)| !c.placebo && wanted(c)) {
+        let Some(effect) = catalogue.iter().copied().find(|e| e.id() == candidate.effect) else { continue };
+        let key = &candidate.key;
+        if effect.by_group() && candidate.trials.is_empty() {
+            left_out.push(format!("`{key}` shows only between groups of trials"));
+        } else if !(candidate.minimum_detectable.is_finite() && candidate.minimum_detectable > 0.0) {
+            left_out.push(format!("`{key}` has no size that these recordings could show"));
+        } else {
+            jobs.push((candidate, effect, index));
+        }
+    }
+    let of = jobs.len() * options.multiples.len() * options.draws;
+    let mut injections: Vec<Injection> = Vec::with_capacity(of);
+    for (candidate, effect, index) in jobs {
+        let mut choice = Choice::new(effect, candidate.target, scene).in_trials(&candidate.trials);
         if !candidate.nonlinear.is_empty() {
             choice.nonlinear = candidate.nonlinear.iter().map(|e| e.value).collect();
         }
-        let coefficients = effect.coefficients(session.scene, candidate.target);
-        for multiple in [0.5, 1.0, 2.0] {
-            let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
-            rng.set_stream(1000 * index as u64 + (10.0 * multiple) as u64);
-            let mut theta: Vec<f64> = coefficients
-                .iter()
-                .map(|c| if c.unit == coefficients[0].unit { 2.0 * rng.random::<f64>() - 1.0 } else { 0.0 })
-                .collect();
-            for (x, c) in theta.iter_mut().zip(&coefficients) {
-                if c.lower == 0.0 {
-                    *x = x.abs();
+        for (step, &multiple) in options.multiples.iter().enumerate() {
+            for draw in 0..options.draws {
+                let mut rng = ChaCha8Rng::seed_from_u64(options.discover.seed);
+                rng.set_stream((1_000_000 * index + 1000 * step + draw) as u64);
+                let size = multiple * candidate.minimum_detectable;
+                let theta = direction(effect, &choice, session, size, &mut rng);
+                let mut copy = session.clone();
+                copy.inject(&choice, &theta)?;
+                let result = discover(&copy, catalogue, &model, &quick)?;
+                let claimed = matches!(result.verdict, Verdict::Supported | Verdict::OneOf);
+                let outcome = match result.effects.contains(&candidate.effect) {
+                    true if claimed && result.effects.len() == 1 => "hit",
+                    true if claimed => "class",
+                    _ if claimed => "wrong",
+                    _ => "missed",
+                };
+                injections.push(Injection {
+                    key: candidate.key.clone(),
+                    multiple,
+                    size,
+                    unit: candidate.coefficients.first().map(|c| c.unit.clone()).unwrap_or_default(),
+                    verdict: result.verdict,
+                    named: result.effects,
+                    outcome: outcome.to_owned(),
+                });
+                let done = injections.len();
+                if let Some(last) = injections.last() {
+                    progress(&SelfTestProgress { done, of, last });
                 }
             }
-            let length = theta.iter().map(|x| x * x).sum::<f64>().sqrt();
-            let size = multiple * detectable;
-            theta.iter_mut().for_each(|x| *x *= size / length.max(1e-12));
-            let mut copy = session.clone();
-            copy.inject(&choice, &theta)?;
-            let result = discover(&copy, effects, accepted, &quick)?;
-            let outcome = match result.verdict {
-                Verdict::Supported if result.effects.first() == Some(&candidate.effect) => "hit",
-                Verdict::Supported | Verdict::OneOf if result.effects.contains(&candidate.effect) => "class",
-                Verdict::Supported | Verdict::OneOf => "wrong",
-                _ => "missed",
-            };
-            injections.push(Injection {
-                key: candidate.key.clone(),
-                multiple,
-                size,
-                verdict: result.verdict,
-                named: result.effects,
-                outcome: outcome.to_owned(),
-            });
         }
     }
-    let summary = [0.5, 1.0, 2.0]
+    let summary = options
+        .multiples
         .iter()
-        .map(|m| {
-            let of: Vec<&Injection> = injections.iter().filter(|i| i.multiple == *m).collect();
+        .map(|&multiple| {
+            let at: Vec<&Injection> = injections.iter().filter(|i| i.multiple == multiple).collect();
             let share = |words: &[&str]| {
-                of.iter().filter(|i| words.contains(&i.outcome.as_str())).count() as f64 / of.len().max(1) as f64
+                at.iter().filter(|i| words.contains(&i.outcome.as_str())).count() as f64 / at.len().max(1) as f64
             };
-            [*m, of.len() as f64, share(&["hit"]), share(&["hit", "class"]), share(&["wrong"])]
+            SelfTestRow {
+                multiple,
+                injections: at.len(),
+                hit: share(&["hit"]),
+                right: share(&["hit", "class"]),
+                wrong: share(&["wrong"]),
+            }
         })
         .collect();
-    Ok(SelfTest { injections, summary })
+    let model = model.iter().map(|c| c.key(scene)).collect();
+    Ok(SelfTest { schema: 1, model, injections, summary, left_out })
+}
+
+/// Coefficients of a given length (over those of the first one's unit) in a random direction, within the signs that physics allows.
+fn direction(
+    effect: &dyn Effect,
+    choice: &Choice<'_>,
+    session: &Session<'_>,
+    size: f64,
+    rng: &mut ChaCha8Rng,
+) -> Vec<f64> {
+    let coefficients = effect.coefficients(session.scene(), choice.target);
+    let mut theta: Vec<f64> = coefficients
+        .iter()
+        .map(|c| {
+            let x = if c.unit == coefficients[0].unit { 2.0 * rng.random::<f64>() - 1.0 } else { 0.0 };
+            if c.lower == 0.0 { x.abs() } else { x }
+        })
+        .collect();
+    let length = theta.iter().map(|x| x * x).sum::<f64>().sqrt();
+    theta.iter_mut().for_each(|x| *x *= size / length.max(1e-12));
+    theta
 }

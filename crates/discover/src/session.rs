@@ -258,7 +258,7 @@ impl<'a> Session<'a> {
         }
         let theta = DVector::from_column_slice(coefficients);
         let columns = self
-            .columns(choice.effect, choice.target, &choice.nonlinear, Domain::Contact)
+            .columns_of(choice, Domain::Contact)
             .filter(|c| c.iter().all(|m| m.iter().all(|x| x.is_finite())))
             .ok_or_else(|| DiscoverError::Numeric(format!("`{}` has no columns here", choice.effect.id())))?;
         for (block, c) in self.blocks.iter_mut().zip(&columns) {
@@ -319,6 +319,27 @@ impl<'a> Session<'a> {
                 })
                 .collect(),
         )
+    }
+
+    /// Rows that a choice adds to each block: zero in trials in which it does not act. An effect that shows as a difference between groups and
+    /// names no trials acts in the groups but the first.
+    pub(crate) fn columns_of(&self, choice: &aloft_effects::Choice<'_>, domain: Domain) -> Option<Vec<DMatrix<f64>>> {
+        let mut columns = self.columns(choice.effect, choice.target, &choice.nonlinear, domain)?;
+        let by_group = if choice.trials.is_empty() && choice.effect.by_group() { self.loaded() } else { None };
+        for (block, c) in self.blocks.iter().zip(&mut columns) {
+            let acts = by_group.as_ref().map_or_else(|| choice.acts_in(&self.trials[block.trial]), |g| g[block.trial]);
+            if !acts {
+                c.fill(0.0);
+            }
+        }
+        Some(columns)
+    }
+
+    /// Trials of another group than the first that was named; `None` where the laboratory named none, or one only.
+    pub(crate) fn loaded(&self) -> Option<Vec<bool>> {
+        let first = self.groups.iter().flatten().next()?;
+        let mask: Vec<bool> = self.groups.iter().map(|g| g.as_ref().is_some_and(|g| g != first)).collect();
+        mask.contains(&true).then_some(mask)
     }
 
     fn stored_columns(

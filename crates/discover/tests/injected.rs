@@ -201,14 +201,45 @@ fn prop_stored_factors_say_the_same() {
 fn prop_a_self_test_hits_at_twice_the_detectable_size() {
     let lab = lab();
     lab.with(|_, session| {
-        let options = only(&["gravity_tilt", "rotational_drag", "flywheel", "gravity_scale"]);
-        let found = discover(&session, &catalogue(), &[], &options).unwrap();
-        let table = self_test(&session, &catalogue(), &[], &found, &options).unwrap();
+        let discover = only(&["gravity_tilt", "rotational_drag", "flywheel", "gravity_scale"]);
+        let heard = std::sync::atomic::AtomicUsize::new(0);
+        let options = SelfTestOptions { discover, ..Default::default() };
+        let table = self_test(&session, &catalogue(), &[], &options, &|p| {
+            assert!(p.done <= p.of && !p.last.outcome.is_empty());
+            heard.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        })
+        .unwrap();
+        assert_eq!(heard.into_inner(), table.injections.len());
         assert_eq!(table.summary.len(), 3);
-        let twice = table.summary[2];
-        assert_eq!(twice[0], 2.0);
-        assert!(twice[3] >= 0.75 && twice[4] == 0.0, "{table:?}");
-        assert!(table.summary[0][4] == 0.0);
+        let twice = &table.summary[2];
+        assert_eq!((twice.multiple, twice.injections), (2.0, 4));
+        assert!(twice.right >= 0.75 && twice.wrong == 0.0, "{table:?}");
+        assert!(table.summary[0].wrong == 0.0);
+    });
+}
+
+/// One effect more, from stored factors, says what the ranking says; the ladder is made of such steps.
+#[test]
+fn prop_an_addition_says_what_the_ranking_says() {
+    let lab = lab();
+    lab.with(|scene, mut session| {
+        let drag = Choice::parse("quadratic_drag", scene).unwrap();
+        let tilt = Choice::parse("gravity_tilt", scene).unwrap();
+        session.inject(&drag, &[0.01]).unwrap();
+        session.inject(&tilt, &[0.04, -0.02]).unwrap();
+        let options = only(&["gravity_tilt", "rotational_drag"]);
+        let ranked =
+            discover(&session, &catalogue(), &[drag.clone()], &DiscoverOptions { rounds: 1, ..options.clone() })
+                .unwrap();
+        let steps = ladder(&session, &[drag.clone(), tilt], &options).unwrap();
+        let of = ranked.candidates.iter().find(|c| c.effect == "gravity_tilt").unwrap();
+        assert_eq!((steps.len(), steps[1].key.as_str(), steps[1].judged_on.as_str()), (2, "gravity_tilt", "flight"));
+        assert!((steps[1].ratio - of.held_out_ratio).abs() < 1e-9, "{} {}", steps[1].ratio, of.held_out_ratio);
+        assert!((steps[1].held_out_error_before - steps[0].held_out_error).abs() < 1e-9 * steps[0].held_out_error);
+        assert!((steps[1].coefficients[0].value - 0.04).abs() < 3e-3);
+        assert!(steps[0].ratio < 1.0 && steps[1].ratio < 0.5 && steps[1].ci95[1] < 1.0);
+        let tare = Choice::parse("added_mass[link1]", scene).unwrap();
+        assert!(addition(&session, &[drag], &tare, &options).unwrap().ratio > 0.9);
     });
 }
 

@@ -13,6 +13,8 @@ pub struct Choice<'a> {
     pub target: Target,
     /// Values of the nonlinear parameters, in the effect's order.
     pub nonlinear: Vec<f64>,
+    /// Trials in which the effect acts (a payload); all where empty.
+    pub trials: Vec<String>,
 }
 
 impl std::fmt::Debug for Choice<'_> {
@@ -25,7 +27,19 @@ impl<'a> Choice<'a> {
     /// An effect on a target, nonlinear parameters at their first start.
     pub fn new(effect: &'a dyn Effect, target: Target, scene: &Scene) -> Self {
         let nonlinear = effect.starts(scene, target).into_iter().next().unwrap_or_default();
-        Self { effect, target, nonlinear }
+        Self { effect, target, nonlinear, trials: Vec::new() }
+    }
+
+    /// The same, acting in these trials only.
+    #[must_use]
+    pub fn in_trials(mut self, trials: &[String]) -> Self {
+        self.trials = trials.to_vec();
+        self
+    }
+
+    /// True when the effect acts in a trial.
+    pub fn acts_in(&self, trial: &str) -> bool {
+        self.trials.is_empty() || self.trials.iter().any(|t| t == trial)
     }
 
     /// Key of an effect and target: `quadratic_drag`, `flywheel[torso]`, `plate_tare[plate1]`.
@@ -152,8 +166,12 @@ pub fn columns_about(
     for choice in choices {
         let width = choice.effect.coefficients(scene, choice.target).len();
         let mut out = Columns::zeros(series.len(), width);
-        choice.effect.evaluate(&series, choice.target, &choice.nonlinear, &mut out);
-        if let Some(changes) = choice.effect.inertia(scene, choice.target, &choice.nonlinear) {
+        let acts = choice.acts_in(&trial.motion.trial);
+        if acts {
+            choice.effect.evaluate(&series, choice.target, &choice.nonlinear, &mut out);
+        }
+        let inertia = choice.effect.inertia(scene, choice.target, &choice.nonlinear).filter(|_| acts);
+        if let Some(changes) = inertia {
             for (column, change) in changes.iter().enumerate() {
                 crate::inertia::add_wrench(&series, change, -1.0, column, &mut out);
             }

@@ -46,6 +46,8 @@ pub enum Target {
     Body,
     /// The whole body, a coefficient for every link.
     EveryLink,
+    /// The whole body, coefficients for the shape of every link.
+    Shape,
     /// One link, by index.
     Link(usize),
     /// One plate, by index.
@@ -53,11 +55,12 @@ pub enum Target {
 }
 
 impl Target {
-    /// Short name for columns and reports: nothing for the body, `links`, a link's name, `plate1` …
+    /// Short name for columns and reports: nothing for the body, `links`, `shape`, a link's name, `plate1` …
     pub fn label(&self, scene: &Scene) -> String {
         match self {
             Self::Body => String::new(),
             Self::EveryLink => "links".to_owned(),
+            Self::Shape => "shape".to_owned(),
             Self::Link(i) => scene.model.links.get(*i).map_or_else(|| format!("link{i}"), |l| l.name.clone()),
             Self::Plate(i) => format!("plate{}", i + 1),
         }
@@ -194,6 +197,15 @@ pub(crate) fn links(scene: &Scene) -> Vec<Target> {
 /// The whole body, and a coefficient for each link where there are few.
 pub(crate) fn body_or_links(scene: &Scene) -> Vec<Target> {
     if (2..=3).contains(&scene.model.n_links()) { vec![Target::Body, Target::EveryLink] } else { vec![Target::Body] }
+}
+
+/// The same, and coefficients for the shape of each link where there are few.
+pub(crate) fn body_links_or_shape(scene: &Scene) -> Vec<Target> {
+    let mut out = body_or_links(scene);
+    if out.len() > 1 {
+        out.push(Target::Shape);
+    }
+    out
 }
 
 /// Every plate.

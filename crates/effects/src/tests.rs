@@ -419,6 +419,81 @@ fn prop_plates_are_corrected_in_the_right_sense() {
     });
 }
 
+/// Round links of any size are the special case of equal areas; carried fluid does no work.
+#[test]
+fn prop_the_drag_of_a_shape_contains_that_of_round_links() {
+    let fixture = Fixture::new(true);
+    fixture.with(|series| {
+        let of = |key: &str| {
+            let c = Choice::parse(key, &fixture.scene).unwrap();
+            let names = c.names(&fixture.scene);
+            (fixture.columns(series, c.effect, c.target, &c.nonlinear), names)
+        };
+        let (shape, names) = of("quadratic_drag[shape]");
+        let (links, _) = of("quadratic_drag[links]");
+        let at = |name: &str| names.iter().position(|n| n == &format!("quadratic_drag[shape].{name}")).unwrap();
+        for i in (0..series.len()).step_by(11) {
+            for (l, link) in ["base", "arm"].iter().enumerate() {
+                let sum: Vector6<f64> = ["xx", "yy", "zz"]
+                    .iter()
+                    .map(|e| Vector6::from_column_slice(shape.wrench(i, at(&format!("area_{link}_{e}")))))
+                    .sum();
+                let round = Vector6::from_column_slice(links.wrench(i, l));
+                assert!((sum - round).norm() < 1e-12 * round.norm());
+                let body = series.links(i)[l];
+                let power = |column: usize| {
+                    let (f, n) = (shape.force(i, column), shape.moment(i, column));
+                    f.dot(&body.velocity) + (n - body.origin.cross(&f)).dot(&body.omega)
+                };
+                for e in ["xx", "yy", "zz"] {
+                    for what in ["area", "turning"] {
+                        assert!(power(at(&format!("{what}_{link}_{e}"))) <= 0.0, "{what} {link} {e}");
+                    }
+                }
+                for e in ["xx", "yy", "xy", "xz", "yz", "zz"] {
+                    assert!(power(at(&format!("carried_{link}_{e}"))).abs() < 1e-9, "{link} {e}");
+                }
+            }
+        }
+    });
+}
+
+/// Columns follow the nonlinear parameters smoothly: one-sided differences of two sizes agree, for every effect, target and parameter.
+#[test]
+fn prop_columns_change_with_their_parameters_as_differences_say() {
+    let fixture = Fixture::new(true);
+    fixture.with(|series| {
+        for effect in EFFECTS.iter().filter(|e| e.wrench.is_some()) {
+            for target in (effect.targets)(&fixture.scene) {
+                let parameters = (effect.nonlinear)(&fixture.scene, target);
+                let Some(start) =
+                    (effect.starts)(&fixture.scene, target).into_iter().nth(if effect.id == "wind" { 1 } else { 0 })
+                else {
+                    continue;
+                };
+                for (k, q) in parameters.iter().enumerate() {
+                    let moved = |by: f64| {
+                        let mut p = start.clone();
+                        p[k] += if p[k] + 0.05 * q.scale > q.upper { -by } else { by };
+                        fixture.columns(series, *effect, target, &p)
+                    };
+                    let (zero, small, large) = (moved(0.0), moved(1e-3 * q.scale), moved(2e-3 * q.scale));
+                    let (mut size, mut error) = (0.0f64, 0.0f64);
+                    for i in 0..series.len() {
+                        for c in 0..zero.k {
+                            let of = |x: &Columns| Vector6::from_column_slice(x.wrench(i, c));
+                            let (a, b) = (of(&small) - of(&zero), (of(&large) - of(&zero)) * 0.5);
+                            size += a.norm();
+                            error += (a - b).norm();
+                        }
+                    }
+                    assert!(error <= 0.05 * size + 1e-12, "{} {target:?} {}: {error:e} of {size:e}", effect.id, q.name);
+                }
+            }
+        }
+    });
+}
+
 fn sail() -> FormulaEffect {
     serde_json::from_str(
         r#"{"id": "sail", "point": {"link": "base", "position_m": [0.1, 0.2, 0.0]},

@@ -1,0 +1,150 @@
+//! One effect more: what it does to the held-out error, from the rows (or stored factors) at hand.
+//!
+//! Nothing is searched and no frame is touched twice: the columns of the effect at its given nonlinear parameters join the model, parameters are
+//! refitted with and without them, and every trial (or flight) is predicted from the others. An effect of the air is judged in flight, one of the
+//! plates in contact; one that acts in both is judged in flight, where nothing else acts, and its contact error is given beside it.
+
+use crate::DiscoverError;
+use crate::candidate::{Scored, Variant, score};
+use crate::discover::DiscoverOptions;
+use crate::ladder::{estimates, extra_columns, key_of, sharpened};
+use crate::problem::{Domain, Problem};
+use crate::rank::judged_in;
+use crate::result::Estimate;
+use crate::session::Session;
+use crate::statistics::{jackknife_se, ratio_interval, resamples};
+use crate::words;
+use aloft_effects::Choice;
+use aloft_regressor::StretchKind;
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+
+/// One rung of the ladder: held-out error before and after an effect, on the windows where it acts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Addition {
+    /// Effect with target.
+    pub key: String,
+    /// `flight` or `contact`: the windows on which it is judged.
+    pub judged_on: String,
+    /// Held-out error of the model before, N (root mean square of weak rows, moments over the weighting length of the rows).
+    pub held_out_error_before: f64,
+    /// With the effect.
+    pub held_out_error: f64,
+    /// Their ratio.
+    pub ratio: f64,
+    /// 95 % interval of the ratio over clusters.
+    pub ci95: [f64; 2],
+    /// Coefficients, the parameters refitted beside them.
+    pub coefficients: Vec<Estimate>,
+    /// Trials in which it acts; empty for all.
+    pub trials: Vec<String>,
+}
+
+/// Held-out error before and after one effect joins the model that already holds `accepted`, at the values of its nonlinear parameters. Works on a
+/// session from recordings and, for an effect that is linear or whose columns are stored, on one from [`Session::from_factors`].
+///
+/// # Errors
+/// [`DiscoverError::TooFew`] with fewer than two flights (or contact stretches) on which it could be judged, [`DiscoverError::Numeric`] when its
+/// columns cannot be formed, or are nothing here.
+pub fn addition(
+    session: &Session<'_>,
+    accepted: &[Choice<'_>],
+    choice: &Choice<'_>,
+    options: &DiscoverOptions,
+) -> Result<Addition, DiscoverError> {
+    let domain = domain_of(session, choice);
+    let extra = extra_columns(session, domain, accepted, &[], &[]);
+    let problem = Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight)?;
+    let blocks = columns_of(session, choice, domain)?;
+    let mut variant = Variant::new(session, choice.effect, choice.target, choice.nonlinear.clone());
+    variant.group = session.trials.iter().map(|t| choice.acts_in(t)).collect();
+    // with the effect in the model what remains is smaller, and the prior weighs less
+    let whole: Vec<Vec<DMatrix<f64>>> = extra.iter().cloned().chain([blocks.clone()]).collect();
+    let sharp = sharpened(session, &problem, &extra, &whole, options)?;
+    let scored: Scored<'_> = score(&sharp, variant, &sharp.reduce(&sharp.gather(&blocks)));
+    let plain: Vec<f64> = problem.folds.iter().map(|f| f.error).collect();
+    let weights = resamples(plain.len(), options.resamples, options.seed ^ 0x5eed);
+    let in_newton = |square: f64| (square / problem.n_judged as f64).sqrt() * session.unit[0];
+    let (before, after) = (plain.iter().sum::<f64>(), scored.fold_error.iter().sum::<f64>());
+    Ok(Addition {
+        key: key_of(session, &scored),
+        judged_on: words::domain(domain).to_owned(),
+        held_out_error_before: in_newton(before),
+        held_out_error: in_newton(after),
+        ratio: (after / before).sqrt(),
+        ci95: ratio_interval(&scored.fold_error, &plain, &weights),
+        coefficients: estimates(session, &scored).0,
+        trials: choice.trials.clone(),
+    })
+}
+
+/// The ladder of a model: every effect in turn beside those before it, each judged on the windows where it acts.
+///
+/// # Errors
+/// As [`addition`].
+pub fn ladder(
+    session: &Session<'_>,
+    effects: &[Choice<'_>],
+    options: &DiscoverOptions,
+) -> Result<Vec<Addition>, DiscoverError> {
+    (0..effects.len()).map(|i| addition(session, &effects[..i], &effects[i], options)).collect()
+}
+
+/// The multiple of `coefficients` of an effect that would be found in four of five sessions like this one, before anything is fitted: the size at
+/// which the held-out error without the effect exceeds that with it by the limit of belief, and 0.84 standard errors more.
+///
+/// # Errors
+/// As [`addition`], and [`DiscoverError::Length`] for another number of coefficients than the effect has.
+pub fn detectable(
+    session: &Session<'_>,
+    accepted: &[Choice<'_>],
+    choice: &Choice<'_>,
+    coefficients: &[f64],
+    options: &DiscoverOptions,
+) -> Result<f64, DiscoverError> {
+    let domain = domain_of(session, choice);
+    let extra = extra_columns(session, domain, accepted, &[], &[]);
+    let problem = Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight)?;
+    let blocks = columns_of(session, choice, domain)?;
+    let expected = blocks[0].ncols();
+    if coefficients.len() != expected {
+        return Err(DiscoverError::Length { what: "coefficients", expected, found: coefficients.len() });
+    }
+    let theta = DVector::from_column_slice(coefficients);
+    let signal: Vec<DMatrix<f64>> = problem
+        .gather(&blocks)
+        .iter()
+        .map(|c| {
+            let s = c * &theta;
+            DMatrix::from_column_slice(s.len(), 1, s.as_slice())
+        })
+        .collect();
+    let reduced = problem.reduce(&signal);
+    let energy = reduced.s[(0, 0)];
+    if !(energy.is_finite() && energy > 0.0) {
+        return Ok(f64::INFINITY);
+    }
+    let threshold = if problem.clusters.len() < 5 { options.belief.min(0.8) } else { options.belief };
+    let size = (problem.n_judged as f64 * problem.plain() * (threshold.powi(-2) - 1.0) / energy).sqrt();
+    let se = jackknife_se(&reduced.folds.iter().map(|f| f.c[0] / f.s[(0, 0)]).collect::<Vec<_>>());
+    Ok(size + 0.84 * if se.is_finite() { se.min(size) } else { 0.0 })
+}
+
+/// Flight where the effect acts there and there are flights, contact otherwise.
+fn domain_of(session: &Session<'_>, choice: &Choice<'_>) -> Domain {
+    let flights = session.blocks.iter().any(|b| b.kind != StretchKind::Contact);
+    if flights && judged_in(choice.effect, Domain::Flight, flights) { Domain::Flight } else { Domain::Contact }
+}
+
+/// Columns by block, finite and not all zero.
+fn columns_of(session: &Session<'_>, choice: &Choice<'_>, domain: Domain) -> Result<Vec<DMatrix<f64>>, DiscoverError> {
+    let nothing = |what: &str| DiscoverError::Numeric(format!("`{}` {what}", choice.key(session.scene)));
+    let blocks = session.columns_of(choice, domain).ok_or_else(|| nothing("has no columns in these rows"))?;
+    if blocks.iter().any(|b| b.iter().any(|x| !x.is_finite())) {
+        return Err(nothing("has columns that are not finite"));
+    }
+    if blocks.iter().all(|b| b.norm_squared() == 0.0) {
+        return Err(nothing("does nothing in these recordings"));
+    }
+    Ok(blocks)
+}

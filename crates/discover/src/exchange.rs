@@ -1,0 +1,143 @@
+//! Would the better of two effects be this much better if the other were the true one?
+//!
+//! Errors of kinematics that repeat from trial to trial favour the effect with more freedom, so neither the order of two held-out errors nor its
+//! consistency over trials decides between them. The recordings themselves tell how far such errors carry: the worse effect `b` is taken out of
+//! the rows as it was fitted, put back in other directions (or, where it has none, with the signs of what remains flipped by trial), and both
+//! effects are fitted again. What the better one gains there, where `b` is true, is what its gain on the recordings is measured against.
+
+use crate::candidate::{Scored, Variant, score, solve};
+use crate::nonlinear::{improve, score_fitted};
+use crate::problem::Problem;
+use crate::rank::FULL_STEPS;
+use crate::session::Session;
+use nalgebra::{DMatrix, DVector};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+/// Directions in which the rival is put back.
+const DRAWS: usize = 7;
+/// Standard deviations by which the advantage has to exceed those of the draws.
+const BEYOND: f64 = 2.0;
+
+/// Whether `a` is ahead of `b` by more than it would be if `b` were true. `advantage` is `ln(error of b / error of a)` on the recordings; `None`
+/// where the exchange cannot be made.
+pub(crate) fn exchange(
+    session: &Session<'_>,
+    problem: &Problem,
+    a: &Scored<'_>,
+    b: &Scored<'_>,
+    advantage: f64,
+    seed: u64,
+) -> Option<bool> {
+    let fitted = b.variant.columns(session, problem)?;
+    let signal: Vec<DVector<f64>> = fitted.iter().map(|c| c * &b.theta).collect();
+    let without = problem.shifted(&signal.iter().map(|s| -s).collect::<Vec<_>>());
+    let residual: Vec<DVector<f64>> = (0..signal.len()).map(|g| without.residual(g)).collect();
+    let draws: Vec<f64> = (0..DRAWS)
+        .into_par_iter()
+        .filter_map(|draw| {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            rng.set_stream(draw as u64);
+            let delta: Vec<DVector<f64>> = match turned(session, b, draw) {
+                Some((variant, theta)) => {
+                    let columns = variant.columns(session, problem)?;
+                    let k = energy(problem, &fitted, &b.theta) / energy(problem, &columns, &theta);
+                    if !(k.is_finite() && k > 0.0) {
+                        return None;
+                    }
+                    columns.iter().zip(&signal).map(|(c, s)| c * (&theta * k.sqrt()) - s).collect()
+                }
+                None => residual
+                    .iter()
+                    .map(|r| if rng.random_bool(0.5) { r * -2.0 } else { DVector::zeros(r.len()) })
+                    .collect(),
+            };
+            let moved = problem.shifted(&delta);
+            let (ea, eb) = (error(session, &moved, &a.variant)?, error(session, &moved, &b.variant)?);
+            Some((eb / ea).ln())
+        })
+        .collect();
+    if draws.len() < 3 {
+        return None;
+    }
+    let n = draws.len() as f64;
+    let mean = draws.iter().sum::<f64>() / n;
+    let sd = (draws.iter().map(|d| (d - mean) * (d - mean)).sum::<f64>() / (n - 1.0)).sqrt();
+    let largest = draws.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    Some(advantage > (mean + BEYOND * sd).max(largest))
+}
+
+/// Energy of a signal with the parameters taken out.
+fn energy(problem: &Problem, columns: &[DMatrix<f64>], theta: &DVector<f64>) -> f64 {
+    let (s, _) = problem.reduce_all(columns);
+    theta.dot(&(s * theta))
+}
+
+/// The effect in another direction: vectors of the world turned about the vertical, vectors of a link in other signs; `None` for an effect that
+/// has no direction.
+fn turned<'a>(session: &Session<'_>, b: &Scored<'a>, draw: usize) -> Option<(Variant<'a>, DVector<f64>)> {
+    let mut variant = b.variant.clone();
+    let mut theta = b.theta.clone();
+    let (sin, cos) = (std::f64::consts::TAU * (draw + 1) as f64 / (DRAWS + 1) as f64).sin_cos();
+    let turn = |x: f64, y: f64| (cos * x - sin * y, sin * x + cos * y);
+    let mut changed = false;
+    let center = session.scene.volume_center_m;
+    let names: Vec<String> =
+        variant.effect.nonlinear(session.scene, variant.target).into_iter().map(|p| p.name).collect();
+    for i in 0..names.len() {
+        let Some(stem) = names[i].strip_suffix("_x") else { continue };
+        let place = matches!(stem, "anchor" | "pulley");
+        if (place || stem == "wind") && i + 1 < names.len() {
+            let (cx, cy) = if place { (center.x, center.y) } else { (0.0, 0.0) };
+            let (x, y) = turn(variant.nonlinear[i] - cx, variant.nonlinear[i + 1] - cy);
+            (variant.nonlinear[i], variant.nonlinear[i + 1]) = (x + cx, y + cy);
+            changed = true;
+        }
+    }
+    let names: Vec<String> = variant.coefficients.iter().map(|c| c.name.clone()).collect();
+    for i in 0..names.len() {
+        let Some(stem) = names[i].strip_suffix("_x") else { continue };
+        if names.get(i + 1).is_some_and(|n| *n == format!("{stem}_y")) {
+            (theta[i], theta[i + 1]) = turn(theta[i], theta[i + 1]);
+            changed = true;
+        }
+    }
+    // two horizontal components without a common stem (a tilt)
+    if !changed && theta.len() == 2 && variant.coefficients.iter().all(|c| c.lower < 0.0) {
+        (theta[0], theta[1]) = turn(theta[0], theta[1]);
+        changed = true;
+    }
+    changed.then_some((variant, theta))
+}
+
+/// Held-out error of an effect on its target, fitted from its own starts.
+fn error(session: &Session<'_>, problem: &Problem, variant: &Variant<'_>) -> Option<f64> {
+    let sum = |s: &Scored<'_>| s.fold_error.iter().sum::<f64>();
+    let at = |nonlinear: Vec<f64>| Variant { nonlinear, fitted: 0, ..variant.clone() };
+    if variant.fitted == 0 {
+        let columns = variant.columns(session, problem)?;
+        return Some(sum(&score(problem, variant.clone(), &problem.reduce(&columns))));
+    }
+    let mut starts: Vec<(f64, Vec<f64>)> = variant
+        .effect
+        .starts(session.scene, variant.target)
+        .into_iter()
+        .filter_map(|p| {
+            let columns = at(p.clone()).columns(session, problem)?;
+            let (s, c) = problem.reduce_all(&columns);
+            Some((solve(&s, &c, &variant.coefficients).1, p))
+        })
+        .collect();
+    starts.sort_by(|x, y| y.0.total_cmp(&x.0));
+    let mut best: Option<(Variant<'_>, f64)> = None;
+    for (_, p) in starts.into_iter().take(2) {
+        if let Some(found) = improve(session, problem, &at(p), 8)
+            && best.as_ref().is_none_or(|b| found.1 > b.1)
+        {
+            best = Some(found);
+        }
+    }
+    let (variant, _) = improve(session, problem, &best?.0, FULL_STEPS)?;
+    score_fitted(session, problem, variant).map(|s| sum(&s))
+}

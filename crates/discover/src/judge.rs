@@ -1,0 +1,275 @@
+//! What a ranking means: what is plausible and believed, what cannot be told apart, and the verdict.
+
+use crate::candidate::{Scored, score};
+use crate::discover::DiscoverOptions;
+use crate::exchange::exchange;
+use crate::ladder::{key_of, sharpened};
+use crate::nonlinear::{improve, score_fitted};
+use crate::problem::Problem;
+use crate::rank::{EffectScore, FULL_STEPS, cosine};
+use crate::result::{Alternative, Candidate, Confusion, Estimate, Verdict};
+use crate::session::Session;
+use crate::statistics::sign_flip_p;
+use crate::words;
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+/// Where the exchange of two effects cannot be made, the better has to leave less than this share of the other's error.
+const NEARLY: f64 = 0.94;
+/// Targets of a rival that are fitted again.
+const TARGETS: usize = 3;
+/// Two errors closer than this are the same.
+const SAME: f64 = 0.98;
+
+/// The best variant of every target, best first.
+pub(crate) fn alternatives(session: &Session<'_>, problem: &Problem, score: &EffectScore<'_>) -> Vec<Alternative> {
+    let mut out: Vec<Alternative> = Vec::new();
+    let mut order: Vec<&Scored<'_>> = score.scored.iter().collect();
+    order.sort_by(|a, b| a.fold_error.iter().sum::<f64>().total_cmp(&b.fold_error.iter().sum()));
+    for s in order {
+        let key = key_of(session, s);
+        if out.len() < 5 && !out.iter().any(|a| a.key == key) {
+            let error: f64 = s.fold_error.iter().sum::<f64>() / problem.n_judged as f64;
+            out.push(Alternative { key, held_out_ratio: (error / problem.plain()).sqrt() });
+        }
+    }
+    out
+}
+
+/// Largest ratio at which an effect may be believed.
+pub(crate) fn limit(id: &str, first_round: bool, options: &DiscoverOptions) -> f64 {
+    match id {
+        "soft_tissue" | "joint_centre" | "filter_attenuation" | "camera_warp" | "residual_contact" => {
+            if first_round {
+                options.belief_kinematics
+            } else {
+                0.0
+            }
+        }
+        _ if id.starts_with("plate_") || id == "body_mass" => options.belief_plates,
+        _ => options.belief,
+    }
+}
+
+/// Held-out root mean squares of forces (N) and moments (N·m).
+pub(crate) fn parts(session: &Session<'_>, problem: &Problem) -> [f64; 2] {
+    let mut sums = [0.0; 2];
+    let mut counts = [0.0; 2];
+    for (cluster, fold) in problem.clusters.iter().zip(&problem.folds) {
+        let mut kinds = Vec::new();
+        for &i in &cluster.blocks {
+            let block = &session.blocks[i];
+            for r in 0..block.y.nrows() {
+                match block.is_force(r) {
+                    Some(force) => kinds.push(usize::from(!force)),
+                    None => return [f64::NAN; 2],
+                }
+            }
+        }
+        for (x, &row) in fold.test.iter().zip(&cluster.judged) {
+            sums[kinds[row]] += x * x;
+            counts[kinds[row]] += 1.0;
+        }
+    }
+    [(sums[0] / counts[0]).sqrt() * session.unit[0], (sums[1] / counts[1]).sqrt() * session.unit[1]]
+}
+
+/// How often each effect comes first over resamples of clusters.
+pub(crate) fn chosen_shares(scores: &[EffectScore<'_>], weights: &[Vec<f64>]) -> Vec<f64> {
+    let mut wins = vec![0.0; scores.len()];
+    for w in weights {
+        let sum = |s: &EffectScore<'_>| -> f64 { s.fold_error.iter().zip(w).map(|(e, w)| e * w).sum() };
+        let first = (0..scores.len()).min_by(|&a, &b| sum(&scores[a]).total_cmp(&sum(&scores[b])));
+        if let Some(i) = first {
+            wins[i] += 1.0;
+        }
+    }
+    wins.iter().map(|n| n / weights.len().max(1) as f64).collect()
+}
+
+/// No coefficient at a bound that physics sets, none all zero.
+pub(crate) fn plausible(scored: &Scored<'_>, estimates: &[Estimate]) -> bool {
+    let bounds = &scored.variant.coefficients;
+    let mut moved = false;
+    for (bound, estimate) in bounds.iter().zip(estimates) {
+        let at_bound = |b: f64| b.is_finite() && b != 0.0 && (estimate.value - b).abs() <= 1e-9 * b.abs();
+        if at_bound(bound.lower) || at_bound(bound.upper) {
+            return false;
+        }
+        moved |= estimate.value != 0.0;
+    }
+    // with one sign allowed, zero means that the data ask for the other
+    let main = bounds.first().is_some_and(|b| b.lower == 0.0 && estimates[0].value <= 0.0) && bounds.len() <= 2;
+    moved && !main
+}
+
+/// Size at which the held-out ratio falls below the threshold in four of five sessions.
+pub(crate) fn minimum_detectable(
+    problem: &Problem,
+    scored: &Scored<'_>,
+    noise_square: f64,
+    threshold: f64,
+    estimates: &[Estimate],
+) -> f64 {
+    let unit = &scored.variant.coefficients[0].unit;
+    let of_unit: Vec<usize> =
+        (0..scored.variant.coefficients.len()).filter(|&k| scored.variant.coefficients[k].unit == *unit).collect();
+    let energy = of_unit.iter().map(|&k| scored.s[(k, k)]).sum::<f64>() / of_unit.len() as f64;
+    if energy <= 0.0 {
+        return f64::INFINITY;
+    }
+    let n = problem.clusters.iter().map(|c| c.n_rows as f64).sum::<f64>();
+    let size = (n * noise_square * (threshold.powi(-2) - 1.0) / energy).sqrt();
+    let se = of_unit.iter().map(|&k| estimates[k].se.powi(2)).sum::<f64>().sqrt() / (of_unit.len() as f64).sqrt();
+    size + 0.84 * if se.is_finite() { se.min(size) } else { 0.0 }
+}
+
+/// Fills in what looks like what: every believed effect against all, the rest against the best.
+pub(crate) fn confusions(
+    session: &Session<'_>,
+    problem: &Problem,
+    scores: &[EffectScore<'_>],
+    candidates: &mut [Candidate],
+    options: &DiscoverOptions,
+) {
+    let all: Vec<Vec<Confusion>> = (0..scores.len())
+        .into_par_iter()
+        .map(|a| {
+            if scores[a].placebo {
+                return Vec::new();
+            }
+            let mut out = Vec::new();
+            for b in (0..scores.len()).filter(|&b| b != a && !scores[b].placebo) {
+                let (x, y) = (&scores[a].scored[scores[a].best], &scores[b].scored[scores[b].best]);
+                let cosine = cosine(session, problem, x, y);
+                if cosine > 0.9 {
+                    let (ea, eb) = (&scores[a].fold_error, &scores[b].fold_error);
+                    let ahead = ea.iter().sum::<f64>() <= eb.iter().sum::<f64>();
+                    let (better, worse) = if ahead { (ea, eb) } else { (eb, ea) };
+                    out.push(Confusion {
+                        effect: scores[b].effect.id().to_owned(),
+                        cosine,
+                        p_value: sign_flip_p(better, worse, 1000, options.seed),
+                        separate_by: words::separate(scores[a].effect.id(), scores[b].effect.id()).to_owned(),
+                    });
+                }
+            }
+            out.sort_by(|p, q| q.cosine.total_cmp(&p.cosine));
+            out
+        })
+        .collect();
+    for (candidate, confused) in candidates.iter_mut().zip(all) {
+        candidate.confused_with = confused;
+    }
+}
+
+/// A believed effect, fitted once more with the prior weighed as it is when the best of them is in the model.
+pub(crate) struct Rival<'a> {
+    /// Place in the ranking.
+    pub index: usize,
+    pub scored: Scored<'a>,
+    /// Squared error by fold.
+    pub fold_error: Vec<f64>,
+}
+
+impl Rival<'_> {
+    pub fn id(&self) -> &str {
+        self.scored.variant.effect.id()
+    }
+    pub fn error(&self) -> f64 {
+        self.fold_error.iter().sum()
+    }
+}
+
+/// The believed effects as rivals, and the problem on which they were fitted.
+pub(crate) fn rivals<'a>(
+    session: &Session<'_>,
+    problem: &Problem,
+    extra: &[Vec<DMatrix<f64>>],
+    scores: &[EffectScore<'a>],
+    candidates: &[Candidate],
+    options: &DiscoverOptions,
+) -> (Option<Problem>, Vec<Rival<'a>>) {
+    let believed: Vec<usize> = (0..candidates.len()).filter(|&i| candidates[i].believed).collect();
+    let as_ranked = |&index: &usize| {
+        let s = &scores[index];
+        Rival { index, scored: s.scored[s.best].clone(), fold_error: s.fold_error.clone() }
+    };
+    let sharp = believed.first().filter(|_| session.prior.is_some()).and_then(|&first| {
+        let best = &scores[first].scored[scores[first].best].variant;
+        let columns = best.blocks_at(session, problem, &best.nonlinear)?;
+        let whole: Vec<Vec<DMatrix<f64>>> = extra.iter().cloned().chain([columns]).collect();
+        sharpened(session, problem, extra, &whole, options).ok()
+    });
+    let Some(sharp) = sharp else { return (None, believed.iter().map(as_ranked).collect()) };
+    let refitted = believed.par_iter().map(|index| {
+        let mut variants: Vec<&Scored<'a>> = scores[*index].scored.iter().collect();
+        variants.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        let fitted = variants.iter().take(TARGETS).filter_map(|s| {
+            let v = &s.variant;
+            if v.fitted == 0 {
+                let columns = v.columns(session, &sharp)?;
+                return Some(score(&sharp, v.clone(), &sharp.reduce(&columns)));
+            }
+            improve(session, &sharp, v, FULL_STEPS).and_then(|(v, _)| score_fitted(session, &sharp, v))
+        });
+        let unknowns = |s: &Scored<'_>| s.variant.unknowns();
+        let best = fitted.max_by(|a, b| a.gain.total_cmp(&b.gain).then(unknowns(b).cmp(&unknowns(a))));
+        best.map_or_else(
+            || as_ranked(index),
+            |scored| Rival { index: *index, fold_error: scored.fold_error.clone(), scored },
+        )
+    });
+    let refitted = refitted.collect();
+    (Some(sharp), refitted)
+}
+
+/// Verdict and names: the believed effects that no other of them beats beyond chance and beyond what errors that repeat would give it, the most
+/// economical first.
+pub(crate) fn judge(
+    session: &Session<'_>,
+    problem: &Problem,
+    rivals: &[Rival<'_>],
+    options: &DiscoverOptions,
+) -> (Verdict, Vec<String>) {
+    let Some(first) = rivals.iter().min_by(|a, b| a.error().total_cmp(&b.error())) else {
+        let hopeless = problem.clusters.iter().filter(|c| !c.judged.is_empty()).count() < 4;
+        return (if hopeless { Verdict::NotDetectable } else { Verdict::NothingMissing }, Vec::new());
+    };
+    // a generalisation has to be as much better as another effect would have to be: its freedom also follows errors that repeat
+    let simpler = rivals
+        .iter()
+        .filter(|r| {
+            first.scored.variant.effect.contains().contains(&r.id())
+                && (first.error() / r.error()).sqrt() > options.belief
+        })
+        .min_by(|a, b| a.error().total_cmp(&b.error()));
+    let best = simpler.unwrap_or(first);
+    let mut class: Vec<&Rival<'_>> =
+        rivals.iter().filter(|r| r.index == best.index || !separated(session, problem, best, r, options)).collect();
+    // an effect that contains another counts only where it does better
+    let ids: Vec<String> = class.iter().map(|r| r.id().to_owned()).collect();
+    class.retain(|r| !r.scored.variant.effect.contains().iter().any(|c| ids.iter().any(|i| i == c)));
+    let unknowns = |r: &Rival<'_>| r.scored.variant.unknowns();
+    class.sort_by(|a, b| unknowns(a).cmp(&unknowns(b)).then(a.error().total_cmp(&b.error())));
+    let names: Vec<String> = class.iter().map(|r| r.id().to_owned()).collect();
+    (if names.len() == 1 { Verdict::Supported } else { Verdict::OneOf }, names)
+}
+
+/// True when the recordings tell the effect `a` from the effect `b`, which errs more.
+fn separated(
+    session: &Session<'_>,
+    problem: &Problem,
+    a: &Rival<'_>,
+    b: &Rival<'_>,
+    options: &DiscoverOptions,
+) -> bool {
+    let ratio = (a.error() / b.error()).sqrt();
+    if ratio > SAME || sign_flip_p(&a.fold_error, &b.fold_error, 2000, options.seed ^ 0xc1a5) >= options.significance {
+        return false;
+    }
+    if ratio < options.belief {
+        return true;
+    }
+    exchange(session, problem, &a.scored, &b.scored, -2.0 * ratio.ln(), options.seed ^ 0xe8c4).unwrap_or(ratio < NEARLY)
+}

@@ -1,0 +1,230 @@
+//! The model as it grows: columns of effects found, their coefficients together, and those that later ones made superfluous.
+
+use crate::DiscoverError;
+use crate::candidate::{Scored, Variant};
+use crate::discover::DiscoverOptions;
+use crate::judge::Rival;
+use crate::problem::{Domain, Problem};
+use crate::result::{Estimate, Found};
+use crate::session::Session;
+use crate::statistics::{jackknife_se, sign_flip_p};
+use aloft_effects::Choice;
+use nalgebra::{DMatrix, DVector};
+
+/// What a problem with one more effect in its model is made of.
+pub(crate) struct Refit<'a, 'b> {
+    pub accepted: &'a [Choice<'b>],
+    pub kept: &'a [Variant<'b>],
+    pub found: &'a [Found],
+    pub options: &'a DiscoverOptions,
+}
+
+impl Refit<'_, '_> {
+    /// The problem of a domain with the columns of a variant in the model.
+    pub fn with(&self, session: &Session<'_>, domain: Domain, variant: &Variant<'_>) -> Option<Problem> {
+        let mut extra = extra_columns(session, domain, self.accepted, self.kept, self.found);
+        extra.extend(extra_columns(session, domain, &[], std::slice::from_ref(variant), &[]));
+        Problem::new(session, domain, &extra, self.options.fewest_trials, self.options.prior_weight).ok()
+    }
+    /// Seed of every draw.
+    pub fn seed(&self) -> u64 {
+        self.options.seed
+    }
+}
+
+/// Columns of effects in the model, by block; of nonlinear ones found in an earlier round also the derivatives by their parameters, so that a small
+/// error in these does not pass for another effect.
+pub(crate) fn extra_columns(
+    session: &Session<'_>,
+    domain: Domain,
+    accepted: &[Choice<'_>],
+    kept: &[Variant<'_>],
+    found: &[Found],
+) -> Vec<Vec<DMatrix<f64>>> {
+    let mut out: Vec<Vec<DMatrix<f64>>> = accepted.iter().filter_map(|c| session.columns_of(c, domain)).collect();
+    for (i, v) in kept.iter().enumerate() {
+        let at = |p: &[f64]| {
+            session.columns(v.effect, v.target, p, domain).map(|mut columns| {
+                if !v.group.is_empty() {
+                    for (block, c) in session.blocks.iter().zip(&mut columns) {
+                        if !v.group[block.trial] {
+                            c.fill(0.0);
+                        }
+                    }
+                }
+                columns
+            })
+        };
+        let Some(columns) = at(&v.nonlinear) else { continue };
+        if let Some(found) = found.get(i) {
+            let theta = DVector::from_iterator(columns[0].ncols(), found.coefficients.iter().map(|e| e.value));
+            for (k, q) in v.effect.nonlinear(session.scene, v.target).iter().enumerate() {
+                let mut p = v.nonlinear.clone();
+                let h = if p[k] + 0.02 * q.scale > q.upper { -0.02 * q.scale } else { 0.02 * q.scale };
+                p[k] += h;
+                if let Some(moved) = at(&p) {
+                    let of = |(a, b): (&DMatrix<f64>, &DMatrix<f64>)| {
+                        let slope: DVector<f64> = (a - b) * &theta / h;
+                        DMatrix::from_column_slice(slope.len(), 1, slope.as_slice())
+                    };
+                    out.push(moved.iter().zip(&columns).map(of).collect());
+                }
+            }
+        }
+        out.push(columns);
+    }
+    // an effect that does nothing here would leave the rows singular
+    out.retain(|e| e.iter().any(|m| m.norm_squared() > 0.0));
+    out
+}
+
+/// The problem with the prior weighed by what remains when the columns `whole` are in the model (those of `extra` and one or more effects). An
+/// effect that is missing makes rows look noisy, which gives the prior more weight than it deserves; rivals are compared without that.
+pub(crate) fn sharpened(
+    session: &Session<'_>,
+    problem: &Problem,
+    extra: &[Vec<DMatrix<f64>>],
+    whole: &[Vec<DMatrix<f64>>],
+    options: &DiscoverOptions,
+) -> Result<Problem, DiscoverError> {
+    let new = |columns: &[Vec<DMatrix<f64>>], variance| {
+        let (fewest, weight) = (options.fewest_trials, options.prior_weight);
+        Problem::with_variance(session, problem.domain, columns, fewest, weight, variance)
+    };
+    let variance = if session.prior.is_some() { new(whole, None)?.variance } else { problem.variance };
+    new(extra, Some(variance))
+}
+
+/// Takes out effects that those found later have made superfluous: a compromise found first, where two effects were at work.
+pub(crate) fn prune(
+    session: &Session<'_>,
+    accepted: &[Choice<'_>],
+    kept: &mut Vec<Variant<'_>>,
+    found: &mut Vec<Found>,
+    options: &DiscoverOptions,
+) {
+    /// A loss of held-out error (root mean square) below this is none.
+    const LOSS: f64 = 1.03;
+    let error = |kept: &[Variant<'_>], found: &[Found], domain: Domain| {
+        let extra = extra_columns(session, domain, accepted, kept, found);
+        Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight).ok().map(|p| p.plain())
+    };
+    while kept.len() > 1 {
+        let mut least: Option<(usize, f64)> = None;
+        for i in 0..kept.len() - 1 {
+            let domain = if kept[i].effect.acts().in_flight() { Domain::Flight } else { Domain::Contact };
+            let (mut fewer, mut fewer_found) = (kept.clone(), found.clone());
+            fewer.remove(i);
+            fewer_found.remove(i);
+            if let (Some(with), Some(without)) = (error(kept, found, domain), error(&fewer, &fewer_found, domain)) {
+                let loss = (without / with).sqrt();
+                if loss < LOSS && least.is_none_or(|l| loss < l.1) {
+                    least = Some((i, loss));
+                }
+            }
+        }
+        let Some((i, _)) = least else { break };
+        kept.remove(i);
+        found.remove(i);
+    }
+}
+
+/// The member of a class that goes into the model: the most economical, unless another is better beyond chance.
+pub(crate) fn to_build_on<'s, 'a>(
+    rivals: &'s [Rival<'a>],
+    names: &[String],
+    options: &DiscoverOptions,
+) -> Option<&'s Rival<'a>> {
+    let members: Vec<&Rival<'a>> = names.iter().filter_map(|n| rivals.iter().find(|r| r.id() == n)).collect();
+    let first = *members.first()?;
+    let best = members.iter().copied().min_by(|a, b| a.error().total_cmp(&b.error()))?;
+    let p = sign_flip_p(&best.fold_error, &first.fold_error, 2000, options.seed ^ 0xb111d);
+    let clearly = best.error() < 0.98 * 0.98 * first.error() && p < options.significance;
+    Some(if clearly { best } else { first })
+}
+
+/// Values of the coefficients with all effects found in the model at once.
+pub(crate) fn refit_found(
+    session: &Session<'_>,
+    accepted: &[Choice<'_>],
+    kept: &[Variant<'_>],
+    found: &mut [Found],
+    options: &DiscoverOptions,
+) {
+    if kept.len() < 2 {
+        return;
+    }
+    let whole = |domain| extra_columns(session, domain, accepted, kept, &[]);
+    for i in 0..kept.len() {
+        let others: Vec<Variant<'_>> =
+            kept.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, v)| v.clone()).collect();
+        let domain = if kept[i].effect.acts().in_flight() { Domain::Flight } else { Domain::Contact };
+        let extra = extra_columns(session, domain, accepted, &others, &[]);
+        let Ok(problem) = Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight) else {
+            continue;
+        };
+        let Ok(problem) = sharpened(session, &problem, &extra, &whole(domain), options) else { continue };
+        let parameters = kept[i].effect.nonlinear(session.scene, kept[i].target);
+        let scored = if parameters.is_empty() {
+            let columns = kept[i].columns(session, &problem);
+            columns.map(|c| crate::candidate::score(&problem, kept[i].clone(), &problem.reduce(&c)))
+        } else {
+            crate::nonlinear::improve(session, &problem, &kept[i], crate::rank::FULL_STEPS)
+                .and_then(|(v, _)| crate::nonlinear::score_fitted(session, &problem, v))
+        };
+        if let Some(scored) = scored {
+            found[i] = as_found(session, &scored);
+        }
+    }
+}
+
+pub(crate) fn estimates(session: &Session<'_>, scored: &Scored<'_>) -> (Vec<Estimate>, Vec<Estimate>) {
+    let coefficients = scored
+        .variant
+        .coefficients
+        .iter()
+        .enumerate()
+        .map(|(k, c)| Estimate {
+            name: c.name.clone(),
+            value: scored.theta[k],
+            se: jackknife_se(&scored.fold_theta.iter().map(|t| t[k]).collect::<Vec<_>>()),
+            unit: c.unit.clone(),
+        })
+        .collect();
+    let nonlinear = scored
+        .variant
+        .effect
+        .nonlinear(session.scene, scored.variant.target)
+        .iter()
+        .enumerate()
+        .map(|(k, p)| Estimate {
+            name: p.name.clone(),
+            value: scored.variant.nonlinear[k],
+            se: jackknife_se(&scored.fold_nonlinear.iter().map(|t| t[k]).collect::<Vec<_>>()),
+            unit: p.unit.clone(),
+        })
+        .collect();
+    (coefficients, nonlinear)
+}
+
+pub(crate) fn group_names(session: &Session<'_>, scored: &Scored<'_>) -> Vec<String> {
+    let mask = &scored.variant.group;
+    session.trials.iter().zip(mask).filter(|(_, m)| **m).map(|(t, _)| t.clone()).collect()
+}
+
+pub(crate) fn key_of(session: &Session<'_>, scored: &Scored<'_>) -> String {
+    let v = &scored.variant;
+    Choice { effect: v.effect, target: v.target, nonlinear: Vec::new(), trials: Vec::new() }.key(session.scene)
+}
+
+pub(crate) fn as_found(session: &Session<'_>, scored: &Scored<'_>) -> Found {
+    let (coefficients, nonlinear) = estimates(session, scored);
+    Found {
+        effect: scored.variant.effect.id().to_owned(),
+        key: key_of(session, scored),
+        target: scored.variant.target,
+        nonlinear,
+        coefficients,
+        trials: group_names(session, scored),
+    }
+}
