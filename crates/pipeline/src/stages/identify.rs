@@ -8,7 +8,7 @@ use crate::stages::regressor::{load_factors, row_kind};
 use crate::study::{Role, Study};
 use crate::workspace::{WHOLE_STUDY, read_json, write_json};
 use aloft_body::{BaseParameters, Subject};
-use aloft_identify::{ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, identify_merged};
+use aloft_identify::{ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, identify, identify_merged};
 use aloft_regressor::{Factor, Stretch, StretchKind};
 use serde_json::json;
 
