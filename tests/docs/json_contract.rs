@@ -9,6 +9,8 @@ use std::fmt::Write;
 const COMMANDS: &[(&str, &str, &str)] = &[
     ("parameters", "pipeline", "ParametersView"),
     ("compare", "pipeline", "ComparisonView"),
+    ("compare --estimators", "pipeline", "EstimatorsView"),
+    ("compare --leave-one-out", "pipeline", "LeaveOneOutView"),
     ("discover", "discover", "Discovery"),
     ("history", "pipeline", "History"),
     ("status", "pipeline", "Status"),
@@ -116,7 +118,7 @@ fn prop_the_page_names_what_the_commands_write() {
     for (command, _, _) in COMMANDS {
         let words: Vec<&str> = match *command {
             "inspect" => vec!["inspect", &recording, "--json"],
-            _ => vec![command, &demo, "--workspace", &ws, "--json"],
+            _ => command.split(' ').chain([demo.as_str(), "--workspace", &ws, "--json"]).collect(),
         };
         let value: serde_json::Value = serde_json::from_str(&aloft(&words)).unwrap();
         let section = page.split(&format!("## `aloft {command} --json`")).nth(1).unwrap();

@@ -277,7 +277,7 @@ impl Setting<'_> {
                 if own.is_empty() {
                     continue;
                 }
-                let seed = (replicate as u64) << 32 | i as u64;
+                let seed = ((replicate as u64) << 32) | i as u64;
                 let clean = &recorded.rows.motion;
                 let noisy = if level > 0.0 { &add_noise(model, clean, &noise, level.sqrt(), seed)? } else { clean };
                 if rows == Rows::Weak {

@@ -274,7 +274,7 @@ fn of_geometry(
         compare_models(study, subject, trials, &candidates, HeldOut::Validation, None, Floor::Drawn(draws, None))?;
     let chosen = study.config.regressor.rows;
     let own_way = default_estimator(study, chosen).name();
-    let mut models = comparison.models();
+    let mut models = comparison.models().collect::<Vec<_>>().into_iter();
     let prior = models.next().map(|m| row(geometry, None, None, false, m));
     let mut table = Vec::new();
     for ((rows, name, _), result) in ways.iter().zip(&found) {
@@ -295,7 +295,6 @@ fn of_geometry(
         }
     }
     table.extend(prior);
-    drop(models);
     Ok((table, comparison))
 }
 
@@ -425,7 +424,7 @@ pub fn leave_one_out(study: &Study) -> Result<LeaveOneOutView, PipelineError> {
         }
         let (comparison, _) =
             compare_models(study, &subject, &trials, &candidates, HeldOut::EveryTrial, None, Floor::Drawn(0, None))?;
-        let mut models = comparison.models();
+        let mut models = comparison.models().collect::<Vec<_>>().into_iter();
         let mut out: Vec<LeftOutModel> = models
             .next()
             .map(|m| LeftOutModel { model: "prior", balance: None, failed: None, trials: left_out(study, m) })
@@ -443,7 +442,6 @@ pub fn leave_one_out(study: &Study) -> Result<LeaveOneOutView, PipelineError> {
                 }
             }
         }
-        drop(models);
         Ok(LeaveOneOutView {
             version: 1,
             subject: study.facts.person.name.clone(),
