@@ -32,6 +32,7 @@ pub mod loads;
 mod names;
 mod number;
 pub mod readme;
+mod storage;
 mod xml;
 
 pub use coordinates::{Convention, CoordinateSeries, Coordinates, Sequence};

@@ -1,9 +1,9 @@
 //! Ground reactions for OpenSim: MOT with force, point and free moment of every load, and the XML that says on which body each acts.
 
-use super::storage::{extent, text};
 use crate::frame::to_ground;
 use crate::loads::{LOADED_N, center_of_pressure, parts};
 use crate::number::{fixed, joined};
+use crate::storage::{extent, text};
 use crate::xml::Xml;
 use crate::{ExportError, Format, OutFile, SubjectExport, TrialExport, names};
 use aloft_trial::Plate;

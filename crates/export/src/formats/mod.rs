@@ -9,7 +9,6 @@ pub mod mot;
 pub mod osim;
 pub mod parquet;
 pub mod sto;
-pub(crate) mod storage;
 pub mod trc;
 pub mod urdf;
 

@@ -1,8 +1,8 @@
 //! MOT: coordinates of the exported model in degrees and metres, as solved and filtered; the set-up with which OpenSim solves them again.
 
-use super::storage::{extent, text};
 use crate::coordinates::{CoordinateSeries, Quantity};
 use crate::number::{exact, fixed, joined};
+use crate::storage::{extent, text};
 use crate::xml::Xml;
 use crate::{ExportError, Format, OutFile, SubjectExport, TrialExport, names};
 

@@ -1,10 +1,10 @@
 //! STO: velocities, accelerations, generalised forces and the residual wrench at the root.
 
 use super::mot::table;
-use super::storage::{extent, text};
 use crate::coordinates::Quantity;
 use crate::frame::to_ground;
 use crate::loads::parts;
+use crate::storage::{extent, text};
 use crate::{ExportError, Format, OutFile, SubjectExport, TrialExport};
 
 /// The format.
