@@ -40,9 +40,20 @@
   // the library while nothing else is to do, so that the first chart need not wait
   if (document.getElementById("plotting-library")) (window.requestIdleCallback || setTimeout)(() => Charts.library());
 
-  // print what is shown, or everything
-  const prepare = () => drawings.filter((d) => d.offsetParent).forEach(draw);
-  window.addEventListener("beforeprint", prepare);
+  // print what is shown, in the light theme, or everything
+  const repaint = () => {
+    [...drawn].filter((d) => d.classList.contains("chart") && d.offsetParent).forEach(Charts.draw);
+    Player.renderAll();
+  };
+  window.addEventListener("beforeprint", () => {
+    document.documentElement.classList.add("print");
+    drawings.filter((d) => d.offsetParent).forEach(draw);
+    repaint();
+  });
+  window.addEventListener("afterprint", () => {
+    document.documentElement.classList.remove("print");
+    repaint();
+  });
   document.getElementById("print-all").addEventListener("click", async () => {
     document.querySelectorAll("details").forEach((d) => { d.open = true; });
     chapters.forEach((c) => { c.hidden = false; });
@@ -51,8 +62,8 @@
   });
 
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
-    [...drawn].filter((d) => d.classList.contains("chart")).forEach(Charts.draw);
-    Player.renderAll();
+    drawn.forEach((d) => { if (d.classList.contains("chart") && !d.offsetParent) drawn.delete(d); });
+    repaint();
   });
 
   document.querySelectorAll("button.csv").forEach((b) => b.addEventListener("click", () => {

@@ -218,7 +218,7 @@ impl Figure {
         let (mut pool, mut names, mut data) = (Pool::default(), Names::default(), Vec::new());
         let (mut shapes, mut notes) = (Vec::new(), Vec::new());
         let mut layout = base_layout();
-        let panel_px = if panels.len() == 1 { 230.0 } else { PANEL_PX };
+        let panel_px = if rows == 1 { 230.0 } else { PANEL_PX };
         let inner = panel_px * rows as f64 + ROW_GAP_PX * (rows as f64 - 1.0);
         let column_gap = if columns > 2 { 0.075 } else { 0.09 };
         let width = (1.0 - column_gap * (columns as f64 - 1.0)) / columns as f64;

@@ -2,7 +2,8 @@
 
 use super::story::Story;
 use super::words::{maybe, number};
-use crate::command::effect::HistoryRow;
+use crate::command::history::HistoryRow;
+use crate::revision::Judged;
 use aloft_report::{Block, Cell, Figure, Light, Panel, Section, Series, Table, Words};
 
 /// The section; none where the model was never changed.
@@ -16,24 +17,30 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         rungs.iter().map(|r| get(r).unwrap_or(f64::NAN)).collect::<Vec<f64>>()
     };
     let judged = rungs.iter().rev().find_map(|r| r.judged_on.clone()).unwrap_or_else(|| "held-out motion".to_owned());
-    let panel = Panel {
-        y: "N".into(),
-        ticks: rungs
-            .iter()
-            .map(|r| if r.revision == 0 { "0: plain".to_owned() } else { format!("{}: {}", r.revision, r.action) })
-            .collect(),
+    let ticks: Vec<String> = rungs
+        .iter()
+        .map(|r| if r.revision == 0 { "0: plain".to_owned() } else { format!("{}: {}", r.revision, r.action) })
+        .collect();
+    let place = |title: &str, get: &dyn Fn(&HistoryRow) -> Option<Judged>| Panel {
+        title: title.to_owned(),
+        y: "error, N".into(),
+        ticks: ticks.clone(),
         series: vec![
-            Series::line("held-out error", x.clone(), of(&|r| r.held_out_error)).with_points().coloured("$c0"),
-            Series::line("noise alone", x, of(&|r| r.noise_floor)).dashed().coloured("$dim"),
+            Series::line("held-out error", x.clone(), of(&|r| get(r).map(|j| j.error_n))).with_points().coloured("$c0"),
+            Series::line("noise alone", x.clone(), of(&|r| get(r).and_then(|j| j.noise_n))).dashed().coloured("$dim"),
         ],
         from_zero: true,
         ..Panel::default()
     };
+    let panels: Vec<Panel> = [place("In flight", &|r| r.flight), place("In held-out contact", &|r| r.contact)]
+        .into_iter()
+        .filter(|p| p.series[0].y.iter().any(|v| v.is_finite()))
+        .collect();
     let words = Words::new(
         "The ladder falling to the floor",
         "Held-out error over weak windows (moments over a lever of 0.1 m) of each revision of the model, and what noise alone would leave.",
     );
-    let figure = Figure::panels(words, "revision of the model", 1, &[panel], &[]);
+    let figure = Figure::panels(words, "revision of the model", panels.len(), &panels, &[]);
     let table = Table::new(
         "Revisions",
         "Coefficients with 95 % intervals.",

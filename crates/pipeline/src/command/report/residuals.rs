@@ -7,17 +7,19 @@ use aloft_report::{Block, Columns, Dots, Figure, HeatMap, Section, Table, Words}
 /// Maps by what frames have in common, and attribution to segments.
 pub fn sections(c: &Comparison) -> Vec<Section> {
     let mut out = Vec::new();
-    let groups: Vec<&Group> =
-        c.first.breakdown.iter().filter(|g| g.by != GroupedBy::Flight && g.errors.frames > 0).collect();
-    let flights: Vec<&Group> =
-        c.first.breakdown.iter().filter(|g| g.by == GroupedBy::Flight && g.errors.frames > 0).collect();
+    let some = |wanted: &dyn Fn(GroupedBy) -> bool| -> Vec<&Group> {
+        c.first.breakdown.iter().filter(|g| wanted(g.by) && g.errors.frames > 0).collect()
+    };
+    let groups = some(&|by| !single(by));
+    let (trials, flights) = (some(&|by| by == GroupedBy::Trial), some(&|by| by == GroupedBy::Flight));
     if !groups.is_empty() {
         let mut blocks = maps(&groups, "what frames have in common");
-        if flights.len() > 1 {
-            blocks.push(Block::Folded {
-                title: format!("Flight by flight ({})", flights.len()),
-                blocks: maps(&flights, "flight"),
-            });
+        for (what, by, list) in
+            [("Recording by recording", "recording", &trials), ("Flight by flight", "flight", &flights)]
+        {
+            if list.len() > 1 {
+                blocks.push(Block::Folded { title: format!("{what} ({})", list.len()), blocks: maps(list, by) });
+            }
         }
         let all: Vec<&Group> = c.first.breakdown.iter().collect();
         blocks.push(Block::Folded { title: "The numbers".into(), blocks: vec![table(&all).into()] });
@@ -35,21 +37,13 @@ pub fn sections(c: &Comparison) -> Vec<Section> {
     out
 }
 
-fn word(by: GroupedBy) -> &'static str {
-    match by {
-        GroupedBy::Trial => "trial",
-        GroupedBy::Phase => "phase",
-        GroupedBy::Flight => "flight",
-        GroupedBy::TimeInFlight => "time in flight",
-        GroupedBy::Speed => "speed",
-        GroupedBy::Acceleration => "acceleration",
-        GroupedBy::Turning => "turning",
-        GroupedBy::Posture => "posture",
-    }
+/// Groups that are one thing each: they have maps of their own.
+fn single(by: GroupedBy) -> bool {
+    matches!(by, GroupedBy::Flight | GroupedBy::Trial)
 }
 
 fn label(g: &Group) -> String {
-    if g.by == GroupedBy::Flight { g.name.clone() } else { format!("{}: {}", word(g.by), g.name) }
+    if single(g.by) { g.name.clone() } else { format!("{}: {}", g.by.word(), g.name) }
 }
 
 fn maps(groups: &[&Group], by: &str) -> Vec<Block> {

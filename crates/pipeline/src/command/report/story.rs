@@ -2,7 +2,7 @@
 
 use crate::artifact::load_motion;
 use crate::command::compare::{ComparisonView, KinematicsRow, compare, kinematics};
-use crate::command::effect::{History, history};
+use crate::command::history::{History, history};
 use crate::command::parameters::{ParametersView, parameters};
 use crate::error::{PipelineError, StageFailure};
 use crate::stages::STAGES;
