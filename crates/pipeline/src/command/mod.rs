@@ -13,3 +13,4 @@ pub mod parameters;
 pub mod report;
 pub mod simulate;
 pub mod status;
+pub mod summary;
