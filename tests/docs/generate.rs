@@ -210,7 +210,10 @@ fn stages(schema: &serde_json::Value, pages: &mut Pages) {
 }
 
 fn demo_study() -> aloft_pipeline::study::Study {
-    let overrides = aloft_pipeline::study::Overrides { data: None, workspace: Some(root().join("no-such-workspace")) };
+    let overrides = aloft_pipeline::study::Overrides {
+        workspace: Some(root().join("no-such-workspace")),
+        ..aloft_pipeline::study::Overrides::default()
+    };
     aloft_pipeline::study::Study::open(&root().join("pipelines/demo.yaml"), &overrides).unwrap()
 }
 
@@ -405,6 +408,11 @@ const REASONS: &[(&str, &str, &str, &str)] = &[
 fn quality() -> String {
     let mut out = from("the closed lists of reasons in the code");
     out += "# Quality reasons\n\nWhat tables, `--json` and reports say about a recording, from closed lists. A reason never stops other trials. What to do about each: [How to record](../recording.md) and [Troubleshooting](../troubleshooting.md).\n";
+    out += "\n## Summary\n\nReasons in the table that ends a run (`aloft summary`, `summary.csv`). `failed`: there is no result; `warning`: results may suffer; `ok`: good to know.\n\n| reason | weight | meaning | what to do |\n|---|---|---|---|\n";
+    for r in aloft_pipeline::qc::QcReason::ALL {
+        let _ =
+            writeln!(out, "| `{}` | {} | {} | {} |", r.code(), r.level().word(), cell(r.meaning()), cell(r.advice()));
+    }
     let crates = Items::read(&root().join("crates"));
     for (title, what, file, name) in REASONS {
         let in_crate = file.split('/').nth(1).unwrap();

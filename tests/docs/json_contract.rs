@@ -15,6 +15,7 @@ const COMMANDS: &[(&str, &str, &str)] = &[
     ("history", "pipeline", "History"),
     ("status", "pipeline", "Status"),
     ("inspect", "pipeline", "Inspection"),
+    ("summary", "pipeline", "Summary"),
 ];
 
 /// The page.

@@ -1,10 +1,13 @@
 //! Stories: what a user types, on recordings that the tests make for themselves, through the real binary.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests fail by panicking")]
 
+mod batch;
 mod broken_lab;
 mod demo;
 mod estimators;
 mod export;
+mod help;
+mod kill;
 mod loop_on_people;
 mod one_stage_again;
 mod own_effect;

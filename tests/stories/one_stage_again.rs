@@ -2,6 +2,7 @@
 
 use crate::support::{expect, folder, lab, repo};
 use std::fs;
+use std::path::Path;
 
 #[test]
 fn only_what_follows_from_a_change_is_done_again() {
@@ -37,12 +38,26 @@ fn only_what_follows_from_a_change_is_done_again() {
     assert!(!out.lines().any(|l| l.starts_with("ik ")), "{out}");
     let (explained, _) = expect(&[&["explain", &p], &base[..], &["throws_01", "filter"]].concat(), 0);
     assert!(explained.contains("stale") && explained.contains("cutoff_hz"), "{explained}");
+    // what stands after the change knows of it, too
+    let (explained, _) = expect(&[&["explain", &p], &base[..], &["throws_01"]].concat(), 0);
+    assert!(explained.contains("regressor of throws_01") && explained.contains("will be done again"), "{explained}");
+    assert!(!explained.lines().any(|l| l.starts_with("ik ")), "{explained}");
     run(&["--only", "filter"]);
     let (_, err) = expect(&[&["run", &p], &base[..], &["--only", "identify"]].concat(), 2);
     assert!(err.contains("stale"), "{err}");
     run(&["--from", "flight"]);
     let (_, err) = run(&[]);
     assert!(err.contains("0 done"), "{err}");
+    let (explained, _) = expect(&[&["explain", &p], &base[..]].concat(), 0);
+    assert!(explained.contains("everything is up to date"), "{explained}");
+
+    // a recording with other content is named in words
+    let other = fs::read(Path::new(&data).join("throws_02.c3d")).unwrap();
+    fs::write(Path::new(&data).join("throws_01.c3d"), other).unwrap();
+    let (explained, _) = expect(&[&["explain", &p], &base[..], &["throws_01", "import"]].concat(), 0);
+    assert!(explained.contains("the content of the file throws_01.c3d"), "{explained}");
+    let (out, _) = run(&["--dry-run", "--trial", "throws_01", "--until", "ik"]);
+    assert!(out.contains("import") && out.contains("throws_01") && !out.contains("throws_02"), "{out}");
 }
 
 #[test]

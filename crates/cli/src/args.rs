@@ -28,6 +28,12 @@ pub struct PipelineArgs {
     /// Folder of results, instead of the pipeline's.
     #[arg(long, value_name = "DIR")]
     pub workspace: Option<PathBuf>,
+    /// Only these subjects of a study of several (name or pattern; may be given several times).
+    #[arg(long, value_name = "GLOB")]
+    pub subject: Vec<String>,
+    /// Only these sessions (name or pattern; may be given several times).
+    #[arg(long, value_name = "GLOB")]
+    pub session: Vec<String>,
 }
 
 /// Rows that results are built on.
@@ -142,7 +148,7 @@ fn key_value(text: &str) -> Result<(String, f64), String> {
 pub enum Command {
     /// Run the stages of a pipeline; what is up to date is kept.
     #[command(
-        after_help = "Examples:\n  aloft run pipelines/demo.yaml\n  aloft run pipelines/human.yaml --data lab/s01 --workspace out/s01\n  aloft run P.yaml --from filter            after a change of the cut-off\n  aloft run P.yaml --trial 'jump0*' --dry-run"
+        after_help = "Examples:\n  aloft run pipelines/demo.yaml\n  aloft run pipelines/human.yaml --data lab/s01 --workspace out/s01\n  aloft run P.yaml --from filter            after a change of the cut-off\n  aloft run P.yaml --trial 'jump0*' --dry-run\n  aloft run P.yaml --subject sub-02 --session 'ses-0*'"
     )]
     Run {
         /// The pipeline.
@@ -169,17 +175,24 @@ pub enum Command {
         /// Work beside other runs on the same workspace, each on trials or stages of its own (jobs of a cluster).
         #[arg(long)]
         shared: bool,
+        /// Wait where another run holds the workspace, instead of saying who it is.
+        #[arg(long)]
+        wait: bool,
         /// Threads (all cores where not given).
         #[arg(short = 'j', value_name = "N")]
         jobs: Option<usize>,
     },
     /// Check configuration, labels and files; changes nothing.
+    #[command(
+        after_help = "Examples:\n  aloft check P.yaml\n  aloft check P.yaml --data lab/s01\n  aloft check P.yaml --subject sub-02"
+    )]
     Check {
         /// The pipeline.
         #[command(flatten)]
         pipeline: PipelineArgs,
     },
     /// Show the grid of trials and stages: ok, warning, stale, failed, blocked, missing, excluded.
+    #[command(after_help = "Examples:\n  aloft status P.yaml\n  aloft status P.yaml --subject sub-02 --json")]
     Status {
         /// The pipeline.
         #[command(flatten)]
@@ -188,17 +201,33 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Say why a result is stale or failed: which input, parameter or version changed.
+    /// Show the summary: one row a trial with markers, gaps, errors, flights, comparison and reasons of quality control.
+    #[command(
+        after_help = "Examples:\n  aloft summary P.yaml\n  aloft summary P.yaml --subject sub-02 --json\n\nEvery run writes the same table as summary.csv, summary.parquet and summary.txt into the workspace."
+    )]
+    Summary {
+        /// The pipeline.
+        #[command(flatten)]
+        pipeline: PipelineArgs,
+        /// Machine-readable output.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Say why a result is stale or failed: which file, parameter or version changed.
+    #[command(
+        after_help = "Examples:\n  aloft explain P.yaml                     everything that is not up to date\n  aloft explain P.yaml jump03              one trial\n  aloft explain P.yaml jump03 filter       one result, with what it was made from\n  aloft explain P.yaml _study identify --subject sub-02"
+    )]
     Explain {
         /// The pipeline.
         #[command(flatten)]
         pipeline: PipelineArgs,
-        /// Trial (or `_study` for stages that run once).
-        trial: String,
-        /// Stage.
-        stage: String,
+        /// Trial (or `_study` for stages that run once); all where not given.
+        trial: Option<String>,
+        /// Stage; all where not given.
+        stage: Option<String>,
     },
     /// Show what is in a C3D or TRC file and what is wrong with it.
+    #[command(after_help = "Examples:\n  aloft inspect jump01.c3d\n  aloft inspect jump01.trc --json")]
     Inspect {
         /// Recording.
         file: PathBuf,
@@ -207,6 +236,9 @@ pub enum Command {
         json: bool,
     },
     /// Show the identified parameters with intervals and the prior beside them.
+    #[command(
+        after_help = "Examples:\n  aloft parameters P.yaml\n  aloft parameters P.yaml --rows paper\n  aloft parameters P.yaml --subject sub-02 --json"
+    )]
     Parameters {
         /// The pipeline.
         #[command(flatten)]
@@ -243,6 +275,9 @@ pub enum Command {
         json: bool,
     },
     /// Say which physical effect or measurement artefact is missing, how sure, and what it can be confused with.
+    #[command(
+        after_help = "Examples:\n  aloft discover P.yaml\n  aloft discover P.yaml --without plate_origin\n  aloft discover P.yaml --only tether --only wind --json"
+    )]
     Discover {
         /// The pipeline.
         #[command(flatten)]
@@ -261,12 +296,16 @@ pub enum Command {
         json: bool,
     },
     /// List, show, add or remove effects of the model.
+    #[command(
+        after_help = "Examples:\n  aloft effect list\n  aloft effect show tether\n  aloft effect add P.yaml tether\n  aloft effect remove P.yaml tether"
+    )]
     Effect {
         /// What to do with effects.
         #[command(subcommand)]
         action: EffectAction,
     },
     /// Show the ladder: model revisions and their held-out error.
+    #[command(after_help = "Examples:\n  aloft history P.yaml\n  aloft history P.yaml --json")]
     History {
         /// The pipeline.
         #[command(flatten)]
@@ -276,6 +315,9 @@ pub enum Command {
         json: bool,
     },
     /// Write one self-contained HTML page.
+    #[command(
+        after_help = "Examples:\n  aloft report P.yaml\n  aloft report P.yaml --subject sub-02 --out sub-02.html"
+    )]
     Report {
         /// The pipeline.
         #[command(flatten)]
@@ -307,6 +349,9 @@ pub enum Command {
         angles: Option<AnglesArg>,
     },
     /// Make a laboratory folder of C3D trials with known truth.
+    #[command(
+        after_help = "Examples:\n  aloft simulate chain_clean --out lab\n  aloft simulate configs/scenarios/human_tether.yaml --out lab --seed 3"
+    )]
     Simulate {
         /// Scenario file (YAML), or the name of a built-in scenario.
         scenario: String,
@@ -318,6 +363,9 @@ pub enum Command {
         seed: Option<u64>,
     },
     /// Look at a folder of recordings and write a commented pipeline for it.
+    #[command(
+        after_help = "Examples:\n  aloft init lab/s01\n  aloft init study --out study.yaml\n\nSubjects and sessions are recognised by participants.tsv, by folders called sub-… and ses-…, or by folders that hold recordings of the same names."
+    )]
     Init {
         /// Folder of recordings.
         folder: PathBuf,
@@ -353,12 +401,19 @@ pub enum Command {
         node: aloft_pipeline::merge::Node,
     },
     /// Show the JSON schema of pipeline files, for editors.
+    #[command(
+        after_help = "Examples:\n  aloft schema > aloft.schema.json\n  # first line of a pipeline, for editors: # yaml-language-server: $schema=aloft.schema.json"
+    )]
     Schema,
     /// Print shell completions.
+    #[command(
+        after_help = "Examples:\n  aloft completions bash > ~/.local/share/bash-completion/completions/aloft\n  aloft completions zsh > ~/.zfunc/_aloft\n  aloft completions powershell >> $PROFILE"
+    )]
     Completions {
         /// Shell.
         shell: clap_complete::Shell,
     },
     /// Print the manual page (troff).
+    #[command(after_help = "Examples:\n  aloft man > ~/.local/share/man/man1/aloft.1\n  aloft man | man -l -")]
     Man,
 }

@@ -1,18 +1,20 @@
 //! Each command: open the study, ask the pipeline, render for people or as JSON.
 
 use crate::args::{AnglesArg, Cli, Command, EffectAction, EngineArg, PipelineArgs, RowsArg};
+use crate::each::{broken, each, heading};
 use crate::progress::{Bars, Counted};
 use crate::render::{note, out, table};
 use crate::{Success, findings, residuals, show, show_estimators, workflow};
 use aloft_pipeline::command::{
     assess, check, compare, discover, effect, estimators, export, init, inspect, parameters, report, simulate, status,
+    summary,
 };
 use aloft_pipeline::config::{Angles, Rows};
 use aloft_pipeline::error::PipelineError;
 use aloft_pipeline::graph::Standing;
-use aloft_pipeline::runner::{self, Ended, RunReport, Selection};
-use aloft_pipeline::study::{Overrides, Study};
-use aloft_pipeline::workspace::WHOLE_STUDY;
+use aloft_pipeline::runner::{self, BatchReport, Ended, RunReport, Selection};
+use aloft_pipeline::studies::StudySet;
+use aloft_pipeline::study::{Overrides, Study, StudyId};
 use clap::CommandFactory;
 
 /// Why a command stopped.
@@ -31,15 +33,26 @@ impl From<PipelineError> for Stop {
 }
 
 fn overrides(args: &PipelineArgs) -> Overrides {
-    Overrides { data: args.data.clone(), workspace: args.workspace.clone() }
+    Overrides {
+        data: args.data.clone(),
+        workspace: args.workspace.clone(),
+        subjects: args.subject.clone(),
+        sessions: args.session.clone(),
+    }
 }
 
-/// The study of a pipeline.
+/// The one study of a pipeline.
 pub fn open(args: &PipelineArgs) -> Result<Study, Stop> {
     Ok(Study::open(&args.pipeline, &overrides(args))?)
 }
 
-fn json<T: serde::Serialize>(value: &T) -> Result<(), Stop> {
+/// All subjects and sessions that the words choose.
+pub fn open_all(args: &PipelineArgs) -> Result<StudySet, Stop> {
+    Ok(StudySet::open(&args.pipeline, &overrides(args))?)
+}
+
+/// Prints a value as JSON.
+pub fn json<T: serde::Serialize>(value: &T) -> Result<(), Stop> {
     let text =
         serde_json::to_string_pretty(value).map_err(|e| Stop::Error(miette::miette!("cannot write JSON: {e}")))?;
     out(text)
@@ -57,13 +70,24 @@ impl From<RowsArg> for Rows {
 /// Carries out a command.
 pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
     match cli.command {
-        Command::Run { pipeline, from, only, until, trial, dry_run, force, shared, jobs } => {
-            let selection = Selection { from, only, until, trials: trial, dry_run, force, shared };
+        Command::Run { pipeline, from, only, until, trial, dry_run, force, shared, wait, jobs } => {
+            let selection = Selection { from, only, until, trials: trial, dry_run, force, shared, wait };
             run(&pipeline, &selection, jobs)
         }
-        Command::Check { pipeline } => show_check(&open(&pipeline)?),
-        Command::Status { pipeline, json: as_json } => show_status(&open(&pipeline)?, as_json),
-        Command::Explain { pipeline, trial, stage } => show_explanation(&open(&pipeline)?, &trial, &stage),
+        Command::Check { pipeline } => show_check(&pipeline),
+        Command::Status { pipeline, json: as_json } => {
+            each(&pipeline, as_json, status::status, |found| show_status(found))
+        }
+        Command::Summary { pipeline, json: as_json } => {
+            let found = summary::summary(&open_all(&pipeline)?, &words_of(&pipeline))?;
+            if as_json {
+                json(&found)?
+            } else {
+                out(found.to_text())?
+            }
+            Ok(Success::Full)
+        }
+        Command::Explain { pipeline, trial, stage } => explain(&pipeline, trial.as_deref(), stage.as_deref()),
         Command::Inspect { file, json: as_json } => {
             let found = inspect::inspect(&file)?;
             if as_json {
@@ -74,81 +98,52 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             Ok(Success::Full)
         }
         Command::Parameters { pipeline, rows, assess: with_assessment, json: as_json } => {
-            let study = open(&pipeline)?;
-            if with_assessment {
-                assess::assess(&study)?;
-            }
-            let found = parameters::parameters(&study, rows.map(Rows::from))?;
-            if as_json {
-                json(&found)?
-            } else {
-                show::parameters(&found)?
-            }
-            Ok(Success::Full)
+            let ask = |study: &Study| {
+                if with_assessment {
+                    assess::assess(study)?;
+                }
+                parameters::parameters(study, rows.map(Rows::from))
+            };
+            each(&pipeline, as_json, ask, show::parameters)
         }
         Command::Compare { pipeline, estimators: true, json: as_json, .. } => {
-            let found = estimators::estimators(&open(&pipeline)?)?;
-            if as_json {
-                json(&found)?
-            } else {
-                show_estimators::estimators(&found)?
-            }
-            Ok(Success::Full)
+            each(&pipeline, as_json, estimators::estimators, show_estimators::estimators)
         }
         Command::Compare { pipeline, leave_one_out: true, json: as_json, .. } => {
-            let found = estimators::leave_one_out(&open(&pipeline)?)?;
-            if as_json {
-                json(&found)?
-            } else {
-                show_estimators::leave_one_out(&found)?
-            }
-            Ok(Success::Full)
+            each(&pipeline, as_json, estimators::leave_one_out, show_estimators::leave_one_out)
         }
         Command::Compare { pipeline, by, json: as_json, .. } => {
-            let found = compare::compare(&open(&pipeline)?)?;
-            if as_json {
-                json(&found)?
-            } else {
-                residuals::comparison(&found, &by)?
-            }
-            Ok(Success::Full)
+            each(&pipeline, as_json, compare::compare, |found| residuals::comparison(found, &by))
         }
         Command::Discover { pipeline, only, without, self_test: true, json: as_json } => {
             let options = discover::options(only, without);
-            let bar = Counted::new("self-test");
-            let found = discover::self_test(&open(&pipeline)?, &options, &|done, all| bar.at(done, all))?;
-            drop(bar);
-            if as_json {
-                json(&found)?
-            } else {
-                findings::self_test(&found.self_test)?
-            }
-            Ok(Success::Full)
+            let ask = |study: &Study| {
+                let bar = Counted::new("self-test");
+                discover::self_test(study, &options, &|done, all| bar.at(done, all))
+            };
+            each(&pipeline, as_json, ask, |found| findings::self_test(&found.self_test))
         }
         Command::Discover { pipeline, only, without, self_test: false, json: as_json } => {
             let options = discover::options(only, without);
-            let found = discover::discover(&open(&pipeline)?, &options)?;
-            if as_json {
-                json(&found)?
-            } else {
-                findings::discovery(&found, &pipeline)?
-            }
-            Ok(Success::Full)
+            each(
+                &pipeline,
+                as_json,
+                |study| discover::discover(study, &options),
+                |found| findings::discovery(found, &pipeline),
+            )
         }
         Command::Effect { action } => effects(action),
-        Command::History { pipeline, json: as_json } => {
-            let found = effect::history(&open(&pipeline)?)?;
-            if as_json {
-                json(&found)?
-            } else {
-                findings::history(&found)?
-            }
-            Ok(Success::Full)
-        }
+        Command::History { pipeline, json: as_json } => each(&pipeline, as_json, effect::history, findings::history),
         Command::Report { pipeline, out: target } => {
-            let path = report::write(&open(&pipeline)?, target.as_deref())?;
-            out(path.display())?;
-            Ok(Success::Full)
+            let n = open_all(&pipeline)?.members.len();
+            if n > 1 && target.is_some() {
+                return Err(PipelineError::request_hint(
+                    format!("--out names one file, and there are {n} subjects or sessions"),
+                    "choose one with --subject and --session, or leave --out away: each page then lies in its workspace",
+                )
+                .into());
+            }
+            each(&pipeline, false, |study| report::write(study, target.as_deref()), |path| out(path.display()))
         }
         Command::Export { pipeline, to, format, trial, angles } => {
             let options = export::ExportOptions {
@@ -224,7 +219,7 @@ fn show_export(done: &export::Exported) -> Result<Success, Stop> {
 }
 
 fn effects(action: EffectAction) -> Result<Success, Stop> {
-    let (args, (report, history)) = match action {
+    match action {
         EffectAction::List { pipeline, json: as_json } => {
             let found = effect::list(pipeline.as_deref())?;
             if as_json {
@@ -232,25 +227,38 @@ fn effects(action: EffectAction) -> Result<Success, Stop> {
             } else {
                 findings::effects(&found)?
             }
-            return Ok(Success::Full);
+            Ok(Success::Full)
         }
         EffectAction::Show { name, pipeline } => {
             let found = effect::show(&name, pipeline.as_deref())?;
             out(format!("# {} ({})\n\n{}", found.title, found.id, found.documentation))?;
-            return Ok(Success::Full);
+            Ok(Success::Full)
         }
         EffectAction::Add { pipeline, name, set } => {
-            let done = effect::add(&open(&pipeline)?, &overrides(&pipeline), &name, &set, &Bars::default())?;
-            (pipeline, done)
+            change_effects(&pipeline, |study| effect::add(study, &name, &set, &Bars::default()))
         }
         EffectAction::Remove { pipeline, name } => {
-            let done = effect::remove(&open(&pipeline)?, &overrides(&pipeline), &name, &Bars::default())?;
-            (pipeline, done)
+            change_effects(&pipeline, |study| effect::remove(study, &name, &Bars::default()))
         }
-    };
-    show_run(&report, &args)?;
-    findings::history(&history)?;
-    Ok(if report.has_trouble() { Success::Partial } else { Success::Full })
+    }
+}
+
+fn change_effects(
+    args: &PipelineArgs,
+    change: impl Fn(&Study) -> Result<(RunReport, effect::History), PipelineError>,
+) -> Result<Success, Stop> {
+    let set = open_all(args)?;
+    let mut trouble = broken(&set);
+    for study in &set.members {
+        if set.several {
+            heading(&study.id)?;
+        }
+        let (report, history) = change(study)?;
+        show_run(&study.id, &report, args);
+        findings::history(&history)?;
+        trouble |= report.has_trouble();
+    }
+    Ok(if trouble { Success::Partial } else { Success::Full })
 }
 
 fn run(args: &PipelineArgs, selection: &Selection, jobs: Option<usize>) -> Result<Success, Stop> {
@@ -260,23 +268,83 @@ fn run(args: &PipelineArgs, selection: &Selection, jobs: Option<usize>) -> Resul
             .build_global()
             .map_err(|e| Stop::Error(miette::miette!("-j {jobs}: {e}")))?;
     }
-    let study = open(args)?;
-    let done = runner::run(&study, selection, &Bars::default())?;
+    let set = open_all(args)?;
+    let done = runner::run_all(&set, selection, &Bars::default())?;
     if selection.dry_run {
-        return show_dry_run(&done);
+        return show_dry_run(&set, &done);
     }
-    show_run(&done, args)?;
-    if done.tasks.iter().any(|t| t.stage == "compare" && matches!(t.ended, Ended::Ran | Ended::UpToDate)) {
-        show::brief(&compare::compare(&study)?)?;
+    let mut trouble = broken(&set) | done.has_trouble();
+    for run in &done.runs {
+        match &run.report {
+            Ok(report) => show_run(&run.id, report, args),
+            Err(error) => note(format!("failed: {}: {error}", run.id)),
+        }
     }
-    Ok(if done.has_trouble() { Success::Partial } else { Success::Full })
+    if set.several {
+        note(totals(done.reports().map(|(_, r)| r), done.seconds));
+    }
+    for (study, run) in set.members.iter().zip(&done.runs) {
+        let Ok(report) = &run.report else { continue };
+        if report.tasks.iter().any(|t| t.stage == "compare" && matches!(t.ended, Ended::Ran | Ended::UpToDate)) {
+            match compare::compare(study) {
+                Ok(found) if set.several => show::one_line(&found)?,
+                Ok(found) => show::brief(&found)?,
+                Err(error) => {
+                    trouble = true;
+                    note(format!("failed: {}: {error}", study.id));
+                }
+            }
+        }
+    }
+    let summary = summary::summary(&set, &words_of(args))?;
+    let written = summary.write(&set.workspace)?;
+    out(format!("\n{}", summary.to_text()))?;
+    note(format!("summary: {}", written.display()));
+    let nothing = done.runs.iter().all(|r| r.report.is_err()) && !done.runs.is_empty();
+    if nothing && let Some(Err(error)) = done.runs.into_iter().next().map(|r| r.report) {
+        return Err(error.into());
+    }
+    Ok(if trouble { Success::Partial } else { Success::Full })
 }
 
-fn show_dry_run(done: &RunReport) -> Result<Success, Stop> {
-    let mut t = table(&["stage", "trial", "because"]);
-    for task in &done.tasks {
-        if let Ended::WouldRun(reason) = &task.ended {
-            t.add_row([task.stage, &task.trial, reason]);
+/// The words after `aloft run` that name pipeline and folders again.
+fn words_of(args: &PipelineArgs) -> String {
+    let folder = |flag: &str, path: &Option<std::path::PathBuf>| {
+        path.as_ref().map_or(String::new(), |p| format!(" --{flag} {}", quoted(&p.display().to_string())))
+    };
+    format!(
+        "{}{}{}",
+        quoted(&args.pipeline.display().to_string()),
+        folder("data", &args.data),
+        folder("workspace", &args.workspace)
+    )
+}
+
+fn quoted(word: &str) -> String {
+    if word.contains(|c: char| c.is_whitespace() || "'\"$&;()<>|*?[]".contains(c)) {
+        format!("\"{}\"", word.replace('"', "\\\""))
+    } else {
+        word.to_owned()
+    }
+}
+
+fn show_dry_run(set: &StudySet, done: &BatchReport) -> Result<Success, Stop> {
+    let mut t = table(if set.several { &["stage", "trial", "of", "because"] } else { &["stage", "trial", "because"] });
+    for (id, report) in done.reports() {
+        for task in &report.tasks {
+            if let Ended::WouldRun(reason) = &task.ended {
+                let mut cells = vec![task.stage.to_owned(), task.trial.clone()];
+                if set.several {
+                    cells.push(id.to_string());
+                }
+                cells.push(reason.clone());
+                t.add_row(cells);
+            }
+        }
+    }
+    for run in &done.runs {
+        if let Err(error) = &run.report {
+            note(format!("failed: {}: {error}", run.id));
         }
     }
     if t.is_empty() {
@@ -284,47 +352,70 @@ fn show_dry_run(done: &RunReport) -> Result<Success, Stop> {
     } else {
         out(t)?
     }
-    Ok(Success::Full)
+    Ok(if broken(set) | done.runs.iter().any(|r| r.report.is_err()) { Success::Partial } else { Success::Full })
 }
 
-fn show_run(done: &RunReport, args: &PipelineArgs) -> Result<(), Stop> {
+fn show_run(id: &StudyId, done: &RunReport, args: &PipelineArgs) {
+    let whose = if id.subject.is_some() { format!("{id} ") } else { String::new() };
     for task in &done.tasks {
         for warning in task.warnings.iter().filter(|_| task.ended == Ended::Ran) {
-            note(format!("warning: {} {}: {warning}", task.stage, task.trial));
+            note(format!("warning: {whose}{} {}: {warning}", task.stage, task.trial));
         }
     }
     for (task, failure) in done.failures() {
-        note(format!("failed: {} {}: {}", task.stage, task.trial, failure.problem));
+        note(format!("failed: {} {whose}{}: {}", task.stage, task.trial, failure.problem));
         if let Some(hint) = &failure.hint {
             note(format!("  hint: {hint}"));
         }
-        if task.trial != WHOLE_STUDY {
-            let folder = |flag: &str, path: &Option<std::path::PathBuf>| {
-                path.as_ref().map_or(String::new(), |p| format!(" --{flag} {}", p.display()))
-            };
-            note(format!(
-                "  again: aloft run {}{}{} --trial {}",
-                args.pipeline.display(),
-                folder("data", &args.data),
-                folder("workspace", &args.workspace),
-                task.trial
-            ));
-        }
+        note(format!("  again: {}", summary::again(&words_of(args), id, &task.trial)));
     }
-    let blocked = done.tasks.iter().filter(|t| matches!(t.ended, Ended::Blocked(_))).count();
-    let failed = done.failures().count();
-    let mut parts = vec![format!("{} done", done.ran()), format!("{} up to date", done.up_to_date())];
+    if id.subject.is_none() {
+        note(totals(std::iter::once(done), done.seconds));
+    }
+}
+
+/// One line: how many tasks were done, were up to date, failed, could not follow.
+fn totals<'r>(reports: impl Iterator<Item = &'r RunReport>, seconds: f64) -> String {
+    let (mut ran, mut current, mut failed, mut blocked) = (0, 0, 0, 0);
+    for done in reports {
+        ran += done.ran();
+        current += done.up_to_date();
+        failed += done.failures().count();
+        blocked += done.tasks.iter().filter(|t| matches!(t.ended, Ended::Blocked(_))).count();
+    }
+    let mut parts = vec![format!("{ran} done"), format!("{current} up to date")];
     if failed > 0 {
         parts.push(format!("{failed} failed"));
     }
     if blocked > 0 {
         parts.push(format!("{blocked} could not follow"));
     }
-    note(format!("{} in {:.1} s", parts.join(", "), done.seconds));
-    Ok(())
+    format!(
+        "{} in {} s",
+        parts.join(", "),
+        if seconds < 1.0 { format!("{seconds:.2}") } else { format!("{seconds:.1}") }
+    )
 }
 
-fn show_check(study: &Study) -> Result<Success, Stop> {
+fn show_check(args: &PipelineArgs) -> Result<Success, Stop> {
+    let set = open_all(args)?;
+    let mut trouble = broken(&set);
+    for study in &set.members {
+        if set.several {
+            heading(&study.id)?;
+        }
+        trouble |= show_one_check(study)?;
+    }
+    for (id, reason) in &set.excluded {
+        note(format!("excluded: {id}: {reason}"));
+    }
+    for remark in &set.remarks {
+        note(format!("warning: {remark}"));
+    }
+    Ok(if trouble { Success::Partial } else { Success::Full })
+}
+
+fn show_one_check(study: &Study) -> Result<bool, Stop> {
     let found = check::check(study)?;
     let mut t = table(&["trial", "role", "frames", "rate Hz", "markers", "plates", "remarks"]);
     for row in &found.trials {
@@ -347,27 +438,58 @@ fn show_check(study: &Study) -> Result<Success, Stop> {
     for remark in &found.remarks {
         note(format!("warning: {remark}"));
     }
-    Ok(if found.trials.iter().any(|t| t.broken) { Success::Partial } else { Success::Full })
+    Ok(found.trials.iter().any(|t| t.broken))
 }
 
-fn show_status(study: &Study, as_json: bool) -> Result<Success, Stop> {
-    let found = status::status(study)?;
-    if as_json {
-        json(&found)?;
-    } else {
-        let mut header = vec!["trial", "role"];
-        header.extend(found.stages.iter().copied());
-        let mut t = table(&header);
-        for row in &found.rows {
-            t.add_row([row.trial.clone(), row.role.clone()].into_iter().chain(row.cells.iter().cloned()));
-        }
-        out(t)?;
+fn show_status(found: &status::Status) -> Result<(), Stop> {
+    let mut header = vec!["trial", "role"];
+    header.extend(found.stages.iter().copied());
+    let mut t = table(&header);
+    for row in &found.rows {
+        t.add_row([row.trial.clone(), row.role.clone()].into_iter().chain(row.cells.iter().cloned()));
     }
-    Ok(Success::Full)
+    out(t)
 }
 
-fn show_explanation(study: &Study, trial: &str, stage: &str) -> Result<Success, Stop> {
-    let found = status::explain(study, trial, stage)?;
+/// One result with its making; or, without trial and stage, everything that is not up to date.
+fn explain(args: &PipelineArgs, trial: Option<&str>, stage: Option<&str>) -> Result<Success, Stop> {
+    let set = open_all(args)?;
+    let mut shown = 0;
+    let mut last: Option<PipelineError> = None;
+    for study in &set.members {
+        match (trial, stage) {
+            (Some(trial), Some(stage)) => match status::explain(study, trial, stage) {
+                Ok(found) => {
+                    shown += 1;
+                    if set.several {
+                        heading(&study.id)?;
+                    }
+                    show_explanation(&found, trial, stage, true)?;
+                }
+                Err(error) => last = Some(error),
+            },
+            _ => {
+                let found = status::explain_all(study, trial)?;
+                shown += 1;
+                if set.several && !found.is_empty() {
+                    heading(&study.id)?;
+                }
+                for (stage, trial, explanation) in &found {
+                    show_explanation(explanation, trial, stage, false)?;
+                }
+                if found.is_empty() && !set.several {
+                    out("everything is up to date")?;
+                }
+            }
+        }
+    }
+    match (shown, last) {
+        (0, Some(error)) => Err(error.into()),
+        _ => Ok(Success::Full),
+    }
+}
+
+fn show_explanation(found: &status::Explanation, trial: &str, stage: &str, whole: bool) -> Result<(), Stop> {
     out(format!("{stage} of {trial}: {}", found.standing.word()))?;
     match &found.standing {
         Standing::Stale(changes) => {
@@ -384,17 +506,19 @@ fn show_explanation(study: &Study, trial: &str, stage: &str) -> Result<Success, 
         Standing::Blocked(reason) => out(format!("  {reason}"))?,
         _ => {}
     }
-    if let Some(m) = &found.manifest {
-        for warning in &m.warnings {
-            out(format!("  warning: {warning}"))?;
-        }
-        for (key, value) in &m.summary {
-            out(format!("  {key}: {value}"))?;
-        }
-        out(format!("  made by aloft {} in {:.2} s from", m.program, m.seconds))?;
-        for (name, hash) in &m.inputs {
-            out(format!("    {name} {}", hash.get(..12).unwrap_or(hash)))?;
-        }
+    for before in &found.before {
+        out(format!("  will be done again, because {before}"))?;
     }
-    Ok(Success::Full)
+    let Some(m) = found.manifest.as_ref().filter(|_| whole) else { return Ok(()) };
+    for warning in &m.warnings {
+        out(format!("  warning: {warning}"))?;
+    }
+    for (key, value) in &m.summary {
+        out(format!("  {key}: {value}"))?;
+    }
+    out(format!("  made by aloft {} in {:.2} s from", m.program, m.seconds))?;
+    for (name, hash) in &m.inputs {
+        out(format!("    {name} {}", hash.get(..12).unwrap_or(hash)))?;
+    }
+    Ok(())
 }

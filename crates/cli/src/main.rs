@@ -3,6 +3,7 @@
 
 mod args;
 mod commands;
+mod each;
 mod findings;
 mod progress;
 mod render;

@@ -1,6 +1,8 @@
-//! Progress bars, on a terminal only; failures are told as they happen.
+//! One progress bar with the time left, on a terminal only.
 
-use aloft_pipeline::runner::{Ended, Progress, TaskReport};
+use aloft_pipeline::progress::{Forecast, Plan, Progress};
+use aloft_pipeline::runner::{Ended, TaskReport};
+use aloft_pipeline::study::StudyId;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::Mutex;
 
@@ -31,36 +33,65 @@ impl Drop for Counted {
     }
 }
 
-/// One bar a stage.
+/// The bar of a run.
 #[derive(Debug, Default)]
 pub struct Bars {
-    current: Mutex<Option<ProgressBar>>,
+    current: Mutex<Option<(ProgressBar, Forecast)>>,
+}
+
+impl Bars {
+    fn show(&self, change: impl FnOnce(&mut Forecast) -> String) {
+        let Ok(mut current) = self.current.lock() else { return };
+        let Some((bar, forecast)) = current.as_mut() else { return };
+        let message = change(forecast);
+        let (done, all) = forecast.tasks();
+        bar.set_length(all as u64);
+        bar.set_position(done as u64);
+        bar.set_prefix(forecast.seconds_left().map_or(String::new(), |s| format!("{} left", duration(s))));
+        bar.set_message(message);
+    }
+}
+
+/// Seconds as people say them.
+fn duration(seconds: f64) -> String {
+    let s = seconds.round().max(0.0) as u64;
+    match s {
+        0..60 => format!("{s} s"),
+        60..3600 => format!("{} min {:02} s", s / 60, s % 60),
+        _ => format!("{} h {:02} min", s / 3600, s / 60 % 60),
+    }
 }
 
 impl Progress for Bars {
-    fn stage(&self, name: &str, tasks: usize) {
-        let bar = ProgressBar::new(tasks as u64);
-        if let Ok(style) = ProgressStyle::with_template("{prefix:>10} {bar:30} {pos}/{len} {eta} {msg}") {
+    fn begin(&self, plan: &Plan) {
+        let bar = ProgressBar::new(plan.tasks.iter().sum::<usize>() as u64);
+        if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len}  {prefix}  {msg}") {
             bar.set_style(style);
         }
-        bar.set_prefix(name.to_owned());
         if let Ok(mut current) = self.current.lock() {
-            if let Some(old) = current.take() {
-                old.finish_and_clear();
-            }
-            *current = Some(bar);
+            *current = Some((bar, Forecast::new(plan)));
         }
     }
 
-    fn task(&self, report: &TaskReport) {
-        let Ok(current) = self.current.lock() else { return };
-        let Some(bar) = current.as_ref() else { return };
-        bar.set_message(report.trial.clone());
-        bar.inc(1);
-        if let Ended::Failed(_) = report.ended {
-            bar.set_message(format!("{} failed", report.trial));
-        }
-        if bar.position() == bar.length().unwrap_or(0) {
+    fn stage(&self, study: &StudyId, name: &'static str, settled: usize, _tasks: usize) {
+        self.show(|f| {
+            f.settled(name, settled);
+            format!("{name} {study}")
+        });
+    }
+
+    fn task(&self, study: &StudyId, report: &TaskReport) {
+        self.show(|f| {
+            f.ended(report.stage, report.seconds);
+            let word = if matches!(report.ended, Ended::Failed(_)) { " failed" } else { "" };
+            format!("{} {study} {}{word}", report.stage, report.trial)
+        });
+    }
+
+    fn end(&self) {
+        if let Ok(mut current) = self.current.lock()
+            && let Some((bar, _)) = current.take()
+        {
             bar.finish_and_clear();
         }
     }

@@ -108,3 +108,20 @@ pub fn brief(view: &ComparisonView) -> Result<(), Stop> {
     }
     out(format!("on {} (frames; windows of {} s)\n{t}", judged_on(c), c.options.window_s))
 }
+
+/// One line of a subject or session among several.
+pub fn one_line(view: &ComparisonView) -> Result<(), Stop> {
+    let c = &view.comparison;
+    let (f, n, wf, wn) = errors_of(&c.first);
+    out(format!(
+        "{}: {} flights, σ_N-1/σ_N {}; {}: {} N, {} N·m on frames, {} N, {} N·m over windows",
+        view.subject,
+        view.parameters.flights,
+        significant(view.parameters.sigma_ratio, 3),
+        judged_on(c),
+        significant(mean(&f), 3),
+        significant(mean(&n), 3),
+        significant(mean(&wf), 3),
+        significant(mean(&wn), 3)
+    ))
+}

@@ -29,6 +29,12 @@ pub struct PipelineConfig {
     /// Facts about the subject; what is not said here is taken from `subject.yaml`, `object.yaml` or `participants.tsv` beside the recordings.
     #[serde(default)]
     pub subject: SubjectConfig,
+    /// Folders of subjects and sessions, for a study of several; found by themselves where `participants.tsv` or the folders' names tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub subjects: Option<SubjectsConfig>,
+    /// Settings that hold for some subjects, sessions or trials only.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub overrides: Vec<Override>,
     /// Which recordings play which part.
     #[serde(default)]
     pub trials: TrialsConfig,
@@ -100,6 +106,137 @@ pub struct SubjectConfig {
     pub gravity_mps2: Option<f64>,
 }
 
+/// Where the subjects and sessions of a study lie. Names and patterns are folders; `*` and `?` as in a shell.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SubjectsConfig {
+    /// Subject folders, relative to the data folder; an empty list stands for the rows of `participants.tsv`, or else `sub-*`.
+    #[serde(default)]
+    pub folders: Vec<String>,
+    /// Session folders, relative to each subject's folder (`ses-*` where nothing is said). A subject without such folders is one session.
+    #[serde(default = "default_sessions")]
+    pub sessions: Vec<String>,
+    /// Subjects or sessions to leave out, with the reason.
+    #[serde(default)]
+    pub exclude: Vec<SubjectExclusion>,
+}
+
+fn default_sessions() -> Vec<String> {
+    strings(&["ses-*"])
+}
+
+/// A subject, or one session of it, that is left out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SubjectExclusion {
+    /// Name or pattern of the subject.
+    pub subject: String,
+    /// Name or pattern of the session; all sessions where not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub session: Option<String>,
+    /// Why, for the tables.
+    pub reason: String,
+}
+
+/// Settings for some subjects, sessions or trials. What is nearer to the trial wins: study, subject, session, trial.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Override {
+    /// Name or pattern of the subject; all where not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub subject: Option<String>,
+    /// Name or pattern of the session; all where not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub session: Option<String>,
+    /// Name or pattern of the trial; then `set` may hold `import`, `ik` and `flight` only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trial: Option<String>,
+    /// The settings: sections as in the pipeline, with just what differs.
+    pub set: Sections,
+}
+
+impl Override {
+    /// What cannot be, in words.
+    pub fn check(&self) -> Result<(), String> {
+        if self.trial.is_some() {
+            let s = &self.set;
+            let wrong = [
+                ("marker_set", s.marker_set.is_some()),
+                ("object", s.object.is_some()),
+                ("subject", s.subject.is_some()),
+                ("trials", s.trials.is_some()),
+                ("scale", s.scale.is_some()),
+                ("calibrate", s.calibrate.is_some()),
+                ("filter", s.filter.is_some()),
+                ("regressor", s.regressor.is_some()),
+                ("identify", s.identify.is_some()),
+                ("compare", s.compare.is_some()),
+            ];
+            if let Some((name, _)) = wrong.iter().find(|(_, set)| *set) {
+                return Err(format!(
+                    "`{name}` holds for all trials of a session and cannot differ for a single trial; \
+                     expected `import`, `ik` or `flight`, or leave `trial` out"
+                ));
+            }
+            if s.flight.as_ref().is_some_and(|f| f.margin_s != FlightConfig::default().margin_s) {
+                return Err(
+                    "`flight: margin_s` holds for all trials of a session and cannot differ for a single trial"
+                        .to_owned(),
+                );
+            }
+        } else if self.subject.is_none() && self.session.is_none() {
+            return Err("an override names whom it is for: `subject`, `session` or `trial`".to_owned());
+        }
+        Ok(())
+    }
+}
+
+/// The sections of a pipeline that may differ between subjects and sessions; also what a file `overrides.yaml` beside the
+/// recordings of a subject or session may hold.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Sections {
+    /// Marker set.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub marker_set: Option<String>,
+    /// Object description.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub object: Option<String>,
+    /// Facts about the subject.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub subject: Option<SubjectConfig>,
+    /// Which recordings play which part.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trials: Option<TrialsConfig>,
+    /// Reading of recordings.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub import: Option<ImportConfig>,
+    /// Static trial to subject.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<ScaleConfig>,
+    /// Refinement of geometry.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibrate: Option<CalibrateConfig>,
+    /// Markers to joint motion.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ik: Option<IkConfig>,
+    /// Low-pass filter.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub filter: Option<FilterConfig>,
+    /// Search for free flight.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flight: Option<FlightConfig>,
+    /// Rows and factors.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub regressor: Option<RegressorConfig>,
+    /// Estimation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub identify: Option<IdentifyConfig>,
+    /// Model against measurement.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub compare: Option<CompareConfig>,
+}
+
 /// Which recordings play which part. Patterns are relative to the data folder; a recording plays the first part that matches it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -150,16 +287,16 @@ fn strings(list: &[&str]) -> Vec<String> {
     list.iter().map(|s| (*s).to_owned()).collect()
 }
 fn default_static() -> Vec<String> {
-    strings(&["**/*[sS]tatic*.c3d", "**/*[sS]tatic*.trc"])
+    strings(&["**/*[sS]tatic*.c3d", "**/*[sS]tatic*.trc", "**/*[sS]tatic*_motion.tsv"])
 }
 fn default_calibration() -> Vec<String> {
     strings(&["**/*calib*.c3d"])
 }
 fn default_validate() -> Vec<String> {
-    strings(&["**/*exercise*.c3d", "**/squat*.trc"])
+    strings(&["**/*exercise*.c3d", "**/squat*.trc", "**/*exercise*_motion.tsv"])
 }
 fn default_identify() -> Vec<String> {
-    strings(&["**/*.c3d", "**/*.trc"])
+    strings(&["**/*.c3d", "**/*.trc", "**/*_motion.tsv"])
 }
 fn default_forces() -> Vec<String> {
     strings(&["{trial}.mot", "{trial}_grf.mot", "../forces/{trial}_grf.mot", "../forces/{trial}.mot"])
@@ -226,6 +363,8 @@ ImportConfig {
     fill_gaps_s: f64 = 0.1,
     /// Fill gaps of a marker from its segment's other markers, up to this length, s.
     rigid_fill_s: f64 = 0.25,
+    /// A file that holds less than this fraction of the frames that it states is taken for a broken copy.
+    least_fraction: f64 = 0.5,
     /// Repair spikes and label swaps (they are reported in any case).
     repair: bool = false,
 }}
@@ -470,5 +609,41 @@ pub fn error_at_key(
         text: NamedSource::new(file, text.to_owned()),
         at,
         hint,
+    }
+}
+
+/// A configuration error that points at an item of the list under `key:` (at the key where items do not begin lines of their own).
+pub fn error_at_item(
+    file: &str,
+    text: &str,
+    key: &str,
+    item: usize,
+    problem: impl Into<String>,
+    hint: Option<String>,
+) -> PipelineError {
+    let mut offset = 0;
+    // where each line's words begin in the text, how far they are indented, and the words
+    let mut lines = text.split_inclusive('\n').map(|line| {
+        let indent = line.len() - line.trim_start().len();
+        offset += line.len();
+        (offset - line.len() + indent, indent, line.trim())
+    });
+    let below = lines.by_ref().find(|(_, _, l)| l.starts_with(&format!("{key}:")));
+    let list: Vec<(usize, usize, &str)> =
+        lines.take_while(|(_, indent, l)| *indent > 0 || l.is_empty() || l.starts_with(['-', '#'])).collect();
+    let own = list.iter().find(|(_, _, l)| l.starts_with("- ")).map_or(0, |(_, indent, _)| *indent);
+    let mut items = list.iter().filter(|(_, indent, l)| *indent == own && l.starts_with("- "));
+    match below.and_then(|_| items.nth(item)) {
+        Some((begin, _, line)) => {
+            let number = text[..*begin].matches('\n').count() + 1;
+            PipelineError::Config {
+                file: file.to_owned(),
+                problem: format!("line {number}: {}", problem.into()),
+                text: NamedSource::new(file, text.to_owned()),
+                at: Some(SourceSpan::new(SourceOffset::from(*begin), line.len())),
+                hint,
+            }
+        }
+        None => error_at_key(file, text, key, problem, hint),
     }
 }

@@ -1,5 +1,6 @@
 //! What can go wrong between a configuration and its results. Configuration errors carry the text and the place in it.
 
+use crate::qc::QcReason;
 use miette::{Diagnostic, NamedSource, SourceSpan};
 use std::path::PathBuf;
 
@@ -57,7 +58,10 @@ pub enum PipelineError {
     },
     /// Another run holds the workspace.
     #[error("workspace {} is in use by {holder}", path.display())]
-    #[diagnostic(code(aloft::locked), help("wait for it to end, or give this run another --workspace"))]
+    #[diagnostic(
+        code(aloft::locked),
+        help("wait for it to end (--wait does so), or give this run another --workspace")
+    )]
     Locked {
         /// The workspace.
         path: PathBuf,
@@ -91,23 +95,32 @@ pub struct StageFailure {
     pub problem: String,
     /// What to do about it.
     pub hint: Option<String>,
+    /// The reason out of the closed list, where the stage knows it better than "the stage failed".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<QcReason>,
 }
 
 impl StageFailure {
     /// A failure without a hint.
     pub fn new(problem: impl Into<String>) -> Self {
-        Self { problem: problem.into(), hint: None }
+        Self { problem: problem.into(), hint: None, reason: None }
     }
 
     /// A failure with a hint.
     pub fn with_hint(problem: impl Into<String>, hint: impl Into<String>) -> Self {
-        Self { problem: problem.into(), hint: Some(hint.into()) }
+        Self { problem: problem.into(), hint: Some(hint.into()), reason: None }
+    }
+
+    /// The same with its reason out of the closed list.
+    #[must_use]
+    pub fn because(self, reason: QcReason) -> Self {
+        Self { reason: Some(reason), ..self }
     }
 }
 
 impl From<PipelineError> for StageFailure {
     fn from(error: PipelineError) -> Self {
         let hint = error.help().map(|h| h.to_string());
-        Self { problem: error.to_string(), hint }
+        Self { problem: error.to_string(), hint, reason: None }
     }
 }

@@ -182,7 +182,7 @@ pub fn inputs(
         match need {
             Need::Recording => {
                 if let Some(t) = trial {
-                    for path in std::iter::once(&t.file).chain(&t.forces) {
+                    for path in std::iter::once(&t.file).chain(&t.forces).chain(&t.beside) {
                         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
                         out.hashes.insert(format!("file {name}"), workspace.input_hash(path)?);
                     }

@@ -1,7 +1,8 @@
 //! Configuration, stage graph, cache and runner: where functions meet files.
 //!
-//! A [`study::Study`] is a pipeline file bound to a folder of recordings. [`runner::run`] brings its stages up to date in a
-//! [`workspace::Workspace`]; the functions in [`command`] read what lies there.
+//! A [`studies::StudySet`] is a pipeline file bound to a folder of recordings; each subject and session in it is a [`study::Study`].
+//! [`runner::run_all`] brings their stages up to date, each in a [`workspace::Workspace`] of its own; the functions in [`command`]
+//! read what lies there.
 
 pub mod artifact;
 pub mod catalog;
@@ -9,13 +10,18 @@ pub mod command;
 pub mod config;
 pub mod effects;
 pub mod error;
+pub mod facts;
 pub mod graph;
+pub mod inherit;
 pub mod merge;
 pub mod place;
+pub mod progress;
+pub mod qc;
 pub mod revision;
 pub mod runner;
 pub mod sharing;
 pub mod stages;
+pub mod studies;
 pub mod study;
 pub mod table;
 pub mod workspace;

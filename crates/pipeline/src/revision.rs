@@ -1,7 +1,7 @@
 //! Revisions of a model: which effects it holds. Each `effect add` or `remove` writes a new one; the old stay.
 
 use crate::error::PipelineError;
-use crate::workspace::{read_json, write_json};
+use crate::workspace::{read_json, write_json_whole};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -108,9 +108,7 @@ impl Revisions {
 
     /// Writes it, whole or not at all.
     pub fn save(&self, workspace: &Path) -> Result<(), PipelineError> {
-        let new = workspace.join("model.json.new");
-        write_json(&new, self)?;
-        std::fs::rename(&new, workspace.join("model.json")).map_err(PipelineError::io("move", new))
+        write_json_whole(&workspace.join("model.json"), self)
     }
 
     /// Effects of the present revision.

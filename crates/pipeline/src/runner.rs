@@ -1,14 +1,19 @@
-//! Runs the stages of a study: what is stale, in order, trials side by side; a failure never stops the others.
+//! Runs the stages of a study: what is stale, in order, trials side by side; a failure never stops the others. Subjects and
+//! sessions go side by side, too: all their trials share one pool of threads.
 
 use crate::error::{PipelineError, StageFailure};
 use crate::graph::{self, Job, Manifests, Stage, Standing};
+pub use crate::progress::{Plan, Progress, Silent};
 use crate::stages::STAGES;
-use crate::study::{Study, TrialEntry};
+use crate::studies::StudySet;
+use crate::study::{Study, StudyId, TrialEntry};
 use crate::workspace::{Manifest, Outcome, WHOLE_STUDY, Workspace};
 use globset::{Glob, GlobSet, GlobSetBuilder};
 use rayon::prelude::*;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::time::Instant;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
 /// What to run.
 #[derive(Debug, Clone, Default)]
@@ -27,6 +32,14 @@ pub struct Selection {
     pub dry_run: bool,
     /// Work beside other runs on the same workspace, each on tasks of its own.
     pub shared: bool,
+    /// Wait for another run that holds the workspace, instead of saying who it is.
+    pub wait: bool,
+}
+
+impl Selection {
+    fn patience(&self) -> Duration {
+        if self.wait { Duration::MAX } else { Duration::ZERO }
+    }
 }
 
 /// How one task ended in this run.
@@ -90,21 +103,33 @@ impl RunReport {
     }
 }
 
-/// Told how a run goes on.
-pub trait Progress: Sync {
-    /// A stage begins with so many tasks to run.
-    fn stage(&self, name: &str, tasks: usize);
-    /// A task ended.
-    fn task(&self, report: &TaskReport);
+/// One subject's session in the record of a run.
+#[derive(Debug)]
+pub struct StudyRun {
+    /// Which.
+    pub id: StudyId,
+    /// What was done; an error where the run could not begin (nothing of this study was changed then).
+    pub report: Result<RunReport, PipelineError>,
 }
 
-/// Tells nobody.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Silent;
+/// The record of a run over several studies.
+#[derive(Debug, Default)]
+pub struct BatchReport {
+    /// In the order of the studies.
+    pub runs: Vec<StudyRun>,
+    /// Wall time, s.
+    pub seconds: f64,
+}
 
-impl Progress for Silent {
-    fn stage(&self, _name: &str, _tasks: usize) {}
-    fn task(&self, _report: &TaskReport) {}
+impl BatchReport {
+    /// Reports of the studies that could begin.
+    pub fn reports(&self) -> impl Iterator<Item = (&StudyId, &RunReport)> {
+        self.runs.iter().filter_map(|r| r.report.as_ref().ok().map(|report| (&r.id, report)))
+    }
+    /// True when some task failed or could not run, or some study could not begin.
+    pub fn has_trouble(&self) -> bool {
+        self.runs.iter().any(|r| r.report.as_ref().map_or(true, RunReport::has_trouble))
+    }
 }
 
 /// The stage of a name, or an error that lists them.
@@ -131,7 +156,7 @@ fn stage_range(selection: &Selection) -> Result<(usize, usize), PipelineError> {
     Ok((from, until))
 }
 
-pub(crate) fn trial_filter(study: &Study, patterns: &[String]) -> Result<Option<GlobSet>, PipelineError> {
+pub(crate) fn trial_filter(studies: &[&Study], patterns: &[String]) -> Result<Option<GlobSet>, PipelineError> {
     if patterns.is_empty() {
         return Ok(None);
     }
@@ -140,8 +165,11 @@ pub(crate) fn trial_filter(study: &Study, patterns: &[String]) -> Result<Option<
         builder.add(Glob::new(p).map_err(|e| PipelineError::request(format!("--trial {p}: {}", e.kind())))?);
     }
     let set = builder.build().map_err(|e| PipelineError::request(e.to_string()))?;
-    if !study.trials.iter().any(|t| set.is_match(&t.name)) {
-        let names: Vec<&str> = study.trials.iter().map(|t| t.name.as_str()).collect();
+    let trials = || studies.iter().flat_map(|s| &s.trials);
+    if !trials().any(|t| set.is_match(&t.name)) {
+        let mut names: Vec<&str> = trials().map(|t| t.name.as_str()).collect();
+        names.sort_unstable();
+        names.dedup();
         return Err(PipelineError::request_hint(
             format!("no trial matches {}", patterns.join(", ")),
             format!("the trials are {}", names.join(", ")),
@@ -155,17 +183,118 @@ struct Task<'s> {
     inputs: graph::Inputs,
 }
 
-/// Runs the selected stages.
+/// What the selection may run at most, and how long it took before.
+fn plan(studies: &[&Study], (from, until): (usize, usize), filter: Option<&GlobSet>) -> Plan {
+    let mut plan = Plan { tasks: vec![0; STAGES.len()], seconds: vec![None; STAGES.len()] };
+    for i in from..until {
+        let (mut sum, mut n) = (0.0, 0.0);
+        for study in studies {
+            let workspace = Workspace::open(&study.workspace);
+            for (j, task) in STAGES[i].tasks(study).into_iter().enumerate() {
+                if task.is_some_and(|t| filter.is_some_and(|f| !f.is_match(&t.name))) {
+                    continue;
+                }
+                plan.tasks[i] += 1;
+                // a few of the last times are enough for a forecast
+                if j < 3
+                    && let Some(m) = workspace.manifest(STAGES[i].name, task.map_or(WHOLE_STUDY, |t| &t.name))
+                    && m.is_ok()
+                {
+                    sum += m.seconds;
+                    n += 1.0;
+                }
+            }
+        }
+        plan.seconds[i] = (n > 0.0).then(|| sum / n);
+    }
+    plan
+}
+
+/// A run that wants the workspace for itself.
+fn alone(selection: &Selection) -> bool {
+    !selection.dry_run && !selection.shared
+}
+
+/// Runs the selected stages of one study.
 pub fn run(study: &Study, selection: &Selection, progress: &dyn Progress) -> Result<RunReport, PipelineError> {
+    let range = stage_range(selection)?;
+    let filter = trial_filter(&[study], &selection.trials)?;
+    progress.begin(&plan(&[study], range, filter.as_ref()));
+    let done = run_study(study, range, filter.as_ref(), selection, progress);
+    progress.end();
+    done
+}
+
+/// Runs the selected stages of every member of a set. Their trials share the pool of threads; a member that cannot begin, or
+/// whose tasks fail, never stops the others. An error is one that concerns all: a wrong stage or pattern, a workspace in use.
+pub fn run_all(set: &StudySet, selection: &Selection, progress: &dyn Progress) -> Result<BatchReport, PipelineError> {
     let started = Instant::now();
-    let (from, until) = stage_range(selection)?;
-    let filter = trial_filter(study, &selection.trials)?;
+    if !set.several {
+        let Some(study) = set.members.first() else { return Ok(BatchReport::default()) };
+        let report = Ok(run(study, selection, progress)?);
+        let runs = vec![StudyRun { id: study.id.clone(), report }];
+        return Ok(BatchReport { runs, seconds: started.elapsed().as_secs_f64() });
+    }
+    let range = stage_range(selection)?;
+    let members: Vec<&Study> = set.members.iter().collect();
+    let filter = trial_filter(&members, &selection.trials)?;
+    let whole = Workspace::open(&set.workspace);
+    let _lock = if alone(selection) { Some(whole.lock(selection.patience())?) } else { None };
+    let _shared = if selection.shared && !selection.dry_run { Some(whole.lock_shared()?) } else { None };
+    progress.begin(&plan(&members, range, filter.as_ref()));
+    let next = AtomicUsize::new(0);
+    let slots: Vec<Mutex<Option<Result<RunReport, PipelineError>>>> =
+        members.iter().map(|_| Mutex::new(None)).collect();
+    // one more study under way than threads keeps every thread busy while a study-wide stage runs on one
+    let side_by_side = members.len().min(rayon::current_num_threads() + 1);
+    std::thread::scope(|scope| {
+        for _ in 0..side_by_side {
+            scope.spawn(|| {
+                while let Some((study, slot)) = {
+                    let i = next.fetch_add(1, Ordering::Relaxed);
+                    members.get(i).zip(slots.get(i))
+                } {
+                    let done = run_study(study, range, filter.as_ref(), selection, progress);
+                    if let Ok(mut slot) = slot.lock() {
+                        *slot = Some(done);
+                    }
+                }
+            });
+        }
+    });
+    progress.end();
+    let runs = members
+        .iter()
+        .zip(slots)
+        .map(|(study, slot)| StudyRun {
+            id: study.id.clone(),
+            report: slot
+                .into_inner()
+                .ok()
+                .flatten()
+                .unwrap_or_else(|| Err(PipelineError::request("the run ended before this study was reached"))),
+        })
+        .collect();
+    Ok(BatchReport { runs, seconds: started.elapsed().as_secs_f64() })
+}
+
+fn run_study(
+    study: &Study,
+    (from, until): (usize, usize),
+    filter: Option<&GlobSet>,
+    selection: &Selection,
+    progress: &dyn Progress,
+) -> Result<RunReport, PipelineError> {
+    let started = Instant::now();
+    if filter.is_some_and(|f| !study.trials.iter().any(|t| f.is_match(&t.name))) {
+        return Ok(RunReport::default());
+    }
     let workspace = Workspace::open(&study.workspace);
-    let _lock = if selection.dry_run || selection.shared { None } else { Some(workspace.lock()?) };
+    let _lock = if alone(selection) { Some(workspace.lock(selection.patience())?) } else { None };
     let _shared = if selection.shared && !selection.dry_run { Some(workspace.lock_shared()?) } else { None };
     let mut manifests = Manifests::read(study, &workspace, STAGES);
     for stage in STAGES[..from].iter().copied().filter(|s| needed(s.name, &STAGES[from..until])) {
-        refuse_if_not_current(stage, study, filter.as_ref(), &workspace, &manifests)?;
+        refuse_if_not_current(stage, study, filter, &workspace, &manifests)?;
     }
     let mut report = RunReport::default();
     let mut would_change: Vec<(String, String)> = Vec::new();
@@ -174,7 +303,7 @@ pub fn run(study: &Study, selection: &Selection, progress: &dyn Progress) -> Res
         let mut line: Vec<TaskReport> = Vec::new();
         for trial in stage.tasks(study) {
             let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
-            if let (Some(set), Some(t)) = (&filter, trial)
+            if let (Some(set), Some(t)) = (filter, trial)
                 && !set.is_match(&t.name)
             {
                 continue;
@@ -207,9 +336,7 @@ pub fn run(study: &Study, selection: &Selection, progress: &dyn Progress) -> Res
                 line.push(TaskReport { stage: stage.name, trial: name.to_owned(), ended, warnings, seconds: 0.0 });
             }
         }
-        if !todo.is_empty() {
-            progress.stage(stage.name, todo.len());
-        }
+        progress.stage(&study.id, stage.name, line.len(), todo.len());
         let results: Vec<Result<(Manifest, TaskReport), PipelineError>> = todo
             .par_iter()
             .map(|task| {
@@ -222,7 +349,7 @@ pub fn run(study: &Study, selection: &Selection, progress: &dyn Progress) -> Res
                     return Ok(done);
                 }
                 let (manifest, report) = run_task(stage, task, study, &workspace)?;
-                progress.task(&report);
+                progress.task(&study.id, &report);
                 Ok((manifest, report))
             })
             .collect();

@@ -37,7 +37,7 @@ impl Workspace {
         let path = self.root().join(".lock");
         if !path.is_file() {
             // the first of them makes the workspace; another one may be doing so in this moment
-            match self.lock() {
+            match self.lock(std::time::Duration::ZERO) {
                 Ok(_) | Err(PipelineError::Locked { .. }) => {}
                 Err(e) => return Err(e),
             }
@@ -79,9 +79,9 @@ mod tests {
         let (a, b, c) = (Workspace::open(&root), Workspace::open(&root), Workspace::open(&root));
         let one = a.lock_shared().unwrap();
         let two = b.lock_shared().unwrap();
-        assert!(matches!(c.lock(), Err(PipelineError::Locked { .. })));
+        assert!(matches!(c.lock(std::time::Duration::ZERO), Err(PipelineError::Locked { .. })));
         drop((one, two));
-        let plain = c.lock().unwrap();
+        let plain = c.lock(std::time::Duration::ZERO).unwrap();
         assert!(matches!(a.lock_shared(), Err(PipelineError::Locked { .. })));
         drop(plain);
         a.lock_shared().unwrap();

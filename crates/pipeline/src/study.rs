@@ -1,13 +1,16 @@
-//! A pipeline bound to a folder: which recordings there are, what part each plays, and who moved.
+//! A pipeline bound to the recordings of one subject (one session of it): which there are, what part each plays, and who moved.
 
 use crate::catalog;
-use crate::config::{PipelineConfig, error_at_key, parse_yaml};
+use crate::config::{FlightConfig, IkConfig, ImportConfig, PipelineConfig, error_at_key};
 use crate::effects::{OwnEffect, check_formulas, own_effects};
 use crate::error::PipelineError;
-use aloft_body::{ModelSpec, PersonFacts, Sex};
+use crate::facts::{FactPlaces, Facts, find_facts};
+use crate::inherit::{PipelineFile, TrialSettings, Whose};
+use crate::studies::StudySet;
+use aloft_body::ModelSpec;
 use aloft_scale::ObjectSpec;
 use aloft_trial::MarkerSet;
-use globset::{GlobBuilder, GlobSet, GlobSetBuilder};
+use globset::{GlobBuilder, GlobMatcher, GlobSet, GlobSetBuilder};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -54,24 +57,35 @@ pub struct TrialEntry {
     pub forces: Option<PathBuf>,
     /// Group of recordings that it belongs to (`trials.groups`), where one is named.
     pub group: Option<String>,
+    /// Files that describe the recording: channels and metadata of BIDS-Motion.
+    pub beside: Vec<PathBuf>,
     /// Why it is left out, where it is.
     pub excluded: Option<String>,
+    /// Settings of its own, where they differ from the session's.
+    pub settings: Option<TrialSettings>,
 }
 
-/// Facts about the subject or object with the laboratory's gravity.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Facts {
-    /// Name, sex, height, mass.
-    pub person: PersonFacts,
-    /// Magnitude of gravity, m/s².
-    pub gravity_mps2: f64,
-    /// Where each fact was found, for the report.
-    pub sources: Vec<String>,
+/// Which subject's which session a study is; both are none for a pipeline of one subject.
+#[derive(Debug, Clone, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct StudyId {
+    /// Subject.
+    pub subject: Option<String>,
+    /// Session.
+    pub session: Option<String>,
 }
 
-/// A pipeline bound to a folder of recordings.
+impl std::fmt::Display for StudyId {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let parts: Vec<&str> = [&self.subject, &self.session].into_iter().flatten().map(String::as_str).collect();
+        f.write_str(&parts.join(" "))
+    }
+}
+
+/// A pipeline bound to the recordings of one subject and session.
 #[derive(Debug, Clone)]
 pub struct Study {
+    /// Which subject and session, in a study of several.
+    pub id: StudyId,
     /// The configuration.
     pub config: PipelineConfig,
     /// Where it was read from.
@@ -84,6 +98,8 @@ pub struct Study {
     pub workspace: PathBuf,
     /// Recordings, sorted by name.
     pub trials: Vec<TrialEntry>,
+    /// Recordings that match no pattern, relative to the data folder.
+    pub unmatched: Vec<PathBuf>,
     /// Who moved.
     pub facts: Facts,
     /// The model.
@@ -109,49 +125,45 @@ pub struct Overrides {
     pub data: Option<PathBuf>,
     /// `--workspace`.
     pub workspace: Option<PathBuf>,
+    /// `--subject`: names or patterns; all where empty.
+    pub subjects: Vec<String>,
+    /// `--session`: names or patterns; all where empty.
+    pub sessions: Vec<String>,
+}
+
+/// Where one study of a set lies.
+#[derive(Debug)]
+pub(crate) struct Place<'a> {
+    pub id: StudyId,
+    /// Folder of its recordings.
+    pub data: PathBuf,
+    /// Folder of its results.
+    pub workspace: PathBuf,
+    /// The subject's folder, in a study of several.
+    pub subject_folder: Option<PathBuf>,
+    /// The whole study's folder of recordings.
+    pub root: &'a Path,
 }
 
 impl Study {
-    /// Reads the pipeline file, finds the recordings and the subject's facts.
+    /// Reads the pipeline file, finds the recordings and the subject's facts. For a study of several subjects this is an error
+    /// unless the overrides leave just one; see [`StudySet::open`].
     pub fn open(path: &Path, overrides: &Overrides) -> Result<Self, PipelineError> {
-        let text = std::fs::read_to_string(path).map_err(PipelineError::io("read", path))?;
-        let file = path.display().to_string();
-        let config: PipelineConfig = parse_yaml(&file, &text)?;
-        let dir = path.parent().map(Path::to_path_buf).unwrap_or_default();
-        let data = match (&overrides.data, &config.data) {
-            (Some(d), _) => d.clone(),
-            (None, Some(d)) => dir.join(d),
-            (None, None) => {
-                return Err(PipelineError::request_hint(
-                    format!("{file}: no folder of recordings"),
-                    "add `data: FOLDER` to the pipeline, or give --data FOLDER",
-                ));
-            }
+        StudySet::open(path, overrides)?.only()
+    }
+
+    /// Binds a checked pipeline to one place.
+    pub(crate) fn bind(pipeline: &PipelineFile, place: Place<'_>) -> Result<Self, PipelineError> {
+        let (file, text, dir) = (pipeline.name(), &pipeline.text, pipeline.folder());
+        let whose = Whose {
+            subject: place.id.subject.as_deref(),
+            session: place.id.session.as_deref(),
+            subject_folder: place.subject_folder.as_deref().or(Some(&place.data)),
+            session_folder: Some(&place.data),
         };
-        if !data.is_dir() {
-            return Err(error_at_key(
-                &file,
-                &text,
-                "data",
-                format!("{} is not a folder", data.display()),
-                Some("give the folder that holds the recordings, relative to the pipeline file, or --data".to_owned()),
-            ));
-        }
-        let workspace = match (&overrides.workspace, &config.workspace) {
-            (Some(w), _) => w.clone(),
-            (None, Some(w)) => dir.join(w),
-            (None, None) => {
-                let name =
-                    data.canonicalize().ok().and_then(|p| p.file_name().map(|n| n.to_string_lossy().into_owned()));
-                PathBuf::from("workspaces").join(format!(
-                    "{}-{}",
-                    config.name,
-                    name.unwrap_or_else(|| "data".to_owned())
-                ))
-            }
-        };
+        let config = pipeline.session_config(whose)?;
         let at = |key: &str, e: PipelineError| match e {
-            PipelineError::Request { problem, hint } => error_at_key(&file, &text, key, problem, hint),
+            PipelineError::Request { problem, hint } => error_at_key(&file, text, key, problem, hint),
             other => other,
         };
         let model = load_model(&config.model, &dir).map_err(|e| at("model", e))?;
@@ -163,22 +175,37 @@ impl Study {
         };
         let anthropometry =
             catalog::load("anthropometry", &config.scale.anthropometry, &dir).map_err(|e| at("anthropometry", e))?;
-        let trials = find_trials(&config, &data, &file, &text)?;
-        let facts = find_facts(&config, &data, &file, &text)?;
-        let own_effects = own_effects(&config, &file, &text, &dir)?;
+        let (mut trials, unmatched) = find_trials(&config, &place.data, &file, text)?;
+        for trial in &mut trials {
+            trial.settings = pipeline.trial_settings(&config, whose, &trial.name)?;
+        }
+        let facts = find_facts(
+            &config,
+            &FactPlaces {
+                data: &place.data,
+                subject_folder: place.subject_folder.as_deref(),
+                root: place.root,
+                id: &place.id,
+            },
+            &file,
+            text,
+        )?;
+        let own_effects = own_effects(&config, &file, text, &dir)?;
         check_formulas(&own_effects, &model)?;
-        let revisions = crate::revision::Revisions::load(&workspace)?;
+        let revisions = crate::revision::Revisions::load(&place.workspace)?;
         let (effects, plain_base) = (revisions.effects(), revisions.plain_base());
         Ok(Self {
+            id: place.id,
             effects,
             plain_base,
             own_effects,
             config,
-            config_path: path.to_path_buf(),
-            config_text: text,
-            data,
-            workspace,
+            config_path: pipeline.path.clone(),
+            config_text: text.clone(),
+            data: place.data,
+            workspace: place.workspace,
             trials,
+            unmatched,
             facts,
             model,
             marker_set,
@@ -200,6 +227,27 @@ impl Study {
             .collect();
         let bytes: Vec<u8> = self.plain_base.iter().flat_map(|x| x.to_le_bytes()).collect();
         serde_json::json!({"model": self.effects, "own": own, "about": blake3::hash(&bytes).to_hex().to_string()})
+    }
+
+    /// The same study with the effects of the model's latest revision.
+    pub fn refreshed(&self) -> Result<Self, PipelineError> {
+        let revisions = crate::revision::Revisions::load(&self.workspace)?;
+        Ok(Self { effects: revisions.effects(), plain_base: revisions.plain_base(), ..self.clone() })
+    }
+
+    /// How a trial (or the session, for none) is read.
+    pub fn import_of<'s>(&'s self, trial: Option<&'s TrialEntry>) -> &'s ImportConfig {
+        trial.and_then(|t| t.settings.as_ref()).map_or(&self.config.import, |s| &s.import)
+    }
+
+    /// Inverse kinematics of a trial.
+    pub fn ik_of<'s>(&'s self, trial: Option<&'s TrialEntry>) -> &'s IkConfig {
+        trial.and_then(|t| t.settings.as_ref()).map_or(&self.config.ik, |s| &s.ik)
+    }
+
+    /// Search for flights in a trial.
+    pub fn flight_of<'s>(&'s self, trial: Option<&'s TrialEntry>) -> &'s FlightConfig {
+        trial.and_then(|t| t.settings.as_ref()).map_or(&self.config.flight, |s| &s.flight)
     }
 
     /// A trial by name.
@@ -227,28 +275,93 @@ fn load_model(name: &str, dir: &Path) -> Result<ModelSpec, PipelineError> {
     catalog::load("models", name, dir)
 }
 
+fn not_a_pattern(p: &str, e: &globset::Error, key: &str, file: &str, text: &str) -> PipelineError {
+    error_at_key(
+        file,
+        text,
+        key,
+        format!("`{p}` is not a file pattern: {}", e.kind()),
+        Some("use *, ? and ** as in a shell".to_owned()),
+    )
+}
+
+/// A pattern of the pipeline, compiled; an error points at `key`.
+pub(crate) fn pattern(p: &str, key: &str, file: &str, text: &str) -> Result<GlobMatcher, PipelineError> {
+    let glob = GlobBuilder::new(p).literal_separator(true).build();
+    glob.map(|g| g.compile_matcher()).map_err(|e| not_a_pattern(p, &e, key, file, text))
+}
+
 fn globs(patterns: &[String], key: &str, file: &str, text: &str) -> Result<GlobSet, PipelineError> {
     let mut builder = GlobSetBuilder::new();
-    let wrong = |p: &str, e: globset::Error| {
-        error_at_key(
-            file,
-            text,
-            key,
-            format!("`{p}` is not a file pattern: {}", e.kind()),
-            Some("use *, ? and ** as in a shell".to_owned()),
-        )
-    };
     for p in patterns {
-        builder.add(GlobBuilder::new(p).literal_separator(true).build().map_err(|e| wrong(p, e))?);
+        let glob = GlobBuilder::new(p).literal_separator(true).build();
+        builder.add(glob.map_err(|e| not_a_pattern(p, &e, key, file, text))?);
     }
-    builder.build().map_err(|e| wrong("", e))
+    builder.build().map_err(|e| not_a_pattern("", &e, key, file, text))
 }
 
-fn is_recording(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d") || e.eq_ignore_ascii_case("trc"))
+/// True for files that hold a recording, by their extension.
+pub fn is_recording(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d") || e.eq_ignore_ascii_case("trc")) || is_bids(path)
 }
 
-fn find_trials(config: &PipelineConfig, data: &Path, file: &str, text: &str) -> Result<Vec<TrialEntry>, PipelineError> {
+/// Ending of the numbers of a BIDS-Motion recording.
+const BIDS_MOTION: &str = "_motion.tsv";
+
+/// True for the numbers of a BIDS-Motion recording.
+pub fn is_bids(path: &Path) -> bool {
+    path.file_name().is_some_and(|n| n.to_string_lossy().ends_with(BIDS_MOTION))
+}
+
+/// Files that describe a BIDS-Motion recording, those that are there: channels, their frame, metadata.
+pub fn bids_beside(path: &Path) -> Vec<PathBuf> {
+    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let Some(stem) = name.strip_suffix(BIDS_MOTION) else { return Vec::new() };
+    ["channels.tsv", "channels.json", "motion.json"]
+        .iter()
+        .map(|end| path.with_file_name(format!("{stem}_{end}")))
+        .filter(|p| p.is_file())
+        .collect()
+}
+
+/// The name of a recording without its ending.
+pub fn stem_of(path: &Path) -> String {
+    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    match name.strip_suffix(BIDS_MOTION) {
+        Some(stem) => stem.to_owned(),
+        None => path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default(),
+    }
+}
+
+/// Recordings below a folder, relative to it, in order of names. Results (workspaces, exports, `derivatives`) and hidden folders
+/// are not looked into.
+pub fn recordings_below(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
+    let mut found = Vec::new();
+    let walk = walkdir::WalkDir::new(folder).sort_by_file_name().into_iter().filter_entry(|e| {
+        let name = e.file_name().to_string_lossy();
+        e.depth() == 0
+            || !e.file_type().is_dir()
+            || !(name.starts_with('.') || name == "derivatives" || e.path().join(crate::workspace::MARKER).is_file())
+    });
+    for entry in walk {
+        let entry = entry.map_err(|e| PipelineError::Io {
+            action: "list",
+            path: folder.to_path_buf(),
+            source: e.into_io_error().unwrap_or_else(|| std::io::Error::other("a loop of links")),
+        })?;
+        if entry.file_type().is_file() && is_recording(entry.path()) {
+            found.push(entry.path().strip_prefix(folder).unwrap_or(entry.path()).to_path_buf());
+        }
+    }
+    Ok(found)
+}
+
+fn find_trials(
+    config: &PipelineConfig,
+    data: &Path,
+    file: &str,
+    text: &str,
+) -> Result<(Vec<TrialEntry>, Vec<PathBuf>), PipelineError> {
     let t = &config.trials;
     let roles = [
         (Role::Static, globs(&t.r#static, "static", file, text)?),
@@ -257,21 +370,14 @@ fn find_trials(config: &PipelineConfig, data: &Path, file: &str, text: &str) -> 
         (Role::Identify, globs(&t.identify, "identify", file, text)?),
     ];
     let mut found: Vec<(PathBuf, Role)> = Vec::new();
-    for entry in walkdir::WalkDir::new(data).sort_by_file_name() {
-        let entry = entry.map_err(|e| PipelineError::Io {
-            action: "list",
-            path: data.to_path_buf(),
-            source: e.into_io_error().unwrap_or_else(|| std::io::Error::other("a loop of links")),
-        })?;
-        if !entry.file_type().is_file() || !is_recording(entry.path()) {
-            continue;
-        }
-        let relative = entry.path().strip_prefix(data).unwrap_or(entry.path());
-        if let Some((role, _)) = roles.iter().find(|(_, set)| set.is_match(relative)) {
-            found.push((relative.to_path_buf(), *role));
+    let mut unmatched = Vec::new();
+    for relative in recordings_below(data)? {
+        match roles.iter().find(|(_, set)| set.is_match(&relative)) {
+            Some((role, _)) => found.push((relative, *role)),
+            None => unmatched.push(relative),
         }
     }
-    let stem = |p: &Path| p.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let stem = stem_of;
     let mut trials = Vec::new();
     for (relative, role) in &found {
         let short = stem(relative);
@@ -288,7 +394,17 @@ fn find_trials(config: &PipelineConfig, data: &Path, file: &str, text: &str) -> 
         } else {
             None
         };
-        trials.push(TrialEntry { name, role: *role, file: path, forces, group: None, excluded: None });
+        let beside = bids_beside(&path);
+        trials.push(TrialEntry {
+            name,
+            role: *role,
+            file: path,
+            forces,
+            group: None,
+            beside,
+            excluded: None,
+            settings: None,
+        });
     }
     for exclusion in &t.exclude {
         let set = globs(std::slice::from_ref(&exclusion.trial), "exclude", file, text)?;
@@ -326,138 +442,5 @@ fn find_trials(config: &PipelineConfig, data: &Path, file: &str, text: &str) -> 
         ));
     }
     trials.sort_by(|a, b| a.name.cmp(&b.name));
-    Ok(trials)
-}
-
-/// What `subject.yaml` or `object.yaml` beside the recordings may say; other keys are the laboratory's own business.
-#[derive(Debug, Default, Deserialize)]
-struct FactsFile {
-    name: Option<String>,
-    sex: Option<String>,
-    height_m: Option<f64>,
-    mass_kg: Option<f64>,
-    total_mass_kg: Option<f64>,
-    gravity_m_s2: Option<f64>,
-    lab: Option<LabFacts>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-struct LabFacts {
-    gravity: Option<serde_yaml::Value>,
-}
-
-fn find_facts(config: &PipelineConfig, data: &Path, file: &str, text: &str) -> Result<Facts, PipelineError> {
-    let mut facts = FactsFile::default();
-    let mut sources = Vec::new();
-    for name in ["subject.yaml", "subject.yml", "object.yaml", "object.yml"] {
-        let path = data.join(name);
-        if path.is_file() {
-            let text = std::fs::read_to_string(&path).map_err(PipelineError::io("read", &path))?;
-            facts = parse_yaml(&path.display().to_string(), &text)?;
-            sources.push(name.to_owned());
-            break;
-        }
-    }
-    if sources.is_empty()
-        && let Some(row) = participants(data)?
-    {
-        facts = row;
-        sources.push("participants.tsv".to_owned());
-    }
-    let s = &config.subject;
-    if s != &crate::config::SubjectConfig::default() {
-        sources.push("the pipeline".to_owned());
-    }
-    let gravity_in_lab = facts.lab.as_ref().and_then(|l| l.gravity.as_ref()).and_then(|g| match g {
-        serde_yaml::Value::Sequence(v) => {
-            let sum: f64 = v.iter().filter_map(serde_yaml::Value::as_f64).map(|x| x * x).sum();
-            (sum > 0.0).then(|| sum.sqrt())
-        }
-        other => other.as_f64().map(f64::abs),
-    });
-    let mass_kg = s.mass_kg.or(facts.mass_kg).or(facts.total_mass_kg).ok_or_else(|| {
-        error_at_key(
-            file,
-            text,
-            "subject",
-            "the body mass is not known: neither the pipeline nor a file beside the recordings states it",
-            Some(
-                "add `subject: {mass_kg: …}` to the pipeline, or put a subject.yaml with mass_kg beside the recordings"
-                    .to_owned(),
-            ),
-        )
-    })?;
-    if !(mass_kg.is_finite() && mass_kg > 0.0) {
-        return Err(error_at_key(
-            file,
-            text,
-            "mass_kg",
-            format!("mass_kg is {mass_kg}, expected a positive number of kilograms"),
-            None,
-        ));
-    }
-    let sex = match s.sex.clone().or(facts.sex).as_deref().map(str::to_ascii_lowercase).as_deref() {
-        Some("f" | "female") => Some(Sex::Female),
-        Some("m" | "male") => Some(Sex::Male),
-        Some("" | "n/a") | None => None,
-        Some(other) => {
-            return Err(error_at_key(file, text, "sex", format!("sex is `{other}`, expected F or M"), None));
-        }
-    };
-    Ok(Facts {
-        person: PersonFacts {
-            name: s.name.clone().or(facts.name).unwrap_or_else(|| config.name.clone()),
-            sex,
-            height_m: s.height_m.or(facts.height_m),
-            mass_kg,
-        },
-        gravity_mps2: s
-            .gravity_mps2
-            .or(facts.gravity_m_s2)
-            .or(gravity_in_lab)
-            .unwrap_or(aloft_body::STANDARD_GRAVITY_MPS2),
-        sources,
-    })
-}
-
-/// The row of `participants.tsv` (BIDS) for this folder: the one whose `participant_id` names the folder, or the only one.
-fn participants(data: &Path) -> Result<Option<FactsFile>, PipelineError> {
-    let path = data.join("participants.tsv");
-    if !path.is_file() {
-        return Ok(None);
-    }
-    let text = std::fs::read_to_string(&path).map_err(PipelineError::io("read", &path))?;
-    let mut lines = text.lines();
-    let header: Vec<&str> = lines.next().unwrap_or_default().split('\t').map(str::trim).collect();
-    let rows: Vec<Vec<&str>> =
-        lines.filter(|l| !l.trim().is_empty()).map(|l| l.split('\t').map(str::trim).collect()).collect();
-    let folder = data.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    let id = header.iter().position(|h| *h == "participant_id");
-    let row = rows
-        .iter()
-        .find(|r| id.and_then(|i| r.get(i)).is_some_and(|v| *v == folder || v.strip_prefix("sub-") == Some(&folder)))
-        .or(if rows.len() == 1 { rows.first() } else { None });
-    let Some(row) = row else {
-        return Err(PipelineError::request_hint(
-            format!("{}: {} participants and none is called `{folder}`", path.display(), rows.len()),
-            "name the subject in the pipeline, or keep each participant's recordings in a folder of that name",
-        ));
-    };
-    let get = |names: &[&str]| {
-        header
-            .iter()
-            .position(|h| names.contains(h))
-            .and_then(|i| row.get(i))
-            .filter(|v| **v != "n/a" && !v.is_empty())
-            .copied()
-    };
-    let number = |names: &[&str]| get(names).and_then(|v| v.parse::<f64>().ok());
-    let height = number(&["height", "height_m"]).map(|h| if h > 3.0 { h / 100.0 } else { h });
-    Ok(Some(FactsFile {
-        name: get(&["participant_id"]).map(str::to_owned),
-        sex: get(&["sex"]).map(str::to_owned),
-        height_m: height,
-        mass_kg: number(&["mass", "mass_kg", "weight"]),
-        ..FactsFile::default()
-    }))
+    Ok((trials, unmatched))
 }

@@ -3,6 +3,7 @@
 //! Missing is missing: a marker that was not seen is NaN, from import to export, never zero and never the last value.
 
 pub mod artefacts;
+pub mod bids;
 pub mod error;
 pub mod gaps;
 mod import;
@@ -17,6 +18,7 @@ mod trc;
 pub mod world;
 
 pub use artefacts::{ArtefactOptions, Finding, FindingKind, find_artefacts};
+pub use bids::BidsMotion;
 pub use error::TrialError;
 pub use gaps::{FillMethod, GapFill, GapOptions, fill_gaps, fill_gaps_with_poses};
 pub use labels::{MarkerSetMatch, apply_marker_set, recognise};

@@ -12,7 +12,7 @@ use crate::stages::filter::low_pass;
 use crate::stages::identify::{estimator, identify_from};
 use crate::stages::regressor::{TrialRows, weak_options};
 use crate::study::{Role, Study};
-use crate::workspace::{WHOLE_STUDY, Workspace, read_json, write_json};
+use crate::workspace::{WHOLE_STUDY, Workspace, read_json, write_json_whole};
 use aloft_body::{BaseParameters, Motion, Phi};
 use aloft_compare::noise_root;
 use aloft_identify::{
@@ -157,7 +157,7 @@ pub fn assess(study: &Study) -> Result<Assessment, PipelineError> {
         };
         setting.assess(job, of.clone())
     })?;
-    write_json(&place(study), &found)?;
+    write_json_whole(&place(study), &found)?;
     Ok(found)
 }
 

@@ -66,7 +66,7 @@ pub fn check(study: &Study) -> Result<Check, PipelineError> {
                     return row;
                 }
             };
-            let matched = apply_marker_set(&mut trial, &study.marker_set, &study.config.import.aliases);
+            let matched = apply_marker_set(&mut trial, &study.marker_set, &study.import_of(Some(entry)).aliases);
             let quality = assess(&trial, Some(&matched), &[], &[], &QualityOptions::default());
             row.frames = Some(trial.markers.n_frames);
             row.rate_hz = Some(trial.markers.rate_hz);
@@ -87,6 +87,29 @@ pub fn check(study: &Study) -> Result<Check, PipelineError> {
     let count = |role: Role| study.included().filter(|t| t.role == role).count();
     if count(Role::Static) == 0 && study.config.trials.static_frames.is_none() {
         remarks.push("no static trial: name frames of a dynamic trial under `trials: {static_frames: …}`".to_owned());
+    }
+    let statics = trials.iter().filter(|t| t.role == Role::Static.word()).count();
+    if statics > 0 && trials.iter().filter(|t| t.role == Role::Static.word()).all(|t| t.broken) {
+        remarks.push("no static trial can be used: the subject's model cannot be made".to_owned());
+    }
+    if !study.unmatched.is_empty() {
+        let names: Vec<String> = study.unmatched.iter().map(|p| p.display().to_string()).collect();
+        remarks.push(format!(
+            "{} recordings match no pattern of `trials` and are not used: {}",
+            names.len(),
+            abridged(&names)
+        ));
+    }
+    for e in &study.config.trials.exclude {
+        if !study.trials.iter().any(|t| t.excluded.as_ref() == Some(&e.reason)) {
+            remarks.push(format!("the exclusion of `{}` ({}) matches no trial", e.trial, e.reason));
+        }
+    }
+    if count(Role::Validate) == 0 && study.object.is_none() {
+        remarks.push(
+            "no trial is held out for comparison; each trial will be compared with parameters from the others"
+                .to_owned(),
+        );
     }
     if count(Role::Identify) == 0 {
         remarks.push("no trial to identify from: see `trials: {identify: …}`".to_owned());

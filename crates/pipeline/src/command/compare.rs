@@ -1,6 +1,7 @@
 //! `compare`: model against measurement, from what the stage left; and the table of estimators.
 
 use crate::error::PipelineError;
+use crate::stages::flight::gravity_error_percent;
 use crate::stages::identify::file_name;
 use crate::study::Study;
 use crate::workspace::{WHOLE_STUDY, Workspace, read_json};
@@ -157,17 +158,8 @@ pub fn kinematics(study: &Study, ws: &Workspace) -> Vec<KinematicsRow> {
             let flights: Option<aloft_flight::FlightReport> =
                 read_json(&ws.place("flight", &t.name).join("flights.json")).ok();
             let ik = ws.manifest("ik", &t.name);
-            let g = study.facts.gravity_mps2;
-            let gravity_error_percent = flights.as_ref().and_then(|r| {
-                let used: Vec<(f64, f64)> = r
-                    .flights
-                    .iter()
-                    .filter(|f| f.mean_acceleration_mps2[2].is_finite())
-                    .map(|f| (f.mean_acceleration_mps2[2], f.n_frames() as f64))
-                    .collect();
-                let frames: f64 = used.iter().map(|u| u.1).sum();
-                (frames > 0.0).then(|| (-used.iter().map(|u| u.0 * u.1).sum::<f64>() / frames / g - 1.0) * 100.0)
-            });
+            let gravity_error_percent =
+                flights.as_ref().and_then(|r| gravity_error_percent(r, study.facts.gravity_mps2));
             KinematicsRow {
                 trial: t.name.clone(),
                 role: t.role.word(),

@@ -6,7 +6,7 @@ use crate::graph::Job;
 use crate::revision::Revisions;
 use crate::stages::regressor::TrialRows;
 use crate::study::Study;
-use crate::workspace::{WHOLE_STUDY, Workspace, write_json};
+use crate::workspace::{WHOLE_STUDY, Workspace, write_json_whole};
 use aloft_body::{BaseParameters, Subject};
 use aloft_discover::{
     Body, DiscoverOptions, Discovery, SelfTest, SelfTestOptions, SelfTestProgress, Session, TrialInput,
@@ -148,17 +148,17 @@ fn found(study: &Study, bench: &Bench<'_>, options: &DiscoverOptions) -> Result<
     }
     let found = rank(&bench.session, &bench.effects, &bench.accepted, options)
         .map_err(|e| PipelineError::request(e.to_string()))?;
-    write_json(&study.workspace.join("discovery.json"), &found)?;
+    write_json_whole(&study.workspace.join("discovery.json"), &found)?;
     // the answer to each revision of the model stays, so that the report can tell the story from its beginning
     let revision = Revisions::load(&study.workspace)?.revisions.len().saturating_sub(1);
     let kept = answer_of(study, revision);
     if let Some(folder) = kept.parent() {
         std::fs::create_dir_all(folder).map_err(PipelineError::io("create", folder))?;
     }
-    write_json(&kept, &found)?;
+    write_json_whole(&kept, &found)?;
     let scene = bench.session.scene();
     let volume = Volume { middle_m: scene.volume_center_m.into(), reach_m: scene.volume_reach_m };
-    write_json(&study.workspace.join("discovery_volume.json"), &volume)?;
+    write_json_whole(&study.workspace.join("discovery_volume.json"), &volume)?;
     Ok(found)
 }
 
@@ -190,7 +190,7 @@ pub fn self_test(
         let table = aloft_discover::self_test(&bench.session, &bench.effects, &bench.accepted, &options, &each)
             .map_err(|e| PipelineError::request(e.to_string()))?;
         let out = SelfTested { version: 1, subject: study.facts.person.name.clone(), self_test: table };
-        write_json(&study.workspace.join("self_test.json"), &out)?;
+        write_json_whole(&study.workspace.join("self_test.json"), &out)?;
         Ok(out)
     })
 }

@@ -9,7 +9,7 @@ use crate::effects::{KnownEffects, OwnEffect, own_effects};
 use crate::error::PipelineError;
 use crate::revision::{ModelEffect, Revisions};
 use crate::runner::{Ended, Progress, RunReport, Selection, run};
-use crate::study::{Overrides, Study};
+use crate::study::Study;
 use crate::workspace::{WHOLE_STUDY, Workspace, read_json};
 use aloft_body::Subject;
 use aloft_discover::Discovery;
@@ -163,7 +163,6 @@ fn record(study: &Study, all: &mut Revisions) -> Result<(), PipelineError> {
 /// Adds an effect: a new revision, and what depends on it again.
 pub fn add(
     study: &Study,
-    overrides: &Overrides,
     key: &str,
     set: &[(String, f64)],
     progress: &dyn Progress,
@@ -193,7 +192,7 @@ pub fn add(
     let action = format!("add {}", chosen.key);
     effects.push(chosen);
     all.push(action, effects);
-    rerun(study, overrides, all, progress)
+    rerun(study, all, progress)
 }
 
 /// What the last discovery says of an effect: its key with target, its nonlinear parameters, its trials. A key with a target asks for that
@@ -218,12 +217,7 @@ fn suggestion(d: &Discovery, key: &str) -> Option<ModelEffect> {
 }
 
 /// Takes an effect out: a new revision without it.
-pub fn remove(
-    study: &Study,
-    overrides: &Overrides,
-    key: &str,
-    progress: &dyn Progress,
-) -> Result<(RunReport, History), PipelineError> {
+pub fn remove(study: &Study, key: &str, progress: &dyn Progress) -> Result<(RunReport, History), PipelineError> {
     let mut all = Revisions::load(&study.workspace)?;
     record(study, &mut all)?;
     let mut effects = all.effects();
@@ -237,20 +231,15 @@ pub fn remove(
         ));
     }
     all.push(format!("remove {key}"), effects);
-    rerun(study, overrides, all, progress)
+    rerun(study, all, progress)
 }
 
 /// Runs what the new revision changes. Where that fails, the model stays as it was.
-fn rerun(
-    study: &Study,
-    overrides: &Overrides,
-    mut all: Revisions,
-    progress: &dyn Progress,
-) -> Result<(RunReport, History), PipelineError> {
+fn rerun(study: &Study, mut all: Revisions, progress: &dyn Progress) -> Result<(RunReport, History), PipelineError> {
     let before = Revisions { revisions: all.revisions[..all.revisions.len() - 1].to_vec() };
     all.save(&study.workspace)?;
     let redo = || -> Result<(Study, RunReport), PipelineError> {
-        let now = Study::open(&study.config_path, overrides)?;
+        let now = study.refreshed()?;
         let report = run(&now, &Selection::default(), progress)?;
         Ok((now, report))
     };

@@ -3,8 +3,12 @@
 use crate::catalog;
 use crate::error::PipelineError;
 use crate::stages::import::read_file;
+use crate::studies::guess_subjects;
+use crate::study::{bids_beside, is_bids, recordings_below, stem_of};
 use aloft_trial::{ImportOptions, MarkerSet, Trial, recognise};
 use nalgebra::Vector3;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -12,7 +16,20 @@ struct Seen {
     relative: String,
     stem: String,
     trial: Trial,
+    /// Unit of lengths as the file states it.
+    unit: String,
 }
+
+/// How recordings are sorted into folders.
+struct Layout {
+    /// Subject folders, relative to the folder; none for one subject.
+    subjects: Vec<String>,
+    /// Names of session folders below them; none where there are none.
+    sessions: Vec<String>,
+}
+
+/// Recordings that are read before the rest is taken to be alike.
+const LOOKED_AT: usize = 60;
 
 /// Looks, decides, writes; returns the path written.
 pub fn init(folder: &Path, out: Option<&Path>) -> Result<PathBuf, PipelineError> {
@@ -26,35 +43,141 @@ pub fn init(folder: &Path, out: Option<&Path>) -> Result<PathBuf, PipelineError>
     if !folder.is_dir() {
         return Err(PipelineError::request(format!("{} is not a folder", folder.display())));
     }
-    let (seen, broken) = look(folder)?;
+    let layout = layout(folder)?;
+    let files = recordings_below(folder)?;
+    let (seen, broken) = look(folder, &layout, &files);
     if seen.is_empty() {
         return Err(PipelineError::request_hint(
             format!("{}: no recording could be read ({} files tried)", folder.display(), broken.len()),
             broken.first().cloned().unwrap_or_else(|| "expected .c3d or .trc files".to_owned()),
         ));
     }
-    let text = write(folder, &target, &seen, &broken)?;
-    std::fs::write(&target, text).map_err(PipelineError::io("write", &target))?;
+    let text = write(folder, &target, &layout, files.len(), &seen, &broken)?;
+    crate::workspace::write_whole(&target, text.as_bytes())?;
     Ok(target)
 }
 
-fn look(folder: &Path) -> Result<(Vec<Seen>, Vec<String>), PipelineError> {
-    let mut seen = Vec::new();
-    let mut broken = Vec::new();
-    for entry in walkdir::WalkDir::new(folder).sort_by_file_name().into_iter().flatten() {
-        let path = entry.path();
-        let known = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d") || e.eq_ignore_ascii_case("trc"));
-        if !entry.file_type().is_file() || !known {
-            continue;
-        }
-        let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-        let relative = path.strip_prefix(folder).unwrap_or(path).to_string_lossy().replace('\\', "/");
-        match read_file(&stem, path, None, &ImportOptions::default()) {
-            Ok(trial) => seen.push(Seen { relative, stem, trial }),
-            Err(failure) => broken.push(failure.problem),
+fn layout(folder: &Path) -> Result<Layout, PipelineError> {
+    let name = |p: &PathBuf| p.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let subjects = guess_subjects(folder)?;
+    let mut sessions: Vec<String> = Vec::new();
+    for subject in &subjects {
+        let inside: Vec<String> = std::fs::read_dir(subject)
+            .map_err(PipelineError::io("list", subject))?
+            .filter_map(|e| e.ok().map(|e| e.path()))
+            .filter(|p| p.is_dir())
+            .map(|p| name(&p))
+            .filter(|n| n.starts_with("ses-"))
+            .collect();
+        if inside.is_empty() {
+            sessions.extend(guess_subjects(subject)?.iter().map(name));
+        } else {
+            sessions.extend(inside);
         }
     }
-    Ok((seen, broken))
+    sessions.sort();
+    sessions.dedup();
+    Ok(Layout { subjects: subjects.iter().map(name).collect(), sessions })
+}
+
+/// One pattern for names that differ by a number at their end, or the names themselves.
+fn folder_patterns(names: &[String]) -> Vec<String> {
+    let bare = |n: &String| n.trim_end_matches(|c: char| c.is_ascii_digit()).to_owned();
+    let mut patterns: Vec<String> = names.iter().map(bare).collect();
+    patterns.sort();
+    patterns.dedup();
+    if patterns.len() == 1 && patterns.iter().all(|p| !p.is_empty()) && names.len() > 1 {
+        patterns.iter().map(|p| format!("{p}*")).collect()
+    } else {
+        names.to_vec()
+    }
+}
+
+/// The pattern of all recordings that are called like this one: its BIDS task, or its name without the number at the end.
+fn name_pattern(stem: &str) -> String {
+    if let Some(task) = stem.split('_').find(|p| p.starts_with("task-")) {
+        return format!("**/*{task}*");
+    }
+    let base = stem.trim_end_matches(|c: char| c.is_ascii_digit());
+    format!("**/{}*", if base.is_empty() { stem } else { base })
+}
+
+fn look(folder: &Path, layout: &Layout, files: &[PathBuf]) -> (Vec<Seen>, Vec<String>) {
+    // of many subjects, the first recordings of each kind and subject
+    let share = if layout.subjects.is_empty() { usize::MAX } else { LOOKED_AT.div_ceil(layout.subjects.len()).max(12) };
+    let mut taken: BTreeMap<String, usize> = BTreeMap::new();
+    let mut chosen: Vec<&PathBuf> = Vec::new();
+    for file in files {
+        let group = file.components().next().map(|c| c.as_os_str().to_string_lossy().into_owned()).unwrap_or_default();
+        // of names that differ by a number, two are enough to know the rest
+        let kind = name_pattern(&stem_of(file));
+        let n = taken.entry(format!("{group}/{kind}")).or_default();
+        *n += 1;
+        if layout.subjects.is_empty() || (*n <= 2 && chosen.len() < share * layout.subjects.len()) {
+            chosen.push(file);
+        }
+    }
+    let looked: Vec<Result<Seen, String>> = chosen
+        .par_iter()
+        .map(|relative| {
+            let path = folder.join(relative);
+            let stem = stem_of(&path);
+            let trial = read_file(&stem, &path, None, &ImportOptions::default()).map_err(|f| f.problem)?;
+            Ok(Seen { relative: relative.to_string_lossy().replace('\\', "/"), stem, unit: stated_unit(&path), trial })
+        })
+        .collect();
+    let mut seen = Vec::new();
+    let mut broken = Vec::new();
+    for one in looked {
+        match one {
+            Ok(s) => seen.push(s),
+            Err(problem) => broken.push(problem),
+        }
+    }
+    (seen, broken)
+}
+
+/// The unit of lengths that a file states: POINT:UNITS of C3D, `Units` of TRC.
+fn stated_unit(path: &Path) -> String {
+    if is_bids(path) {
+        let channels = bids_beside(path).into_iter().find(|p| p.to_string_lossy().ends_with("_channels.tsv"));
+        let text = channels.and_then(|p| std::fs::read_to_string(p).ok()).unwrap_or_default();
+        let at = text.lines().next().and_then(|h| h.split('\t').position(|c| c.trim() == "units"));
+        let position = text.lines().find(|l| l.split('\t').any(|c| c.trim() == "POS"));
+        return position
+            .zip(at)
+            .and_then(|(l, i)| l.split('\t').nth(i))
+            .map(|u| u.trim().to_owned())
+            .unwrap_or_default();
+    }
+    let Ok(bytes) = std::fs::read(path) else { return String::new() };
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d")) {
+        return aloft_c3d::C3dFile::from_bytes(&bytes).map(|f| f.point_unit.trim().to_owned()).unwrap_or_default();
+    }
+    let text = String::from_utf8_lossy(&bytes);
+    let mut lines = text.lines().skip(1);
+    let (keys, values) = (lines.next().unwrap_or_default(), lines.next().unwrap_or_default());
+    let place = keys.split('\t').position(|k| k.trim() == "Units");
+    place.and_then(|i| values.split('\t').nth(i)).map(|u| u.trim().to_owned()).unwrap_or_default()
+}
+
+/// Which axis of the recording points up.
+fn up_axis(trial: &Trial) -> String {
+    let up = trial.world_from_source.inverse() * Vector3::z();
+    let (i, value) = up.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).unwrap_or((2, &1.0));
+    format!("{}{}", if *value < 0.0 { "-" } else { "" }, ["X", "Y", "Z"].get(i).unwrap_or(&"Z"))
+}
+
+/// How many of the recordings have each value, in words.
+fn shares(values: impl Iterator<Item = String>) -> String {
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    for v in values {
+        *counts.entry(v).or_default() += 1;
+    }
+    match counts.len() {
+        1 => counts.into_keys().collect(),
+        _ => counts.iter().map(|(v, n)| format!("{v} ({n} recordings)")).collect::<Vec<_>>().join(", "),
+    }
 }
 
 /// Standing still: the median marker moves less than 2 cm about its mean.
@@ -76,12 +199,36 @@ fn is_still(trial: &Trial) -> bool {
     spreads.get(spreads.len() / 2).is_some_and(|s| *s < 0.02)
 }
 
-fn list(names: &[&Seen]) -> String {
-    let quoted: Vec<String> = names.iter().map(|s| format!("\"{}\"", s.relative)).collect();
+/// Recordings of one part: by name for one subject, by pattern for several.
+fn list(names: &[&Seen], layout: &Layout) -> String {
+    let mut quoted: Vec<String> = names
+        .iter()
+        .map(|s| {
+            if layout.subjects.is_empty() {
+                format!("\"{}\"", s.relative)
+            } else {
+                let ending = if is_bids(Path::new(&s.relative)) {
+                    "_motion.tsv".to_owned()
+                } else {
+                    format!(".{}", s.relative.rsplit('.').next().unwrap_or("c3d"))
+                };
+                format!("\"{}{ending}\"", name_pattern(&s.stem))
+            }
+        })
+        .collect();
+    quoted.sort();
+    quoted.dedup();
     format!("[{}]", quoted.join(", "))
 }
 
-fn write(folder: &Path, target: &Path, seen: &[Seen], broken: &[String]) -> Result<String, PipelineError> {
+fn write(
+    folder: &Path,
+    target: &Path,
+    layout: &Layout,
+    n_files: usize,
+    seen: &[Seen],
+    broken: &[String],
+) -> Result<String, PipelineError> {
     let sets: Vec<MarkerSet> = catalog::all("markersets")?;
     let mut totals: Vec<(&MarkerSet, f64)> = sets
         .iter()
@@ -123,6 +270,7 @@ fn write(folder: &Path, target: &Path, seen: &[Seen], broken: &[String]) -> Resu
         .and_then(|p| p.file_name().map(|n| n.to_string_lossy().into_owned()))
         .unwrap_or_else(|| "study".to_owned());
     let has_facts = ["subject.yaml", "object.yaml", "participants.tsv"].iter().find(|f| folder.join(f).is_file());
+    let own_facts = layout.subjects.iter().all(|s| folder.join(s).join("subject.yaml").is_file());
     let mut t = String::new();
     let mut line = |s: String| {
         let _ = writeln!(t, "{s}");
@@ -132,11 +280,31 @@ fn write(folder: &Path, target: &Path, seen: &[Seen], broken: &[String]) -> Resu
     line(format!("name: {}", name.replace(|c: char| !c.is_alphanumeric() && c != '-' && c != '_', "_")));
     line(format!("data: {}", serde_yaml::to_string(&data).unwrap_or(data).trim()));
     line(format!(
-        "# {} recordings at {} Hz, {} force plates",
-        seen.len(),
+        "# {n_files} recordings at {} Hz; up to {plates} force plates",
         rates.into_iter().collect::<Vec<_>>().join(", "),
-        plates
     ));
+    line(format!(
+        "# lengths in {}; upward: {}",
+        shares(seen.iter().map(|s| if s.unit.is_empty() {
+            "no stated unit (read as mm)".to_owned()
+        } else {
+            s.unit.clone()
+        })),
+        shares(seen.iter().map(|s| up_axis(&s.trial)))
+    ));
+    if !layout.subjects.is_empty() {
+        line(format!("# {} subjects: {}", layout.subjects.len(), crate::stages::import::abridged(&layout.subjects)));
+        line("subjects:".to_owned());
+        line(format!("  folders: {}", yaml_list(&folder_patterns(&layout.subjects))));
+        if layout.sessions.is_empty() {
+            line("  sessions: []          # each subject is one session".to_owned());
+        } else {
+            line(format!("  sessions: {}", yaml_list(&folder_patterns(&layout.sessions))));
+        }
+        line("  # exclude: [{subject: NAME, reason: withdrew}]".to_owned());
+        line("# what differs for some subjects, sessions or trials:".to_owned());
+        line("# overrides:\n#   - {subject: NAME, set: {filter: {cutoff_hz: 8.0}}}\n#   - {subject: NAME, trial: NAME, set: {import: {repair: true}}}".to_owned());
+    }
     line(format!("model: {model}"));
     if fit > 0.5 {
         line(format!("marker_set: {set}      # fits {:.0} %", fit * 100.0));
@@ -151,16 +319,27 @@ fn write(folder: &Path, target: &Path, seen: &[Seen], broken: &[String]) -> Resu
         line("object: two_link_chain   # how markers define the link frames".to_owned());
     }
     match has_facts {
+        _ if !layout.subjects.is_empty() && own_facts => {
+            line("# name, sex, height and mass come from each subject's subject.yaml".to_owned());
+        }
+        None if !layout.subjects.is_empty() => {
+            line(format!(
+                "# body masses are not known: put {} beside the subjects' folders,",
+                folder.join("participants.tsv").display()
+            ));
+            line("# with the columns (between tabs) participant_id, sex, height (m), mass (kg)".to_owned());
+        }
         Some(file) => line(format!("# name, sex, height and mass come from {file} beside the recordings")),
         None if is_object => line("subject:\n  mass_kg:              # from a scale: fill in".to_owned()),
         None => line("subject:\n  sex:                  # F or M\n  height_m:             # stature, m\n  mass_kg:              # from a scale, kg: fill in".to_owned()),
     }
     line("trials:".to_owned());
-    line(format!("  static: {}", list(&statics)));
-    line(format!("  calibration: {}", list(&calibration)));
-    line(format!("  identify: {}      # motion to identify from", list(&identify)));
-    line(format!("  validate: {}      # held out for comparison", list(&validate)));
+    line(format!("  static: {}", list(&statics, layout)));
+    line(format!("  calibration: {}", list(&calibration, layout)));
+    line(format!("  identify: {}      # motion to identify from", list(&identify, layout)));
+    line(format!("  validate: {}      # held out for comparison", list(&validate, layout)));
     if statics.is_empty()
+        && layout.subjects.is_empty()
         && let Some(first) = rest.first()
     {
         line(format!(
@@ -180,6 +359,10 @@ fn write(folder: &Path, target: &Path, seen: &[Seen], broken: &[String]) -> Resu
     line("  # aliases: {MyLabel: LASI}".to_owned());
     line("filter: {order: 3, cutoff_hz: 10.0}   # per pass; two passes".to_owned());
     Ok(t)
+}
+
+fn yaml_list(names: &[String]) -> String {
+    format!("[{}]", names.iter().map(|n| format!("\"{n}\"")).collect::<Vec<_>>().join(", "))
 }
 
 /// The folder relative to the pipeline file where that is a plain path, absolute otherwise.

@@ -68,7 +68,7 @@ pub struct PlateLine {
 
 /// Reads the file and looks at everything in it.
 pub fn inspect(file: &Path) -> Result<Inspection, PipelineError> {
-    let name = file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let name = crate::study::stem_of(file);
     let trial = read_file(&name, file, None, &ImportOptions::default())
         .map_err(|f| PipelineError::Request { problem: f.problem, hint: f.hint })?;
     let analogs = if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d")) {

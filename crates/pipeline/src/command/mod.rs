@@ -14,4 +14,5 @@ pub mod parameters;
 pub mod report;
 pub mod simulate;
 pub mod status;
+pub mod summary;
 pub mod workflow;

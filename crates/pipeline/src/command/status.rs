@@ -1,12 +1,13 @@
 //! `status` and `explain`: how every stage of every trial stands, and why.
 
 use crate::error::PipelineError;
-use crate::graph::{self, Manifests, Stage, Standing};
+use crate::graph::{self, Manifests, Need, Scope, Stage, Standing};
 use crate::runner::stage_index;
 use crate::stages::STAGES;
 use crate::study::{Study, TrialEntry};
 use crate::workspace::{Manifest, WHOLE_STUDY, Workspace};
 use serde::Serialize;
+use std::collections::{BTreeSet, HashMap};
 
 /// The grid of trials and stages.
 #[derive(Debug, Clone, Serialize)]
@@ -37,6 +38,8 @@ pub struct Explanation {
     pub standing: Standing,
     /// The last result's manifest.
     pub manifest: Option<Manifest>,
+    /// What stands before it and is not up to date, with the reason, in words: it changes this result, too, once it runs.
+    pub before: Vec<String>,
 }
 
 fn stand(
@@ -55,18 +58,23 @@ fn stand(
 pub fn status(study: &Study) -> Result<Status, PipelineError> {
     let ws = Workspace::open(&study.workspace);
     let manifests = Manifests::read(study, &ws, STAGES);
+    grid(study, &ws, &manifests)
+}
+
+/// The same from manifests that were read before.
+pub fn grid(study: &Study, ws: &Workspace, manifests: &Manifests) -> Result<Status, PipelineError> {
     let mut rows = Vec::new();
     for trial in &study.trials {
         let mut cells = Vec::new();
         let mut stale_above = false;
         for stage in STAGES {
-            let applies = stage.tasks(study).iter().any(|t| t.is_some_and(|t| t.name == trial.name));
+            let applies = matches!(stage.scope, Scope::Trial(roles) if roles.contains(&trial.role));
             cells.push(if trial.excluded.is_some() {
                 "excluded".to_owned()
             } else if !applies {
                 String::new()
             } else {
-                let standing = stand(stage, Some(trial), study, &ws, &manifests)?;
+                let standing = stand(stage, Some(trial), study, ws, manifests)?;
                 let word = if stale_above && standing.is_current() { "stale" } else { standing.word() };
                 stale_above |= matches!(word, "stale" | "missing");
                 word.to_owned()
@@ -76,8 +84,8 @@ pub fn status(study: &Study) -> Result<Status, PipelineError> {
     }
     let mut cells = Vec::new();
     for stage in STAGES {
-        let whole = stage.tasks(study).iter().any(Option::is_none);
-        cells.push(if whole { stand(stage, None, study, &ws, &manifests)?.word().to_owned() } else { String::new() });
+        let whole = stage.scope == Scope::Study;
+        cells.push(if whole { stand(stage, None, study, ws, manifests)?.word().to_owned() } else { String::new() });
     }
     rows.push(StatusRow { trial: WHOLE_STUDY.to_owned(), role: "study".to_owned(), cells });
     Ok(Status { version: 1, stages: STAGES.iter().map(|s| s.name).collect(), rows })
@@ -97,6 +105,115 @@ pub fn explain(study: &Study, trial: &str, stage: &str) -> Result<Explanation, P
             format!("it runs for {}", names.join(", ")),
         ));
     };
-    let standing = stand(stage, task, study, &ws, &manifests)?;
-    Ok(Explanation { standing, manifest: manifests.get(stage.name, trial).cloned() })
+    let standings = standings(study, &ws, &manifests)?;
+    Ok(explanation(stage, task, study, &manifests, &standings))
+}
+
+type Standings = HashMap<(&'static str, String), Standing>;
+
+fn standings(study: &Study, ws: &Workspace, manifests: &Manifests) -> Result<Standings, PipelineError> {
+    let mut all = HashMap::new();
+    for stage in STAGES {
+        for task in stage.tasks(study) {
+            let name = task.map_or(WHOLE_STUDY, |t| t.name.as_str()).to_owned();
+            all.insert((stage.name, name), stand(stage, task, study, ws, manifests)?);
+        }
+    }
+    Ok(all)
+}
+
+/// Everything that is not up to date, stage by stage: `(stage, trial, why)`. One trial (with what is made of it), or all.
+pub fn explain_all(
+    study: &Study,
+    trial: Option<&str>,
+) -> Result<Vec<(&'static str, String, Explanation)>, PipelineError> {
+    if let Some(name) = trial.filter(|n| *n != WHOLE_STUDY && study.trial(n).is_none()) {
+        let names: Vec<&str> = study.trials.iter().map(|t| t.name.as_str()).collect();
+        return Err(PipelineError::request_hint(
+            format!("there is no trial `{name}`"),
+            format!("the trials are {}", names.join(", ")),
+        ));
+    }
+    let ws = Workspace::open(&study.workspace);
+    let manifests = Manifests::read(study, &ws, STAGES);
+    let standings = standings(study, &ws, &manifests)?;
+    let mut all = Vec::new();
+    for stage in STAGES {
+        for task in stage.tasks(study) {
+            let name = task.map_or(WHOLE_STUDY, |t| t.name.as_str());
+            if trial.is_some_and(|t| t != name) {
+                continue;
+            }
+            let found = explanation(stage, task, study, &manifests, &standings);
+            if !found.standing.is_current() || !found.before.is_empty() {
+                all.push((stage.name, name.to_owned(), found));
+            }
+        }
+    }
+    Ok(all)
+}
+
+fn explanation(
+    stage: &Stage,
+    task: Option<&TrialEntry>,
+    study: &Study,
+    manifests: &Manifests,
+    standings: &Standings,
+) -> Explanation {
+    let name = task.map_or(WHOLE_STUDY, |t| t.name.as_str());
+    let of = |stage: &Stage, name: &str| standings.get(&(stage.name, name.to_owned())).cloned();
+    let mut before = Vec::new();
+    let mut seen = BTreeSet::from([(stage.name, name.to_owned())]);
+    let mut open = inputs_of(stage, task, study);
+    while let Some((above, task)) = open.pop() {
+        let above_name = task.map_or(WHOLE_STUDY, |t| t.name.as_str());
+        if !seen.insert((above.name, above_name.to_owned())) {
+            continue;
+        }
+        let because = match of(above, above_name) {
+            Some(Standing::Missing) => Some("has never run".to_owned()),
+            Some(Standing::Stale(changes)) => Some(changes.join("; ")),
+            _ => None,
+        };
+        if let Some(because) = because {
+            let of_whom = if task.is_some() { format!(" of {above_name}") } else { String::new() };
+            before.push(format!("`{}`{of_whom}: {because}", above.name));
+        }
+        open.extend(inputs_of(above, task, study));
+    }
+    before.sort();
+    // many trials, one reason: the first few tell
+    if before.len() > 4 {
+        let more = before.len() - 3;
+        before.truncate(3);
+        before.push(format!("… and {more} more before it"));
+    }
+    Explanation {
+        standing: of(stage, name).unwrap_or(Standing::Missing),
+        manifest: manifests.get(stage.name, name).cloned(),
+        before,
+    }
+}
+
+/// The tasks whose results a task reads.
+fn inputs_of<'s>(
+    stage: &Stage,
+    task: Option<&'s TrialEntry>,
+    study: &'s Study,
+) -> Vec<(&'static Stage, Option<&'s TrialEntry>)> {
+    let named = |name: &str| STAGES.iter().copied().find(|s| s.name == name);
+    let mut found = Vec::new();
+    for need in stage.needs {
+        match need {
+            Need::Recording => {}
+            Need::Same(name) => found.extend(named(name).map(|s| (s, task))),
+            Need::Once(name) => found.extend(named(name).map(|s| (s, None))),
+            Need::Every(name, roles) | Need::EveryOrStaticFrames(name, roles) => {
+                if let Some(s) = named(name) {
+                    found.extend(study.included().filter(|t| roles.contains(&t.role)).map(|t| (s, Some(t))));
+                }
+            }
+        }
+    }
+    found
 }

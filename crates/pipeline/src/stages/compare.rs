@@ -358,6 +358,15 @@ fn series_table(s: &TrialSeries, comparison: &Comparison) -> Table {
 
 fn describe(c: &Comparison, done: &mut Done) {
     let first = &c.first;
+    let errors = |e: &aloft_compare::WrenchErrors| {
+        (e.frames > 0).then(|| json!({"force_n": e.force_n.mean_mae(), "moment_nm": e.moment_nm.mean_mae()}))
+    };
+    let trials: serde_json::Map<String, serde_json::Value> = first
+        .trials
+        .iter()
+        .map(|t| (t.trial.clone(), json!({"contact": errors(&t.contact), "flight": errors(&t.flight)})))
+        .collect();
+    done.note("trials", trials);
     if first.held_out.frames > 0 {
         done.note("held_out_force_n", first.held_out.force_n.mean_mae());
         done.note("held_out_moment_nm", first.held_out.moment_nm.mean_mae());

@@ -4,12 +4,13 @@ use crate::artifact::load_trial_without_points;
 use crate::config::FlightSource;
 use crate::error::StageFailure;
 use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::qc::QcReason;
 use crate::study::Role;
 use crate::workspace::{read_json, write_json};
 use aloft_body::{Motion, Subject};
 use aloft_flight::{
-    FlightMethod, FlightOptions, FlightReport, ImpulseMass, PlateTare, apply_tare, find_flights, impulse_masses,
-    plate_wrench_at_marker_rate, tare, total_wrench,
+    FlightMethod, FlightOptions, FlightReport, ImpulseMass, PlateTare, TareSource, apply_tare, find_flights,
+    impulse_masses, plate_wrench_at_marker_rate, tare, total_wrench,
 };
 use aloft_trial::Trial;
 use serde_json::json;
@@ -22,7 +23,7 @@ pub static STAGE: Stage = Stage {
     reads: "`Motion`, plates, prior",
     gives: "intervals in which no external force acts; tare of the plates",
     needs: &[Need::Same("import"), Need::Same("ik"), Need::Once("calibrate")],
-    parameters: |study, _| json!({"flight": study.config.flight}),
+    parameters: |study, trial| json!({"flight": study.flight_of(trial)}),
     run,
 };
 
@@ -47,9 +48,21 @@ impl Job<'_> {
     }
 }
 
+/// Mean vertical acceleration of the centre of mass in flight over −g, minus one, percent; none without flights.
+pub fn gravity_error_percent(report: &FlightReport, gravity_mps2: f64) -> Option<f64> {
+    let used: Vec<(f64, f64)> = report
+        .flights
+        .iter()
+        .map(|f| (f.mean_acceleration_mps2[2], f.n_frames() as f64))
+        .filter(|(a, _)| a.is_finite())
+        .collect();
+    let frames: f64 = used.iter().map(|u| u.1).sum();
+    (frames > 0.0).then(|| (-used.iter().map(|u| u.0 * u.1).sum::<f64>() / frames / gravity_mps2 - 1.0) * 100.0)
+}
+
 fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let entry = job.trial()?;
-    let config = &job.study.config.flight;
+    let config = job.study.flight_of(Some(entry));
     let mut trial = job.load_trial(&entry.name)?;
     let subject = job.load_subject("calibrate")?;
     let motion = job.load_motion("ik", &entry.name)?;
@@ -74,7 +87,18 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let mut done = Done::default();
     done.note("flights", report.flights.len());
     done.note("flight_s", report.flight_frames() as f64 / report.rate_hz);
+    if let Some(percent) = gravity_error_percent(&report, job.study.facts.gravity_mps2) {
+        done.note("gravity_error_percent", percent);
+    }
     done.warnings.extend(report.warnings.iter().cloned());
+    let mut reasons = Vec::new();
+    if tares.iter().any(|t| t.source == TareSource::None) {
+        reasons.push(QcReason::UntaredPlate);
+    }
+    if entry.role == Role::Identify && report.flights.is_empty() {
+        reasons.push(QcReason::NoFlight);
+    }
+    done.note("qc", json!(reasons));
     if entry.role == Role::Identify && report.flights.is_empty() {
         let why: Vec<String> =
             report.rejected.iter().take(3).map(|r| format!("frames {} to {}: {}", r.start, r.end, r.reason)).collect();

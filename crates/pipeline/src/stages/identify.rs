@@ -144,6 +144,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
                 if rows == chosen {
                     done.note("flights", parameters.n_stretches);
                     done.note("rows", parameters.n_rows);
+                    done.note("gate_passed", parameters.gate.passed);
                     if !parameters.gate.passed {
                         done.warnings.extend(parameters.gate.reasons.iter().cloned());
                     }

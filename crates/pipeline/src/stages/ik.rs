@@ -3,6 +3,7 @@
 use crate::artifact::save_motion;
 use crate::error::StageFailure;
 use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::qc::QcReason;
 use crate::stages::scale::load_locked;
 use crate::study::Role;
 use crate::workspace::write_json;
@@ -18,14 +19,14 @@ pub static STAGE: Stage = Stage {
     reads: "trial, `Subject`",
     gives: "`Motion`: joint coordinates, marker residuals, standard deviations",
     needs: &[Need::Same("import"), Need::Once("scale"), Need::Once("calibrate")],
-    parameters: |study, _| json!({"ik": study.config.ik}),
+    parameters: |study, trial| json!({"ik": study.ik_of(trial)}),
     run,
 };
 
 /// Tracks a trial with a subject's geometry: motion with continuous turns and signs, and the report.
 pub fn track(job: &Job<'_>, mut subject: Subject, name: &str) -> Result<(Subject, Motion, IkReport), StageFailure> {
     let trial = job.load_trial(name)?;
-    let config = &job.study.config.ik;
+    let config = job.study.ik_of(job.study.trial(name));
     for (label, weight) in &config.weights {
         match subject.markers.iter_mut().find(|m| &m.label == label) {
             Some(marker) => marker.weight = *weight,
@@ -59,7 +60,8 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         return Err(StageFailure::with_hint(
             format!("{}: no frame could be solved: too few markers on the root link", entry.name),
             "look at the recording with `aloft inspect`",
-        ));
+        )
+        .because(QcReason::IkFailed));
     }
     if report.n_unsolved > 0 {
         done.warnings.push(format!("{} of {} frames could not be solved", report.n_unsolved, report.n_frames));

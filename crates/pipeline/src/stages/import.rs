@@ -4,9 +4,12 @@ use crate::artifact::save_trial;
 use crate::config::Vertical;
 use crate::error::{PipelineError, StageFailure};
 use crate::graph::{Done, Job, Need, Scope, Stage};
-use crate::study::{Role, Study, TrialEntry};
+use crate::qc::QcReason;
+use crate::study::{Role, Study, TrialEntry, bids_beside};
 use crate::workspace::write_json;
-use aloft_trial::{ArtefactOptions, GapOptions, ImportOptions, QualityOptions, Severity, Trial, TrialQuality, UpAxis};
+use aloft_trial::{
+    ArtefactOptions, BidsMotion, GapOptions, ImportOptions, QualityOptions, Severity, Trial, TrialQuality, UpAxis,
+};
 use aloft_trial::{MarkerSetMatch, apply_marker_set, assess, fill_gaps, find_artefacts};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -14,12 +17,12 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "import",
-    version: 1,
+    version: 2,
     scope: Scope::Trial(&[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
-    reads: "C3D, or TRC with MOT; marker set",
+    reads: "C3D, TRC with MOT, or BIDS-Motion; marker set",
     gives: "markers, plates, events in SI and one world frame; quality table",
     needs: &[Need::Recording],
-    parameters: |study, _| json!({"import": study.config.import, "marker_set": study.marker_set}),
+    parameters: |study, trial| json!({"import": study.import_of(trial), "marker_set": study.marker_set}),
     run,
 };
 
@@ -38,7 +41,7 @@ pub struct ImportRecord {
 
 /// Reads a recording as the pipeline asks for it, before a marker set is applied.
 pub fn read_recording(study: &Study, entry: &TrialEntry) -> Result<Trial, StageFailure> {
-    let import = &study.config.import;
+    let import = study.import_of(Some(entry));
     let options = ImportOptions {
         up_axis: match import.up_axis {
             Vertical::Auto => None,
@@ -52,6 +55,17 @@ pub fn read_recording(study: &Study, entry: &TrialEntry) -> Result<Trial, StageF
     read_file(&entry.name, &entry.file, entry.forces.as_deref(), &options)
 }
 
+fn unreadable(file: &std::path::Path, error: &aloft_trial::TrialError) -> StageFailure {
+    let name = crate::study::stem_of(file);
+    StageFailure::with_hint(
+        format!("{}: {error}", file.display()),
+        format!(
+            "export or copy the recording again, or leave it out: `trials: {{exclude: [{{trial: {name}, reason: …}}]}}`"
+        ),
+    )
+    .because(QcReason::UnreadableFile)
+}
+
 /// Reads one recording from disk.
 pub fn read_file(
     name: &str,
@@ -59,7 +73,7 @@ pub fn read_file(
     forces: Option<&std::path::Path>,
     options: &ImportOptions,
 ) -> Result<Trial, StageFailure> {
-    let label = |e: aloft_trial::TrialError| StageFailure::new(format!("{}: {e}", file.display()));
+    let label = |e: aloft_trial::TrialError| unreadable(file, &e);
     if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("trc")) {
         let text = |p: &std::path::Path| {
             std::fs::read(p).map(|b| String::from_utf8_lossy(&b).into_owned()).map_err(PipelineError::io("read", p))
@@ -68,15 +82,55 @@ pub fn read_file(
         let mot = forces.map(text).transpose()?;
         return Trial::from_trc_mot(name, &trc, mot.as_deref(), options).map_err(label);
     }
+    if crate::study::is_bids(file) {
+        return read_bids(name, file, options);
+    }
     let bytes = std::fs::read(file).map_err(PipelineError::io("read", file))?;
     Trial::from_c3d(name, &bytes, options).map_err(label)
+}
+
+fn read_bids(name: &str, file: &std::path::Path, options: &ImportOptions) -> Result<Trial, StageFailure> {
+    let lossy = |p: &std::path::Path| {
+        std::fs::read(p).map(|b| String::from_utf8_lossy(&b).into_owned()).map_err(PipelineError::io("read", p))
+    };
+    let files = bids_beside(file);
+    let ending = |end: &str| files.iter().find(|f| f.to_string_lossy().ends_with(end));
+    let json = |end: &str| -> Result<serde_json::Value, PipelineError> {
+        ending(end).map_or(Ok(serde_json::Value::Null), |p| crate::workspace::read_json(p))
+    };
+    let Some(channels) = ending("_channels.tsv") else {
+        return Err(StageFailure::with_hint(
+            format!("{}: there is no {}_channels.tsv beside it", file.display(), crate::study::stem_of(file)),
+            "BIDS-Motion keeps the names of the columns in that file: export it, too",
+        )
+        .because(QcReason::UnreadableFile));
+    };
+    let frames = json("_channels.json")?;
+    let axes = frames
+        .pointer("/reference_frame/Levels")
+        .and_then(serde_json::Value::as_object)
+        .and_then(|levels| levels.values().find_map(|l| l.get("SpatialAxes")?.as_str()));
+    let (motion, channels) = (lossy(file)?, lossy(channels)?);
+    let rate_hz = json("_motion.json")?.get("SamplingFrequency").and_then(serde_json::Value::as_f64);
+    let source = BidsMotion { motion: &motion, channels: &channels, rate_hz, spatial_axes: axes };
+    Trial::from_bids_motion(name, &source, options).map_err(|e| unreadable(file, &e))
 }
 
 fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let entry = job.trial()?;
     let study = job.study;
     let mut trial = read_recording(study, entry)?;
-    let import = &study.config.import;
+    let import = study.import_of(Some(entry));
+    let held = held_fraction(&trial);
+    if let Some((held, stated)) = held
+        && (held as f64) < import.least_fraction * stated as f64
+    {
+        return Err(StageFailure::with_hint(
+            format!("{}: a broken copy: {held} of the {stated} frames that it states are in it", entry.file.display()),
+            "copy the recording again, or set `import: {least_fraction: …}` to use what is there",
+        )
+        .because(QcReason::TruncatedFile));
+    }
     let matched = apply_marker_set(&mut trial, &study.marker_set, &import.aliases);
     if matched.present.is_empty() {
         return Err(StageFailure::with_hint(
@@ -88,7 +142,8 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
                 abridged(&trial.markers.labels),
             ),
             "choose another `marker_set`, or map the labels under `import: {aliases: …}`",
-        ));
+        )
+        .because(QcReason::NoMarkers));
     }
     let segments = study.marker_set.segments();
     let artefacts = ArtefactOptions { repair: import.repair, ..ArtefactOptions::default() };
@@ -104,7 +159,8 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         return Err(StageFailure::with_hint(
             format!("{}: {reason}", entry.file.display()),
             "exclude the trial with a reason under `trials: {exclude: …}`, or export it again",
-        ));
+        )
+        .because(reason.into()));
     }
     save_trial(job.out, &trial)?;
     let mut done = Done::default();
@@ -114,6 +170,16 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     done.note("missing_markers", matched.missing.len());
     done.note("plates", trial.plates.len());
     done.note("filled_gaps", fills.len());
+    done.note("duration_s", quality.duration_s);
+    done.note("gaps", quality.markers.iter().map(|m| m.gaps).sum::<usize>());
+    let longest = quality.markers.iter().map(|m| m.longest_gap_frames).max().unwrap_or(0);
+    done.note("longest_gap_s", longest as f64 / trial.markers.rate_hz);
+    let mut reasons: Vec<QcReason> =
+        quality.reasons.iter().filter(|r| r.severity() != Severity::Note).map(QcReason::from).collect();
+    reasons.extend(held.map(|_| QcReason::FramesLost));
+    reasons.sort();
+    reasons.dedup();
+    done.note("qc", json!(reasons));
     let gaps_left: usize = trial
         .markers
         .labels
@@ -127,6 +193,13 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     done.warnings.extend(quality.reasons.iter().filter(|r| r.severity() == Severity::Warning).map(ToString::to_string));
     write_json(&job.out.join("quality.json"), &ImportRecord { matched, fills, findings, quality })?;
     Ok(done)
+}
+
+/// Frames that a truncated file holds, and those that it states; none for a whole file. The reader says so in a warning.
+fn held_fraction(trial: &Trial) -> Option<(usize, usize)> {
+    let text = trial.warnings.iter().find_map(|w| w.strip_prefix("truncated: "))?;
+    let stated = text.split(' ').next()?.parse().ok()?;
+    Some((trial.markers.n_frames, stated))
 }
 
 /// The first few of many names.

@@ -11,7 +11,7 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "scale",
-    version: 1,
+    version: 2,
     scope: Scope::Study,
     reads: "static trial (objects: calibration trial, too), anthropometry or object description",
     gives: "`Subject`: the model with this body's joint centres, marker places and prior inertias",
@@ -119,6 +119,12 @@ fn describe(scaled: &Scaled) -> Done {
     done.note("static_trial", scaled.report.trial.clone());
     done.note("static_frames", scaled.report.frames.2);
     done.note("locked", scaled.report.locked.len());
+    let errors: Vec<f64> = scaled.report.markers.iter().filter_map(|m| m.rigid_error_m).collect();
+    if !errors.is_empty() {
+        let mean_square = errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64;
+        done.note("scaling_error_mm", mean_square.sqrt() * 1e3);
+    }
+    done.note("static_spread_mm", scaled.report.typical_spread_m * 1e3);
     done.warnings.extend(scaled.report.warnings.iter().map(ToString::to_string));
     done
 }

@@ -53,7 +53,7 @@ fn inertias(study: &Study, subject: &Subject) -> (Vec<LinkInertia>, InertiaSourc
 
 /// Trials to export.
 pub(super) fn entries<'s>(study: &'s Study, patterns: &[String]) -> Result<Vec<&'s TrialEntry>, PipelineError> {
-    let filter = trial_filter(study, patterns)?;
+    let filter = trial_filter(&[study], patterns)?;
     Ok(study.included().filter(|t| filter.as_ref().is_none_or(|f| f.is_match(&t.name))).collect())
 }
 

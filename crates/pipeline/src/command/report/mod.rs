@@ -40,7 +40,7 @@ const RECORDINGS: &str = "Recordings";
 pub fn write(study: &Study, out: Option<&Path>) -> Result<PathBuf, PipelineError> {
     let html = render(&page(study)?).map_err(|e| PipelineError::request(e.to_string()))?;
     let path = out.map_or_else(|| study.workspace.join("report.html"), Path::to_path_buf);
-    std::fs::write(&path, html).map_err(PipelineError::io("write", &path))?;
+    crate::workspace::write_whole(&path, html.as_bytes())?;
     Ok(path)
 }
 

@@ -1,0 +1,98 @@
+//! One command over all subjects and sessions: a heading before each, one JSON document for all.
+
+use crate::Success;
+use crate::args::PipelineArgs;
+use crate::commands::{Stop, json, open_all};
+use crate::render::{note, out};
+use aloft_pipeline::error::PipelineError;
+use aloft_pipeline::studies::StudySet;
+use aloft_pipeline::study::{Study, StudyId};
+use serde::Serialize;
+
+/// What a `--json` command says of a study of several.
+#[derive(Debug, Serialize)]
+struct Several<T> {
+    version: u32,
+    studies: Vec<One<T>>,
+}
+
+#[derive(Debug, Serialize)]
+struct One<T> {
+    #[serde(flatten)]
+    id: StudyId,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    result: Option<T>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error: Option<String>,
+}
+
+/// Asks for every study and shows each answer. For a study of one subject the answer stands alone, and an error is the
+/// command's; for several, one that cannot answer does not stop the others.
+pub fn each<T: Serialize>(
+    args: &PipelineArgs,
+    as_json: bool,
+    ask: impl Fn(&Study) -> Result<T, PipelineError>,
+    show: impl Fn(&T) -> Result<(), Stop>,
+) -> Result<Success, Stop> {
+    let set = open_all(args)?;
+    if !set.several {
+        for study in &set.members {
+            let found = ask(study)?;
+            if as_json { json(&found)? } else { show(&found)? }
+        }
+        return Ok(Success::Full);
+    }
+    let mut all = Several { version: 1, studies: Vec::new() };
+    let mut trouble = false;
+    for study in &set.members {
+        let answer = ask(study);
+        if as_json {
+            let (result, error) = match answer {
+                Ok(found) => (Some(found), None),
+                Err(e) => (None, Some(e.to_string())),
+            };
+            trouble |= error.is_some();
+            all.studies.push(One { id: study.id.clone(), result, error });
+            continue;
+        }
+        heading(&study.id)?;
+        match answer {
+            Ok(found) => show(&found)?,
+            Err(e) => {
+                trouble = true;
+                fail(&study.id, &e.into());
+            }
+        }
+        out("")?;
+    }
+    trouble |= broken(&set);
+    if as_json {
+        all.studies.extend(set.broken.iter().map(|b| One {
+            id: b.id.clone(),
+            result: None,
+            error: Some(b.failure.problem.clone()),
+        }));
+        json(&all)?;
+    }
+    Ok(if trouble { Success::Partial } else { Success::Full })
+}
+
+/// The heading of a study.
+pub fn heading(id: &StudyId) -> Result<(), Stop> {
+    out(format!("== {id}"))
+}
+
+/// Says of every member that cannot be worked on why; true where there is one.
+pub fn broken(set: &StudySet) -> bool {
+    for b in &set.broken {
+        fail(&b.id, &b.failure);
+    }
+    !set.broken.is_empty()
+}
+
+fn fail(id: &StudyId, failure: &aloft_pipeline::error::StageFailure) {
+    note(format!("failed: {id}: {}", failure.problem));
+    if let Some(hint) = &failure.hint {
+        note(format!("  hint: {hint}"));
+    }
+}

@@ -1,0 +1,270 @@
+//! Who moved: facts about the subject or object, from the pipeline or from what the laboratory wrote down beside the recordings.
+
+use crate::config::{PipelineConfig, SubjectConfig, error_at_key, parse_yaml};
+use crate::error::PipelineError;
+use crate::study::StudyId;
+use aloft_body::{PersonFacts, Sex};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Facts about the subject or object with the laboratory's gravity.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Facts {
+    /// Name, sex, height, mass.
+    pub person: PersonFacts,
+    /// Magnitude of gravity, m/s².
+    pub gravity_mps2: f64,
+    /// Where each fact was found, for the report.
+    pub sources: Vec<String>,
+}
+
+/// Where facts may lie.
+#[derive(Debug)]
+pub(crate) struct FactPlaces<'a> {
+    /// Folder of the recordings.
+    pub data: &'a Path,
+    /// The subject's folder, in a study of several.
+    pub subject_folder: Option<&'a Path>,
+    /// The whole study's folder.
+    pub root: &'a Path,
+    /// Whose.
+    pub id: &'a StudyId,
+}
+
+/// What `subject.yaml` or `object.yaml` beside the recordings may say; other keys are the laboratory's own business.
+#[derive(Debug, Default, Clone, Deserialize)]
+struct FactsFile {
+    name: Option<String>,
+    sex: Option<String>,
+    height_m: Option<f64>,
+    mass_kg: Option<f64>,
+    total_mass_kg: Option<f64>,
+    gravity_m_s2: Option<f64>,
+    lab: Option<LabFacts>,
+}
+
+#[derive(Debug, Default, Clone, Deserialize)]
+struct LabFacts {
+    gravity: Option<serde_yaml::Value>,
+}
+
+impl FactsFile {
+    /// What is not known here is taken from `other`.
+    fn or(self, other: Self) -> Self {
+        Self {
+            name: self.name.or(other.name),
+            sex: self.sex.or(other.sex),
+            height_m: self.height_m.or(other.height_m),
+            mass_kg: self.mass_kg.or(other.mass_kg),
+            total_mass_kg: self.total_mass_kg.or(other.total_mass_kg),
+            gravity_m_s2: self.gravity_m_s2.or(other.gravity_m_s2),
+            lab: self.lab.or(other.lab),
+        }
+    }
+}
+
+/// Facts that lie beside the recordings, the nearest first: the session's file, its row in the subject's `sessions.tsv`, the
+/// subject's file, the laboratory's file of that subject, its row in `participants.tsv`.
+fn beside(at: &FactPlaces<'_>) -> Result<(FactsFile, Vec<String>), PipelineError> {
+    let mut found = Vec::new();
+    found.extend(facts_file(at.data)?);
+    if let (Some(folder), Some(subject)) = (at.subject_folder, &at.id.subject) {
+        if let Some(session) = &at.id.session {
+            for name in ["sessions.tsv".to_owned(), format!("{subject}_sessions.tsv")] {
+                found.extend(row_of(&folder.join(&name), "session_id", session)?.map(|f| (f, name)));
+            }
+            found.extend(facts_file(folder)?);
+        }
+        for name in [format!("{subject}.yaml"), format!("subjects/{subject}.yaml")] {
+            found.extend(one_file(&at.root.join(&name))?.map(|f| (f, name)));
+        }
+        let row = row_of(&at.root.join(PARTICIPANTS), "participant_id", subject)?;
+        found.extend(row.map(|f| (f, PARTICIPANTS.to_owned())));
+    } else if found.is_empty() {
+        found.extend(participants(at.data)?.map(|f| (f, PARTICIPANTS.to_owned())));
+        // one subject's folder out of a study
+        if let (true, Ok(folder)) = (found.is_empty(), at.data.canonicalize())
+            && let (Some(parent), Some(name)) = (folder.parent(), folder.file_name())
+        {
+            let row = row_of(&parent.join(PARTICIPANTS), "participant_id", &name.to_string_lossy())?;
+            found.extend(row.map(|f| (f, PARTICIPANTS.to_owned())));
+        }
+    }
+    let sources = found.iter().map(|f| f.1.clone()).collect();
+    Ok((found.into_iter().fold(FactsFile::default(), |facts, (more, _)| facts.or(more)), sources))
+}
+
+fn facts_file(folder: &Path) -> Result<Option<(FactsFile, String)>, PipelineError> {
+    for name in ["subject.yaml", "subject.yml", "object.yaml", "object.yml"] {
+        if let Some(facts) = one_file(&folder.join(name))? {
+            return Ok(Some((facts, name.to_owned())));
+        }
+    }
+    Ok(None)
+}
+
+fn one_file(path: &Path) -> Result<Option<FactsFile>, PipelineError> {
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let text = std::fs::read_to_string(path).map_err(PipelineError::io("read", path))?;
+    parse_yaml(&path.display().to_string(), &text).map(Some)
+}
+
+/// Finds the facts; an error where the mass is not known.
+pub(crate) fn find_facts(
+    config: &PipelineConfig,
+    at: &FactPlaces<'_>,
+    file: &str,
+    text: &str,
+) -> Result<Facts, PipelineError> {
+    let (facts, mut sources) = beside(at)?;
+    let s = &config.subject;
+    if s != &SubjectConfig::default() {
+        sources.push("the pipeline".to_owned());
+    }
+    let gravity_in_lab = facts.lab.as_ref().and_then(|l| l.gravity.as_ref()).and_then(|g| match g {
+        serde_yaml::Value::Sequence(v) => {
+            let sum: f64 = v.iter().filter_map(serde_yaml::Value::as_f64).map(|x| x * x).sum();
+            (sum > 0.0).then(|| sum.sqrt())
+        }
+        other => other.as_f64().map(f64::abs),
+    });
+    let mass_kg = s.mass_kg.or(facts.mass_kg).or(facts.total_mass_kg).ok_or_else(|| {
+        error_at_key(
+            file,
+            text,
+            "subject",
+            match &at.id.subject {
+                None => "the body mass is not known: neither the pipeline nor a file beside the recordings states it".to_owned(),
+                Some(s) => format!("the body mass of {s} is not known: neither participants.tsv nor a subject.yaml states it"),
+            },
+            Some(match &at.id.subject {
+                None => "add `subject: {mass_kg: …}` to the pipeline, or put a subject.yaml with mass_kg beside the recordings"
+                    .to_owned(),
+                Some(s) => format!(
+                    "give participants.tsv a column `mass` (kg), or put `mass_kg: …` into {}",
+                    at.subject_folder.unwrap_or(at.root).join("subject.yaml").display()
+                ) + &format!(", or add `overrides: [{{subject: {s}, set: {{subject: {{mass_kg: …}}}}}}]`"),
+            }),
+        )
+    })?;
+    if !(mass_kg.is_finite() && mass_kg > 0.0) {
+        return Err(error_at_key(
+            file,
+            text,
+            "mass_kg",
+            format!("mass_kg is {mass_kg}, expected a positive number of kilograms"),
+            None,
+        ));
+    }
+    let sex = match s.sex.clone().or(facts.sex).as_deref().map(str::to_ascii_lowercase).as_deref() {
+        Some("f" | "female") => Some(Sex::Female),
+        Some("m" | "male") => Some(Sex::Male),
+        Some("" | "n/a") | None => None,
+        Some(other) => {
+            return Err(error_at_key(file, text, "sex", format!("sex is `{other}`, expected F or M"), None));
+        }
+    };
+    Ok(Facts {
+        person: PersonFacts {
+            name: s
+                .name
+                .clone()
+                .or(facts.name)
+                .or_else(|| at.id.subject.clone())
+                .unwrap_or_else(|| config.name.clone()),
+            sex,
+            height_m: s.height_m.or(facts.height_m),
+            mass_kg,
+        },
+        gravity_mps2: s
+            .gravity_mps2
+            .or(facts.gravity_m_s2)
+            .or(gravity_in_lab)
+            .unwrap_or(aloft_body::STANDARD_GRAVITY_MPS2),
+        sources,
+    })
+}
+
+/// Name of the table of participants (BIDS).
+pub const PARTICIPANTS: &str = "participants.tsv";
+
+/// A table with tabs between its columns.
+struct Tsv {
+    header: Vec<String>,
+    rows: Vec<Vec<String>>,
+}
+
+impl Tsv {
+    fn read(path: &Path) -> Result<Option<Self>, PipelineError> {
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let bytes = std::fs::read(path).map_err(PipelineError::io("read", path))?;
+        let text = String::from_utf8_lossy(&bytes);
+        let cells = |l: &str| l.split('\t').map(|c| c.trim().trim_matches('"').to_owned()).collect::<Vec<String>>();
+        let mut lines = text.trim_start_matches('\u{feff}').lines();
+        let header = cells(lines.next().unwrap_or_default());
+        Ok(Some(Self { header, rows: lines.filter(|l| !l.trim().is_empty()).map(cells).collect() }))
+    }
+
+    fn get<'t>(&self, row: &'t [String], names: &[&str]) -> Option<&'t str> {
+        let column = self.header.iter().position(|h| names.contains(&h.to_ascii_lowercase().as_str()))?;
+        row.get(column).map(String::as_str).filter(|v| !v.is_empty() && !v.eq_ignore_ascii_case("n/a"))
+    }
+
+    fn row(&self, key: &str, name: &str) -> Option<&[String]> {
+        self.rows.iter().find(|r| self.get(r, &[key]).is_some_and(|v| same_name(v, name))).map(Vec::as_slice)
+    }
+
+    fn facts(&self, row: &[String], key: &str) -> FactsFile {
+        let number = |names: &[&str]| self.get(row, names).and_then(|v| v.replace(',', ".").parse::<f64>().ok());
+        let height = number(&["height", "height_m", "stature"]).or_else(|| number(&["height_cm"]).map(|h| h / 100.0));
+        FactsFile {
+            name: (key == "participant_id").then(|| self.get(row, &[key]).map(str::to_owned)).flatten(),
+            sex: self.get(row, &["sex"]).map(str::to_owned),
+            height_m: height.map(|h| if h > 3.0 { h / 100.0 } else { h }),
+            mass_kg: number(&["mass", "mass_kg", "weight", "weight_kg", "body_mass"]),
+            ..FactsFile::default()
+        }
+    }
+}
+
+/// `sub-01` and `01` are the same.
+fn same_name(a: &str, b: &str) -> bool {
+    let bare = |s: &str| s.strip_prefix("sub-").or_else(|| s.strip_prefix("ses-")).unwrap_or(s).to_owned();
+    a == b || bare(a) == bare(b)
+}
+
+/// The facts in a table's row of that name.
+fn row_of(path: &Path, key: &str, name: &str) -> Result<Option<FactsFile>, PipelineError> {
+    let table = Tsv::read(path)?;
+    Ok(table.and_then(|t| t.row(key, name).map(|r| t.facts(r, key))))
+}
+
+/// Identifiers of a folder's `participants.tsv`, in order; none without such a table.
+pub(crate) fn participant_ids(folder: &Path) -> Result<Vec<String>, PipelineError> {
+    let table = Tsv::read(&folder.join(PARTICIPANTS))?;
+    Ok(table
+        .map(|t| t.rows.iter().filter_map(|r| t.get(r, &["participant_id"]).map(str::to_owned)).collect())
+        .unwrap_or_default())
+}
+
+/// The row of `participants.tsv` (BIDS) for this folder: the one whose `participant_id` names the folder, or the only one.
+fn participants(data: &Path) -> Result<Option<FactsFile>, PipelineError> {
+    let path = data.join(PARTICIPANTS);
+    let Some(table) = Tsv::read(&path)? else { return Ok(None) };
+    let folder = data.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let row = table.row("participant_id", &folder).or(match table.rows.as_slice() {
+        [only] => Some(only),
+        _ => None,
+    });
+    let Some(row) = row else {
+        return Err(PipelineError::request_hint(
+            format!("{}: {} participants and none is called `{folder}`", path.display(), table.rows.len()),
+            "name the subject in the pipeline, or keep each participant's recordings in a folder of that name",
+        ));
+    };
+    Ok(Some(table.facts(row, "participant_id")))
+}

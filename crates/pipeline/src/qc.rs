@@ -1,0 +1,113 @@
+//! Reasons of quality control: the whole list. Tables, reports and programs may rely on these words; each has one meaning and
+//! one piece of advice.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How much a reason weighs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum QcLevel {
+    /// Nothing to say.
+    Ok,
+    /// Results may suffer.
+    Warning,
+    /// There is no result.
+    Failed,
+    /// Left out on purpose.
+    Excluded,
+}
+
+impl QcLevel {
+    /// The word in tables.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::Warning => "warning",
+            Self::Failed => "failed",
+            Self::Excluded => "excluded",
+        }
+    }
+}
+
+macro_rules! reasons {
+    ($($variant:ident, $code:literal, $level:ident, $meaning:literal, $advice:literal;)*) => {
+        /// Why a trial deserves attention, or has no result.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+        #[serde(rename_all = "snake_case")]
+        pub enum QcReason {
+            $(#[doc = $meaning] $variant,)*
+        }
+        impl QcReason {
+            /// Every reason, in the order of this list.
+            pub const ALL: &[Self] = &[$(Self::$variant,)*];
+            /// The word in tables.
+            pub fn code(self) -> &'static str {
+                match self { $(Self::$variant => $code,)* }
+            }
+            /// What it means.
+            pub fn meaning(self) -> &'static str {
+                match self { $(Self::$variant => $meaning,)* }
+            }
+            /// What to do about it.
+            pub fn advice(self) -> &'static str {
+                match self { $(Self::$variant => $advice,)* }
+            }
+            /// How much it weighs.
+            pub fn level(self) -> QcLevel {
+                match self { $(Self::$variant => QcLevel::$level,)* }
+            }
+        }
+    };
+}
+
+reasons! {
+    Excluded, "excluded", Excluded, "The pipeline leaves the trial, subject or session out, with a reason.", "See `exclude` in the pipeline.";
+    UnreadableFile, "unreadable_file", Failed, "The file is damaged, empty, or no recording.", "Export or copy it again; `aloft inspect FILE` says where reading stopped.";
+    NoMarkers, "no_markers", Failed, "No marker of the set is in the recording.", "Choose another `marker_set`, or map labels under `import: {aliases}`.";
+    TruncatedFile, "truncated_file", Failed, "Less than half of the frames that the file states are in it: a copy that stopped early.", "Copy it again, or set `import: {least_fraction: …}` to use what is there.";
+    EmptyTrial, "empty_trial", Failed, "No marker is visible in any frame.", "Exclude the trial, or export it again.";
+    SubjectUnknown, "subject_unknown", Failed, "The subject cannot be worked on: body mass, recordings or settings are missing.", "Complete participants.tsv, subject.yaml or the pipeline.";
+    ScalingFailed, "scaling_failed", Failed, "The subject's model could not be made from the static trial.", "Look at the static trial; name `static_frames` of another trial.";
+    IkFailed, "ik_failed", Failed, "Inverse kinematics gave no frame.", "Look at the recording: too few markers on the root segment.";
+    StageFailed, "stage_failed", Failed, "Another stage failed; the message names it.", "See the message and its hint.";
+    Blocked, "blocked", Failed, "An earlier stage of this trial or of the whole subject failed.", "Mend what failed first.";
+    NotRun, "not_run", Warning, "Results are missing, or made from other inputs or parameters than there are now.", "Run again.";
+    FramesLost, "frames_lost", Warning, "The file ends before the frames that it states.", "Copy the recording again.";
+    MissingMarker, "missing_marker", Warning, "A marker of the set is missing.", "Nothing, where its segment keeps three others.";
+    LongGap, "long_gap", Warning, "A gap is too long to be filled.", "Label the trial again, or accept frames without a result.";
+    Spikes, "spikes", Warning, "A marker jumps.", "Set `import: {repair: true}`, or clean the trial.";
+    LabelSwap, "label_swap", Warning, "Two labels are exchanged for some frames.", "Set `import: {repair: true}`, or label the trial again.";
+    NoisyMarker, "noisy_marker", Warning, "A marker is noisier than usual.", "Look at cameras and at the marker's fixation.";
+    ShortTrial, "short_trial", Warning, "The recording is very short.", "Check that it was exported whole.";
+    PlateSaturated, "plate_saturated", Warning, "A force plate stands at its extreme value.", "Raise the amplifier's range.";
+    PlateIncomplete, "plate_incomplete", Warning, "A force plate lacks samples.", "Export the recording again.";
+    ScalingErrorLarge, "scaling_error_large", Warning, "Markers of the static trial miss their rigid segments by more than 10 mm (RMS).", "Look for labels on wrong markers in the static trial.";
+    IkErrorLarge, "ik_error_large", Warning, "Markers miss the model by more than 20 mm (RMS).", "Look at labels and at the static trial.";
+    UnsolvedFrames, "unsolved_frames", Warning, "Some frames have no posture.", "Fill gaps of the root segment's markers.";
+    NoFlight, "no_flight", Warning, "No flight was found in a trial meant to identify from.", "Look at `flight` in the pipeline, or hold the trial out.";
+    FreeFallOff, "free_fall_off", Warning, "The centre of mass does not fall with g within 10 % in flight.", "Look at markers, at the time base and at plate thresholds.";
+    ComparisonLarge, "comparison_large", Warning, "Model and measurement differ by more than 5 % of body weight (mean absolute force).", "See `aloft compare` and `aloft discover`.";
+    WeaklyIdentified, "weakly_identified", Warning, "The flights of this session do not determine all parameters.", "Record more flights, with stronger motion of the limbs.";
+    UntaredPlate, "untared_plate", Ok, "A plate is never unloaded, so that its zero is not known; the comparison takes one constant off.", "Let the subject step off the plates once in each recording.";
+    Remarks, "remarks", Warning, "A stage has remarks of its own.", "`aloft explain` shows them.";
+}
+
+impl From<&aloft_trial::QualityReason> for QcReason {
+    fn from(reason: &aloft_trial::QualityReason) -> Self {
+        use aloft_trial::QualityReason as Q;
+        match reason {
+            Q::EmptyTrial => Self::EmptyTrial,
+            Q::NoMarkers => Self::NoMarkers,
+            Q::ShortTrial { .. } => Self::ShortTrial,
+            Q::MissingMarker { .. } => Self::MissingMarker,
+            Q::LongGap { .. } => Self::LongGap,
+            Q::Spikes { .. } => Self::Spikes,
+            Q::LabelSwap { .. } => Self::LabelSwap,
+            Q::NoisyMarker { .. } => Self::NoisyMarker,
+            Q::NoPlates | Q::PlateSilent { .. } => Self::Remarks,
+            Q::PlateSaturated { .. } => Self::PlateSaturated,
+            Q::PlateIncomplete { .. } => Self::PlateIncomplete,
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! BIDS-Motion: `_motion.tsv` (numbers without a header) with its `_channels.tsv`, to a [`Trial`]. Position channels are markers;
+//! BIDS has no force plates.
+//!
+//! Format: Brain Imaging Data Structure 1.9, modality-specific files, *Motion*.
+
+use crate::options::{disambiguate, metres_per, require_content, split_prefix, to_world};
+use crate::trc::shorten;
+use crate::{ImportOptions, Markers, Trial, TrialError, UpAxis};
+use nalgebra::Vector3;
+
+/// The texts of one BIDS-Motion recording.
+#[derive(Debug, Clone, Copy)]
+pub struct BidsMotion<'a> {
+    /// `_motion.tsv`.
+    pub motion: &'a str,
+    /// `_channels.tsv`.
+    pub channels: &'a str,
+    /// `SamplingFrequency` of `_motion.json`, Hz; none: the channels' column `sampling_frequency`.
+    pub rate_hz: Option<f64>,
+    /// `SpatialAxes` of the reference frame (`_channels.json`), such as `ALS`: where each axis points; none: Z is up.
+    pub spatial_axes: Option<&'a str>,
+}
+
+/// One position channel: its column, the marker and the axis, metres a unit.
+struct Channel {
+    column: usize,
+    marker: usize,
+    axis: usize,
+    metres: f64,
+}
+
+impl Trial {
+    /// Reads a BIDS-Motion recording. `n/a` is missing.
+    ///
+    /// # Errors
+    /// Names the file's line that breaks the format; or no frames, no position channels, no rate.
+    pub fn from_bids_motion(name: &str, source: &BidsMotion<'_>, options: &ImportOptions) -> Result<Self, TrialError> {
+        if source.motion.trim().is_empty() {
+            return Err(TrialError::EmptyFile { trial: name.to_owned() });
+        }
+        let mut trial = Self { name: name.to_owned(), ..Self::default() };
+        let (labels, channels, stated_hz, n_columns) = read_channels(&mut trial, source.channels, options)?;
+        let rate_hz = source.rate_hz.or(stated_hz).unwrap_or(f64::NAN);
+        if !(rate_hz.is_finite() && rate_hz > 0.0) {
+            return Err(TrialError::Rate { trial: name.to_owned(), place: "SamplingFrequency", found: rate_hz });
+        }
+        let mut trajectories = vec![Vec::new(); labels.len()];
+        for (index, line) in source.motion.lines().enumerate().filter(|(_, l)| !l.trim().is_empty()) {
+            let cells: Vec<&str> = line.trim_end_matches('\r').split('\t').map(str::trim).collect();
+            if cells.len() != n_columns {
+                return Err(TrialError::Text {
+                    trial: name.to_owned(),
+                    format: "_motion.tsv",
+                    line: index + 1,
+                    found: format!("{} columns", cells.len()),
+                    expected: format!("{n_columns}, as _channels.tsv has rows"),
+                });
+            }
+            let mut points = vec![Vector3::repeat(f64::NAN); labels.len()];
+            for channel in &channels {
+                let cell = cells[channel.column];
+                if cell.is_empty() || cell.eq_ignore_ascii_case("n/a") {
+                    continue;
+                }
+                let value: f64 = cell.parse().map_err(|_| TrialError::Text {
+                    trial: name.to_owned(),
+                    format: "_motion.tsv",
+                    line: index + 1,
+                    found: shorten(cell),
+                    expected: "a number or n/a".to_owned(),
+                })?;
+                if value.is_finite() {
+                    points[channel.marker][channel.axis] = value * channel.metres;
+                }
+            }
+            for (path, mut point) in trajectories.iter_mut().zip(points) {
+                if point.iter().any(|x| x.is_nan()) {
+                    point.fill(f64::NAN);
+                }
+                path.push(point);
+            }
+        }
+        let n_frames = trajectories.first().map_or(0, Vec::len);
+        trial.markers = Markers { rate_hz, first_frame: 1, n_frames, labels, trajectories };
+        require_content(&trial, || "no channel of type POS".to_owned())?;
+        to_world(&mut trial, options, source.spatial_axes.and_then(up_of_axes), UpAxis::Z);
+        Ok(trial)
+    }
+}
+
+/// The axis that points to Superior (or away from Inferior) in a word such as `ALS`.
+fn up_of_axes(word: &str) -> Option<UpAxis> {
+    let place = word.trim().to_ascii_uppercase().chars().position(|c| c == 'S' || c == 'I')?;
+    let up = word.trim().to_ascii_uppercase().chars().nth(place) == Some('S');
+    (place < 3).then(|| UpAxis::from_index(place, up))
+}
+
+type Channels = (Vec<String>, Vec<Channel>, Option<f64>, usize);
+
+fn read_channels(trial: &mut Trial, text: &str, options: &ImportOptions) -> Result<Channels, TrialError> {
+    let name = trial.name.clone();
+    let broken = |line: usize, found: &str, expected: &str| TrialError::Text {
+        trial: name.clone(),
+        format: "_channels.tsv",
+        line,
+        found: shorten(found),
+        expected: expected.to_owned(),
+    };
+    let mut lines = text.trim_start_matches('\u{feff}').lines().map(|l| l.trim_end_matches('\r'));
+    let first = lines.next().unwrap_or("");
+    let header: Vec<&str> = first.split('\t').map(str::trim).collect();
+    let place = |key: &str| header.iter().position(|h| *h == key);
+    let (Some(name_at), Some(component_at), Some(type_at), Some(units_at)) =
+        (place("name"), place("component"), place("type"), place("units"))
+    else {
+        return Err(broken(1, first, "the columns name, component, type, tracked_point, units"));
+    };
+    let mut labels: Vec<String> = Vec::new();
+    let mut channels: Vec<Channel> = Vec::new();
+    let mut rate = None;
+    let mut n_columns = 0;
+    for (index, line) in lines.enumerate().filter(|(_, l)| !l.trim().is_empty()) {
+        let column = n_columns;
+        n_columns += 1;
+        let cells: Vec<&str> = line.split('\t').map(str::trim).collect();
+        let cell = |at: usize| cells.get(at).copied().unwrap_or("");
+        if !cell(type_at).eq_ignore_ascii_case("POS") {
+            continue;
+        }
+        let axis = match cell(component_at) {
+            "x" | "X" => 0,
+            "y" | "Y" => 1,
+            "z" | "Z" => 2,
+            other => return Err(broken(index + 2, other, "the component x, y or z of a position")),
+        };
+        let unit = options.point_unit.as_deref().unwrap_or(cell(units_at));
+        let Some(metres) = metres_per(unit) else {
+            return Err(TrialError::Unit { trial: name, place: "_channels.tsv, `units`", found: unit.to_owned() });
+        };
+        let own = cell(name_at);
+        let point = place("tracked_point").map(cell).filter(|p| !p.is_empty() && !p.eq_ignore_ascii_case("n/a"));
+        // without a tracked point the name says it, with its axis at the end: `LKNE_x`
+        let bare =
+            own.strip_suffix(['x', 'y', 'z', 'X', 'Y', 'Z']).map_or(own, |n| n.trim_end_matches(['_', '-', '.']));
+        let label = point.unwrap_or(bare);
+        let label = if options.strip_prefix { split_prefix(label).0 } else { label }.to_owned();
+        // a point's channels follow one another; the same point again is another marker of that name
+        let known = labels.len().checked_sub(1).filter(|last| labels[*last] == label);
+        let marker = match known {
+            Some(last) if !channels.iter().any(|c| c.marker == last && c.axis == axis) => last,
+            _ => {
+                labels.push(label);
+                labels.len() - 1
+            }
+        };
+        rate = rate.or_else(|| place("sampling_frequency").and_then(|at| cell(at).parse().ok()));
+        channels.push(Channel { column, marker, axis, metres });
+    }
+    disambiguate(&mut labels, &mut trial.warnings);
+    Ok((labels, channels, rate, n_columns))
+}
