@@ -1,7 +1,7 @@
 //! The story of the README on the recordings in the repository.
 
 use crate::report::{check_page, figures};
-use crate::support::{expect, folder, json, lab, repo};
+use crate::support::{expect, folder, json, repo};
 use std::fs;
 
 #[test]
@@ -73,9 +73,9 @@ fn the_demonstration_goes_from_recordings_to_a_report() {
 #[test]
 fn nothing_is_missing_where_nothing_is_hidden() {
     let dir = folder();
-    let data = lab("fixtures/scenarios/chain_small.yaml", dir.path()).display().to_string();
+    let data = repo("fixtures/demo_twin");
     let ws = dir.path().join("ws").display().to_string();
-    let words = [&repo("pipelines/chain.yaml"), "--data", &data, "--workspace", &ws];
+    let words = [&repo("pipelines/demo.yaml"), "--data", &data, "--workspace", &ws];
     expect(&[&["run"], &words[..]].concat(), 0);
     let found = json(&[&["discover"], &words[..], &["--json"]].concat());
     assert_eq!(found["verdict"], "nothing_missing", "{}", found["words"]);

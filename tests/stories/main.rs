@@ -4,6 +4,9 @@
 mod broken_lab;
 mod demo;
 mod estimators;
+mod loop_on_people;
 mod one_stage_again;
+mod own_effect;
 mod report;
+mod several_effects;
 mod support;

@@ -39,15 +39,48 @@ pub enum RowsArg {
     Weak,
 }
 
+/// Breakdowns of the error.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ByArg {
+    /// Trials.
+    Trial,
+    /// Contact, take-off, landing, flight.
+    Phase,
+    /// Flights.
+    Flight,
+    /// Fifths of a flight.
+    Time,
+    /// Axes of the body and of the world.
+    Axis,
+    /// Speed of the centre of mass.
+    Speed,
+    /// Acceleration of the centre of mass.
+    Acceleration,
+    /// Angular speed of the root.
+    Turning,
+    /// Spread of the body about its centre of mass.
+    Posture,
+    /// Links, by projection on their inertia and their drag.
+    Segment,
+}
+
 /// What can be done with effects.
 #[derive(Debug, Subcommand)]
 pub enum EffectAction {
-    /// List the catalogue.
-    List,
+    /// List the catalogue, and the effects that a pipeline defines.
+    List {
+        /// Pipeline whose own effects are listed, too.
+        pipeline: Option<PathBuf>,
+        /// Machine-readable output.
+        #[arg(long)]
+        json: bool,
+    },
     /// Show one effect's documentation.
     Show {
         /// Identifier.
         name: String,
+        /// Pipeline that defines the effect, for effects of your own.
+        pipeline: Option<PathBuf>,
     },
     /// Add an effect to the model: a new revision, and what depends on it again.
     #[command(
@@ -57,7 +90,7 @@ pub enum EffectAction {
         /// The pipeline.
         #[command(flatten)]
         pipeline: PipelineArgs,
-        /// Identifier, with a target in brackets where there are several: `flywheel[torso]`.
+        /// Identifier, with a target in brackets where there are several: `flywheel[torso]`; also one that the pipeline defines.
         name: String,
         /// Value of a nonlinear parameter, `name=value`; what the last `discover` found where not given.
         #[arg(long, value_name = "K=V", value_parser = key_value)]
@@ -174,6 +207,9 @@ pub enum Command {
         /// Each trial predicted from all others, contact and flight apart: from the prior, from flights, from contact, from both.
         #[arg(long, conflicts_with = "estimators")]
         leave_one_out: bool,
+        /// Only these breakdowns (may be given several times, or as a list with commas).
+        #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
+        by: Vec<ByArg>,
         /// Machine-readable output.
         #[arg(long)]
         json: bool,
@@ -189,6 +225,9 @@ pub enum Command {
         /// Not these effects.
         #[arg(long, value_name = "NAME")]
         without: Vec<String>,
+        /// Inject effects of known size into these recordings and count how often they come out under their name.
+        #[arg(long)]
+        self_test: bool,
         /// Machine-readable output.
         #[arg(long)]
         json: bool,

@@ -1,9 +1,9 @@
 //! Each command: open the study, ask the pipeline, render for people or as JSON.
 
 use crate::args::{Cli, Command, EffectAction, PipelineArgs, RowsArg};
-use crate::progress::Bars;
+use crate::progress::{Bars, Counted};
 use crate::render::{note, out, table};
-use crate::{Success, show, show_estimators};
+use crate::{Success, findings, residuals, show, show_estimators};
 use aloft_pipeline::command::{
     assess, check, compare, discover, effect, estimators, init, inspect, parameters, report, simulate, status,
 };
@@ -103,22 +103,34 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             }
             Ok(Success::Full)
         }
-        Command::Compare { pipeline, json: as_json, .. } => {
+        Command::Compare { pipeline, by, json: as_json, .. } => {
             let found = compare::compare(&open(&pipeline)?)?;
             if as_json {
                 json(&found)?
             } else {
-                show::comparison(&found)?
+                residuals::comparison(&found, &by)?
             }
             Ok(Success::Full)
         }
-        Command::Discover { pipeline, only, without, json: as_json } => {
+        Command::Discover { pipeline, only, without, self_test: true, json: as_json } => {
+            let options = discover::options(only, without);
+            let bar = Counted::new("self-test");
+            let found = discover::self_test(&open(&pipeline)?, &options, &|done, all| bar.at(done, all))?;
+            drop(bar);
+            if as_json {
+                json(&found)?
+            } else {
+                findings::self_test(&found.self_test)?
+            }
+            Ok(Success::Full)
+        }
+        Command::Discover { pipeline, only, without, self_test: false, json: as_json } => {
             let options = discover::options(only, without);
             let found = discover::discover(&open(&pipeline)?, &options)?;
             if as_json {
                 json(&found)?
             } else {
-                show::discovery(&found)?
+                findings::discovery(&found, &pipeline)?
             }
             Ok(Success::Full)
         }
@@ -128,7 +140,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             if as_json {
                 json(&found)?
             } else {
-                show::history(&found)?
+                findings::history(&found)?
             }
             Ok(Success::Full)
         }
@@ -172,13 +184,18 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
 
 fn effects(action: EffectAction) -> Result<Success, Stop> {
     let (args, (report, history)) = match action {
-        EffectAction::List => {
-            show::effects(effect::list())?;
+        EffectAction::List { pipeline, json: as_json } => {
+            let found = effect::list(pipeline.as_deref())?;
+            if as_json {
+                json(&found)?
+            } else {
+                findings::effects(&found)?
+            }
             return Ok(Success::Full);
         }
-        EffectAction::Show { name } => {
-            let found = effect::show(&name)?;
-            out(format!("# {} ({})\n\n{}", found.title, found.id, found.documentation.trim()))?;
+        EffectAction::Show { name, pipeline } => {
+            let found = effect::show(&name, pipeline.as_deref())?;
+            out(format!("# {} ({})\n\n{}", found.title, found.id, found.documentation))?;
             return Ok(Success::Full);
         }
         EffectAction::Add { pipeline, name, set } => {
@@ -191,7 +208,7 @@ fn effects(action: EffectAction) -> Result<Success, Stop> {
         }
     };
     show_run(&report, &args)?;
-    show::history(&history)?;
+    findings::history(&history)?;
     Ok(if report.has_trouble() { Success::Partial } else { Success::Full })
 }
 

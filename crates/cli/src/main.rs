@@ -3,8 +3,10 @@
 
 mod args;
 mod commands;
+mod findings;
 mod progress;
 mod render;
+mod residuals;
 mod show;
 mod show_estimators;
 

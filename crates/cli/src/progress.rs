@@ -4,6 +4,33 @@ use aloft_pipeline::runner::{Ended, Progress, TaskReport};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::Mutex;
 
+/// One bar for a number of equal steps.
+#[derive(Debug)]
+pub struct Counted(ProgressBar);
+
+impl Counted {
+    /// A bar with a name.
+    pub fn new(name: &str) -> Self {
+        let bar = ProgressBar::new(1);
+        if let Ok(style) = ProgressStyle::with_template("{prefix:>10} {bar:30} {pos}/{len} {eta}") {
+            bar.set_style(style);
+        }
+        bar.set_prefix(name.to_owned());
+        Self(bar)
+    }
+    /// So many steps of all are done.
+    pub fn at(&self, done: usize, all: usize) {
+        self.0.set_length(all as u64);
+        self.0.set_position(done as u64);
+    }
+}
+
+impl Drop for Counted {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}
+
 /// One bar a stage.
 #[derive(Debug, Default)]
 pub struct Bars {

@@ -1,14 +1,20 @@
 //! The error in groups: by phase, flight, time in flight, speed, acceleration, turning, posture.
+//!
+//! Groups follow from the motion alone, never from a model, so that all models, and the noise floor, are taken over the same frames and
+//! windows. A window belongs to the groups of its middle frame.
 
-use crate::errors::{WrenchErrors, WrenchSums};
+use crate::errors::{Sums, WindowErrors, WrenchErrors, WrenchSums};
 use crate::frames::{FrameRecord, TrialFrames};
-use crate::{Phase, TrialInput};
+use crate::windows::Window;
+use crate::{NoiseFloor, Phase, TrialInput};
 use serde::{Deserialize, Serialize};
 
 /// By what frames are grouped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GroupedBy {
+    /// Each trial.
+    Trial,
     /// Contact, take-off, landing, flight.
     Phase,
     /// Each flight.
@@ -21,11 +27,27 @@ pub enum GroupedBy {
     Acceleration,
     /// Angular speed of the root, rad/s.
     Turning,
-    /// Height of the centre of mass over the lowest link, m: small when crouched.
+    /// Radius of gyration of the links' centres of mass about that of the body, m: small when crouched or tucked.
     Posture,
 }
 
-/// One group of frames.
+impl GroupedBy {
+    /// The word for tables and for `--by`.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Trial => "trial",
+            Self::Phase => "phase",
+            Self::Flight => "flight",
+            Self::TimeInFlight => "time in flight",
+            Self::Speed => "speed",
+            Self::Acceleration => "acceleration",
+            Self::Turning => "turning",
+            Self::Posture => "posture",
+        }
+    }
+}
+
+/// One group of frames, and of the weak windows about them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Group {
     /// By what.
@@ -38,6 +60,39 @@ pub struct Group {
     pub to: Option<f64>,
     /// Errors of its frames.
     pub errors: WrenchErrors,
+    /// Errors of its windows.
+    pub windows: WindowErrors,
+}
+
+/// What noise alone makes in one group.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GroupFloor {
+    /// By what.
+    pub by: GroupedBy,
+    /// Name.
+    pub name: String,
+    /// On its frames.
+    pub errors: WrenchErrors,
+    /// On its windows.
+    pub windows: WindowErrors,
+}
+
+impl Group {
+    /// The floor of this group.
+    pub fn floor<'a>(&self, floor: Option<&'a NoiseFloor>) -> Option<&'a GroupFloor> {
+        floor?.groups.iter().find(|f| f.by == self.by && f.name == self.name)
+    }
+    /// Share of the mean square error that noise does not explain, on frames and over windows; none where the noise is not known.
+    pub fn explainable(&self, floor: Option<&NoiseFloor>) -> (Option<f64>, Option<f64>) {
+        let Some(f) = self.floor(floor) else { return (None, None) };
+        let share = |n: usize, noise: usize, size: f64, by: f64| {
+            (n > 0 && noise > 0).then(|| crate::words::explainable(size, by))
+        };
+        (
+            share(self.errors.frames, f.errors.frames, self.errors.size(), f.errors.size()),
+            share(self.windows.windows, f.windows.windows, self.windows.size(), f.windows.size()),
+        )
+    }
 }
 
 /// Which frames of each trial a total is made of.
@@ -73,69 +128,164 @@ impl Counting {
 const FIFTHS: usize = 5;
 const QUARTERS: usize = 4;
 
-/// All groups of one model.
-pub(crate) fn breakdown(
-    inputs: &[TrialInput<'_>],
-    frames: &[TrialFrames],
-    counting: &Counting,
-    which: usize,
-) -> Vec<Group> {
-    let counted: Vec<(usize, &FrameRecord)> = inputs
-        .iter()
-        .zip(frames)
-        .enumerate()
-        .flat_map(|(i, (input, t))| t.records.iter().filter(|r| counting.counts(input, r)).map(move |r| (i, r)))
-        .collect();
-    let mut groups = Vec::new();
-    let mut push = |by, name: String, range: Option<(f64, f64)>, keep: &dyn Fn(usize, &FrameRecord) -> bool| {
-        let mut sums = WrenchSums::default();
-        for (_, r) in counted.iter().filter(|(trial, r)| keep(*trial, r)) {
-            sums.add(&r.residual[which], &r.world_from_root.rotation);
-        }
-        let errors = sums.errors();
-        if errors.frames > 0 {
-            groups.push(Group { by, name, from: range.map(|r| r.0), to: range.map(|r| r.1), errors });
-        }
-    };
-    for phase in Phase::ALL {
-        push(GroupedBy::Phase, phase.word().to_owned(), None, &|_, r| r.place.phase == phase);
+/// The groups, and those of every frame.
+#[derive(Debug, Clone)]
+pub(crate) struct Grouping {
+    heads: Vec<Head>,
+    /// `[trial][frame]`: indices of groups; empty for frames that do not count.
+    of_frame: Vec<Vec<Vec<u16>>>,
+}
+
+#[derive(Debug, Clone)]
+struct Head {
+    by: GroupedBy,
+    name: String,
+    range: Option<(f64, f64)>,
+}
+
+/// Sums of every group.
+#[derive(Clone)]
+pub(crate) struct GroupSums {
+    frames: Vec<WrenchSums>,
+    windows: Vec<Sums>,
+}
+
+impl GroupSums {
+    pub fn new(grouping: &Grouping) -> Self {
+        let n = grouping.heads.len();
+        Self { frames: vec![WrenchSums::default(); n], windows: vec![Sums::default(); n] }
     }
-    for (i, input) in inputs.iter().enumerate() {
-        for flight in 0..input.flights.len() {
-            let name = format!("{} #{}", input.motion.trial, flight + 1);
-            push(GroupedBy::Flight, name, None, &|trial, r| trial == i && r.place.flight == Some(flight));
+    pub fn add_frame(
+        &mut self,
+        grouping: &Grouping,
+        trial: usize,
+        frame: usize,
+        e: &nalgebra::Vector6<f64>,
+        rotation: &nalgebra::UnitQuaternion<f64>,
+    ) {
+        for &g in grouping.groups(trial, frame) {
+            self.frames[usize::from(g)].add(e, rotation);
         }
     }
-    for fifth in 0..FIFTHS {
-        let (from, to) = (fifth as f64 / FIFTHS as f64, (fifth + 1) as f64 / FIFTHS as f64);
-        let name = format!("{:.0} to {:.0} % of the flight", 100.0 * from, 100.0 * to);
-        push(GroupedBy::TimeInFlight, name, Some((from, to)), &|_, r| {
-            r.place.flight.is_some() && r.place.fraction >= from && (r.place.fraction < to || fifth + 1 == FIFTHS)
-        });
+    pub fn add_window(&mut self, grouping: &Grouping, trial: usize, center: usize, e: &nalgebra::Vector6<f64>) {
+        for &g in grouping.groups(trial, center) {
+            self.windows[usize::from(g)].add(e);
+        }
     }
-    // ranges over contact where there is any; a flight is free of half of these questions
-    let contact = counted.iter().any(|(_, r)| r.place.phase.is_contact());
-    let of_interest = |r: &FrameRecord| r.place.phase.is_contact() == contact;
-    type Feature = fn(&FrameRecord) -> f64;
-    let features: [(GroupedBy, &str, Feature); 4] = [
-        (GroupedBy::Speed, "m/s", |r| r.features.speed),
-        (GroupedBy::Acceleration, "m/s²", |r| r.features.acceleration),
-        (GroupedBy::Turning, "rad/s", |r| r.features.turning),
-        (GroupedBy::Posture, "m", |r| r.features.posture),
-    ];
-    for (by, unit, feature) in features {
-        let mut values: Vec<f64> = counted.iter().filter(|(_, r)| of_interest(r)).map(|(_, r)| feature(r)).collect();
-        values.sort_by(f64::total_cmp);
-        let Some(last) = values.last().copied() else { continue };
-        for quarter in 0..QUARTERS {
-            let from = values[quarter * (values.len() - 1) / QUARTERS];
-            let to = values[(quarter + 1) * (values.len() - 1) / QUARTERS];
-            let name = format!("{from:.2} to {to:.2} {unit}");
-            push(by, name, Some((from, to)), &|_, r| {
-                let x = feature(r);
-                of_interest(r) && x >= from && (x < to || (quarter + 1 == QUARTERS && x <= last))
+    pub fn merge(&mut self, other: &Self) {
+        self.frames.iter_mut().zip(&other.frames).for_each(|(a, b)| a.merge(b));
+        self.windows.iter_mut().zip(&other.windows).for_each(|(a, b)| a.merge(b));
+    }
+    pub fn floors(&self, grouping: &Grouping) -> Vec<GroupFloor> {
+        let of = |((head, f), w): ((&Head, &WrenchSums), &Sums)| GroupFloor {
+            by: head.by,
+            name: head.name.clone(),
+            errors: f.errors(),
+            windows: w.windows(),
+        };
+        grouping.heads.iter().zip(&self.frames).zip(&self.windows).map(of).collect()
+    }
+}
+
+impl Grouping {
+    /// Groups of the frames that count.
+    pub fn new(inputs: &[TrialInput<'_>], frames: &[TrialFrames], counting: &Counting) -> Self {
+        let counted: Vec<(usize, &FrameRecord)> = inputs
+            .iter()
+            .zip(frames)
+            .enumerate()
+            .flat_map(|(i, (input, t))| t.records.iter().filter(|r| counting.counts(input, r)).map(move |r| (i, r)))
+            .collect();
+        let mut out = Self {
+            heads: Vec::new(),
+            of_frame: inputs.iter().map(|t| vec![Vec::new(); t.motion.n_frames()]).collect(),
+        };
+        let mut push = |by, name: String, range, keep: &dyn Fn(usize, &FrameRecord) -> bool| {
+            let Ok(index) = u16::try_from(out.heads.len()) else { return };
+            let mut any = false;
+            for (trial, r) in counted.iter().filter(|(trial, r)| keep(*trial, r)) {
+                out.of_frame[*trial][r.frame].push(index);
+                any = true;
+            }
+            if any {
+                out.heads.push(Head { by, name, range });
+            }
+        };
+        for (i, input) in inputs.iter().enumerate() {
+            push(GroupedBy::Trial, input.motion.trial.clone(), None, &|trial, _| trial == i);
+        }
+        for phase in Phase::ALL {
+            push(GroupedBy::Phase, phase.word().to_owned(), None, &|_, r| r.place.phase == phase);
+        }
+        for (i, input) in inputs.iter().enumerate() {
+            for flight in 0..input.flights.len() {
+                let name = format!("{} #{}", input.motion.trial, flight + 1);
+                push(GroupedBy::Flight, name, None, &|trial, r| trial == i && r.place.flight == Some(flight));
+            }
+        }
+        for fifth in 0..FIFTHS {
+            let (from, to) = (fifth as f64 / FIFTHS as f64, (fifth + 1) as f64 / FIFTHS as f64);
+            let name = format!("{:.0} to {:.0} % of the flight", 100.0 * from, 100.0 * to);
+            push(GroupedBy::TimeInFlight, name, Some((from, to)), &|_, r| {
+                r.place.flight.is_some() && r.place.fraction >= from && (r.place.fraction < to || fifth + 1 == FIFTHS)
             });
         }
+        // ranges over contact where there is any; a flight is free of half of these questions
+        let contact = counted.iter().any(|(_, r)| r.place.phase.is_contact());
+        let of_interest = |r: &FrameRecord| r.place.phase.is_contact() == contact;
+        type Feature = fn(&FrameRecord) -> f64;
+        let features: [(GroupedBy, &str, Feature); 4] = [
+            (GroupedBy::Speed, "m/s", |r| r.features.speed),
+            (GroupedBy::Acceleration, "m/s²", |r| r.features.acceleration),
+            (GroupedBy::Turning, "rad/s", |r| r.features.turning),
+            (GroupedBy::Posture, "m", |r| r.features.posture),
+        ];
+        for (by, unit, feature) in features {
+            let mut values: Vec<f64> =
+                counted.iter().filter(|(_, r)| of_interest(r)).map(|(_, r)| feature(r)).collect();
+            values.sort_by(f64::total_cmp);
+            let Some(last) = values.last().copied() else { continue };
+            // as many decimals as tell the quarters apart
+            let quarters = (1..=QUARTERS)
+                .map(|q| values[q * (values.len() - 1) / QUARTERS] - values[(q - 1) * (values.len() - 1) / QUARTERS]);
+            let finest = quarters.filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
+            let decimals = if finest.is_finite() { (1.0 - finest.log10().floor()).clamp(2.0, 6.0) as usize } else { 2 };
+            for quarter in 0..QUARTERS {
+                let from = values[quarter * (values.len() - 1) / QUARTERS];
+                let to = values[(quarter + 1) * (values.len() - 1) / QUARTERS];
+                let name = format!("{from:.decimals$} to {to:.decimals$} {unit}");
+                push(by, name, Some((from, to)), &|_, r| {
+                    let x = feature(r);
+                    of_interest(r) && x >= from && (x < to || (quarter + 1 == QUARTERS && x <= last))
+                });
+            }
+        }
+        out
     }
-    groups
+
+    fn groups(&self, trial: usize, frame: usize) -> &[u16] {
+        self.of_frame[trial].get(frame).map_or(&[], Vec::as_slice)
+    }
+
+    /// All groups of one model.
+    pub fn breakdown(&self, frames: &[TrialFrames], windows: &[Vec<Window>], which: usize) -> Vec<Group> {
+        let mut sums = GroupSums::new(self);
+        for (trial, (t, windows)) in frames.iter().zip(windows).enumerate() {
+            for r in &t.records {
+                sums.add_frame(self, trial, r.frame, &r.residual[which], &r.world_from_root.rotation);
+            }
+            for w in windows {
+                sums.add_window(self, trial, w.center, &w.residual[which]);
+            }
+        }
+        let of = |((head, f), w): ((&Head, &WrenchSums), &Sums)| Group {
+            by: head.by,
+            name: head.name.clone(),
+            from: head.range.map(|r| r.0),
+            to: head.range.map(|r| r.1),
+            errors: f.errors(),
+            windows: w.windows(),
+        };
+        self.heads.iter().zip(&sums.frames).zip(&sums.windows).map(of).collect()
+    }
 }

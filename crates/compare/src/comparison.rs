@@ -1,12 +1,12 @@
 //! The whole comparison.
 
-use crate::breakdown::{Counting, breakdown};
+use crate::breakdown::{Counting, Grouping};
 use crate::errors::{Sums, WrenchSums};
 use crate::frames::{TrialFrames, trial_frames};
 use crate::noise_floor::{FloorSums, trial_floor};
 use crate::offset::sought;
 use crate::segments::SegmentSums;
-use crate::windows::{TrialWindows, trial_windows};
+use crate::windows::{TrialWindows, Window, trial_windows};
 use crate::words::words;
 use crate::{
     Body, Candidate, CompareError, CompareOptions, FlightErrors, Group, NoiseFloor, RecordingOffset, SegmentShare,
@@ -38,10 +38,13 @@ pub struct ModelComparison {
     pub flight_weak: WindowErrors,
     /// Trial by trial.
     pub trials: Vec<TrialComparison>,
-    /// By phase, flight, time in flight, speed, acceleration, turning, posture: of held-out frames where there are any, else of all.
+    /// By trial, phase, flight, time in flight, speed, acceleration, turning, posture: of held-out frames where there are any, else of all.
     pub breakdown: Vec<Group>,
     /// Link by link, the largest share first; over contact, or over flights without contact.
     pub segments: Vec<SegmentShare>,
+    /// Link by link over flights; empty without flights.
+    #[serde(default)]
+    pub segments_in_flight: Vec<SegmentShare>,
 }
 
 /// One trial of one model.
@@ -82,6 +85,9 @@ pub struct Comparison {
     pub first: ModelComparison,
     /// The other models, on the same frames of the same motion.
     pub beside: Vec<ModelComparison>,
+    /// Axis by axis, body and world, of the first model.
+    #[serde(default)]
+    pub axes: Vec<AxisRow>,
     /// Error that noise alone makes; none where no unfiltered motion was given or no draws were asked for.
     pub noise_floor: Option<NoiseFloor>,
     /// How errors were taken.
@@ -109,6 +115,50 @@ impl Comparison {
     }
 }
 
+/// The error along one axis, beside what noise makes there.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AxisRow {
+    /// `body` (root axes) or `world`.
+    pub axes: String,
+    /// `x`, `y` or `z`.
+    pub axis: String,
+    /// Force, N: root mean square, mean with sign, noise's root mean square.
+    #[serde(with = "crate::errors::nullable")]
+    pub force_n: [f64; 3],
+    /// Moment, N·m, alike.
+    #[serde(with = "crate::errors::nullable")]
+    pub moment_nm: [f64; 3],
+    /// Share of the mean square that noise does not explain, force and moment; none where the noise is not known.
+    pub explainable: [Option<f64>; 2],
+}
+
+fn axis_rows(errors: &WrenchErrors, floor: Option<&WrenchErrors>) -> Vec<AxisRow> {
+    let floor = floor.filter(|f| f.frames > 0);
+    let mut out = Vec::new();
+    for axes in ["body", "world"] {
+        let pick = |e: &WrenchErrors| {
+            if axes == "body" { (e.force_n, e.moment_nm) } else { (e.force_world_n, e.moment_world_nm) }
+        };
+        let (force, moment) = pick(errors);
+        let noise = floor.map(pick);
+        for (i, axis) in ["x", "y", "z"].into_iter().enumerate() {
+            let of_noise =
+                |which: usize| noise.map_or(f64::NAN, |n| if which == 0 { n.0.rmse[i] } else { n.1.rmse[i] });
+            let share = |rmse: f64, noise: f64| {
+                (rmse.is_finite() && noise.is_finite()).then(|| crate::words::explainable(rmse, noise))
+            };
+            out.push(AxisRow {
+                axes: axes.to_owned(),
+                axis: axis.to_owned(),
+                force_n: [force.rmse[i], force.bias[i], of_noise(0)],
+                moment_nm: [moment.rmse[i], moment.bias[i], of_noise(1)],
+                explainable: [share(force.rmse[i], of_noise(0)), share(moment.rmse[i], of_noise(1))],
+            });
+        }
+    }
+    out
+}
+
 /// How the motion was filtered, so that noise can be sent the same way.
 #[derive(Clone, Copy)]
 pub struct Filtering<'a> {
@@ -118,9 +168,25 @@ pub struct Filtering<'a> {
     pub smooth: Smooth<'a>,
 }
 
+/// How the noise floor comes about.
+#[derive(Clone, Copy)]
+pub enum Noise<'a> {
+    /// It stays unknown.
+    Unknown,
+    /// Drawn, and sent the way of the data through the parameters of a model (the first one where none is given).
+    Drawn {
+        /// How the motion was filtered.
+        filtering: Filtering<'a>,
+        /// The model.
+        of: Option<&'a Candidate>,
+    },
+    /// As an earlier comparison of the same motion with the same options found it.
+    Known(&'a NoiseFloor),
+}
+
 /// Compares models of one body with what was measured in several trials. Trials run in parallel; the result does not depend on how.
 ///
-/// Without `filtering` no noise floor is estimated. The second part are the series of each trial, for plots.
+/// The second part are the series of each trial, for plots.
 ///
 /// # Errors
 /// No model; lengths that do not fit; motions without derivatives.
@@ -128,7 +194,7 @@ pub fn compare(
     body: &Body<'_>,
     candidates: &[Candidate],
     trials: &[TrialInput<'_>],
-    filtering: Option<Filtering<'_>>,
+    noise: Noise<'_>,
     options: &CompareOptions,
 ) -> Result<(Comparison, Vec<TrialSeries>), CompareError> {
     if candidates.is_empty() {
@@ -146,20 +212,31 @@ pub fn compare(
         .map(|(i, t)| trial_windows(body, candidates, i, t, &frames[i].offsets, options))
         .collect::<Result<_, _>>()?;
     let counting = Counting::new(trials, &frames);
-    let noise_floor = match filtering {
-        Some(filtering) if options.noise_draws > 0 => {
-            floor(body, &candidates[0], trials, &counting, filtering, options)?
+    let grouping = Grouping::new(trials, &frames, &counting);
+    let noise_floor = match noise {
+        Noise::Drawn { filtering, of } if options.noise_draws > 0 => {
+            let of = of.unwrap_or(&candidates[0]);
+            of.check(body, trials.len())?;
+            floor(body, of, trials, &counting, &grouping, filtering, options)?
         }
+        Noise::Known(floor) => Some(floor.clone()),
         _ => None,
     };
-    let mut models = candidates
-        .iter()
-        .enumerate()
-        .map(|(c, candidate)| model_comparison(body, candidate, c, trials, &frames, &windows, &counting));
+    let of_windows: Vec<Vec<Window>> = windows.iter().map(|w| w.windows.clone()).collect();
+    let mut models = candidates.iter().enumerate().map(|(c, candidate)| {
+        let mut model = model_comparison(body, candidate, c, trials, &frames, &windows, &counting);
+        model.breakdown = grouping.breakdown(&frames, &of_windows, c);
+        model
+    });
     let Some(first) = models.next() else { return Err(CompareError::NoModel) };
     let beside: Vec<ModelComparison> = models.collect();
     let words = words(&first, &beside, noise_floor.as_ref());
-    let comparison = Comparison { first, beside, noise_floor, options: *options, words };
+    let axes = if first.held_out.frames > 0 {
+        axis_rows(&first.held_out, noise_floor.as_ref().map(|f| &f.contact))
+    } else {
+        axis_rows(&first.flight_wrench, noise_floor.as_ref().map(|f| &f.flight))
+    };
+    let comparison = Comparison { first, beside, axes, noise_floor, options: *options, words };
     Ok((comparison, frames.into_iter().map(|f| f.series).collect()))
 }
 
@@ -228,6 +305,7 @@ fn model_comparison(
         });
     }
     let flight_wrench = flight.errors();
+    let any_flight = frames.iter().any(|t| t.records.iter().any(|r| !r.place.phase.is_contact()));
     let any_contact = frames.iter().any(|t| t.records.iter().any(|r| r.place.phase.is_contact()));
     let segments = if inputs.is_empty() {
         Vec::new()
@@ -246,8 +324,13 @@ fn model_comparison(
         flight_wrench,
         flight_weak: flight_weak.windows(),
         trials,
-        breakdown: breakdown(inputs, frames, counting, c),
+        breakdown: Vec::new(),
         segments,
+        segments_in_flight: if any_flight && !inputs.is_empty() {
+            flight_segments.shares(body.model, c)
+        } else {
+            Vec::new()
+        },
     }
 }
 
@@ -261,15 +344,16 @@ fn floor(
     candidate: &Candidate,
     trials: &[TrialInput<'_>],
     counting: &Counting,
+    grouping: &Grouping,
     filtering: Filtering<'_>,
     options: &CompareOptions,
 ) -> Result<Option<NoiseFloor>, CompareError> {
     let parts: Vec<FloorSums> = trials
         .par_iter()
         .enumerate()
-        .map(|(i, t)| trial_floor(body, candidate, i, t, filtering.filter, filtering.smooth, options))
+        .map(|(i, t)| trial_floor(body, candidate, i, t, filtering.filter, filtering.smooth, grouping, options))
         .collect::<Result<_, _>>()?;
-    let mut total = FloorSums::default();
+    let mut total = FloorSums::new(grouping);
     for (t, part) in trials.iter().zip(&parts) {
         if counting.contact(t) {
             total.contact.merge(&part.contact);
@@ -279,12 +363,14 @@ fn floor(
             total.flight.merge(&part.flight);
             total.flight_weak.merge(&part.flight_weak);
         }
+        total.groups.merge(&part.groups);
     }
     let floor = NoiseFloor {
         contact: total.contact.errors(),
         flight: total.flight.errors(),
         contact_weak: total.contact_weak.windows(),
         flight_weak: total.flight_weak.windows(),
+        groups: total.groups.floors(grouping),
     };
     Ok((floor.contact.frames + floor.flight.frames > 0).then_some(floor))
 }

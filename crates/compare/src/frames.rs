@@ -5,8 +5,8 @@ use crate::offset::{OffsetSamples, mass_ratio, sought};
 use crate::phase::{Place, places};
 use crate::segments::SegmentSums;
 use crate::{Body, Candidate, CompareOptions, Phase, RecordingOffset, TrialInput};
-use aloft_body::State;
-use nalgebra::{DMatrix, DVector, Isometry3, Vector6};
+use aloft_body::{Phi, State};
+use nalgebra::{DMatrix, DVector, Isometry3, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
 /// Measured and predicted wrench of one trial, for plots: root axes about the root origin, force (N) then moment (N·m).
@@ -32,11 +32,11 @@ pub struct TrialSeries {
 pub(crate) struct Features {
     /// Of the centre of mass, m/s.
     pub speed: f64,
-    /// Of the centre of mass, as the first model's wrench says it, m/s².
+    /// Of the centre of mass, m/s².
     pub acceleration: f64,
     /// Angular speed of the root, rad/s.
     pub turning: f64,
-    /// Height of the centre of mass over the lowest link origin, m.
+    /// Radius of gyration of the links' centres of mass about that of the body, m.
     pub posture: f64,
 }
 
@@ -100,7 +100,7 @@ pub(crate) fn trial_frames(
     let places = places(n, motion.rate_hz, input.flights, |f| is_solved[f], |f| measured(f).is_some(), options);
 
     let names = input.effects.map_or(&[][..], |e| &e.names);
-    let coefficients: Vec<DVector<f64>> = candidates.iter().map(|c| c.coefficients(names)).collect();
+    let coefficients: Vec<DVector<f64>> = candidates.iter().map(|c| c.coefficients(index, names)).collect();
     let mut parameters = DMatrix::zeros(body.base.len(), candidates.len());
     for (mut column, c) in parameters.column_iter_mut().zip(candidates) {
         column.copy_from(c.parameters(index));
@@ -154,20 +154,15 @@ pub(crate) fn trial_frames(
             });
             samples.add(world_from_root.translation.vector, excess);
         }
-        let com = state.center_of_mass(body.prior).1;
-        let lowest = state.world_from_link.iter().map(|p| p.translation.z).fold(f64::INFINITY, f64::min);
-        let mass = parameters[(0, 0)];
-        let (force, _) = halves(&series.predicted[0][f]);
-        let acceleration = world_from_root.rotation * force / mass + model.gravity_mps2;
         out_records.push(FrameRecord {
             frame: f,
             place,
             world_from_root,
             features: Features {
                 speed: state.center_of_mass_velocity(body.prior).norm(),
-                acceleration: acceleration.norm(),
+                acceleration: center_of_mass_acceleration(&state, body.prior).norm(),
                 turning: state.velocity[0].fixed_rows::<3>(3).norm(),
-                posture: com.z - lowest,
+                posture: radius_of_gyration(&state, body.prior),
             },
             residual,
         });
@@ -182,6 +177,31 @@ pub(crate) fn trial_frames(
     take_off(&mut out_records, &offsets);
     let [contact_segments, flight_segments] = segments(body, candidates.len(), input, &out_records);
     TrialFrames { records: out_records, series, contact_segments, flight_segments, offsets, contact_as_measured }
+}
+
+/// Of the whole body, m/s², world.
+fn center_of_mass_acceleration(state: &State, prior: &[Phi]) -> Vector3<f64> {
+    let mass: f64 = prior.iter().map(|p| p[0]).sum();
+    // a(p) = a(o) + (matrix) p, so the first moments give the sum over a link's mass
+    let of_link = |(i, p): (usize, &Phi)| {
+        let m = p[0];
+        let place = if m.abs() > 1e-12 { Vector3::new(p[1], p[2], p[3]) / m } else { Vector3::zeros() };
+        state.point_acceleration_in_world(i, &place) * m
+    };
+    prior.iter().enumerate().map(of_link).sum::<Vector3<f64>>() / mass
+}
+
+/// √(Σ m |c − c₀|² / Σ m) over the links' centres of mass c, m.
+fn radius_of_gyration(state: &State, prior: &[Phi]) -> f64 {
+    let (mass, center) = state.center_of_mass(prior);
+    let of_link = |(i, p): (usize, &Phi)| {
+        let m = p[0];
+        if m <= 0.0 {
+            return 0.0;
+        }
+        m * (state.point_in_world(i, &(Vector3::new(p[1], p[2], p[3]) / m)) - center).norm_squared()
+    };
+    (prior.iter().enumerate().map(of_link).sum::<f64>() / mass).max(0.0).sqrt()
 }
 
 /// The measured wrench less the offset: what is predicted beyond it grows by as much.
@@ -206,7 +226,7 @@ fn segments(body: &Body<'_>, models: usize, input: &TrialInput<'_>, records: &[F
         state.forward_acceleration(model, motion.q(r.frame), motion.v(r.frame), motion.a(r.frame));
         state.base_wrench_regressor(model, &mut full);
         let sums = if r.place.phase.is_contact() { &mut contact } else { &mut flight };
-        sums.add(&state, &full, &r.residual);
+        sums.add(&state, &full, body.prior, &r.residual);
     }
     [contact, flight]
 }

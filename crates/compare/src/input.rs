@@ -25,8 +25,8 @@ pub struct Candidate {
     pub name: String,
     /// Base parameters: one vector, or one for each trial.
     base: Vec<DVector<f64>>,
-    /// Effects of this model and their coefficients.
-    effects: Vec<(String, f64)>,
+    /// Effects of this model and their coefficients: one list, or one for each trial.
+    effects: Vec<Vec<(String, f64)>>,
 }
 
 impl Candidate {
@@ -45,21 +45,31 @@ impl Candidate {
     /// Adds effects: their columns come with each trial and are found by name; a trial without such a column has no such effect.
     #[must_use]
     pub fn with_effects(mut self, effects: impl IntoIterator<Item = (String, f64)>) -> Self {
-        self.effects.extend(effects);
+        self.effects = vec![effects.into_iter().collect()];
+        self
+    }
+    /// As [`Candidate::with_effects`], other coefficients for each trial.
+    #[must_use]
+    pub fn with_effects_per_trial(mut self, effects: Vec<Vec<(String, f64)>>) -> Self {
+        self.effects = effects;
         self
     }
     pub(crate) fn parameters(&self, trial: usize) -> &DVector<f64> {
         &self.base[if self.base.len() == 1 { 0 } else { trial }]
     }
-    pub(crate) fn coefficients(&self, columns: &[String]) -> DVector<f64> {
+    pub(crate) fn coefficients(&self, trial: usize, columns: &[String]) -> DVector<f64> {
+        let of_trial = self.effects.get(if self.effects.len() == 1 { 0 } else { trial });
         DVector::from_fn(columns.len(), |i, _| {
-            self.effects.iter().filter(|(name, _)| *name == columns[i]).map(|(_, theta)| theta).sum()
+            of_trial.into_iter().flatten().filter(|(name, _)| *name == columns[i]).map(|(_, theta)| theta).sum()
         })
     }
     pub(crate) fn check(&self, body: &Body<'_>, trials: usize) -> Result<(), CompareError> {
         let length = |what, expected, found| CompareError::Length { of: self.name.clone(), what, expected, found };
         if self.base.len() != 1 && self.base.len() != trials {
             return Err(length("sets of base parameters, one for each trial", trials, self.base.len()));
+        }
+        if self.effects.len() > 1 && self.effects.len() != trials {
+            return Err(length("sets of coefficients, one for each trial", trials, self.effects.len()));
         }
         match self.base.iter().find(|b| b.len() != body.base.len()) {
             Some(b) => Err(length("base parameters", body.base.len(), b.len())),

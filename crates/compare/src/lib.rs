@@ -14,11 +14,11 @@
 //! ```no_run
 //! # fn f(body: aloft_compare::Body<'_>, motion: &aloft_body::Motion, flights: &[std::ops::Range<usize>],
 //! #      identified: nalgebra::DVector<f64>) -> Result<(), aloft_compare::CompareError> {
-//! use aloft_compare::{Candidate, CompareOptions, TrialInput, compare};
+//! use aloft_compare::{Candidate, CompareOptions, Noise, TrialInput, compare};
 //!
 //! let models = [Candidate::base("identified", identified), Candidate::links("prior", body.base, body.prior)];
 //! let trials = [TrialInput::new(motion, flights)];
-//! let (comparison, _series) = compare(&body, &models, &trials, None, &CompareOptions::default())?;
+//! let (comparison, _series) = compare(&body, &models, &trials, Noise::Unknown, &CompareOptions::default())?;
 //! println!("{:?}", comparison.first.flight.residual_force_n.rms);
 //! # Ok(())
 //! # }
@@ -38,8 +38,8 @@ mod segments;
 mod windows;
 mod words;
 
-pub use breakdown::{Group, GroupedBy};
-pub use comparison::{Comparison, Filtering, ModelComparison, TrialComparison, compare};
+pub use breakdown::{Group, GroupFloor, GroupedBy};
+pub use comparison::{AxisRow, Comparison, Filtering, ModelComparison, Noise, TrialComparison, compare};
 pub use error::CompareError;
 pub use errors::{AxisErrors, AxisResidual, FlightErrors, WindowErrors, WrenchErrors};
 pub use frames::TrialSeries;

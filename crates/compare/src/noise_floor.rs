@@ -10,6 +10,7 @@
 //! Not in it: soft tissue, wrong joint centres, plates that drift. They are slow, repeat themselves, and count as explainable. Where
 //! somebody smoothed the recordings before, the floor is too low.
 
+use crate::breakdown::{GroupFloor, GroupSums, Grouping};
 use crate::errors::{Sums, WindowErrors, WrenchErrors, WrenchSums, halves, joined, rotated};
 use crate::frames::solved;
 use crate::measured::{FOURTH_DIFFERENCE, median_scale};
@@ -36,18 +37,35 @@ pub struct NoiseFloor {
     pub contact_weak: WindowErrors,
     /// Over weak windows in flight.
     pub flight_weak: WindowErrors,
+    /// In every group of the breakdown.
+    #[serde(default)]
+    pub groups: Vec<GroupFloor>,
 }
 
 /// Filters a motion as the motion of the comparison was filtered; `None` where that fails.
 pub type Smooth<'a> = &'a (dyn Fn(&Motion) -> Option<Motion> + Sync);
 
 /// Sums over frames and windows of one trial.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone)]
 pub(crate) struct FloorSums {
     pub contact: WrenchSums,
     pub flight: WrenchSums,
     pub contact_weak: Sums,
     pub flight_weak: Sums,
+    pub groups: GroupSums,
+}
+
+impl FloorSums {
+    pub fn new(grouping: &Grouping) -> Self {
+        let (frames, windows) = (WrenchSums::default(), Sums::default());
+        Self {
+            contact: frames,
+            flight: frames,
+            contact_weak: windows,
+            flight_weak: windows,
+            groups: GroupSums::new(grouping),
+        }
+    }
 }
 
 /// A coordinate's fourth difference this many standard deviations from zero marks a frame that is not noise.
@@ -96,9 +114,10 @@ pub(crate) fn trial_floor(
     input: &TrialInput<'_>,
     filter: Option<LowPass>,
     smooth: Smooth<'_>,
+    grouping: &Grouping,
     options: &CompareOptions,
 ) -> Result<FloorSums, CompareError> {
-    let mut sums = FloorSums::default();
+    let mut sums = FloorSums::new(grouping);
     let clean = input.motion;
     let Some(root) = input.unfiltered.and_then(|raw| noise_root(body.model, clean, raw)) else { return Ok(sums) };
     let Some(base_line) = smooth(clean) else { return Ok(sums) };
@@ -107,10 +126,11 @@ pub(crate) fn trial_floor(
     for _ in 0..options.noise_draws {
         let noisy = with_noise(body, clean, &root, &mut rng);
         let plates = plate_noise(input, clean, &mut rng);
-        add_windows(&mut sums, body, candidate, index, input, &noisy, plates.as_deref(), options)?;
+        add_windows(&mut sums, body, candidate, index, input, &noisy, plates.as_deref(), grouping, options)?;
         let Some(noisy) = smooth(&noisy) else { continue };
         let filtered_plates = plates.map(|p| low_passed(p, clean.rate_hz, filter));
-        add_frames(&mut sums, body, candidate, index, input, [&base_line, &noisy], filtered_plates.as_deref(), options);
+        let motions = [&base_line, &noisy];
+        add_frames(&mut sums, body, candidate, index, input, motions, filtered_plates.as_deref(), grouping, options);
     }
     Ok(sums)
 }
@@ -159,6 +179,7 @@ fn add_frames(
     input: &TrialInput<'_>,
     [without, with]: [&Motion; 2],
     plates: Option<&[Vector6<f64>]>,
+    grouping: &Grouping,
     options: &CompareOptions,
 ) {
     let phi = candidate.parameters(index);
@@ -201,6 +222,7 @@ fn add_frames(
         } else {
             sums.flight.add(&e, &pose.rotation);
         }
+        sums.groups.add_frame(grouping, index, f, &e, &pose.rotation);
     }
 }
 
@@ -212,6 +234,7 @@ fn add_windows(
     input: &TrialInput<'_>,
     noisy: &Motion,
     plates: Option<&[Vector6<f64>]>,
+    grouping: &Grouping,
     options: &CompareOptions,
 ) -> Result<(), CompareError> {
     let clean = input.motion;
@@ -227,8 +250,10 @@ fn add_windows(
             };
             let (plain, noisy) = (of(clean, &silent)?, of(noisy, plates.unwrap_or(&silent))?);
             let weak = if flying { &mut sums.flight_weak } else { &mut sums.contact_weak };
-            for (a, b) in plain.residual[0].iter().zip(&noisy.residual[0]) {
-                weak.add(&(b - a));
+            for ((a, b), center) in plain.residual[0].iter().zip(&noisy.residual[0]).zip(&plain.centers) {
+                let e = b - a;
+                weak.add(&e);
+                sums.groups.add_window(grouping, index, *center, &e);
             }
         }
     }

@@ -1,11 +1,11 @@
 //! Which link's part of the model could carry the error: the error projected on each link's own columns.
 //!
 //! For each link alone, the least-squares change of its ten parameters that explains most of the error, and the share of the mean square
-//! that it explains; and the same with one quadratic-drag force at its origin. Shares of different links overlap and do not add up: a
+//! that it explains; and the same with one quadratic-drag force at its centre of mass. Shares of different links overlap and do not add up: a
 //! large one says where to look, not what is wrong.
 
-use crate::errors::{MOMENT_LEVER_M, halves};
-use aloft_body::{Model, State};
+use crate::errors::MOMENT_LEVER_M;
+use aloft_body::{Model, Phi, State};
 use nalgebra::{DMatrix, SMatrix, SVector, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
@@ -22,7 +22,7 @@ pub struct SegmentShare {
     pub inertia_share: f64,
     /// That change, in the order and units of [`aloft_body::PHI_NAMES`]; the smallest one where several explain the same.
     pub inertia_change: Vec<f64>,
-    /// Share that a drag force −c |v| v at the link's origin explains.
+    /// Share that a drag force −c |v| v at the link's centre of mass (as the prior has it) explains.
     #[serde(with = "crate::errors::nullable::one")]
     pub drag_share: f64,
     /// Its coefficient c, N s²/m².
@@ -66,7 +66,7 @@ impl SegmentSums {
     }
 
     /// Adds a frame: the full regressor (6 × 10n, root axes) and the error of each model.
-    pub fn add(&mut self, state: &State, regressor: &DMatrix<f64>, residual: &[Vector6<f64>]) {
+    pub fn add(&mut self, state: &State, regressor: &DMatrix<f64>, prior: &[Phi], residual: &[Vector6<f64>]) {
         let weighted_residual: Vec<Vector6<f64>> = residual.iter().map(|e| weighted(*e)).collect();
         for (s, e) in self.square.iter_mut().zip(&weighted_residual) {
             *s += e.norm_squared();
@@ -78,11 +78,13 @@ impl SegmentSums {
                 row /= MOMENT_LEVER_M;
             }
             link.normal += columns.tr_mul(&columns);
-            // |v| v at the link's origin, seen from the root
-            let pose = &state.world_from_link[j];
-            let (v, _) = halves(&state.velocity[j]);
-            let force: Vector3<f64> = root.rotation.inverse() * (pose.rotation * (v * v.norm()));
-            let arm = root.rotation.inverse() * (pose.translation.vector - root.translation.vector);
+            // |v| v at the link's centre of mass, seen from the root
+            let mass = prior[j][0];
+            let place =
+                if mass > 0.0 { Vector3::new(prior[j][1], prior[j][2], prior[j][3]) / mass } else { Vector3::zeros() };
+            let v = state.point_velocity_in_world(j, &place);
+            let force: Vector3<f64> = root.rotation.inverse() * (v * v.norm());
+            let arm = root.rotation.inverse() * (state.point_in_world(j, &place) - root.translation.vector);
             let drag = weighted(crate::errors::joined(&force, &arm.cross(&force)));
             link.drag += drag.norm_squared();
             for ((right, drag_right), e) in link.right.iter_mut().zip(&mut link.drag_right).zip(&weighted_residual) {

@@ -19,6 +19,15 @@ pub(crate) struct TrialWindows {
     pub flight: Vec<Sums>,
     /// Contact with the recording's offset still in it.
     pub contact_as_measured: Vec<Sums>,
+    /// Every window, the offset taken off.
+    pub windows: Vec<Window>,
+}
+
+/// One window: its middle frame and the error of each model.
+#[derive(Debug, Clone)]
+pub(crate) struct Window {
+    pub center: usize,
+    pub residual: Vec<Vector6<f64>>,
 }
 
 /// Frames left out at both ends of a flight: its edges are known within two frames.
@@ -36,21 +45,27 @@ pub(crate) fn trial_windows(
         contact: vec![Sums::default(); candidates.len()],
         flight: vec![Sums::default(); candidates.len()],
         contact_as_measured: vec![Sums::default(); candidates.len()],
+        windows: Vec::new(),
     };
     let Some(motion) = input.unfiltered else { return Ok(out) };
     let series = input.measured.map(|m| m.unfiltered.as_slice());
     let (contact, flights) = stretches(input, motion, options);
     let parameters: Vec<&DVector<f64>> = candidates.iter().map(|c| c.parameters(index)).collect();
     let names = input.effects.map_or(&[][..], |e| &e.names);
-    let coefficients: Vec<DVector<f64>> = candidates.iter().map(|c| c.coefficients(names)).collect();
+    let coefficients: Vec<DVector<f64>> = candidates.iter().map(|c| c.coefficients(index, names)).collect();
     let acting = Acting { measured: series, effects: input.effects };
     for (i, run) in contact.iter().enumerate() {
         let found = window_residuals(body, motion, i, run, false, acting, options, &parameters, &coefficients)?;
-        for (c, windows) in found.residual.iter().enumerate() {
-            for (e, path) in windows.iter().zip(&found.path) {
-                out.contact_as_measured[c].add(e);
-                out.contact[c].add(&offsets[c].as_ref().map_or(*e, |o| e + about(&o.wrench(), path)));
+        for (w, (path, &center)) in found.path.iter().zip(&found.centers).enumerate() {
+            let mut residual = Vec::with_capacity(candidates.len());
+            for (c, windows) in found.residual.iter().enumerate() {
+                let e = windows[w];
+                out.contact_as_measured[c].add(&e);
+                let left = offsets[c].as_ref().map_or(e, |o| e + about(&o.wrench(), path));
+                out.contact[c].add(&left);
+                residual.push(left);
             }
+            out.windows.push(Window { center, residual });
         }
     }
     for (i, run) in flights.iter().enumerate() {
@@ -58,6 +73,10 @@ pub(crate) fn trial_windows(
         for (sums, windows) in out.flight.iter_mut().zip(&found.residual) {
             windows.iter().for_each(|e| sums.add(e));
         }
+        out.windows.extend(found.centers.iter().enumerate().map(|(w, &center)| Window {
+            center,
+            residual: found.residual.iter().map(|windows| windows[w]).collect(),
+        }));
     }
     Ok(out)
 }
@@ -75,6 +94,8 @@ pub(crate) struct RunWindows {
     pub residual: Vec<Vec<Vector6<f64>>>,
     /// Of the point about which moments are taken, one for each window, m.
     pub path: Vec<Vector3<f64>>,
+    /// Middle frames.
+    pub centers: Vec<usize>,
 }
 
 /// Runs of contact and flights for windows.
@@ -107,7 +128,8 @@ pub(crate) fn window_residuals(
     parameters: &[&DVector<f64>],
     coefficients: &[DVector<f64>],
 ) -> Result<RunWindows, CompareError> {
-    let nothing = || Ok(RunWindows { residual: vec![Vec::new(); parameters.len()], path: Vec::new() });
+    let nothing =
+        || Ok(RunWindows { residual: vec![Vec::new(); parameters.len()], path: Vec::new(), centers: Vec::new() });
     let seconds = run.len() as f64 / motion.rate_hz;
     if !flying && seconds < options.window_s {
         return nothing();
@@ -120,7 +142,11 @@ pub(crate) fn window_residuals(
     let margin_s = if flying { FLIGHT_MARGIN_FRAMES / motion.rate_hz } else { 0.0 };
     let weak = WeakOptions { window_s: Some(options.window_s), margin_s, ..WeakOptions::default() };
     match weak_rows(body.model, body.base, body.prior, motion, &stretch, acting, &weak) {
-        Ok(rows) => Ok(RunWindows { residual: residuals(&rows, parameters, coefficients), path: path(&rows) }),
+        Ok(rows) => Ok(RunWindows {
+            residual: residuals(&rows, parameters, coefficients),
+            path: path(&rows),
+            centers: rows.centers,
+        }),
         Err(RegressorError::TooShort { .. }) => nothing(),
         Err(error) => Err(error.into()),
     }

@@ -7,6 +7,8 @@ use crate::{ModelComparison, NoiseFloor};
 const REMARKABLE: f64 = 1.5;
 /// Fewest frames of a group that is spoken of.
 const FEWEST_FRAMES: usize = 20;
+/// Fewest windows of a group that speak for it.
+const FEWEST_WINDOWS: usize = 4;
 /// Share of the error from which a link is named.
 const LARGE_SHARE: f64 = 0.3;
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -75,18 +77,25 @@ pub(crate) fn words(model: &ModelComparison, beside: &[ModelComparison], floor: 
     for (by, what) in
         [(GroupedBy::Phase, "phase"), (GroupedBy::Flight, "flight"), (GroupedBy::TimeInFlight, "part of the flight")]
     {
-        let groups: Vec<(&str, f64)> = of(&model.breakdown, by).map(|g| (g.name.as_str(), g.errors.size())).collect();
+        let groups: Vec<(&str, f64)> = of(&model.breakdown, by).map(|g| (g.name.as_str(), size(g))).collect();
         if let Some((name, ratio)) = stands_out(&groups) {
-            out.push(format!("Worst {what}: {name}, {ratio:.1} times the median of them."));
+            let group = model.breakdown.iter().find(|g| g.by == by && g.name == name);
+            let (on_frames, on_windows) = group.map_or((None, None), |g| g.explainable(floor));
+            let share = on_windows.or(on_frames);
+            out.push(format!(
+                "Worst {what}: {name}, {ratio:.1} times the median of them{}.",
+                share
+                    .map_or(String::new(), |s| format!("; {:.0} % of its mean square error is explainable", 100.0 * s))
+            ));
         }
     }
     for (by, what) in [
         (GroupedBy::Speed, "speed of the centre of mass"),
         (GroupedBy::Acceleration, "acceleration of the centre of mass"),
         (GroupedBy::Turning, "turning of the root"),
-        (GroupedBy::Posture, "height of the centre of mass"),
+        (GroupedBy::Posture, "spread of the body about its centre of mass"),
     ] {
-        let sizes: Vec<f64> = of(&model.breakdown, by).map(|g| g.errors.size()).collect();
+        let sizes: Vec<f64> = of(&model.breakdown, by).map(size).collect();
         if let (Some(first), Some(last)) = (sizes.first(), sizes.last()) {
             if last > &(REMARKABLE * first) {
                 out.push(format!(
@@ -180,6 +189,11 @@ pub(crate) fn explainable(size: f64, floor: f64) -> f64 {
 
 fn pair(force_n: f64, moment_nm: f64) -> String {
     format!("{} N and {} N·m", figures(force_n), figures(moment_nm))
+}
+
+/// Over windows where there are enough: on frames the noise of second derivatives hides the model.
+fn size(g: &Group) -> f64 {
+    if g.windows.windows >= FEWEST_WINDOWS { g.windows.size() } else { g.errors.size() }
 }
 
 fn of(groups: &[Group], by: GroupedBy) -> impl Iterator<Item = &Group> {

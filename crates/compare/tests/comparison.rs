@@ -3,7 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up fails")]
 
 use aloft_body::{BaseParameters, JointSpec, LinkSpec, Model, ModelSpec, Motion, Phi, State};
-use aloft_compare::{Body, Candidate, CompareOptions, Comparison, Filtering, GroupedBy, Measured, TrialInput, compare};
+use aloft_compare::{
+    Body, Candidate, CompareOptions, Comparison, Filtering, GroupedBy, Measured, Noise, TrialInput, compare,
+};
 use aloft_regressor::EffectColumns;
 use aloft_signal::{Butterworth, CutoffCorrection, LowPass, derivative::derivatives_of_run};
 use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector3, Vector6};
@@ -104,8 +106,9 @@ fn wrench(model: &Model, phi: &[Phi], m: &Motion, drag: f64) -> (Vec<Vector6<f64
             let root = state.world_from_link[0];
             let force = root.rotation * Vector3::new(w[0], w[1], w[2]);
             let moment = root.rotation * Vector3::new(w[3], w[4], w[5]) + root.translation.vector.cross(&force);
-            let p = state.world_from_link[1].translation.vector;
-            let v = state.point_velocity_in_world(1, &Vector3::zeros());
+            let place = Vector3::new(0.0, -0.2, 0.02);
+            let p = state.point_in_world(1, &place);
+            let v = state.point_velocity_in_world(1, &place);
             let air = -v * v.norm();
             let about = p.cross(&air);
             let unit = Vector6::new(air.x, air.y, air.z, about.x, about.y, about.z);
@@ -137,7 +140,7 @@ fn prop_the_true_model_has_no_error_and_a_wrong_one_shows_where() {
         .map(|(m, w)| TrialInput { unfiltered: Some(m), measured: Some(w), ..TrialInput::new(m, &[]) })
         .collect();
     let candidates = [Candidate::links("wrong", &base, &wrong), Candidate::links("truth", &base, &truth)];
-    let (c, series) = compare(&body, &candidates, &trials, None, &CompareOptions::default()).unwrap();
+    let (c, series) = compare(&body, &candidates, &trials, Noise::Unknown, &CompareOptions::default()).unwrap();
     let right = &c.beside[0];
     assert_eq!(c.first.held_out.frames, 2 * (N - 20));
     assert!(right.held_out.size() < 1e-9, "{}", right.held_out.size());
@@ -178,7 +181,7 @@ fn prop_effects_of_a_model_are_taken_into_account_and_drag_is_attributed() {
         Candidate::links("without", &base, &truth),
         Candidate::links("with", &base, &truth).with_effects([("drag".to_owned(), 2.5)]),
     ];
-    let (c, _) = compare(&body, &candidates, &[trial], None, &CompareOptions::default()).unwrap();
+    let (c, _) = compare(&body, &candidates, &[trial], Noise::Unknown, &CompareOptions::default()).unwrap();
     assert!(c.first.held_out.size() > 1.0 && c.first.held_out_weak.size() > 0.3);
     assert!(c.beside[0].held_out.size() < 1e-9 && c.beside[0].held_out_weak.size() < 0.02);
     let arm = c.first.segments.iter().find(|s| s.link == "arm").unwrap();
@@ -204,7 +207,8 @@ fn prop_flights_masks_and_parameters_of_each_trial() {
     second.measured = Some(&plates[1]);
     let (phi, nothing) = (base.regroup(&truth), DVector::zeros(base.len()));
     let candidates = [Candidate::per_trial("each", vec![phi.clone(), nothing]), Candidate::base("all", phi)];
-    let (c, series) = compare(&body, &candidates, &[first, second], None, &CompareOptions::default()).unwrap();
+    let (c, series) =
+        compare(&body, &candidates, &[first, second], Noise::Unknown, &CompareOptions::default()).unwrap();
     // only the second trial is held out in contact, and there the first model predicts nothing at all
     assert_eq!(c.first.held_out.frames, N - 20);
     assert!(c.first.held_out.force_world_n.mae[2] > 300.0 && c.beside[0].held_out.size() < 1e-9);
@@ -253,15 +257,26 @@ fn prop_the_noise_floor_is_the_error_that_noise_makes() {
     let again = |m: &Motion| Some(smooth(&model, m));
     let filtering = Filtering { filter: Some(FILTER), smooth: &again };
     let options = CompareOptions { noise_draws: 4, end_margin_frames: 60, ..CompareOptions::default() };
-    let (c, _) = compare(&body, &candidates, &[trial], Some(filtering), &options).unwrap();
+    let (c, _) = compare(&body, &candidates, &[trial], Noise::Drawn { filtering, of: None }, &options).unwrap();
     let floor = c.noise_floor.as_ref().unwrap();
     let ratio = c.first.held_out.size() / floor.contact.size();
     let weak = c.first.held_out_weak.size() / floor.contact_weak.size();
     assert!((0.85..1.15).contains(&ratio), "frames: {} {}", c.first.held_out.size(), floor.contact.size());
     assert!((0.7..1.3).contains(&weak), "windows: {} {}", c.first.held_out_weak.size(), floor.contact_weak.size());
     assert!(floor.contact_weak.size() < 0.35 * floor.contact.size());
+    // the floor stands beside every group and every axis, and taken over from an earlier comparison it is the same
+    for group in &c.first.breakdown {
+        let own = group.floor(c.noise_floor.as_ref()).unwrap();
+        assert!(own.errors.frames == 4 * group.errors.frames, "{}", group.name);
+        assert!((0.6..1.6).contains(&(group.errors.size() / own.errors.size())), "{:?} {}", group.by, group.name);
+        assert!(group.explainable(c.noise_floor.as_ref()).0.unwrap() < 0.65);
+    }
+    assert_eq!(c.axes.len(), 6);
+    assert!(c.axes.iter().all(|a| a.explainable.iter().all(|e| e.is_some_and(|e| e < 0.5))));
+    let (taken_over, _) = compare(&body, &candidates, &[trial], Noise::Known(floor), &options).unwrap();
+    assert!(serde_json::to_value(&taken_over).unwrap() == serde_json::to_value(&c).unwrap());
     // the same numbers on every run, and through text
-    let (again, _) = compare(&body, &candidates, &[trial], Some(filtering), &options).unwrap();
+    let (again, _) = compare(&body, &candidates, &[trial], Noise::Drawn { filtering, of: None }, &options).unwrap();
     let text = serde_json::to_value(&c).unwrap();
     assert!(serde_json::to_value(&again).unwrap() == text);
     for key in ["held_out", "flight"] {
@@ -283,7 +298,7 @@ fn prop_input_that_does_not_fit_is_refused() {
     let good = Candidate::links("truth", &base, &truth);
     let options = CompareOptions::default();
     let error = |candidates: &[Candidate], trial: TrialInput| {
-        compare(&body, candidates, &[trial], None, &options).unwrap_err().to_string()
+        compare(&body, candidates, &[trial], Noise::Unknown, &options).unwrap_err().to_string()
     };
     let trial = TrialInput::new(&m, &[]);
     assert!(error(&[], trial).contains("no model"));
@@ -293,6 +308,6 @@ fn prop_input_that_does_not_fit_is_refused() {
     let few = measured(vec![Vector6::zeros(); 3]);
     let trial = TrialInput { measured: Some(&few), ..trial };
     assert!(error(std::slice::from_ref(&good), trial).contains("expected 900, found 3"));
-    let (nothing, _) = compare(&body, &[good], &[], None, &options).unwrap();
+    let (nothing, _) = compare(&body, &[good], &[], Noise::Unknown, &options).unwrap();
     assert_eq!(nothing.first.held_out.frames, 0);
 }

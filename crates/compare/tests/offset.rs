@@ -109,7 +109,7 @@ fn run(
     let trial =
         TrialInput { unfiltered: Some(&motion), measured: Some(plates), untared, ..TrialInput::new(&motion, flights) };
     let options = CompareOptions { mass_kg, ..CompareOptions::default() };
-    compare(&body, &models, &[trial], None, &options).unwrap().0
+    compare(&body, &models, &[trial], Noise::Unknown, &options).unwrap().0
 }
 
 fn recorded(offset: &[f64; 6]) -> Measured {

@@ -86,7 +86,7 @@ fn validate_true_parameters_give_the_wrench_of_another_simulator() {
     let body = Body { model: &model, base: &base, prior: &phi };
     let candidates = [Candidate::links("truth", &base, &phi)];
     let options = CompareOptions { end_margin_frames: 2, ..CompareOptions::default() };
-    let (c, _) = compare(&body, &candidates, &trials, None, &options).unwrap();
+    let (c, _) = compare(&body, &candidates, &trials, Noise::Unknown, &options).unwrap();
     for t in &c.first.trials {
         println!(
             "{}: contact {} frames {:.5} N {:.5} N·m, windows {} {:.5} {:.5}; flight {} frames {:.5} {:.5}, windows {} {:.5} {:.5}",

@@ -1,6 +1,7 @@
 //! An effect with its target and nonlinear parameters fixed: what a model revision stores and what gives columns in a factor.
 
 use crate::{Columns, Effect, EffectsError, Scene, Series, Target, TrialMotion, effect};
+use aloft_body::BaseParameters;
 use nalgebra::DMatrix;
 
 /// An effect, on what it acts, and the values of its nonlinear parameters.
@@ -46,12 +47,28 @@ impl Choice<'static> {
     /// # Errors
     /// [`EffectsError::Unknown`] and [`EffectsError::Target`] with what exists.
     pub fn parse(key: &str, scene: &Scene) -> Result<Self, EffectsError> {
-        let (id, wanted) = match key.split_once('[') {
-            Some((id, rest)) => (id, rest.trim_end_matches(']')),
-            None => (key, ""),
-        };
-        let found = effect(id)?;
-        let targets = (found.targets)(scene);
+        let id = key.split('[').next().unwrap_or(key);
+        Self::of(effect(id)?, key, scene)
+    }
+}
+
+impl<'a> Choice<'a> {
+    /// Reads a key of one of the given effects; a target may be left out where the effect has one only.
+    ///
+    /// # Errors
+    /// [`EffectsError::Unknown`] and [`EffectsError::Target`] with what exists.
+    pub fn among(key: &str, scene: &Scene, effects: &[&'a dyn Effect]) -> Result<Self, EffectsError> {
+        let id = key.split('[').next().unwrap_or(key);
+        let found = effects.iter().copied().find(|e| e.id() == id).ok_or_else(|| EffectsError::Unknown {
+            name: id.to_owned(),
+            known: effects.iter().map(|e| e.id()).collect::<Vec<_>>().join(", "),
+        })?;
+        Self::of(found, key, scene)
+    }
+
+    fn of(found: &'a dyn Effect, key: &str, scene: &Scene) -> Result<Self, EffectsError> {
+        let wanted = key.split_once('[').map_or("", |(_, rest)| rest.trim_end_matches(']'));
+        let targets = found.targets(scene);
         let target = targets.iter().copied().find(|t| t.label(scene) == wanted).or({
             match (targets.as_slice(), wanted) {
                 ([only], "") => Some(*only),
@@ -61,7 +78,7 @@ impl Choice<'static> {
         match target {
             Some(target) => Ok(Self::new(found, target, scene)),
             None => Err(EffectsError::Target {
-                effect: id.to_owned(),
+                effect: found.id().to_owned(),
                 target: wanted.to_owned(),
                 known: targets.iter().map(|t| format!("`{}`", t.label(scene))).collect::<Vec<_>>().join(", "),
             }),
@@ -105,13 +122,29 @@ pub struct WrenchColumns {
     pub wrench: Vec<DMatrix<f64>>,
 }
 
-/// Unit wrenches of effects in every frame of a trial. Changes of inertia (payload, added mass, body mass) enter as `−Y δφ` from the
-/// smoothed motion; where rows `[Y | …]` are at hand, their columns are better formed from Y itself.
+/// As [`columns_about`], about the centre of mass of the scene's parameters.
 ///
 /// # Errors
 /// As [`Series::new`].
 pub fn columns(scene: &Scene, trial: &TrialMotion<'_>, choices: &[Choice<'_>]) -> Result<WrenchColumns, EffectsError> {
-    let series = Series::new(scene, trial)?;
+    columns_about(scene, trial, choices, None)
+}
+
+/// Unit wrenches of effects in every frame of a trial, the body's centre of mass from base parameters where they are given. Changes of inertia (payload, added mass, body mass) enter as `−Y δφ` from the
+/// smoothed motion; where rows `[Y | …]` are at hand, their columns are better formed from Y itself.
+///
+/// # Errors
+/// As [`Series::new`].
+pub fn columns_about(
+    scene: &Scene,
+    trial: &TrialMotion<'_>,
+    choices: &[Choice<'_>],
+    parameters: Option<(&BaseParameters, &[f64])>,
+) -> Result<WrenchColumns, EffectsError> {
+    let mut series = Series::new(scene, trial)?;
+    if let Some((base, values)) = parameters {
+        series.set_center_of_mass(base, values);
+    }
     let names: Vec<String> = choices.iter().flat_map(|c| c.names(scene)).collect();
     let k = names.len();
     let mut wrench = vec![DMatrix::from_element(6, k, f64::NAN); trial.motion.n_frames()];

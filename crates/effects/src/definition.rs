@@ -2,10 +2,11 @@
 
 use crate::{Columns, EffectFrame, Scene, Series};
 use aloft_body::Phi;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Whether nature or the measurement makes the effect.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EffectKind {
     /// A force that acted.
@@ -15,7 +16,7 @@ pub enum EffectKind {
 }
 
 /// Where an effect acts, and so on which windows it is judged.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ActsIn {
     /// In the air only.

@@ -49,7 +49,17 @@ pub enum EffectsError {
     /// A formula that cannot be read, or whose units do not fit.
     #[error(transparent)]
     Formula(Box<FormulaProblem>),
-    /// Anything else that a user-written effect says and that cannot be.
+    /// A name, unit or bound of a user-written effect that cannot be.
+    #[error("effect `{effect}`, {place}: {problem}")]
+    Place {
+        /// The effect.
+        effect: String,
+        /// Where in its description: `coefficients[0].unit`, `parts[1].point.link` …
+        place: String,
+        /// What is wrong there.
+        problem: String,
+    },
+    /// Anything else that is asked of an effect and that cannot be.
     #[error("effect `{effect}`: {problem}")]
     Spec {
         #[doc(hidden)]

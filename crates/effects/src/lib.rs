@@ -44,14 +44,17 @@ mod series;
 mod tests;
 
 pub use catalog::EFFECTS;
-pub use choice::{Choice, WrenchColumns, columns};
+pub use choice::{Choice, WrenchColumns, columns, columns_about};
 pub use columns::Columns;
 pub use definition::{
     ActsIn, Coefficient, EffectDefinition, EffectKind, InertiaLaw, NonlinearParameter, Target, WrenchLaw,
 };
 pub use effect::Effect;
 pub use error::{EffectsError, FormulaProblem};
-pub use formula::{CompiledFormula, FormulaAxes, FormulaCoefficient, FormulaEffect, FormulaParameter, FormulaPoint};
+pub use formula::{
+    CompiledFormula, FormulaAxes, FormulaCoefficient, FormulaConstant, FormulaEffect, FormulaParameter, FormulaPart,
+    FormulaPoint,
+};
 pub use scene::{AIR_DENSITY_KGPM3, Scene};
 pub use series::{EffectFrame, LinkFrame, PlateFrame, PlateSeries, Series, Span, TrialMotion};
 

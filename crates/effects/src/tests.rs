@@ -433,7 +433,7 @@ fn prop_a_formula_gives_the_columns_of_its_law() {
     let fixture = Fixture::new(true);
     let compiled = sail().compile(&fixture.scene).unwrap();
     fixture.with(|series| {
-        let columns = fixture.columns(series, &compiled, Target::Link(0), &[]);
+        let columns = fixture.columns(series, &compiled, Target::Body, &[]);
         for i in (0..series.len()).step_by(7) {
             let link = &series.links(i)[0];
             let p = Vector3::new(0.1, 0.2, 0.0);
@@ -490,9 +490,9 @@ fn prop_formulas_read_as_people_write() {
     )
     .unwrap();
     let compiled = effect.compile(&fixture.scene).unwrap();
-    assert_eq!(compiled.starts(&fixture.scene, Target::Link(1)).len(), 5);
+    assert_eq!(compiled.starts(&fixture.scene, Target::Body).len(), 5);
     fixture.with(|series| {
-        let columns = fixture.columns(series, &compiled, Target::Link(1), &[0.3]);
+        let columns = fixture.columns(series, &compiled, Target::Body, &[0.3]);
         for i in (0..series.len()).step_by(7) {
             let f = series.frame(i);
             let link = &f.links[1];
@@ -511,7 +511,7 @@ fn prop_formulas_read_as_people_write() {
 fn prop_the_example_configuration_compiles() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/effects");
     let mut model = model([0.0, 0.2, 0.0]);
-    model.links[1].name = "link1".into();
+    (model.links[0].name, model.links[1].name) = ("link0".into(), "link1".into());
     let scene = Scene::new(&model, &phi(), &[]);
     let mut count = 0;
     for entry in std::fs::read_dir(folder).unwrap() {
@@ -520,5 +520,77 @@ fn prop_the_example_configuration_compiles() {
         effect.compile(&scene).unwrap();
         count += 1;
     }
-    assert!(count > 0);
+    assert!(count > 3);
+}
+
+#[test]
+fn prop_drag_written_as_a_formula_has_the_columns_of_the_catalogue() {
+    let mut fixture = Fixture::new(true);
+    for (link, name) in fixture.scene.model.links.iter_mut().zip(["link0", "link1"]) {
+        link.name = name.into();
+    }
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/effects");
+    let read = |name: &str| -> FormulaEffect {
+        serde_yaml::from_str(&std::fs::read_to_string(folder.join(name)).unwrap()).unwrap()
+    };
+    let (body, links) = (read("air_drag.yaml"), read("my_drag.yaml"));
+    let (body, links) = (body.compile(&fixture.scene).unwrap(), links.compile(&fixture.scene).unwrap());
+    let drag = effect("quadratic_drag").unwrap();
+    let centres = (drag.starts)(&fixture.scene, Target::EveryLink).remove(0);
+    fixture.with(|series| {
+        let pairs = [
+            (fixture.columns(series, &body, Target::Body, &[]), fixture.columns(series, drag, Target::Body, &[])),
+            (
+                fixture.columns(series, &links, Target::Body, &[]),
+                fixture.columns(series, drag, Target::EveryLink, &centres),
+            ),
+        ];
+        for (own, built_in) in &pairs {
+            for i in 0..series.len() {
+                let (a, b) = (own.matrix(i), built_in.matrix(i));
+                assert!((&a - &b).norm() < 1e-12 * b.norm(), "{a} {b}");
+            }
+        }
+    });
+}
+
+#[test]
+fn prop_what_is_wrong_outside_of_formulas_is_told_with_its_place() {
+    let fixture = Fixture::new(true);
+    type Change = fn(&mut FormulaEffect);
+    let cases: [(Change, &str, &str); 8] = [
+        (|e| e.id = "tether".into(), "id", "catalogue"),
+        (
+            |e| e.point.as_mut().unwrap().link = "bse".into(),
+            "point.link",
+            "there is no link `bse`; there are `base`, `arm`",
+        ),
+        (|e| e.coefficients[0].unit = "lbf".into(), "coefficients[0].unit", "`lbf` is no SI unit"),
+        (|e| e.coefficients[0].upper = Some(-1.0), "coefficients[0].lower", "bounds 0 to -1"),
+        (
+            |e| {
+                e.coefficients.push(FormulaCoefficient { name: "d".into(), unit: "1".into(), lower: None, upper: None })
+            },
+            "coefficients[1].name",
+            "stands in no formula",
+        ),
+        (|e| e.coefficients[0].name = "speed".into(), "coefficients[0].name", "it is a quantity"),
+        (|e| e.point = None, "id", "neither a `point`"),
+        (
+            |e| e.constants.push(FormulaConstant { name: "c".into(), unit: "1".into(), value: 2.0 }),
+            "constants[0].name",
+            "two things",
+        ),
+    ];
+    for (change, at, words) in cases {
+        let mut effect = sail();
+        change(&mut effect);
+        match effect.compile(&fixture.scene) {
+            Err(EffectsError::Place { place, problem, .. }) => {
+                assert_eq!(place, at, "{problem}");
+                assert!(problem.contains(words), "{problem}");
+            }
+            other => panic!("{at}: {other:?}"),
+        }
+    }
 }

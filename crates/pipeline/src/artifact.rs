@@ -136,6 +136,13 @@ pub fn load_trial(dir: &Path) -> Result<Trial, PipelineError> {
     })
 }
 
+/// Centres of the plates of an imported recording, world, m.
+pub fn plate_centers(dir: &Path) -> Result<Vec<Vector3<f64>>, PipelineError> {
+    let head: TrialHead = read_json(&dir.join("trial.json"))?;
+    let middle = |p: &PlateHead| p.corners_m.iter().sum::<Vector3<f64>>() / p.corners_m.len().max(1) as f64;
+    Ok(head.plates.iter().map(middle).collect())
+}
+
 #[derive(Serialize, Deserialize)]
 struct MotionHead {
     trial: String,

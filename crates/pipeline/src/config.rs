@@ -59,6 +59,21 @@ pub struct PipelineConfig {
     /// Model against measurement.
     #[serde(default)]
     pub compare: CompareConfig,
+    /// Effects of your own, ranked beside the catalogue.
+    #[serde(default)]
+    pub effects: EffectsConfig,
+}
+
+/// Effects of your own: force or moment laws as formulas, ranked by `aloft discover` and added by `aloft effect add` as the catalogue's are.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct EffectsConfig {
+    /// Files with one effect each: paths relative to this file, or names in `configs/effects/` (`sail`, `my_drag`, `magnus`).
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub files: Vec<String>,
+    /// Effects written here.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub define: Vec<aloft_effects::FormulaEffect>,
 }
 
 /// Facts about the subject.
@@ -104,6 +119,10 @@ pub struct TrialsConfig {
     /// Recordings to leave out, with the reason.
     #[serde(default)]
     pub exclude: Vec<Exclusion>,
+    /// Groups of recordings that differ in what the body carried: `{unloaded: ["*_plain*"], vest: ["*_vest*"]}`. A payload is sought as the
+    /// difference to the group of the first recording; without groups, it is sought in the recordings themselves.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub groups: BTreeMap<String, Vec<String>>,
     /// Frames of a dynamic trial that serve as static trial: `{trial: jump01, first: 1, last: 60}`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub static_frames: Option<StaticFrames>,
@@ -118,6 +137,7 @@ impl Default for TrialsConfig {
             identify: default_identify(),
             forces: default_forces(),
             exclude: Vec::new(),
+            groups: BTreeMap::new(),
             static_frames: None,
         }
     }

@@ -2,44 +2,46 @@
 
 use crate::error::PipelineError;
 use crate::workspace::{read_json, write_json};
-use aloft_effects::{Choice, Scene};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
 /// An effect in a model.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct ModelEffect {
     /// Identifier with target, for example `tether` or `flywheel[torso]`.
     pub key: String,
     /// Values of its nonlinear parameters.
     #[serde(default)]
     pub nonlinear: BTreeMap<String, f64>,
+    /// Trials in which it acts (a payload that some of them carry); all where empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub trials: Vec<String>,
+    /// Middle and reach of the volume that its columns refer to, m, where the discovery that found it had one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub volume_m: Option<([f64; 3], f64)>,
 }
 
 impl ModelEffect {
-    /// The effect bound to a scene.
-    pub fn choice(&self, scene: &Scene) -> Result<Choice<'static>, PipelineError> {
-        let fail = |e: aloft_effects::EffectsError| PipelineError::request(e.to_string());
-        let mut choice = Choice::parse(&self.key, scene).map_err(fail)?;
-        for (name, value) in &self.nonlinear {
-            choice.set(scene, name, *value).map_err(fail)?;
-        }
-        Ok(choice)
+    /// The effect's identifier, without its target.
+    pub fn id(&self) -> &str {
+        self.key.split('[').next().unwrap_or(&self.key)
     }
 }
 
 /// What a revision reached.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Reached {
-    /// Held-out error over weak windows, N: force root mean square, with moments over a lever of 0.1 m.
-    pub held_out_error: f64,
-    /// What it is taken on.
-    pub judged_on: String,
-    /// The same in flight, N.
-    pub flight_error: f64,
-    /// What noise alone makes of the held-out error, N.
-    pub noise_floor: Option<f64>,
+    /// Hash of the comparison that says so.
+    #[serde(default)]
+    pub from: String,
+    /// In flight: held-out error over weak windows, N (force root mean square, with moments over a lever of 0.1 m), and what noise alone
+    /// makes of it. None without flights.
+    #[serde(default)]
+    pub flight: Option<Judged>,
+    /// The same in held-out contact.
+    #[serde(default)]
+    pub contact: Option<Judged>,
     /// σ_{N−1}/σ_N.
     pub sigma_ratio: f64,
     /// Marker RMS, mean over trials, mm.
@@ -48,6 +50,23 @@ pub struct Reached {
     pub coefficients: Vec<(String, f64, f64)>,
     /// Base parameters, to see what an effect changes.
     pub base: Vec<(String, f64)>,
+}
+
+/// An error, and what noise alone makes of it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Judged {
+    /// Error, N.
+    pub error_n: f64,
+    /// Noise alone, N; none where it is not known.
+    pub noise_n: Option<f64>,
+}
+
+impl Judged {
+    /// Share of the mean square that noise does not explain.
+    pub fn explainable(&self) -> Option<f64> {
+        let noise = self.noise_n?;
+        (self.error_n > 0.0).then(|| (1.0 - (noise / self.error_n).powi(2)).max(0.0))
+    }
 }
 
 /// One revision.
@@ -97,6 +116,12 @@ impl Revisions {
     /// Effects of the present revision.
     pub fn effects(&self) -> Vec<ModelEffect> {
         self.revisions.last().map(|r| r.effects.clone()).unwrap_or_default()
+    }
+
+    /// Base parameters of the plain model, with which columns of effects place the body's centre of mass; empty before it was identified.
+    pub fn plain_base(&self) -> Vec<f64> {
+        let reached = self.revisions.first().and_then(|r| r.reached.as_ref());
+        reached.map(|r| r.base.iter().map(|b| b.1).collect()).unwrap_or_default()
     }
 
     /// Appends a revision.

@@ -2,6 +2,7 @@
 
 use crate::catalog;
 use crate::config::{PipelineConfig, error_at_key, parse_yaml};
+use crate::effects::{OwnEffect, check_formulas, own_effects};
 use crate::error::PipelineError;
 use aloft_body::{ModelSpec, PersonFacts, Sex};
 use aloft_scale::ObjectSpec;
@@ -51,6 +52,8 @@ pub struct TrialEntry {
     pub file: PathBuf,
     /// MOT file with forces, for TRC.
     pub forces: Option<PathBuf>,
+    /// Group of recordings that it belongs to (`trials.groups`), where one is named.
+    pub group: Option<String>,
     /// Why it is left out, where it is.
     pub excluded: Option<String>,
 }
@@ -91,6 +94,10 @@ pub struct Study {
     pub object: Option<ObjectSpec>,
     /// Effects of the model's present revision.
     pub effects: Vec<crate::revision::ModelEffect>,
+    /// Base parameters of the plain model, with which columns of effects place the centre of mass; empty before they are known.
+    pub plain_base: Vec<f64>,
+    /// Effects that the pipeline defines or names beside the catalogue.
+    pub own_effects: Vec<OwnEffect>,
     /// The anthropometric tables (unused for objects).
     pub anthropometry: aloft_scale::Anthropometry,
 }
@@ -158,9 +165,14 @@ impl Study {
             catalog::load("anthropometry", &config.scale.anthropometry, &dir).map_err(|e| at("anthropometry", e))?;
         let trials = find_trials(&config, &data, &file, &text)?;
         let facts = find_facts(&config, &data, &file, &text)?;
-        let effects = crate::revision::Revisions::load(&workspace)?.effects();
+        let own_effects = own_effects(&config, &file, &text, &dir)?;
+        check_formulas(&own_effects, &model)?;
+        let revisions = crate::revision::Revisions::load(&workspace)?;
+        let (effects, plain_base) = (revisions.effects(), revisions.plain_base());
         Ok(Self {
             effects,
+            plain_base,
+            own_effects,
             config,
             config_path: path.to_path_buf(),
             config_text: text,
@@ -173,6 +185,21 @@ impl Study {
             object,
             anthropometry,
         })
+    }
+
+    /// What the columns of the model's effects are made from, for the stages that make them.
+    pub fn effects_parameters(&self) -> serde_json::Value {
+        if self.effects.is_empty() {
+            return serde_json::Value::Array(Vec::new());
+        }
+        let own: Vec<&aloft_effects::FormulaEffect> = self
+            .own_effects
+            .iter()
+            .filter(|o| self.effects.iter().any(|e| e.id() == o.spec.id))
+            .map(|o| &o.spec)
+            .collect();
+        let bytes: Vec<u8> = self.plain_base.iter().flat_map(|x| x.to_le_bytes()).collect();
+        serde_json::json!({"model": self.effects, "own": own, "about": blake3::hash(&bytes).to_hex().to_string()})
     }
 
     /// A trial by name.
@@ -261,12 +288,35 @@ fn find_trials(config: &PipelineConfig, data: &Path, file: &str, text: &str) -> 
         } else {
             None
         };
-        trials.push(TrialEntry { name, role: *role, file: path, forces, excluded: None });
+        trials.push(TrialEntry { name, role: *role, file: path, forces, group: None, excluded: None });
     }
     for exclusion in &t.exclude {
         let set = globs(std::slice::from_ref(&exclusion.trial), "exclude", file, text)?;
         for trial in trials.iter_mut().filter(|t| set.is_match(&t.name)) {
             trial.excluded = Some(exclusion.reason.clone());
+        }
+    }
+    for (group, patterns) in &t.groups {
+        let set = globs(patterns, "groups", file, text)?;
+        for (trial, (relative, _)) in trials.iter_mut().zip(&found) {
+            if !set.is_match(relative) && !set.is_match(&trial.name) {
+                continue;
+            }
+            if let Some(other) = &trial.group {
+                let problem = format!("{} is in the groups `{other}` and `{group}`", trial.name);
+                return Err(error_at_key(file, text, group, problem, Some("a recording has one group".to_owned())));
+            }
+            trial.group = Some(group.clone());
+        }
+        if !found.is_empty() && !trials.iter().any(|t| t.group.as_ref() == Some(group)) {
+            let problem = format!("no recording is in the group `{group}`");
+            return Err(error_at_key(
+                file,
+                text,
+                group,
+                problem,
+                Some(format!("its patterns are {}", patterns.join(", "))),
+            ));
         }
     }
     if trials.is_empty() {

@@ -1,74 +1,150 @@
-//! `discover`: which effect is missing, from the motion and the flights that the stages left.
+//! `discover`: which effect is missing, from the motion and the flights that the stages left; and how well that works on these recordings.
 
+use crate::effects::KnownEffects;
 use crate::error::PipelineError;
 use crate::graph::Job;
-use crate::revision::{ModelEffect, Revisions};
+use crate::revision::Revisions;
 use crate::stages::regressor::TrialRows;
 use crate::study::Study;
 use crate::workspace::{WHOLE_STUDY, Workspace, write_json};
-use aloft_body::BaseParameters;
-use aloft_discover::{Body, DiscoverOptions, Discovery, Session, TrialInput, catalogue, discover as rank, scene_of};
-use aloft_identify::LinkPrior;
+use aloft_body::{BaseParameters, Subject};
+use aloft_discover::{Body, DiscoverOptions, Discovery, SelfTest, Session, TrialInput, discover as rank, scene_of};
+use aloft_effects::{Choice, Effect};
+use aloft_identify::{LinkPrior, Prior};
 use aloft_regressor::WeakOptions;
+use nalgebra::Vector3;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// Ranks the whole catalogue against the present model; keeps the answer beside the results for `effect add` and `report`.
+/// The volume in which the body moved, to which columns of some effects refer; kept beside a discovery for `effect add`.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+pub struct Volume {
+    /// Middle, world, m.
+    pub middle_m: [f64; 3],
+    /// Standard deviation of the body's places about it, m.
+    pub reach_m: f64,
+}
+
+/// What the stages left of a study, ready to be ranked.
+pub struct Evidence {
+    rows: Vec<TrialRows>,
+    groups: Vec<Option<String>>,
+    subject: Subject,
+    base: BaseParameters,
+    phi: Vec<aloft_body::Phi>,
+    prior: Option<Prior>,
+    plate_centers_m: Vec<Vector3<f64>>,
+    weak: WeakOptions,
+}
+
+/// What a ranking needs: the evidence as a session, the effects that are tried, those that the model holds.
+pub struct Bench<'a> {
+    /// Rows and columns.
+    pub session: Session<'a>,
+    /// Effects, the user's own last.
+    pub effects: Vec<&'a dyn Effect>,
+    /// Effects of the model.
+    pub accepted: Vec<Choice<'a>>,
+}
+
+impl Evidence {
+    /// Loads what the stages left.
+    pub fn load(study: &Study) -> Result<Self, PipelineError> {
+        let ws = Workspace::open(&study.workspace);
+        let ready: Vec<(String, String)> = study
+            .included()
+            .filter(|t| t.role.is_dynamic() && ws.manifest("regressor", &t.name).is_some_and(|m| m.is_ok()))
+            .map(|t| ("regressor".to_owned(), t.name.clone()))
+            .collect();
+        if ready.is_empty() {
+            return Err(PipelineError::request_hint(
+                format!("no trial in {} has rows", study.workspace.display()),
+                format!("run `aloft run {}` first", study.config_path.display()),
+            ));
+        }
+        let out = ws.place("regressor", WHOLE_STUDY);
+        let job = Job { study, trial: None, workspace: &ws, inputs: &ready, out: &out };
+        let fail = |f: crate::error::StageFailure| PipelineError::Request { problem: f.problem, hint: f.hint };
+        let subject = job.load_subject("calibrate").map_err(fail)?;
+        let rows: Vec<TrialRows> = ready
+            .par_iter()
+            .map(|(_, name)| TrialRows::load_for(&job, name, &subject))
+            .collect::<Result<_, _>>()
+            .map_err(fail)?;
+        let groups = ready.iter().map(|(_, name)| study.trial(name).and_then(|t| t.group.clone())).collect();
+        let base = BaseParameters::of(&subject.model);
+        let wrong = |e: &dyn std::fmt::Display| PipelineError::request(e.to_string());
+        let phi = subject.prior_phi();
+        let prior = if study.object.is_some() {
+            None
+        } else {
+            let links = LinkPrior::of_subject(&subject).map_err(|e| wrong(&e))?;
+            Some(links.base(&base).map_err(|e| wrong(&e))?)
+        };
+        let plate_centers_m =
+            rows.iter().map(|r| r.plate_centers_m.clone()).find(|c| !c.is_empty()).unwrap_or_default();
+        let window = study.config.regressor.window_s;
+        let weak = WeakOptions { window_s: (window > 0.0).then_some(window), ..WeakOptions::default() };
+        Ok(Self { rows, groups, subject, base, phi, prior, plate_centers_m, weak })
+    }
+
+    fn body(&self) -> Body<'_> {
+        Body {
+            model: &self.subject.model,
+            base: &self.base,
+            phi: &self.phi,
+            prior: self.prior.as_ref(),
+            mass_kg: self.subject.facts.mass_kg,
+            plate_centers_m: &self.plate_centers_m,
+        }
+    }
+
+    /// Calls `with` on the session of these recordings with all effects that the study knows.
+    pub fn with<T>(
+        &self,
+        study: &Study,
+        with: impl FnOnce(&Bench<'_>) -> Result<T, PipelineError>,
+    ) -> Result<T, PipelineError> {
+        let body = self.body();
+        let trials: Vec<TrialInput<'_>> = self
+            .rows
+            .iter()
+            .zip(&self.groups)
+            .map(|(r, group)| TrialInput {
+                motion: &r.motion,
+                stretches: &r.stretches,
+                measured: r.wrench.as_deref(),
+                plates: &r.plates,
+                group: group.as_deref(),
+                session_time_s: 0.0,
+            })
+            .collect();
+        let scene = scene_of(&body, &trials);
+        let session =
+            Session::new(&body, &scene, &trials, &self.weak).map_err(|e| PipelineError::request(e.to_string()))?;
+        let known = KnownEffects::of(&study.own_effects, &scene)?;
+        let accepted = study.effects.iter().map(|e| known.choice(&scene, e)).collect::<Result<Vec<_>, _>>()?;
+        with(&Bench { session, effects: known.all(), accepted })
+    }
+}
+
+/// Ranks the catalogue and the study's own effects against the present model; keeps the answer beside the results for `effect add` and
+/// `report`.
 pub fn discover(study: &Study, options: &DiscoverOptions) -> Result<Discovery, PipelineError> {
-    let ws = Workspace::open(&study.workspace);
-    let ready: Vec<(String, String)> = study
-        .included()
-        .filter(|t| t.role.is_dynamic() && ws.manifest("regressor", &t.name).is_some_and(|m| m.is_ok()))
-        .map(|t| ("regressor".to_owned(), t.name.clone()))
-        .collect();
-    if ready.is_empty() {
+    Evidence::load(study)?.with(study, |bench| found(study, bench, options))
+}
+
+fn found(study: &Study, bench: &Bench<'_>, options: &DiscoverOptions) -> Result<Discovery, PipelineError> {
+    let ids: Vec<&str> = bench.effects.iter().map(|e| e.id()).collect();
+    if let Some(unknown) = options.only.iter().chain(&options.without).find(|n| !ids.contains(&n.as_str())) {
         return Err(PipelineError::request_hint(
-            format!("no trial in {} has rows", study.workspace.display()),
-            format!("run `aloft run {}` first", study.config_path.display()),
+            format!("there is no effect `{unknown}`"),
+            format!("there are {}", ids.join(", ")),
         ));
     }
-    let out = ws.place("regressor", WHOLE_STUDY);
-    let job = Job { study, trial: None, workspace: &ws, inputs: &ready, out: &out };
-    let fail = |f: crate::error::StageFailure| PipelineError::Request { problem: f.problem, hint: f.hint };
-    let rows: Vec<TrialRows> =
-        ready.par_iter().map(|(_, name)| TrialRows::load(&job, name)).collect::<Result<_, _>>().map_err(fail)?;
-    let Some(first) = rows.first() else { return Err(PipelineError::request("no trial has rows")) };
-    let subject = &first.subject;
-    let base = BaseParameters::of(&subject.model);
-    let wrong = |e: &dyn std::fmt::Display| PipelineError::request(e.to_string());
-    let phi = subject.prior_phi();
-    let prior = if study.object.is_some() {
-        None
-    } else {
-        let links = LinkPrior::of_subject(subject).map_err(|e| wrong(&e))?;
-        Some(links.base(&base).map_err(|e| wrong(&e))?)
-    };
-    let centers = rows.iter().map(|r| r.plate_centers_m.clone()).find(|c| !c.is_empty()).unwrap_or_default();
-    let body = Body {
-        model: &subject.model,
-        base: &base,
-        phi: &phi,
-        prior: prior.as_ref(),
-        mass_kg: subject.facts.mass_kg,
-        plate_centers_m: &centers,
-    };
-    let trials: Vec<TrialInput<'_>> = rows
-        .iter()
-        .map(|r| TrialInput {
-            motion: &r.motion,
-            stretches: &r.stretches,
-            measured: r.wrench.as_deref(),
-            plates: &r.plates,
-            group: None,
-            session_time_s: 0.0,
-        })
-        .collect();
-    let scene = scene_of(&body, &trials);
-    let window = study.config.regressor.window_s;
-    let weak = WeakOptions { window_s: (window > 0.0).then_some(window), ..WeakOptions::default() };
-    let session = Session::new(&body, &scene, &trials, &weak).map_err(|e| wrong(&e))?;
-    let accepted = study.effects.iter().map(|e: &ModelEffect| e.choice(&scene)).collect::<Result<Vec<_>, _>>()?;
-    let found = rank(&session, &catalogue(), &accepted, options).map_err(|e| wrong(&e))?;
+    let found = rank(&bench.session, &bench.effects, &bench.accepted, options)
+        .map_err(|e| PipelineError::request(e.to_string()))?;
     write_json(&study.workspace.join("discovery.json"), &found)?;
     // the answer to each revision of the model stays, so that the report can tell the story from its beginning
     let revision = Revisions::load(&study.workspace)?.revisions.len().saturating_sub(1);
@@ -77,12 +153,46 @@ pub fn discover(study: &Study, options: &DiscoverOptions) -> Result<Discovery, P
         std::fs::create_dir_all(folder).map_err(PipelineError::io("create", folder))?;
     }
     write_json(&kept, &found)?;
+    let scene = bench.session.scene();
+    let volume = Volume { middle_m: scene.volume_center_m.into(), reach_m: scene.volume_reach_m };
+    write_json(&study.workspace.join("discovery_volume.json"), &volume)?;
     Ok(found)
 }
 
 /// Where the answer to a revision of the model is kept.
 pub fn answer_of(study: &Study, revision: usize) -> PathBuf {
     study.workspace.join("discoveries").join(format!("revision_{revision}.json"))
+}
+
+/// The ranking, and how often effects injected into these recordings come out under their name.
+#[derive(Debug, Clone, Serialize)]
+pub struct SelfTested {
+    /// Version of this structure.
+    pub version: u32,
+    /// Who.
+    pub subject: String,
+    /// The ranking of the recordings as they are: what it names is part of the model on which effects are injected.
+    pub discovery: Discovery,
+    /// The table.
+    pub self_test: SelfTest,
+}
+
+/// Injects effects of known size into the study's recordings and looks for them; the answer is kept beside the results.
+pub fn self_test(
+    study: &Study,
+    options: &DiscoverOptions,
+    told: &(dyn Fn(usize, usize) + Sync),
+) -> Result<SelfTested, PipelineError> {
+    Evidence::load(study)?.with(study, |bench| {
+        let discovery = found(study, bench, options)?;
+        told(0, 1);
+        let table = aloft_discover::self_test(&bench.session, &bench.effects, &bench.accepted, &discovery, options)
+            .map_err(|e| PipelineError::request(e.to_string()))?;
+        told(1, 1);
+        let out = SelfTested { version: 1, subject: study.facts.person.name.clone(), discovery, self_test: table };
+        write_json(&study.workspace.join("self_test.json"), &out)?;
+        Ok(out)
+    })
 }
 
 /// Options for some effects only, or without some.

@@ -1,155 +1,137 @@
-//! `effect list | show | add | remove` and `history`: the model's revisions and what each reached.
+//! `effect list | show | add | remove`: what a model can hold, and the revisions that change it.
 
-use crate::command::compare::{ComparisonView, compare, judged_on};
+use crate::catalog;
+use crate::command::compare::compare;
+use crate::command::discover::Volume;
+pub use crate::command::history::{History, HistoryCoefficient, HistoryRow, history, reached};
+use crate::config::{PipelineConfig, parse_yaml};
+use crate::effects::{KnownEffects, OwnEffect, own_effects};
 use crate::error::PipelineError;
-use crate::revision::{ModelEffect, Reached, Revision, Revisions};
-use crate::runner::{Progress, RunReport, Selection, run};
-use crate::stages::identify::file_name;
+use crate::revision::{ModelEffect, Revisions};
+use crate::runner::{Ended, Progress, RunReport, Selection, run};
 use crate::study::{Overrides, Study};
 use crate::workspace::{WHOLE_STUDY, Workspace, read_json};
 use aloft_body::Subject;
 use aloft_discover::Discovery;
-use aloft_effects::{EFFECTS, EffectDefinition, Scene, effect};
-use aloft_identify::Parameters;
+use aloft_effects::{ActsIn, EFFECTS, EffectKind, FormulaEffect, Scene};
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::path::Path;
 
-/// The catalogue.
-pub fn list() -> &'static [&'static EffectDefinition] {
-    EFFECTS
-}
-
-/// One effect's documentation.
-pub fn show(id: &str) -> Result<&'static EffectDefinition, PipelineError> {
-    effect(id).map_err(|e| PipelineError::request(e.to_string()))
-}
-
-/// The ladder as `history --json` shows it.
+/// One effect of the list.
 #[derive(Debug, Clone, Serialize)]
-pub struct History {
-    /// Version of this structure.
-    pub version: u32,
-    /// Who.
-    pub subject: String,
-    /// Revisions, oldest first.
-    pub revisions: Vec<HistoryRow>,
+pub struct EffectLine {
+    /// Identifier.
+    pub id: String,
+    /// A few words.
+    pub title: String,
+    /// Physics or artefact.
+    pub kind: EffectKind,
+    /// Where it acts.
+    pub acts: ActsIn,
+    /// `catalogue`, the file of an effect of one's own, or `example`: a built-in file that a pipeline can name.
+    pub from: String,
 }
 
-/// One rung.
-#[derive(Debug, Clone, Serialize)]
-pub struct HistoryRow {
-    /// Number.
-    pub revision: usize,
-    /// What made it.
-    pub action: String,
-    /// Effects of the model.
-    pub effects: Vec<String>,
-    /// Held-out error over weak windows, N.
-    pub held_out_error: Option<f64>,
-    /// The same for the revision before.
-    pub held_out_error_before: Option<f64>,
-    /// What noise alone makes, N.
-    pub noise_floor: Option<f64>,
-    /// Error in flight, N.
-    pub flight_error: Option<f64>,
-    /// What the held-out error is taken on.
-    pub judged_on: Option<String>,
-    /// σ_{N−1}/σ_N.
-    pub sigma_ratio: Option<f64>,
-    /// Coefficients.
-    pub coefficients: Vec<HistoryCoefficient>,
-    /// Largest change of a base parameter against the revision before: name and change.
-    pub largest_change: Option<(String, f64)>,
-    /// Set when the gain is void, with the reason.
-    pub void: Option<String>,
-}
-
-/// One coefficient with its interval.
-#[derive(Debug, Clone, Serialize)]
-pub struct HistoryCoefficient {
-    /// Name.
-    pub name: String,
-    /// Value.
-    pub value: f64,
-    /// Standard error.
-    pub se: f64,
-    /// 95 % interval.
-    pub ci95: [f64; 2],
-}
-
-/// Reads the revisions, with what the present one reached.
-pub fn history(study: &Study) -> Result<History, PipelineError> {
-    let mut all = Revisions::load(&study.workspace)?;
-    if let (Some(last), Ok(view)) = (all.revisions.last_mut(), compare(study))
-        && last.reached.is_none()
-    {
-        last.reached = Some(reached(study, &view)?);
-    }
-    let rows = all
-        .revisions
+/// The catalogue, and what a pipeline defines or names; without a pipeline the built-in examples.
+pub fn list(pipeline: Option<&Path>) -> Result<Vec<EffectLine>, PipelineError> {
+    let mut out: Vec<EffectLine> = EFFECTS
         .iter()
-        .enumerate()
-        .map(|(i, r)| row(r, i.checked_sub(1).and_then(|j| all.revisions.get(j))))
+        .map(|e| EffectLine {
+            id: e.id.to_owned(),
+            title: e.title.to_owned(),
+            kind: e.kind,
+            acts: e.acts,
+            from: "catalogue".to_owned(),
+        })
         .collect();
-    Ok(History { version: 1, subject: study.facts.person.name.clone(), revisions: rows })
-}
-
-fn row(r: &Revision, before: Option<&Revision>) -> HistoryRow {
-    let now = r.reached.as_ref();
-    let old = before.and_then(|b| b.reached.as_ref());
-    let largest_change = now.zip(old).and_then(|(n, o)| {
-        n.base.iter().zip(&o.base).map(|(a, b)| (a.0.clone(), a.1 - b.1)).max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
-    });
-    let void = now.zip(old).and_then(|(n, o)| {
-        (n.marker_rms_mm > 1.02 * o.marker_rms_mm)
-            .then(|| format!("void: marker error grew from {:.2} to {:.2} mm", o.marker_rms_mm, n.marker_rms_mm))
-    });
-    HistoryRow {
-        revision: r.number,
-        action: r.action.clone(),
-        effects: r.effects.iter().map(|e| e.key.clone()).collect(),
-        held_out_error: now.map(|n| n.held_out_error),
-        held_out_error_before: old.map(|o| o.held_out_error),
-        noise_floor: now.and_then(|n| n.noise_floor),
-        flight_error: now.map(|n| n.flight_error),
-        judged_on: now.map(|n| n.judged_on.clone()),
-        sigma_ratio: now.map(|n| n.sigma_ratio),
-        coefficients: now
-            .map(|n| {
-                n.coefficients
-                    .iter()
-                    .map(|(name, value, se)| HistoryCoefficient {
-                        name: name.clone(),
-                        value: *value,
-                        se: *se,
-                        ci95: [value - 1.96 * se, value + 1.96 * se],
-                    })
-                    .collect()
-            })
-            .unwrap_or_default(),
-        largest_change,
-        void,
+    let line = |f: &FormulaEffect, from: String| EffectLine {
+        id: f.id.clone(),
+        title: f.title.clone(),
+        kind: f.kind,
+        acts: f.acts,
+        from,
+    };
+    match pipeline {
+        Some(path) => out.extend(own_of(path)?.iter().map(|o| line(&o.spec, o.origin.clone()))),
+        None => {
+            for name in catalog::names("effects") {
+                out.push(line(
+                    &OwnEffect::read(&name, Path::new(""))?.spec,
+                    format!("example: effects.files: [{name}]"),
+                ));
+            }
+        }
     }
+    Ok(out)
 }
 
-/// What the present results reach.
-pub fn reached(study: &Study, view: &ComparisonView) -> Result<Reached, PipelineError> {
-    let c = &view.comparison;
-    let ws = Workspace::open(&study.workspace);
-    let parameters: Parameters =
-        read_json(&ws.place("identify", WHOLE_STUDY).join(file_name(study.config.regressor.rows)))?;
-    let contact = c.first.held_out.frames > 0;
-    let rms: Vec<f64> = view.kinematics.iter().filter_map(|k| k.marker_rms_mm).collect();
-    Ok(Reached {
-        held_out_error: if contact { c.first.held_out_weak.size() } else { c.first.flight_weak.size() },
-        judged_on: judged_on(c).to_owned(),
-        flight_error: c.first.flight_weak.size(),
-        noise_floor: c.noise_floor.as_ref().map(|f| if contact { f.contact_weak.size() } else { f.flight_weak.size() }),
-        sigma_ratio: view.parameters.sigma_ratio,
-        marker_rms_mm: rms.iter().sum::<f64>() / rms.len().max(1) as f64,
-        coefficients: parameters.effects.iter().map(|e| (e.name.clone(), e.value, e.se)).collect(),
-        base: parameters.base.iter().map(|b| (b.name.clone(), b.value)).collect(),
+fn own_of(path: &Path) -> Result<Vec<OwnEffect>, PipelineError> {
+    let text = std::fs::read_to_string(path).map_err(PipelineError::io("read", path))?;
+    let file = path.display().to_string();
+    let config: PipelineConfig = parse_yaml(&file, &text)?;
+    own_effects(&config, &file, &text, path.parent().unwrap_or(Path::new("")))
+}
+
+/// One effect's documentation, as Markdown.
+#[derive(Debug, Clone, Serialize)]
+pub struct EffectPage {
+    /// Identifier.
+    pub id: String,
+    /// A few words.
+    pub title: String,
+    /// Markdown.
+    pub documentation: String,
+}
+
+/// One effect's documentation: of the catalogue, of a pipeline's own, or of a built-in example.
+pub fn show(id: &str, pipeline: Option<&Path>) -> Result<EffectPage, PipelineError> {
+    if let Some(e) = EFFECTS.iter().find(|e| e.id == id) {
+        let documentation = e.documentation.trim().to_owned();
+        return Ok(EffectPage { id: id.to_owned(), title: e.title.to_owned(), documentation });
+    }
+    let own = match pipeline {
+        Some(path) => own_of(path)?,
+        None => {
+            let names = catalog::names("effects");
+            names.iter().map(|n| OwnEffect::read(n, Path::new(""))).collect::<Result<_, _>>()?
+        }
+    };
+    own.iter().find(|o| o.spec.id == id).map(|o| page(&o.spec, &o.origin)).ok_or_else(|| {
+        let known: Vec<&str> = EFFECTS.iter().map(|e| e.id).chain(own.iter().map(|o| o.spec.id.as_str())).collect();
+        PipelineError::request_hint(
+            format!("there is no effect `{id}`"),
+            format!("there are {}; for effects that a pipeline defines, name the pipeline behind it", known.join(", ")),
+        )
     })
+}
+
+fn page(f: &FormulaEffect, origin: &str) -> EffectPage {
+    let mut lines = vec![f.documentation.trim().to_owned(), String::new(), format!("## As written in {origin}")];
+    let mut law = |place: &str, link: &str, force: &Option<[String; 3]>, moment: &Option<[String; 3]>| {
+        for (what, unit, of) in [("force", "N", force), ("moment", "N·m", moment)] {
+            if let Some(of) = of {
+                lines.push(format!("{place}{what} on `{link}`, {unit}: ({})", of.join(",  ")));
+            }
+        }
+    };
+    if let Some(point) = &f.point {
+        law("", &point.link, &f.force, &f.moment);
+    }
+    for (i, p) in f.parts.iter().enumerate() {
+        law(&format!("part {}: ", i + 1), &p.point.link, &p.force, &p.moment);
+    }
+    for c in &f.coefficients {
+        let bound = |b: Option<f64>| b.map_or("–".to_owned(), |x| x.to_string());
+        lines.push(format!("coefficient `{}`, {}, from {} to {}", c.name, c.unit, bound(c.lower), bound(c.upper)));
+    }
+    for p in &f.parameters {
+        lines.push(format!("parameter `{}`, {}, from {} to {}", p.name, p.unit, p.lower, p.upper));
+    }
+    for c in &f.constants {
+        lines.push(format!("constant `{}` = {} {}", c.name, c.value, c.unit));
+    }
+    EffectPage { id: f.id.clone(), title: f.title.clone(), documentation: lines.join("\n").trim().to_owned() }
 }
 
 fn scene(study: &Study) -> Result<Scene, PipelineError> {
@@ -157,32 +139,28 @@ fn scene(study: &Study) -> Result<Scene, PipelineError> {
     let subject: Subject = read_json(&ws.place("calibrate", WHOLE_STUDY).join("subject.json"))?;
     let mut centers = Vec::new();
     for t in study.included() {
-        if let Ok(trial) = crate::artifact::load_trial(&ws.place("import", &t.name))
-            && !trial.plates.is_empty()
-        {
-            centers = trial
-                .plates
-                .iter()
-                .map(|p| p.corners_m.iter().sum::<nalgebra::Vector3<f64>>() / p.corners_m.len().max(1) as f64)
-                .collect();
+        let plates = crate::artifact::plate_centers(&ws.place("import", &t.name)).unwrap_or_default();
+        if !plates.is_empty() {
+            centers = plates;
             break;
         }
     }
     Ok(Scene::new(&subject.model, &subject.prior_phi(), &centers))
 }
 
-/// Records what the present revision reached, if it is not recorded yet.
+/// Records what the present revision reached, if the comparison is newer than what is recorded.
 fn record(study: &Study, all: &mut Revisions) -> Result<(), PipelineError> {
+    let view = compare(study)?;
+    let now = reached(study, &view)?;
     if let Some(last) = all.revisions.last_mut()
-        && last.reached.is_none()
+        && last.reached.as_ref().is_none_or(|r| r.from != now.from)
     {
-        let view = compare(study)?;
-        last.reached = Some(reached(study, &view)?);
+        last.reached = Some(now);
     }
     Ok(())
 }
 
-/// Adds an effect: a new revision, and everything that depends on it again.
+/// Adds an effect: a new revision, and what depends on it again.
 pub fn add(
     study: &Study,
     overrides: &Overrides,
@@ -192,31 +170,51 @@ pub fn add(
 ) -> Result<(RunReport, History), PipelineError> {
     let mut all = Revisions::load(&study.workspace)?;
     record(study, &mut all)?;
-    let scene = scene(study)?;
+    let mut scene = scene(study)?;
     let mut effects = all.effects();
     let found: Option<Discovery> = read_json(&study.workspace.join("discovery.json")).ok();
     let suggestion = found.as_ref().and_then(|d| suggestion(d, key));
-    let (key, mut nonlinear) = suggestion.unwrap_or((key.to_owned(), BTreeMap::new()));
-    if effects.iter().any(|e| e.key == key) {
+    let volume: Option<Volume> = read_json(&study.workspace.join("discovery_volume.json")).ok();
+    if let Some(v) = &volume {
+        (scene.volume_center_m, scene.volume_reach_m) = (v.middle_m.into(), v.reach_m);
+    }
+    let mut chosen = suggestion.unwrap_or_else(|| ModelEffect { key: key.to_owned(), ..ModelEffect::default() });
+    chosen.volume_m = volume.map(|v| (v.middle_m, v.reach_m));
+    chosen.nonlinear.extend(set.iter().cloned());
+    let known = KnownEffects::of(&study.own_effects, &scene)?;
+    let choice = known.choice(&scene, &chosen)?;
+    chosen.key = choice.key(&scene);
+    if effects.iter().any(|e| e.key == chosen.key) {
         return Err(PipelineError::request_hint(
-            format!("the model holds `{key}` already"),
+            format!("the model holds `{}` already", chosen.key),
             "see `aloft history`; remove it first to change it",
         ));
     }
-    nonlinear.extend(set.iter().cloned());
-    let chosen = ModelEffect { key: key.clone(), nonlinear };
-    chosen.choice(&scene)?;
+    let action = format!("add {}", chosen.key);
     effects.push(chosen);
-    all.push(format!("add {key}"), effects);
+    all.push(action, effects);
     rerun(study, overrides, all, progress)
 }
 
-/// What the last discovery says of an effect: its key with target, and its nonlinear parameters.
-fn suggestion(d: &Discovery, key: &str) -> Option<(String, BTreeMap<String, f64>)> {
-    let values = |n: &[aloft_discover::Estimate]| n.iter().map(|e| (e.name.clone(), e.value)).collect();
-    d.found.iter().find(|f| f.key == key || f.effect == key).map(|f| (f.key.clone(), values(&f.nonlinear))).or_else(
-        || d.candidates.iter().find(|c| c.key == key || c.effect == key).map(|c| (c.key.clone(), values(&c.nonlinear))),
-    )
+/// What the last discovery says of an effect: its key with target, its nonlinear parameters, its trials. A key with a target asks for that
+/// target, and takes over only what was found for it.
+fn suggestion(d: &Discovery, key: &str) -> Option<ModelEffect> {
+    let values = |n: &[aloft_discover::Estimate]| -> BTreeMap<String, f64> {
+        n.iter().map(|e| (e.name.clone(), e.value)).collect()
+    };
+    let made = |key: &str, nonlinear, trials: &[String]| ModelEffect {
+        key: key.to_owned(),
+        nonlinear,
+        trials: trials.to_vec(),
+        volume_m: None,
+    };
+    let of_found = |f: &&aloft_discover::Found| f.key == key || f.effect == key;
+    let of_candidate = |c: &&aloft_discover::Candidate| c.key == key || c.effect == key;
+    d.found
+        .iter()
+        .find(of_found)
+        .map(|f| made(&f.key, values(&f.nonlinear), &f.trials))
+        .or_else(|| d.candidates.iter().find(of_candidate).map(|c| made(&c.key, values(&c.nonlinear), &c.trials)))
 }
 
 /// Takes an effect out: a new revision without it.
@@ -230,7 +228,7 @@ pub fn remove(
     record(study, &mut all)?;
     let mut effects = all.effects();
     let before = effects.len();
-    effects.retain(|e| e.key != key && e.key.split('[').next() != Some(key));
+    effects.retain(|e| e.key != key && e.id() != key);
     if effects.len() == before {
         let held: Vec<&str> = effects.iter().map(|e| e.key.as_str()).collect();
         return Err(PipelineError::request_hint(
@@ -242,18 +240,30 @@ pub fn remove(
     rerun(study, overrides, all, progress)
 }
 
+/// Runs what the new revision changes. Where that fails, the model stays as it was.
 fn rerun(
     study: &Study,
     overrides: &Overrides,
     mut all: Revisions,
     progress: &dyn Progress,
 ) -> Result<(RunReport, History), PipelineError> {
+    let before = Revisions { revisions: all.revisions[..all.revisions.len() - 1].to_vec() };
     all.save(&study.workspace)?;
-    let now = Study::open(&study.config_path, overrides)?;
-    let report = run(&now, &Selection::default(), progress)?;
-    if report.tasks.iter().any(|t| {
-        t.stage == "compare" && !matches!(t.ended, crate::runner::Ended::Failed(_) | crate::runner::Ended::Blocked(_))
-    }) {
+    let redo = || -> Result<(Study, RunReport), PipelineError> {
+        let now = Study::open(&study.config_path, overrides)?;
+        let report = run(&now, &Selection::default(), progress)?;
+        Ok((now, report))
+    };
+    let (now, report) = match redo() {
+        Ok(done) => done,
+        Err(error) => {
+            before.save(&study.workspace)?;
+            return Err(error);
+        }
+    };
+    let compared =
+        report.tasks.iter().any(|t| t.stage == "compare" && !matches!(t.ended, Ended::Failed(_) | Ended::Blocked(_)));
+    if compared {
         record(&now, &mut all)?;
         all.save(&now.workspace)?;
     }

@@ -7,7 +7,9 @@ use crate::command::compare::mean;
 use crate::config::Rows;
 use crate::error::{PipelineError, StageFailure};
 use crate::graph::Job;
-use crate::stages::compare::{ComparedTrial, HeldOut, compare_models, has_validation, load_trials, without_each_trial};
+use crate::stages::compare::{
+    ComparedTrial, Floor, HeldOut, compare_models, has_validation, load_trials, without_each_trial,
+};
 use crate::stages::filter::low_pass;
 use crate::stages::identify::{estimator as default_estimator, identify_from};
 use crate::stages::ik::track;
@@ -268,7 +270,8 @@ fn of_geometry(
     let mut candidates = vec![Candidate::links("prior", &base, &subject.prior_phi())];
     candidates.extend(found.iter().filter_map(|f| f.as_ref().ok().map(|(_, c)| c.clone())));
     let draws = if noise { CompareOptions::default().noise_draws } else { 0 };
-    let (comparison, _) = compare_models(study, subject, trials, &candidates, HeldOut::Validation, draws)?;
+    let (comparison, _) =
+        compare_models(study, subject, trials, &candidates, HeldOut::Validation, None, Floor::Drawn(draws, None))?;
     let chosen = study.config.regressor.rows;
     let own_way = default_estimator(study, chosen).name();
     let mut models = comparison.models().collect::<Vec<_>>().into_iter();
@@ -419,7 +422,8 @@ pub fn leave_one_out(study: &Study) -> Result<LeaveOneOutView, PipelineError> {
                 candidates.push(Candidate::per_trial(*name, each.clone()).with_effects(effects.clone()));
             }
         }
-        let (comparison, _) = compare_models(study, &subject, &trials, &candidates, HeldOut::EveryTrial, 0)?;
+        let (comparison, _) =
+            compare_models(study, &subject, &trials, &candidates, HeldOut::EveryTrial, None, Floor::Drawn(0, None))?;
         let mut models = comparison.models().collect::<Vec<_>>().into_iter();
         let mut out: Vec<LeftOutModel> = models
             .next()

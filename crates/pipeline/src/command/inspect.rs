@@ -1,9 +1,12 @@
 //! `inspect`: what is in a recording, and what is wrong with it.
 
 use crate::catalog;
+use crate::config::FilterConfig;
 use crate::error::PipelineError;
 use crate::stages::import::{abridged, read_file};
 use aloft_c3d::C3dFile;
+use aloft_signal::residual_analysis::{ResidualAnalysis, residual_analysis};
+use aloft_signal::{CutoffCorrection, LowPass};
 use aloft_trial::{ImportOptions, MarkerSet, QualityOptions, assess, recognise};
 use serde::Serialize;
 use std::path::Path;
@@ -31,6 +34,8 @@ pub struct Inspection {
     pub analogs: Vec<String>,
     /// Events.
     pub events: Vec<aloft_trial::Event>,
+    /// What a low-pass would take away from all markers together at each cut-off, m (Winter); a help for choosing one.
+    pub residual_analysis: Option<ResidualAnalysis>,
     /// Built-in marker sets by how well they fit, best first.
     pub marker_sets: Vec<(String, f64)>,
     /// What is odd.
@@ -104,10 +109,31 @@ pub fn inspect(file: &Path) -> Result<Inspection, PipelineError> {
             .collect(),
         analogs,
         events: trial.events.clone(),
+        residual_analysis: residuals(&trial),
         marker_sets: recognise(&trial, &sets),
         warnings,
     })
 }
+
+/// Winter's residual analysis over the coordinates of all markers.
+fn residuals(trial: &aloft_trial::Trial) -> Option<ResidualAnalysis> {
+    let rate = trial.markers.rate_hz;
+    let channels: Vec<Vec<f64>> = trial
+        .markers
+        .trajectories
+        .iter()
+        .filter(|path| path.iter().any(|p| p.x.is_finite()))
+        .flat_map(|path| (0..3).map(|axis| path.iter().map(|p| p[axis]).collect()))
+        .collect();
+    let slices: Vec<&[f64]> = channels.iter().map(Vec::as_slice).collect();
+    let config = FilterConfig::default();
+    let shape = LowPass { order: config.order, cutoff_hz: config.cutoff_hz, correction: CutoffCorrection::None };
+    let cutoffs: Vec<f64> = CUTOFFS_HZ.iter().copied().filter(|f| *f <= 0.35 * rate).collect();
+    residual_analysis(&slices, rate, shape, &cutoffs).ok().filter(|a| a.residual_rms.iter().any(|r| r.is_finite()))
+}
+
+/// Cut-offs of the table, Hz.
+const CUTOFFS_HZ: [f64; 16] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0, 25.0, 30.0];
 
 /// For people.
 pub fn to_text(i: &Inspection) -> String {
@@ -128,6 +154,22 @@ pub fn to_text(i: &Inspection) -> String {
     }
     for e in &i.events {
         lines.push(format!("event at {:.3} s: {} {}", e.time_s, e.context, e.label));
+    }
+    if let Some(a) = &i.residual_analysis {
+        let row = |what: &str, values: &mut dyn Iterator<Item = String>| {
+            format!("  {what:<14}{}", values.map(|v| format!("{v:>7}")).collect::<String>())
+        };
+        lines.push(
+            "what a low-pass takes away from the markers (order 3, both ways; Winter's residual analysis):".to_owned(),
+        );
+        lines.push(row("cut-off, Hz", &mut a.cutoff_hz.iter().map(|f| format!("{f:.0}"))));
+        lines.push(row("residual, mm", &mut a.residual_rms.iter().map(|r| format!("{:.2}", 1e3 * r))));
+        if let (Some(noise), Some(hz)) = (a.noise_rms, a.suggested_cutoff_hz) {
+            lines.push(format!(
+                "  noise by extrapolation {:.2} mm; at {hz:.1} Hz as much signal is lost as noise is kept",
+                1e3 * noise
+            ));
+        }
     }
     if let Some((name, score)) = i.marker_sets.first().filter(|(_, s)| *s > 0.3) {
         lines.push(format!("marker set: most like `{name}` (fit {score:.2} of 1)"));

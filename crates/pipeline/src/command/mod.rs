@@ -6,6 +6,7 @@ pub mod compare;
 pub mod discover;
 pub mod effect;
 pub mod estimators;
+pub mod history;
 pub mod init;
 pub mod inspect;
 pub mod parameters;

@@ -4,28 +4,30 @@ use crate::config::Rows;
 use crate::error::StageFailure;
 use crate::graph::{Done, Job, Need, Scope, Stage};
 use crate::stages::filter::low_pass;
-use crate::stages::identify::{estimator, identify_from, training_factors};
+use crate::stages::identify::{estimator, identify_for_prediction, identify_from, training_factors};
 use crate::stages::regressor::{TrialRows, effect_columns};
 use crate::study::{Role, Study};
 use crate::table::Table;
-use crate::workspace::{read_json, write_json};
+use crate::workspace::{WHOLE_STUDY, read_json, write_json};
 use aloft_body::{BaseParameters, Motion, Subject};
 use aloft_compare::{
-    Body, Candidate, CompareOptions, Comparison, Filtering, Measured, TrialInput, TrialSeries, compare, measured_wrench,
+    Body, Candidate, CompareOptions, Comparison, Filtering, Measured, Noise, NoiseFloor, TrialInput, TrialSeries,
+    compare, measured_wrench,
 };
 use aloft_flight::{PlateTare, TareSource};
-use aloft_identify::Estimator;
+use aloft_identify::{Estimator, Parameters};
 use aloft_ik::smooth;
 use aloft_regressor::{EffectColumns, Factor, Stretch};
 use nalgebra::DVector;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::ops::Range;
 
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "compare",
-    version: 2,
+    version: 3,
     scope: Scope::Study,
     reads: "parameters, held-out trials",
     gives: "model against measurement, everywhere",
@@ -40,7 +42,7 @@ pub static STAGE: Stage = Stage {
     ],
     parameters: |study, _| {
         json!({"compare": study.config.compare, "filter": study.config.filter, "rows": study.config.regressor.rows,
-            "identify": study.config.identify, "margin_s": study.config.flight.margin_s, "effects": study.effects})
+            "identify": study.config.identify, "margin_s": study.config.flight.margin_s, "effects": study.effects_parameters()})
     },
     run,
 };
@@ -71,9 +73,8 @@ impl ComparedTrial {
     /// From the rows' material of a trial.
     pub fn of(job: &Job<'_>, name: &str, rows: TrialRows) -> Result<Self, StageFailure> {
         let effects = effect_columns(job.study, &rows)?;
-        let trial = job.load_tared_trial(name)?;
-        let report = job.load_flights(name)?;
-        let flights: Vec<Range<usize>> = report.flights.iter().map(aloft_flight::Flight::frames).collect();
+        let TrialRows { trial, flights, .. } = &rows;
+        let flights = flights.clone();
         let (rate_hz, frames) = (rows.filtered.rate_hz, rows.filtered.n_frames());
         let measured = if trial.plates.is_empty() {
             None
@@ -103,7 +104,8 @@ impl ComparedTrial {
 /// Loads the trials that every earlier stage brought through.
 pub fn load_trials(job: &Job<'_>) -> Result<Vec<ComparedTrial>, StageFailure> {
     let names = job.trials_of("regressor");
-    names.par_iter().map(|name| ComparedTrial::of(job, name, TrialRows::load(job, name)?)).collect()
+    let subject = job.load_subject("calibrate")?;
+    names.par_iter().map(|name| ComparedTrial::of(job, name, TrialRows::load_for(job, name, &subject)?)).collect()
 }
 
 /// In the air everything is known; on the ground only where plates are loaded: somebody who stands on a box before a drop loads none.
@@ -131,26 +133,38 @@ pub enum HeldOut {
     EveryTrial,
 }
 
-/// Models of one subject against the measurement of trials.
+/// Where the noise floor of a comparison comes from.
+#[derive(Debug, Clone, Copy)]
+pub enum Floor<'a> {
+    /// Drawn so many times, and sent through a model's parameters (those of the first model where none is given).
+    Drawn(usize, Option<&'a Candidate>),
+    /// As an earlier comparison of the same motion found it.
+    Known(&'a NoiseFloor),
+}
+
+/// Models of one subject against the measurement of trials. `left_out` says which trials' flights took no part in the first model; as
+/// `held_out` says where it is not given.
 pub fn compare_models(
     study: &Study,
     subject: &Subject,
     trials: &[ComparedTrial],
     candidates: &[Candidate],
     held_out: HeldOut,
-    noise_draws: usize,
+    left_out: Option<&[bool]>,
+    floor: Floor<'_>,
 ) -> Result<(Comparison, Vec<TrialSeries>), StageFailure> {
     let every = held_out == HeldOut::EveryTrial || !has_validation(trials);
     let inputs: Vec<TrialInput<'_>> = trials
         .iter()
-        .map(|t| TrialInput {
+        .enumerate()
+        .map(|(i, t)| TrialInput {
             unfiltered: Some(&t.unfiltered),
             measured: t.measured.as_ref(),
             complete: Some(&t.complete),
             effects: t.effects.as_ref(),
             untared: t.untared,
             held_out_contact: if every { t.measured.is_some() } else { t.role == Role::Validate },
-            held_out_flight: every || t.role == Role::Validate,
+            held_out_flight: left_out.map_or(every || t.role == Role::Validate, |l| l[i]),
             ..TrialInput::new(&t.filtered, &t.flights)
         })
         .collect();
@@ -160,15 +174,25 @@ pub fn compare_models(
     let spec = low_pass(study);
     let again = |m: &Motion| smooth(&subject.model, m, Some(spec)).ok();
     let options = CompareOptions {
+        noise_draws: if let Floor::Drawn(draws, _) = floor { draws } else { CompareOptions::default().noise_draws },
+        ..compare_options(study, subject)
+    };
+    let filtering = Filtering { filter: Some(spec), smooth: &again };
+    let noise = match floor {
+        Floor::Drawn(_, of) => Noise::Drawn { filtering, of },
+        Floor::Known(floor) => Noise::Known(floor),
+    };
+    compare(&body, candidates, &inputs, noise, &options).map_err(|e| StageFailure::new(e.to_string()))
+}
+
+fn compare_options(study: &Study, subject: &Subject) -> CompareOptions {
+    CompareOptions {
         edge_s: study.config.compare.edge_s,
         flight_margin_s: study.config.flight.margin_s,
         window_s: study.config.compare.window_s,
         mass_kg: Some(subject.facts.mass_kg),
-        noise_draws,
         ..CompareOptions::default()
-    };
-    let filtering = Filtering { filter: Some(spec), smooth: &again };
-    compare(&body, candidates, &inputs, Some(filtering), &options).map_err(|e| StageFailure::new(e.to_string()))
+    }
 }
 
 fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
@@ -176,28 +200,37 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let subject = job.load_subject("calibrate")?;
     let base = BaseParameters::of(&subject.model);
     let trials = load_trials(job)?;
-    let validated = has_validation(&trials);
     let chosen = study.config.regressor.rows;
     let other = if chosen == Rows::Weak { Rows::Paper } else { Rows::Weak };
     let mut candidates = Vec::new();
     let mut done = Done::default();
+    let mut left_out = vec![false; trials.len()];
     for (i, rows) in [chosen, other].into_iter().enumerate() {
         let Some(parameters) = job.load_parameters(rows)? else { continue };
         let name = if i == 0 { "identified".to_owned() } else { format!("{} rows", rows.word()) };
-        let all = parameters.base_values();
-        let candidate = if validated {
-            Candidate::base(name, all)
-        } else {
-            let factors = training_factors(job, rows, study.config.identify.contact)?;
-            let each = without_each_trial(study, &subject, &trials, &factors, estimator(study, rows), &all)?;
-            done.warnings.extend(each.1);
-            Candidate::per_trial(name, each.0)
-        };
-        candidates.push(candidate.with_effects(parameters.effects.iter().map(|e| (e.name.clone(), e.value))));
+        let factors = training_factors(job, rows, study.config.identify.contact)?;
+        let parts = each_without(study, &subject, &trials, &factors, &parameters);
+        if i == 0 {
+            left_out = parts.iter().map(|p| p.left_out).collect();
+        }
+        done.warnings.extend(parts.iter().filter_map(|p| p.remark.clone()));
+        let (base, effects) = parts.into_iter().map(|p| (p.base, p.effects)).unzip();
+        candidates.push(Candidate::per_trial(name, base).with_effects_per_trial(effects));
     }
     candidates.push(Candidate::links("prior", &base, &subject.prior_phi()));
-    let draws = CompareOptions::default().noise_draws;
-    let (comparison, series) = compare_models(study, &subject, &trials, &candidates, HeldOut::Validation, draws)?;
+    let key = floor_key(job, &compare_options(study, &subject))?;
+    let place = job.workspace.place("compare", WHOLE_STUDY).join("noise_floor.json");
+    let earlier = read_json::<StoredFloor>(&place).ok().filter(|f| f.key == key);
+    let plain = if earlier.is_some() { None } else { Some(plain_model(job, &subject, chosen)?) };
+    let floor = match &earlier {
+        Some(f) => Floor::Known(&f.floor),
+        None => Floor::Drawn(CompareOptions::default().noise_draws, plain.as_ref()),
+    };
+    let held_out = HeldOut::Validation;
+    let (comparison, series) = compare_models(study, &subject, &trials, &candidates, held_out, Some(&left_out), floor)?;
+    if let Some(floor) = &comparison.noise_floor {
+        write_json(&job.out.join("noise_floor.json"), &StoredFloor { key, floor: floor.clone() })?;
+    }
     write_json(&job.out.join("comparison.json"), &comparison)?;
     for s in &series {
         series_table(s, &comparison).write(&job.out.join(format!("series_{}.parquet", s.trial)))?;
@@ -232,6 +265,77 @@ pub fn without_each_trial(
         .collect();
     let warnings = results.iter().filter_map(|r| r.1.clone()).collect();
     Ok((results.into_iter().map(|r| r.0).collect(), warnings))
+}
+
+/// A model for one trial.
+struct Without {
+    base: DVector<f64>,
+    effects: Vec<(String, f64)>,
+    /// True when the trial took no part in it.
+    left_out: bool,
+    remark: Option<String>,
+}
+
+/// A model for each trial, identified without it; with the estimator and the weight of the prior that all trials chose.
+fn each_without(
+    study: &Study,
+    subject: &Subject,
+    trials: &[ComparedTrial],
+    factors: &[(Stretch, Factor)],
+    all: &Parameters,
+) -> Vec<Without> {
+    let effects = |p: &Parameters| p.effects.iter().map(|e| (e.name.clone(), e.value)).collect();
+    let of =
+        |p: &Parameters, left_out, remark| Without { base: p.base_values(), effects: effects(p), left_out, remark };
+    trials
+        .par_iter()
+        .map(|t| {
+            let kept: Vec<_> = factors.iter().filter(|(s, _)| s.trial != t.name).cloned().collect();
+            if kept.is_empty() {
+                return of(all, false, Some(format!("{}: the only trial with flights, so it is not held out", t.name)));
+            }
+            if kept.len() == factors.len() {
+                return of(all, true, None);
+            }
+            match identify_for_prediction(study, subject, &kept, all.estimator) {
+                Ok(p) => of(&p, true, None),
+                Err(e) => of(all, false, Some(format!("{} could not be left out: {}", t.name, e.problem))),
+            }
+        })
+        .collect()
+}
+
+/// The noise floor of an earlier comparison.
+#[derive(Serialize, Deserialize)]
+struct StoredFloor {
+    /// Hash of all that it follows from.
+    key: String,
+    floor: NoiseFloor,
+}
+
+/// What the noise floor follows from: the motion, the plates, and how both are processed; never the effects of the model.
+fn floor_key(job: &Job<'_>, options: &CompareOptions) -> Result<String, StageFailure> {
+    let study = job.study;
+    let mut hasher = blake3::Hasher::new();
+    for (stage, trial) in job.inputs.iter().filter(|(s, _)| s != "regressor" && s != "identify") {
+        let output = job.workspace.manifest(stage, trial).map(|m| m.output).unwrap_or_default();
+        hasher.update(format!("{stage}/{trial}={output}\n").as_bytes());
+    }
+    let settings = json!({"version": STAGE.version, "options": options, "filter": study.config.filter,
+        "regressor": study.config.regressor, "identify": study.config.identify});
+    hasher.update(settings.to_string().as_bytes());
+    Ok(hasher.finalize().to_hex().to_string())
+}
+
+/// The model without effects, through which noise is sent.
+fn plain_model(job: &Job<'_>, subject: &Subject, rows: Rows) -> Result<Candidate, StageFailure> {
+    let factors = training_factors(job, rows, job.study.config.identify.contact)?;
+    let plain: Vec<_> = factors
+        .into_iter()
+        .map(|(s, f)| Ok((s, f.with_effects(&[]).map_err(|e| StageFailure::new(e.to_string()))?)))
+        .collect::<Result<_, StageFailure>>()?;
+    let parameters = identify_for_prediction(job.study, subject, &plain, estimator(job.study, rows))?;
+    Ok(Candidate::base("plain", parameters.base_values()))
 }
 
 const COMPONENTS: [&str; 6] = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];

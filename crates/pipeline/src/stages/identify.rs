@@ -74,6 +74,24 @@ pub fn identify_from(
         .map_err(|e| StageFailure::new(e.to_string()))
 }
 
+/// The same without intervals and without consistent links: all that predictions need.
+pub fn identify_for_prediction(
+    study: &Study,
+    subject: &Subject,
+    factors: &[(Stretch, Factor)],
+    estimator: Estimator,
+) -> Result<Parameters, StageFailure> {
+    let base = BaseParameters::of(&subject.model);
+    let prior = LinkPrior::of_subject(subject).map_err(|e| StageFailure::new(e.to_string()))?;
+    let repeat_correlation = repeat_correlation(study);
+    let options =
+        IdentifyOptions { estimator, repeat_correlation, consistent_links: false, ..IdentifyOptions::default() };
+    let plain: Vec<Factor> = factors.iter().map(|(_, f)| f.clone()).collect();
+    identify(&subject.model, &base, &plain, subject.facts.mass_kg, Some(&prior), &options)
+        .map(|i| i.parameters)
+        .map_err(|e| StageFailure::new(e.to_string()))
+}
+
 /// Where the parameters from one kind of rows lie.
 pub fn file_name(rows: Rows) -> String {
     format!("parameters_{}.json", rows.word())

@@ -1,6 +1,7 @@
 //! `regressor`: one triangular factor a flight and a contact stretch, from weak rows and from the paper's rows.
 
 use crate::config::{Rows, Weighting};
+use crate::effects::KnownEffects;
 use crate::error::{PipelineError, StageFailure};
 use crate::graph::{Done, Job, Need, Scope, Stage};
 use crate::stages::filter::low_pass;
@@ -8,14 +9,14 @@ use crate::study::{Role, Study};
 use crate::table::Table;
 use crate::workspace::{read_json, write_json};
 use aloft_body::{BaseParameters, Motion, Subject};
-use aloft_effects::{PlateSeries, Scene, Span, TrialMotion, columns};
+use aloft_effects::{PlateSeries, Scene, Span, TrialMotion, columns_about};
 use aloft_flight::{FlightReport, plate_wrench_at_marker_rate, total_wrench};
 use aloft_regressor::{
     AccelerationOptions, Acting, Columns, CoordinateNoise, EffectColumns, Factor, Noise, RegressorError, RowKind,
     Stretch, StretchKind, WeakOptions, acceleration_factor, weak_factor,
 };
 use aloft_trial::Trial;
-use nalgebra::{Vector3, Vector6};
+use nalgebra::{DMatrix, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::Path;
@@ -37,7 +38,7 @@ pub static STAGE: Stage = Stage {
     parameters: |study, _| {
         json!({"window_s": study.config.regressor.window_s, "weighting": study.config.regressor.weighting,
             "slow_noise": study.config.regressor.slow_noise, "marker_sd_m": study.config.ik.marker_sd_m, "margin_s": study.config.flight.margin_s, "filter": study.config.filter,
-            "effects": study.effects})
+            "effects": study.effects_parameters()})
     },
     run,
 };
@@ -135,7 +136,7 @@ pub fn effect_columns(study: &Study, rows: &TrialRows) -> Result<Option<EffectCo
         return Ok(None);
     }
     let scene = Scene::new(&rows.subject.model, &rows.subject.prior_phi(), &rows.plate_centers_m);
-    let choices = study.effects.iter().map(|e| e.choice(&scene)).collect::<Result<Vec<_>, _>>()?;
+    let known = KnownEffects::of(&study.own_effects, &scene)?;
     // everywhere, so that comparison sees the effect between the stretches, too
     let mut spans: Vec<Span> = Vec::new();
     let mut at = 0;
@@ -152,18 +153,44 @@ pub fn effect_columns(study: &Study, rows: &TrialRows) -> Result<Option<EffectCo
         spans.push(Span { first_frame: at, end_frame: rows.motion.n_frames(), flight: false });
     }
     let trial = TrialMotion { motion: &rows.motion, spans: &spans, plates: &rows.plates, session_time_s: 0.0 };
-    let found = columns(&scene, &trial, &choices).map_err(|e| StageFailure::new(e.to_string()))?;
-    Ok(Some(EffectColumns { names: found.names, wrench: found.wrench }))
+    let base = BaseParameters::of(&rows.subject.model);
+    let about = (study.plain_base.len() == base.len()).then_some((&base, study.plain_base.as_slice()));
+    let mut out = EffectColumns { names: Vec::new(), wrench: vec![DMatrix::zeros(6, 0); rows.motion.n_frames()] };
+    for effect in &study.effects {
+        let mut scene = scene.clone();
+        if let Some((middle, reach)) = effect.volume_m {
+            (scene.volume_center_m, scene.volume_reach_m) = (middle.into(), reach);
+        }
+        let choice = known.choice(&scene, effect)?;
+        let found = columns_about(&scene, &trial, &[choice], about).map_err(|e| StageFailure::new(e.to_string()))?;
+        // what only other trials carry
+        let acts = effect.trials.is_empty() || effect.trials.contains(&rows.motion.trial);
+        for (all, own) in out.wrench.iter_mut().zip(&found.wrench) {
+            let old = std::mem::replace(all, DMatrix::zeros(0, 0));
+            let from = old.ncols();
+            let mut wide = old.insert_columns(from, own.ncols(), 0.0);
+            if acts {
+                wide.columns_mut(from, own.ncols()).copy_from(own);
+            }
+            *all = wide;
+        }
+        out.names.extend(found.names);
+    }
+    Ok(Some(out))
 }
 
 /// Everything of one trial that rows are made of.
 pub struct TrialRows {
+    /// The recording, plates tared.
+    pub trial: Trial,
     /// The subject.
     pub subject: Subject,
     /// Motion before filtering.
     pub motion: Motion,
     /// Motion after filtering.
     pub filtered: Motion,
+    /// Flights.
+    pub flights: Vec<std::ops::Range<usize>>,
     /// Flights and contact stretches.
     pub stretches: Vec<Stretch>,
     /// Plate wrench about the world origin at the frames, unfiltered.
@@ -179,7 +206,12 @@ pub struct TrialRows {
 impl TrialRows {
     /// Loads what the earlier stages left for a trial.
     pub fn load(job: &Job<'_>, name: &str) -> Result<Self, StageFailure> {
-        let subject = job.load_subject("calibrate")?;
+        Self::load_for(job, name, &job.load_subject("calibrate")?)
+    }
+
+    /// The same for a subject that was read already.
+    pub fn load_for(job: &Job<'_>, name: &str, subject: &Subject) -> Result<Self, StageFailure> {
+        let subject = subject.clone();
         let motion = job.load_motion("ik", name)?;
         let filtered = job.load_motion("filter", name)?;
         Self::of(job, name, subject, motion, filtered)
@@ -219,7 +251,19 @@ impl TrialRows {
             wrench = Some(join(&raw));
             wrench_filtered = Some(join(&smooth));
         }
-        Ok(Self { subject, motion, filtered, stretches, wrench, wrench_filtered, plates, plate_centers_m })
+        let flights = flights.flights.iter().map(aloft_flight::Flight::frames).collect();
+        Ok(Self {
+            trial,
+            subject,
+            motion,
+            filtered,
+            flights,
+            stretches,
+            wrench,
+            wrench_filtered,
+            plates,
+            plate_centers_m,
+        })
     }
 }
 

@@ -37,6 +37,7 @@ pub fn sections(c: &Comparison) -> Vec<Section> {
 
 fn word(by: GroupedBy) -> &'static str {
     match by {
+        GroupedBy::Trial => "trial",
         GroupedBy::Phase => "phase",
         GroupedBy::Flight => "flight",
         GroupedBy::TimeInFlight => "time in flight",

@@ -1,0 +1,138 @@
+//! One formula: read, units checked, linear in the coefficients.
+
+use super::parse::{self, Problem};
+use super::quantity::{QUANTITIES, Quantity, quantity};
+use super::unit::Unit;
+use crate::{EffectsError, FormulaProblem, Scene};
+use exmex::{Express, FlatEx};
+
+/// Where a variable of a formula comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Source {
+    Quantity(Quantity),
+    Coefficient(usize),
+    Parameter(usize),
+    Constant(f64),
+}
+
+/// A name that the user gave, and what it stands for.
+pub(super) struct Symbol {
+    pub name: String,
+    pub source: Source,
+    pub unit: Unit,
+    /// Place in the file: `coefficients[0]`.
+    pub place: String,
+}
+
+#[derive(Debug)]
+pub(super) struct Law {
+    expression: FlatEx<f64>,
+    /// Where each variable of the expression comes from, in its order.
+    pub sources: Vec<Source>,
+}
+
+impl Law {
+    /// Reads a formula; `None` for one that is zero. `place` is the formula's place in the file, `force[0]`.
+    pub fn new(
+        effect: &str,
+        scene: &Scene,
+        symbols: &[Symbol],
+        place: &str,
+        text: &str,
+        wanted: (&str, Unit),
+    ) -> Result<Option<Self>, EffectsError> {
+        let fail = |p: Problem| {
+            EffectsError::Formula(Box::new(FormulaProblem {
+                effect: effect.to_owned(),
+                entry: place.to_owned(),
+                formula: text.to_owned(),
+                position: p.at,
+                problem: p.text,
+            }))
+        };
+        let node = parse::parse(text).map_err(fail)?;
+        let find = |name: &str| {
+            symbols
+                .iter()
+                .find(|s| s.name == name)
+                .map(|s| (s.source, s.unit))
+                .or_else(|| quantity(scene, name).map(|(q, u)| (Source::Quantity(q), u)))
+        };
+        let lookup = |name: &str| {
+            find(name).map(|f| f.1).ok_or_else(|| {
+                let own = symbols.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(" ");
+                format!("nothing is called `{name}`; there are {own}, {QUANTITIES}, and q_<link>, qd_<link> of hinges")
+            })
+        };
+        let unit = node.unit(&lookup).map_err(fail)?;
+        if node.constant() == Some(0.0) {
+            return Ok(None);
+        }
+        let (what, wanted) = wanted;
+        if !unit.same(wanted) {
+            let text = format!("the unit is {}, a {what} has {}", unit.words(), wanted.words());
+            return Err(fail(Problem { at: node.at, text }));
+        }
+        let expression =
+            exmex::parse::<f64>(&node.explicit()).map_err(|e| fail(Problem { at: node.at, text: e.to_string() }))?;
+        let sources: Vec<Source> = expression
+            .var_names()
+            .iter()
+            .map(|n| find(n.trim_matches(['{', '}'])).map(|f| f.0))
+            .collect::<Option<_>>()
+            .ok_or_else(|| fail(Problem { at: node.at, text: "a name was lost".to_owned() }))?;
+        let law = Self { expression, sources };
+        law.check_linear(symbols).map_err(|text| {
+            let mut names = Vec::new();
+            node.names(&mut names);
+            let at = names
+                .iter()
+                .find(|(n, _)| matches!(find(n), Some((Source::Coefficient(_), _))))
+                .map_or(node.at, |n| n.1);
+            fail(Problem { at, text })
+        })?;
+        Ok(Some(law))
+    }
+
+    /// Its value; `values` is scratch.
+    pub fn value(&self, values: &mut Vec<f64>, of: impl Fn(Source) -> f64) -> f64 {
+        values.clear();
+        values.extend(self.sources.iter().map(|s| of(*s)));
+        self.expression.eval(values).unwrap_or(f64::NAN)
+    }
+
+    /// Linear in the coefficients, and nothing beside them: tried at arbitrary values of everything else.
+    fn check_linear(&self, symbols: &[Symbol]) -> Result<(), String> {
+        let n = symbols.iter().filter(|s| matches!(s.source, Source::Coefficient(_))).count();
+        let mut values = Vec::new();
+        for trial in 0..6u32 {
+            // arbitrary but fixed numbers of order one, positive so that roots and logarithms exist
+            let arbitrary =
+                |i: usize| 0.3 + ((i as f64 + 1.0) * 0.754_877_666 + f64::from(trial) * 0.569_840_29).fract();
+            let mut at = |c: &dyn Fn(usize) -> f64| {
+                self.value(&mut values, |s| match s {
+                    Source::Coefficient(k) => c(k),
+                    Source::Constant(x) => x,
+                    other => arbitrary(self.sources.iter().position(|x| *x == other).unwrap_or(0)),
+                })
+            };
+            let none = at(&|_| 0.0);
+            if !none.is_finite() {
+                continue;
+            }
+            let units: Vec<f64> = (0..n).map(|k| at(&|j| f64::from(u8::from(j == k)))).collect();
+            let mixed = |k: usize| 0.7 + 0.31 * k as f64 * if k.is_multiple_of(2) { 1.0 } else { -1.0 };
+            let both = at(&mixed);
+            let mirrored = at(&|k| -mixed(k));
+            let size = units.iter().fold(none.abs() + both.abs(), |m, u| m + u.abs()).max(1e-12);
+            if none.abs() > 1e-9 * size {
+                return Err("a part has no coefficient: an effect of known size belongs into the model".to_owned());
+            }
+            let sum: f64 = units.iter().enumerate().map(|(k, u)| mixed(k) * u).sum();
+            if (sum - both).abs() > 1e-9 * size || (both + mirrored).abs() > 1e-9 * size {
+                return Err("the formula is not linear in its coefficients: make this one a parameter".to_owned());
+            }
+        }
+        Ok(())
+    }
+}

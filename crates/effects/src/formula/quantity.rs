@@ -1,0 +1,117 @@
+//! Named quantities that a formula may use, with their units.
+
+use super::spec::FormulaAxes;
+use super::unit::Unit;
+use crate::scene::AIR_DENSITY_KGPM3;
+use crate::{EffectFrame, Scene};
+use aloft_body::JointKind;
+use nalgebra::Vector3;
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Quantity {
+    V(usize),
+    Speed,
+    A(usize),
+    R(usize),
+    Omega(usize),
+    Spin,
+    Alpha(usize),
+    Com(usize),
+    ComV(usize),
+    Time,
+    SinceStart,
+    ToEnd,
+    Coordinate(usize),
+    Rate(usize),
+    Mass,
+    LinkMass,
+    AreaShare,
+    AirDensity,
+    Gravity,
+    Pi,
+}
+
+/// Quantities by name, besides the joints'.
+pub(super) const QUANTITIES: &str = "v_x v_y v_z speed a_x a_y a_z r_x r_y r_z omega_x omega_y omega_z spin alpha_x alpha_y alpha_z \
+com_x com_y com_z comv_x comv_y comv_z t since_start to_end mass link_mass area_share air_density gravity pi";
+
+/// The quantity of a name, and its unit.
+pub(super) fn quantity(scene: &Scene, name: &str) -> Option<(Quantity, Unit)> {
+    let (m, kg) = (Unit([1.0, 0.0, 0.0]), Unit([0.0, 1.0, 0.0]));
+    let (per_s, per_s2) = (Unit([0.0, 0.0, -1.0]), Unit([0.0, 0.0, -2.0]));
+    let speed = m.times(per_s, 1.0);
+    let plain = match name {
+        "speed" => Some((Quantity::Speed, speed)),
+        "spin" => Some((Quantity::Spin, per_s)),
+        "t" => Some((Quantity::Time, per_s.raised(-1.0))),
+        "since_start" => Some((Quantity::SinceStart, per_s.raised(-1.0))),
+        "to_end" => Some((Quantity::ToEnd, per_s.raised(-1.0))),
+        "mass" => Some((Quantity::Mass, kg)),
+        "link_mass" => Some((Quantity::LinkMass, kg)),
+        "area_share" => Some((Quantity::AreaShare, Unit::NONE)),
+        "air_density" => Some((Quantity::AirDensity, kg.times(m, -3.0))),
+        "gravity" => Some((Quantity::Gravity, m.times(per_s2, 1.0))),
+        "pi" => Some((Quantity::Pi, Unit::NONE)),
+        _ => None,
+    };
+    if plain.is_some() {
+        return plain;
+    }
+    let (stem, rest) = name.split_once('_')?;
+    if stem == "q" || stem == "qd" {
+        let joint = &scene.model.links.iter().find(|l| l.name == rest)?.joint;
+        let unit = match joint.kind {
+            JointKind::Revolute(_) => Unit::NONE,
+            JointKind::Prismatic(_) => m,
+            _ => return None,
+        };
+        return Some(match stem {
+            "q" => (Quantity::Coordinate(joint.q_offset), unit),
+            _ => (Quantity::Rate(joint.v_offset), unit.times(per_s, 1.0)),
+        });
+    }
+    let axis = ["x", "y", "z"].iter().position(|a| *a == rest)?;
+    Some(match stem {
+        "v" => (Quantity::V(axis), speed),
+        "a" => (Quantity::A(axis), m.times(per_s2, 1.0)),
+        "r" => (Quantity::R(axis), m),
+        "omega" => (Quantity::Omega(axis), per_s),
+        "alpha" => (Quantity::Alpha(axis), per_s2),
+        "com" => (Quantity::Com(axis), m),
+        "comv" => (Quantity::ComV(axis), speed),
+        _ => return None,
+    })
+}
+
+impl Quantity {
+    /// Its value at a point of a link in a frame.
+    pub(super) fn value(self, f: &EffectFrame<'_>, link_index: usize, point: &Vector3<f64>, axes: FormulaAxes) -> f64 {
+        let link = &f.links[link_index];
+        let turn = |v: Vector3<f64>| match axes {
+            FormulaAxes::World => v,
+            FormulaAxes::Link => link.rotation.tr_mul(&v),
+        };
+        match self {
+            Self::V(k) => turn(link.point_velocity(point))[k],
+            Self::Speed => link.point_velocity(point).norm(),
+            Self::A(k) => turn(link.point_acceleration(point))[k],
+            Self::R(k) => link.point(point)[k],
+            Self::Omega(k) => turn(link.omega)[k],
+            Self::Spin => link.omega.norm(),
+            Self::Alpha(k) => turn(link.alpha)[k],
+            Self::Com(k) => f.com[k],
+            Self::ComV(k) => turn(f.com_velocity)[k],
+            Self::Time => f.time_s,
+            Self::SinceStart => f.since_start_s,
+            Self::ToEnd => f.to_end_s,
+            Self::Coordinate(i) => f.q[i],
+            Self::Rate(i) => f.v[i],
+            Self::Mass => f.scene.mass_kg,
+            Self::LinkMass => f.scene.phi[link_index][0],
+            Self::AreaShare => f.scene.area_share[link_index],
+            Self::AirDensity => AIR_DENSITY_KGPM3,
+            Self::Gravity => f.scene.gravity(),
+            Self::Pi => std::f64::consts::PI,
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! What a user writes: the law, its point, its unknowns.
+
+use crate::{ActsIn, EffectKind};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// An effect as a user writes it: one law at the top level, or several under `parts` that share the unknowns.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FormulaEffect {
+    /// Identifier, not one of the catalogue; what `effect add` and the tables call it.
+    pub id: String,
+    /// A few words.
+    #[serde(default)]
+    pub title: String,
+    /// Where the force acts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub point: Option<FormulaPoint>,
+    /// Axes of vectors and of the law.
+    #[serde(default)]
+    pub axes: FormulaAxes,
+    /// Force in N, three formulas (x, y, z); none when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub force: Option<[String; 3]>,
+    /// Free moment in N·m, three formulas; none when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moment: Option<[String; 3]>,
+    /// Laws at several points, instead of one at the top level.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<FormulaPart>,
+    /// Unknowns that the law is linear in.
+    pub coefficients: Vec<FormulaCoefficient>,
+    /// Further unknowns, bounded, that the law is not linear in.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parameters: Vec<FormulaParameter>,
+    /// Known numbers with units.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub constants: Vec<FormulaConstant>,
+    /// Where it acts: `flight`, `contact` or `both`.
+    #[serde(default = "both")]
+    pub acts: ActsIn,
+    /// `physics` or `artefact`.
+    #[serde(default = "physics")]
+    pub kind: EffectKind,
+    /// Text for people (Markdown).
+    #[serde(default)]
+    pub documentation: String,
+}
+
+fn both() -> ActsIn {
+    ActsIn::Both
+}
+fn physics() -> EffectKind {
+    EffectKind::Physics
+}
+
+/// One law at one point.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FormulaPart {
+    /// Where the force acts.
+    pub point: FormulaPoint,
+    /// Axes of vectors and of the law.
+    #[serde(default)]
+    pub axes: FormulaAxes,
+    /// Force in N, three formulas (x, y, z); none when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub force: Option<[String; 3]>,
+    /// Free moment in N·m, three formulas; none when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moment: Option<[String; 3]>,
+}
+
+/// A point of a link.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FormulaPoint {
+    /// Name of the link; `all` for every link, each at its own point.
+    pub link: String,
+    /// Place in its frame, m; the link's centre of mass when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position_m: Option<[f64; 3]>,
+}
+
+/// Axes in which vectors are written.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FormulaAxes {
+    /// The room's.
+    #[default]
+    World,
+    /// The link's.
+    Link,
+}
+
+/// An unknown of a user's law.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FormulaCoefficient {
+    /// Name in the formulas.
+    pub name: String,
+    /// SI unit, for example `kg/m`, `N*s/m`, `1`.
+    pub unit: String,
+    /// Smallest plausible value.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lower: Option<f64>,
+    /// Largest plausible value.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub upper: Option<f64>,
+}
+
+/// An unknown that the law is not linear in.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FormulaParameter {
+    /// Name in the formulas.
+    pub name: String,
+    /// SI unit.
+    pub unit: String,
+    /// Lower bound.
+    pub lower: f64,
+    /// Upper bound.
+    pub upper: f64,
+    /// Where the search begins; five values across the bounds when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start: Option<f64>,
+}
+
+/// A known number with a unit, for example a density.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FormulaConstant {
+    /// Name in the formulas.
+    pub name: String,
+    /// SI unit.
+    pub unit: String,
+    /// Value.
+    pub value: f64,
+}
+
+impl FormulaEffect {
+    /// All laws with the place of each in the file: `` for the top level, `parts[1].` else.
+    pub(crate) fn laws(&self) -> Vec<(String, FormulaPart)> {
+        let mut out = Vec::new();
+        if let Some(point) = &self.point {
+            let (axes, force, moment) = (self.axes, self.force.clone(), self.moment.clone());
+            out.push((String::new(), FormulaPart { point: point.clone(), axes, force, moment }));
+        }
+        out.extend(self.parts.iter().enumerate().map(|(i, p)| (format!("parts[{i}]."), p.clone())));
+        out
+    }
+}

@@ -1,0 +1,194 @@
+//! `history`: the ladder of a model's revisions, and what each reached.
+
+use crate::command::compare::{ComparisonView, compare};
+use crate::error::PipelineError;
+use crate::revision::{Judged, ModelEffect, Reached, Revision, Revisions};
+use crate::stages::identify::file_name;
+use crate::study::Study;
+use crate::workspace::{WHOLE_STUDY, Workspace, read_json};
+use aloft_compare::WindowErrors;
+use aloft_effects::ActsIn;
+use aloft_identify::Parameters;
+use serde::Serialize;
+
+/// The ladder as `history --json` shows it.
+#[derive(Debug, Clone, Serialize)]
+pub struct History {
+    /// Version of this structure.
+    pub version: u32,
+    /// Who.
+    pub subject: String,
+    /// Revisions, oldest first.
+    pub revisions: Vec<HistoryRow>,
+}
+
+/// One rung.
+#[derive(Debug, Clone, Serialize)]
+pub struct HistoryRow {
+    /// Number.
+    pub revision: usize,
+    /// What made it.
+    pub action: String,
+    /// Effects of the model.
+    pub effects: Vec<String>,
+    /// Held-out error over weak windows where the effect acts (`judged_on`), N: force root mean square, moments over a lever of 0.1 m.
+    pub held_out_error: Option<f64>,
+    /// The same for the revision before.
+    pub held_out_error_before: Option<f64>,
+    /// What noise alone makes, N.
+    pub noise_floor: Option<f64>,
+    /// Share of the mean square error that noise does not explain.
+    pub explainable: Option<f64>,
+    /// What the held-out error is taken on: `held-out flight` or `held-out contact`.
+    pub judged_on: Option<String>,
+    /// In flight, N.
+    pub flight: Option<Judged>,
+    /// In held-out contact, N.
+    pub contact: Option<Judged>,
+    /// Error in flight, N.
+    pub flight_error: Option<f64>,
+    /// σ_{N−1}/σ_N.
+    pub sigma_ratio: Option<f64>,
+    /// Marker error, mean over trials, mm.
+    pub marker_rms_mm: Option<f64>,
+    /// The same for the revision before.
+    pub marker_rms_before_mm: Option<f64>,
+    /// Coefficients.
+    pub coefficients: Vec<HistoryCoefficient>,
+    /// Largest change of a base parameter against the revision before: name and change.
+    pub largest_change: Option<(String, f64)>,
+    /// Change of every base parameter against the revision before: name and change.
+    pub base_change: Vec<(String, f64)>,
+    /// Set when the gain is void, with the reason.
+    pub void: Option<String>,
+}
+
+/// One coefficient with its interval.
+#[derive(Debug, Clone, Serialize)]
+pub struct HistoryCoefficient {
+    /// Name.
+    pub name: String,
+    /// Value.
+    pub value: f64,
+    /// Standard error.
+    pub se: f64,
+    /// 95 % interval.
+    pub ci95: [f64; 2],
+}
+
+/// Reads the revisions, with what the present one reached.
+pub fn history(study: &Study) -> Result<History, PipelineError> {
+    let mut all = Revisions::load(&study.workspace)?;
+    if let (Some(last), Ok(view)) = (all.revisions.last_mut(), compare(study)) {
+        last.reached = Some(reached(study, &view)?);
+    }
+    let acts = |e: &ModelEffect| acts_in(study, e);
+    let rows = (0..all.revisions.len()).map(|i| row(&all.revisions, i, &acts)).collect();
+    Ok(History { version: 1, subject: study.facts.person.name.clone(), revisions: rows })
+}
+
+fn acts_in(study: &Study, effect: &ModelEffect) -> ActsIn {
+    let own = study.own_effects.iter().find(|o| o.spec.id == effect.id()).map(|o| o.spec.acts);
+    own.or_else(|| aloft_effects::effect(effect.id()).ok().map(|e| e.acts)).unwrap_or(ActsIn::Both)
+}
+
+/// Where a revision is judged: where the effects act that it changed, in flight if they act in both. The first is judged where the
+/// second is.
+fn judged(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) -> Option<bool> {
+    let (a, b) = match i {
+        0 => (revisions.first()?, revisions.get(1)?),
+        _ => (&revisions[i - 1], &revisions[i]),
+    };
+    let changed =
+        a.effects.iter().filter(|e| !b.effects.contains(e)).chain(b.effects.iter().filter(|e| !a.effects.contains(e)));
+    let kinds: Vec<ActsIn> = changed.map(acts).collect();
+    (!kinds.is_empty()).then(|| kinds.iter().any(|k| k.in_flight()))
+}
+
+/// Marker error may grow by this much before a gain is void.
+const WORSE_MARKERS: f64 = 1.02;
+
+fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) -> HistoryRow {
+    let r = &revisions[i];
+    let now = r.reached.as_ref();
+    let old = i.checked_sub(1).and_then(|j| revisions[j].reached.as_ref());
+    let in_flight = judged(revisions, i, acts);
+    let pick = |reached: &Reached| match in_flight {
+        Some(true) => reached.flight.or(reached.contact),
+        Some(false) => reached.contact.or(reached.flight),
+        None => reached.contact.or(reached.flight),
+    };
+    let on_flight = |reached: &Reached| match in_flight {
+        Some(true) => reached.flight.is_some(),
+        _ => reached.contact.is_none(),
+    };
+    let base_change: Vec<(String, f64)> = now
+        .zip(old)
+        .map(|(n, o)| n.base.iter().zip(&o.base).map(|(a, b)| (a.0.clone(), a.1 - b.1)).collect())
+        .unwrap_or_default();
+    let largest_change = base_change.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).cloned();
+    let void = now.zip(old).and_then(|(n, o)| {
+        (n.marker_rms_mm > WORSE_MARKERS * o.marker_rms_mm).then(|| {
+            format!(
+                "void: marker error grew from {:.2} to {:.2} mm, so the kinematics moved to please the forces",
+                o.marker_rms_mm, n.marker_rms_mm
+            )
+        })
+    });
+    let here = now.and_then(pick);
+    HistoryRow {
+        revision: r.number,
+        action: r.action.clone(),
+        effects: r.effects.iter().map(|e| e.key.clone()).collect(),
+        held_out_error: here.map(|j| j.error_n),
+        held_out_error_before: old.and_then(pick).map(|j| j.error_n),
+        noise_floor: here.and_then(|j| j.noise_n),
+        explainable: here.and_then(|j| j.explainable()),
+        judged_on: now.map(|n| if on_flight(n) { "held-out flight".into() } else { "held-out contact".into() }),
+        flight: now.and_then(|n| n.flight),
+        contact: now.and_then(|n| n.contact),
+        flight_error: now.and_then(|n| n.flight).map(|j| j.error_n),
+        sigma_ratio: now.map(|n| n.sigma_ratio),
+        marker_rms_mm: now.map(|n| n.marker_rms_mm),
+        marker_rms_before_mm: old.map(|n| n.marker_rms_mm),
+        coefficients: now
+            .map(|n| {
+                let of = |(name, value, se): &(String, f64, f64)| HistoryCoefficient {
+                    name: name.clone(),
+                    value: *value,
+                    se: *se,
+                    ci95: [value - 1.96 * se, value + 1.96 * se],
+                };
+                n.coefficients.iter().map(of).collect()
+            })
+            .unwrap_or_default(),
+        largest_change,
+        base_change,
+        void,
+    }
+}
+
+/// What the present results reach.
+pub fn reached(study: &Study, view: &ComparisonView) -> Result<Reached, PipelineError> {
+    let c = &view.comparison;
+    let ws = Workspace::open(&study.workspace);
+    let parameters: Parameters =
+        read_json(&ws.place("identify", WHOLE_STUDY).join(file_name(study.config.regressor.rows)))?;
+    let rms: Vec<f64> = view.kinematics.iter().filter_map(|k| k.marker_rms_mm).collect();
+    let of = |errors: &WindowErrors, noise: Option<&WindowErrors>| {
+        (errors.windows > 0).then(|| Judged {
+            error_n: errors.size(),
+            noise_n: noise.filter(|n| n.windows > 0).map(WindowErrors::size),
+        })
+    };
+    let floor = c.noise_floor.as_ref();
+    Ok(Reached {
+        from: ws.manifest("compare", WHOLE_STUDY).map(|m| m.output).unwrap_or_default(),
+        flight: of(&c.first.flight_weak, floor.map(|f| &f.flight_weak)),
+        contact: of(&c.first.held_out_weak, floor.map(|f| &f.contact_weak)),
+        sigma_ratio: view.parameters.sigma_ratio,
+        marker_rms_mm: rms.iter().sum::<f64>() / rms.len().max(1) as f64,
+        coefficients: parameters.effects.iter().map(|e| (e.name.clone(), e.value, e.se)).collect(),
+        base: parameters.base.iter().map(|b| (b.name.clone(), b.value)).collect(),
+    })
+}

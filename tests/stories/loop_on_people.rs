@@ -1,0 +1,53 @@
+//! The loop on a person: something hidden is found, added, and the error falls to what the twin without it has.
+
+use crate::support::{expect, folder, json, repo};
+use std::fs;
+
+#[test]
+fn a_line_that_nobody_wrote_down_is_found_and_the_error_falls_to_the_twins() {
+    let dir = folder();
+    let ws = dir.path().join("ws").display().to_string();
+    let twin_ws = dir.path().join("twin").display().to_string();
+    let demo = repo("pipelines/demo_human.yaml");
+    let twin = repo("fixtures/human_twin");
+    expect(&["run", &demo, "--workspace", &ws], 0);
+    expect(&["run", &demo, "--data", &twin, "--workspace", &twin_ws], 0);
+
+    let plain = json(&["discover", &demo, "--data", &twin, "--workspace", &twin_ws, "--json"]);
+    assert_eq!(plain["verdict"], "nothing_missing", "{}", plain["words"]);
+    let found = json(&["discover", &demo, "--workspace", &ws, "--json"]);
+    assert_eq!(
+        (&found["verdict"], &found["effects"][0]),
+        (&"supported".into(), &"tether".into()),
+        "{}",
+        found["words"]
+    );
+    expect(&["effect", "add", &demo, "tether", "--workspace", &ws], 0);
+
+    let ladder = json(&["history", &demo, "--workspace", &ws, "--json"]);
+    let rung = &ladder["revisions"][1];
+    let number = |v: &serde_json::Value| v.as_f64().unwrap();
+    assert_eq!(rung["judged_on"], "held-out flight");
+    let twins = json(&["history", &demo, "--data", &twin, "--workspace", &twin_ws, "--json"]);
+    let (before, after) = (number(&rung["held_out_error_before"]), number(&rung["held_out_error"]));
+    let of_twin = number(&twins["revisions"][0]["flight"]["error_n"]);
+    assert!(after < 0.6 * before && after < 1.1 * of_twin, "{before} N to {after} N, twin {of_twin} N");
+    assert!(number(&rung["contact"]["error_n"]) < number(&ladder["revisions"][0]["contact"]["error_n"]));
+    assert!(rung["void"].is_null() && number(&rung["marker_rms_mm"]) == number(&rung["marker_rms_before_mm"]));
+
+    // the sealed truth: the anchor is where the line hung, the stiffness within its interval
+    let truth: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(repo("fixtures/human_tethered/truth/truth.json")).unwrap()).unwrap();
+    let hidden = &truth["hidden"][0];
+    assert_eq!(hidden["effect"], "tether");
+    let nonlinear = found["found"][0]["nonlinear"].as_array().unwrap();
+    for (axis, name) in ["anchor_x", "anchor_y", "anchor_z"].iter().enumerate() {
+        let value = number(&nonlinear.iter().find(|n| n["name"] == *name).unwrap()["value"]);
+        let anchor = number(&hidden["anchor_m"][axis]);
+        assert!((value - anchor).abs() < 0.3, "{name} {value} m for {anchor} m");
+    }
+    let stiffness =
+        rung["coefficients"].as_array().unwrap().iter().find(|c| c["name"] == "tether[pelvis].stiffness").unwrap();
+    let value = number(&stiffness["value"]);
+    assert!((value / number(&hidden["stiffness_npm"]) - 1.0).abs() < 0.4, "{value} N/m");
+}

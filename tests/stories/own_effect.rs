@@ -1,0 +1,115 @@
+//! An effect of one's own: a law written as formulas is found, added, and gives what the built-in law gives; what is wrong in it is shown
+//! at its character.
+
+use crate::support::{expect, folder, json, repo};
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+
+/// The demonstration's pipeline with a section added, in a folder of its own.
+fn pipeline(at: &Path, name: &str, more: &str) -> String {
+    let text = fs::read_to_string(repo("pipelines/demo.yaml")).unwrap();
+    let text = text.replace("../fixtures/demo", &repo("fixtures/demo"));
+    let path = at.join(name);
+    fs::write(&path, format!("{text}\n{more}")).unwrap();
+    path.display().to_string()
+}
+
+fn coefficients(ladder: &Value) -> Vec<(f64, f64)> {
+    let last = ladder["revisions"].as_array().unwrap().last().unwrap();
+    let of = |c: &Value| (c["value"].as_f64().unwrap(), c["se"].as_f64().unwrap());
+    last["coefficients"].as_array().unwrap().iter().map(of).collect()
+}
+
+#[test]
+fn a_law_written_as_formulas_is_found_and_gives_what_the_catalogue_gives() {
+    let dir = folder();
+    let ws = |name: &str| dir.path().join(name).display().to_string();
+    let p = pipeline(dir.path(), "own.yaml", "effects: {files: [my_drag]}\n");
+
+    let (own, built_in) = (ws("own"), ws("built_in"));
+    expect(&["run", &p, "--workspace", &own], 0);
+    let (listed, _) = expect(&["effect", "list", &p], 0);
+    assert!(listed.lines().any(|l| l.starts_with("my_drag") && l.contains("my_drag.yaml")), "{listed}");
+    let (shown, _) = expect(&["effect", "show", "my_drag", &p], 0);
+    assert!(shown.contains("## Physics") && shown.contains("area1 * speed * v_z"), "{shown}");
+
+    // alone it is named; beside the catalogue it is one of those that say the same
+    let found = json(&["discover", &p, "--workspace", &own, "--only", "my_drag", "--json"]);
+    assert_eq!(
+        (&found["verdict"], &found["effects"][0]),
+        (&"supported".into(), &"my_drag".into()),
+        "{}",
+        found["words"]
+    );
+    let all = json(&["discover", &p, "--workspace", &own, "--json"]);
+    let mine = all["candidates"].as_array().unwrap().iter().find(|c| c["effect"] == "my_drag").unwrap();
+    assert!(mine["held_out_ratio"].as_f64().unwrap() < 0.5);
+    let like = |c: &Value| c["effect"] == "quadratic_drag" && c["cosine"].as_f64().unwrap() > 0.99;
+    assert!(mine["confused_with"].as_array().unwrap().iter().any(like), "{mine}");
+
+    expect(&["effect", "add", &p, "my_drag", "--workspace", &own], 0);
+    let mine = coefficients(&json(&["history", &p, "--workspace", &own, "--json"]));
+    // the catalogue's law with its centres where the formula has them: in the links' centres of mass
+    expect(&["run", &p, "--workspace", &built_in], 0);
+    expect(&["effect", "add", &p, "quadratic_drag[links]", "--workspace", &built_in], 0);
+    let theirs = coefficients(&json(&["history", &p, "--workspace", &built_in, "--json"]));
+    assert_eq!((mine.len(), theirs.len()), (2, 2));
+    for ((a, se), (b, _)) in mine.iter().zip(&theirs) {
+        assert!(*a > 0.005 && *se < 0.1 * a && (a - b).abs() < 1e-9 * b, "{a} for {b}");
+    }
+
+    // another law in the file makes the results stale, and removing the effect takes the model back
+    let text = fs::read_to_string(repo("configs/effects/my_drag.yaml")).unwrap();
+    fs::write(dir.path().join("mine.yaml"), text.replace("-0.5 *", "-0.25 *")).unwrap();
+    fs::write(&p, fs::read_to_string(&p).unwrap().replace("[my_drag]", "[mine.yaml]")).unwrap();
+    expect(&["run", &p, "--workspace", &own], 0);
+    let half = coefficients(&json(&["history", &p, "--workspace", &own, "--json"]));
+    for ((a, _), (b, _)) in half.iter().zip(&mine) {
+        assert!((a - 2.0 * b).abs() < 1e-6 * b, "{a} for twice {b}");
+    }
+    expect(&["effect", "remove", &p, "my_drag", "--workspace", &own], 0);
+    let ladder = json(&["history", &p, "--workspace", &own, "--json"]);
+    let rungs = ladder["revisions"].as_array().unwrap();
+    let error = |i: usize| rungs[i]["held_out_error"].as_f64().unwrap();
+    assert!(error(1) < 0.6 * error(0) && (error(2) - error(0)).abs() < 1e-9 * error(0), "{ladder}");
+}
+
+#[test]
+fn what_is_wrong_in_a_law_is_shown_at_its_character() {
+    let dir = folder();
+    let text = |force: &str| {
+        format!(
+            "effects:\n  define:\n    - id: kite\n      point: {{link: link1}}\n      force:\n        - \"0\"\n        - {force}\n        - \"0\"\n      \
+             coefficients:\n        - {{name: c, unit: kg/m}}\n"
+        )
+    };
+    let cases = [
+        ("\"-c * speed * v_w\"", "nothing is called `v_w`", "v_w"),
+        ("\"-c * speed\"", "the unit is", "* speed"),
+        ("-c * speed * (v_x + t)", "units differ", "+ t"),
+        ("'-c * speed * v_x +'", "something is missing", "'"),
+    ];
+    for (force, words, place) in cases {
+        let yaml = text(force);
+        let p = pipeline(dir.path(), "wrong.yaml", &yaml);
+        let (_, err) = expect(&["check", &p], 2);
+        let whole = fs::read_to_string(&p).unwrap();
+        let line = whole.lines().position(|l| l.contains(force)).unwrap() + 1;
+        let column = whole.lines().nth(line - 1).map(|l| l.rfind(place).unwrap() + 1).unwrap();
+        let flat = err.replace(['\n', '│'], " ");
+        let flat = flat.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(flat.contains(words) && flat.contains(&format!("line {line}")), "{err}");
+        assert!(err.contains("wrong.yaml") && err.contains(&format!("{line}:{column}")), "{line}:{column}\n{err}");
+    }
+    let p = pipeline(dir.path(), "unit.yaml", &text("\"-c * speed * v_x\"").replace("kg/m", "lbf"));
+    let (_, err) = expect(&["check", &p], 2);
+    assert!(err.contains("lbf") && err.contains("no SI unit"), "{err}");
+    let p = pipeline(dir.path(), "name.yaml", "effects: {files: [nobody]}\n");
+    let (_, err) = expect(&["check", &p], 2);
+    assert!(err.contains("nobody") && err.contains("magnus"), "{err}");
+    let (schema, _) = expect(&["schema"], 0);
+    for word in ["EffectsConfig", "FormulaEffect", "coefficients", "position_m", "groups"] {
+        assert!(schema.contains(word), "the schema does not know {word}");
+    }
+}
