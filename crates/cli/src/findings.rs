@@ -148,14 +148,14 @@ pub fn self_test(s: &SelfTest) -> Result<(), Stop> {
     out("effects injected into these recordings, at multiples of the smallest size that could be seen")?;
     let mut t = table(&["times smallest", "injected", "right name", "right name or class", "wrong name", "missed"]);
     let percent = |x: f64| format!("{:.0} %", 100.0 * x);
-    for [multiple, n, hit, class, wrong] in &s.summary {
+    for row in &s.summary {
         t.add_row([
-            significant(*multiple, 2),
-            format!("{n:.0}"),
-            percent(*hit),
-            percent(*class),
-            percent(*wrong),
-            percent((1.0 - class - wrong).max(0.0)),
+            significant(row.multiple, 2),
+            row.injections.to_string(),
+            percent(row.hit),
+            percent(row.right),
+            percent(row.wrong),
+            percent((1.0 - row.right - row.wrong).max(0.0)),
         ]);
     }
     out(format!("{t}\n"))?;

@@ -331,7 +331,7 @@ fn run_round<'a>(
         .collect();
     confusions(session, problem, &scores, &mut candidates, options);
     let (sharp, rivals) = rivals(session, problem, extra, &scores, &candidates, options);
-    let (verdict, effects) = judge(session, sharp.as_ref().unwrap_or(problem), &rivals, options);
+    let (verdict, effects, duels) = judge(session, sharp.as_ref().unwrap_or(problem), &rivals, options);
     let words = words::round(verdict, &effects, &candidates, threshold, few);
     let round = Round {
         judged_on: words::domain(problem.domain).to_owned(),
@@ -344,6 +344,7 @@ fn run_round<'a>(
         verdict,
         effects,
         words,
+        duels,
         candidates,
     };
     (round, scores, rivals)

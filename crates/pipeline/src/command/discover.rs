@@ -8,7 +8,10 @@ use crate::stages::regressor::TrialRows;
 use crate::study::Study;
 use crate::workspace::{WHOLE_STUDY, Workspace, write_json};
 use aloft_body::{BaseParameters, Subject};
-use aloft_discover::{Body, DiscoverOptions, Discovery, SelfTest, Session, TrialInput, discover as rank, scene_of};
+use aloft_discover::{
+    Body, DiscoverOptions, Discovery, SelfTest, SelfTestOptions, SelfTestProgress, Session, TrialInput,
+    discover as rank, scene_of,
+};
 use aloft_effects::{Choice, Effect};
 use aloft_identify::{LinkPrior, Prior};
 use aloft_regressor::WeakOptions;
@@ -185,10 +188,10 @@ pub fn self_test(
 ) -> Result<SelfTested, PipelineError> {
     Evidence::load(study)?.with(study, |bench| {
         let discovery = found(study, bench, options)?;
-        told(0, 1);
-        let table = aloft_discover::self_test(&bench.session, &bench.effects, &bench.accepted, &discovery, options)
+        let options = SelfTestOptions { discover: options.clone(), ..SelfTestOptions::default() };
+        let heard = |p: &SelfTestProgress<'_>| told(p.done, p.of);
+        let table = aloft_discover::self_test(&bench.session, &bench.effects, &bench.accepted, &options, &heard)
             .map_err(|e| PipelineError::request(e.to_string()))?;
-        told(1, 1);
         let out = SelfTested { version: 1, subject: study.facts.person.name.clone(), discovery, self_test: table };
         write_json(&study.workspace.join("self_test.json"), &out)?;
         Ok(out)
