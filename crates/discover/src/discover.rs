@@ -3,7 +3,8 @@
 use crate::addition::addition;
 use crate::candidate::Variant;
 use crate::judge::{
-    Rival, alternatives, chosen_shares, confusions, judge, limit, minimum_detectable, parts, plausible, rivals,
+    Rival, alternatives, chosen_shares, confusions, is_trivial, judge, limit, minimum_detectable, parts, plausible,
+    rivals,
 };
 use crate::ladder::{Refit, as_found, estimates, extra_columns, group_names, key_of, prune, refit_found, to_build_on};
 use crate::pairs::better_pair;
@@ -305,7 +306,8 @@ fn run_round<'a>(
                 && plausible
                 && ratio < threshold.min(limit(score.effect.id(), already.is_empty(), options))
                 && ci95[1] < 1.0
-                && score.mean_square(problem) < placebo;
+                && score.mean_square(problem) < placebo
+                && !is_trivial(session, problem, score.mean_square(problem));
             Candidate {
                 effect: score.effect.id().to_owned(),
                 key: key_of(session, best),

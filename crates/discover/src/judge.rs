@@ -51,6 +51,13 @@ pub(crate) fn limit(id: &str, first_round: bool, options: &DiscoverOptions) -> f
     }
 }
 
+/// True for an error far below what noise alone leaves: columns that, with those of the model, make up the body's own weight and inertia fit
+/// anything, because in flight only the mass from the scale fixes how large the body is.
+pub(crate) fn is_trivial(session: &Session<'_>, problem: &Problem, mean_square: f64) -> bool {
+    let noise = session.noise.map_or(0.0, |n| 0.5 * (n[0] + n[1]));
+    mean_square < (0.04 * noise).max(1e-5 * problem.plain())
+}
+
 /// Held-out root mean squares of forces (N) and moments (N·m).
 pub(crate) fn parts(session: &Session<'_>, problem: &Problem) -> [f64; 2] {
     let mut sums = [0.0; 2];
