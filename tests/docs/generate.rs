@@ -286,6 +286,7 @@ fn on(target: Target, n: usize) -> &'static str {
     match (target, n) {
         (Target::Body, _) => "the whole body, or all plates",
         (Target::EveryLink, _) => "one coefficient a link",
+        (Target::Shape, _) => "the shape of every link",
         (Target::Link(_), _) => "one link",
         (Target::Plate(_), _) => "one plate",
     }

@@ -3,7 +3,8 @@
 use crate::addition::addition;
 use crate::candidate::Variant;
 use crate::judge::{
-    Rival, alternatives, chosen_shares, confusions, judge, limit, minimum_detectable, parts, plausible, rivals,
+    Rival, alternatives, chosen_shares, confusions, is_trivial, judge, limit, minimum_detectable, parts, plausible,
+    rivals,
 };
 use crate::ladder::{Refit, as_found, estimates, extra_columns, group_names, key_of, prune, refit_found, to_build_on};
 use crate::pairs::better_pair;
@@ -305,7 +306,8 @@ fn run_round<'a>(
                 && plausible
                 && ratio < threshold.min(limit(score.effect.id(), already.is_empty(), options))
                 && ci95[1] < 1.0
-                && score.mean_square(problem) < placebo;
+                && score.mean_square(problem) < placebo
+                && !is_trivial(session, problem, score.mean_square(problem));
             Candidate {
                 effect: score.effect.id().to_owned(),
                 key: key_of(session, best),
@@ -331,7 +333,7 @@ fn run_round<'a>(
         .collect();
     confusions(session, problem, &scores, &mut candidates, options);
     let (sharp, rivals) = rivals(session, problem, extra, &scores, &candidates, options);
-    let (verdict, effects) = judge(session, sharp.as_ref().unwrap_or(problem), &rivals, options);
+    let (verdict, effects, duels) = judge(session, sharp.as_ref().unwrap_or(problem), &rivals, options);
     let words = words::round(verdict, &effects, &candidates, threshold, few);
     let round = Round {
         judged_on: words::domain(problem.domain).to_owned(),
@@ -344,6 +346,7 @@ fn run_round<'a>(
         verdict,
         effects,
         words,
+        duels,
         candidates,
     };
     (round, scores, rivals)

@@ -3,7 +3,8 @@
 //! Errors of kinematics that repeat from trial to trial favour the effect with more freedom, so neither the order of two held-out errors nor its
 //! consistency over trials decides between them. The recordings themselves tell how far such errors carry: the worse effect `b` is taken out of
 //! the rows as it was fitted, put back in other directions (or, where it has none, with the signs of what remains flipped by trial), and both
-//! effects are fitted again. What the better one gains there, where `b` is true, is what its gain on the recordings is measured against.
+//! effects are fitted again. What the better one gains there, where `b` is true, is what its gain on the recordings is measured against. The same the
+//! other way round: a richer effect that is true would be ahead of a simpler one by some measure, and where it is not, the simpler one stands.
 
 use crate::candidate::{Scored, Variant, score, solve};
 use crate::nonlinear::{improve, score_fitted};
@@ -19,19 +20,40 @@ use rayon::prelude::*;
 const DRAWS: usize = 7;
 /// Standard deviations by which the advantage has to exceed those of the draws.
 const BEYOND: f64 = 2.0;
+/// The same for an advantage that is too small: the truth must not be thrown out lightly.
+const BEYOND_FOR_LESS: f64 = 2.5;
 
-/// Whether `a` is ahead of `b` by more than it would be if `b` were true. `advantage` is `ln(error of b / error of a)` on the recordings; `None`
-/// where the exchange cannot be made.
+/// By how much `a` is ahead of `b` (logarithm of the ratio of squared errors) where one of them is true: over directions of the true one.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Exchange {
+    pub mean: f64,
+    pub sd: f64,
+    least: f64,
+    most: f64,
+}
+
+impl Exchange {
+    /// True when an advantage is larger than the true effect would give.
+    pub fn exceeded_by(&self, advantage: f64) -> bool {
+        advantage > (self.mean + BEYOND * self.sd).max(self.most)
+    }
+    /// True when an advantage is smaller than the true effect would give.
+    pub fn missed_by(&self, advantage: f64) -> bool {
+        advantage < (self.mean - BEYOND_FOR_LESS * self.sd).min(self.least)
+    }
+}
+
+/// The advantage of `a` over `b` where `truth` (one of them) is put into the recordings in other directions; `None` where that cannot be done.
 pub(crate) fn exchange(
     session: &Session<'_>,
     problem: &Problem,
     a: &Scored<'_>,
     b: &Scored<'_>,
-    advantage: f64,
+    truth: &Scored<'_>,
     seed: u64,
-) -> Option<bool> {
-    let fitted = b.variant.columns(session, problem)?;
-    let signal: Vec<DVector<f64>> = fitted.iter().map(|c| c * &b.theta).collect();
+) -> Option<Exchange> {
+    let fitted = truth.variant.columns(session, problem)?;
+    let signal: Vec<DVector<f64>> = fitted.iter().map(|c| c * &truth.theta).collect();
     let without = problem.shifted(&signal.iter().map(|s| -s).collect::<Vec<_>>());
     let residual: Vec<DVector<f64>> = (0..signal.len()).map(|g| without.residual(g)).collect();
     let draws: Vec<f64> = (0..DRAWS)
@@ -39,10 +61,10 @@ pub(crate) fn exchange(
         .filter_map(|draw| {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             rng.set_stream(draw as u64);
-            let delta: Vec<DVector<f64>> = match turned(session, b, draw) {
+            let delta: Vec<DVector<f64>> = match turned(session, truth, draw) {
                 Some((variant, theta)) => {
                     let columns = variant.columns(session, problem)?;
-                    let k = energy(problem, &fitted, &b.theta) / energy(problem, &columns, &theta);
+                    let k = energy(problem, &fitted, &truth.theta) / energy(problem, &columns, &theta);
                     if !(k.is_finite() && k > 0.0) {
                         return None;
                     }
@@ -64,8 +86,9 @@ pub(crate) fn exchange(
     let n = draws.len() as f64;
     let mean = draws.iter().sum::<f64>() / n;
     let sd = (draws.iter().map(|d| (d - mean) * (d - mean)).sum::<f64>() / (n - 1.0)).sqrt();
-    let largest = draws.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    Some(advantage > (mean + BEYOND * sd).max(largest))
+    let least = draws.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = draws.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    Some(Exchange { mean, sd, least, most })
 }
 
 /// Energy of a signal with the parameters taken out.

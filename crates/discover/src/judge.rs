@@ -7,7 +7,7 @@ use crate::ladder::{key_of, sharpened};
 use crate::nonlinear::{improve, score_fitted};
 use crate::problem::Problem;
 use crate::rank::{EffectScore, FULL_STEPS, cosine};
-use crate::result::{Alternative, Candidate, Confusion, Estimate, Verdict};
+use crate::result::{Alternative, Candidate, Confusion, Duel, Estimate, Verdict};
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
 use crate::words;
@@ -49,6 +49,13 @@ pub(crate) fn limit(id: &str, first_round: bool, options: &DiscoverOptions) -> f
         _ if id.starts_with("plate_") || id == "body_mass" => options.belief_plates,
         _ => options.belief,
     }
+}
+
+/// True for an error far below what noise alone leaves: columns that, with those of the model, make up the body's own weight and inertia fit
+/// anything, because in flight only the mass from the scale fixes how large the body is.
+pub(crate) fn is_trivial(session: &Session<'_>, problem: &Problem, mean_square: f64) -> bool {
+    let noise = session.noise.map_or(0.0, |n| 0.5 * (n[0] + n[1]));
+    mean_square < (0.04 * noise).max(1e-5 * problem.plain())
 }
 
 /// Held-out root mean squares of forces (N) and moments (N·m).
@@ -231,10 +238,10 @@ pub(crate) fn judge(
     problem: &Problem,
     rivals: &[Rival<'_>],
     options: &DiscoverOptions,
-) -> (Verdict, Vec<String>) {
+) -> (Verdict, Vec<String>, Vec<Duel>) {
     let Some(first) = rivals.iter().min_by(|a, b| a.error().total_cmp(&b.error())) else {
         let hopeless = problem.clusters.iter().filter(|c| !c.judged.is_empty()).count() < 4;
-        return (if hopeless { Verdict::NotDetectable } else { Verdict::NothingMissing }, Vec::new());
+        return (if hopeless { Verdict::NotDetectable } else { Verdict::NothingMissing }, Vec::new(), Vec::new());
     };
     // a generalisation has to be as much better as another effect would have to be: its freedom also follows errors that repeat
     let simpler = rivals
@@ -245,31 +252,47 @@ pub(crate) fn judge(
         })
         .min_by(|a, b| a.error().total_cmp(&b.error()));
     let best = simpler.unwrap_or(first);
+    let duels: Vec<Duel> =
+        rivals.iter().filter(|r| r.index != best.index).map(|r| duel(session, problem, best, r, options)).collect();
     let mut class: Vec<&Rival<'_>> =
-        rivals.iter().filter(|r| r.index == best.index || !separated(session, problem, best, r, options)).collect();
+        rivals.iter().filter(|r| !duels.iter().any(|d| d.separated && d.effect == r.id())).collect();
     // an effect that contains another counts only where it does better
     let ids: Vec<String> = class.iter().map(|r| r.id().to_owned()).collect();
     class.retain(|r| !r.scored.variant.effect.contains().iter().any(|c| ids.iter().any(|i| i == c)));
     let unknowns = |r: &Rival<'_>| r.scored.variant.unknowns();
+    // a richer effect that is not as far ahead of a simpler one as it would be if it were true
+    let falls_short = |x: &Rival<'_>, y: &Rival<'_>| {
+        let made = exchange(session, problem, &x.scored, &y.scored, &x.scored, options.seed ^ 0x5407);
+        made.is_some_and(|m| m.missed_by((y.error() / x.error()).ln()))
+    };
+    let short: Vec<usize> = class
+        .iter()
+        .filter(|x| class.iter().any(|y| unknowns(x) > unknowns(y) && falls_short(x, y)))
+        .map(|x| x.index)
+        .collect();
+    class.retain(|r| !short.contains(&r.index));
     class.sort_by(|a, b| unknowns(a).cmp(&unknowns(b)).then(a.error().total_cmp(&b.error())));
     let names: Vec<String> = class.iter().map(|r| r.id().to_owned()).collect();
-    (if names.len() == 1 { Verdict::Supported } else { Verdict::OneOf }, names)
+    (if names.len() == 1 { Verdict::Supported } else { Verdict::OneOf }, names, duels)
 }
 
-/// True when the recordings tell the effect `a` from the effect `b`, which errs more.
-fn separated(
-    session: &Session<'_>,
-    problem: &Problem,
-    a: &Rival<'_>,
-    b: &Rival<'_>,
-    options: &DiscoverOptions,
-) -> bool {
+/// Whether the recordings tell the effect `a` from the effect `b`, which errs more.
+fn duel(session: &Session<'_>, problem: &Problem, a: &Rival<'_>, b: &Rival<'_>, options: &DiscoverOptions) -> Duel {
     let ratio = (a.error() / b.error()).sqrt();
-    if ratio > SAME || sign_flip_p(&a.fold_error, &b.fold_error, 2000, options.seed ^ 0xc1a5) >= options.significance {
-        return false;
+    let p_value = sign_flip_p(&a.fold_error, &b.fold_error, 2000, options.seed ^ 0xc1a5);
+    let mut out = Duel {
+        effect: b.id().to_owned(),
+        error_ratio: ratio,
+        p_value,
+        if_true: None,
+        separated: ratio < options.belief,
+    };
+    if ratio > SAME || p_value >= options.significance {
+        out.separated = false;
+    } else if !out.separated {
+        let made = exchange(session, problem, &a.scored, &b.scored, &b.scored, options.seed ^ 0xe8c4);
+        out.if_true = made.map(|m| [m.mean, m.sd]);
+        out.separated = made.map_or(ratio < NEARLY, |m| m.exceeded_by(-2.0 * ratio.ln()));
     }
-    if ratio < options.belief {
-        return true;
-    }
-    exchange(session, problem, &a.scored, &b.scored, -2.0 * ratio.ln(), options.seed ^ 0xe8c4).unwrap_or(ratio < NEARLY)
+    out
 }

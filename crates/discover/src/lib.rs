@@ -64,6 +64,6 @@ mod words;
 pub use addition::{Addition, addition, detectable, ladder};
 pub use discover::{DiscoverOptions, catalogue, discover};
 pub use error::DiscoverError;
-pub use result::{Alternative, Candidate, Confusion, Discovery, Estimate, Found, Round, Verdict};
+pub use result::{Alternative, Candidate, Confusion, Discovery, Duel, Estimate, Found, Round, Verdict};
 pub use self_test::{Injection, SelfTest, SelfTestOptions, SelfTestProgress, SelfTestRow, self_test};
 pub use session::{Body, Session, TrialInput, scene_of};

@@ -5,6 +5,7 @@
 //! better by as much as a second effect would have to be.
 
 use crate::candidate::{Scored, Variant, score, solve};
+use crate::judge::is_trivial;
 use crate::ladder::Refit;
 use crate::nonlinear::{improve, score_fitted};
 use crate::problem::Problem;
@@ -89,7 +90,8 @@ pub(crate) fn better_pair<'a>(
             (scored, a, b, error)
         })
         .collect();
-    let (scored, a, b, mut error) = judged.into_iter().min_by(|x, y| x.3.total_cmp(&y.3))?;
+    let own = |error: f64| !is_trivial(session, problem, error / problem.n_judged as f64);
+    let (scored, a, b, mut error) = judged.into_iter().filter(|j| own(j.3)).min_by(|x, y| x.3.total_cmp(&y.3))?;
     // the one with more nonlinear parameters was fitted alone: once more beside the other
     let nonlinear = |i: usize| parts[i].1.nonlinear.len();
     let (plain, bent) = if nonlinear(a) <= nonlinear(b) { (a, b) } else { (b, a) };

@@ -97,6 +97,22 @@ pub struct Alternative {
     pub held_out_ratio: f64,
 }
 
+/// How two effects that explain the recordings were told apart, or not.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Duel {
+    /// The effect that errs more.
+    pub effect: String,
+    /// Held-out error of the best effect over that of this one, both fitted with the prior weighed as the best leaves it.
+    pub error_ratio: f64,
+    /// How often chance (signs of the clusters' differences) would put this one so far behind.
+    pub p_value: f64,
+    /// Mean and standard deviation of the same ratio's logarithm (of squares) when this effect is put into the recordings in other directions:
+    /// what errors that repeat would give the best one if this were the truth. None where it was not needed.
+    pub if_true: Option<[f64; 2]>,
+    /// True when the recordings tell them apart.
+    pub separated: bool,
+}
+
 /// One round: the ranking against a model, and what was concluded.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Round {
@@ -120,6 +136,9 @@ pub struct Round {
     pub effects: Vec<String>,
     /// Why, in words.
     pub words: String,
+    /// The best effect against every other that was believed.
+    #[serde(default)]
+    pub duels: Vec<Duel>,
     /// All effects, best first.
     pub candidates: Vec<Candidate>,
 }

@@ -126,6 +126,6 @@ impl KnownEffects {
         for (name, value) in &effect.nonlinear {
             choice.set(scene, name, *value).map_err(fail)?;
         }
-        Ok(choice)
+        Ok(choice.in_trials(&effect.trials))
     }
 }

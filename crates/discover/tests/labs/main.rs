@@ -135,6 +135,36 @@ fn validate_a_few_labs() {
     }
 }
 
+/// A person on a tether with a wheel on the back: both are named, one after the other, and the error falls to that of the twin.
+#[test]
+fn validate_two_effects_on_a_person() {
+    let hidden = serde_json::json!([
+        {"effect": "tether", "link": "pelvis", "anchor_m": [-2.5, 0.4, 1.5], "rest_length_m": 1.2, "stiffness_npm": 25},
+        {"effect": "flywheel", "link": "torso", "momentum_nms": [0.5, 2.5, 0.5]},
+    ]);
+    let twin = Recorded::new(true, 4, &serde_json::json!([])).unwrap();
+    let recorded = Recorded::new(true, 4, &hidden).unwrap();
+    let only = ["tether", "constant_force", "crane", "gravity_tilt", "wind", "flywheel", "rotor", "quadratic_drag"];
+    let options = DiscoverOptions { only: only.map(str::to_owned).into(), ..Default::default() };
+    let of = |r: &Recorded| r.with(|_, session| discover(session, &catalogue(), &[], &options).unwrap());
+    let (plain, d) = (of(&twin), of(&recorded));
+    assert_eq!(plain.verdict, Verdict::NothingMissing, "{}", plain.words);
+    let claimed: Vec<&Round> =
+        d.rounds.iter().filter(|r| matches!(r.verdict, Verdict::Supported | Verdict::OneOf)).collect();
+    assert_eq!(claimed.len(), 2, "{}", d.words);
+    for name in ["tether", "flywheel"] {
+        assert!(claimed.iter().any(|r| r.effects.iter().any(|e| e == name)), "{name}: {}", d.words);
+    }
+    assert!(
+        d.held_out_error_after < 1.15 * plain.held_out_error,
+        "{} {}",
+        d.held_out_error_after,
+        plain.held_out_error
+    );
+    let wheel = d.found.iter().find(|f| f.effect == "flywheel").unwrap();
+    assert!((wheel.coefficients[1].value - 2.5).abs() < (3.0 * wheel.coefficients[1].se).max(0.25), "{wheel:?}");
+}
+
 #[test]
 fn validate_labs() {
     let Some(path) = std::env::var_os("ALOFT_LABS").map(std::path::PathBuf::from) else {
