@@ -7,7 +7,7 @@ mod methods;
 use crate::command::status::status;
 use crate::config::Angles;
 use crate::error::PipelineError;
-use crate::study::Study;
+use crate::study::{Study, TrialEntry};
 use crate::workspace::Workspace;
 use aloft_export::readme::{Making, readme};
 use aloft_export::{Convention, Format, OutFile, SubjectExport};
@@ -89,31 +89,52 @@ pub fn export(study: &Study, options: &ExportOptions) -> Result<Exported, Pipeli
             Err(e) => done.failures.push((format.name.to_owned(), e.to_string())),
         }
     }
-    let one =
-        |entry: &&crate::study::TrialEntry| -> Result<(Vec<Kept>, Vec<String>, Vec<(String, String)>), PipelineError> {
-            let (mut kept, mut failures) = (Vec::new(), Vec::new());
-            let trial = match gather::trial(study, &ws, &subject, entry)? {
-                Ok(trial) => trial,
-                Err(reason) => return Ok((kept, Vec::new(), vec![(entry.name.clone(), reason)])),
-            };
-            for format in &formats {
-                let Some(write) = format.trial else { continue };
-                match write(&subject, &trial) {
-                    Ok(out) => kept.extend(folder.stage(out)?),
-                    Err(e) => failures.push((format!("{} {}", format.name, entry.name), e.to_string())),
-                }
-            }
-            Ok((kept, gather::trial_remarks(&subject, &trial), failures))
-        };
-    let results: Vec<_> = entries.par_iter().map(one).collect::<Result<_, _>>()?;
-    for (kept, remarks, failures) in results {
-        files.extend(kept);
-        done.remarks.extend(remarks);
-        done.failures.extend(failures);
+    let results: Vec<TrialFiles> =
+        entries.par_iter().map(|e| one_trial(study, &ws, &subject, e, &formats, &folder)).collect::<Result<_, _>>()?;
+    for trial in results {
+        files.extend(trial.files);
+        done.remarks.extend(trial.remarks);
+        done.failures.extend(trial.failures);
     }
     describe(study, &ws, &subject, &folder, &mut files, &mut done)?;
     let partial = !options.formats.is_empty() || !options.trials.is_empty();
     folder.commit(files, partial, &mut done)?;
+    Ok(done)
+}
+
+/// What came of one trial.
+#[derive(Debug, Default)]
+struct TrialFiles {
+    files: Vec<Kept>,
+    remarks: Vec<String>,
+    failures: Vec<(String, String)>,
+}
+
+/// Gathers one trial and writes it in every format.
+fn one_trial(
+    study: &Study,
+    ws: &Workspace,
+    subject: &SubjectExport,
+    entry: &TrialEntry,
+    formats: &[&Format],
+    folder: &Folder,
+) -> Result<TrialFiles, PipelineError> {
+    let mut done = TrialFiles::default();
+    let trial = match gather::trial(study, ws, subject, entry)? {
+        Ok(trial) => trial,
+        Err(reason) => {
+            done.failures.push((entry.name.clone(), reason));
+            return Ok(done);
+        }
+    };
+    for format in formats {
+        let Some(write) = format.trial else { continue };
+        match write(subject, &trial) {
+            Ok(out) => done.files.extend(folder.stage(out)?),
+            Err(e) => done.failures.push((format!("{} {}", format.name, entry.name), e.to_string())),
+        }
+    }
+    done.remarks = gather::trial_remarks(subject, &trial);
     Ok(done)
 }
 
@@ -133,7 +154,12 @@ fn describe(
         pipeline_hash: blake3::hash(study.config_text.as_bytes()).to_hex().to_string(),
         recordings: gather::recordings(study, ws)?,
         stages: gather::stages(study, ws),
-        remarks: done.remarks.clone(),
+        remarks: done
+            .remarks
+            .iter()
+            .cloned()
+            .chain(done.failures.iter().map(|(what, why)| format!("not written: {what}: {why}")))
+            .collect(),
         methods: methods.clone(),
     };
     let text = |path: &str, text: String, what: &str| OutFile::text(path.to_owned(), text, what);
