@@ -35,8 +35,6 @@ pub struct IdentifyOptions {
     pub weights: Vec<f64>,
     /// Weight of the divergence that keeps links consistent.
     pub divergence_weight: f64,
-    /// Whether physically consistent links are formed (they take most of the time, and predictions do not need them).
-    pub consistent_links: bool,
     /// Limits of the gate.
     pub gate: GateLimits,
 }
@@ -52,7 +50,6 @@ impl Default for IdentifyOptions {
             seed: 1,
             weights: vec![1.0, 3.0, 10.0],
             divergence_weight: 0.3,
-            consistent_links: true,
             gate: GateLimits::default(),
         }
     }
@@ -139,8 +136,8 @@ pub fn identify_merged(
     let sigma = flight_sigma(factors)?;
     let base_estimates = fit.base_estimates(base, base_prior.as_ref(), mass_kg);
     let links = match prior {
-        Some(prior) if options.consistent_links => fit.links(model, base, &merged, mass_kg, prior, options)?,
-        _ => Vec::new(),
+        Some(prior) => fit.links(model, base, &merged, mass_kg, prior, options)?,
+        None => Vec::new(),
     };
     let named: Vec<(String, Seen)> = base_estimates.iter().map(|b| (b.name.clone(), b.seen)).collect();
     let hints = advice::in_words(model, &named);

@@ -4,7 +4,7 @@ use crate::config::Rows;
 use crate::error::StageFailure;
 use crate::graph::{Done, Job, Need, Scope, Stage};
 use crate::stages::filter::low_pass;
-use crate::stages::identify::{estimator, identify_for_prediction, identify_from, training_factors};
+use crate::stages::identify::{Predicting, identify_from, training_factors};
 use crate::stages::regressor::{TrialRows, effect_columns};
 use crate::study::{Role, Study};
 use crate::table::Table;
@@ -209,7 +209,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         let Some(parameters) = job.load_parameters(rows)? else { continue };
         let name = if i == 0 { "identified".to_owned() } else { format!("{} rows", rows.word()) };
         let factors = training_factors(job, rows, study.config.identify.contact)?;
-        let parts = each_without(study, &subject, &trials, &factors, &parameters);
+        let parts = each_without(&Predicting::like(&subject, &parameters)?, &trials, &factors, &parameters);
         if i == 0 {
             left_out = parts.iter().map(|p| p.left_out).collect();
         }
@@ -221,7 +221,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let key = floor_key(job, &compare_options(study, &subject))?;
     let place = job.workspace.place("compare", WHOLE_STUDY).join("noise_floor.json");
     let earlier = read_json::<StoredFloor>(&place).ok().filter(|f| f.key == key);
-    let plain = if earlier.is_some() { None } else { Some(plain_model(job, &subject, chosen)?) };
+    let plain = if earlier.is_some() { None } else { plain_model(job, &subject, chosen)? };
     let floor = match &earlier {
         Some(f) => Floor::Known(&f.floor),
         None => Floor::Drawn(CompareOptions::default().noise_draws, plain.as_ref()),
@@ -278,8 +278,7 @@ struct Without {
 
 /// A model for each trial, identified without it; with the estimator and the weight of the prior that all trials chose.
 fn each_without(
-    study: &Study,
-    subject: &Subject,
+    predicting: &Predicting,
     trials: &[ComparedTrial],
     factors: &[(Stretch, Factor)],
     all: &Parameters,
@@ -290,15 +289,15 @@ fn each_without(
     trials
         .par_iter()
         .map(|t| {
-            let kept: Vec<_> = factors.iter().filter(|(s, _)| s.trial != t.name).cloned().collect();
+            let kept: Vec<&Factor> = factors.iter().filter(|(s, _)| s.trial != t.name).map(|(_, f)| f).collect();
             if kept.is_empty() {
                 return of(all, false, Some(format!("{}: the only trial with flights, so it is not held out", t.name)));
             }
             if kept.len() == factors.len() {
                 return of(all, true, None);
             }
-            match identify_for_prediction(study, subject, &kept, all.estimator) {
-                Ok(p) => of(&p, true, None),
+            match predicting.solve(&kept) {
+                Ok((base, effects)) => Without { base, effects, left_out: true, remark: None },
                 Err(e) => of(all, false, Some(format!("{} could not be left out: {}", t.name, e.problem))),
             }
         })
@@ -327,15 +326,16 @@ fn floor_key(job: &Job<'_>, options: &CompareOptions) -> Result<String, StageFai
     Ok(hasher.finalize().to_hex().to_string())
 }
 
-/// The model without effects, through which noise is sent.
-fn plain_model(job: &Job<'_>, subject: &Subject, rows: Rows) -> Result<Candidate, StageFailure> {
-    let factors = training_factors(job, rows, job.study.config.identify.contact)?;
-    let plain: Vec<_> = factors
-        .into_iter()
-        .map(|(s, f)| Ok((s, f.with_effects(&[]).map_err(|e| StageFailure::new(e.to_string()))?)))
+/// The model without effects, through which noise is sent; none where nothing was identified.
+fn plain_model(job: &Job<'_>, subject: &Subject, rows: Rows) -> Result<Option<Candidate>, StageFailure> {
+    let Some(parameters) = job.load_parameters(rows)? else { return Ok(None) };
+    let plain: Vec<Factor> = training_factors(job, rows, job.study.config.identify.contact)?
+        .iter()
+        .map(|(_, f)| f.with_effects(&[]).map_err(|e| StageFailure::new(e.to_string())))
         .collect::<Result<_, StageFailure>>()?;
-    let parameters = identify_for_prediction(job.study, subject, &plain, estimator(job.study, rows))?;
-    Ok(Candidate::base("plain", parameters.base_values()))
+    let all: Vec<&Factor> = plain.iter().collect();
+    let (base, _) = Predicting::like(subject, &parameters)?.solve(&all)?;
+    Ok(Some(Candidate::base("plain", base)))
 }
 
 const COMPONENTS: [&str; 6] = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];

@@ -8,8 +8,11 @@ use crate::stages::regressor::{load_factors, row_kind};
 use crate::study::{Role, Study};
 use crate::workspace::{WHOLE_STUDY, read_json, write_json};
 use aloft_body::{BaseParameters, Subject};
-use aloft_identify::{ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, identify, identify_merged};
+use aloft_identify::{
+    ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, Prior, identify_merged, point_estimate,
+};
 use aloft_regressor::{Factor, Stretch, StretchKind};
+use nalgebra::DVector;
 use serde_json::json;
 
 /// The stage.
@@ -87,22 +90,44 @@ fn identify_with(
         .map_err(|e| StageFailure::new(e.to_string()))
 }
 
-/// The same without intervals and without consistent links: all that predictions need.
-pub fn identify_for_prediction(
-    study: &Study,
-    subject: &Subject,
-    factors: &[(Stretch, Factor)],
+/// Base parameters and coefficients of effects without intervals and without links: all that predictions need.
+pub struct Predicting {
+    prior: Option<Prior>,
+    mass_kg: f64,
     estimator: Estimator,
-) -> Result<Parameters, StageFailure> {
-    let base = BaseParameters::of(&subject.model);
-    let prior = LinkPrior::of_subject(subject).map_err(|e| StageFailure::new(e.to_string()))?;
-    let repeat_correlation = repeat_correlation(study);
-    let options =
-        IdentifyOptions { estimator, repeat_correlation, consistent_links: false, ..IdentifyOptions::default() };
-    let plain: Vec<Factor> = factors.iter().map(|(_, f)| f.clone()).collect();
-    identify(&subject.model, &base, &plain, subject.facts.mass_kg, Some(&prior), &options)
-        .map(|i| i.parameters)
-        .map_err(|e| StageFailure::new(e.to_string()))
+    contact_weight: f64,
+}
+
+impl Predicting {
+    /// In the manner of parameters that were identified: their estimator, their weight of the prior and of contact.
+    pub fn like(subject: &Subject, parameters: &Parameters) -> Result<Self, StageFailure> {
+        let fail = |e: aloft_identify::IdentifyError| StageFailure::new(e.to_string());
+        let prior = match parameters.estimator {
+            Estimator::Regularised { .. } => {
+                let base = BaseParameters::of(&subject.model);
+                Some(LinkPrior::of_subject(subject).map_err(fail)?.base(&base).map_err(fail)?)
+            }
+            _ => None,
+        };
+        let contact_weight = parameters.contact.as_ref().map_or(1.0, |c| c.contact_weight);
+        Ok(Self { prior, mass_kg: subject.facts.mass_kg, estimator: parameters.estimator, contact_weight })
+    }
+
+    /// From the factors of some stretches.
+    pub fn solve(&self, factors: &[&Factor]) -> Result<(DVector<f64>, Vec<(String, f64)>), StageFailure> {
+        let flights_only = matches!(self.estimator, Estimator::NullVector(_));
+        let weighed: Vec<Factor> = factors
+            .iter()
+            .filter(|f| !(flights_only && f.kind == StretchKind::Contact))
+            .map(|f| if f.kind == StretchKind::Contact { f.scaled(self.contact_weight) } else { (*f).clone() })
+            .collect();
+        let merged = Factor::merge(&weighed).map_err(|e| StageFailure::new(e.to_string()))?;
+        let x = point_estimate(&merged, self.mass_kg, self.prior.as_ref(), self.estimator)
+            .map_err(|e| StageFailure::new(e.to_string()))?;
+        let p = merged.n_parameters();
+        let effects = merged.columns.effects.iter().cloned().zip(x.iter().skip(p).copied()).collect();
+        Ok((x.rows(0, p).into_owned(), effects))
+    }
 }
 
 /// Where the parameters from one kind of rows lie.
