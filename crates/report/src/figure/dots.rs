@@ -34,17 +34,19 @@ impl Dots {
 impl Figure {
     /// Values with intervals, one line a name, the first name on top; upright reference lines.
     pub fn dots(words: Words<'_>, x_title: &str, names: &[String], kinds: &[Dots], lines: &[Line]) -> Self {
-        let kinds: Vec<&Dots> = kinds.iter().filter(|k| k.values.iter().any(|v| v.is_finite())).collect();
+        // colours and signs belong to a kind, whether others are empty or not
+        let kinds: Vec<(usize, &Dots)> =
+            kinds.iter().enumerate().filter(|(_, k)| k.values.iter().any(|v| v.is_finite())).collect();
         let n = kinds.len().max(1) as f64;
         let crowded = (0..names.len())
-            .any(|i| kinds.iter().filter(|k| k.values.get(i).is_some_and(|v| v.is_finite())).count() > 1);
-        let apart = crowded && kinds.iter().any(|k| !k.intervals.is_empty());
+            .any(|i| kinds.iter().filter(|(_, k)| k.values.get(i).is_some_and(|v| v.is_finite())).count() > 1);
+        let apart = crowded && kinds.iter().any(|(_, k)| !k.intervals.is_empty());
         let data: Vec<Value> = kinds
             .iter()
             .enumerate()
-            .map(|(k, kind)| {
+            .map(|(place, (k, kind))| {
                 // kinds stand a little below one another, so that their intervals do not cover each other
-                let shift = if apart { (k as f64 / (n - 1.0) - 0.5) * 0.56 } else { 0.0 };
+                let shift = if apart { (place as f64 / (n - 1.0) - 0.5) * 0.56 } else { 0.0 };
                 let y: Vec<f64> = (0..names.len()).map(|i| i as f64 + shift).collect();
                 let colour = COLOURS[k % COLOURS.len()];
                 let mut t = json!({"type": "scatter", "mode": "markers", "name": kind.name, "x": pack::numbers(&kind.values),
@@ -83,7 +85,7 @@ impl Figure {
                 "x1": pack::number(l.at), "y0": 0, "y1": 1, "line": {"color": "$dim", "width": 1.3, "dash": "dot"}})
             })
             .collect();
-        if kinds.iter().all(|k| k.name.is_empty()) {
+        if kinds.iter().all(|(_, k)| k.name.is_empty()) {
             layout["showlegend"] = json!(false);
         }
         let row = if apart { 14 + 7 * kinds.len() } else { 21 };

@@ -11,7 +11,11 @@ use aloft_report::{Block, Chapter, Dots, Figure, Light, Section, Table, Words};
 /// The chapter; none where nothing was identified.
 pub fn chapter(story: &Story<'_>) -> Option<Chapter> {
     let p = &story.found.as_ref()?.parameters;
-    let light = if p.gate.passed { Light::Good } else { Light::Poor };
+    let light = match (p.gate.passed, p.gate.reasons.is_empty()) {
+        (true, true) => Light::Good,
+        (true, false) => Light::Fair,
+        (false, _) => Light::Poor,
+    };
     let mut sections = vec![trust(p)];
     sections.extend(anthropometry::section(story, p));
     sections.push(base(p));
