@@ -41,27 +41,27 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         "Held-out error over weak windows (moments over a lever of 0.1 m) of each revision of the model, and what noise alone would leave.",
     );
     let figure = Figure::panels(words, "revision of the model", panels.len(), &panels, &[]);
+    let any_void = rungs.iter().any(|r| r.void.is_some());
+    let mut header =
+        vec!["revision", "effects", "error, N", "noise, N", "σ_N−1 / σ_N", "coefficients", "largest change"];
+    if any_void {
+        header.push("remark");
+    }
     let table = Table::new(
         "Revisions",
-        "Coefficients with 95 % intervals.",
-        &[
-            "revision",
-            "effects",
-            "held-out error, N",
-            "noise, N",
-            "σ_N−1 / σ_N",
-            "coefficients",
-            "largest change of a base parameter",
-            "remark",
-        ],
-        rungs.iter().map(row).collect(),
+        "Coefficients with 95 % intervals, and the base parameter that changed most against the revision before.",
+        &header,
+        rungs.iter().map(|r| row(r, any_void)).collect(),
     );
     let lead = format!(
         "Each revision of the model and the error that it left on {judged}. A gain that is paid for with worse markers is void."
     );
     let mut blocks: Vec<Block> = vec![figure.into(), table.into()];
-    if let (Some(first), Some(last)) = (rungs.first().and_then(|r| r.held_out_error), rungs.last())
-        && let (Some(now), Some(floor)) = (last.held_out_error, last.noise_floor)
+    // first and last rung on the same ground: where the last was judged
+    let in_flight = judged.contains("flight");
+    let on = |r: &HistoryRow| if in_flight { r.flight } else { r.contact };
+    if let (Some(first), Some(last)) = (rungs.first().and_then(on), rungs.last())
+        && let Some((first, now, floor)) = on(last).and_then(|j| Some((first.error_n, j.error_n, j.noise_n?)))
     {
         let light = if last.void.is_some() {
             Light::Poor
@@ -82,13 +82,13 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
     Some(Section::new("ladder", "The ladder", &lead, blocks))
 }
 
-fn row(r: &HistoryRow) -> Vec<Cell> {
+fn row(r: &HistoryRow, with_remark: bool) -> Vec<Cell> {
     let coefficients: Vec<String> = r
         .coefficients
         .iter()
         .map(|c| format!("{} {} ({} to {})", c.name, number(c.value), number(c.ci95[0]), number(c.ci95[1])))
         .collect();
-    vec![
+    let mut cells: Vec<Cell> = vec![
         format!("{} ({})", r.revision, r.action).into(),
         if r.effects.is_empty() { "none".into() } else { r.effects.join(", ").into() },
         maybe(r.held_out_error).into(),
@@ -96,6 +96,9 @@ fn row(r: &HistoryRow) -> Vec<Cell> {
         maybe(r.sigma_ratio).into(),
         coefficients.join("; ").into(),
         r.largest_change.as_ref().map_or("–".into(), |(name, by)| format!("{name} by {}", number(*by)).into()),
-        r.void.clone().unwrap_or_default().into(),
-    ]
+    ];
+    if with_remark {
+        cells.push(r.void.clone().unwrap_or_default().into());
+    }
+    cells
 }
