@@ -24,7 +24,8 @@ fn drag_and_tilt_are_added_one_after_the_other() {
     let add = |key: &str| expect(&[&["effect", "add", words[0], key], &words[1..]].concat(), 0);
     add(keys[1]);
     let second = json(&[&["discover"], &words[..], &["--json"]].concat());
-    assert_eq!(second["verdict"], "supported", "{}", second["words"]);
+    // with drag in the model a wind looks like a tilt: a class, of which the tilt is the most economical
+    assert!(["supported", "one_of"].contains(&second["verdict"].as_str().unwrap()), "{}", second["words"]);
     assert_eq!(second["effects"][0], "gravity_tilt");
     let (out, _) = add("gravity_tilt");
     assert!(out.contains("add gravity_tilt") && out.contains("gravity_tilt.dg_x"), "{out}");

@@ -255,7 +255,7 @@ pub enum Command {
     },
     /// Compare the model with measurement: by trial, phase, axis, segment.
     #[command(
-        after_help = "Examples:\n  aloft compare P.yaml\n  aloft compare P.yaml --estimators       rows × estimators × geometry on the same held-out motion\n  aloft compare P.yaml --leave-one-out    each trial predicted from the others: prior, flights, contact, both"
+        after_help = "Examples:\n  aloft compare P.yaml\n  aloft compare P.yaml --by segment,posture\n  aloft compare P.yaml --estimators       rows × estimators × geometry on the same held-out motion\n  aloft compare P.yaml --leave-one-out    each trial predicted from the others: prior, flights, contact, both"
     )]
     Compare {
         /// The pipeline.
@@ -276,7 +276,7 @@ pub enum Command {
     },
     /// Say which physical effect or measurement artefact is missing, how sure, and what it can be confused with.
     #[command(
-        after_help = "Examples:\n  aloft discover P.yaml\n  aloft discover P.yaml --without plate_origin\n  aloft discover P.yaml --only tether --only wind --json"
+        after_help = "Examples:\n  aloft discover P.yaml\n  aloft discover P.yaml --without plate_origin\n  aloft discover P.yaml --only tether --only wind --json\n  aloft discover P.yaml --self-test       inject effects into these recordings and count the right names"
     )]
     Discover {
         /// The pipeline.
@@ -392,6 +392,9 @@ pub enum Command {
         verdict: bool,
     },
     /// Merge one node of the tree of flight factors (a job of `aloft workflow`).
+    #[command(
+        after_help = "Examples:\n  aloft merge P.yaml --node 1-0     the first sixteen flights\n  aloft merge P.yaml --node 2-0     what level 1 gave"
+    )]
     Merge {
         /// The pipeline.
         #[command(flatten)]

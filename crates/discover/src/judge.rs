@@ -221,7 +221,8 @@ pub(crate) fn rivals<'a>(
             improve(session, &sharp, v, FULL_STEPS).and_then(|(v, _)| score_fitted(session, &sharp, v))
         });
         let unknowns = |s: &Scored<'_>| s.variant.unknowns();
-        let best = fitted.max_by(|a, b| a.gain.total_cmp(&b.gain).then(unknowns(b).cmp(&unknowns(a))));
+        let error = |s: &Scored<'_>| s.fold_error.iter().sum::<f64>();
+        let best = fitted.min_by(|a, b| error(a).total_cmp(&error(b)).then(unknowns(a).cmp(&unknowns(b))));
         best.map_or_else(
             || as_ranked(index),
             |scored| Rival { index: *index, fold_error: scored.fold_error.clone(), scored },

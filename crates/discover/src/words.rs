@@ -18,9 +18,17 @@ fn list(names: &[String]) -> String {
 fn estimate(c: &Candidate) -> String {
     c.coefficients
         .iter()
-        .map(|e| format!("{} {:.4} ± {:.2} {}", e.name, e.value, e.se, e.unit))
+        .map(|e| {
+            let digits = decimals(e.se);
+            format!("{} {:.digits$} ± {:.digits$} {}", e.name, e.value, e.se, e.unit)
+        })
         .collect::<Vec<_>>()
         .join(", ")
+}
+
+/// Decimals that show two digits of a standard error.
+fn decimals(se: f64) -> usize {
+    if se.is_finite() && se > 0.0 { (1.0 - se.log10().floor()).clamp(0.0, 9.0) as usize } else { 4 }
 }
 
 pub(crate) fn round(
