@@ -393,7 +393,7 @@ pub enum Command {
     },
     /// Merge one node of the tree of flight factors (a job of `aloft workflow`).
     #[command(
-        after_help = "Examples:\n  aloft merge P.yaml --node 1-0     the first sixteen flights\n  aloft merge P.yaml --node 2-0     what level 1 gave"
+        after_help = "Examples:\n  aloft merge P.yaml --node 1-0     the first eight trials\n  aloft merge P.yaml --node 2-0     what level 1 gave"
     )]
     Merge {
         /// The pipeline.
