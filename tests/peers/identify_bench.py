@@ -7,6 +7,7 @@ Prints times per call, and checks that six rows of Pinocchio's joint-torque regr
 import json, pathlib, sys, time
 import numpy as np
 import pinocchio as pin
+from ours import ours
 
 data = pathlib.Path(sys.argv[1])
 spec = json.loads((data / "subject_a.json").read_text())
@@ -62,6 +63,11 @@ rng = np.random.default_rng(0)
 tall = rng.standard_normal((624, 129))
 pair = np.vstack([np.linalg.qr(tall, "r"), np.linalg.qr(rng.standard_normal((624, 129)), "r")])
 square = np.linalg.qr(tall, "r")[:128, :128]
+ours_rows = ours("aloft-body", "regressor", "rows")
+ours_rows.update(ours("aloft-body", "regressor", "batch of eight"))
+for name, seconds in ours_rows.items():
+    frames = 8 if "batch" in name else 1
+    print(f"aloft {name}: {1e6 * seconds / frames:.2f} µs a frame")
 timed("numpy QR of 624 × 129 (one flight of 104 frames)", lambda: [np.linalg.qr(tall, "r") for _ in range(10)] and 10)
 timed("numpy QR of two stacked triangles of 129", lambda: [np.linalg.qr(pair, "r") for _ in range(10)] and 10)
 timed("numpy SVD of 128 × 128", lambda: [np.linalg.svd(square) for _ in range(10)] and 10)

@@ -75,7 +75,9 @@ pub(crate) fn bridge(
         .collect();
     for (&f, bridged) in frames.iter().zip(&solved) {
         motion.q[f * nq..(f + 1) * nq].copy_from_slice(&bridged.q);
-        motion.q_sd[f * nv..(f + 1) * nv].copy_from_slice(&bridged.q_sd);
+        if problem.deviations {
+            motion.q_sd[f * nv..(f + 1) * nv].copy_from_slice(&bridged.q_sd);
+        }
         motion.residual_m[f * n..(f + 1) * n].copy_from_slice(&bridged.residual_m);
     }
     frames.len()
@@ -131,8 +133,11 @@ fn again(solver: &mut Solver<'_>, motion: &Motion, frame: usize, gaps: &[&Gap]) 
     solver.look();
     solver.evaluate(&q);
     let nv = tree.nv;
-    let mut q_sd = motion.q_sd[frame * nv..(frame + 1) * nv].to_vec();
-    if solver.covariance(&q) {
+    let mut q_sd = Vec::new();
+    if problem.deviations {
+        q_sd.extend_from_slice(&motion.q_sd[frame * nv..(frame + 1) * nv]);
+    }
+    if problem.deviations && solver.covariance(&q) {
         let factor = solver.variance_factor();
         for (column, sd) in q_sd.iter_mut().enumerate().filter(|(c, _)| !problem.locked[*c]) {
             *sd = (factor * solver.variance(column)).max(0.0).sqrt();

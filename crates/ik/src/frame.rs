@@ -258,7 +258,9 @@ impl<'a> Solver<'a> {
         if !self.factor_serves && !self.prepare(q) {
             return false;
         }
-        self.inverse.invert(&self.problem.tree, &self.factor);
+        // without deviations only the root's are asked for
+        let rows = if self.problem.deviations { self.problem.tree.nv } else { 6 };
+        self.inverse.invert(&self.problem.tree, &self.factor, rows);
         true
     }
 

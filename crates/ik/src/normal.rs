@@ -185,9 +185,9 @@ impl Packed {
         }
     }
 
-    /// The entries of H⁻¹ that lie in the tree's pattern, from a factor (Takahashi's recursion, root to leaves).
-    pub fn invert(&mut self, tree: &Tree, factor: &Self) {
-        for k in 0..tree.nv {
+    /// The entries of H⁻¹ that lie in the tree's pattern, from a factor (Takahashi's recursion, root to leaves), of the first `rows` rows.
+    pub fn invert(&mut self, tree: &Tree, factor: &Self, rows: usize) {
+        for k in 0..rows.min(tree.nv) {
             let above = &tree.ancestors[k];
             let depth = above.len();
             let at = self.start[k];
@@ -284,7 +284,7 @@ mod tests {
         let inverse = dense.try_inverse().unwrap();
         let expected = &inverse * &gradient;
         let mut selected = normal.clone();
-        selected.invert(&tree, &factor);
+        selected.invert(&tree, &factor, tree.nv);
         for row in 0..tree.nv {
             assert!((x[row] - expected[row]).abs() < 1e-8);
             for (i, &column) in tree.ancestors[row].iter().chain([&row]).enumerate() {

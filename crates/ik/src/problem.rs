@@ -73,6 +73,8 @@ pub(crate) struct Problem {
     pub max_iterations: usize,
     /// Square of the step, in standard deviations, below which a minimisation stops.
     pub tolerance: f64,
+    /// Whether standard deviations of the coordinates are wanted.
+    pub deviations: bool,
 }
 
 impl Problem {
@@ -140,6 +142,7 @@ impl Problem {
             flexion_limit: options.flexion_limit_rad,
             max_iterations: options.max_iterations,
             tolerance: options.tolerance_sd * options.tolerance_sd,
+            deviations: true,
             tree,
         })
     }

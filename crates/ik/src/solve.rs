@@ -42,7 +42,18 @@ pub struct IkResult {
 /// [`IkError::TooFewMarkers`] when fewer than three markers are common to trial and subject; [`IkError::Mismatch`] and
 /// [`IkError::Option`] when subject or options do not fit the model.
 pub fn solve(subject: &Subject, trial: &Trial, options: &IkOptions) -> Result<IkResult, IkError> {
+    solve_with(subject, trial, options, true)
+}
+
+/// [`solve`], with `motion.q_sd` left empty unless `deviations` are wanted; all else is the same.
+pub(crate) fn solve_with(
+    subject: &Subject,
+    trial: &Trial,
+    options: &IkOptions,
+    deviations: bool,
+) -> Result<IkResult, IkError> {
     let mut problem = Problem::new(subject, options)?;
+    problem.deviations = deviations;
     let all: Vec<String> = problem.markers.iter().map(|m| m.label.clone()).collect();
     problem.markers.retain(|m| trial.markers.index(&m.label).is_some());
     let sources: Vec<usize> = problem.markers.iter().filter_map(|m| trial.markers.index(&m.label)).collect();
@@ -75,7 +86,7 @@ pub fn solve(subject: &Subject, trial: &Trial, options: &IkOptions) -> Result<Ik
         nv,
         q: Vec::with_capacity(n_frames * nq),
         residual_m: Vec::with_capacity(n_frames * n),
-        q_sd: Vec::with_capacity(n_frames * nv),
+        q_sd: Vec::with_capacity(if deviations { n_frames * nv } else { 0 }),
         marker_labels: labels,
         ..Motion::default()
     };
@@ -86,13 +97,14 @@ pub fn solve(subject: &Subject, trial: &Trial, options: &IkOptions) -> Result<Ik
     }
     let longest = (options.bridge_gaps_s * motion.rate_hz + 1e-9).max(0.0) as usize;
     let n_bridged = if longest > 0 { bridge(&problem, trial, &sources, &mut motion, longest) } else { 0 };
-    let mut last: Option<Vec<f64>> = None;
+    let mut last = Vec::with_capacity(nq);
     for q in motion.q.chunks_exact_mut(nq) {
         if q[0].is_finite() {
-            if let Some(like) = &last {
-                problem.tree.align_signs(like, q);
+            if !last.is_empty() {
+                problem.tree.align_signs(&last, q);
             }
-            last = Some(q.to_vec());
+            last.clear();
+            last.extend_from_slice(q);
         }
     }
     let solved: Vec<bool> = (0..n_frames).map(|f| motion.is_valid(f)).collect();
@@ -146,7 +158,7 @@ fn track(
     let mut piece = Piece {
         q: vec![f64::NAN; (end - start) * nq],
         residual_m: vec![f64::NAN; (end - start) * n],
-        q_sd: vec![f64::NAN; (end - start) * nv],
+        q_sd: if problem.deviations { vec![f64::NAN; (end - start) * nv] } else { Vec::new() },
         ..Piece::default()
     };
     let mut solver = Solver::new(problem);
@@ -178,6 +190,9 @@ fn track(
             piece.q[at * nq..(at + 1) * nq].copy_from_slice(&tracker.q);
             for &i in &solver.visible {
                 piece.residual_m[at * n + i] = solver.residual[i].norm();
+            }
+            if !problem.deviations {
+                continue;
             }
             let factor = solver.variance_factor();
             for column in 0..nv {

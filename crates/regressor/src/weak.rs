@@ -292,22 +292,18 @@ fn run_rows(model: &Model, base: &BaseParameters, prior: &[Phi], motion: &Motion
     let mut state = State::new(model);
     state.forward_position(model, motion.q((start + end) / 2));
     let fixed = state.center_of_mass(prior).1;
-    let mut velocity = Velocity::new(model);
     let n = end - start;
+    let velocities = run_velocities(model, motion, start, end);
     let stride = n.next_multiple_of(LANES);
     // a window reads whole vectors, beyond its end with weights of zero
     let mut out = RunRows { fixed, stride, series: vec![0.0; 9 * p * stride + LANES], path: Vec::with_capacity(n) };
     let mut batch = FrameBatch::new(model);
-    let mut velocities = vec![0.0; LANES * model.nv];
     let mut momentum = vec![[0.0; LANES]; 6 * p];
     let mut first_moment = vec![[0.0; LANES]; 3 * p];
     for begin in (start..end).step_by(LANES) {
         // the last frame fills the lanes that the last batch leaves
         let frame = |lane: usize| (begin + lane).min(end - 1);
-        for (lane, v) in velocities.chunks_exact_mut(model.nv).enumerate() {
-            v.copy_from_slice(velocity.at(model, motion, start, end, frame(lane)));
-        }
-        let v: [&[f64]; LANES] = from_fn(|lane| &velocities[lane * model.nv..(lane + 1) * model.nv]);
+        let v: [&[f64]; LANES] = from_fn(|lane| &velocities[(frame(lane) - start) * model.nv..][..model.nv]);
         batch.forward_velocity(model, &from_fn(|lane| motion.q(frame(lane))), &v, &fixed);
         batch.first_moment_rows(base, &mut first_moment);
         batch.momentum_rows(base, &mut momentum);
@@ -324,6 +320,57 @@ fn run_rows(model: &Model, base: &BaseParameters, prior: &[Phi], motion: &Motion
     out
 }
 
+/// [`Velocity::at`] of every frame of the run `start .. end`. Each difference of two frames serves both of them: the way back is its negative.
+fn run_velocities(model: &Model, motion: &Motion, start: usize, end: usize) -> Vec<f64> {
+    let (n, nv, most) = (end - start, model.nv, CENTRAL.len() - 1);
+    let mut ahead = vec![0.0; n * most * nv];
+    for (i, steps) in ahead.chunks_exact_mut(most * nv).enumerate() {
+        for (k, step) in (1..=most).zip(steps.chunks_exact_mut(nv)).take_while(|(k, _)| i + k < n) {
+            model.difference(motion.q(start + i), motion.q(start + i + k), step);
+        }
+    }
+    let mut out = vec![0.0; n * nv];
+    let root = FreeRoot::of(model);
+    for (i, v) in out.chunks_exact_mut(nv).enumerate() {
+        let reach = i.min(n - 1 - i).min(most);
+        for (k, weight) in CENTRAL[reach].iter().enumerate() {
+            let c = weight * motion.rate_hz;
+            let forth = &ahead[(i * most + k) * nv..][..nv];
+            let back = &ahead[((i - k - 1) * most + k) * nv..][..nv];
+            for ((v, f), b) in v.iter_mut().zip(forth).zip(back) {
+                *v += c * (f + b);
+            }
+        }
+        if root.is_some() {
+            FreeRoot::set(v, motion, start + i, reach);
+        }
+    }
+    out
+}
+
+/// The root's path is differenced in the world, where a ballistic one is a polynomial.
+struct FreeRoot;
+
+impl FreeRoot {
+    fn of(model: &Model) -> Option<Self> {
+        model.links.first().is_some_and(|l| l.joint.kind == JointKind::Free).then_some(Self)
+    }
+    /// Puts the root's velocity at a frame, in its own axes, into `v`.
+    fn set(v: &mut [f64], motion: &Motion, frame: usize, reach: usize) {
+        let here = motion.q(frame);
+        let mut world_velocity = Vector3::zeros();
+        for (k, weight) in CENTRAL[reach].iter().enumerate() {
+            let (before, after) = (motion.q(frame - k - 1), motion.q(frame + k + 1));
+            for axis in 0..3 {
+                world_velocity[axis] += weight * motion.rate_hz * (after[axis] - before[axis]);
+            }
+        }
+        let q = nalgebra::Quaternion::new(here[6], here[3], here[4], here[5]);
+        let body = nalgebra::UnitQuaternion::from_quaternion(q).inverse() * world_velocity;
+        v[..3].copy_from_slice(body.as_slice());
+    }
+}
+
 /// Velocities by central differences on the manifold: sixth order inside a run, fourth and second next to its ends.
 pub(crate) struct Velocity {
     difference: Vec<f64>,
@@ -337,15 +384,13 @@ pub(crate) const CENTRAL: [&[f64]; 4] =
 
 impl Velocity {
     pub(crate) fn new(model: &Model) -> Self {
-        let free_root = model.links.first().is_some_and(|l| l.joint.kind == JointKind::Free);
-        Self { difference: vec![0.0; model.nv], v: vec![0.0; model.nv], free_root }
+        Self { difference: vec![0.0; model.nv], v: vec![0.0; model.nv], free_root: FreeRoot::of(model).is_some() }
     }
     /// Velocity at a frame of the run `start .. end`; zero at its first and last frame, where no window looks.
     pub(crate) fn at(&mut self, model: &Model, motion: &Motion, start: usize, end: usize, frame: usize) -> &[f64] {
         let reach = (frame - start).min(end - 1 - frame).min(3);
         self.v.fill(0.0);
         let here = motion.q(frame);
-        let mut world_velocity = Vector3::zeros();
         for (k, weight) in CENTRAL[reach].iter().enumerate() {
             for (sign, other) in [(1.0, frame + k + 1), (-1.0, frame - k - 1)] {
                 let c = sign * weight * motion.rate_hz;
@@ -353,18 +398,10 @@ impl Velocity {
                 for (v, d) in self.v.iter_mut().zip(&self.difference) {
                     *v += c * d;
                 }
-                if self.free_root {
-                    for axis in 0..3 {
-                        world_velocity[axis] += c * (motion.q(other)[axis] - here[axis]);
-                    }
-                }
             }
         }
         if self.free_root {
-            // the root's path is differenced in the world, where a ballistic one is a polynomial
-            let q = nalgebra::Quaternion::new(here[6], here[3], here[4], here[5]);
-            let body = nalgebra::UnitQuaternion::from_quaternion(q).inverse() * world_velocity;
-            self.v[..3].copy_from_slice(body.as_slice());
+            FreeRoot::set(&mut self.v, motion, frame, reach);
         }
         &self.v
     }

@@ -29,7 +29,7 @@ All parameters grow in proportion: `dphi = phi / M` a kilogram. Coefficient: the
 Invisible in flight. On plates an exact alias of one gain for all plates. A certified weight on the plates, or a second scale, separates them.
 
 ## References
-Own simulations, facts on effects.
+Own simulations (`docs/findings/labs.md`).
 ",
 };
 

@@ -32,7 +32,7 @@ Near the whole centre of mass it is an alias of a tilt (horizontal part) and of 
 p along the force is undetermined. A second orientation of the laboratory axes, or turning the subject, separates a pull from a tilt.
 
 ## References
-Own simulations, facts on effects.
+Own simulations (`docs/findings/labs.md`).
 ",
 };
 

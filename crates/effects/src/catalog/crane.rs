@@ -32,7 +32,7 @@ A harness hangs on a rope that a counterweight or a motor keeps at constant tens
 A distant pulley makes it a constant force (overhead: close to a change of gravity's magnitude). Moving sideways under the pulley turns the force and separates them.
 
 ## References
-Own simulations, facts on effects.
+Own simulations (`docs/findings/labs.md`).
 ",
 };
 

@@ -30,7 +30,7 @@ Visible to 91-99 % beside the inertial parameters. Magnitude of gravity, frame r
 Plate weight, a calibrated wand, a clock pulse or a dropped ball separate them. Added mass is close to it.
 
 ## References
-Own arithmetic and simulations, facts on effects.
+Own arithmetic and simulations (`cargo test -p aloft-effects`, `docs/findings/labs.md`).
 ",
 };
 

@@ -28,7 +28,7 @@ The calibration frame of the cameras was not level, so gravity has horizontal co
 Visible to 95 % beside the inertial parameters. A steady wind and a constant force near the centre of mass are exact aliases in flight. Plates that are level, or a plumb line, separate them.
 
 ## References
-Own simulations, facts on effects.
+Own simulations (`docs/findings/labs.md`).
 ",
 };
 

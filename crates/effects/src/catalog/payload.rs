@@ -31,7 +31,7 @@ Parameters of the link change by `m [1, p, |p|2 1 - p p']` in the trials of one 
 Exactly absorbed by the inertial parameters unless there are loaded and unloaded trials; the group is named by the user or found from the trials themselves. Which group carries it follows from the sign only if the body mass was taken unloaded.
 
 ## References
-Own simulations, facts on effects.
+Own simulations (`docs/findings/labs.md`).
 ",
 };
 

@@ -28,7 +28,7 @@ True wrench = measured wrench + `rate` t d(measured)/dt, t since the session beg
 With one short recording it is a constant delay; it needs impacts at different times of a long recording or session.
 
 ## References
-Own arithmetic, facts on effects.
+Own arithmetic (`cargo test -p aloft-effects`).
 ",
 };
 

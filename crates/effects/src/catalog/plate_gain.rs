@@ -28,7 +28,7 @@ All plates: true wrench = (1 + `gain`) measured. One plate: each of its six comp
 One gain for all plates is an exact alias of a wrongly stated body mass; a single plate, or a single component, is not. Standing with the weight on each plate in turn separates them.
 
 ## References
-Own simulations, facts on effects.
+Own simulations (`docs/findings/labs.md`).
 ",
 };
 

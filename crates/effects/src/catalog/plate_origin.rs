@@ -28,7 +28,7 @@ True moment = measured moment + `d` x F of the plate. Coefficients: the shift `d
 A moment in proportion to the force, constant over trials. All plates shifted alike look like a shifted centre of mass in contact; flights break the tie. The vertical part needs shear.
 
 ## References
-Own simulations, facts on effects.
+Own simulations (`docs/findings/labs.md`).
 ",
 };
 

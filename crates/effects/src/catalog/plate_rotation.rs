@@ -28,7 +28,7 @@ True wrench = measured wrench turned by the small rotation vector `a` about the 
 Shear in proportion to the vertical force. A tilt of gravity looks alike on all plates together; in flight only the tilt is seen.
 
 ## References
-Own simulations, facts on effects.
+Own simulations (`docs/findings/labs.md`).
 ",
 };
 

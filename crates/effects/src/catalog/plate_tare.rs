@@ -28,7 +28,7 @@ True wrench = measured wrench + (`F`, `c x F + N`), c the centre of the plate. C
 Constant in the room, but seen only on the plates: flights are free of it. In a recording with flights the unloaded reading gives it directly.
 
 ## References
-Own simulations, facts on effects.
+Own simulations (`docs/findings/labs.md`).
 ",
 };
 

@@ -28,7 +28,7 @@ True wrench = measured wrench + `tau` d(measured)/dt. Coefficient: `tau` (s), po
 Biphasic residuals in proportion to dF/dt at impacts. Quiet standing shows nothing. A drift of the clock makes it grow over the session.
 
 ## References
-Own arithmetic, facts on effects.
+Own arithmetic (`cargo test -p aloft-effects`).
 ",
 };
 

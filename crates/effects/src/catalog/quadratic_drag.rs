@@ -38,7 +38,7 @@ Visible to 90-99 % beside the inertial parameters. Linear drag looks alike (cosi
 Throws at two speeds tell drag from all of them. In ordinary jumps it is near the limit of one session.
 
 ## References
-Hoerner, Fluid-Dynamic Drag (1965), ch. 3; Todorov, Erez, Tassa, MuJoCo (2012), documentation, chapter Computation, fluid forces on an inertia box; own simulations, facts on effects.
+Hoerner, Fluid-Dynamic Drag (1965), ch. 3; Todorov, Erez, Tassa, MuJoCo (2012), documentation, chapter Computation, fluid forces on an inertia box; own simulations (`docs/findings/labs.md`).
 ",
 };
 

@@ -28,7 +28,7 @@ A world force at an outermost link's centre of mass that decays linearly over 40
 Only the edges show it. Weak rows hardly see edges at all; shorter flights (larger margins) that change the result are the better test.
 
 ## References
-Own simulations, facts on effects.
+Own simulations (`docs/findings/labs.md`).
 ",
 };
 

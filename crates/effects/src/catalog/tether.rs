@@ -34,7 +34,7 @@ Visible to 90-99 %. Anchor and rest length trade off along the line while the st
 by flights in several places. A very distant anchor makes it a constant force.
 
 ## References
-Own simulations, facts on effects.
+Own simulations (`docs/findings/labs.md`).
 ",
 };
 

@@ -29,7 +29,7 @@ A jet, a propeller or a thruster pushes with constant force along a direction fi
 28-55 % is taken by the inertial parameters (a force in a spinning link looks like a shifted centre of mass). Tumbling about several axes turns it through the room and separates it from a constant force.
 
 ## References
-Own simulations, facts on effects.
+Own simulations (`docs/findings/labs.md`).
 ",
 };
 

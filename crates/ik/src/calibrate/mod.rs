@@ -24,7 +24,8 @@ pub use options::CalibrateOptions;
 pub use report::{CalibrationReport, JointChange, MarkerChange, TrialFit};
 
 use crate::problem::Problem;
-use crate::{IkError, IkOptions, IkResult, solve};
+use crate::solve::solve_with;
+use crate::{IkError, IkOptions, IkResult};
 use aloft_body::{Motion, Subject};
 use aloft_trial::Trial;
 use bundle::Bundle;
@@ -46,7 +47,7 @@ pub struct Calibration {
 /// ones on every call. Forces are not used.
 ///
 /// # Errors
-/// As [`solve()`]; [`IkError::NothingToCalibrate`] when no trial has a solved frame; [`IkError::Calibration`] when the system
+/// As [`crate::solve()`]; [`IkError::NothingToCalibrate`] when no trial has a solved frame; [`IkError::Calibration`] when the system
 /// of equations cannot be solved.
 pub fn calibrate(subject: &Subject, trials: &[&Trial], options: &CalibrateOptions) -> Result<Calibration, IkError> {
     options.check()?;
@@ -82,5 +83,5 @@ pub fn calibrate(subject: &Subject, trials: &[&Trial], options: &CalibrateOption
 }
 
 fn track_all(subject: &Subject, trials: &[&Trial], options: &IkOptions) -> Result<Vec<IkResult>, IkError> {
-    trials.par_iter().map(|trial| solve(subject, trial, options)).collect()
+    trials.par_iter().map(|trial| solve_with(subject, trial, options, false)).collect()
 }

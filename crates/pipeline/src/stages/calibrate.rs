@@ -1,5 +1,6 @@
 //! `calibrate`: joint centres, hinge axes and marker places refined over the dynamic trials, on markers alone.
 
+use crate::artifact::load_markers;
 use crate::config::Switch;
 use crate::error::StageFailure;
 use crate::graph::{Done, Job, Need, Scope, Stage};
@@ -10,6 +11,7 @@ use aloft_body::Subject;
 use aloft_ik::{CalibrateOptions, IkOptions, calibrate};
 use aloft_scale::{JointUncertainty, StaticAnatomy, attach_prior};
 use aloft_trial::Trial;
+use rayon::prelude::*;
 use serde_json::json;
 
 /// The stage.
@@ -85,11 +87,11 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     Ok(done)
 }
 
-/// Every trial but the static one, whose posture the subject carries already.
+/// Markers of every trial but the static one, whose posture the subject carries already.
 fn load_trials(job: &Job<'_>) -> Result<Vec<Trial>, StageFailure> {
     job.trials_of("import")
-        .iter()
+        .par_iter()
         .filter(|name| job.study.trial(name).is_some_and(|t| t.role != Role::Static))
-        .map(|name| job.load_trial(name))
+        .map(|name| Ok(load_markers(&job.workspace.place("import", name))?))
         .collect()
 }
