@@ -296,10 +296,13 @@ fn run(args: &PipelineArgs, selection: &Selection, jobs: Option<usize>) -> Resul
             }
         }
     }
-    let summary = summary::summary(&set, &words_of(args))?;
-    let written = summary.write(&set.workspace)?;
-    out(format!("\n{}", summary.to_text()))?;
-    note(format!("summary: {}", written.display()));
+    // jobs side by side would write each other's summary; `aloft summary` tells it when they are done
+    if !selection.shared {
+        let summary = summary::summary(&set, &words_of(args))?;
+        let written = summary.write(&set.workspace)?;
+        out(format!("\n{}", summary.to_text()))?;
+        note(format!("summary: {}", written.display()));
+    }
     let nothing = done.runs.iter().all(|r| r.report.is_err()) && !done.runs.is_empty();
     if nothing && let Some(Err(error)) = done.runs.into_iter().next().map(|r| r.report) {
         return Err(error.into());

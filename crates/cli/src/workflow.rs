@@ -2,9 +2,11 @@
 
 use crate::Success;
 use crate::args::PipelineArgs;
-use crate::commands::{Stop, open};
+use crate::commands::{Stop, open_all};
+use crate::each::broken;
 use crate::render::note;
 use aloft_pipeline::command::workflow::{Call, Member, verdict, write};
+use aloft_pipeline::studies::StudySet;
 use std::path::Path;
 
 /// `--data` and `--workspace` as they were given.
@@ -18,27 +20,52 @@ fn folders(args: &PipelineArgs) -> Vec<String> {
 
 /// Carries it out.
 pub fn run(args: &PipelineArgs, out: &Path, say: bool) -> Result<Success, Stop> {
-    let study = open(args)?;
-    if !say {
-        let member = Member { name: study.config.name.clone(), words: Vec::new(), study: &study };
-        let call = Call { pipeline: args.pipeline.clone(), words: folders(args), workspace: study.workspace.clone() };
-        write(&[member], &call, out)?;
-        note(format!("wrote {}", out.display()));
-        note(format!("next: snakemake -s {} --cores all --keep-going", out.display()));
-        return Ok(Success::Full);
+    let set = open_all(args)?;
+    let cannot = broken(&set);
+    if say {
+        return judge(&set, cannot);
     }
-    let lacking = verdict(&study)?;
-    for one in lacking.iter().filter(|l| l.first) {
-        note(format!("failed: {} {}: {}", one.stage, one.trial, one.failure.problem));
-        if let Some(hint) = &one.failure.hint {
-            note(format!("  hint: {hint}"));
+    let members: Vec<Member<'_>> = set
+        .members
+        .iter()
+        .map(|study| {
+            let parts = [("--subject", &study.id.subject), ("--session", &study.id.session)];
+            let chosen: Vec<(&str, &String)> = parts.iter().filter_map(|(f, v)| Some((*f, v.as_ref()?))).collect();
+            let name = chosen.iter().map(|(_, v)| v.as_str()).collect::<Vec<_>>().join("_");
+            Member {
+                name: if name.is_empty() { study.config.name.clone() } else { name },
+                words: chosen.iter().flat_map(|(f, v)| [(*f).to_owned(), (*v).clone()]).collect(),
+                study,
+            }
+        })
+        .collect();
+    let call = Call { pipeline: args.pipeline.clone(), words: folders(args), workspace: set.workspace.clone() };
+    write(&members, &call, out)?;
+    note(format!("wrote {}", out.display()));
+    note(format!("next: snakemake -s {} --cores all --keep-going", out.display()));
+    Ok(if cannot { Success::Partial } else { Success::Full })
+}
+
+/// Says what a finished workflow lacks.
+fn judge(set: &StudySet, cannot: bool) -> Result<Success, Stop> {
+    let (mut first, mut behind) = (0, 0);
+    for study in &set.members {
+        let lacking = verdict(study)?;
+        let whose = if set.several { format!("{}: ", study.id) } else { String::new() };
+        for one in lacking.iter().filter(|l| l.first) {
+            note(format!("failed: {whose}{} {}: {}", one.stage, one.trial, one.failure.problem));
+            if let Some(hint) = &one.failure.hint {
+                note(format!("  hint: {hint}"));
+            }
         }
+        let here = lacking.iter().filter(|l| l.first).count();
+        first += here;
+        behind += lacking.len() - here;
     }
-    let first = lacking.iter().filter(|l| l.first).count();
-    if lacking.is_empty() {
+    if first + behind == 0 && !cannot {
         note("everything is there and up to date");
         return Ok(Success::Full);
     }
-    note(format!("{first} failed or missing, {} could not follow; all others are done", lacking.len() - first));
+    note(format!("{first} failed or missing, {behind} could not follow; all others are done"));
     Ok(Success::Partial)
 }

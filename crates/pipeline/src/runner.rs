@@ -293,8 +293,8 @@ fn run_study(
     let _lock = if alone(selection) { Some(workspace.lock(selection.patience())?) } else { None };
     let _shared = if selection.shared && !selection.dry_run { Some(workspace.lock_shared()?) } else { None };
     let mut manifests = Manifests::read(study, &workspace, STAGES);
-    for stage in STAGES[..from].iter().copied().filter(|s| needed(s.name, &STAGES[from..until])) {
-        refuse_if_not_current(stage, study, filter, &workspace, &manifests)?;
+    for stage in STAGES[..from].iter().copied() {
+        refuse_if_not_current(stage, &STAGES[from..until], study, filter, &workspace, &manifests)?;
     }
     let mut report = RunReport::default();
     let mut would_change: Vec<(String, String)> = Vec::new();
@@ -386,22 +386,32 @@ fn upstream_will_change(
     })
 }
 
-/// Whether one of some stages reads what a stage gives, directly or through others.
-fn needed(name: &str, by: &[&Stage]) -> bool {
+/// Whether one of some stages reads what a stage gives for a trial (none: for the whole study), directly or through others.
+fn reads(by: &[&Stage], name: &str, trial: Option<&TrialEntry>, study: &Study) -> bool {
+    use graph::{Need, Scope};
+    let still = study.config.trials.static_frames.as_ref().map(|f| f.trial.as_str());
     by.iter().any(|stage| {
         stage.needs.iter().any(|need| {
-            let above = match need {
-                graph::Need::Recording => return false,
-                graph::Need::Same(n) | graph::Need::Once(n) => n,
-                graph::Need::Every(n, _) | graph::Need::EveryOrStaticFrames(n, _) => n,
+            let (above, roles) = match need {
+                Need::Recording => return false,
+                Need::Once(n) => (n, None),
+                Need::Same(n) => match stage.scope {
+                    Scope::Trial(roles) => (n, Some(roles)),
+                    Scope::Study => (n, None),
+                },
+                Need::Every(n, roles) | Need::EveryOrStaticFrames(n, roles) => (n, Some(*roles)),
             };
-            *above == name || STAGES.iter().any(|s| s.name == *above && needed(name, &[*s]))
+            let fits =
+                trial.is_none_or(|t| roles.is_none_or(|r| r.contains(&t.role)) || still == Some(t.name.as_str()));
+            let through = || STAGES.iter().any(|s| s.name == *above && reads(&[*s], name, trial, study));
+            (*above == name && fits) || through()
         })
     })
 }
 
 fn refuse_if_not_current(
     stage: &Stage,
+    by: &[&Stage],
     study: &Study,
     filter: Option<&GlobSet>,
     workspace: &Workspace,
@@ -409,6 +419,9 @@ fn refuse_if_not_current(
 ) -> Result<(), PipelineError> {
     for trial in stage.tasks(study) {
         if trial.is_some_and(|t| filter.is_some_and(|f| !f.is_match(&t.name))) {
+            continue;
+        }
+        if !reads(by, stage.name, trial, study) {
             continue;
         }
         let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
