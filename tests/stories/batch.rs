@@ -201,3 +201,35 @@ fn init_recognises_the_folders_of_a_study() {
     let (out, _) = expect(&["run", &file, "--workspace", &ws], 0);
     assert!(out.contains("15 trials: ") && out.contains("0 failed"), "{out}");
 }
+
+#[test]
+fn the_study_has_a_page_that_leads_to_its_subjects() {
+    let dir = folder();
+    let data = study(dir.path()).display().to_string();
+    let p = pipeline(dir.path(), PIPELINE);
+    let ws = dir.path().join("ws");
+    let words = [p.as_str(), "--data", &data, "--workspace", &ws.display().to_string()].map(str::to_owned);
+    let ask = |command: &str, more: &[&str], code: i32| {
+        let all: Vec<&str> =
+            std::iter::once(command).chain(words.iter().map(String::as_str)).chain(more.iter().copied()).collect();
+        expect(&all, code).0
+    };
+    ask("run", &["--subject", "bar_b"], 0);
+    // a subject that was never run does not keep the others from their pages
+    let pages = ask("report", &[], 1);
+    assert_eq!(pages.lines().count(), 3, "{pages}");
+    assert!(!ws.join("bar_a/report.html").exists());
+    ask("run", &[], 0);
+    let pages = ask("report", &[], 0);
+    assert_eq!(pages.lines().count(), 4, "{pages}");
+    let html = fs::read_to_string(ws.join("report.html")).unwrap();
+    crate::report::check_page(&html, &["overview", "group", "recordings"]);
+    for page in ["bar_a/report.html", "bar_b/day1/report.html", "bar_b/day2/report.html"] {
+        assert!(html.contains(&format!("href=\"{page}\"")), "no link to {page}");
+        crate::report::check_page(&fs::read_to_string(ws.join(page)).unwrap(), &["overview", "methods"]);
+    }
+    // one subject alone: its own page, the study's is left as it is
+    let before = fs::metadata(ws.join("report.html")).unwrap().modified().unwrap();
+    assert_eq!(ask("report", &["--subject", "bar_a"], 0).matches("report.html").count(), 1);
+    assert_eq!(fs::metadata(ws.join("report.html")).unwrap().modified().unwrap(), before);
+}

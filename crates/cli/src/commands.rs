@@ -1,7 +1,7 @@
 //! Each command: open the study, ask the pipeline, render for people or as JSON.
 
 use crate::args::{AnglesArg, Cli, Command, EffectAction, EngineArg, PipelineArgs, RowsArg};
-use crate::each::{broken, each, heading};
+use crate::each::{broken, each, fail, heading};
 use crate::progress::{Bars, Counted};
 use crate::render::{note, out, table};
 use crate::{Success, findings, residuals, show, show_estimators, workflow};
@@ -135,7 +135,20 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
         Command::Effect { action } => effects(action),
         Command::History { pipeline, json: as_json } => each(&pipeline, as_json, effect::history, findings::history),
         Command::Report { pipeline, out: target } => {
-            let n = open_all(&pipeline)?.members.len();
+            let set = open_all(&pipeline)?;
+            // a page over the whole study only where the whole study was asked for
+            if set.several && target.is_none() && pipeline.subject.is_empty() && pipeline.session.is_empty() {
+                let done = report::write_set(&set)?;
+                for page in &done.pages {
+                    out(page.display())?;
+                }
+                let trouble = broken(&set) || !done.failed.is_empty();
+                for (id, error) in done.failed {
+                    fail(&id, &error.into());
+                }
+                return Ok(if trouble { Success::Partial } else { Success::Full });
+            }
+            let n = set.members.len();
             if n > 1 && target.is_some() {
                 return Err(PipelineError::request_hint(
                     format!("--out names one file, and there are {n} subjects or sessions"),

@@ -90,7 +90,8 @@ pub fn broken(set: &StudySet) -> bool {
     !set.broken.is_empty()
 }
 
-fn fail(id: &StudyId, failure: &aloft_pipeline::error::StageFailure) {
+/// Says which subject or session failed, and what to do about it.
+pub fn fail(id: &StudyId, failure: &aloft_pipeline::error::StageFailure) {
     note(format!("failed: {id}: {}", failure.problem));
     if let Some(hint) = &failure.hint {
         note(format!("  hint: {hint}"));

@@ -18,6 +18,7 @@ mod parameters;
 mod prediction;
 mod residuals;
 mod series;
+mod set;
 mod skeleton;
 mod story;
 mod trial;
@@ -28,6 +29,7 @@ use crate::study::Study;
 use aloft_report::{Chapter, Page, render};
 pub use group::{Absent, Member};
 use rayon::prelude::*;
+pub use set::{SetReport, write_set};
 use std::path::{Path, PathBuf};
 use story::Story;
 
@@ -52,7 +54,7 @@ pub fn write_group(
     out: &Path,
 ) -> Result<PathBuf, PipelineError> {
     let html = render(&group::page(title, members, absent)?).map_err(|e| PipelineError::request(e.to_string()))?;
-    std::fs::write(out, html).map_err(PipelineError::io("write", out))?;
+    crate::workspace::write_whole(out, html.as_bytes())?;
     Ok(out.to_path_buf())
 }
 
