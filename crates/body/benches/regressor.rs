@@ -2,8 +2,8 @@
 #![allow(clippy::expect_used)] // a bench may stop
 #![allow(missing_docs)] // criterion's macros make public items
 
-use aloft_body::{BaseParameters, FrameBatch, LANES, LinkInertia, Model, ModelSpec, Phi, State};
-use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use aloft_body::{BaseParameters, FrameBatch, JointSpec, LANES, LinkInertia, LinkSpec, Model, ModelSpec, Phi, State};
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use std::hint::black_box;
 
@@ -106,5 +106,37 @@ fn regressor(c: &mut Criterion) {
     c.bench_function("base_parameters", |b| b.iter(|| BaseParameters::of(black_box(&model))));
 }
 
-criterion_group!(benches, regressor);
+/// Rows of a batch against the number of links of a chain with spherical joints: linear.
+fn against_links(c: &mut Criterion) {
+    let mut group = c.benchmark_group("base-wrench rows of eight frames against links");
+    for n in [2usize, 4, 8, 16, 32, 64] {
+        let links = (0..n)
+            .map(|i| LinkSpec {
+                name: format!("l{i}"),
+                parent: (i > 0).then(|| format!("l{}", i - 1)),
+                joint: if i == 0 { JointSpec::Free } else { JointSpec::Spherical },
+                position_m: [0.0, 0.0, 0.3],
+                rpy_rad: [0.0; 3],
+                inertia: None,
+            })
+            .collect();
+        let Ok(model) = Model::from_spec(&ModelSpec { name: "chain".into(), links }) else { return };
+        let base = BaseParameters::of(&model);
+        let q: Vec<f64> = (0..model.nq).map(|i| 0.2 + (0.7 * i as f64).sin()).collect();
+        let v: Vec<f64> = (0..model.nv).map(|i| (1.1 * i as f64).cos()).collect();
+        let (qs, vs) = ([q.as_slice(); LANES], [v.as_slice(); LANES]);
+        let mut batch = FrameBatch::new(&model);
+        let mut rows = vec![[0.0; LANES]; 6 * base.len()];
+        group.throughput(Throughput::Elements(n as u64));
+        group.bench_function(BenchmarkId::from_parameter(n), |b| {
+            b.iter(|| {
+                batch.forward_acceleration(&model, black_box(&qs), &vs, &vs);
+                batch.base_wrench_rows(&base, black_box(&mut rows));
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, regressor, against_links);
 criterion_main!(benches);

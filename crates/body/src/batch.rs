@@ -442,3 +442,40 @@ fn first_moment_block(link: &LinkFrames, out: &mut [Lanes; 30]) {
     }
     out[12..].fill([0.0; LANES]);
 }
+
+#[cfg(test)]
+#[cfg(target_arch = "x86_64")]
+mod tests {
+    use super::*;
+    use crate::ModelSpec;
+
+    #[test]
+    fn prop_every_instruction_set_gives_the_same_numbers() {
+        let spec: ModelSpec = serde_yaml::from_str(include_str!("../../../configs/models/human34.yaml")).unwrap();
+        let mut model = Model::from_spec(&spec).unwrap();
+        for (i, link) in model.links.iter_mut().enumerate().skip(1) {
+            link.joint.parent_from_joint.translation.vector = Vector3::new(0.1, -0.3, 0.02 * i as f64);
+        }
+        let base = BaseParameters::of(&model);
+        let series = |n: usize, k: usize| (0..n).map(|i| (0.7 * i as f64 + k as f64).sin()).collect::<Vec<f64>>();
+        let frames: Vec<[Vec<f64>; 3]> =
+            (0..LANES).map(|k| [series(model.nq, k), series(model.nv, k + 9), series(model.nv, k + 21)]).collect();
+        let part = |p: usize| -> [&[f64]; LANES] { std::array::from_fn(|k| frames[k][p].as_slice()) };
+        let best = Level::new();
+        let levels = [best.as_avx2().map(Level::Avx2), best.as_sse4_2().map(Level::Sse4_2), Some(Level::baseline())];
+        let rows = |level: Level| {
+            let mut batch = FrameBatch { level, ..FrameBatch::new(&model) };
+            let mut wrench = vec![[0.0; LANES]; 6 * base.len()];
+            let mut momentum = wrench.clone();
+            batch.forward_acceleration(&model, &part(0), &part(1), &part(2));
+            batch.base_wrench_rows(&base, &mut wrench);
+            batch.forward_velocity(&model, &part(0), &part(1), &Vector3::new(0.1, 0.2, 0.3));
+            batch.momentum_rows(&base, &mut momentum);
+            [wrench, momentum]
+        };
+        let expected = rows(best);
+        for level in levels.into_iter().flatten() {
+            assert!(rows(level) == expected, "{level:?}");
+        }
+    }
+}

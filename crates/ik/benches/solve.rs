@@ -6,7 +6,7 @@
 mod common;
 
 use aloft_ik::{IkOptions, solve};
-use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 
 fn bench(c: &mut Criterion) {
     let n = 500;
@@ -28,6 +28,32 @@ fn bench(c: &mut Criterion) {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         let Ok(pool) = pool else { return };
         group.bench_function(name, |b| b.iter(|| pool.install(|| solve(&subject, &trial, &IkOptions::default()))));
+    }
+    group.finish();
+    against_markers(c);
+}
+
+/// Time against the number of markers: linear, above the cost of the tree.
+fn against_markers(c: &mut Criterion) {
+    let Ok(pool) = rayon::ThreadPoolBuilder::new().num_threads(1).build() else { return };
+    let mut group = c.benchmark_group("solve against markers");
+    let n = 300;
+    group.throughput(Throughput::Elements(n as u64));
+    for copies in [1usize, 2, 4, 8] {
+        let mut person = common::person();
+        let plain = person.markers.clone();
+        for copy in 1..copies {
+            person.markers.extend(plain.iter().cloned().map(|mut marker| {
+                marker.label = format!("{}_{copy}", marker.label);
+                marker.position_m *= 1.0 - 0.05 * copy as f64;
+                marker
+            }));
+        }
+        let truth = common::motion(&person, n, 200.0, 0.3, 1);
+        let trial = common::trial(&person, &truth, 200.0, 1e-3, 1);
+        group.bench_function(BenchmarkId::from_parameter(person.markers.len()), |b| {
+            b.iter(|| pool.install(|| solve(&person, &trial, &IkOptions::default())))
+        });
     }
     group.finish();
 }

@@ -333,3 +333,91 @@ impl Tracker<'_> {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use aloft_body::subject::PriorSd;
+    use aloft_body::{LinkInertia, Model, ModelMarker, ModelSpec, PersonFacts, State};
+    use aloft_trial::Markers;
+    use nalgebra::Matrix3;
+
+    /// A person of the program's model with three markers a link, and a smooth motion of so many frames.
+    fn person(n_frames: usize) -> (Subject, Trial) {
+        let spec: ModelSpec = serde_yaml::from_str(include_str!("../../../configs/models/human34.yaml")).unwrap();
+        let mut model = Model::from_spec(&spec).unwrap();
+        for (i, link) in model.links.iter_mut().enumerate().skip(1) {
+            let x = i as f64;
+            link.joint.parent_from_joint.translation.vector = Vector3::new(0.1 * x.sin(), -0.3, 0.1 * x.cos());
+        }
+        let markers: Vec<ModelMarker> = (0..3 * model.n_links())
+            .map(|i| ModelMarker {
+                label: format!("m{i}"),
+                link: i / 3,
+                position_m: Vector3::new((i as f64).sin(), (1.7 * i as f64).cos(), (2.3 * i as f64).sin()) * 0.1,
+                weight: 1.0,
+            })
+            .collect();
+        let mut state = State::new(&model);
+        let mut trajectories = vec![Vec::new(); markers.len()];
+        for f in 0..n_frames {
+            let dv: Vec<f64> = (0..model.nv).map(|k| 0.2 * (0.02 * f as f64 + k as f64).sin()).collect();
+            let mut q = model.neutral();
+            model.integrate(&model.neutral(), &dv, &mut q);
+            state.forward_position(&model, &q);
+            for (path, marker) in trajectories.iter_mut().zip(&markers) {
+                path.push(state.point_in_world(marker.link, &marker.position_m));
+            }
+        }
+        let labels = markers.iter().map(|m| m.label.clone()).collect();
+        let markers_of = Markers { rate_hz: 200.0, first_frame: 1, n_frames, labels, trajectories };
+        let trial = Trial { name: "smooth".into(), markers: markers_of, ..Trial::default() };
+        let n = model.n_links();
+        let inertia =
+            LinkInertia { mass_kg: 1.0, com_m: Vector3::zeros(), inertia_com_kgm2: Matrix3::identity() * 0.01 };
+        let subject = Subject {
+            facts: PersonFacts { name: "person".into(), sex: None, height_m: None, mass_kg: n as f64 },
+            markers,
+            prior: vec![inertia; n],
+            prior_sd: vec![PriorSd { mass_rel: 0.1, com_m: 0.01, radius_rel: 0.1 }; n],
+            static_q: model.neutral(),
+            provenance: Vec::new(),
+            model,
+        };
+        (subject, trial)
+    }
+
+    #[test]
+    fn prop_a_tracked_frame_allocates_nothing() {
+        let (subject, trial) = person(120);
+        let options = IkOptions::default();
+        let problem = Problem::new(&subject, &options).unwrap();
+        let sources: Vec<usize> = (0..problem.markers.len()).collect();
+        let count = |end: usize| {
+            let mut solved = false;
+            let info = allocation_counter::measure(|| {
+                let piece = track(&problem, &options, &trial, &sources, 0, 0, end);
+                solved = piece.q.iter().all(|x| x.is_finite()) && piece.n_unconverged == 0;
+            });
+            assert!(solved);
+            info.count_total
+        };
+        assert_eq!(count(120), count(30));
+    }
+
+    #[test]
+    fn prop_without_deviations_all_else_is_the_same() {
+        let (subject, mut trial) = person(80);
+        // some gaps, so that bridges are built
+        for f in 20..30 {
+            trial.markers.trajectories[7][f] = Vector3::repeat(f64::NAN);
+        }
+        let full = solve(&subject, &trial, &IkOptions::default()).unwrap();
+        let mut lean = solve_with(&subject, &trial, &IkOptions::default(), false).unwrap();
+        assert!(full.report.n_bridged > 0 && lean.motion.q_sd.is_empty());
+        lean.motion.q_sd.clone_from(&full.motion.q_sd);
+        let bits = |m: &Motion| m.q.iter().chain(&m.residual_m).map(|x| x.to_bits()).collect::<Vec<u64>>();
+        assert_eq!(bits(&full.motion), bits(&lean.motion));
+        assert_eq!(full.report.frame_rms_m, lean.report.frame_rms_m);
+    }
+}

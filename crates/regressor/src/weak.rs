@@ -560,3 +560,46 @@ fn sum_lanes<S: Simd, const WHOLE_MASS: bool>(
         moment[axis].store_array(&mut sums[3 + axis]);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use aloft_body::{JointSpec, LinkSpec, ModelSpec};
+
+    #[test]
+    fn prop_velocities_of_a_run_are_those_of_its_frames() {
+        let link = |name: &str, parent: Option<&str>, joint| LinkSpec {
+            name: name.into(),
+            parent: parent.map(Into::into),
+            joint,
+            position_m: [0.1, 0.2, -0.1],
+            rpy_rad: [0.3, 0.0, -0.2],
+            inertia: None,
+        };
+        let links = vec![
+            link("a", None, JointSpec::Free),
+            link("b", Some("a"), JointSpec::Spherical),
+            link("c", Some("b"), JointSpec::Revolute([0.6, 0.0, 0.8])),
+            link("d", Some("a"), JointSpec::Prismatic([0.0, 1.0, 0.0])),
+        ];
+        let model = Model::from_spec(&ModelSpec { name: "all".into(), links }).unwrap();
+        let mut q = Vec::new();
+        for i in 0..30 {
+            let dv: Vec<f64> = (0..model.nv).map(|k| (0.21 * i as f64 + 1.3 * k as f64).sin()).collect();
+            let mut frame = model.neutral();
+            model.integrate(&model.neutral(), &dv, &mut frame);
+            q.extend(frame);
+        }
+        let motion = Motion { rate_hz: 100.0, nq: model.nq, nv: model.nv, q, ..Motion::default() };
+        for (start, end) in [(0, 30), (3, 19), (4, 9), (5, 7), (6, 7)] {
+            let all = run_velocities(&model, &motion, start, end);
+            let mut one = Velocity::new(&model);
+            for (frame, found) in (start..end).zip(all.chunks_exact(model.nv)) {
+                let expected = one.at(&model, &motion, start, end, frame);
+                for (f, e) in found.iter().zip(expected) {
+                    assert!((f - e).abs() < 1e-11, "frame {frame} of {start}..{end}: {f} {e}");
+                }
+            }
+        }
+    }
+}

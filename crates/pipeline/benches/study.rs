@@ -1,0 +1,31 @@
+//! The demonstration's study: from recordings to comparison, and again with nothing changed.
+//!
+//! `cargo bench -p aloft-pipeline`
+#![allow(missing_docs, reason = "criterion makes the functions")]
+
+use aloft_pipeline::runner::{Selection, Silent, run};
+use aloft_pipeline::study::{Overrides, Study};
+use criterion::{Criterion, criterion_group, criterion_main};
+use std::path::Path;
+
+fn study(c: &mut Criterion) {
+    let pipeline = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pipelines/demo.yaml");
+    let Ok(folder) = tempfile::tempdir() else { return };
+    let overrides = Overrides { workspace: Some(folder.path().to_path_buf()), ..Overrides::default() };
+    let again = |force: bool| {
+        let Ok(study) = Study::open(&pipeline, &overrides) else { return 0 };
+        let selection = Selection { force, ..Selection::default() };
+        run(&study, &selection, &Silent).map_or(0, |report| report.ran())
+    };
+    if again(true) == 0 {
+        return;
+    }
+    let mut group = c.benchmark_group("study");
+    group.sample_size(10);
+    group.bench_function("demonstration, everything", |b| b.iter(|| again(true)));
+    group.bench_function("demonstration, nothing changed", |b| b.iter(|| again(false)));
+    group.finish();
+}
+
+criterion_group!(benches, study);
+criterion_main!(benches);
