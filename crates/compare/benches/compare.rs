@@ -4,7 +4,7 @@
 #![allow(missing_docs, reason = "criterion makes the functions")]
 
 use aloft_body::{BaseParameters, JointSpec, LinkSpec, Model, ModelSpec, Motion, Phi};
-use aloft_compare::{Body, Candidate, CompareOptions, Measured, TrialInput, compare};
+use aloft_compare::{Body, Candidate, CompareOptions, Measured, Noise, TrialInput, compare};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 
@@ -46,13 +46,13 @@ fn comparison(c: &mut Criterion) {
     let trials = [TrialInput { unfiltered: Some(&motion), measured: Some(&measured), ..TrialInput::new(&motion, &[]) }];
     let candidates = [Candidate::links("prior", &base, &phi)];
     let options = CompareOptions::default();
-    if compare(&body, &candidates, &trials, None, &options).is_err() {
+    if compare(&body, &candidates, &trials, Noise::Unknown, &options).is_err() {
         return;
     }
     let mut group = c.benchmark_group("compare");
     group.throughput(Throughput::Elements(n as u64));
     group.bench_function("900 frames on plates", |b| {
-        b.iter(|| compare(&body, &candidates, &trials, None, &options).is_ok())
+        b.iter(|| compare(&body, &candidates, &trials, Noise::Unknown, &options).is_ok())
     });
     group.finish();
 }
