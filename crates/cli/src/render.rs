@@ -44,6 +44,9 @@ pub fn significant(value: f64, digits: usize) -> String {
         return "0".to_owned();
     }
     let magnitude = value.abs().log10().floor() as i32;
+    if magnitude < -6 {
+        return format!("{value:.*e}", digits.saturating_sub(1));
+    }
     let decimals = (digits as i32 - 1 - magnitude).clamp(0, 12) as usize;
     format!("{value:.decimals$}")
 }

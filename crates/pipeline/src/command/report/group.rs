@@ -1,7 +1,7 @@
 //! The page of a study of several subjects: a row a subject, lights, distributions over the group, links to the subjects' pages.
 
 use super::story::Story;
-use super::words::{anchor, card, count, maybe, number};
+use super::words::{anchor, card, count, maybe, number, with_half};
 use super::{STUDY, lights};
 use crate::command::compare::{errors_of, mean};
 use crate::error::PipelineError;
@@ -185,7 +185,7 @@ fn mean_sd(values: impl Iterator<Item = Option<f64>>) -> String {
         1 => number(values[0]),
         _ => {
             let (m, sd) = spread(&values);
-            format!("{} ± {}", number(m), number(sd))
+            with_half(m, sd)
         }
     }
 }

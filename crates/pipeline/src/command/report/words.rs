@@ -35,7 +35,13 @@ pub fn three(v: &[f64; 3]) -> String {
 
 /// Value and half of its 95 % interval.
 pub fn plus_minus(value: f64, se: f64) -> String {
-    if se.is_finite() { format!("{} ± {}", number(value), number(1.96 * se)) } else { number(value) }
+    if se.is_finite() { with_half(value, 1.96 * se) } else { number(value) }
+}
+
+/// Value and half of an interval about it; what rounding alone makes of equal values is none.
+pub fn with_half(value: f64, half: f64) -> String {
+    let half = if half.abs() < 1e-9 * value.abs() { 0.0 } else { half };
+    format!("{} ± {}", number(value), number(half))
 }
 
 /// A unit as people write it: `m^2` becomes m², `N*s/m` N·s/m; `1` is none.
