@@ -159,16 +159,23 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             each(&pipeline, false, |study| report::write(study, target.as_deref()), |path| out(path.display()))
         }
         Command::Export { pipeline, to, format, trial, angles } => {
-            let options = export::ExportOptions {
-                to,
-                formats: format,
-                trials: trial,
-                angles: angles.map(|a| match a {
-                    AnglesArg::Model => Angles::Model,
-                    AnglesArg::Isb => Angles::Isb,
-                }),
+            let angles = angles.map(|a| match a {
+                AnglesArg::Model => Angles::Model,
+                AnglesArg::Isb => Angles::Isb,
+            });
+            let ask = |study: &Study| {
+                // in a study of several each subject and session has a folder of its own
+                let own = [&study.id.subject, &study.id.session].into_iter().flatten();
+                let to = to.as_ref().map(|to| own.fold(to.clone(), |path, part| path.join(part)));
+                let options = export::ExportOptions { to, formats: format.clone(), trials: trial.clone(), angles };
+                export::export(study, &options)
             };
-            show_export(&export::export(&open(&pipeline)?, &options)?)
+            let trouble = std::cell::Cell::new(false);
+            let done = each(&pipeline, false, ask, |done| {
+                trouble.set(trouble.get() || !done.failures.is_empty());
+                show_export(done)
+            })?;
+            Ok(if trouble.get() { Success::Partial } else { done })
         }
         Command::Simulate { scenario, out: folder, seed } => {
             for file in simulate::simulate(&scenario, &folder, seed)? {
@@ -211,7 +218,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
     }
 }
 
-fn show_export(done: &export::Exported) -> Result<Success, Stop> {
+fn show_export(done: &export::Exported) -> Result<(), Stop> {
     for remark in &done.remarks {
         note(format!("warning: {remark}"));
     }
@@ -227,8 +234,7 @@ fn show_export(done: &export::Exported) -> Result<Success, Stop> {
         }
     }
     note(format!("files: {}; README.md says what each is", parts.join(", ")));
-    out(done.folder.display())?;
-    Ok(if done.failures.is_empty() { Success::Full } else { Success::Partial })
+    out(done.folder.display())
 }
 
 fn effects(action: EffectAction) -> Result<Success, Stop> {

@@ -24,7 +24,7 @@ fn a_group_has_a_row_a_subject_and_says_who_is_absent() {
     ];
     let absent = [Absent { name: "s03".into(), reason: "fell ill".into(), on_purpose: true }];
     let page = write_group("throws", &members, &absent, &folder.path().join("report.html")).unwrap();
-    let html = std::fs::read_to_string(page).unwrap();
+    let html = std::fs::read_to_string(page).unwrap().replace("&#x2f;", "/");
     assert!(html.contains("<a href=\"s01/report.html\">s01</a>") && html.contains("s01 &lt;again&gt;"));
     assert!(!html.contains("s02/report.html"), "a link to a page that is not there");
     assert!(html.contains("s02: no results: nothing was run") && html.contains("s03: left out: fell ill"));

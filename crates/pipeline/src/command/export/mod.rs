@@ -32,7 +32,7 @@ pub struct ExportOptions {
 }
 
 /// What an export did.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
 pub struct Exported {
     /// The folder.
     pub folder: PathBuf,
