@@ -75,9 +75,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             run(&pipeline, &selection, jobs)
         }
         Command::Check { pipeline } => show_check(&pipeline),
-        Command::Status { pipeline, json: as_json } => {
-            each(&pipeline, as_json, status::status, |found| show_status(found))
-        }
+        Command::Status { pipeline, json: as_json } => each(&pipeline, as_json, status::status, show_status),
         Command::Summary { pipeline, json: as_json } => {
             let found = summary::summary(&open_all(&pipeline)?, &words_of(&pipeline))?;
             if as_json {

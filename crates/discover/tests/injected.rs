@@ -228,9 +228,13 @@ fn prop_an_addition_says_what_the_ranking_says() {
         session.inject(&drag, &[0.01]).unwrap();
         session.inject(&tilt, &[0.04, -0.02]).unwrap();
         let options = only(&["gravity_tilt", "rotational_drag"]);
-        let ranked =
-            discover(&session, &catalogue(), &[drag.clone()], &DiscoverOptions { rounds: 1, ..options.clone() })
-                .unwrap();
+        let ranked = discover(
+            &session,
+            &catalogue(),
+            std::slice::from_ref(&drag),
+            &DiscoverOptions { rounds: 1, ..options.clone() },
+        )
+        .unwrap();
         let steps = ladder(&session, &[drag.clone(), tilt], &options).unwrap();
         let of = ranked.candidates.iter().find(|c| c.effect == "gravity_tilt").unwrap();
         assert_eq!((steps.len(), steps[1].key.as_str(), steps[1].judged_on.as_str()), (2, "gravity_tilt", "flight"));

@@ -189,7 +189,7 @@ pub fn trial(subject: &SubjectExport, missing: &[usize]) -> TrialExport {
         },
         motion: Some(motion.clone()),
         filtered: Some(motion),
-        flights: vec![25..50],
+        flights: std::iter::once(25..50).collect(),
         plates: vec![PlateAtFrames { name: "FP1".into(), wrench: wrenches }],
         source: SourceFile { name: "jump01.trc".into(), c3d: None },
         solved: None,

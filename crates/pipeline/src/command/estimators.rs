@@ -395,7 +395,8 @@ pub fn leave_one_out(study: &Study) -> Result<LeaveOneOutView, PipelineError> {
         let base = BaseParameters::of(&subject.model);
         let prior = base.regroup(&subject.prior_phi());
         let estimator = default_estimator(study, rows);
-        let ways: [(&'static str, fn(StretchKind) -> bool); 3] = [
+        type Takes = fn(StretchKind) -> bool;
+        let ways: [(&'static str, Takes); 3] = [
             ("flights", |k| k != StretchKind::Contact),
             ("contact", |k| k == StretchKind::Contact),
             ("flights and contact", |_| true),

@@ -60,6 +60,9 @@ pub fn repeat_correlation(study: &Study) -> f64 {
     study.config.identify.repeat_correlation.unwrap_or(if study.object.is_some() { 0.0 } else { 0.2 })
 }
 
+/// Base parameters, and coefficients of effects by name.
+pub type PointEstimate = (DVector<f64>, Vec<(String, f64)>);
+
 /// Identifies from the given factors.
 pub fn identify_from(
     study: &Study,
@@ -114,7 +117,7 @@ impl Predicting {
     }
 
     /// From the factors of some stretches.
-    pub fn solve(&self, factors: &[&Factor]) -> Result<(DVector<f64>, Vec<(String, f64)>), StageFailure> {
+    pub fn solve(&self, factors: &[&Factor]) -> Result<PointEstimate, StageFailure> {
         let flights_only = matches!(self.estimator, Estimator::NullVector(_));
         let weighed: Vec<Factor> = factors
             .iter()

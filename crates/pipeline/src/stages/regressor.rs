@@ -268,8 +268,11 @@ impl TrialRows {
     }
 }
 
+/// Factors by stretch, and what to keep in mind about them.
+pub type FactorsAndRemarks = (Vec<(Stretch, Factor)>, Vec<String>);
+
 /// Factors of every stretch of a trial, from weak rows and from the paper's; and what was odd.
-pub fn factors_of(study: &Study, rows: &TrialRows) -> Result<(Vec<(Stretch, Factor)>, Vec<String>), StageFailure> {
+pub fn factors_of(study: &Study, rows: &TrialRows) -> Result<FactorsAndRemarks, StageFailure> {
     let subject = &rows.subject;
     let base = BaseParameters::of(&subject.model);
     let prior = subject.prior_phi();

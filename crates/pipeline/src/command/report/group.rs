@@ -31,6 +31,9 @@ pub struct Absent {
     pub on_purpose: bool,
 }
 
+/// A recording: name, judgement, marker error (mm), flights, reasons.
+type TrialLine = (String, Light, Option<f64>, Option<usize>, String);
+
 /// What the group's page keeps of a subject: figures only, so that hundreds fit into memory.
 struct Row {
     name: String,
@@ -52,7 +55,7 @@ struct Row {
     /// Mean error of each marker over recordings, mm.
     markers: BTreeMap<String, f64>,
     /// Name, judgement, marker error, flights, first remark.
-    trials: Vec<(String, Light, Option<f64>, Option<usize>, String)>,
+    trials: Vec<TrialLine>,
     failure: Option<String>,
 }
 
