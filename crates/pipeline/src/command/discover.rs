@@ -1,12 +1,12 @@
 //! `discover`: which effect is missing, from the motion and the flights that the stages left; and how well that works on these recordings.
 
+use crate::command::estimators::with_job;
 use crate::effects::KnownEffects;
 use crate::error::PipelineError;
-use crate::graph::Job;
 use crate::revision::Revisions;
 use crate::stages::regressor::TrialRows;
 use crate::study::Study;
-use crate::workspace::{WHOLE_STUDY, Workspace, write_json_whole};
+use crate::workspace::write_json_whole;
 use aloft_body::{BaseParameters, Subject};
 use aloft_discover::{
     Body, DiscoverOptions, Discovery, SelfTest, SelfTestOptions, SelfTestProgress, Session, TrialInput,
@@ -54,28 +54,14 @@ pub struct Bench<'a> {
 impl Evidence {
     /// Loads what the stages left.
     pub fn load(study: &Study) -> Result<Self, PipelineError> {
-        let ws = Workspace::open(&study.workspace);
-        let ready: Vec<(String, String)> = study
-            .included()
-            .filter(|t| t.role.is_dynamic() && ws.manifest("regressor", &t.name).is_some_and(|m| m.is_ok()))
-            .map(|t| ("regressor".to_owned(), t.name.clone()))
-            .collect();
-        if ready.is_empty() {
-            return Err(PipelineError::request_hint(
-                format!("no trial in {} has rows", study.workspace.display()),
-                format!("run `aloft run {}` first", study.config_path.display()),
-            ));
-        }
-        let out = ws.place("regressor", WHOLE_STUDY);
-        let job = Job { study, trial: None, workspace: &ws, inputs: &ready, out: &out };
-        let fail = |f: crate::error::StageFailure| PipelineError::Request { problem: f.problem, hint: f.hint };
-        let subject = job.load_subject("calibrate").map_err(fail)?;
-        let rows: Vec<TrialRows> = ready
-            .par_iter()
-            .map(|(_, name)| TrialRows::load_for(&job, name, &subject))
-            .collect::<Result<_, _>>()
-            .map_err(fail)?;
-        let groups = ready.iter().map(|(_, name)| study.trial(name).and_then(|t| t.group.clone())).collect();
+        let (subject, names, rows) = with_job(study, |job| {
+            let subject = job.load_subject("calibrate")?;
+            let names = job.trials_of("regressor");
+            let load = |name: &String| TrialRows::load_for(job, name, &subject);
+            let rows = names.par_iter().map(load).collect::<Result<Vec<_>, _>>()?;
+            Ok((subject, names, rows))
+        })?;
+        let groups = names.iter().map(|name| study.trial(name).and_then(|t| t.group.clone())).collect();
         let base = BaseParameters::of(&subject.model);
         let wrong = |e: &dyn std::fmt::Display| PipelineError::request(e.to_string());
         let phi = subject.prior_phi();
