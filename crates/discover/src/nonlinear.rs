@@ -6,7 +6,6 @@
 
 use crate::candidate::{Scored, Variant, pseudo_solve, solve};
 use crate::problem::Problem;
-use crate::rank::OVERLAP;
 use crate::session::Session;
 use aloft_effects::NonlinearParameter;
 use nalgebra::{DMatrix, DVector};
@@ -128,7 +127,7 @@ pub(crate) fn score_fitted<'a>(session: &Session<'_>, problem: &Problem, variant
     let wide = with_derivatives(session, problem, &variant, &parameters, &at)?;
     let k = at.theta.len();
     let joint_se = problem
-        .covariance(&wide, &at.theta, OVERLAP)
+        .covariance(&wide, &at.theta)
         .diagonal()
         .iter()
         .enumerate()

@@ -290,8 +290,8 @@ impl Problem {
 
     /// Covariance of the unknowns of `[C | ∂(Cθ)/∂p]` (the first `theta.len()` columns are `C`) at the optimum, parameters taken out: the inverse
     /// of their Gram matrix times the variance of the residuals along them, by cluster (so that errors that repeat inside a flight count), and not
-    /// less than that of rows of which `overlap` count as one. Directions that the rows do not see get a variance that is very large.
-    pub fn covariance(&self, columns: &[DMatrix<f64>], theta: &DVector<f64>, overlap: f64) -> DMatrix<f64> {
+    /// less than that of single rows. Directions that the rows do not see get a variance that is very large.
+    pub fn covariance(&self, columns: &[DMatrix<f64>], theta: &DVector<f64>) -> DMatrix<f64> {
         let (k, k_all) = (theta.len(), columns[0].ncols());
         let (ac, cc, _) = self.products(columns, None);
         let x = self.cholesky.solve(&ac);
@@ -328,7 +328,7 @@ impl Problem {
             / (n - 1.0).max(1.0);
         let rows: f64 = self.clusters.iter().map(|c| c.n_rows as f64).sum();
         let by_row = squares / (rows - (self.right.len() + k_all) as f64).max(0.5 * rows);
-        (&root * root.transpose()) * by_cluster.max(overlap * by_row)
+        (&root * root.transpose()) * by_cluster.max(by_row)
     }
 
     /// `AᵀC`, `CᵀC`, `Cᵀb` over all clusters but one.
