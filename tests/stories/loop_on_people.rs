@@ -48,6 +48,11 @@ fn a_line_that_nobody_wrote_down_is_found_and_the_error_falls_to_the_twins() {
     let [x, y, z] = [0, 1, 2].map(|axis: usize| number(&hidden["anchor_m"][axis]));
     let apart = line.angle(&(nalgebra::Vector3::new(x, y, z) - pelvis)).to_degrees();
     assert!(apart < 8.0, "{apart}° between the lines");
+    // and their standard errors say so
+    for (name, value) in [("anchor_z", z), ("rest_length", number(&hidden["rest_length_m"]))] {
+        let unknown = nonlinear.iter().find(|n| n["name"] == name).unwrap();
+        assert!((number(&unknown["value"]) - value).abs() < 2.0 * number(&unknown["se"]), "{unknown}, truth {value} m");
+    }
     let stiffness =
         rung["coefficients"].as_array().unwrap().iter().find(|c| c["name"] == "tether[pelvis].stiffness").unwrap();
     let value = number(&stiffness["value"]);

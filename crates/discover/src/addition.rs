@@ -7,6 +7,7 @@
 use crate::DiscoverError;
 use crate::candidate::{Scored, Variant, score};
 use crate::discover::DiscoverOptions;
+use crate::judge::limit_by_number;
 use crate::ladder::{estimates, extra_columns, key_of, sharpened};
 use crate::problem::{Domain, Problem};
 use crate::rank::judged_in;
@@ -124,7 +125,7 @@ pub fn detectable(
     if !(energy.is_finite() && energy > 0.0) {
         return Ok(f64::INFINITY);
     }
-    let threshold = if problem.clusters.len() < 5 { options.belief.min(0.8) } else { options.belief };
+    let threshold = limit_by_number(problem.clusters.len(), options);
     let size = (problem.n_judged as f64 * problem.plain() * (threshold.powi(-2) - 1.0) / energy).sqrt();
     let se = jackknife_se(&reduced.folds.iter().map(|f| f.c[0] / f.s[(0, 0)]).collect::<Vec<_>>());
     Ok(size + 0.84 * if se.is_finite() { se.min(size) } else { 0.0 })

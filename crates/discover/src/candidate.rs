@@ -116,6 +116,8 @@ pub(crate) struct Scored<'a> {
     pub fold_nonlinear: Vec<Vec<f64>>,
     pub fold_gain: Vec<f64>,
     pub fold_error: Vec<f64>,
+    /// Standard errors of coefficients and nonlinear parameters, all unknown together (Gauss-Newton); empty where no parameter was fitted.
+    pub joint_se: Vec<f64>,
     /// Gram of the columns, parameters taken out.
     pub s: DMatrix<f64>,
 }
@@ -131,6 +133,7 @@ pub(crate) fn score<'a>(problem: &Problem, variant: Variant<'a>, reduced: &Reduc
         fold_theta: Vec::with_capacity(n),
         fold_gain: Vec::with_capacity(n),
         fold_error: Vec::with_capacity(n),
+        joint_se: Vec::new(),
         s: reduced.s.clone(),
         variant,
     };

@@ -3,8 +3,8 @@
 use crate::addition::addition;
 use crate::candidate::Variant;
 use crate::judge::{
-    Rival, alternatives, chosen_shares, confusions, is_trivial, judge, limit, minimum_detectable, parts, plausible,
-    rivals,
+    Rival, alternatives, chosen_shares, confusions, is_trivial, judge, limit, limit_by_number, minimum_detectable,
+    parts, plausible, rivals,
 };
 use crate::ladder::{Refit, as_found, estimates, extra_columns, group_names, key_of, prune, refit_found, to_build_on};
 use crate::pairs::better_pair;
@@ -73,6 +73,9 @@ impl Default for DiscoverOptions {
 
 /// A pair of effects has to leave less than this share of the error of the best single one.
 const PAIR: f64 = 0.93;
+
+/// With fewer flights or trials than this a ratio has to lie below the 1 % quantile of the null distribution, with more below the 5 % quantile.
+const MANY_CLUSTERS: usize = 12;
 
 /// All effects of the catalogue.
 pub fn catalogue() -> Vec<&'static dyn Effect> {
@@ -282,10 +285,15 @@ fn run_round<'a>(
     let null_quantiles = [quantile(0.01), quantile(0.05), quantile(0.5)];
     // with few clusters the signs have few patterns, and the original one is among them
     let few = problem.clusters.len() < 5;
-    let threshold = if few || !null_quantiles[1].is_finite() {
-        options.belief.min(0.8)
+    let largest = limit_by_number(problem.clusters.len(), options);
+    // a null of few patterns, in which nonlinear parameters keep their starts, is too kind at 5 %
+    let by_chance = null_quantiles[usize::from(problem.clusters.len() >= MANY_CLUSTERS)];
+    let threshold = if few {
+        largest
+    } else if by_chance.is_finite() {
+        largest.min(by_chance)
     } else {
-        options.belief.min(null_quantiles[1])
+        options.belief.min(0.8)
     };
     let plain_errors: Vec<f64> = problem.folds.iter().map(|f| f.error).collect();
     let weights = resamples(problem.folds.len(), options.resamples, options.seed ^ 0x5eed);
@@ -319,7 +327,7 @@ fn run_round<'a>(
                 ci95,
                 chosen_share: *share,
                 family_wise_p: (beaten + 1) as f64 / (null.len() + 1) as f64,
-                minimum_detectable: minimum_detectable(problem, best, best_square, threshold, &coefficients),
+                minimum_detectable: minimum_detectable(problem, best, best_square, threshold),
                 coefficients,
                 nonlinear,
                 trials: group_names(session, best),

@@ -9,7 +9,7 @@ use crate::problem::Problem;
 use crate::rank::{EffectScore, FULL_STEPS, cosine};
 use crate::result::{Alternative, Candidate, Confusion, Duel, Estimate, Verdict};
 use crate::session::Session;
-use crate::statistics::sign_flip_p;
+use crate::statistics::{jackknife_se, sign_flip_p};
 use crate::words;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -47,6 +47,15 @@ pub(crate) fn limit(id: &str, first_round: bool, options: &DiscoverOptions) -> f
             }
         }
         _ if id.starts_with("plate_") || id == "body_mass" => options.belief_plates,
+        _ => options.belief,
+    }
+}
+
+/// Largest ratio that so many flights or trials can make believed: with few of them only a strong effect is.
+pub(crate) fn limit_by_number(clusters: usize, options: &DiscoverOptions) -> f64 {
+    match clusters {
+        0..5 => options.belief.min(0.80),
+        5 => options.belief.min(0.85),
         _ => options.belief,
     }
 }
@@ -111,13 +120,7 @@ pub(crate) fn plausible(scored: &Scored<'_>, estimates: &[Estimate]) -> bool {
 }
 
 /// Size at which the held-out ratio falls below the threshold in four of five sessions.
-pub(crate) fn minimum_detectable(
-    problem: &Problem,
-    scored: &Scored<'_>,
-    noise_square: f64,
-    threshold: f64,
-    estimates: &[Estimate],
-) -> f64 {
+pub(crate) fn minimum_detectable(problem: &Problem, scored: &Scored<'_>, noise_square: f64, threshold: f64) -> f64 {
     let unit = &scored.variant.coefficients[0].unit;
     let of_unit: Vec<usize> =
         (0..scored.variant.coefficients.len()).filter(|&k| scored.variant.coefficients[k].unit == *unit).collect();
@@ -127,7 +130,8 @@ pub(crate) fn minimum_detectable(
     }
     let n = problem.clusters.iter().map(|c| c.n_rows as f64).sum::<f64>();
     let size = (n * noise_square * (threshold.powi(-2) - 1.0) / energy).sqrt();
-    let se = of_unit.iter().map(|&k| estimates[k].se.powi(2)).sum::<f64>().sqrt() / (of_unit.len() as f64).sqrt();
+    let se = |k: usize| jackknife_se(&scored.fold_theta.iter().map(|t| t[k]).collect::<Vec<_>>());
+    let se = of_unit.iter().map(|&k| se(k).powi(2)).sum::<f64>().sqrt() / (of_unit.len() as f64).sqrt();
     size + 0.84 * if se.is_finite() { se.min(size) } else { 0.0 }
 }
 

@@ -178,7 +178,15 @@ pub(crate) fn refit_found(
     }
 }
 
+/// Coefficients and nonlinear parameters with standard errors: the jackknife's, and where parameters were fitted the larger of it and that of the
+/// joint fit. A fold takes one damped step, which does not follow directions in which two unknowns make up for each other (the distance of an anchor
+/// and the rest length of its tether, say).
 pub(crate) fn estimates(session: &Session<'_>, scored: &Scored<'_>) -> (Vec<Estimate>, Vec<Estimate>) {
+    let joint = |i: usize| scored.joint_se.get(i).copied();
+    let larger = |jackknife: f64, joint: Option<f64>| match joint {
+        Some(joint) if joint > jackknife => joint,
+        _ => jackknife,
+    };
     let coefficients = scored
         .variant
         .coefficients
@@ -187,7 +195,7 @@ pub(crate) fn estimates(session: &Session<'_>, scored: &Scored<'_>) -> (Vec<Esti
         .map(|(k, c)| Estimate {
             name: c.name.clone(),
             value: scored.theta[k],
-            se: jackknife_se(&scored.fold_theta.iter().map(|t| t[k]).collect::<Vec<_>>()),
+            se: larger(jackknife_se(&scored.fold_theta.iter().map(|t| t[k]).collect::<Vec<_>>()), joint(k)),
             unit: c.unit.clone(),
         })
         .collect();
@@ -200,7 +208,10 @@ pub(crate) fn estimates(session: &Session<'_>, scored: &Scored<'_>) -> (Vec<Esti
         .map(|(k, p)| Estimate {
             name: p.name.clone(),
             value: scored.variant.nonlinear[k],
-            se: jackknife_se(&scored.fold_nonlinear.iter().map(|t| t[k]).collect::<Vec<_>>()),
+            se: larger(
+                jackknife_se(&scored.fold_nonlinear.iter().map(|t| t[k]).collect::<Vec<_>>()),
+                joint(scored.theta.len() + k),
+            ),
             unit: p.unit.clone(),
         })
         .collect();

@@ -126,6 +126,17 @@ pub(crate) fn score_fitted<'a>(session: &Session<'_>, problem: &Problem, variant
     let (s, _) = problem.reduce_all(&at.columns);
     let wide = with_derivatives(session, problem, &variant, &parameters, &at)?;
     let k = at.theta.len();
+    let joint_se = problem
+        .covariance(&wide, &at.theta)
+        .diagonal()
+        .iter()
+        .enumerate()
+        // no wider than not to know where between its bounds it lies
+        .map(|(i, v)| match i.checked_sub(k).map(|j| &parameters[j]) {
+            Some(q) if (q.upper - q.lower).is_finite() => v.sqrt().min((q.upper - q.lower) / 12f64.sqrt()),
+            _ => v.sqrt(),
+        })
+        .collect();
     let folds: Vec<(DVector<f64>, Vec<f64>, f64, f64)> = (0..problem.folds.len())
         .into_par_iter()
         .map(|g| {
@@ -153,6 +164,7 @@ pub(crate) fn score_fitted<'a>(session: &Session<'_>, problem: &Problem, variant
         fold_nonlinear: Vec::new(),
         fold_gain: Vec::new(),
         fold_error: Vec::new(),
+        joint_se,
         s,
         variant,
     };

@@ -113,6 +113,7 @@ pub(crate) fn better_pair<'a>(
     let ka = parts[a].1.coefficients.len();
     let kb = parts[b].1.coefficients.len();
     let part = |variant: &Variant<'a>, first: usize, k: usize| Scored {
+        joint_se: Vec::new(),
         variant: variant.clone(),
         theta: scored.theta.rows(first, k).into_owned(),
         gain: scored.gain,

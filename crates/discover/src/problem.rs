@@ -288,6 +288,49 @@ impl Problem {
         (symmetric(cc - ac.tr_mul(&x)), cb - x.tr_mul(&self.right))
     }
 
+    /// Covariance of the unknowns of `[C | ∂(Cθ)/∂p]` (the first `theta.len()` columns are `C`) at the optimum, parameters taken out: the inverse
+    /// of their Gram matrix times the variance of the residuals along them, by cluster (so that errors that repeat inside a flight count), and not
+    /// less than that of single rows. Directions that the rows do not see get a variance that is very large.
+    pub fn covariance(&self, columns: &[DMatrix<f64>], theta: &DVector<f64>) -> DMatrix<f64> {
+        let (k, k_all) = (theta.len(), columns[0].ncols());
+        let (ac, cc, _) = self.products(columns, None);
+        let x = self.cholesky.solve(&ac);
+        let s = symmetric(cc - ac.tr_mul(&x));
+        let solution = &self.solution - x.columns(0, k) * theta;
+        let mut squares = 0.0;
+        let slopes: Vec<DVector<f64>> = self
+            .clusters
+            .iter()
+            .zip(columns)
+            .map(|(cluster, c)| {
+                let r = &cluster.b - &cluster.a * &solution - c.columns(0, k) * theta;
+                squares += r.norm_squared();
+                c.tr_mul(&r) - x.tr_mul(&cluster.a.tr_mul(&r))
+            })
+            .collect();
+        let scale = DVector::from_fn(k_all, |i, _| if s[(i, i)] > 0.0 { s[(i, i)].sqrt().recip() } else { 0.0 });
+        let unit = DMatrix::from_fn(k_all, k_all, |i, j| s[(i, j)] * scale[i] * scale[j]);
+        let eigen = unit.symmetric_eigen();
+        let roots = eigen.eigenvalues.map(|l| l.max(1e-12).sqrt().recip());
+        // unknowns in which the Gram matrix is one
+        let root = DMatrix::from_diagonal(&scale) * &eigen.eigenvectors * DMatrix::from_diagonal(&roots);
+        let n = self.clusters.len() as f64;
+        let seen = eigen.eigenvalues.iter().filter(|l| **l > 1e-9).count().max(1) as f64;
+        let by_cluster = slopes
+            .iter()
+            .map(|u| {
+                let v = root.tr_mul(u);
+                v.iter().zip(&eigen.eigenvalues).filter(|(_, l)| **l > 1e-9).map(|(v, _)| v * v).sum::<f64>()
+            })
+            .sum::<f64>()
+            / seen
+            * n
+            / (n - 1.0).max(1.0);
+        let rows: f64 = self.clusters.iter().map(|c| c.n_rows as f64).sum();
+        let by_row = squares / (rows - (self.right.len() + k_all) as f64).max(0.5 * rows);
+        (&root * root.transpose()) * by_cluster.max(by_row)
+    }
+
     /// `AᵀC`, `CᵀC`, `Cᵀb` over all clusters but one.
     fn products(&self, columns: &[DMatrix<f64>], without: Option<usize>) -> (DMatrix<f64>, DMatrix<f64>, DVector<f64>) {
         let (k, m) = (columns[0].ncols(), self.right.len());

@@ -25,7 +25,7 @@ pub struct Estimate {
     pub name: String,
     /// Value.
     pub value: f64,
-    /// Standard error over clusters (jackknife).
+    /// Standard error: over clusters (jackknife), or that of the joint fit with nonlinear parameters where that is larger.
     pub se: f64,
     /// SI unit.
     pub unit: String,
@@ -124,7 +124,8 @@ pub struct Round {
     pub held_out_error: f64,
     /// The same for forces alone, N, and moments alone, N·m; NaN where rows do not tell them apart.
     pub held_out_parts: [f64; 2],
-    /// A ratio below this is believed: the smaller of the fixed limit and the 5 % quantile of the null distribution.
+    /// A ratio below this is believed: the smaller of the limit for so many flights or trials and a quantile of the null distribution (1 %, from 12 of
+    /// them on 5 %).
     pub threshold: f64,
     /// Quantiles 1, 5, 50 % of the best ratio under flipped signs.
     pub null_quantiles: [f64; 3],

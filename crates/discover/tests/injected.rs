@@ -112,6 +112,34 @@ fn prop_effects_are_named_with_their_size() {
     }
 }
 
+/// Where a line is fastened and how long it is make up for each other: the intervals have to say so.
+#[test]
+fn prop_intervals_of_a_tether_hold_the_truth() {
+    const TRUTH: [(&str, f64); 4] = [("anchor_x", 1.0), ("anchor_y", 0.5), ("anchor_z", 2.6), ("rest_length", 0.4)];
+    let (mut inside, mut all, mut widest) = (0, 0, 0.0f64);
+    for seed in 0..6 {
+        let mut lab = lab();
+        lab.motion = lab.truth.noisy(0.3e-3, 70 + seed);
+        let options = DiscoverOptions { rounds: 1, ..only(&["tether"]) };
+        let d = lab.find(&[("tether[link0]", &[0.15, 0.0], &TRUTH)], &options);
+        let Some(found) = d.found.iter().find(|f| f.key == "tether[link0]") else { continue };
+        let truth = TRUTH.iter().chain(&[("stiffness", 0.15), ("damping", 0.0)]);
+        for (name, value) in truth {
+            let of = found.nonlinear.iter().chain(&found.coefficients).find(|e| e.name == *name).unwrap();
+            println!("{seed} {name}: {:.4} ± {:.4}, truth {value}", of.value, of.se);
+            assert!(of.se.is_finite(), "{of:?}");
+            inside += usize::from((of.value - value).abs() <= 2.0 * of.se + 1e-9);
+            all += 1;
+            if name.starts_with("anchor") {
+                widest = widest.max(of.se);
+            }
+        }
+    }
+    assert!(all >= 24 && inside * 10 >= all * 9, "{inside} of {all} within two standard errors");
+    // and they say something
+    assert!(widest < 3.0, "{widest} m");
+}
+
 #[test]
 fn prop_linear_drag_is_confused_with_quadratic_and_says_what_separates_them() {
     let d = lab().find(&[("linear_drag", &[0.006], &[])], &only(&["linear_drag", "quadratic_drag", "gravity_tilt"]));

@@ -5,7 +5,7 @@
 //! from the twin of the laboratory with nothing hidden.
 //!
 //! A few laboratories run always. `ALOFT_LABS=FILE` runs the whole table (`ALOFT_LABS_SEEDS=n` of it, 20 seeds by default; `ALOFT_LABS_ONLY` names
-//! effects, `ALOFT_LABS_OF` kinds), writes one line of JSON a laboratory to the file, goes on where it stopped, and writes the table beside it as Markdown.
+//! effects, `ALOFT_LABS_OF` kinds, `ALOFT_LABS_SIZES` sizes), writes one line of JSON a laboratory to the file, goes on where it stopped, and writes the table beside it as Markdown.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "a test that fails should say where")]
 
 mod cases;
@@ -175,6 +175,8 @@ fn validate_labs() {
     let seeds: u64 = word("ALOFT_LABS_SEEDS", "20").parse().unwrap();
     let only = word("ALOFT_LABS_ONLY", "");
     let kinds = word("ALOFT_LABS_OF", "chain human");
+    let sizes: Vec<f64> =
+        word("ALOFT_LABS_SIZES", "0.5 1 2 4").split_whitespace().map(|s| s.parse().unwrap()).collect();
     let wanted = |effect: &str| only.is_empty() || only.split_whitespace().any(|o| o == effect);
     let mut lines: Vec<Line> = std::fs::read_to_string(&path)
         .unwrap_or_default()
@@ -192,7 +194,7 @@ fn validate_labs() {
             let mine: Vec<(&str, f64)> = all
                 .into_iter()
                 .enumerate()
-                .filter(|(i, (e, _))| *i as u64 % stride == (seed - 1) % stride && wanted(e))
+                .filter(|(i, (e, m))| *i as u64 % stride == (seed - 1) % stride && wanted(e) && sizes.contains(m))
                 .map(|(_, c)| c)
                 .collect();
             let done = |key: &str, m: f64, lines: &[Line]| {
