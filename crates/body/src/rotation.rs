@@ -30,9 +30,10 @@ pub fn quaternion_log(q: &Quaternion<f64>) -> Vector3<f64> {
     let (w, v) = if q.scalar() < 0.0 { (-q.scalar(), -q.vector()) } else { (q.scalar(), q.vector().into_owned()) };
     let sine = v.norm();
     // tan(θ/2) = |v|/w; atan2 keeps all digits at θ → 0 and at θ → π.
-    let scale = if sine < 1e-3 * w {
+    let scale = if sine < 0.1 * w {
+        // Σ (−t²)ᵏ/(2k+1): the first term left out is below 1e-18
         let t2 = (sine / w) * (sine / w);
-        2.0 / w * (1.0 - t2 / 3.0 * (1.0 - 0.6 * t2 * (1.0 - 5.0 / 7.0 * t2)))
+        2.0 / w * (0..9).rev().fold(0.0, |sum, k| 1.0 / f64::from(2 * k + 1) - t2 * sum)
     } else {
         2.0 * sine.atan2(w) / sine
     };

@@ -64,8 +64,9 @@ pub fn discovery(d: &Discovery, at: &PipelineArgs) -> Result<(), Stop> {
         significant(d.held_out_error_after, 3)
     ))?;
     for (i, r) in d.rounds.iter().enumerate() {
+        let (share, chance) = r.by_chance();
         out(format!(
-            "round {}, judged in {} on {} flights or trials, model {}: {}; a ratio below {:.3} is believed (by chance 5 % of the best ratios fall \
+            "round {}, judged in {} on {} flights or trials, model {}: {}; a ratio below {:.3} is believed (by chance {:.0} % of the best ratios fall \
              below {:.3})",
             i + 1,
             r.judged_on,
@@ -73,7 +74,8 @@ pub fn discovery(d: &Discovery, at: &PipelineArgs) -> Result<(), Stop> {
             if r.model.is_empty() { "without effects".to_owned() } else { format!("with {}", names(&r.model)) },
             r.words,
             r.threshold,
-            r.null_quantiles[1]
+            100.0 * share,
+            chance
         ))?;
     }
     for found in &d.found {

@@ -9,8 +9,10 @@ use crate::candidate::{Scored, Variant, score};
 use crate::discover::DiscoverOptions;
 use crate::judge::limit_by_number;
 use crate::ladder::{estimates, extra_columns, key_of, sharpened};
+use crate::nonlinear::joint_se_at;
 use crate::problem::{Domain, Problem};
 use crate::rank::judged_in;
+use crate::repeating::widen;
 use crate::result::Estimate;
 use crate::session::Session;
 use crate::statistics::{jackknife_se, ratio_interval, resamples};
@@ -62,7 +64,10 @@ pub fn addition(
     // with the effect in the model what remains is smaller, and the prior weighs less
     let whole: Vec<Vec<DMatrix<f64>>> = extra.iter().cloned().chain([blocks.clone()]).collect();
     let sharp = sharpened(session, &problem, &extra, &whole, options)?;
-    let scored: Scored<'_> = score(&sharp, variant, &sharp.reduce(&sharp.gather(&blocks)));
+    let mut scored: Scored<'_> = score(&sharp, variant, &sharp.reduce(&sharp.gather(&blocks)));
+    scored.joint_se = joint_se_at(session, &sharp, &scored.variant);
+    let mut coefficients = estimates(session, &scored).0;
+    widen(session, domain, (&extra, &whole), &scored.variant, (&mut coefficients, &mut []), options);
     let plain: Vec<f64> = problem.folds.iter().map(|f| f.error).collect();
     let weights = resamples(plain.len(), options.resamples, options.seed ^ 0x5eed);
     let in_newton = |square: f64| (square / problem.n_judged as f64).sqrt() * session.unit[0];
@@ -74,7 +79,7 @@ pub fn addition(
         held_out_error: in_newton(after),
         ratio: (after / before).sqrt(),
         ci95: ratio_interval(&scored.fold_error, &plain, &weights),
-        coefficients: estimates(session, &scored).0,
+        coefficients,
         trials: choice.trials.clone(),
     })
 }

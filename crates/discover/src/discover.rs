@@ -11,7 +11,8 @@ use crate::pairs::better_pair;
 use crate::placebo::PLACEBOS;
 use crate::problem::{Domain, Problem};
 use crate::rank::{EffectScore, judged_in, null_ratios, score_effect};
-use crate::result::{Candidate, Discovery, Found, Round, Verdict};
+use crate::repeating::widen;
+use crate::result::{Candidate, Discovery, Found, MANY_CLUSTERS, Round, Verdict};
 use crate::session::Session;
 use crate::statistics::{ratio_interval, resamples};
 use crate::{DiscoverError, words};
@@ -73,9 +74,6 @@ impl Default for DiscoverOptions {
 
 /// A pair of effects has to leave less than this share of the error of the best single one.
 const PAIR: f64 = 0.93;
-
-/// With fewer flights or trials than this a ratio has to lie below the 1 % quantile of the null distribution, with more below the 5 % quantile.
-const MANY_CLUSTERS: usize = 12;
 
 /// All effects of the catalogue.
 pub fn catalogue() -> Vec<&'static dyn Effect> {
@@ -205,6 +203,14 @@ pub fn discover(
     }
     prune(session, accepted, &mut kept, &mut found, options);
     refit_found(session, accepted, &kept, &mut found, options);
+    for (i, f) in found.iter_mut().enumerate() {
+        let domain = if kept[i].effect.acts().in_flight() { Domain::Flight } else { Domain::Contact };
+        let mut others = kept.clone();
+        others.remove(i);
+        let of = |v: &[Variant<'_>]| extra_columns(session, domain, accepted, v, &[]);
+        let estimates = (&mut f.coefficients[..], &mut f.nonlinear[..]);
+        widen(session, domain, (&of(&others), &of(&kept)), &kept[i], estimates, options);
+    }
     let mut model: Vec<Choice<'_>> = accepted.to_vec();
     let mut steps = Vec::new();
     for (v, f) in kept.iter().zip(&found) {
@@ -287,7 +293,8 @@ fn run_round<'a>(
     let few = problem.clusters.len() < 5;
     let largest = limit_by_number(problem.clusters.len(), options);
     // a null of few patterns, in which nonlinear parameters keep their starts, is too kind at 5 %
-    let by_chance = null_quantiles[usize::from(problem.clusters.len() >= MANY_CLUSTERS)];
+    let clusters = problem.clusters.iter().filter(|c| !c.judged.is_empty()).count();
+    let by_chance = null_quantiles[usize::from(clusters >= MANY_CLUSTERS)];
     let threshold = if few {
         largest
     } else if by_chance.is_finite() {
@@ -350,7 +357,7 @@ fn run_round<'a>(
         held_out_parts: parts(session, problem),
         threshold,
         null_quantiles,
-        clusters: problem.clusters.iter().filter(|c| !c.judged.is_empty()).count(),
+        clusters,
         verdict,
         effects,
         words,

@@ -178,6 +178,8 @@ pub(crate) fn confusions(
 pub(crate) struct Rival<'a> {
     /// Place in the ranking.
     pub index: usize,
+    /// False where it just missed the limit of belief: it may stand beside the others, and cannot throw one of them out.
+    pub believed: bool,
     pub scored: Scored<'a>,
     /// Squared error by fold.
     pub fold_error: Vec<f64>,
@@ -192,7 +194,17 @@ impl Rival<'_> {
     }
 }
 
-/// The believed effects as rivals, and the problem on which they were fitted.
+/// True for an effect that just misses the limit that the best one keeps: nothing but the limit tells them apart. Faults of plates and kinematics
+/// keep limits of their own.
+fn close(candidate: &Candidate, best: &Candidate, options: &DiscoverOptions) -> bool {
+    candidate.plausible
+        && !candidate.placebo
+        && candidate.ci95[1] < 1.0
+        && limit(&candidate.effect, false, options) == options.belief
+        && (best.held_out_ratio..best.held_out_ratio / NEARLY).contains(&candidate.held_out_ratio)
+}
+
+/// The believed effects and those that just miss it as rivals, and the problem on which they were fitted.
 pub(crate) fn rivals<'a>(
     session: &Session<'_>,
     problem: &Problem,
@@ -201,12 +213,16 @@ pub(crate) fn rivals<'a>(
     candidates: &[Candidate],
     options: &DiscoverOptions,
 ) -> (Option<Problem>, Vec<Rival<'a>>) {
-    let believed: Vec<usize> = (0..candidates.len()).filter(|&i| candidates[i].believed).collect();
+    let Some(best) = candidates.iter().find(|c| c.believed) else { return (None, Vec::new()) };
+    let believed: Vec<usize> =
+        (0..candidates.len()).filter(|&i| candidates[i].believed || close(&candidates[i], best, options)).collect();
     let as_ranked = |&index: &usize| {
         let s = &scores[index];
-        Rival { index, scored: s.scored[s.best].clone(), fold_error: s.fold_error.clone() }
+        let believed = candidates[index].believed;
+        Rival { index, believed, scored: s.scored[s.best].clone(), fold_error: s.fold_error.clone() }
     };
-    let sharp = believed.first().filter(|_| session.prior.is_some()).and_then(|&first| {
+    let first = candidates.iter().position(|c| c.believed).filter(|_| session.prior.is_some());
+    let sharp = first.and_then(|first| {
         let best = &scores[first].scored[scores[first].best].variant;
         let columns = best.blocks_at(session, problem, &best.nonlinear)?;
         let whole: Vec<Vec<DMatrix<f64>>> = extra.iter().cloned().chain([columns]).collect();
@@ -229,7 +245,12 @@ pub(crate) fn rivals<'a>(
         let best = fitted.min_by(|a, b| error(a).total_cmp(&error(b)).then(unknowns(a).cmp(&unknowns(b))));
         best.map_or_else(
             || as_ranked(index),
-            |scored| Rival { index: *index, fold_error: scored.fold_error.clone(), scored },
+            |scored| Rival {
+                index: *index,
+                believed: candidates[*index].believed,
+                fold_error: scored.fold_error.clone(),
+                scored,
+            },
         )
     });
     let refitted = refitted.collect();
@@ -244,13 +265,13 @@ pub(crate) fn judge(
     rivals: &[Rival<'_>],
     options: &DiscoverOptions,
 ) -> (Verdict, Vec<String>, Vec<Duel>) {
-    let Some(first) = rivals.iter().min_by(|a, b| a.error().total_cmp(&b.error())) else {
+    let believed = || rivals.iter().filter(|r| r.believed);
+    let Some(first) = believed().min_by(|a, b| a.error().total_cmp(&b.error())) else {
         let hopeless = problem.clusters.iter().filter(|c| !c.judged.is_empty()).count() < 4;
         return (if hopeless { Verdict::NotDetectable } else { Verdict::NothingMissing }, Vec::new(), Vec::new());
     };
     // a generalisation has to be as much better as another effect would have to be: its freedom also follows errors that repeat
-    let simpler = rivals
-        .iter()
+    let simpler = believed()
         .filter(|r| {
             first.scored.variant.effect.contains().contains(&r.id())
                 && (first.error() / r.error()).sqrt() > options.belief
@@ -262,7 +283,7 @@ pub(crate) fn judge(
     let mut class: Vec<&Rival<'_>> =
         rivals.iter().filter(|r| !duels.iter().any(|d| d.separated && d.effect == r.id())).collect();
     // an effect that contains another counts only where it does better
-    let ids: Vec<String> = class.iter().map(|r| r.id().to_owned()).collect();
+    let ids: Vec<String> = class.iter().filter(|r| r.believed).map(|r| r.id().to_owned()).collect();
     class.retain(|r| !r.scored.variant.effect.contains().iter().any(|c| ids.iter().any(|i| i == c)));
     let unknowns = |r: &Rival<'_>| r.scored.variant.unknowns();
     // a richer effect that is not as far ahead of a simpler one as it would be if it were true
@@ -272,7 +293,7 @@ pub(crate) fn judge(
     };
     let short: Vec<usize> = class
         .iter()
-        .filter(|x| class.iter().any(|y| unknowns(x) > unknowns(y) && falls_short(x, y)))
+        .filter(|x| class.iter().any(|y| y.believed && unknowns(x) > unknowns(y) && falls_short(x, y)))
         .map(|x| x.index)
         .collect();
     class.retain(|r| !short.contains(&r.index));

@@ -129,13 +129,14 @@ pub(crate) fn prune(
     }
 }
 
-/// The member of a class that goes into the model: the most economical, unless another is better beyond chance.
+/// The member of a class that goes into the model: the most economical that is believed, unless another is better beyond chance.
 pub(crate) fn to_build_on<'s, 'a>(
     rivals: &'s [Rival<'a>],
     names: &[String],
     options: &DiscoverOptions,
 ) -> Option<&'s Rival<'a>> {
-    let members: Vec<&Rival<'a>> = names.iter().filter_map(|n| rivals.iter().find(|r| r.id() == n)).collect();
+    let members: Vec<&Rival<'a>> =
+        names.iter().filter_map(|n| rivals.iter().find(|r| r.believed && r.id() == n)).collect();
     let first = *members.first()?;
     let best = members.iter().copied().min_by(|a, b| a.error().total_cmp(&b.error()))?;
     let p = sign_flip_p(&best.fold_error, &first.fold_error, 2000, options.seed ^ 0xb111d);

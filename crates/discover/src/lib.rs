@@ -10,6 +10,7 @@
 //! | refit | `problem`, `candidate`, `nonlinear` | parameters taken out of columns, one Cholesky factor a fold; bounded coefficients; Gauss-Newton on the rest, again in each fold |
 //! | ranking | `rank`, `placebo`, `statistics` | choice of target inside each fold, intervals over clusters, sign-flip null over the whole library, effects that do not exist |
 //! | judgement | `discover`, `judge`, `exchange`, `ladder`, `pairs`, `words` | what is believed and what cannot be told apart, second rounds, pairs, pruning, words |
+//! | intervals | `repeating` | errors that repeat from trial to trial make intervals wider |
 //! | ladder | `addition` | one effect more: held-out error before and after, from rows or stored factors |
 //! | self-test | `self_test` | inject and recover on the user's own recordings |
 //!
@@ -55,6 +56,7 @@ mod pairs;
 mod placebo;
 mod problem;
 mod rank;
+mod repeating;
 mod result;
 mod self_test;
 mod session;

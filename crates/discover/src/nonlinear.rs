@@ -119,6 +119,48 @@ pub(crate) fn improve<'a>(
     Some((Variant { nonlinear: at.p, fitted: parameters.len(), ..variant.clone() }, at.gain))
 }
 
+/// Standard errors of coefficients and nonlinear parameters, all unknown together, from the columns `[C | ∂(Cθ)/∂p]`.
+fn joint_se(
+    problem: &Problem,
+    parameters: &[NonlinearParameter],
+    wide: &[DMatrix<f64>],
+    theta: &DVector<f64>,
+) -> Vec<f64> {
+    let se = |(i, v): (usize, &f64)| match i.checked_sub(theta.len()).map(|j| &parameters[j]) {
+        // no wider than not to know where between its bounds it lies
+        Some(q) if (q.upper - q.lower).is_finite() => v.sqrt().min((q.upper - q.lower) / 12f64.sqrt()),
+        _ => v.sqrt(),
+    };
+    problem.covariance(wide, theta).diagonal().iter().enumerate().map(se).collect()
+}
+
+/// The same for an effect at given values of its nonlinear parameters, which are taken as fitted earlier; empty where it has none.
+pub(crate) fn joint_se_at(session: &Session<'_>, problem: &Problem, variant: &Variant<'_>) -> Vec<f64> {
+    let parameters = variant.effect.nonlinear(session.scene, variant.target);
+    if parameters.is_empty() {
+        return Vec::new();
+    }
+    evaluate(session, problem, variant, variant.nonlinear.clone())
+        .and_then(|at| {
+            let wide = with_derivatives(session, problem, variant, &parameters, &at)?;
+            Some(joint_se(problem, &parameters, &wide, &at.theta))
+        })
+        .unwrap_or_default()
+}
+
+/// Columns `[C | ∂(Cθ)/∂p]` of an effect at its values.
+pub(crate) fn columns_and_slopes(
+    session: &Session<'_>,
+    problem: &Problem,
+    variant: &Variant<'_>,
+    theta: &DVector<f64>,
+) -> Option<Vec<DMatrix<f64>>> {
+    let parameters = variant.effect.nonlinear(session.scene, variant.target);
+    let p = variant.nonlinear.clone();
+    let columns = variant.columns_at(session, problem, &p)?;
+    with_derivatives(session, problem, variant, &parameters, &Point { p, theta: theta.clone(), gain: 0.0, columns })
+}
+
 /// Scores a fitted variant, its nonlinear parameters refitted in every fold.
 pub(crate) fn score_fitted<'a>(session: &Session<'_>, problem: &Problem, variant: Variant<'a>) -> Option<Scored<'a>> {
     let parameters = variant.effect.nonlinear(session.scene, variant.target);
@@ -126,17 +168,7 @@ pub(crate) fn score_fitted<'a>(session: &Session<'_>, problem: &Problem, variant
     let (s, _) = problem.reduce_all(&at.columns);
     let wide = with_derivatives(session, problem, &variant, &parameters, &at)?;
     let k = at.theta.len();
-    let joint_se = problem
-        .covariance(&wide, &at.theta)
-        .diagonal()
-        .iter()
-        .enumerate()
-        // no wider than not to know where between its bounds it lies
-        .map(|(i, v)| match i.checked_sub(k).map(|j| &parameters[j]) {
-            Some(q) if (q.upper - q.lower).is_finite() => v.sqrt().min((q.upper - q.lower) / 12f64.sqrt()),
-            _ => v.sqrt(),
-        })
-        .collect();
+    let joint_se = joint_se(problem, &parameters, &wide, &at.theta);
     let folds: Vec<(DVector<f64>, Vec<f64>, f64, f64)> = (0..problem.folds.len())
         .into_par_iter()
         .map(|g| {

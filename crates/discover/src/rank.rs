@@ -11,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 /// Rows that count as one independent observation: windows overlap by three quarters.
-const OVERLAP: f64 = 3.0;
+pub(crate) const OVERLAP: f64 = 3.0;
 
 /// Gauss-Newton steps of a first look, and of the final fit.
 const QUICK_STEPS: usize = 5;

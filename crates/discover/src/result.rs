@@ -113,6 +113,9 @@ pub struct Duel {
     pub separated: bool,
 }
 
+/// With fewer flights or trials than this a ratio has to lie below the 1 % quantile of the null distribution, with more below the 5 % quantile.
+pub(crate) const MANY_CLUSTERS: usize = 12;
+
 /// One round: the ranking against a model, and what was concluded.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Round {
@@ -142,6 +145,13 @@ pub struct Round {
     pub duels: Vec<Duel>,
     /// All effects, best first.
     pub candidates: Vec<Candidate>,
+}
+
+impl Round {
+    /// The quantile of the null distribution that limits belief here: its share (0.01 or 0.05) and the ratio below which chance comes so often.
+    pub fn by_chance(&self) -> (f64, f64) {
+        if self.clusters < MANY_CLUSTERS { (0.01, self.null_quantiles[0]) } else { (0.05, self.null_quantiles[1]) }
+    }
 }
 
 /// The answer to "which effect is missing?".

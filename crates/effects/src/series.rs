@@ -134,6 +134,8 @@ pub struct Series<'a> {
     spans: Vec<(usize, usize, Span)>,
     span_of: Vec<usize>,
     links: Vec<LinkFrame>,
+    /// Of each span: links in the frames that lead up to it.
+    lead_in: Vec<Vec<LinkFrame>>,
     plates: Vec<PlateFrame>,
     coms: Vec<[Vector3<f64>; 3]>,
     q: Vec<f64>,
@@ -144,6 +146,8 @@ pub struct Series<'a> {
 /// Half windows of the local cubics, s.
 const VELOCITY_REACH_S: f64 = 0.025;
 const ACCELERATION_REACH_S: f64 = 0.05;
+/// How long before a span its past is looked at, s.
+const LEAD_IN_S: f64 = 0.4;
 
 impl<'a> Series<'a> {
     /// Kinematics of all valid frames in the spans of a trial.
@@ -176,6 +180,7 @@ impl<'a> Series<'a> {
             spans: Vec::new(),
             span_of: Vec::new(),
             links: Vec::new(),
+            lead_in: Vec::new(),
             plates: Vec::new(),
             coms: Vec::new(),
             q: Vec::new(),
@@ -186,6 +191,18 @@ impl<'a> Series<'a> {
         let mut state = State::new(model);
         for span in trial.spans {
             let start = out.frames.len();
+            let mut lead_in = Vec::new();
+            let reach = (LEAD_IN_S * motion.rate_hz).round() as usize;
+            for frame in span.first_frame.saturating_sub(reach)..span.first_frame.min(motion.n_frames()) {
+                match differentiator.at(frame).filter(|_| motion.is_valid(frame)) {
+                    Some((v, a)) => {
+                        state.forward_acceleration(model, motion.q(frame), v, a);
+                        lead_in.extend(link_frames(&state));
+                    }
+                    None => lead_in.clear(),
+                }
+            }
+            out.lead_in.push(lead_in);
             for frame in span.first_frame..span.end_frame.min(motion.n_frames()) {
                 if !motion.is_valid(frame) {
                     continue;
@@ -206,19 +223,7 @@ impl<'a> Series<'a> {
 
     fn push_frame(&mut self, state: &State, q: &[f64], v: &[f64]) {
         let first = self.links.len();
-        for (i, pose) in state.world_from_link.iter().enumerate() {
-            let rotation = *state.rotation(i);
-            let zero = Vector3::zeros();
-            let part = |x: &nalgebra::Vector6<f64>| Vector3::new(x[3], x[4], x[5]);
-            self.links.push(LinkFrame {
-                origin: pose.translation.vector,
-                rotation,
-                velocity: state.point_velocity_in_world(i, &zero),
-                omega: rotation * part(&state.velocity[i]),
-                acceleration: state.point_acceleration_in_world(i, &zero),
-                alpha: rotation * part(&state.acceleration[i]),
-            });
-        }
+        self.links.extend(link_frames(state));
         let mut com = [Vector3::zeros(); 3];
         for ((link, phi), c) in self.links[first..].iter().zip(&self.scene.phi).zip(&self.scene.link_com_m) {
             com[0] += link.point(c) * phi[0];
@@ -286,6 +291,15 @@ impl<'a> Series<'a> {
         }
         out
     }
+    /// Links in the valid frames (up to 0.4 s of them) that lead up to frame `i` of the series where a span begins there, oldest first; empty
+    /// elsewhere.
+    pub fn lead_in(&self, i: usize) -> impl DoubleEndedIterator<Item = &[LinkFrame]> {
+        let span = self.span_of[i];
+        let (start, _, stretch) = self.spans[span];
+        let begins = start == i && self.frames[i] == stretch.first_frame;
+        let found: &[LinkFrame] = if begins { &self.lead_in[span] } else { &[] };
+        found.chunks_exact(self.scene.model.n_links())
+    }
     /// Links in frame `i` of the series.
     pub fn links(&self, i: usize) -> &[LinkFrame] {
         let n = self.scene.model.n_links();
@@ -314,6 +328,23 @@ impl<'a> Series<'a> {
             com_acceleration: self.coms[i][2],
         }
     }
+}
+
+/// Kinematics of all links of a state.
+fn link_frames(state: &State) -> impl Iterator<Item = LinkFrame> + '_ {
+    state.world_from_link.iter().enumerate().map(|(i, pose)| {
+        let rotation = *state.rotation(i);
+        let zero = Vector3::zeros();
+        let part = |x: &nalgebra::Vector6<f64>| Vector3::new(x[3], x[4], x[5]);
+        LinkFrame {
+            origin: pose.translation.vector,
+            rotation,
+            velocity: state.point_velocity_in_world(i, &zero),
+            omega: rotation * part(&state.velocity[i]),
+            acceleration: state.point_acceleration_in_world(i, &zero),
+            alpha: rotation * part(&state.acceleration[i]),
+        }
+    })
 }
 
 fn plate_frame(plate: &PlateSeries, frame: usize, rate_hz: f64) -> PlateFrame {
@@ -372,7 +403,7 @@ impl<'a> Differentiator<'a> {
             let t: Vec<f64> = (0..=2 * h).map(|i| (i as f64 - h as f64) / motion.rate_hz).collect();
             derivative_weights(&t, 3).unwrap_or_default()
         });
-        let (difference, v, a) = (vec![0.0; model.nv], vec![0.0; model.nv], vec![0.0; model.nv]);
+        let (difference, v, a) = (Vec::new(), vec![0.0; model.nv], vec![0.0; model.nv]);
         Self { model, motion, reach, central, difference, v, a }
     }
 
@@ -381,26 +412,38 @@ impl<'a> Differentiator<'a> {
         let here = self.motion.q(frame);
         let free_root = self.model.links.first().is_some_and(|l| l.joint.kind == JointKind::Free);
         let mut root = [Vector3::zeros(), Vector3::zeros()];
+        let nv = self.model.nv;
+        let window = |h: usize| frame.saturating_sub(h)..(frame + h + 1).min(self.motion.n_frames());
+        // differences of the wider window serve the narrower one, too
+        let widest = window(self.reach[0].max(self.reach[1]));
+        self.difference.resize(widest.len() * nv, 0.0);
+        for (f, difference) in widest.clone().zip(self.difference.chunks_exact_mut(nv)) {
+            if self.motion.is_valid(f) {
+                self.model.difference(here, self.motion.q(f), difference);
+            }
+        }
         for order in 0..2 {
             let h = self.reach[order];
-            let first = frame.saturating_sub(h);
-            let end = (frame + h + 1).min(self.motion.n_frames());
-            let whole = end - first == 2 * h + 1 && (first..end).all(|f| self.motion.is_valid(f));
-            let frames: Vec<usize> = (first..end).filter(|&f| self.motion.is_valid(f)).collect();
+            let range = window(h);
+            let whole = range.len() == 2 * h + 1 && range.clone().all(|f| self.motion.is_valid(f));
             let own;
             let weights = if whole {
                 &self.central[order]
             } else {
-                let t: Vec<f64> = frames.iter().map(|&f| (f as f64 - frame as f64) / self.motion.rate_hz).collect();
-                own = derivative_weights(&t, if frames.len() > 2 * h { 3 } else { 2 })?;
+                let t: Vec<f64> = range
+                    .clone()
+                    .filter(|&f| self.motion.is_valid(f))
+                    .map(|f| (f as f64 - frame as f64) / self.motion.rate_hz)
+                    .collect();
+                own = derivative_weights(&t, if t.len() > 2 * h { 3 } else { 2 })?;
                 &own
             };
             let weights = if order == 0 { &weights.0 } else { &weights.1 };
             let out = if order == 0 { &mut self.v } else { &mut self.a };
             out.fill(0.0);
-            for (&f, w) in frames.iter().zip(weights) {
-                self.model.difference(here, self.motion.q(f), &mut self.difference);
-                for (x, d) in out.iter_mut().zip(&self.difference) {
+            for (f, w) in range.filter(|&f| self.motion.is_valid(f)).zip(weights) {
+                let at = (f - widest.start) * nv;
+                for (x, d) in out.iter_mut().zip(&self.difference[at..at + nv]) {
                     *x += w * d;
                 }
                 if free_root {

@@ -377,9 +377,9 @@ fn prop_a_stiff_wobbling_mass_follows_with_the_delay_of_its_spring() {
     fixture.with(|series| {
         let choice = Choice::parse("wobbling_mass[arm]", &fixture.scene).unwrap();
         let (f, zeta) = (20.0, 0.7);
-        let columns = fixture.columns(series, choice.effect, choice.target, &[f, zeta]);
-        let w = std::f64::consts::TAU * f;
         let com = fixture.scene.link_com_m[1];
+        let columns = fixture.columns(series, choice.effect, choice.target, &[f, zeta, com.x, com.y, com.z]);
+        let w = std::f64::consts::TAU * f;
         let fall: Vec<Vector3<f64>> = (0..series.len())
             .map(|i| series.links(i)[1].point_acceleration(&com) - fixture.scene.model.gravity_mps2)
             .collect();

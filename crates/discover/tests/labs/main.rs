@@ -72,7 +72,7 @@ fn compare(case: &Case, size: f64, d: &Discovery) -> Vec<(String, f64, f64, f64)
     let truth: Vec<f64> = case.unit.iter().map(|u| u * size).collect();
     let Some(found) = d.found.iter().find(|f| f.effect == case.effect) else { return Vec::new() };
     if found.key == case.key {
-        let main = |k: usize| found.coefficients[k].unit == found.coefficients[0].unit;
+        let main = |k: usize| k < case.known && found.coefficients[k].unit == found.coefficients[0].unit;
         return found
             .coefficients
             .iter()

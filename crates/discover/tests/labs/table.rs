@@ -52,8 +52,16 @@ pub fn markdown(lines: &[Line]) -> String {
     }
     let named: Vec<&Line> =
         hidden.iter().copied().filter(|l| matches!(l.outcome.as_str(), "hit" | "class" | "hit and more")).collect();
-    let near = named.iter().filter(|l| (l.after / l.twin - 1.0).abs() <= 0.05).count();
-    writeln!(w, "Held-out error after adding within 5 % of the twin's: {}.", percent(near, named.len())).unwrap();
+    let near = named.iter().filter(|l| l.after <= 1.05 * l.twin).count();
+    writeln!(w, "Held-out error after adding at most 5 % above the twin's: {}.", percent(near, named.len())).unwrap();
+    for kind in &kinds {
+        let of: Vec<&&Line> = named.iter().filter(|l| l.kind == *kind).collect();
+        let near = of.iter().filter(|l| l.after <= 1.05 * l.twin).count();
+        let all: Vec<_> = of.iter().flat_map(|l| &l.coefficients).collect();
+        let within = all.iter().filter(|(_, truth, value, se)| (value - truth).abs() <= 2.0 * se).count();
+        writeln!(w, "Of these {kind}: {}; coefficients {}.", percent(near, of.len()), percent(within, all.len()))
+            .unwrap();
+    }
     let all: Vec<&(String, f64, f64, f64)> = named.iter().flat_map(|l| &l.coefficients).collect();
     let within = all.iter().filter(|(_, truth, value, se)| (value - truth).abs() <= 2.0 * se).count();
     writeln!(w, "Coefficients within two standard errors of the truth: {}.", percent(within, all.len())).unwrap();

@@ -1,8 +1,9 @@
 //! A filter that took acceleration away.
 
 use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
-use crate::displacement::rate;
-use crate::{Columns, Scene, Series};
+use crate::displacement::{add_columns, add_turns};
+use crate::{Columns, EffectFrame, Scene, Series};
+use aloft_body::JointKind;
 use nalgebra::Vector3;
 
 pub(super) static EFFECT: EffectDefinition = EffectDefinition {
@@ -39,34 +40,50 @@ fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
 }
 
 fn law(series: &Series<'_>, _: Target, _: &[f64], out: &mut Columns) {
-    let scene = series.scene;
-    let n_links = scene.model.n_links();
-    for run in series.runs() {
-        // momentum about a fixed point near the body; two derivatives more than its rate
-        let Some(origin) = run.clone().next().map(|i| series.frame(i).com) else { continue };
-        let (mut linear, mut angular) = (Vec::with_capacity(run.len()), Vec::with_capacity(run.len()));
-        for i in run.clone() {
-            let (mut p, mut h) = (Vector3::zeros(), Vector3::zeros());
-            for (link, phi) in series.links(i).iter().zip(&scene.phi).take(n_links) {
-                let inertia = aloft_body::inertia::inertia_about_origin(phi);
-                let mc = link.rotation * aloft_body::inertia::first_moment(phi);
-                let arm = link.origin - origin;
-                let momentum = link.velocity * phi[0] + link.omega.cross(&mc);
-                p += momentum;
-                h += arm.cross(&momentum)
-                    + mc.cross(&link.velocity)
-                    + link.rotation * (inertia * (link.rotation.transpose() * link.omega));
-            }
-            linear.push(p);
-            angular.push(h);
+    let n = series.scene.model.n_links();
+    // of every frame: how the links are seen turned, and how their centres of mass are seen displaced, per unit
+    let mut turns = Vec::with_capacity(series.len() * n);
+    let mut shifts = Vec::with_capacity(series.len() * n);
+    for i in 0..series.len() {
+        seen(&series.frame(i), &mut turns, &mut shifts);
+    }
+    let at = |f: &EffectFrame<'_>, link: usize| series.index_of(f.frame).map(|i| i * n + link);
+    let of = |all: &[Vector3<f64>], f: &EffectFrame<'_>, link| at(f, link).map_or_else(Vector3::zeros, |k| all[k]);
+    add_columns(series, out, |f, _, link| of(&shifts, f, link));
+    add_turns(series, 0, out, |f, link| of(&turns, f, link));
+}
+
+/// Turns by the angular acceleration, as far as the joints let the links follow; displacements of a skeleton that keeps its lengths, its whole
+/// centre of mass by the acceleration of it.
+fn seen(f: &EffectFrame<'_>, turns: &mut Vec<Vector3<f64>>, shifts: &mut Vec<Vector3<f64>>) {
+    let scene = f.scene;
+    let first = turns.len();
+    let mut origins: Vec<Vector3<f64>> = Vec::with_capacity(f.links.len());
+    let mut mean = Vector3::zeros();
+    for (link, here) in scene.model.links.iter().zip(f.links) {
+        let (mut turn, mut origin) = (here.alpha, Vector3::zeros());
+        if let Some(parent) = link.parent {
+            let carried = turns[first + parent];
+            let free = here.alpha - carried;
+            turn = carried
+                + match link.joint.kind {
+                    JointKind::Free | JointKind::Spherical => free,
+                    JointKind::Revolute(axis) => {
+                        let axis = here.rotation * axis.into_inner();
+                        axis * axis.dot(&free)
+                    }
+                    _ => Vector3::zeros(),
+                };
+            origin = origins[parent] + carried.cross(&(here.origin - f.links[parent].origin));
         }
-        let third = |x: &[Vector3<f64>]| {
-            let hz = series.rate_hz;
-            rate(&rate(&rate(x, hz), hz), hz)
-        };
-        let (force, moment) = (third(&linear), third(&angular));
-        for (i, at) in run.enumerate() {
-            out.add(at, 0, &force[i], &(moment[i] + origin.cross(&force[i])));
-        }
+        let i = origins.len();
+        let shift = origin + turn.cross(&(here.rotation * scene.link_com_m[i]));
+        mean += shift * (scene.phi[i][0] / scene.mass_kg);
+        origins.push(origin);
+        turns.push(turn);
+        shifts.push(shift);
+    }
+    for shift in &mut shifts[first..] {
+        *shift += f.com_acceleration - mean;
     }
 }

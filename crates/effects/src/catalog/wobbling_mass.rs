@@ -3,7 +3,7 @@
 use crate::definition::{
     self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, NonlinearParameter, Target, WrenchLaw,
 };
-use crate::{Columns, Scene, Series};
+use crate::{Columns, LinkFrame, Scene, Series};
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 
@@ -23,12 +23,13 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     inertia: None,
     documentation: "\
 ## Physics
-Soft tissue follows the bone late and rings after take-off and landing. A part of the link's mass hangs on a spring and a damper at the link's centre of mass.
+Soft tissue follows the bone late and rings after take-off and landing. A part of the link's mass hangs on a spring and a damper at a point of the link.
 
 ## Equation
-Offset x of the mass: `x'' = g - a - 2 z w x' - w2 x`, a the acceleration of the point, w = 2 pi f. Against a rigid link the body feels `-m x''` at the point. \
-Coefficient: mass `m` (kg, positive); nonlinear: frequency f (2-20 Hz) and damping ratio z (0.02-1). For w far above the motion this is the quasi-static `-(m/w2) d2(a - g)/dt2`. \
-Each stretch starts with the offset at rest in the field of the moment; in flight its free ringing from the stretch before is carried on where frames are contiguous.
+Offset x of the mass: `x'' = g - a - 2 z w (x' - omega x x) - w2 x`, a the acceleration of the point, omega the angular velocity of the link, w = 2 pi f. Against a rigid link the body feels `-m x''` at the point. \
+Coefficients (kg): mass `m` (positive), driven through the frames that lead up to the stretch, or from no offset where none were recorded; `hanging`, which hung at rest in gravity when the stretch began and rings freely from there \
+(m for a body let go at rest, more after a take-off); `turning`, the same for an offset at rest in the first frame's field (m for a body that had long been turning). \
+Nonlinear: frequency f (2-20 Hz), damping ratio z (0.02-1), the point p within 0.3 m of the link's centre of mass. For w far above the motion the first is the quasi-static `-(m/w2) d2(a - g)/dt2`.
 
 ## Identifiability
 35-55 % visible at best beside the inertial parameters; filter attenuation and soft-tissue artefact live in the same band. Rings of 5-15 Hz that decay after impact are its mark.
@@ -39,48 +40,85 @@ Gruber et al., J. Biomech. 31 (1998) 433-444; own simulations.
 };
 
 fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
-    vec![Coefficient::positive("mass", "kg")]
+    vec![Coefficient::positive("mass", "kg"), Coefficient::free("hanging", "kg"), Coefficient::free("turning", "kg")]
 }
 
-fn nonlinear(_: &Scene, _: Target) -> Vec<NonlinearParameter> {
-    vec![
+fn nonlinear(scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
+    let mut out = vec![
         NonlinearParameter::new("frequency", "Hz", 2.0, 20.0, 0.3),
         NonlinearParameter::new("damping_ratio", "1", 0.02, 1.0, 0.05),
-    ]
+    ];
+    out.extend(super::constant_force::nonlinear(scene, target));
+    out
 }
 
-fn starts(_: &Scene, _: Target) -> Vec<Vec<f64>> {
-    [4.0, 6.0, 8.0, 11.0, 15.0].iter().map(|f| vec![*f, 0.2]).collect()
+fn starts(scene: &Scene, target: Target) -> Vec<Vec<f64>> {
+    let point = super::constant_force::starts(scene, target).concat();
+    [4.0, 6.0, 8.0, 11.0, 15.0].iter().map(|f| [&[*f, 0.2][..], &point].concat()).collect()
 }
 
 fn law(series: &Series<'_>, target: Target, p: &[f64], out: &mut Columns) {
     let (w, zeta) = (TAU * p[0], p[1]);
     let link = def::link_of(target);
-    let com = series.scene.link_com_m[link];
+    let place = Vector3::new(p[2], p[3], p[4]);
     let g = series.scene.model.gravity_mps2;
+    let fall = |links: &[LinkFrame]| g - links[link].point_acceleration(&place);
+    let omega = |links: &[LinkFrame]| links[link].omega;
     for run in series.runs() {
-        let drive = |i: usize| g - series.links(i)[link].point_acceleration(&com);
-        // hangs at rest in the first frame's field; in flight that field is nearly none
-        let mut x: Vector3<f64> = drive(run.start) / (w * w);
-        let mut v = Vector3::<f64>::zeros();
-        let steps = 4;
-        let h = 1.0 / (series.rate_hz * steps as f64);
+        let here = series.links(run.start);
+        let none = Vector3::zeros();
+        let mass = |x| Oscillator { x, v: none, w, zeta };
+        // driven from no offset where nothing is known of the time before, else through the frames that lead up to the stretch
+        let past: Vec<(Vector3<f64>, Vector3<f64>)> = series.lead_in(run.start).map(|l| (fall(l), omega(l))).collect();
+        let first = (fall(here), omega(here));
+        let mut driven = mass(past.first().map_or(none, |oldest| oldest.0 / (w * w)));
+        for (i, (field, turn)) in past.iter().enumerate() {
+            driven.advance(field, &past.get(i + 1).unwrap_or(&first).0, turn, series.rate_hz);
+        }
+        // let go from where it hung in gravity, and from where it was held in the first field
+        let (mut hung, mut turned) = (mass(g / (w * w)), mass(first.0 / (w * w)));
         for i in run.clone() {
-            let here = drive(i);
-            let wobble = here - v * (2.0 * zeta * w) - x * (w * w);
-            let point = series.links(i)[link].point(&com);
-            out.force_at(i, 0, &-wobble, &point);
+            let (field, turn) = (fall(series.links(i)), omega(series.links(i)));
+            let point = series.links(i)[link].point(&place);
+            out.force_at(i, 0, &-driven.acceleration(&field, &turn), &point);
+            out.force_at(i, 1, &-hung.acceleration(&none, &turn), &point);
+            out.force_at(i, 2, &-turned.acceleration(&none, &turn), &point);
             if i + 1 < run.end {
-                let next = drive(i + 1);
-                for s in 0..steps {
-                    // implicit midpoint, stable for every stiffness
-                    let d = here + (next - here) * ((s as f64 + 0.5) / steps as f64);
-                    let gain = 1.0 + h * zeta * w + 0.25 * h * h * w * w;
-                    let middle = (v + (d - x * (w * w)) * (0.5 * h)) / gain;
-                    x += middle * h;
-                    v = middle * 2.0 - v;
-                }
+                driven.advance(&field, &fall(series.links(i + 1)), &turn, series.rate_hz);
+                hung.advance(&none, &none, &turn, series.rate_hz);
+                turned.advance(&none, &none, &turn, series.rate_hz);
             }
+        }
+    }
+}
+
+/// A mass on a spring and a damper that turns with the link: offset and its rate, both in the world.
+struct Oscillator {
+    x: Vector3<f64>,
+    v: Vector3<f64>,
+    w: f64,
+    zeta: f64,
+}
+
+impl Oscillator {
+    /// `x''` in a field, the link turning with `omega`.
+    fn acceleration(&self, field: &Vector3<f64>, omega: &Vector3<f64>) -> Vector3<f64> {
+        field - (self.v - omega.cross(&self.x)) * (2.0 * self.zeta * self.w) - self.x * (self.w * self.w)
+    }
+
+    /// Over one frame in which the field goes from `here` to `next`.
+    fn advance(&mut self, here: &Vector3<f64>, next: &Vector3<f64>, omega: &Vector3<f64>, rate_hz: f64) {
+        let steps = 4;
+        let h = 1.0 / (rate_hz * f64::from(steps));
+        let w2 = self.w * self.w;
+        // implicit midpoint, stable for every stiffness
+        let gain = 1.0 + h * self.zeta * self.w + 0.25 * h * h * w2;
+        for s in 0..steps {
+            let field = here + (next - here) * ((f64::from(s) + 0.5) / f64::from(steps));
+            let carried = omega.cross(&self.x) * (2.0 * self.zeta * self.w);
+            let middle = (self.v + (field + carried - self.x * w2) * (0.5 * h)) / gain;
+            self.x += middle * h;
+            self.v = middle * 2.0 - self.v;
         }
     }
 }

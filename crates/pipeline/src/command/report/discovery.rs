@@ -99,13 +99,15 @@ fn answer(story: &Story<'_>, revision: usize, d: &Discovery, several: bool) -> S
     ));
     blocks.push(Block::Cards { cards });
     if let Some(r) = d.rounds.first() {
+        let (share, chance) = r.by_chance();
         blocks.push(Block::text(format!(
             "Judged {} on {} groups of rows (recordings, or flights where recordings are few), each held out in its turn. With the signs of the \
-             residuals flipped at random, the best of the whole catalogue came to a ratio of {} in one case of twenty: only a ratio below {} is \
+             residuals flipped at random, the best of the whole catalogue came below a ratio of {} in {:.0} % of the cases: only a ratio below {} is \
              believed.",
             if r.judged_on == "flight" { "in flight" } else { "in contact" },
             r.clusters,
-            number(r.null_quantiles[1]),
+            number(chance),
+            100.0 * share,
             number(r.threshold)
         )));
     }

@@ -1,0 +1,112 @@
+//! Errors that repeat from trial to trial, which the scatter of a coefficient over trials does not show.
+//!
+//! The prior of the inertial parameters is the same in every trial, and so is its error. With it a standard error is not less than that of the joint
+//! posterior, `√(σ²[S⁻¹]ₖₖ)` per independent row.
+//!
+//! Soft tissue follows the posture, and a jump is like the last one: markers slide the same way in every trial. How far they slide, linearly in the
+//! angles of each joint, is a random number `δ ~ N(0, τ²)` (m/rad) a joint, angle and axis. The rows themselves say how large τ is (type II maximum
+//! likelihood, the inertial parameters and the model's effects taken out; MacKay, Neural Computation 4, 1992, 415-447), and the columns say what `δ`
+//! would make of a coefficient: `S⁻¹ Cᵀ D δ`, with the Gram matrix `S = CᵀC` and the columns `D` of the slides beside the model.
+
+use crate::candidate::{Variant, pseudo_inverse};
+use crate::discover::DiscoverOptions;
+use crate::problem::{Domain, Problem};
+use crate::rank::OVERLAP;
+use crate::result::Estimate;
+use crate::session::Session;
+use aloft_effects::Effect;
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+/// Values of τ²/σ² that are tried: a factor 2 apart.
+const GRID: std::ops::Range<i32> = -20..60;
+
+/// Columns of markers that slide on every link, by block; `None` where no joint turns or stored rows are all there is.
+fn slides(session: &Session<'_>, domain: Domain) -> Option<Vec<DMatrix<f64>>> {
+    let effect: &dyn Effect = aloft_effects::effect("soft_tissue").ok()?;
+    let of_links: Vec<Vec<DMatrix<f64>>> = effect
+        .targets(session.scene)
+        .into_par_iter()
+        .filter_map(|target| session.columns(effect, target, &[], domain))
+        .collect();
+    let width: usize = of_links.iter().map(|c| c[0].ncols()).sum();
+    (width > 0).then(|| {
+        (0..session.blocks.len())
+            .map(|b| {
+                let mut wide = DMatrix::zeros(of_links[0][b].nrows(), width);
+                let mut at = 0;
+                for c in &of_links {
+                    wide.columns_mut(at, c[b].ncols()).copy_from(&c[b]);
+                    at += c[b].ncols();
+                }
+                wide
+            })
+            .collect()
+    })
+}
+
+/// τ² of the slides beside a complete model, (m/rad)².
+fn slide_variance(problem: &Problem, slides: &[DMatrix<f64>]) -> f64 {
+    let (s, c) = problem.reduce_all(&problem.gather(slides));
+    let eigen = s.symmetric_eigen();
+    let z = eigen.eigenvectors.tr_mul(&c);
+    let seen: Vec<(f64, f64)> =
+        eigen.eigenvalues.iter().zip(z.iter()).filter(|(l, _)| **l > 0.0).map(|(l, z)| (*l, z * z)).collect();
+    // windows overlap, so there are fewer independent rows, with the same variance each
+    let n = problem.clusters.iter().map(|c| c.n_rows as f64).sum::<f64>();
+    let score = |ratio: f64| {
+        let gain: f64 = seen.iter().map(|(l, z)| ratio * z / (1.0 + ratio * l)).sum();
+        let variance = ((problem.rss - gain) / n).max(f64::MIN_POSITIVE);
+        let spread: f64 = seen.iter().map(|(l, _)| (ratio * l / OVERLAP).ln_1p()).sum();
+        (n / OVERLAP * variance.ln() + spread, ratio * variance)
+    };
+    let scale = seen.iter().map(|(l, _)| l).fold(0.0f64, |a, l| a.max(*l));
+    if scale == 0.0 {
+        return 0.0;
+    }
+    let plain = score(0.0).0;
+    GRID.map(|e| score(2f64.powi(e) / scale * OVERLAP))
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .filter(|best| best.0 < plain)
+        .map_or(0.0, |best| best.1)
+}
+
+/// Makes the standard errors of an effect as large as errors that repeat make them: `others` are the columns of the rest of the model, `whole` those of all of it.
+pub(crate) fn widen(
+    session: &Session<'_>,
+    domain: Domain,
+    (others, whole): (&[Vec<DMatrix<f64>>], &[Vec<DMatrix<f64>>]),
+    variant: &Variant<'_>,
+    (coefficients, nonlinear): (&mut [Estimate], &mut [Estimate]),
+    options: &DiscoverOptions,
+) {
+    let Some(slides) = slides(session, domain) else { return };
+    let new = |extra, variance| {
+        Problem::with_variance(session, domain, extra, options.fewest_trials, options.prior_weight, variance)
+    };
+    let Ok(complete) = new(whole, None) else { return };
+    // the prior weighed as the complete model leaves it
+    let Ok(without) = new(others, Some(complete.variance)) else { return };
+    let variance = slide_variance(&complete, &slides);
+    let theta = nalgebra::DVector::from_iterator(coefficients.len(), coefficients.iter().map(|e| e.value));
+    let Some(own) = crate::nonlinear::columns_and_slopes(session, &without, variant, &theta) else { return };
+    let k = own[0].ncols();
+    let both: Vec<DMatrix<f64>> = own
+        .iter()
+        .zip(without.gather(&slides))
+        .map(|(c, d)| {
+            let mut wide = DMatrix::zeros(c.nrows(), k + d.ncols());
+            wide.columns_mut(0, k).copy_from(c);
+            wide.columns_mut(k, d.ncols()).copy_from(&d);
+            wide
+        })
+        .collect();
+    let (s, _) = without.reduce_all(&both);
+    let inverse = pseudo_inverse(&s.view((0, 0), (k, k)).into_owned());
+    let reach = &inverse * s.view((0, k), (k, s.ncols() - k));
+    let row = if session.prior.is_some() { OVERLAP * complete.variance } else { 0.0 };
+    for (i, e) in coefficients.iter_mut().chain(nonlinear.iter_mut()).enumerate().take(k) {
+        let repeats = variance * reach.row(i).norm_squared();
+        e.se = ((e.se * e.se).max(row * inverse[(i, i)]) + repeats).sqrt();
+    }
+}
