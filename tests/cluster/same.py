@@ -1,6 +1,12 @@
-"""Compares what two workspaces hold of identified parameters, comparison and discovery, byte by byte. Exit code 1 where they differ."""
+"""Compares two workspaces: `same.py ONE OTHER`. Exit code 1 where they differ.
+
+1. What was concluded, byte by byte: identified parameters, comparison, discovery.
+2. Every result of every stage: its hash of contents, its inputs, parameters, outcome, warnings and figures (all of its manifest
+   but the seconds it took). Nodes of the merge tree, which only a workflow makes, are left out.
+"""
 
 import hashlib
+import json
 import sys
 from pathlib import Path
 
@@ -12,15 +18,29 @@ FILES = [
 ]
 
 
+def results(workspace: Path) -> dict[str, dict]:
+    out = {}
+    for path in workspace.glob("*/*/manifest.json"):
+        key = path.parent.relative_to(workspace).as_posix()
+        if not key.startswith("merge/"):
+            out[key] = json.loads(path.read_text())
+            del out[key]["seconds"]
+    return out
+
+
 def main() -> int:
     one, other = (Path(p) for p in sys.argv[1:3])
     different = 0
     for name in FILES:
         a, b = (one / name).read_bytes(), (other / name).read_bytes()
-        same = a == b
-        different += not same
-        print(f"{'same     ' if same else 'DIFFERENT'}  {name}  {len(a)} bytes  {hashlib.sha256(a).hexdigest()[:16]}")
-    return 1 if different else 0
+        different += a != b
+        print(f"{'same     ' if a == b else 'DIFFERENT'}  {name}  {len(a)} bytes  {hashlib.sha256(a).hexdigest()[:16]}")
+    a, b = results(one), results(other)
+    unlike = sorted(k for k in a.keys() | b.keys() if a.get(k) != b.get(k))
+    print(f"{len(a.keys() & b.keys()) - len([k for k in unlike if k in a and k in b])} of {len(a)} results have the same contents")
+    for key in unlike[:10]:
+        print(f"DIFFERENT  {key}")
+    return 1 if different or unlike else 0
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ conf=/etc/slurm/slurm.conf
 mark="# written by tests/cluster/slurm.sh"
 
 stop() {
+    if [ -f $conf ] && grep -q "^$mark" $conf; then timeout 10 scancel --user="$(id -un)" 2>/dev/null || true; fi
     for pid in "$folder"/*.pid; do
         [ -e "$pid" ] && kill "$(cat "$pid")" 2>/dev/null || true
     done
@@ -38,6 +39,8 @@ ProctrackType=proctrack/linuxproc
 TaskPlugin=task/none
 AccountingStorageType=accounting_storage/none
 JobAcctGatherType=jobacct_gather/none
+JobCompType=jobcomp/filetxt
+JobCompLoc=$folder/jobs.txt
 MinJobAge=3600
 ReturnToService=2
 SlurmdTimeout=20
