@@ -7,9 +7,12 @@
 //! f = d²/dt² Σ m_i e_i        n₀ = d/dt Σ m_i (e_i × v_i + c_i × ė_i) − Σ m_i e_i × g
 //! ```
 //!
-//! with the links' centres of mass c_i, velocities v_i and masses m_i (rotations of the links about their own centres are left out).
+//! with the links' centres of mass c_i, velocities v_i and masses m_i. Where links are seen turned as well, by small rotation vectors `θ a_i`, the
+//! moment gains `d/dt Σ (a_i × h_i + J_i ȧ_i)` with the links' inertias J_i about their centres and spins h_i = J_i ω_i; fields without turns
+//! leave that out.
 
 use crate::{Columns, EffectFrame, Series};
+use aloft_body::LinkInertia;
 use nalgebra::Vector3;
 
 /// First derivative of a sampled vector in a run by a local cubic over up to nine samples.
@@ -35,6 +38,33 @@ pub(crate) fn rate(values: &[Vector3<f64>], rate_hz: f64) -> Vec<Vector3<f64>> {
             }
         })
         .collect()
+}
+
+/// Adds the column of links seen turned: `field(frame, link)` is the world rotation vector by which a link is seen turned, rad per unit.
+pub(crate) fn add_turns(
+    series: &Series<'_>,
+    column: usize,
+    out: &mut Columns,
+    field: impl Fn(&EffectFrame<'_>, usize) -> Vector3<f64>,
+) {
+    let scene = series.scene;
+    let inertias: Vec<LinkInertia> = scene.phi.iter().map(LinkInertia::from_phi).collect();
+    for run in series.runs() {
+        let frames: Vec<EffectFrame<'_>> = run.clone().map(|i| series.frame(i)).collect();
+        let mut spin = vec![Vector3::zeros(); frames.len()];
+        for (link, own) in inertias.iter().enumerate() {
+            let turn: Vec<Vector3<f64>> = frames.iter().map(|f| field(f, link)).collect();
+            let turn_dot = rate(&turn, series.rate_hz);
+            for (i, f) in frames.iter().enumerate() {
+                let r = f.links[link].rotation;
+                let inertia = r * own.inertia_com_kgm2 * r.transpose();
+                spin[i] += turn[i].cross(&(inertia * f.links[link].omega)) + inertia * turn_dot[i];
+            }
+        }
+        for (at, moment) in run.zip(rate(&spin, series.rate_hz)) {
+            out.couple(at, column, &moment);
+        }
+    }
 }
 
 /// Adds the columns of displacement fields: `field(frame, column, link)` is the world displacement of a link's centre of mass, m per unit.

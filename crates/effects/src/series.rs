@@ -134,6 +134,8 @@ pub struct Series<'a> {
     spans: Vec<(usize, usize, Span)>,
     span_of: Vec<usize>,
     links: Vec<LinkFrame>,
+    /// Of each span: links in the frames that lead up to it.
+    lead_in: Vec<Vec<LinkFrame>>,
     plates: Vec<PlateFrame>,
     coms: Vec<[Vector3<f64>; 3]>,
     q: Vec<f64>,
@@ -144,6 +146,8 @@ pub struct Series<'a> {
 /// Half windows of the local cubics, s.
 const VELOCITY_REACH_S: f64 = 0.025;
 const ACCELERATION_REACH_S: f64 = 0.05;
+/// How long before a span its past is looked at, s.
+const LEAD_IN_S: f64 = 0.4;
 
 impl<'a> Series<'a> {
     /// Kinematics of all valid frames in the spans of a trial.
@@ -176,6 +180,7 @@ impl<'a> Series<'a> {
             spans: Vec::new(),
             span_of: Vec::new(),
             links: Vec::new(),
+            lead_in: Vec::new(),
             plates: Vec::new(),
             coms: Vec::new(),
             q: Vec::new(),
@@ -186,6 +191,18 @@ impl<'a> Series<'a> {
         let mut state = State::new(model);
         for span in trial.spans {
             let start = out.frames.len();
+            let mut lead_in = Vec::new();
+            let reach = (LEAD_IN_S * motion.rate_hz).round() as usize;
+            for frame in span.first_frame.saturating_sub(reach)..span.first_frame.min(motion.n_frames()) {
+                match differentiator.at(frame).filter(|_| motion.is_valid(frame)) {
+                    Some((v, a)) => {
+                        state.forward_acceleration(model, motion.q(frame), v, a);
+                        lead_in.extend(link_frames(&state));
+                    }
+                    None => lead_in.clear(),
+                }
+            }
+            out.lead_in.push(lead_in);
             for frame in span.first_frame..span.end_frame.min(motion.n_frames()) {
                 if !motion.is_valid(frame) {
                     continue;
@@ -206,19 +223,7 @@ impl<'a> Series<'a> {
 
     fn push_frame(&mut self, state: &State, q: &[f64], v: &[f64]) {
         let first = self.links.len();
-        for (i, pose) in state.world_from_link.iter().enumerate() {
-            let rotation = *state.rotation(i);
-            let zero = Vector3::zeros();
-            let part = |x: &nalgebra::Vector6<f64>| Vector3::new(x[3], x[4], x[5]);
-            self.links.push(LinkFrame {
-                origin: pose.translation.vector,
-                rotation,
-                velocity: state.point_velocity_in_world(i, &zero),
-                omega: rotation * part(&state.velocity[i]),
-                acceleration: state.point_acceleration_in_world(i, &zero),
-                alpha: rotation * part(&state.acceleration[i]),
-            });
-        }
+        self.links.extend(link_frames(state));
         let mut com = [Vector3::zeros(); 3];
         for ((link, phi), c) in self.links[first..].iter().zip(&self.scene.phi).zip(&self.scene.link_com_m) {
             com[0] += link.point(c) * phi[0];
@@ -286,6 +291,15 @@ impl<'a> Series<'a> {
         }
         out
     }
+    /// Links in the valid frames (up to 0.4 s of them) that lead up to frame `i` of the series where a span begins there, oldest first; empty
+    /// elsewhere.
+    pub fn lead_in(&self, i: usize) -> impl DoubleEndedIterator<Item = &[LinkFrame]> {
+        let span = self.span_of[i];
+        let (start, _, stretch) = self.spans[span];
+        let begins = start == i && self.frames[i] == stretch.first_frame;
+        let found: &[LinkFrame] = if begins { &self.lead_in[span] } else { &[] };
+        found.chunks_exact(self.scene.model.n_links())
+    }
     /// Links in frame `i` of the series.
     pub fn links(&self, i: usize) -> &[LinkFrame] {
         let n = self.scene.model.n_links();
@@ -314,6 +328,23 @@ impl<'a> Series<'a> {
             com_acceleration: self.coms[i][2],
         }
     }
+}
+
+/// Kinematics of all links of a state.
+fn link_frames(state: &State) -> impl Iterator<Item = LinkFrame> + '_ {
+    state.world_from_link.iter().enumerate().map(|(i, pose)| {
+        let rotation = *state.rotation(i);
+        let zero = Vector3::zeros();
+        let part = |x: &nalgebra::Vector6<f64>| Vector3::new(x[3], x[4], x[5]);
+        LinkFrame {
+            origin: pose.translation.vector,
+            rotation,
+            velocity: state.point_velocity_in_world(i, &zero),
+            omega: rotation * part(&state.velocity[i]),
+            acceleration: state.point_acceleration_in_world(i, &zero),
+            alpha: rotation * part(&state.acceleration[i]),
+        }
+    })
 }
 
 fn plate_frame(plate: &PlateSeries, frame: usize, rate_hz: f64) -> PlateFrame {

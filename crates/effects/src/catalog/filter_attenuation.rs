@@ -1,8 +1,9 @@
 //! A filter that took acceleration away.
 
 use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
-use crate::displacement::rate;
-use crate::{Columns, Scene, Series};
+use crate::displacement::{add_columns, add_turns};
+use crate::{Columns, EffectFrame, Scene, Series};
+use aloft_body::JointKind;
 use nalgebra::Vector3;
 
 pub(super) static EFFECT: EffectDefinition = EffectDefinition {
@@ -13,6 +14,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "",
     contains: &[],
     by_group: false,
+    unbounded: "a filter takes acceleration away and adds none; how much follows from its cut-off, which is unknown",
     targets: def::body,
     coefficients,
     nonlinear: def::none,
@@ -21,13 +23,16 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     inertia: None,
     documentation: "\
 ## Physics
-Recordings that were smoothed (in the laboratory's software or by too low a cut-off) show accelerations that are too small, the more so the faster they change.
+Recordings that were smoothed before (in the laboratory's software, or with too low a cut-off) show accelerations that are too small, the more so the faster they change.
 
 ## Equation
-To first order `a = a_s - k d2(a_s)/dt2`: the inertial wrench W of the model lacks `k d2W/dt2`. Coefficient: `k` (s2, positive), about 1/(2 pi f_c)2 an order of the filter.
+To first order a smoothed place is `x_s = x + k x''`, k half the variance of the filter's window in time: `T2/24` for a mean over T, `s2/2` for a Gaussian of standard deviation s. \
+Links are seen turned by `k alpha`, as far as their joints let them, and the whole centre of mass is seen displaced by `k a`; the wrench is that of this displacement and turn. \
+Coefficient: `k` (s2, positive). A Butterworth filter errs by `(f/f_c)4` instead: there k is the value that fits best over the band of the motion, well below `1/(2 pi f_c)2`.
 
 ## Identifiability
-A parabola passes every zero-phase filter unchanged: forces in flight hardly show it, moments do. Wobbling mass and soft-tissue artefact live in the same band (46 % in common). A sweep of the cut-off is the better test.
+On plates it shows as a part of the load in proportion to its second derivative. In the air it hardly shows: a parabola passes every zero-phase filter unchanged, and of the moments little remains \
+beside the inertial parameters. Wobbling mass and soft-tissue artefact live in the same band (46 % in common). A sweep of the cut-off is the better test.
 
 ## References
 Winter, Biomechanics and Motor Control of Human Movement (2009), ch. 3; own simulations.
@@ -39,34 +44,50 @@ fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
 }
 
 fn law(series: &Series<'_>, _: Target, _: &[f64], out: &mut Columns) {
-    let scene = series.scene;
-    let n_links = scene.model.n_links();
-    for run in series.runs() {
-        // momentum about a fixed point near the body; two derivatives more than its rate
-        let Some(origin) = run.clone().next().map(|i| series.frame(i).com) else { continue };
-        let (mut linear, mut angular) = (Vec::with_capacity(run.len()), Vec::with_capacity(run.len()));
-        for i in run.clone() {
-            let (mut p, mut h) = (Vector3::zeros(), Vector3::zeros());
-            for (link, phi) in series.links(i).iter().zip(&scene.phi).take(n_links) {
-                let inertia = aloft_body::inertia::inertia_about_origin(phi);
-                let mc = link.rotation * aloft_body::inertia::first_moment(phi);
-                let arm = link.origin - origin;
-                let momentum = link.velocity * phi[0] + link.omega.cross(&mc);
-                p += momentum;
-                h += arm.cross(&momentum)
-                    + mc.cross(&link.velocity)
-                    + link.rotation * (inertia * (link.rotation.transpose() * link.omega));
-            }
-            linear.push(p);
-            angular.push(h);
+    let n = series.scene.model.n_links();
+    // of every frame: how the links are seen turned, and how their centres of mass are seen displaced, per unit
+    let mut turns = Vec::with_capacity(series.len() * n);
+    let mut shifts = Vec::with_capacity(series.len() * n);
+    for i in 0..series.len() {
+        seen(&series.frame(i), &mut turns, &mut shifts);
+    }
+    let at = |f: &EffectFrame<'_>, link: usize| series.index_of(f.frame).map(|i| i * n + link);
+    let of = |all: &[Vector3<f64>], f: &EffectFrame<'_>, link| at(f, link).map_or_else(Vector3::zeros, |k| all[k]);
+    add_columns(series, out, |f, _, link| of(&shifts, f, link));
+    add_turns(series, 0, out, |f, link| of(&turns, f, link));
+}
+
+/// Turns by the angular acceleration, as far as the joints let the links follow; displacements of a skeleton that keeps its lengths, its whole
+/// centre of mass by the acceleration of it.
+fn seen(f: &EffectFrame<'_>, turns: &mut Vec<Vector3<f64>>, shifts: &mut Vec<Vector3<f64>>) {
+    let scene = f.scene;
+    let first = turns.len();
+    let mut origins: Vec<Vector3<f64>> = Vec::with_capacity(f.links.len());
+    let mut mean = Vector3::zeros();
+    for (link, here) in scene.model.links.iter().zip(f.links) {
+        let (mut turn, mut origin) = (here.alpha, Vector3::zeros());
+        if let Some(parent) = link.parent {
+            let carried = turns[first + parent];
+            let free = here.alpha - carried;
+            turn = carried
+                + match link.joint.kind {
+                    JointKind::Free | JointKind::Spherical => free,
+                    JointKind::Revolute(axis) => {
+                        let axis = here.rotation * axis.into_inner();
+                        axis * axis.dot(&free)
+                    }
+                    _ => Vector3::zeros(),
+                };
+            origin = origins[parent] + carried.cross(&(here.origin - f.links[parent].origin));
         }
-        let third = |x: &[Vector3<f64>]| {
-            let hz = series.rate_hz;
-            rate(&rate(&rate(x, hz), hz), hz)
-        };
-        let (force, moment) = (third(&linear), third(&angular));
-        for (i, at) in run.enumerate() {
-            out.add(at, 0, &force[i], &(moment[i] + origin.cross(&force[i])));
-        }
+        let i = origins.len();
+        let shift = origin + turn.cross(&(here.rotation * scene.link_com_m[i]));
+        mean += shift * (scene.phi[i][0] / scene.mass_kg);
+        origins.push(origin);
+        turns.push(turn);
+        shifts.push(shift);
+    }
+    for shift in &mut shifts[first..] {
+        *shift += f.com_acceleration - mean;
     }
 }
