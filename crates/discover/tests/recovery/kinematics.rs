@@ -26,7 +26,7 @@ pub fn filter() {
     let lag_squared = 0.5 * (n * n - 1.0) / 12.0 / (200.0 * 200.0);
     let of = |lab, motions| Evidence::new(lab, motions, Known::Tables, 0.0).only(StretchKind::Contact);
     let case = Case { key: "filter_attenuation", truth: &[lag_squared], ..Case::default() };
-    recovers(&case, &of(&smooth, &motions(&smooth)), Some(&of(lab, motions_of_twin)));
+    recovers(&case, &of(&smooth, &motions(&smooth)), &of(lab, motions_of_twin));
 }
 
 /// All markers of the trunk slide forward as it bends: 20 mm at half a radian, in proportion to the sine of the angle.
@@ -37,12 +37,13 @@ pub fn soft_tissue() {
     let of = |lab, motions| Evidence::new(lab, motions, Known::Tables, 0.0);
     let truth = [0.0, 0.0, slide, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
     let case = Case { key: "soft_tissue[torso]", truth: &truth, ..Case::default() };
-    recovers(&case, &of(&slid, &motions(&slid)), Some(&of(&plain().0, &plain().1)));
+    recovers(&case, &of(&slid, &motions(&slid)), &of(&plain().0, &plain().1));
 }
 
-/// A hinge some millimetres from where it is. With the inertial parameters known its place is found; without them they take it up, and nothing is
-/// left to find: a member of their class.
+/// A hinge some millimetres from where it is. With the inertial parameters known its place is found; fitted beside it they take up most of it: it is
+/// a member of their class.
 pub fn joint_centre() {
+    const KEY: &str = "joint_centre[link1]";
     let offset = [0.004, -0.006, 0.005];
     let (lab, motions) = chain::plain();
     let displaced = |known| {
@@ -52,11 +53,11 @@ pub fn joint_centre() {
         (twin, moved)
     };
     let (twin, moved) = displaced(Known::All);
-    recovers(&Case { key: "joint_centre[link1]", truth: &offset, ..Case::default() }, &moved, Some(&twin));
-    let (twin, moved) = displaced(Known::Mass);
-    let error = |e: &Evidence| e.fit(&[], "joint_centre[link1]", &[], &[]).held_out_error_before;
-    let ratio = error(&moved) / error(&twin);
-    assert!(ratio < 1.1, "the inertial parameters leave {ratio} of the twin's error");
+    recovers(&Case { key: KEY, truth: &offset, ..Case::default() }, &moved, &twin);
+    let error = |e: &Evidence| e.fit(&[], KEY, &[], &[]).held_out_error_before;
+    let (known, fitted) = (error(&moved), error(&displaced(Known::Mass).1));
+    println!("held-out error {known} N with the parameters known, {fitted} N with them fitted");
+    assert!(fitted < 0.5 * known, "{fitted} N of {known} N are left");
 }
 
 /// A bend of 0.7 × 8 mm in the height at a metre from the middle, and others. Where flights have their middle apart from that of the cameras the bend
@@ -70,27 +71,33 @@ pub fn camera_warp() {
         beside: &["gravity_scale", "gravity_tilt"],
         ..Case::default()
     };
-    recovers(&case, &of(&bent, &motions(&bent)), Some(&of(&chain::plain().0, &chain::plain().1)));
+    recovers(&case, &of(&bent, &motions(&bent)), &of(&chain::plain().0, &chain::plain().1));
 }
 
-/// Flights that begin before the feet have left the plates.
+/// Flights that begin 40 ms before the feet leave the plates, the reach of the law, seen through windows of 0.1 s. Both feet push, and the law knows one
+/// link: the load is found, within a fifth because it does not fall in a straight line; its line of action is not.
 pub fn residual_contact() {
-    for (early, window) in [(0, 0.15), (4usize, 0.15), (6, 0.15), (8, 0.15), (4, 0.1), (6, 0.1), (8, 0.1)] {
+    const EARLY: usize = 8;
     let (lab, motions) = plain();
-    let mut e = Evidence::new(lab, motions, Known::Tables, 0.0).only(StretchKind::Flight);
-    e.options.window_s = Some(window);
-    let (mut sum, mut n) = (Vector3::zeros(), 0.0);
-    for t in &mut e.trials {
-        let trial = moving(lab).find(|(_, x)| x.name == t.motion.trial).unwrap().1;
-        for s in &mut t.stretches {
-            s.first_frame -= 2 + early;
-            let load: Vec<String> = (0..10).map(|k| format!("{:.0}", trial.motion.contact[(s.first_frame + k) * lab.ticks_per_frame].force_n.z)).collect();
-            println!("{}", load.join(" "));
-            sum += trial.motion.contact[s.first_frame * lab.ticks_per_frame].force_n;
-            n += 1.0;
+    let mut load_n = Vec::new();
+    let mut of = |early: usize| {
+        let mut evidence = Evidence::new(lab, motions, Known::Tables, 0.0).only(StretchKind::Flight);
+        evidence.options.window_s = Some(0.1);
+        for t in &mut evidence.trials {
+            let (_, trial) = moving(lab).find(|(_, trial)| trial.name == t.motion.trial).unwrap();
+            for s in &mut t.stretches {
+                s.first_frame -= 2 + early;
+                if early > 0 {
+                    load_n.push(trial.motion.contact[s.first_frame * lab.ticks_per_frame].force_n.z);
+                }
+            }
         }
-    }
-    println!("early {early} window {window} truth {}", sum / n);
-    for c in e.fit(&[], "residual_contact[foot_r]", &[], &[]).coefficients { println!("{} {} ± {}", c.name, c.value, c.se); }
-    }
+        let found = evidence.fit(&[], "residual_contact[foot_r]", &[], &[]).coefficients;
+        found.into_iter().find(|e| e.name == "start_force_z").unwrap()
+    };
+    let (found, none) = (of(EARLY), of(0));
+    let load = load_n.iter().sum::<f64>() / load_n.len() as f64;
+    println!("{} ± {} N of {load}; twin {} ± {}", found.value, found.se, none.value, none.se);
+    assert!((found.value - load).abs() <= 0.2 * load && found.se < 0.2 * load, "{found:?} {load}");
+    assert!(none.value.abs() <= (0.2 * load).max(3.0 * none.se), "{none:?} {load}");
 }

@@ -2,7 +2,9 @@
 
 use crate::labs::{motion, off};
 use aloft_body::{BaseParameters, LinkInertia, Model, Motion, Phi, subject::PriorSd};
-use aloft_discover::{Addition, Body, DiscoverOptions, Estimate, Session, TrialInput, addition, catalogue, discover, scene_of};
+use aloft_discover::{
+    Addition, Body, DiscoverOptions, Estimate, Session, TrialInput, addition, catalogue, discover, scene_of,
+};
 use aloft_effects::{Choice, PlateSeries, Scene};
 use aloft_identify::{LinkPrior, Prior, Symmetry};
 use aloft_regressor::{Stretch, StretchKind, WeakOptions};
@@ -74,15 +76,7 @@ impl Evidence {
             .zip(motions)
             .map(|((index, trial), motion)| recording(lab, trial, motion, mass_kg, spacing_s * index as f64))
             .collect();
-        Self {
-            model,
-            links,
-            known,
-            mass_kg,
-            centers_m,
-            trials,
-            options: WeakOptions::default(),
-        }
+        Self { model, links, known, mass_kg, centers_m, trials, options: WeakOptions::default() }
     }
 
     /// Scene and session of the evidence.
@@ -158,7 +152,7 @@ impl Evidence {
     pub fn search(&self, effect: &str) -> (String, Vec<Estimate>) {
         self.with(|_, session| {
             let d = discover(session, &catalogue(), &[], &options(&[effect])).unwrap();
-            let c = &d.candidates[0];
+            let c = d.candidates.iter().find(|c| c.effect == effect).unwrap();
             (c.key.clone(), c.coefficients.iter().chain(&c.nonlinear).cloned().collect())
         })
     }

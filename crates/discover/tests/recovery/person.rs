@@ -1,6 +1,6 @@
 //! The person of these tests: a session with nothing hidden, simulated and reconstructed once.
 
-use crate::lab::{lab, motions};
+use crate::lab::{Evidence, Known, lab, motions};
 use aloft_body::Motion;
 use aloft_simulate::Lab;
 use serde_json::{Value, json};
@@ -24,4 +24,9 @@ pub fn plain() -> &'static (Lab, Vec<Motion>) {
         (lab, motions)
     });
     &PLAIN
+}
+
+/// Evidence of the session with nothing hidden.
+pub fn plain_evidence() -> Evidence {
+    Evidence::new(&plain().0, &plain().1, Known::Tables, 0.0)
 }

@@ -34,14 +34,14 @@ fn with_plates_of(lab: &Lab) -> Evidence {
 
 fn check(hidden: &[Hidden], key: &str, truth: &[f64]) {
     let case = Case { key, truth, ..Case::default() };
-    recovers(&case, &with_plates_of(&read_again(hidden)), Some(&with_plates_of(&plain().0)));
+    recovers(&case, &with_plates_of(&read_again(hidden)), &with_plates_of(&plain().0));
 }
 
 /// Faults of the clock are the session's, not one instrument's: the whole session is simulated again.
 fn check_clock(hidden: &Value, key: &str, truth: f64) {
     let late = lab(&person(), &CAPTURE.clone(), SEED, hidden);
     let case = Case { key, truth: &[truth], ..Case::default() };
-    recovers(&case, &with_plates_of(&late), Some(&with_plates_of(&plain().0)));
+    recovers(&case, &with_plates_of(&late), &with_plates_of(&plain().0));
 }
 
 pub fn time_offset() {
@@ -60,8 +60,9 @@ fn axes() -> (Matrix3<f64>, Vector3<f64>) {
     (axes, -(axes * geometry.origin_m))
 }
 
+/// Moments of ten and more, because skin that slides by 3 mm under half the body's weight is worth one newton metre.
 pub fn tare() {
-    let (force_n, moment_nm) = ([10.0, -15.0, 30.0], [3.0, -4.0, 2.0]);
+    let (force_n, moment_nm) = ([10.0, -15.0, 30.0], [9.0, -12.0, 6.0]);
     let (axes, sensor) = axes();
     let force = axes * Vector3::from(force_n);
     let moment = axes * Vector3::from(moment_nm) + sensor.cross(&force);
@@ -99,6 +100,6 @@ pub fn body_mass() {
         link.mass_kg *= 1.0 + EXCESS;
         link.inertia_com_kgm2 *= 1.0 + EXCESS;
     }
-    recovers(&Case { key: "body_mass", truth: &[truth], ..Case::default() }, &heavy, Some(&twin));
-    recovers(&Case { key: "plate_gain", truth: &[EXCESS], ..Case::default() }, &heavy, Some(&twin));
+    recovers(&Case { key: "body_mass", truth: &[truth], ..Case::default() }, &heavy, &twin);
+    recovers(&Case { key: "plate_gain", truth: &[EXCESS], ..Case::default() }, &heavy, &twin);
 }

@@ -28,7 +28,7 @@ A joint centre sits some millimetres from where the model has it: the link and a
 The link and all that it carries are seen displaced by `e = R_parent d`; the wrench is that of this displacement. Coefficients: `d` (m) in the parent's axes, from where the joint is to where the model has it.
 
 ## Identifiability
-Only where the inertial parameters are known. Fitted beside them, 98-99.99 % is absorbed: forces hardly show it, and the coefficient of the little that remains says nothing about d. \
+Only where the inertial parameters are known. Fitted beside them, 90-99.99 % is absorbed: forces hardly show it, and the coefficient of the little that remains says nothing about d. \
 Look for it in marker residuals, functional calibration and the identified parameters against the prior.
 
 ## References

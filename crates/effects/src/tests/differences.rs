@@ -174,7 +174,8 @@ fn prop_a_smoothed_motion_lacks_what_the_column_of_a_filter_says() {
         let spans = [Span { first_frame: 20, end_frame: 140, flight: true }];
         let trial = TrialMotion { motion: &seen, spans: &spans, plates: &[], session_time_s: 0.0 };
         let other = Series::new(&fixture.scene, &trial).unwrap();
-        let (plain, smooth) = (inverse_dynamics(series, &fixture.scene.phi), inverse_dynamics(&other, &fixture.scene.phi));
+        let (plain, smooth) =
+            (inverse_dynamics(series, &fixture.scene.phi), inverse_dynamics(&other, &fixture.scene.phi));
         let (mut largest, mut error) = (0.0f64, 0.0f64);
         for i in 20..series.len() - 20 {
             let at = series.frame(i).com;
