@@ -3,14 +3,12 @@
 use crate::json_contract;
 use crate::source::{self, Item, Items, markdown, module_doc, snake};
 use crate::{AGAIN, aloft, docs, root, updating};
-use aloft_body::{Model, ModelSpec, Phi};
-use aloft_effects::{EFFECTS, EffectDefinition, EffectKind, Scene, Target};
+use aloft_effects::{EFFECTS, EffectKind, Target};
+use aloft_pipeline::command::unknowns::{self, Examples, unit};
 use aloft_pipeline::graph::{Need, Scope};
 use aloft_pipeline::stages::STAGES;
-use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::path::Path;
 
 /// Pages by their place below `docs/`.
 pub type Pages = BTreeMap<String, String>;
@@ -217,23 +215,11 @@ fn demo_study() -> aloft_pipeline::study::Study {
     aloft_pipeline::study::Study::open(&root().join("pipelines/demo.yaml"), &overrides).unwrap()
 }
 
-/// A body without numbers of its own, to ask effects what they fit on it.
-fn scene(model: &str, plates: usize) -> Scene {
-    let spec: ModelSpec = aloft_pipeline::catalog::load("models", model, Path::new("")).unwrap();
-    let model = Model::from_spec(&spec).unwrap();
-    let mut phi = Phi::zeros();
-    phi[0] = 1.0;
-    for i in 4..7 {
-        phi[i] = 0.01;
-    }
-    let centers: Vec<Vector3<f64>> = (0..plates).map(|i| Vector3::new(i as f64, 0.0, 0.0)).collect();
-    Scene::new(&model, &vec![phi; model.n_links()], &centers)
-}
-
 fn effects(pages: &mut Pages) {
     let mut index = from("the slice EFFECTS in crates/effects/src/catalog/mod.rs");
     index += "# Effects\n\nWhat a model may be missing. `aloft effect list` and `aloft effect show NAME` print the same; formulas of your own stand in `configs/effects/`.\n\n| effect | what | kind | acts | coefficients |\n|---|---|---|---|---|\n";
-    let (person, chain) = (scene("human34", 2), scene("two_link", 0));
+    let examples = Examples::built_in().unwrap();
+    let person = &examples.person;
     for effect in EFFECTS {
         let kind = match effect.kind {
             EffectKind::Physics => "physics",
@@ -244,10 +230,10 @@ fn effects(pages: &mut Pages) {
             (true, false) => "in flight",
             _ => "in contact",
         };
-        let targets = (effect.targets)(&person);
+        let targets = (effect.targets)(person);
         let first = targets.first().copied().unwrap_or(Target::Body);
         let names: Vec<String> =
-            (effect.coefficients)(&person, first).iter().map(|c| format!("`{}` {}", c.name, unit(&c.unit))).collect();
+            (effect.coefficients)(person, first).iter().map(|c| format!("`{}` {}", c.name, unit(&c.unit))).collect();
         let _ = writeln!(
             index,
             "| [`{0}`]({0}.md) | {1} | {kind} | {acts} | {2} |",
@@ -270,8 +256,7 @@ fn effects(pages: &mut Pages) {
         }
         let lines: Vec<&str> = effect.documentation.trim().lines().collect();
         let _ = writeln!(page, "\n{}\n", markdown(&lines, 1));
-        page += "## Coefficients\n\n";
-        page += &unknowns(effect, &person, &chain);
+        page += &unknowns::table(effect, &examples);
         pages.insert(format!("reference/effects/{}.md", effect.id), page);
     }
     pages.insert("reference/effects/README.md".into(), index);
@@ -280,76 +265,6 @@ fn effects(pages: &mut Pages) {
 fn capital(word: &str) -> String {
     let mut chars = word.chars();
     chars.next().map(|c| c.to_uppercase().chain(chars).collect()).unwrap_or_default()
-}
-
-fn on(target: Target, n: usize) -> &'static str {
-    match (target, n) {
-        (Target::Body, _) => "the whole body, or all plates",
-        (Target::EveryLink, _) => "one coefficient a link",
-        (Target::Shape, _) => "the shape of every link",
-        (Target::Link(_), _) => "one link",
-        (Target::Plate(_), _) => "one plate",
-    }
-}
-
-fn unknowns(effect: &EffectDefinition, person: &Scene, chain: &Scene) -> String {
-    let mut out = "| on | name | unit | bounds | enters |\n|---|---|---|---|---|\n".to_owned();
-    let mut seen: Vec<&str> = Vec::new();
-    let mut keys: Vec<String> = Vec::new();
-    for scene in [person, chain] {
-        let targets = (effect.targets)(scene);
-        for target in &targets {
-            let words = on(*target, targets.len());
-            if seen.contains(&words) {
-                continue;
-            }
-            seen.push(words);
-            let label = target.label(scene);
-            keys.push(if label.is_empty() { effect.id.to_owned() } else { format!("{}[{label}]", effect.id) });
-            let bounds = |low: f64, high: f64| match (low.is_finite(), high.is_finite()) {
-                (false, false) => "any".to_owned(),
-                (true, false) => format!("≥ {}", digits(low)),
-                (false, true) => format!("≤ {}", digits(high)),
-                (true, true) => format!("{} to {}", digits(low), digits(high)),
-            };
-            for c in (effect.coefficients)(scene, *target) {
-                let _ = writeln!(
-                    out,
-                    "| {words} | `{}` | {} | {} | linearly |",
-                    c.name,
-                    unit(&c.unit),
-                    bounds(c.lower, c.upper)
-                );
-            }
-            for p in (effect.nonlinear)(scene, *target) {
-                let about = if p.name.contains("point") || p.name.contains("attach") || p.name.contains("centre") {
-                    " (example)"
-                } else {
-                    ""
-                };
-                let _ = writeln!(
-                    out,
-                    "| {words} | `{}` | {} | {}{about} | nonlinearly |",
-                    p.name,
-                    unit(&p.unit),
-                    bounds(p.lower, p.upper)
-                );
-            }
-        }
-    }
-    let keys: Vec<String> = keys.iter().map(|k| format!("`aloft effect add P.yaml '{k}'`")).collect();
-    let _ = write!(out, "\nAdd it: {}.\n", keys.join(", or "));
-    out
-}
-
-/// A unit as people write it.
-fn unit(text: &str) -> String {
-    text.replace('*', "·").replace("^2", "²").replace("^3", "³")
-}
-
-fn digits(x: f64) -> String {
-    let rounded = (x * 1e6).round() / 1e6;
-    format!("{rounded}")
 }
 
 fn formats(pages: &mut Pages) {

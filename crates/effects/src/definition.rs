@@ -158,6 +158,8 @@ pub struct EffectDefinition {
     pub contains: &'static [&'static str],
     /// True when it shows only as a difference between groups of trials.
     pub by_group: bool,
+    /// Why coefficients that lack a bound lack it; empty where each has two.
+    pub unbounded: &'static str,
     /// On what it may act.
     pub targets: fn(&Scene) -> Vec<Target>,
     /// Linear unknowns.

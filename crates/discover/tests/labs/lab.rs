@@ -90,7 +90,7 @@ impl Recorded {
 }
 
 /// Inverse kinematics in the true geometry, from the true pose.
-fn motion(lab: &Lab, trial: &LabTrial, rate_hz: f64) -> Motion {
+pub fn motion(lab: &Lab, trial: &LabTrial, rate_hz: f64) -> Motion {
     let model = &lab.body.model;
     let markers: Vec<Option<(usize, Vector3<f64>)>> = trial
         .markers
@@ -127,7 +127,7 @@ fn motion(lab: &Lab, trial: &LabTrial, rate_hz: f64) -> Motion {
 }
 
 /// Links as a prior sees them: masses, centres and inertias off by as much as tables are.
-fn off(phi: &[Phi], seed: u64) -> Vec<LinkInertia> {
+pub fn off(phi: &[Phi], seed: u64) -> Vec<LinkInertia> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x0ff);
     let mut r = |s: f64| s * (2.0 * rng.random::<f64>() - 1.0) * 1.7;
     let total: f64 = phi.iter().map(|p| p[0]).sum();

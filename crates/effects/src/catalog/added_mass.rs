@@ -14,6 +14,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "magnitude of gravity",
     contains: &[],
     by_group: false,
+    unbounded: "a mass is not negative; in water, or under a parachute, it exceeds that of the body",
     targets: def::links,
     coefficients,
     nonlinear: constant_force::nonlinear,

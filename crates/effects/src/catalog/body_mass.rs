@@ -12,6 +12,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "one gain for all plates",
     contains: &[],
     by_group: false,
+    unbounded: "",
     targets,
     coefficients,
     nonlinear: def::none,
@@ -23,7 +24,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
 The mass from the scale is wrong, or the subject wore something else that day. Flights fix the parameters only up to that mass; plates weigh the body anew.
 
 ## Equation
-All parameters grow in proportion: `dphi = phi / M` a kilogram. Coefficient: the true mass less the stated one, kg.
+All parameters grow in proportion: `dphi = phi / M` a kilogram. Coefficient: the true mass less the stated one, kg (negative for a scale that reads too much).
 
 ## Identifiability
 Invisible in flight. On plates an exact alias of one gain for all plates. A certified weight on the plates, or a second scale, separates them.

@@ -13,6 +13,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "",
     contains: &[],
     by_group: false,
+    unbounded: "",
     targets: def::body,
     coefficients,
     nonlinear: def::none,
@@ -27,7 +28,8 @@ Lens distortion and an uneven calibration bend space by 1-5 mm across the volume
 Displacement field of second degree in the place x about the middle of the volume: radial `x |x|`, and along each axis `|x|2`. Coefficients: m at 1 m (1/m). Its wrench is that of a displacement field.
 
 ## Identifiability
-A field along the vertical looks like a change of gravity, a horizontal one like a tilt, but depending on the place: flights all over the volume separate them.
+A field along the vertical looks like a change of gravity, a horizontal one like a tilt, but depending on the place: flights all over the volume separate them. Where flights keep to one side of the cameras' middle \
+the bend brings a stretch, which is a gravity of another size and direction: fit those beside it. `radial` and `along_z` are told apart only by flights above and below the middle.
 
 ## References
 Chiari et al., Gait & Posture 21 (2005) 197-211; own simulations.

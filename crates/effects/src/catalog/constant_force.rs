@@ -14,6 +14,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "tilt of gravity, wind",
     contains: &[],
     by_group: false,
+    unbounded: "a pull may have any size and direction",
     targets: def::links,
     coefficients,
     nonlinear,

@@ -15,6 +15,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "",
     contains: &[],
     by_group: false,
+    unbounded: "a rope pulls and never pushes; its tension follows from the counterweight",
     targets: def::links,
     coefficients,
     nonlinear,

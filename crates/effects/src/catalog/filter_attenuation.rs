@@ -14,6 +14,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "",
     contains: &[],
     by_group: false,
+    unbounded: "a filter takes acceleration away and adds none; how much follows from its cut-off, which is unknown",
     targets: def::body,
     coefficients,
     nonlinear: def::none,
@@ -22,13 +23,16 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     inertia: None,
     documentation: "\
 ## Physics
-Recordings that were smoothed (in the laboratory's software or by too low a cut-off) show accelerations that are too small, the more so the faster they change.
+Recordings that were smoothed before (in the laboratory's software, or with too low a cut-off) show accelerations that are too small, the more so the faster they change.
 
 ## Equation
-To first order `a = a_s - k d2(a_s)/dt2`: the inertial wrench W of the model lacks `k d2W/dt2`. Coefficient: `k` (s2, positive), about 1/(2 pi f_c)2 an order of the filter.
+To first order a smoothed place is `x_s = x + k x''`, k half the variance of the filter's window in time: `T2/24` for a mean over T, `s2/2` for a Gaussian of standard deviation s. \
+Links are seen turned by `k alpha`, as far as their joints let them, and the whole centre of mass is seen displaced by `k a`; the wrench is that of this displacement and turn. \
+Coefficient: `k` (s2, positive). A Butterworth filter errs by `(f/f_c)4` instead: there k is the value that fits best over the band of the motion, well below `1/(2 pi f_c)2`.
 
 ## Identifiability
-A parabola passes every zero-phase filter unchanged: forces in flight hardly show it, moments do. Wobbling mass and soft-tissue artefact live in the same band (46 % in common). A sweep of the cut-off is the better test.
+On plates it shows as a part of the load in proportion to its second derivative. In the air it hardly shows: a parabola passes every zero-phase filter unchanged, and of the moments little remains \
+beside the inertial parameters. Wobbling mass and soft-tissue artefact live in the same band (46 % in common). A sweep of the cut-off is the better test.
 
 ## References
 Winter, Biomechanics and Motor Control of Human Movement (2009), ch. 3; own simulations.

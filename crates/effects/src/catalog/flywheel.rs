@@ -11,6 +11,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "",
     contains: &[],
     by_group: false,
+    unbounded: "a wheel turns either way, at any rate",
     targets: def::links,
     coefficients,
     nonlinear: def::none,

@@ -11,6 +11,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "frame rate, length scale, buoyancy",
     contains: &[],
     by_group: false,
+    unbounded: "",
     targets: def::body,
     coefficients,
     nonlinear: def::none,

@@ -11,6 +11,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "steady wind, constant force near the centre of mass",
     contains: &[],
     by_group: false,
+    unbounded: "",
     targets: def::body,
     coefficients,
     nonlinear: def::none,

@@ -13,6 +13,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "inertial parameters",
     contains: &[],
     by_group: false,
+    unbounded: "",
     targets,
     coefficients,
     nonlinear: def::none,
@@ -24,10 +25,11 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
 A joint centre sits some millimetres from where the model has it: the link and all that it carries are seen displaced by a vector fixed in the parent.
 
 ## Equation
-Displacement of the link and its descendants `e = R_parent d`. Its wrench is that of a displacement field. Coefficients: `d` (m) in the parent's axes.
+The link and all that it carries are seen displaced by `e = R_parent d`; the wrench is that of this displacement. Coefficients: `d` (m) in the parent's axes, from where the joint is to where the model has it.
 
 ## Identifiability
-98-99.99 % is absorbed by the inertial parameters: it hardly shows in forces. Look for it in marker residuals, functional calibration and the identified parameters against the prior.
+Only where the inertial parameters are known. Fitted beside them, 90-99.99 % is absorbed: forces hardly show it, and the coefficient of the little that remains says nothing about d. \
+Look for it in marker residuals, functional calibration and the identified parameters against the prior.
 
 ## References
 Harrington et al., J. Biomech. 40 (2007) 595-602; own simulations.

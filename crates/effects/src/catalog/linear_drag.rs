@@ -12,6 +12,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "",
     contains: &[],
     by_group: false,
+    unbounded: "a resistance is not negative; how large it is depends on the fluid or the brake",
     targets: def::body_or_links,
     coefficients,
     nonlinear: centres,

@@ -14,6 +14,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "",
     contains: &[],
     by_group: true,
+    unbounded: "negative where the body was weighed with the load",
     targets: def::links,
     coefficients,
     nonlinear: constant_force::nonlinear,

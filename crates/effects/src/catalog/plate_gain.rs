@@ -11,6 +11,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "body mass, where all plates err alike",
     contains: &[],
     by_group: false,
+    unbounded: "",
     targets: def::all_or_one_plate,
     coefficients,
     nonlinear: def::none,
@@ -22,7 +23,8 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
 An amplifier's gain is off, or sensitivities were typed in wrongly: the plate reads some per cent too much or too little.
 
 ## Equation
-All plates: true wrench = (1 + `gain`) measured. One plate: each of its six components (world axes, moments about its centre) has its own gain. Coefficients: relative, 1.
+All plates: true wrench = (1 + `gain`) measured. One plate: each of its six components (world axes, moments about its centre) has its own gain; they are those of the plate's channels where its axes are parallel to the room's. \
+Coefficients: relative (0.03 for a plate that reads 3 % too little).
 
 ## Identifiability
 One gain for all plates is an exact alias of a wrongly stated body mass; a single plate, or a single component, is not. Standing with the weight on each plate in turn separates them.

@@ -11,6 +11,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "",
     contains: &[],
     by_group: false,
+    unbounded: "",
     targets: def::plates,
     coefficients,
     nonlinear: def::none,

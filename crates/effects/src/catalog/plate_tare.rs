@@ -11,6 +11,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "",
     contains: &[],
     by_group: false,
+    unbounded: "an amplifier may stand at any offset",
     targets: def::plates,
     coefficients,
     nonlinear: def::none,
@@ -22,7 +23,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
 A plate was not zeroed, or has drifted since: a constant wrench is added to what it measures.
 
 ## Equation
-True wrench = measured wrench + (`F`, `c x F + N`), c the centre of the plate. Coefficients: F (N) and N (N m) in world axes, the negative of what the plate reads unloaded.
+True wrench = measured wrench + (`F`, `c x F + N`), c the centre of the plate. Coefficients: F (N) and N (N m) in world axes, the negative of what the plate reads unloaded, moments about the centre of its surface.
 
 ## Identifiability
 Constant in the room, but seen only on the plates: flights are free of it. In a recording with flights the unloaded reading gives it directly.

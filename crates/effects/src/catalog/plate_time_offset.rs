@@ -11,6 +11,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "",
     contains: &[],
     by_group: false,
+    unbounded: "",
     targets: def::all_or_one_plate,
     coefficients,
     nonlinear: def::none,
@@ -40,8 +41,7 @@ fn law(f: &EffectFrame<'_>, target: Target, _: &[f64], out: &mut Columns, i: usi
     if f.flight {
         return;
     }
-    for (plate, here) in f.plates.iter().enumerate().filter(|(p, _)| def::plate_in(target, *p)) {
-        let _ = plate;
+    for (_, here) in f.plates.iter().enumerate().filter(|(p, _)| def::plate_in(target, *p)) {
         out.add(i, 0, &here.force_rate, &here.moment_rate);
     }
 }

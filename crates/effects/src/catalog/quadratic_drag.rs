@@ -15,6 +15,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "",
     contains: &[],
     by_group: false,
+    unbounded: "an area is not negative, and clothing or a parachute make it any size; entries of the matrices of a shape have either sign",
     targets: def::body_links_or_shape,
     coefficients,
     nonlinear: centres,

@@ -11,6 +11,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "",
     contains: &[],
     by_group: false,
+    unbounded: "a resistance is not negative; how large it is depends on the fluid",
     targets: def::body_or_links,
     coefficients,
     nonlinear: def::none,

@@ -15,6 +15,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "",
     contains: &["flywheel"],
     by_group: false,
+    unbounded: "a wheel turns either way, at any rate",
     targets: def::links,
     coefficients,
     nonlinear,

@@ -14,6 +14,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "",
     contains: &[],
     by_group: false,
+    unbounded: "",
     targets,
     coefficients,
     nonlinear: def::none,
@@ -25,7 +26,8 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
 Skin and muscle move over the bone as a joint turns, and the markers with them: the link is seen displaced by an amount that follows the joint's angles. Thigh and shank: 10-20 mm.
 
 ## Equation
-Displacement of the link `e = R B a`, a the rotation vector of its joint (rad), B constant. Its wrench is that of a displacement field (first order). Coefficients: the entries of `B`, m/rad.
+All markers of the link slide by `e = R B a`, a the rotation vector of its joint (rad; one angle for a hinge), B constant, R from link to world axes. The wrench is that of a link whose mass is displaced by e (first order). \
+Coefficients: the entries of `B` in m/rad, `slide_x_a3` for the slide along the link's x axis with the third component of the rotation vector.
 
 ## Identifiability
 Repeats from trial to trial like a force does, at the frequency of the motion itself. The marker residuals' pattern against joint angles is the better evidence; wobbling mass and joint-centre errors are close.

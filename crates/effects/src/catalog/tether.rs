@@ -15,6 +15,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "",
     contains: &[],
     by_group: false,
+    unbounded: "a stiffness is not negative and has no largest value; a damping of zero has to be found as zero from both sides",
     targets: def::links,
     coefficients,
     nonlinear,

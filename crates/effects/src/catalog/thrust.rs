@@ -12,6 +12,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "",
     contains: &[],
     by_group: false,
+    unbounded: "a jet may push with any force along any line",
     targets: def::links,
     coefficients,
     nonlinear: def::none,

@@ -15,6 +15,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     class: "",
     contains: &["quadratic_drag"],
     by_group: false,
+    unbounded: "an area is not negative, and clothing or a parachute make it any size",
     targets: def::body_or_links,
     coefficients,
     nonlinear,

@@ -21,6 +21,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
     starts,
     wrench: Some(WrenchLaw::Series(law)),
     inertia: None,
+    unbounded: "a mass is not negative; its natural limit, the mass of the link, is itself unknown, and what hung before may ring in either sense",
     documentation: "\
 ## Physics
 Soft tissue follows the bone late and rings after take-off and landing. A part of the link's mass hangs on a spring and a damper at a point of the link.

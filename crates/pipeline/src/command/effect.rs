@@ -4,6 +4,7 @@ use crate::catalog;
 use crate::command::compare::compare;
 use crate::command::discover::Volume;
 pub use crate::command::history::{History, HistoryCoefficient, HistoryRow, history, reached};
+use crate::command::unknowns::{self, Examples};
 use crate::config::{PipelineConfig, parse_yaml};
 use crate::effects::{KnownEffects, OwnEffect, own_effects};
 use crate::error::PipelineError;
@@ -84,10 +85,11 @@ pub struct EffectPage {
     pub documentation: String,
 }
 
-/// One effect's documentation: of the catalogue, of a pipeline's own, or of a built-in example.
+/// One effect's documentation with its coefficients, units and bounds: of the catalogue, of a pipeline's own, or of a built-in example.
 pub fn show(id: &str, pipeline: Option<&Path>) -> Result<EffectPage, PipelineError> {
     if let Some(e) = EFFECTS.iter().find(|e| e.id == id) {
-        let documentation = e.documentation.trim().to_owned();
+        let documentation =
+            format!("{}\n\n{}", e.documentation.trim(), unknowns::table(e, &Examples::built_in()?).trim_end());
         return Ok(EffectPage { id: id.to_owned(), title: e.title.to_owned(), documentation });
     }
     let own = match pipeline {

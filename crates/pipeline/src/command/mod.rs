@@ -15,4 +15,5 @@ pub mod report;
 pub mod simulate;
 pub mod status;
 pub mod summary;
+pub mod unknowns;
 pub mod workflow;

@@ -24,7 +24,7 @@ use std::path::Path;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "regressor",
-    version: 1,
+    version: 2,
     scope: Scope::Trial(&[Role::Identify, Role::Validate]),
     reads: "`Motion`, flights, plates",
     gives: "one triangular factor a flight and contact stretch",

@@ -1,0 +1,181 @@
+//! Effects that users write as formulas.
+
+use super::{Fixture, model, phi};
+use crate::*;
+use nalgebra::Vector3;
+
+fn sail() -> FormulaEffect {
+    serde_json::from_str(
+        r#"{"id": "sail", "point": {"link": "base", "position_m": [0.1, 0.2, 0.0]},
+            "force": ["-c * speed * v_x", "-c*speed*v_y", "-c * speed * v_z"],
+            "coefficients": [{"name": "c", "unit": "kg/m", "lower": 0}]}"#,
+    )
+    .unwrap()
+}
+
+#[test]
+fn prop_a_formula_gives_the_columns_of_its_law() {
+    let fixture = Fixture::new(true);
+    let compiled = sail().compile(&fixture.scene).unwrap();
+    fixture.with(|series| {
+        let columns = fixture.columns(series, &compiled, Target::Body, &[]);
+        for i in (0..series.len()).step_by(7) {
+            let link = &series.links(i)[0];
+            let p = Vector3::new(0.1, 0.2, 0.0);
+            let v = link.point_velocity(&p);
+            let force = -v * v.norm();
+            assert!((columns.force(i, 0) - force).norm() < 1e-12 * force.norm());
+            assert!((columns.moment(i, 0) - link.point(&p).cross(&force)).norm() < 1e-9);
+        }
+    });
+}
+
+#[test]
+fn prop_formula_errors_point_at_the_character() {
+    let fixture = Fixture::new(true);
+    let cases = [
+        ("-c * speed * v_w", 13, "nothing is called `v_w`"),
+        ("-c * speed", 3, "the unit is"),
+        ("-c * speed * (v_x + t)", 18, "units differ"),
+        ("-c * speed * v_x +", 18, "something is missing"),
+        ("-c * (speed * v_x", 5, "never closed"),
+        ("-c * speed * v_x)", 16, "closes nothing"),
+        ("-c * sin(speed) * v_x", 9, "takes a number without unit"),
+        ("-abs(c) * speed * v_x", 5, "not linear"),
+        ("-c * speed * v_x - mass * gravity", 1, "no coefficient"),
+        ("-c * speed & v_x", 11, "has no meaning"),
+        ("-c * speed * v_x ^ t", 19, "an exponent has no unit"),
+        ("-c * speed v_x", 11, "an operator is missing"),
+        ("-c * root(speed) * v_x", 5, "no function `root`"),
+    ];
+    for (text, place, words) in cases {
+        let mut effect = sail();
+        effect.force = Some([text.into(), "0".into(), "-c*speed*v_z".into()]);
+        match effect.compile(&fixture.scene) {
+            Err(EffectsError::Formula(found)) => {
+                assert!(found.problem.contains(words), "{text}: {}", found.problem);
+                assert_eq!((found.position, found.entry.as_str()), (place, "force[0]"), "{text}: {}", found.problem);
+                let shown = found.to_string();
+                assert_eq!(shown.lines().last().and_then(|l| l.find('^')), Some(place + 2), "{shown}");
+            }
+            other => panic!("{text}: {other:?}"),
+        }
+    }
+}
+
+#[test]
+fn prop_formulas_read_as_people_write() {
+    let fixture = Fixture::new(true);
+    // a minus before a power, powers of powers, link axes, joint angles, a bounded parameter
+    let effect: FormulaEffect = serde_json::from_str(
+        r#"{"id": "odd", "axes": "link", "point": {"link": "arm"},
+            "force": ["-c * v_x^2", "0", "c * speed^2 * sin(q_arm + phase)"], "moment": ["k*omega_x*2^-1", "k * omega_y", "0*k*spin"],
+            "coefficients": [{"name": "c", "unit": "kg/m"}, {"name": "k", "unit": "N*m*s/rad"}],
+            "parameters": [{"name": "phase", "unit": "rad", "lower": -1, "upper": 1}]}"#,
+    )
+    .unwrap();
+    let compiled = effect.compile(&fixture.scene).unwrap();
+    assert_eq!(compiled.starts(&fixture.scene, Target::Body).len(), 5);
+    fixture.with(|series| {
+        let columns = fixture.columns(series, &compiled, Target::Body, &[0.3]);
+        for i in (0..series.len()).step_by(7) {
+            let f = series.frame(i);
+            let link = &f.links[1];
+            let v = link.point_velocity(&fixture.scene.link_com_m[1]);
+            let own = link.rotation.tr_mul(&v);
+            let force = Vector3::new(-own.x * own.x, 0.0, v.norm_squared() * (f.q[7] + 0.3).sin());
+            assert!((columns.force(i, 0) - link.rotation * force).norm() < 1e-9);
+            let spin = link.rotation.tr_mul(&link.omega);
+            let about = columns.moment(i, 1);
+            assert!((about - link.rotation * Vector3::new(0.5 * spin.x, spin.y, 0.0)).norm() < 1e-9);
+        }
+    });
+}
+
+#[test]
+fn prop_the_example_configuration_compiles() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/effects");
+    let mut model = model([0.0, 0.2, 0.0]);
+    (model.links[0].name, model.links[1].name) = ("link0".into(), "link1".into());
+    let scene = Scene::new(&model, &phi(), &[]);
+    let mut count = 0;
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let text = std::fs::read_to_string(entry.unwrap().path()).unwrap();
+        let effect: FormulaEffect = serde_yaml::from_str(&text).unwrap();
+        effect.compile(&scene).unwrap();
+        count += 1;
+    }
+    assert!(count > 3);
+}
+
+#[test]
+fn prop_drag_written_as_a_formula_has_the_columns_of_the_catalogue() {
+    let mut fixture = Fixture::new(true);
+    for (link, name) in fixture.scene.model.links.iter_mut().zip(["link0", "link1"]) {
+        link.name = name.into();
+    }
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/effects");
+    let read = |name: &str| -> FormulaEffect {
+        serde_yaml::from_str(&std::fs::read_to_string(folder.join(name)).unwrap()).unwrap()
+    };
+    let (body, links) = (read("air_drag.yaml"), read("my_drag.yaml"));
+    let (body, links) = (body.compile(&fixture.scene).unwrap(), links.compile(&fixture.scene).unwrap());
+    let drag = effect("quadratic_drag").unwrap();
+    let centres = (drag.starts)(&fixture.scene, Target::EveryLink).remove(0);
+    fixture.with(|series| {
+        let pairs = [
+            (fixture.columns(series, &body, Target::Body, &[]), fixture.columns(series, drag, Target::Body, &[])),
+            (
+                fixture.columns(series, &links, Target::Body, &[]),
+                fixture.columns(series, drag, Target::EveryLink, &centres),
+            ),
+        ];
+        for (own, built_in) in &pairs {
+            for i in 0..series.len() {
+                let (a, b) = (own.matrix(i), built_in.matrix(i));
+                assert!((&a - &b).norm() < 1e-12 * b.norm(), "{a} {b}");
+            }
+        }
+    });
+}
+
+#[test]
+fn prop_what_is_wrong_outside_of_formulas_is_told_with_its_place() {
+    let fixture = Fixture::new(true);
+    type Change = fn(&mut FormulaEffect);
+    let cases: [(Change, &str, &str); 8] = [
+        (|e| e.id = "tether".into(), "id", "catalogue"),
+        (
+            |e| e.point.as_mut().unwrap().link = "bse".into(),
+            "point.link",
+            "there is no link `bse`; there are `base`, `arm`",
+        ),
+        (|e| e.coefficients[0].unit = "lbf".into(), "coefficients[0].unit", "`lbf` is no SI unit"),
+        (|e| e.coefficients[0].upper = Some(-1.0), "coefficients[0].lower", "bounds 0 to -1"),
+        (
+            |e| {
+                e.coefficients.push(FormulaCoefficient { name: "d".into(), unit: "1".into(), lower: None, upper: None })
+            },
+            "coefficients[1].name",
+            "stands in no formula",
+        ),
+        (|e| e.coefficients[0].name = "speed".into(), "coefficients[0].name", "it is a quantity"),
+        (|e| e.point = None, "id", "neither a `point`"),
+        (
+            |e| e.constants.push(FormulaConstant { name: "c".into(), unit: "1".into(), value: 2.0 }),
+            "constants[0].name",
+            "two things",
+        ),
+    ];
+    for (change, at, words) in cases {
+        let mut effect = sail();
+        change(&mut effect);
+        match effect.compile(&fixture.scene) {
+            Err(EffectsError::Place { place, problem, .. }) => {
+                assert_eq!(place, at, "{problem}");
+                assert!(problem.contains(words), "{problem}");
+            }
+            other => panic!("{at}: {other:?}"),
+        }
+    }
+}
