@@ -113,7 +113,7 @@ pub fn gravity_scale() {
 pub fn tether() {
     let case = Case {
         key: "tether[link0]",
-        truth: &[0.8, 0.0],
+        truth: &[0.8],
         nonlinear: &[
             ("anchor_x", 1.0),
             ("anchor_y", 0.5),
@@ -192,6 +192,8 @@ pub fn wobbling_mass() {
         truth: &[0.15],
         nonlinear: &[("frequency", 5.0), ("damping_ratio", 0.15)],
         sought: true,
+        // the fall at release is seen through the window of differentiation, which takes some of the swing that it starts
+        share: 0.2,
         ..Case::default()
     };
     check(&hidden, &case);
