@@ -215,6 +215,14 @@ fn the_study_has_a_page_that_leads_to_its_subjects() {
         expect(&all, code).0
     };
     ask("run", &["--subject", "bar_b"], 0);
+    // a workflow of one subject asks for its own verdict
+    let file = dir.path().join("bar_b.smk").display().to_string();
+    ask("workflow", &["--subject", "bar_b", "--out", &file], 0);
+    let text = fs::read_to_string(&file).unwrap();
+    assert!(text.contains("CHOSEN = [\"--subject\",\"bar_b\"]") && !text.contains("\"bar_a\": {"), "{text}");
+    assert!(text.contains("/verdict_") && text.contains("\"compare/_study\""), "{text}");
+    ask("workflow", &["--subject", "bar_b", "--verdict"], 0);
+    ask("workflow", &["--verdict"], 1);
     // a subject that was never run does not keep the others from their pages
     let pages = ask("report", &[], 1);
     assert_eq!(pages.lines().count(), 3, "{pages}");

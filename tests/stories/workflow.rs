@@ -19,6 +19,13 @@ fn jobs_side_by_side_give_the_numbers_of_one_run() {
     let data = dir.path().join("lab");
     expect(&["simulate", &scenario.display().to_string(), "--out", &data.display().to_string()], 0);
     fs::write(data.join("throws_04.c3d"), b"").unwrap();
+    // as in a DataLad data set: the recording is a link
+    #[cfg(unix)]
+    {
+        let elsewhere = dir.path().join("annexed");
+        fs::rename(data.join("throws_07.c3d"), &elsewhere).unwrap();
+        std::os::unix::fs::symlink(&elsewhere, data.join("throws_07.c3d")).unwrap();
+    }
     let place = |name: &str| dir.path().join(name).display().to_string();
     let pipeline = repo("pipelines/chain.yaml");
     let words = |ws: &str| [pipeline.clone(), "--data".into(), place("lab"), "--workspace".into(), place(ws)];

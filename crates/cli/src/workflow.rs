@@ -18,6 +18,14 @@ fn folders(args: &PipelineArgs) -> Vec<String> {
         .collect()
 }
 
+/// `--subject` and `--session` as they were given.
+fn chosen(args: &PipelineArgs) -> Vec<String> {
+    [("--subject", &args.subject), ("--session", &args.session)]
+        .into_iter()
+        .flat_map(|(flag, names)| names.iter().flat_map(move |n| [flag.to_owned(), n.clone()]))
+        .collect()
+}
+
 /// Carries it out.
 pub fn run(args: &PipelineArgs, out: &Path, say: bool) -> Result<Success, Stop> {
     let set = open_all(args)?;
@@ -39,7 +47,12 @@ pub fn run(args: &PipelineArgs, out: &Path, say: bool) -> Result<Success, Stop> 
             }
         })
         .collect();
-    let call = Call { pipeline: args.pipeline.clone(), words: folders(args), workspace: set.workspace.clone() };
+    let call = Call {
+        pipeline: args.pipeline.clone(),
+        words: folders(args),
+        chosen: chosen(args),
+        workspace: set.workspace.clone(),
+    };
     write(&members, &call, out)?;
     note(format!("wrote {}", out.display()));
     note(format!("next: snakemake -s {} --cores all --keep-going", out.display()));

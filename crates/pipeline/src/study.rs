@@ -334,7 +334,7 @@ pub fn stem_of(path: &Path) -> String {
 }
 
 /// Recordings below a folder, relative to it, in order of names. Results (workspaces, exports, `derivatives`) and hidden folders
-/// are not looked into.
+/// are not looked into. Links to files count: data sets of DataLad or git-annex consist of them.
 pub fn recordings_below(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
     let mut found = Vec::new();
     let walk = walkdir::WalkDir::new(folder).sort_by_file_name().into_iter().filter_entry(|e| {
@@ -349,7 +349,7 @@ pub fn recordings_below(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
             path: folder.to_path_buf(),
             source: e.into_io_error().unwrap_or_else(|| std::io::Error::other("a loop of links")),
         })?;
-        if entry.file_type().is_file() && is_recording(entry.path()) {
+        if is_recording(entry.path()) && entry.path().is_file() {
             found.push(entry.path().strip_prefix(folder).unwrap_or(entry.path()).to_path_buf());
         }
     }

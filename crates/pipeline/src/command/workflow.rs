@@ -9,7 +9,7 @@ use crate::error::{PipelineError, StageFailure};
 use crate::graph::{self, Manifests, Need, Scope, Stage, Standing};
 use crate::merge;
 use crate::stages::STAGES;
-use crate::study::{Role, Study};
+use crate::study::{Role, Study, TrialEntry};
 use crate::workspace::{WHOLE_STUDY, Workspace};
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -33,6 +33,8 @@ pub struct Call {
     pub pipeline: PathBuf,
     /// `--data` and `--workspace` as the user gave them.
     pub words: Vec<String>,
+    /// `--subject` and `--session` as the user gave them: the verdict is on these.
+    pub chosen: Vec<String>,
     /// Folder of results of the whole study.
     pub workspace: PathBuf,
 }
@@ -60,13 +62,32 @@ fn seen(stage: &Stage, study: &Study) -> String {
     blake3::hash(text.as_bytes()).to_hex()[..12].to_owned()
 }
 
+/// Results that no other stage reads, `stage/trial`: where these are there, all are.
+fn ends(study: &Study) -> Vec<String> {
+    let read = |name: &str, trial: Option<&TrialEntry>| {
+        let plays = |roles: &[Role]| trial.is_some_and(|t| roles.contains(&t.role));
+        STAGES.iter().any(|by| {
+            by.needs.iter().any(|need| match need {
+                Need::Recording => false,
+                Need::Once(n) => *n == name,
+                Need::Same(n) => *n == name && roles(by).is_some_and(plays),
+                Need::Every(n, of) | Need::EveryOrStaticFrames(n, of) => *n == name && plays(of),
+            })
+        })
+    };
+    let all = STAGES.iter().flat_map(|s| s.tasks(study).into_iter().map(|t| (s.name, t)));
+    all.filter(|(name, t)| !read(name, *t))
+        .map(|(name, t)| format!("{name}/{}", t.map_or(WHOLE_STUDY, |t| t.name.as_str())))
+        .collect()
+}
+
 fn plan(member: &Member<'_>) -> Value {
     let study = member.study;
     let trials: serde_json::Map<String, Value> = study
         .included()
         .map(|t| {
             let files: Vec<String> =
-                std::iter::once(&t.file).chain(&t.forces).map(|p| p.display().to_string()).collect();
+                std::iter::once(&t.file).chain(&t.forces).chain(&t.beside).map(|p| p.display().to_string()).collect();
             (t.name.clone(), json!({"role": t.role.word(), "files": files}))
         })
         .collect();
@@ -78,6 +99,7 @@ fn plan(member: &Member<'_>) -> Value {
         "static_frames": study.config.trials.static_frames.as_ref().map(|f| f.trial.clone()),
         "seen": hashes,
         "merge": merge::Tree::of(study).levels(),
+        "ends": ends(study),
     })
 }
 
@@ -145,6 +167,15 @@ fn rule(stage: &Stage) -> String {
     out
 }
 
+/// Mark of the verdict: one for each choice of subjects, so that files for different ones can share a folder of results.
+fn verdict_name(chosen: &[String]) -> String {
+    if chosen.is_empty() {
+        return "verdict".to_owned();
+    }
+    let hash = blake3::hash(json!(chosen).to_string().as_bytes()).to_hex();
+    format!("verdict_{}", &hash[..8])
+}
+
 /// The Snakefile of a study.
 pub fn snakefile(members: &[Member<'_>], call: &Call) -> Result<String, PipelineError> {
     let text = std::fs::read_to_string(&call.pipeline).map_err(PipelineError::io("read", &call.pipeline))?;
@@ -152,10 +183,6 @@ pub fn snakefile(members: &[Member<'_>], call: &Call) -> Result<String, Pipeline
     let studies = serde_json::to_string_pretty(&studies)
         .map_err(|e| PipelineError::request(format!("the plan cannot be written: {e}")))?;
     let pipeline = call.pipeline.display().to_string();
-    let stages: Vec<String> = STAGES
-        .iter()
-        .map(|s| format!("    {}: {},", python(s.name), roles(s).map_or("None".to_owned(), words_of_roles)))
-        .collect();
     let mut out = String::new();
     let _ = write!(
         out,
@@ -176,6 +203,7 @@ ALOFT = config.get("aloft", "aloft")  # --config aloft=/path/to/aloft
 THREADS = int(config.get("threads", 2))  # of jobs for a whole study
 PIPELINE = {pipeline}
 FOLDERS = {folders}
+CHOSEN = {chosen}  # subjects and sessions of this file, all where empty
 WORKSPACE = Path({workspace})
 MARKS = (WORKSPACE / ".workflow").as_posix()
 
@@ -192,20 +220,9 @@ STUDIES = json.loads(r'''
 ''')
 
 
-# stage -> roles of the trials that it runs for; none for stages of the whole study
-STAGES = {{
-{stages}
-}}
-
-
-def every_result(w):
-    """Marks of all stages for all trials."""
-    return [
-        f"{{MARKS}}/{{key}}/{{stage}}/{{name}}.done"
-        for key, study in STUDIES.items()
-        for stage, roles in STAGES.items()
-        for name in (["_study"] if roles is None else [n for n, t in study["trials"].items() if t["role"] in roles])
-    ]
+def every_end(w):
+    """Marks of all results that no other stage reads."""
+    return [f"{{MARKS}}/{{key}}/{{end}}.done" for key, study in STUDIES.items() for end in study["ends"]]
 
 
 def every(stage, roles):
@@ -249,21 +266,22 @@ localrules:
 
 rule verdict:
     input:
-        every_result,
+        every_end,
     output:
-        touch(MARKS + "/verdict.done"),
+        touch(MARKS + "/{verdict}.done"),
     shell:
-        "{{ALOFT}} workflow {{PIPELINE:q}} {{FOLDERS:q}} --verdict"
+        "{{ALOFT}} workflow {{PIPELINE:q}} {{FOLDERS:q}} {{CHOSEN:q}} --verdict"
 
 
 "#,
         pipeline = python(&pipeline),
         folders = json!(call.words),
+        chosen = json!(call.chosen),
+        verdict = verdict_name(&call.chosen),
         workspace = python(&call.workspace.display().to_string()),
         marker = python("ALOFT_WORKSPACE.txt"),
         text = python(&text),
         fan_in = merge::FAN_IN,
-        stages = stages.join("\n"),
     );
     for stage in STAGES {
         out.push_str(&rule(stage));
