@@ -48,3 +48,17 @@ def laboratory(folder, jumps, exercises=2, exercise_s=5.0, flights=(3, 3)):
         )
         run([aloft(), "simulate", str(scenario), "--out", str(folder)])
     return folder
+
+
+def chain(folder, recordings):
+    """Recordings of a thrown chain of two links in `folder`, made unless they are there: 200 Hz, 9 markers, no plates."""
+    folder = pathlib.Path(folder)
+    if not (folder / "object.yaml").is_file():
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        scenario = folder.with_suffix(".yaml")
+        scenario.write_text(
+            "name: bench\nseed: 3\nbody:\n  kind: chain\n"
+            f"  throws: {{recordings: {recordings}, throws: 4, carry_s: [1.2, 1.5], static_s: 1.0, calibration_s: 8.0}}\n"
+        )
+        run([aloft(), "simulate", str(scenario), "--out", str(folder)])
+    return folder

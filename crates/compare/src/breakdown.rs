@@ -5,8 +5,9 @@
 
 use crate::errors::{Sums, WindowErrors, WrenchErrors, WrenchSums};
 use crate::frames::{FrameRecord, TrialFrames};
-use crate::windows::Window;
-use crate::{NoiseFloor, Phase, TrialInput};
+use crate::input::TrialFacts;
+use crate::windows::TrialWindows;
+use crate::{NoiseFloor, Phase};
 use serde::{Deserialize, Serialize};
 
 /// By what frames are grouped.
@@ -105,7 +106,7 @@ pub(crate) struct Counting {
 
 impl Counting {
     /// Held-out frames where there are any, else all.
-    pub fn new(inputs: &[TrialInput<'_>], frames: &[TrialFrames]) -> Self {
+    pub fn new(inputs: &[TrialFacts], frames: &[TrialFrames]) -> Self {
         let any = |contact: bool| {
             inputs.iter().zip(frames).any(|(input, t)| {
                 let held_out = if contact { input.held_out_contact } else { input.held_out_flight };
@@ -114,13 +115,13 @@ impl Counting {
         };
         Self { all_contact: !any(true), all_flight: !any(false) }
     }
-    pub fn contact(&self, input: &TrialInput<'_>) -> bool {
+    pub fn contact(&self, input: &TrialFacts) -> bool {
         self.all_contact || input.held_out_contact
     }
-    pub fn flight(&self, input: &TrialInput<'_>) -> bool {
+    pub fn flight(&self, input: &TrialFacts) -> bool {
         self.all_flight || input.held_out_flight
     }
-    pub fn counts(&self, input: &TrialInput<'_>, record: &FrameRecord) -> bool {
+    pub fn counts(&self, input: &TrialFacts, record: &FrameRecord) -> bool {
         if record.place.phase.is_contact() { self.contact(input) } else { self.flight(input) }
     }
 }
@@ -172,10 +173,6 @@ impl GroupSums {
             self.windows[usize::from(g)].add(e);
         }
     }
-    pub fn merge(&mut self, other: &Self) {
-        self.frames.iter_mut().zip(&other.frames).for_each(|(a, b)| a.merge(b));
-        self.windows.iter_mut().zip(&other.windows).for_each(|(a, b)| a.merge(b));
-    }
     pub fn floors(&self, grouping: &Grouping) -> Vec<GroupFloor> {
         let of = |((head, f), w): ((&Head, &WrenchSums), &Sums)| GroupFloor {
             by: head.by,
@@ -189,44 +186,48 @@ impl GroupSums {
 
 impl Grouping {
     /// Groups of the frames that count.
-    pub fn new(inputs: &[TrialInput<'_>], frames: &[TrialFrames], counting: &Counting) -> Self {
+    pub fn new(inputs: &[TrialFacts], frames: &[TrialFrames], counting: &Counting) -> Self {
         let counted: Vec<(usize, &FrameRecord)> = inputs
             .iter()
             .zip(frames)
             .enumerate()
             .flat_map(|(i, (input, t))| t.records.iter().filter(|r| counting.counts(input, r)).map(move |r| (i, r)))
             .collect();
-        let mut out = Self {
-            heads: Vec::new(),
-            of_frame: inputs.iter().map(|t| vec![Vec::new(); t.motion.n_frames()]).collect(),
+        let mut out =
+            Self { heads: Vec::new(), of_frame: inputs.iter().map(|t| vec![Vec::new(); t.n_frames]).collect() };
+        // counted frames stand trial after trial: those of one trial
+        let of_trial = |i: usize| {
+            let start = counted.partition_point(|(trial, _)| *trial < i);
+            &counted[start..start + counted[start..].partition_point(|(trial, _)| *trial == i)]
         };
-        let mut push = |by, name: String, range, keep: &dyn Fn(usize, &FrameRecord) -> bool| {
-            let Ok(index) = u16::try_from(out.heads.len()) else { return };
-            let mut any = false;
-            for (trial, r) in counted.iter().filter(|(trial, r)| keep(*trial, r)) {
-                out.of_frame[*trial][r.frame].push(index);
-                any = true;
-            }
-            if any {
-                out.heads.push(Head { by, name, range });
-            }
-        };
+        let mut push =
+            |by, name: String, range, within: &[(usize, &FrameRecord)], keep: &dyn Fn(&FrameRecord) -> bool| {
+                let Ok(index) = u16::try_from(out.heads.len()) else { return };
+                let mut any = false;
+                for (trial, r) in within.iter().filter(|(_, r)| keep(r)) {
+                    out.of_frame[*trial][r.frame].push(index);
+                    any = true;
+                }
+                if any {
+                    out.heads.push(Head { by, name, range });
+                }
+            };
         for (i, input) in inputs.iter().enumerate() {
-            push(GroupedBy::Trial, input.motion.trial.clone(), None, &|trial, _| trial == i);
+            push(GroupedBy::Trial, input.name.clone(), None, of_trial(i), &|_| true);
         }
         for phase in Phase::ALL {
-            push(GroupedBy::Phase, phase.word().to_owned(), None, &|_, r| r.place.phase == phase);
+            push(GroupedBy::Phase, phase.word().to_owned(), None, &counted, &|r| r.place.phase == phase);
         }
         for (i, input) in inputs.iter().enumerate() {
-            for flight in 0..input.flights.len() {
-                let name = format!("{} #{}", input.motion.trial, flight + 1);
-                push(GroupedBy::Flight, name, None, &|trial, r| trial == i && r.place.flight == Some(flight));
+            for flight in 0..input.flights {
+                let name = format!("{} #{}", input.name, flight + 1);
+                push(GroupedBy::Flight, name, None, of_trial(i), &|r| r.place.flight == Some(flight));
             }
         }
         for fifth in 0..FIFTHS {
             let (from, to) = (fifth as f64 / FIFTHS as f64, (fifth + 1) as f64 / FIFTHS as f64);
             let name = format!("{:.0} to {:.0} % of the flight", 100.0 * from, 100.0 * to);
-            push(GroupedBy::TimeInFlight, name, Some((from, to)), &|_, r| {
+            push(GroupedBy::TimeInFlight, name, Some((from, to)), &counted, &|r| {
                 r.place.flight.is_some() && r.place.fraction >= from && (r.place.fraction < to || fifth + 1 == FIFTHS)
             });
         }
@@ -254,7 +255,7 @@ impl Grouping {
                 let from = values[quarter * (values.len() - 1) / QUARTERS];
                 let to = values[(quarter + 1) * (values.len() - 1) / QUARTERS];
                 let name = format!("{from:.decimals$} to {to:.decimals$} {unit}");
-                push(by, name, Some((from, to)), &|_, r| {
+                push(by, name, Some((from, to)), &counted, &|r| {
                     let x = feature(r);
                     of_interest(r) && x >= from && (x < to || (quarter + 1 == QUARTERS && x <= last))
                 });
@@ -268,13 +269,13 @@ impl Grouping {
     }
 
     /// All groups of one model.
-    pub fn breakdown(&self, frames: &[TrialFrames], windows: &[Vec<Window>], which: usize) -> Vec<Group> {
+    pub fn breakdown(&self, frames: &[TrialFrames], windows: &[TrialWindows], which: usize) -> Vec<Group> {
         let mut sums = GroupSums::new(self);
         for (trial, (t, windows)) in frames.iter().zip(windows).enumerate() {
             for r in &t.records {
                 sums.add_frame(self, trial, r.frame, &r.residual[which], &r.world_from_root.rotation);
             }
-            for w in windows {
+            for w in &windows.windows {
                 sums.add_window(self, trial, w.center, &w.residual[which]);
             }
         }

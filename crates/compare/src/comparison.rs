@@ -3,10 +3,10 @@
 use crate::breakdown::{Counting, Grouping};
 use crate::errors::{Sums, WrenchSums};
 use crate::frames::{TrialFrames, trial_frames};
-use crate::noise_floor::{FloorSums, trial_floor};
-use crate::offset::sought;
+use crate::input::TrialFacts;
+use crate::noise_floor::{TrialFloor, trial_floor};
 use crate::segments::SegmentSums;
-use crate::windows::{TrialWindows, Window, trial_windows};
+use crate::windows::{TrialWindows, trial_windows};
 use crate::words::words;
 use crate::{
     Body, Candidate, CompareError, CompareOptions, FlightErrors, Group, NoiseFloor, RecordingOffset, SegmentShare,
@@ -197,38 +197,81 @@ pub fn compare(
     noise: Noise<'_>,
     options: &CompareOptions,
 ) -> Result<(Comparison, Vec<TrialSeries>), CompareError> {
-    if candidates.is_empty() {
-        return Err(CompareError::NoModel);
-    }
-    check_body(body)?;
-    candidates.iter().try_for_each(|c| c.check(body, trials.len()))?;
-    trials.iter().try_for_each(|t| t.check(body))?;
+    compare_each(body, candidates, trials.len(), |i| Ok(&trials[i]), |_, t| **t, noise, options)
+}
 
-    let frames: Vec<TrialFrames> =
-        trials.par_iter().enumerate().map(|(i, t)| trial_frames(body, candidates, i, t, options)).collect();
-    let windows: Vec<TrialWindows> = trials
-        .par_iter()
-        .enumerate()
-        .map(|(i, t)| trial_windows(body, candidates, i, t, &frames[i].offsets, options))
-        .collect::<Result<_, _>>()?;
-    let counting = Counting::new(trials, &frames);
-    let grouping = Grouping::new(trials, &frames, &counting);
-    let noise_floor = match noise {
+/// All that one trial gives.
+struct Compared {
+    facts: TrialFacts,
+    frames: TrialFrames,
+    windows: TrialWindows,
+    floor: TrialFloor,
+}
+
+/// The same for trials that are read when their turn comes and dropped afterwards: no more of them are held than there are threads.
+/// `read` gives a trial by its index, `input` views it.
+///
+/// # Errors
+/// As [`compare`], and those of `read`.
+pub fn compare_each<T, E: From<CompareError> + Send>(
+    body: &Body<'_>,
+    candidates: &[Candidate],
+    trials: usize,
+    read: impl Fn(usize) -> Result<T, E> + Sync,
+    input: impl for<'a> Fn(usize, &'a T) -> TrialInput<'a> + Sync,
+    noise: Noise<'_>,
+    options: &CompareOptions,
+) -> Result<(Comparison, Vec<TrialSeries>), E> {
+    let first = candidates.first().ok_or(CompareError::NoModel)?;
+    check_body(body)?;
+    candidates.iter().try_for_each(|c| c.check(body, trials))?;
+    let drawn = match noise {
         Noise::Drawn { filtering, of } if options.noise_draws > 0 => {
-            let of = of.unwrap_or(&candidates[0]);
-            of.check(body, trials.len())?;
-            floor(body, of, trials, &counting, &grouping, filtering, options)?
+            let of = of.unwrap_or(first);
+            of.check(body, trials)?;
+            Some((filtering, of))
         }
-        Noise::Known(floor) => Some(floor.clone()),
         _ => None,
     };
-    let of_windows: Vec<Vec<Window>> = windows.iter().map(|w| w.windows.clone()).collect();
-    let mut models = candidates.iter().enumerate().map(|(c, candidate)| {
-        let mut model = model_comparison(body, candidate, c, trials, &frames, &windows, &counting);
-        model.breakdown = grouping.breakdown(&frames, &of_windows, c);
-        model
-    });
-    let Some(first) = models.next() else { return Err(CompareError::NoModel) };
+    let one = |i: usize| -> Result<Compared, E> {
+        let trial = read(i)?;
+        let input = input(i, &trial);
+        input.check(body)?;
+        let frames = trial_frames(body, candidates, i, &input, options);
+        let windows = trial_windows(body, candidates, i, &input, &frames.offsets, options)?;
+        let floor = match drawn {
+            Some((Filtering { filter, smooth }, of)) => trial_floor(body, of, i, &input, filter, smooth, options)?,
+            None => TrialFloor::default(),
+        };
+        Ok(Compared { facts: TrialFacts::of(&input), frames, windows, floor })
+    };
+    let all: Vec<Compared> = (0..trials).into_par_iter().map(one).collect::<Result<_, E>>()?;
+    let (mut facts, mut frames) = (Vec::with_capacity(trials), Vec::with_capacity(trials));
+    let (mut windows, mut floors) = (Vec::with_capacity(trials), Vec::with_capacity(trials));
+    for c in all {
+        facts.push(c.facts);
+        frames.push(c.frames);
+        windows.push(c.windows);
+        floors.push(c.floor);
+    }
+    let counting = Counting::new(&facts, &frames);
+    let grouping = Grouping::new(&facts, &frames, &counting);
+    let noise_floor = match noise {
+        Noise::Known(floor) => Some(floor.clone()),
+        _ => drawn.and_then(|_| NoiseFloor::of(&floors, &facts, &counting, &grouping)),
+    };
+    drop(floors);
+    let models: Vec<ModelComparison> = candidates
+        .par_iter()
+        .enumerate()
+        .map(|(c, candidate)| {
+            let mut model = model_comparison(body, candidate, c, &facts, &frames, &windows, &counting);
+            model.breakdown = grouping.breakdown(&frames, &windows, c);
+            model
+        })
+        .collect();
+    let mut models = models.into_iter();
+    let Some(first) = models.next() else { return Err(CompareError::NoModel.into()) };
     let beside: Vec<ModelComparison> = models.collect();
     let words = words(&first, &beside, noise_floor.as_ref());
     let axes = if first.held_out.frames > 0 {
@@ -257,7 +300,7 @@ fn model_comparison(
     body: &Body<'_>,
     candidate: &Candidate,
     c: usize,
-    inputs: &[TrialInput<'_>],
+    inputs: &[TrialFacts],
     frames: &[TrialFrames],
     windows: &[TrialWindows],
     counting: &Counting,
@@ -290,11 +333,11 @@ fn model_comparison(
             flight_segments.merge(&frames.flight_segments);
         }
         trials.push(TrialComparison {
-            trial: input.motion.trial.clone(),
+            trial: input.name.clone(),
             held_out_contact: input.held_out_contact,
             held_out_flight: input.held_out_flight,
-            flights: input.flights.len(),
-            untared: sought(input),
+            flights: input.flights,
+            untared: input.sought,
             offset: frames.offsets[c],
             contact: of_contact.errors(),
             flight: of_flight.errors(),
@@ -337,40 +380,4 @@ fn model_comparison(
 /// Number of models that the sums of segments are about.
 fn segments_of(frames: &[TrialFrames]) -> usize {
     frames.first().map_or(0, |f| f.series.predicted.len())
-}
-
-fn floor(
-    body: &Body<'_>,
-    candidate: &Candidate,
-    trials: &[TrialInput<'_>],
-    counting: &Counting,
-    grouping: &Grouping,
-    filtering: Filtering<'_>,
-    options: &CompareOptions,
-) -> Result<Option<NoiseFloor>, CompareError> {
-    let parts: Vec<FloorSums> = trials
-        .par_iter()
-        .enumerate()
-        .map(|(i, t)| trial_floor(body, candidate, i, t, filtering.filter, filtering.smooth, grouping, options))
-        .collect::<Result<_, _>>()?;
-    let mut total = FloorSums::new(grouping);
-    for (t, part) in trials.iter().zip(&parts) {
-        if counting.contact(t) {
-            total.contact.merge(&part.contact);
-            total.contact_weak.merge(&part.contact_weak);
-        }
-        if counting.flight(t) {
-            total.flight.merge(&part.flight);
-            total.flight_weak.merge(&part.flight_weak);
-        }
-        total.groups.merge(&part.groups);
-    }
-    let floor = NoiseFloor {
-        contact: total.contact.errors(),
-        flight: total.flight.errors(),
-        contact_weak: total.contact_weak.windows(),
-        flight_weak: total.flight_weak.windows(),
-        groups: total.groups.floors(grouping),
-    };
-    Ok((floor.contact.frames + floor.flight.frames > 0).then_some(floor))
 }

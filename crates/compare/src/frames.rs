@@ -3,6 +3,7 @@
 use crate::errors::{WrenchSums, halves, joined, rotated};
 use crate::offset::{OffsetSamples, mass_ratio, sought};
 use crate::phase::{Place, places};
+use crate::predict::wrenches;
 use crate::segments::SegmentSums;
 use crate::{Body, Candidate, CompareOptions, Phase, RecordingOffset, TrialInput};
 use aloft_body::{Phi, State};
@@ -120,22 +121,20 @@ pub(crate) fn trial_frames(
     let ratios: Vec<f64> =
         parameters.row(0).iter().map(|m| mass_ratio(options.mass_kg, *m).unwrap_or(f64::NAN)).collect();
     let mut state = State::new(model);
-    let mut rows = DMatrix::zeros(6, body.base.len());
-    let mut wrench = DMatrix::zeros(6, candidates.len());
-    let mut body_alone = wrench.clone();
-    for f in (0..n).filter(|&f| is_solved[f]) {
+    let frames: Vec<usize> = (0..n).filter(|&f| is_solved[f]).collect();
+    let body_alone = wrenches(body, motion, &frames, &parameters);
+    for (i, &f) in frames.iter().enumerate() {
         state.forward_acceleration(model, motion.q(f), motion.v(f), motion.a(f));
-        state.base_wrench_rows(model, body.base, &mut rows);
-        wrench.gemm(1.0, &rows, &parameters, 0.0);
-        body_alone.copy_from(&wrench);
         let world_from_root = state.world_from_link[0];
+        for (predicted, alone) in series.predicted.iter_mut().zip(&body_alone) {
+            predicted[f] = alone[i];
+        }
         if let Some(effects) = input.effects {
             for (c, theta) in coefficients.iter().enumerate().filter(|(_, t)| t.iter().any(|x| *x != 0.0)) {
                 let world: Vector6<f64> = (&effects.wrench[f] * theta).fixed_rows::<6>(0).into();
                 // where no columns were made, the effect is not known and the frame does not count for it
                 if world.iter().all(|x| x.is_finite()) {
-                    let mut column = wrench.column_mut(c);
-                    column -= into_root(&world, &world_from_root);
+                    series.predicted[c][f] -= into_root(&world, &world_from_root);
                 }
             }
         }
@@ -145,14 +144,11 @@ pub(crate) fn trial_frames(
             measured(f).map_or(missing, |w| into_root(w, &world_from_root))
         };
         series.measured[f] = in_root;
-        for (c, predicted) in series.predicted.iter_mut().enumerate() {
-            predicted[f] = wrench.column(c).fixed_rows::<6>(0).into();
-        }
         let Some(place) = places[f] else { continue };
         let residual: Vec<Vector6<f64>> = series.predicted.iter().map(|p| p[f] - in_root).collect();
         if let Some(samples) = samples.as_mut().filter(|_| place.phase.is_contact()) {
-            let excess = residual.iter().zip(body_alone.column_iter()).zip(&ratios).map(|((e, own), ratio)| {
-                let to_known_mass: Vector6<f64> = own.fixed_rows::<6>(0) * (ratio - 1.0);
+            let excess = residual.iter().zip(&body_alone).zip(&ratios).map(|((e, alone), ratio)| {
+                let to_known_mass = alone[i] * (ratio - 1.0);
                 -rotated(&(e + to_known_mass), &world_from_root.rotation)
             });
             samples.add(world_from_root.translation.vector, excess);

@@ -192,3 +192,28 @@ impl Default for CompareOptions {
         }
     }
 }
+
+/// What is kept of a trial when its frames have been compared.
+#[derive(Debug, Clone)]
+pub(crate) struct TrialFacts {
+    pub name: String,
+    pub n_frames: usize,
+    pub flights: usize,
+    pub held_out_contact: bool,
+    pub held_out_flight: bool,
+    /// True where an offset of the recording is sought.
+    pub sought: bool,
+}
+
+impl TrialFacts {
+    pub fn of(input: &TrialInput<'_>) -> Self {
+        Self {
+            name: input.motion.trial.clone(),
+            n_frames: input.motion.n_frames(),
+            flights: input.flights.len(),
+            held_out_contact: input.held_out_contact,
+            held_out_flight: input.held_out_flight,
+            sought: crate::offset::sought(input),
+        }
+    }
+}

@@ -34,12 +34,13 @@ mod measured;
 mod noise_floor;
 mod offset;
 mod phase;
+mod predict;
 mod segments;
 mod windows;
 mod words;
 
 pub use breakdown::{Group, GroupFloor, GroupedBy};
-pub use comparison::{AxisRow, Comparison, Filtering, ModelComparison, Noise, TrialComparison, compare};
+pub use comparison::{AxisRow, Comparison, Filtering, ModelComparison, Noise, TrialComparison, compare, compare_each};
 pub use error::CompareError;
 pub use errors::{AxisErrors, AxisResidual, FlightErrors, WindowErrors, WrenchErrors};
 pub use frames::TrialSeries;

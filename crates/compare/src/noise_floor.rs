@@ -10,17 +10,19 @@
 //! Not in it: soft tissue, wrong joint centres, plates that drift. They are slow, repeat themselves, and count as explainable. Where
 //! somebody smoothed the recordings before, the floor is too low.
 
-use crate::breakdown::{GroupFloor, GroupSums, Grouping};
+use crate::breakdown::{Counting, GroupFloor, GroupSums, Grouping};
 use crate::errors::{Sums, WindowErrors, WrenchErrors, WrenchSums, halves, joined, rotated};
 use crate::frames::solved;
+use crate::input::TrialFacts;
 use crate::measured::{FOURTH_DIFFERENCE, median_scale};
-use crate::phase::places;
-use crate::windows::{stretches, window_residuals};
+use crate::phase::{Place, places};
+use crate::predict::wrenches;
+use crate::windows::{RunWindows, stretches, window_residuals};
 use crate::{Body, Candidate, CompareError, CompareOptions, TrialInput};
 use aloft_body::{Model, Motion, State};
 use aloft_regressor::Acting;
 use aloft_signal::{Butterworth, LowPass};
-use nalgebra::{DMatrix, DVector, Vector6};
+use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector6};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -45,26 +47,64 @@ pub struct NoiseFloor {
 /// Filters a motion as the motion of the comparison was filtered; `None` where that fails.
 pub type Smooth<'a> = &'a (dyn Fn(&Motion) -> Option<Motion> + Sync);
 
-/// Sums over frames and windows of one trial.
-#[derive(Clone)]
-pub(crate) struct FloorSums {
-    pub contact: WrenchSums,
-    pub flight: WrenchSums,
-    pub contact_weak: Sums,
-    pub flight_weak: Sums,
-    pub groups: GroupSums,
+/// What noise made of the frames and windows of one trial.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct TrialFloor {
+    frames: Vec<FloorFrame>,
+    windows: Vec<FloorWindow>,
 }
 
-impl FloorSums {
-    pub fn new(grouping: &Grouping) -> Self {
-        let (frames, windows) = (WrenchSums::default(), Sums::default());
-        Self {
-            contact: frames,
-            flight: frames,
-            contact_weak: windows,
-            flight_weak: windows,
-            groups: GroupSums::new(grouping),
+#[derive(Debug, Clone)]
+struct FloorFrame {
+    frame: usize,
+    contact: bool,
+    error: Vector6<f64>,
+    rotation: UnitQuaternion<f64>,
+}
+
+#[derive(Debug, Clone)]
+struct FloorWindow {
+    center: usize,
+    contact: bool,
+    error: Vector6<f64>,
+}
+
+impl NoiseFloor {
+    /// Over all trials; none without frames.
+    pub(crate) fn of(
+        parts: &[TrialFloor],
+        trials: &[TrialFacts],
+        counting: &Counting,
+        grouping: &Grouping,
+    ) -> Option<Self> {
+        let (mut contact, mut flight) = (WrenchSums::default(), WrenchSums::default());
+        let (mut contact_weak, mut flight_weak) = (Sums::default(), Sums::default());
+        let mut groups = GroupSums::new(grouping);
+        for (trial, (facts, part)) in trials.iter().zip(parts).enumerate() {
+            let counts = |in_contact: bool| if in_contact { counting.contact(facts) } else { counting.flight(facts) };
+            for f in &part.frames {
+                if counts(f.contact) {
+                    let sums = if f.contact { &mut contact } else { &mut flight };
+                    sums.add(&f.error, &f.rotation);
+                }
+                groups.add_frame(grouping, trial, f.frame, &f.error, &f.rotation);
+            }
+            for w in &part.windows {
+                if counts(w.contact) {
+                    let sums = if w.contact { &mut contact_weak } else { &mut flight_weak };
+                    sums.add(&w.error);
+                }
+                groups.add_window(grouping, trial, w.center, &w.error);
+            }
         }
+        let floor = Self {
+            contact: contact.errors(),
+            flight: flight.errors(),
+            contact_weak: contact_weak.windows(),
+            flight_weak: flight_weak.windows(),
+            groups: groups.floors(grouping),
+        };
+        (floor.contact.frames + floor.flight.frames > 0).then_some(floor)
     }
 }
 
@@ -114,25 +154,26 @@ pub(crate) fn trial_floor(
     input: &TrialInput<'_>,
     filter: Option<LowPass>,
     smooth: Smooth<'_>,
-    grouping: &Grouping,
     options: &CompareOptions,
-) -> Result<FloorSums, CompareError> {
-    let mut sums = FloorSums::new(grouping);
+) -> Result<TrialFloor, CompareError> {
+    let mut out = TrialFloor::default();
     let clean = input.motion;
-    let Some(root) = input.unfiltered.and_then(|raw| noise_root(body.model, clean, raw)) else { return Ok(sums) };
-    let Some(base_line) = smooth(clean) else { return Ok(sums) };
+    let Some(root) = input.unfiltered.and_then(|raw| noise_root(body.model, clean, raw)) else { return Ok(out) };
+    let Some(base_line) = smooth(clean) else { return Ok(out) };
+    let clean_windows = windows(body, candidate, index, input, clean, None, options)?;
+    let calm = calm_frames(body, candidate, index, input, &base_line, options);
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     rng.set_stream(index as u64);
     for _ in 0..options.noise_draws {
         let noisy = with_noise(body, clean, &root, &mut rng);
         let plates = plate_noise(input, clean, &mut rng);
-        add_windows(&mut sums, body, candidate, index, input, &noisy, plates.as_deref(), grouping, options)?;
+        let noisy_windows = windows(body, candidate, index, input, &noisy, plates.as_deref(), options)?;
+        add_windows(&mut out, &clean_windows, &noisy_windows);
         let Some(noisy) = smooth(&noisy) else { continue };
         let filtered_plates = plates.map(|p| low_passed(p, clean.rate_hz, filter));
-        let motions = [&base_line, &noisy];
-        add_frames(&mut sums, body, candidate, index, input, motions, filtered_plates.as_deref(), grouping, options);
+        add_frames(&mut out, body, candidate, index, &calm, &noisy, filtered_plates.as_deref());
     }
-    Ok(sums)
+    Ok(out)
 }
 
 fn with_noise(body: &Body<'_>, clean: &Motion, root: &DMatrix<f64>, rng: &mut ChaCha8Rng) -> Motion {
@@ -171,91 +212,114 @@ fn low_passed(series: Vec<Vector6<f64>>, rate_hz: f64, filter: Option<LowPass>) 
     flat.chunks_exact(6).map(Vector6::from_column_slice).collect()
 }
 
-fn add_frames(
-    sums: &mut FloorSums,
+/// A frame that counts, without noise.
+struct CalmFrame {
+    frame: usize,
+    place: Place,
+    /// Pose of the root.
+    pose: Isometry3<f64>,
+    /// Wrench that the model predicts, root axes.
+    wrench: Vector6<f64>,
+}
+
+/// Frames in which a motion has derivatives.
+fn moving(motion: &Motion, frames: impl Iterator<Item = usize>) -> Vec<usize> {
+    let finite = |f: usize| [motion.q(f), motion.v(f), motion.a(f)].iter().all(|s| s.iter().all(|x| x.is_finite()));
+    frames.filter(|&f| finite(f)).collect()
+}
+
+/// Parameters of the candidate for a trial, as one column.
+fn column(candidate: &Candidate, index: usize) -> DMatrix<f64> {
+    let phi = candidate.parameters(index);
+    DMatrix::from_column_slice(phi.len(), 1, phi.as_slice())
+}
+
+fn calm_frames(
     body: &Body<'_>,
     candidate: &Candidate,
     index: usize,
     input: &TrialInput<'_>,
-    [without, with]: [&Motion; 2],
-    plates: Option<&[Vector6<f64>]>,
-    grouping: &Grouping,
+    motion: &Motion,
     options: &CompareOptions,
-) {
-    let phi = candidate.parameters(index);
+) -> Vec<CalmFrame> {
     let filtered = input.measured.map(|m| m.filtered.as_slice());
     let places = places(
-        without.n_frames(),
-        without.rate_hz,
+        motion.n_frames(),
+        motion.rate_hz,
         input.flights,
         |f| solved(input, f),
         |f| crate::frames::complete(input, filtered, f).is_some(),
         options,
     );
+    let frames = moving(motion, (0..places.len()).filter(|&f| places[f].is_some()));
+    let wrench = wrenches(body, motion, &frames, &column(candidate, index));
     let mut state = State::new(body.model);
-    let mut rows = DMatrix::zeros(6, body.base.len());
-    let mut wrench = |motion: &Motion, f: usize| -> Option<(Vector6<f64>, nalgebra::Isometry3<f64>)> {
-        let series = [motion.q(f), motion.v(f), motion.a(f)];
-        if series.iter().any(|s| s.iter().any(|x| !x.is_finite())) {
-            return None;
-        }
-        state.forward_acceleration(body.model, series[0], series[1], series[2]);
-        state.base_wrench_rows(body.model, body.base, &mut rows);
-        let w: DVector<f64> = &rows * phi;
-        Some((w.fixed_rows::<6>(0).into(), state.world_from_link[0]))
+    let calm = |(&frame, &wrench): (&usize, &Vector6<f64>)| {
+        let place = places[frame]?;
+        state.forward_position(body.model, motion.q(frame));
+        Some(CalmFrame { frame, place, pose: state.world_from_link[0], wrench })
     };
-    for (f, place) in places.iter().enumerate() {
-        let Some(place) = place else { continue };
-        let (Some((plain, pose)), Some((noisy, _))) = (wrench(without, f), wrench(with, f)) else { continue };
-        let mut e = noisy - plain;
-        if place.phase.is_contact() {
-            if let Some(plates) = plates {
-                // moments of the plates' noise about the root origin
-                let (force, moment) = halves(&plates[f]);
-                let about = joined(&force, &(moment - pose.translation.vector.cross(&force)));
-                let noise = rotated(&about, &pose.rotation.inverse());
-                if noise.iter().all(|x| x.is_finite()) {
-                    e -= noise;
-                }
+    frames.iter().zip(wrench.iter().flatten()).filter_map(calm).collect()
+}
+
+fn add_frames(
+    out: &mut TrialFloor,
+    body: &Body<'_>,
+    candidate: &Candidate,
+    index: usize,
+    calm: &[CalmFrame],
+    noisy: &Motion,
+    plates: Option<&[Vector6<f64>]>,
+) {
+    let frames = moving(noisy, calm.iter().map(|c| c.frame));
+    let wrench = wrenches(body, noisy, &frames, &column(candidate, index));
+    let mut calm = calm.iter();
+    for (&f, noisy) in frames.iter().zip(wrench.iter().flatten()) {
+        let Some(CalmFrame { place, pose, wrench, .. }) = calm.find(|c| c.frame == f) else { continue };
+        let mut e = noisy - wrench;
+        let contact = place.phase.is_contact();
+        if contact && let Some(plates) = plates {
+            // moments of the plates' noise about the root origin
+            let (force, moment) = halves(&plates[f]);
+            let about = joined(&force, &(moment - pose.translation.vector.cross(&force)));
+            let noise = rotated(&about, &pose.rotation.inverse());
+            if noise.iter().all(|x| x.is_finite()) {
+                e -= noise;
             }
-            sums.contact.add(&e, &pose.rotation);
-        } else {
-            sums.flight.add(&e, &pose.rotation);
         }
-        sums.groups.add_frame(grouping, index, f, &e, &pose.rotation);
+        out.frames.push(FloorFrame { frame: f, contact, error: e, rotation: pose.rotation });
     }
 }
 
-fn add_windows(
-    sums: &mut FloorSums,
+/// Windows of every run of a motion, and whether the run is a flight.
+fn windows(
     body: &Body<'_>,
     candidate: &Candidate,
     index: usize,
     input: &TrialInput<'_>,
-    noisy: &Motion,
+    motion: &Motion,
     plates: Option<&[Vector6<f64>]>,
-    grouping: &Grouping,
     options: &CompareOptions,
-) -> Result<(), CompareError> {
+) -> Result<Vec<(bool, RunWindows)>, CompareError> {
     let clean = input.motion;
     let silent = vec![Vector6::zeros(); clean.n_frames()];
     let phi = [candidate.parameters(index)];
     let none = [DVector::zeros(0)];
+    let acting = Acting { measured: Some(plates.unwrap_or(&silent)), effects: None };
     let (contact, flights) = stretches(input, clean, options);
+    let mut out = Vec::with_capacity(contact.len() + flights.len());
     for (runs, flying) in [(contact, false), (flights, true)] {
         for (i, run) in runs.iter().enumerate() {
-            let of = |motion: &Motion, measured: &[Vector6<f64>]| {
-                let acting = Acting { measured: Some(measured), effects: None };
-                window_residuals(body, motion, i, run, flying, acting, options, &phi, &none)
-            };
-            let (plain, noisy) = (of(clean, &silent)?, of(noisy, plates.unwrap_or(&silent))?);
-            let weak = if flying { &mut sums.flight_weak } else { &mut sums.contact_weak };
-            for ((a, b), center) in plain.residual[0].iter().zip(&noisy.residual[0]).zip(&plain.centers) {
-                let e = b - a;
-                weak.add(&e);
-                sums.groups.add_window(grouping, index, *center, &e);
-            }
+            out.push((flying, window_residuals(body, motion, i, run, flying, acting, options, &phi, &none)?));
         }
     }
-    Ok(())
+    Ok(out)
+}
+
+fn add_windows(out: &mut TrialFloor, plain: &[(bool, RunWindows)], noisy: &[(bool, RunWindows)]) {
+    for ((flying, plain), (_, noisy)) in plain.iter().zip(noisy) {
+        for ((a, b), &center) in plain.residual[0].iter().zip(&noisy.residual[0]).zip(&plain.centers) {
+            out.windows.push(FloorWindow { center, contact: !flying, error: b - a });
+        }
+    }
 }

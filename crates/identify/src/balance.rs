@@ -52,9 +52,11 @@ pub fn balanced(
     let mut balance = KindBalance { flight_rms: f64::NAN, contact_rms: f64::NAN, contact_weight: 1.0, stretches };
     for _ in 0..ROUNDS {
         let now = scaled(balance.contact_weight);
-        let system = System::new(&Factor::merge(&now)?, mass_kg, prior)?;
+        let merged = Factor::merge(&now)?;
+        let system = System::new(&merged, mass_kg, prior)?;
         let weight = if prior.is_some() { system.row_variance() } else { 0.0 };
-        let held_out = Clusters::new(&now, mass_kg, prior, weight, &system.solve(weight).x)?.held_out();
+        let x = system.solve(weight).x;
+        let held_out = Clusters::new(&now, &merged, mass_kg, prior, weight, &x)?.held_out();
         let rms = |contact: bool| {
             let (squares, rows) = now
                 .iter()

@@ -7,7 +7,8 @@
 use crate::system::System;
 use crate::{IdentifyError, Prior};
 use aloft_regressor::Factor;
-use faer::Mat;
+use faer::linalg::solvers::Solve;
+use faer::{Mat, Side};
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -73,9 +74,10 @@ struct ClusterRows {
 }
 
 impl Clusters {
-    /// `weight` is the weight w of the prior in squared row units.
+    /// `merged` is the triangle of all groups; `weight` is the weight w of the prior in squared row units.
     pub fn new(
         groups: &[Factor],
+        merged: &Factor,
         mass_kg: f64,
         prior: Option<&Prior>,
         weight: f64,
@@ -104,16 +106,13 @@ impl Clusters {
             }
             _ => DMatrix::zeros(0, p - 1),
         };
-        let height: usize = reduced.iter().map(|r| r.0.nrows()).sum::<usize>() + prior_rows.nrows();
-        let mut stacked = Mat::<f64>::zeros(height.max(m), m);
-        let mut at = 0;
-        for (a, _, _) in &reduced {
-            for i in 0..a.nrows() {
-                for j in 0..m {
-                    stacked[(at + i, j)] = a[(i, j)];
-                }
+        let all = merged.dense();
+        let at = all.nrows();
+        let mut stacked = Mat::<f64>::zeros((at + prior_rows.nrows()).max(m), m);
+        for j in 0..m {
+            for i in 0..at {
+                stacked[(i, j)] = all[(i, j + 1)];
             }
-            at += a.nrows();
         }
         for i in 0..prior_rows.nrows() {
             for j in 0..p - 1 {
@@ -163,15 +162,9 @@ impl Clusters {
     /// `(1 − G_g)⁻¹ Q_gᵀ r_g`, by least squares where leaving the cluster out leaves a direction undetermined.
     fn left_out(&self, g: usize, vector: &DVector<f64>) -> DVector<f64> {
         let m = self.estimate.len();
-        let rest = DMatrix::identity(m, m) - &self.clusters[g].gram;
-        match rest.clone().cholesky() {
-            Some(cholesky) => cholesky.solve(vector),
-            None => {
-                let eigen = rest.symmetric_eigen();
-                let kept = eigen.eigenvalues.map(|l| if l > 1e-10 { l.recip() } else { 0.0 });
-                &eigen.eigenvectors * kept.component_mul(&eigen.eigenvectors.tr_mul(vector))
-            }
-        }
+        let gram = &self.clusters[g].gram;
+        let rest = Mat::from_fn(m, m, |i, j| f64::from(u8::from(i == j)) - gram[(i, j)]);
+        solve_semidefinite(&rest, vector, 1e-10)
     }
 
     /// Estimates with each cluster left out, mass first.
@@ -209,9 +202,9 @@ impl Clusters {
         let adjusted: Vec<DVector<f64>> = (0..self.len())
             .into_par_iter()
             .map(|g| {
-                let eigen = (DMatrix::identity(m, m) - &self.clusters[g].gram).symmetric_eigen();
-                let kept = eigen.eigenvalues.map(|l| if l > 1e-8 { l.sqrt().recip() } else { 0.0 });
-                &eigen.eigenvectors * kept.component_mul(&eigen.eigenvectors.tr_mul(&self.clusters[g].score))
+                let gram = &self.clusters[g].gram;
+                let rest = Mat::from_fn(m, m, |i, j| f64::from(u8::from(i == j)) - gram[(i, j)]);
+                through_eigen(&rest, &self.clusters[g].score, |l| if l > 1e-8 { l.sqrt().recip() } else { 0.0 })
             })
             .collect();
         for score in &adjusted {
@@ -226,36 +219,76 @@ impl Clusters {
     /// Estimates from clusters drawn with replacement, mass first. Draw `i` depends on `seed` and `i` alone.
     pub fn bootstrap(&self, draws: usize, seed: u64) -> Vec<DVector<f64>> {
         let (n, m) = (self.len(), self.estimate.len());
-        (0..draws)
-            .into_par_iter()
-            .map(|draw| {
-                let mut rng = ChaCha8Rng::seed_from_u64(seed);
-                rng.set_stream(draw as u64);
-                let mut weights = vec![-1.0; n];
-                for _ in 0..n {
-                    weights[rng.random_range(0..n)] += 1.0;
-                }
-                let mut matrix = DMatrix::identity(m, m);
-                let mut right = DVector::zeros(m);
-                for (w, cluster) in weights.iter().zip(&self.clusters) {
-                    if *w != 0.0 {
-                        matrix += &cluster.gram * *w;
-                        right -= &cluster.score * *w;
+        let every: Vec<usize> = (0..draws).collect();
+        every
+            .par_chunks(DRAWS_AT_ONCE)
+            .flat_map_iter(|some| {
+                let weights: Vec<Vec<f64>> = some.iter().map(|&draw| drawn_weights(n, seed, draw)).collect();
+                let mut sums: Vec<(Mat<f64>, DVector<f64>)> =
+                    some.iter().map(|_| (Mat::identity(m, m), DVector::zeros(m))).collect();
+                // a cluster's matrix is read once for all these draws; of symmetric sums the lower half is enough
+                for (c, cluster) in self.clusters.iter().enumerate() {
+                    for ((matrix, right), weights) in sums.iter_mut().zip(&weights) {
+                        let w = weights[c];
+                        if w == 0.0 {
+                            continue;
+                        }
+                        for j in 0..m {
+                            let from = &cluster.gram.as_slice()[j * m + j..(j + 1) * m];
+                            for (x, g) in matrix.col_as_slice_mut(j)[j..].iter_mut().zip(from) {
+                                *x += g * w;
+                            }
+                        }
+                        right.axpy(-w, &cluster.score, 1.0);
                     }
                 }
                 // draws that leave a direction out keep it where it was
-                let step = match matrix.clone().cholesky() {
-                    Some(cholesky) => cholesky.solve(&right),
-                    None => {
-                        let eigen = matrix.symmetric_eigen();
-                        let kept = eigen.eigenvalues.map(|l| if l > 1e-8 { l.recip() } else { 0.0 });
-                        &eigen.eigenvectors * kept.component_mul(&eigen.eigenvectors.tr_mul(&right))
-                    }
-                };
-                self.whole(&self.estimate + &self.inverse * step)
+                sums.into_iter().map(|(matrix, right)| {
+                    self.whole(&self.estimate + &self.inverse * solve_semidefinite(&matrix, &right, 1e-8))
+                })
             })
             .collect()
     }
+}
+
+/// Draws of a bootstrap whose sums are built together.
+const DRAWS_AT_ONCE: usize = 8;
+
+/// How often each of `n` clusters is drawn with replacement, less one.
+fn drawn_weights(n: usize, seed: u64, draw: usize) -> Vec<f64> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(draw as u64);
+    let mut weights = vec![-1.0; n];
+    for _ in 0..n {
+        weights[rng.random_range(0..n)] += 1.0;
+    }
+    weights
+}
+
+/// `A⁻¹ b` from the lower half of A; by least squares, without eigenvalues up to `least`, where A is not positive definite.
+fn solve_semidefinite(matrix: &Mat<f64>, right: &DVector<f64>, least: f64) -> DVector<f64> {
+    match matrix.llt(Side::Lower) {
+        Ok(factor) => {
+            let x = factor.solve(Mat::from_fn(right.len(), 1, |i, _| right[i]));
+            DVector::from_fn(right.len(), |i, _| x[(i, 0)])
+        }
+        Err(_) => through_eigen(matrix, right, |l| if l > least { l.recip() } else { 0.0 }),
+    }
+}
+
+/// `f(A) b` for a function of the eigenvalues, from the lower half of A; zero where the decomposition fails.
+fn through_eigen(matrix: &Mat<f64>, vector: &DVector<f64>, f: impl Fn(f64) -> f64) -> DVector<f64> {
+    let n = vector.len();
+    let Ok(eigen) = matrix.self_adjoint_eigen(Side::Lower) else { return DVector::zeros(n) };
+    let (u, values) = (eigen.U(), eigen.S().column_vector());
+    let mut out = DVector::zeros(n);
+    for (k, value) in values.iter().enumerate() {
+        let column = u.col(k);
+        let along: f64 = column.iter().zip(vector.iter()).map(|(a, b)| a * b).sum();
+        let by = along * f(*value);
+        out.iter_mut().zip(column.iter()).for_each(|(o, c)| *o += c * by);
+    }
+    out
 }
 
 /// Factors merged within each group, in the order of group numbers.
@@ -286,18 +319,18 @@ pub struct WeightTrial {
 /// flight to flight (soft tissue, joint centres) make held-out error favour weights that are too small.
 pub(crate) fn choose_weight(
     groups: &[Factor],
+    merged: &Factor,
     mass_kg: f64,
     prior: &Prior,
     candidates: &[f64],
 ) -> Result<(f64, Vec<WeightTrial>), IdentifyError> {
-    let merged = Factor::merge(groups)?;
-    let system = System::new(&merged, mass_kg, Some(prior))?;
+    let system = System::new(merged, mass_kg, Some(prior))?;
     let errors: Vec<Vec<(f64, usize)>> = candidates
         .iter()
         .map(|&lambda| {
             let weight = lambda * system.row_variance();
             let x = system.solve(weight).x;
-            Ok(Clusters::new(groups, mass_kg, Some(prior), weight, &x)?.held_out())
+            Ok(Clusters::new(groups, merged, mass_kg, Some(prior), weight, &x)?.held_out())
         })
         .collect::<Result<_, IdentifyError>>()?;
     let mean_square = |e: &[(f64, usize)]| {
@@ -329,4 +362,65 @@ pub(crate) fn choose_weight(
         .map(|(t, _)| t.weight)
         .fold(candidates[best], f64::max);
     Ok((chosen, table))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spd(n: usize, gap: usize) -> DMatrix<f64> {
+        let a = DMatrix::from_fn(n - gap, n, |i, j| ((i * 7 + j * 3) as f64).sin() + f64::from(u8::from(i == j)));
+        a.tr_mul(&a)
+    }
+
+    /// Against nalgebra's decompositions, of full rank and without.
+    #[test]
+    fn prop_solutions_are_those_of_the_plain_decompositions() {
+        for (n, gap) in [(1, 0), (9, 0), (40, 0), (9, 2)] {
+            let a = spd(n, gap);
+            let b = DVector::from_fn(n, |i, _| (i as f64).cos());
+            let lower = Mat::from_fn(n, n, |i, j| if i >= j { a[(i, j)] } else { f64::NAN });
+            let eigen = a.clone().symmetric_eigen();
+            let plain = |f: &dyn Fn(f64) -> f64| {
+                &eigen.eigenvectors * eigen.eigenvalues.map(f).component_mul(&eigen.eigenvectors.tr_mul(&b))
+            };
+            let root = |l: f64| if l > 1e-8 { l.sqrt().recip() } else { 0.0 };
+            let scale = plain(&root).amax();
+            assert!((through_eigen(&lower, &b, root) - plain(&root)).amax() < 1e-9 * scale, "{n} {gap}");
+            if gap == 0 {
+                let x = a.clone().cholesky().map(|c| c.solve(&b)).unwrap_or_else(|| DVector::zeros(n));
+                assert!((solve_semidefinite(&lower, &b, 1e-8) - &x).amax() < 1e-8 * x.amax(), "{n}");
+            }
+        }
+    }
+
+    /// Draws built together against one draw after the other.
+    #[test]
+    fn prop_draws_built_together_are_those_built_alone() {
+        let (n, m) = (12, 5);
+        let cluster = |c: usize| {
+            let q = DMatrix::from_fn(3, m, |i, j| 0.3 * ((c * 5 + i * 3 + j) as f64).sin());
+            let residual = DVector::from_fn(3, |i, _| ((c + i) as f64).cos());
+            ClusterRows { gram: q.tr_mul(&q), score: q.tr_mul(&residual), q, residual, n_rows: 3 }
+        };
+        let clusters = Clusters {
+            estimate: DVector::from_fn(m, |i, _| i as f64),
+            inverse: DMatrix::identity(m, m) * 0.5,
+            clusters: (0..n).map(cluster).collect(),
+            mass_kg: 60.0,
+        };
+        for (draw, found) in clusters.bootstrap(19, 4).iter().enumerate() {
+            let weights = drawn_weights(n, 4, draw);
+            assert_eq!(weights.iter().sum::<f64>(), 0.0);
+            let mut matrix = DMatrix::identity(m, m);
+            let mut right = DVector::zeros(m);
+            for (w, c) in weights.iter().zip(&clusters.clusters) {
+                matrix += &c.gram * *w;
+                right -= &c.score * *w;
+            }
+            let step = matrix.try_inverse().unwrap_or_else(|| DMatrix::zeros(m, m)) * right;
+            let plain = clusters.whole(&clusters.estimate + &clusters.inverse * step);
+            assert!((found - &plain).amax() < 1e-9 * plain.amax(), "draw {draw}");
+        }
+    }
 }

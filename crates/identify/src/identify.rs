@@ -127,7 +127,7 @@ pub fn identify_merged(
                 Some(w) if w > 0.0 && w.is_finite() => (w, Vec::new()),
                 Some(w) => return Err(IdentifyError::Option { option: "weight", problem: format!("{w}") }),
                 None if clusters.len() < 2 => (options.weights.iter().copied().fold(1.0, f64::max), Vec::new()),
-                None => choose_weight(&clusters, mass_kg, prior, &options.weights)?,
+                None => choose_weight(&clusters, &merged, mass_kg, prior, &options.weights)?,
             };
             Fit::least_squares(&clusters, &merged, mass_kg, Some(prior), lambda, tried, options)?
         }
@@ -278,7 +278,7 @@ impl Fit {
         }
         let repeats = 1.0 + (clusters.len() as f64 - 1.0) * options.repeat_correlation;
         let model = system.covariance(repeats * row_variance, weight);
-        let resampled = Clusters::new(clusters, mass_kg, prior, weight, &solution.x)?;
+        let resampled = Clusters::new(clusters, merged, mass_kg, prior, weight, &solution.x)?;
         let robust = resampled.len() >= MIN_CLUSTERS && solution.deficient == 0;
         // the larger of the two errors counts for each parameter; correlations are those of the rows
         let (covariance, inflation) = if robust {

@@ -67,7 +67,8 @@ pub fn choose_window(
         let system = System::new(&merged, mass_kg, prior)?;
         let weight = if prior.is_some() { system.row_variance() } else { 0.0 };
         let solution = system.solve(weight);
-        let clusters = Clusters::new(&merge_groups(factors, &groups)?, mass_kg, prior, weight, &solution.x)?;
+        let groups = merge_groups(factors, &groups)?;
+        let clusters = Clusters::new(&groups, &merged, mass_kg, prior, weight, &solution.x)?;
         let (mut squares, mut rows) = (0.0, 0usize);
         for (x, factor) in clusters.leave_one_out().iter().zip(&measured) {
             squares += factor.sum_of_squares(x);

@@ -6,6 +6,9 @@ use crate::tree::{Pose, quaternion};
 use aloft_body::JointKind;
 use nalgebra::Vector3;
 
+/// A step that was foreseen to be so much shorter than the tolerance (as a ratio of gains) need not be taken.
+const FORESEEN: f64 = 1e-2;
+
 /// How a minimisation ended.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Fit {
@@ -189,6 +192,8 @@ impl<'a> Solver<'a> {
         let mut cost = self.evaluate(q);
         let mut damping = 0.0;
         let mut fit = Fit { cost, iterations: 0, converged: false };
+        // gain of the step before, where that was a full one
+        let mut gain_before = None;
         while fit.iterations < problem.max_iterations {
             self.linearise(q);
             let accepted = loop {
@@ -205,6 +210,7 @@ impl<'a> Solver<'a> {
                 self.factor.solve(tree, &mut self.step);
                 let gain: f64 = -self.step.iter().zip(&self.normal.gradient).map(|(s, g)| s * g).sum::<f64>();
                 let longest = self.step.iter().fold(0.0, |m: f64, s| m.max(s.abs()));
+                let full = damping == 0.0 && longest <= 1.0;
                 if longest > 1.0 {
                     self.step.iter_mut().for_each(|s| *s /= longest);
                 }
@@ -214,24 +220,30 @@ impl<'a> Solver<'a> {
                 self.q_try = q_try;
                 fit.iterations += 1;
                 if cost_try <= cost + 1e-12 * cost + 1e-12 {
-                    break Some((cost_try, gain));
+                    break Some((cost_try, gain, full));
                 }
                 if fit.iterations >= problem.max_iterations {
                     break None;
                 }
                 damping = f64::max(1e-3, 10.0 * damping);
             };
-            let Some((cost_new, gain)) = accepted else {
+            let Some((cost_new, gain, full)) = accepted else {
                 cost = self.evaluate(q);
                 break;
             };
             q.copy_from_slice(&self.q_try);
             cost = cost_new;
-            if gain < problem.tolerance {
+            // full steps shrink by a steady ratio or faster: what the next one would gain
+            let next = match gain_before {
+                Some(before) if full && gain < before => gain * (gain / before),
+                _ => gain,
+            };
+            if gain < problem.tolerance || next < FORESEEN * problem.tolerance {
                 fit.converged = true;
                 self.factor_serves = damping == 0.0;
                 break;
             }
+            gain_before = full.then_some(gain);
             damping = if damping < 1e-6 { 0.0 } else { 0.1 * damping };
         }
         fit.cost = cost;
@@ -253,7 +265,7 @@ impl<'a> Solver<'a> {
 
     /// Covariance at `q` for markers of their nominal variance, into [`Solver::inverse`]. False when a coordinate is free.
     ///
-    /// After a minimisation that has just converged its last factor serves (one vanishing step before `q`).
+    /// After a minimisation that has just converged its last factor serves (one small step before `q`).
     pub fn covariance(&mut self, q: &[f64]) -> bool {
         if !self.factor_serves && !self.prepare(q) {
             return false;

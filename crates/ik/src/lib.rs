@@ -20,7 +20,10 @@ mod solve;
 mod start;
 mod tree;
 
-pub use calibrate::{CalibrateOptions, Calibration, CalibrationReport, JointChange, MarkerChange, TrialFit, calibrate};
+pub use calibrate::{
+    CalibrateOptions, Calibration, CalibrationReport, Clip, JointChange, MarkerChange, TrialFit, calibrate,
+    calibrate_clips, shares,
+};
 pub use error::IkError;
 pub use options::IkOptions;
 pub use report::{IkReport, MarkerFit};

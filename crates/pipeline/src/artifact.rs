@@ -117,6 +117,11 @@ pub fn load_markers(dir: &Path) -> Result<Trial, PipelineError> {
     load(head, dir, true)
 }
 
+/// Frames of an imported recording.
+pub fn trial_length(dir: &Path) -> Result<usize, PipelineError> {
+    Ok(read_json::<TrialHead>(&dir.join("trial.json"))?.n_frames)
+}
+
 fn load(head: TrialHead, dir: &Path, points: bool) -> Result<Trial, PipelineError> {
     let trajectories = if points {
         let mut columns = Table::read(&dir.join("markers.parquet"))?.into_columns().into_iter().skip(1);

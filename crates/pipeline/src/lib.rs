@@ -13,6 +13,7 @@ pub mod error;
 pub mod facts;
 pub mod graph;
 pub mod inherit;
+mod lanes;
 pub mod merge;
 pub mod place;
 pub mod progress;

@@ -3,13 +3,13 @@
 
 use crate::error::{PipelineError, StageFailure};
 use crate::graph::{self, Job, Manifests, Stage, Standing};
+use crate::lanes::Lanes;
 pub use crate::progress::{Plan, Progress, Silent};
 use crate::stages::STAGES;
 use crate::studies::StudySet;
 use crate::study::{Study, StudyId, TrialEntry};
 use crate::workspace::{Manifest, Outcome, WHOLE_STUDY, Workspace};
 use globset::{Glob, GlobSet, GlobSetBuilder};
-use rayon::prelude::*;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -220,7 +220,7 @@ pub fn run(study: &Study, selection: &Selection, progress: &dyn Progress) -> Res
     let range = stage_range(selection)?;
     let filter = trial_filter(&[study], &selection.trials)?;
     progress.begin(&plan(&[study], range, filter.as_ref()));
-    let done = run_study(study, range, filter.as_ref(), selection, progress);
+    let done = run_study(study, range, filter.as_ref(), selection, &Lanes::new(), progress);
     progress.end();
     done
 }
@@ -247,6 +247,7 @@ pub fn run_all(set: &StudySet, selection: &Selection, progress: &dyn Progress) -
         members.iter().map(|_| Mutex::new(None)).collect();
     // one more study under way than threads keeps every thread busy while a study-wide stage runs on one
     let side_by_side = members.len().min(rayon::current_num_threads() + 1);
+    let lanes = Lanes::new();
     std::thread::scope(|scope| {
         for _ in 0..side_by_side {
             scope.spawn(|| {
@@ -254,7 +255,7 @@ pub fn run_all(set: &StudySet, selection: &Selection, progress: &dyn Progress) -
                     let i = next.fetch_add(1, Ordering::Relaxed);
                     members.get(i).zip(slots.get(i))
                 } {
-                    let done = run_study(study, range, filter.as_ref(), selection, progress);
+                    let done = run_study(study, range, filter.as_ref(), selection, &lanes, progress);
                     if let Ok(mut slot) = slot.lock() {
                         *slot = Some(done);
                     }
@@ -283,6 +284,7 @@ fn run_study(
     (from, until): (usize, usize),
     filter: Option<&GlobSet>,
     selection: &Selection,
+    lanes: &Lanes,
     progress: &dyn Progress,
 ) -> Result<RunReport, PipelineError> {
     let started = Instant::now();
@@ -337,22 +339,19 @@ fn run_study(
             }
         }
         progress.stage(&study.id, stage.name, line.len(), todo.len());
-        let results: Vec<Result<(Manifest, TaskReport), PipelineError>> = todo
-            .par_iter()
-            .map(|task| {
-                let name = task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
-                let _alone = if selection.shared { Some(workspace.lock_task(stage.name, name)?) } else { None };
-                if selection.shared
-                    && !selection.force
-                    && let Some(done) = made_meanwhile(stage, task, study, &workspace)
-                {
-                    return Ok(done);
-                }
-                let (manifest, report) = run_task(stage, task, study, &workspace)?;
-                progress.task(&study.id, &report);
-                Ok((manifest, report))
-            })
-            .collect();
+        let results: Vec<Result<(Manifest, TaskReport), PipelineError>> = lanes.each(&todo, |task| {
+            let name = task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
+            let _alone = if selection.shared { Some(workspace.lock_task(stage.name, name)?) } else { None };
+            if selection.shared
+                && !selection.force
+                && let Some(done) = made_meanwhile(stage, task, study, &workspace)
+            {
+                return Ok(done);
+            }
+            let (manifest, report) = run_task(stage, task, study, &workspace)?;
+            progress.task(&study.id, &report);
+            Ok((manifest, report))
+        });
         for result in results {
             let (manifest, task) = result?;
             manifests.insert(manifest);

@@ -15,22 +15,25 @@
 //! posture; to lay anthropometry over the new segment lengths call `aloft_scale::attach_prior` afterwards.
 
 mod bundle;
+mod clip;
 mod options;
 mod reference;
 mod report;
 mod select;
 
+pub use clip::Clip;
 pub use options::CalibrateOptions;
 pub use report::{CalibrationReport, JointChange, MarkerChange, TrialFit};
+pub use select::shares;
 
+use crate::IkError;
 use crate::problem::Problem;
-use crate::solve::solve_with;
-use crate::{IkError, IkOptions, IkResult};
 use aloft_body::{Motion, Subject};
 use aloft_trial::Trial;
 use bundle::Bundle;
 use rayon::prelude::*;
 use reference::Reference;
+use select::{FrameId, Selection};
 
 /// A subject with calibrated geometry.
 #[derive(Debug, Clone)]
@@ -51,37 +54,50 @@ pub struct Calibration {
 /// of equations cannot be solved.
 pub fn calibrate(subject: &Subject, trials: &[&Trial], options: &CalibrateOptions) -> Result<Calibration, IkError> {
     options.check()?;
-    let mut tracked = track_all(subject, trials, &options.ik)?;
-    let before = select::frames(&tracked, options);
-    if before.used.is_empty() {
-        return Err(IkError::NothingToCalibrate { subject: subject.facts.name.clone(), trials: trials.len() });
+    let lengths: Vec<usize> = trials.iter().map(|t| t.markers.n_frames).collect();
+    let clips: Vec<Clip> = trials
+        .iter()
+        .zip(shares(&lengths, options))
+        .map(|(trial, share)| Clip::of(subject, trial, share, options))
+        .collect::<Result<_, IkError>>()?;
+    calibrate_clips(subject, &clips, options)
+}
+
+/// The same from frames that were cut out of the trials before ([`shares`], [`Clip::of`]): memory does not grow with the trials.
+///
+/// # Errors
+/// As [`calibrate()`].
+pub fn calibrate_clips(subject: &Subject, clips: &[Clip], options: &CalibrateOptions) -> Result<Calibration, IkError> {
+    options.check()?;
+    let mut tracked: Vec<clip::Tracked> =
+        clips.par_iter().map(|clip| clip.track(subject, &options.ik)).collect::<Result<_, IkError>>()?;
+    let chosen = clip::selection(&tracked);
+    if chosen.used.is_empty() {
+        return Err(IkError::NothingToCalibrate { subject: subject.facts.name.clone(), trials: clips.len() });
     }
     let start = Reference::of(subject)?;
     let mut present = subject.clone();
-    let mut report = CalibrationReport::start(&before, &tracked, trials);
+    let mut report = CalibrationReport::start(&chosen, &tracked);
     for round in 0..options.rounds {
-        let motions: Vec<&Motion> = tracked.iter().map(|t| &t.motion).collect();
+        let trials: Vec<&Trial> = tracked.iter().map(|t| &t.trial).collect();
+        let motions: Vec<&Motion> = tracked.iter().map(|t| &t.result.motion).collect();
         let problem = Problem::new(&present, &options.ik)?;
         let reference = Reference::of(&present)?;
-        let mut bundle = Bundle::new(&present, problem, &start, reference, &before.used, trials, &motions, options);
+        let mut bundle = Bundle::new(&present, problem, &start, reference, &chosen.used, &trials, &motions, options);
         report.iterations += bundle.run(options)?;
         let (calibrated, uncertainty) = bundle.finish(&present)?;
         present = calibrated;
-        tracked = track_all(&present, trials, &options.ik)?;
+        tracked.par_iter_mut().try_for_each(|t| t.track_again(&present, &options.ik))?;
         if round + 1 == options.rounds {
-            report.finish(&present, &start, &uncertainty, &before, &tracked)?;
+            report.finish(&present, &start, &uncertainty, &chosen, &tracked)?;
         }
     }
     present.provenance.push(format!(
         "geometry: calibrated over {} frames of {} trials, marker RMS {:.1} to {:.1} mm on held-out frames",
         report.frames_used,
-        trials.len(),
+        clips.len(),
         1e3 * report.held_out_rms_before_m,
         1e3 * report.held_out_rms_after_m
     ));
     Ok(Calibration { subject: present, report })
-}
-
-fn track_all(subject: &Subject, trials: &[&Trial], options: &IkOptions) -> Result<Vec<IkResult>, IkError> {
-    trials.par_iter().map(|trial| solve_with(subject, trial, options, false)).collect()
 }

@@ -31,7 +31,7 @@ pub struct CalibrateOptions {
     pub huber_factor: f64,
     /// Steps of one round.
     pub max_iterations: usize,
-    /// Rounds: after each one all trials are tracked again with the new geometry.
+    /// Rounds: after each one the frames are tracked again with the new geometry.
     pub rounds: usize,
     /// Tracking.
     pub ik: IkOptions,

@@ -1,11 +1,11 @@
 //! What a calibration moved, and what it gained on frames that it did not see.
 
 use super::bundle::Uncertainty;
+use super::clip::Tracked;
 use super::reference::Reference;
 use super::select::{FrameId, Selection};
-use crate::{IkError, IkResult};
+use crate::IkError;
 use aloft_body::{JointKind, Subject};
-use aloft_trial::Trial;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -35,7 +35,7 @@ pub struct MarkerChange {
     pub label: String,
     /// How far its place in the static posture moved, m.
     pub moved_m: f64,
-    /// Root mean square distance over all frames of all trials before, m.
+    /// Root mean square distance over the frames used and held out before, m.
     pub rms_before_m: f64,
     /// The same after, m.
     pub rms_after_m: f64,
@@ -48,7 +48,7 @@ pub struct TrialFit {
     pub trial: String,
     /// Frames used.
     pub frames_used: usize,
-    /// Root mean square over markers and frames before, m.
+    /// Root mean square over markers and the frames used and held out before, m.
     pub rms_before_m: f64,
     /// The same after, m.
     pub rms_after_m: f64,
@@ -81,7 +81,7 @@ pub struct CalibrationReport {
 
 impl CalibrationReport {
     /// The figures before.
-    pub(crate) fn start(selection: &Selection, tracked: &[IkResult], trials: &[&Trial]) -> Self {
+    pub(crate) fn start(selection: &Selection, tracked: &[Tracked]) -> Self {
         Self {
             frames_used: selection.used.len(),
             frames_held_out: selection.held_out.len(),
@@ -93,12 +93,11 @@ impl CalibrationReport {
                 .collect(),
             trials: tracked
                 .iter()
-                .zip(trials)
                 .enumerate()
-                .map(|(t, (result, trial))| TrialFit {
-                    trial: trial.name.clone(),
+                .map(|(t, tracked)| TrialFit {
+                    trial: tracked.trial.name.clone(),
                     frames_used: selection.used.iter().filter(|id| id.trial == t).count(),
-                    rms_before_m: result.report.rms_m,
+                    rms_before_m: tracked.result.report.rms_m,
                     rms_after_m: f64::NAN,
                 })
                 .collect(),
@@ -113,13 +112,15 @@ impl CalibrationReport {
         landmarks: &Reference,
         uncertainty: &Uncertainty,
         selection: &Selection,
-        tracked: &[IkResult],
+        tracked: &[Tracked],
     ) -> Result<(), IkError> {
         self.used_rms_after_m = rms_of(&selection.used, tracked);
         self.held_out_rms_after_m = rms_of(&selection.held_out, tracked);
-        for (fit, result) in self.trials.iter_mut().zip(tracked) {
-            fit.rms_after_m = result.report.rms_m;
+        for (fit, tracked) in self.trials.iter_mut().zip(tracked) {
+            fit.rms_after_m = tracked.result.report.rms_m;
         }
+        // a trial of which no frame took part has nothing to say
+        self.trials.retain(|fit| fit.rms_before_m.is_finite() && fit.rms_after_m.is_finite());
         let now = Reference::of(calibrated)?;
         for (label, rms) in marker_rms(tracked) {
             let Some(change) = self.markers.iter_mut().find(|m| m.label == label) else { continue };
@@ -153,10 +154,10 @@ impl CalibrationReport {
 }
 
 /// Root mean square over markers of some frames, m.
-fn rms_of(frames: &[FrameId], tracked: &[IkResult]) -> f64 {
+fn rms_of(frames: &[FrameId], tracked: &[Tracked]) -> f64 {
     let (mut sum, mut count) = (0.0, 0usize);
     for id in frames {
-        let motion = &tracked[id.trial].motion;
+        let motion = &tracked[id.trial].result.motion;
         let n = motion.marker_labels.len();
         for r in motion.residual_m[id.frame * n..(id.frame + 1) * n].iter().filter(|r| r.is_finite()) {
             sum += r * r;
@@ -166,10 +167,10 @@ fn rms_of(frames: &[FrameId], tracked: &[IkResult]) -> f64 {
     (sum / count as f64).sqrt()
 }
 
-/// Root mean square of each marker over all trials, m, in order of first appearance.
-fn marker_rms(tracked: &[IkResult]) -> Vec<(String, f64)> {
+/// Root mean square of each marker over the frames of all trials, m, in order of first appearance.
+fn marker_rms(tracked: &[Tracked]) -> Vec<(String, f64)> {
     let mut sums: Vec<(String, f64, usize)> = Vec::new();
-    for fit in tracked.iter().flat_map(|t| &t.report.markers).filter(|fit| fit.n_used > 0) {
+    for fit in tracked.iter().flat_map(|t| &t.result.report.markers).filter(|fit| fit.n_used > 0) {
         let square = fit.rms_m * fit.rms_m * fit.n_used as f64;
         match sums.iter_mut().find(|(label, ..)| *label == fit.label) {
             Some((_, sum, count)) => {

@@ -1,7 +1,6 @@
 //! Which frames take part, and which are kept aside to see what a calibration gains.
 
 use super::CalibrateOptions;
-use crate::IkResult;
 
 /// A frame of a trial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -17,48 +16,57 @@ pub(crate) struct Selection {
     pub held_out: Vec<FrameId>,
 }
 
-/// Spreads the frames evenly over trials and over each trial's time. In each stretch of time the frame with the fewest
-/// missing markers is taken, the one nearest the middle among equals; stretches alternate between use and check.
-pub(crate) fn frames(tracked: &[IkResult], options: &CalibrateOptions) -> Selection {
-    let mut selection = Selection::default();
-    let usable: Vec<Vec<usize>> = tracked.iter().map(usable).collect();
+/// How many frames of each trial a calibration uses (it looks at as many again, held out): the same number of each, as far as
+/// the lengths allow.
+pub fn shares(lengths: &[usize], options: &CalibrateOptions) -> Vec<usize> {
     // trials with few frames leave their share to the others
-    let mut share = vec![0; tracked.len()];
-    let mut order: Vec<usize> = (0..tracked.len()).collect();
-    order.sort_by_key(|&t| (usable[t].len(), t));
+    let mut share = vec![0; lengths.len()];
+    let mut order: Vec<usize> = (0..lengths.len()).collect();
+    order.sort_by_key(|&t| (lengths[t], t));
     let mut left = options.frames;
     for (done, &t) in order.iter().enumerate() {
-        let fair = left.div_ceil(tracked.len() - done);
-        share[t] = fair.min(usable[t].len().div_ceil(2));
+        let fair = left.div_ceil(lengths.len() - done);
+        share[t] = fair.min(lengths[t].div_ceil(2));
         left -= share[t].min(left);
     }
-    for t in 0..tracked.len() {
-        let (frames, stretches) = (&usable[t], 2 * share[t]);
-        let missing = |f: usize| {
-            let n = tracked[t].motion.marker_labels.len();
-            tracked[t].motion.residual_m[f * n..(f + 1) * n].iter().filter(|r| !r.is_finite()).count()
-        };
-        for s in 0..stretches {
-            let (from, to) = (s * frames.len() / stretches, (s + 1) * frames.len() / stretches);
-            let middle = (from + to) / 2;
-            let best = (from..to).min_by_key(|&i| (missing(frames[i]), i.abs_diff(middle), i));
-            let Some(i) = best else { continue };
-            let id = FrameId { trial: t, frame: frames[i] };
-            if s % 2 == 0 { selection.used.push(id) } else { selection.held_out.push(id) }
-        }
-    }
-    selection
+    share
 }
 
-/// Solved frames whose fit is not far worse than the trial's own.
-fn usable(result: &IkResult) -> Vec<usize> {
-    let mut sorted: Vec<f64> = result.report.frame_rms_m.iter().copied().filter(|r| r.is_finite()).collect();
-    if sorted.is_empty() {
-        return Vec::new();
-    }
-    sorted.sort_by(f64::total_cmp);
-    let limit = 3.0 * sorted[sorted.len() / 2];
-    (0..result.motion.n_frames())
-        .filter(|&f| result.motion.is_valid(f) && result.report.frame_rms_m[f] <= limit)
+/// Spreads `2 share` frames evenly over a trial's time, among those with enough markers. In each stretch of time the frame with
+/// the most markers is taken, the one nearest the middle among equals; stretches alternate between use (false) and check (true).
+pub(crate) fn spread(seen: &[usize], fewest: usize, share: usize) -> Vec<(usize, bool)> {
+    let frames: Vec<usize> = (0..seen.len()).filter(|&f| seen[f] >= fewest).collect();
+    let stretches = 2 * share.min(frames.len().div_ceil(2));
+    (0..stretches)
+        .filter_map(|s| {
+            let (from, to) = (s * frames.len() / stretches, (s + 1) * frames.len() / stretches);
+            let middle = (from + to) / 2;
+            let best = (from..to).max_by_key(|&i| (seen[frames[i]], std::cmp::Reverse((i.abs_diff(middle), i))));
+            best.map(|i| (frames[i], s % 2 == 1))
+        })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unit_short_trials_leave_their_share_to_the_others() {
+        let options = CalibrateOptions { frames: 100, ..CalibrateOptions::default() };
+        assert_eq!(shares(&[1000, 20, 1000], &options), [45, 10, 45]);
+        assert_eq!(shares(&[5, 3], &options), [3, 2]);
+        // more trials than frames: one each, until there are none left
+        assert_eq!(shares(&[10; 150], &options).iter().sum::<usize>(), 100);
+    }
+
+    #[test]
+    fn unit_frames_are_spread_over_time_and_prefer_markers() {
+        let mut seen = vec![9; 40];
+        assert_eq!(spread(&seen, 3, 2), [(5, false), (15, true), (25, false), (35, true)]);
+        seen[5] = 8;
+        seen[30..].fill(2);
+        assert_eq!(spread(&seen, 3, 2), [(3, false), (11, true), (18, false), (26, true)]);
+        assert_eq!(spread(&[2; 10], 3, 2), []);
+    }
 }

@@ -1,6 +1,6 @@
 //! `calibrate`: joint centres, hinge axes and marker places refined over the dynamic trials, on markers alone.
 
-use crate::artifact::load_markers;
+use crate::artifact::{load_markers, trial_length};
 use crate::config::Switch;
 use crate::error::StageFailure;
 use crate::graph::{Done, Job, Need, Scope, Stage};
@@ -8,16 +8,15 @@ use crate::stages::scale::{load_locked, save_subject};
 use crate::study::Role;
 use crate::workspace::{WHOLE_STUDY, read_json, write_json};
 use aloft_body::Subject;
-use aloft_ik::{CalibrateOptions, IkOptions, calibrate};
+use aloft_ik::{CalibrateOptions, Calibration, Clip, IkError, IkOptions, calibrate_clips, shares};
 use aloft_scale::{JointUncertainty, StaticAnatomy, attach_prior};
-use aloft_trial::Trial;
 use rayon::prelude::*;
 use serde_json::json;
 
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "calibrate",
-    version: 1,
+    version: 2,
     scope: Scope::Study,
     reads: "all dynamic trials, `Subject`",
     gives: "`Subject` with joint centres, hinge axes and marker places refined on markers alone",
@@ -36,8 +35,8 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let subject = job.load_subject("scale")?;
     let config = &job.study.config.calibrate;
     let mut done = Done::default();
-    let trials = load_trials(job)?;
-    let dynamic = trials.iter().filter(|t| job.study.trial(&t.name).is_some_and(|e| e.role.is_dynamic())).count();
+    let names = moving(job);
+    let dynamic = names.iter().filter(|t| job.study.trial(t).is_some_and(|e| e.role.is_dynamic())).count();
     if config.enabled == Switch::Off || dynamic == 0 {
         done.note("used", false);
         save_subject(job, &subject)?;
@@ -54,8 +53,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         ik: IkOptions { locked: load_locked(job)?, ..IkOptions::default() },
         ..CalibrateOptions::default()
     };
-    let all: Vec<&Trial> = trials.iter().collect();
-    let result = match calibrate(&subject, &all, &options) {
+    let result = match calibrate_over(job, &names, &subject, &options)? {
         Ok(result) => result,
         Err(e) if config.enabled == Switch::Auto => {
             done.warnings.push(format!("the landmarks' geometry is kept: {e}"));
@@ -87,11 +85,26 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     Ok(done)
 }
 
-/// Markers of every trial but the static one, whose posture the subject carries already.
-fn load_trials(job: &Job<'_>) -> Result<Vec<Trial>, StageFailure> {
-    job.trials_of("import")
+/// Every trial but the static one, whose posture the subject carries already.
+fn moving(job: &Job<'_>) -> Vec<String> {
+    let static_one = |name: &String| job.study.trial(name).is_none_or(|t| t.role == Role::Static);
+    job.trials_of("import").into_iter().filter(|name| !static_one(name)).collect()
+}
+
+/// Reads one trial after the other on each thread and keeps no more of it than the frames that take part.
+fn calibrate_over(
+    job: &Job<'_>,
+    names: &[String],
+    subject: &Subject,
+    options: &CalibrateOptions,
+) -> Result<Result<Calibration, IkError>, StageFailure> {
+    let place = |name: &String| job.workspace.place("import", name);
+    let lengths: Vec<usize> = names.iter().map(|name| trial_length(&place(name))).collect::<Result<_, _>>()?;
+    let clips: Vec<Result<Clip, IkError>> = names
         .par_iter()
-        .filter(|name| job.study.trial(name).is_some_and(|t| t.role != Role::Static))
-        .map(|name| Ok(load_markers(&job.workspace.place("import", name))?))
-        .collect()
+        .zip(shares(&lengths, options))
+        .filter(|(_, share)| *share > 0)
+        .map(|(name, share)| Ok(Clip::of(subject, &load_markers(&place(name))?, share, options)))
+        .collect::<Result<_, StageFailure>>()?;
+    Ok(clips.into_iter().collect::<Result<Vec<Clip>, IkError>>().and_then(|c| calibrate_clips(subject, &c, options)))
 }

@@ -1,5 +1,6 @@
 //! `compare`: predicted against measured wrench on held-out motion; the residual wrench in flight.
 
+use crate::artifact::plate_centers;
 use crate::config::Rows;
 use crate::error::StageFailure;
 use crate::graph::{Done, Job, Need, Scope, Stage};
@@ -11,8 +12,8 @@ use crate::table::Table;
 use crate::workspace::{WHOLE_STUDY, read_json, write_json};
 use aloft_body::{BaseParameters, Motion, Subject};
 use aloft_compare::{
-    Body, Candidate, CompareOptions, Comparison, Filtering, Measured, Noise, NoiseFloor, TrialInput, TrialSeries,
-    compare, measured_wrench,
+    Body, Candidate, CompareError, CompareOptions, Comparison, Filtering, Measured, Noise, NoiseFloor, TrialInput,
+    TrialSeries, compare_each, measured_wrench,
 };
 use aloft_flight::{PlateTare, TareSource};
 use aloft_identify::{Estimator, Parameters};
@@ -90,8 +91,8 @@ impl ComparedTrial {
         Ok(Self {
             name: name.to_owned(),
             role: job.study.trial(name).map_or(Role::Identify, |t| t.role),
-            filtered: rows.filtered,
-            unfiltered: rows.motion,
+            filtered: lean(rows.filtered),
+            unfiltered: lean(rows.motion),
             measured,
             flights,
             complete,
@@ -99,6 +100,12 @@ impl ComparedTrial {
             untared,
         })
     }
+}
+
+/// A motion without what comparison does not read: residuals of markers and standard deviations.
+fn lean(mut motion: Motion) -> Motion {
+    (motion.residual_m, motion.marker_labels, motion.q_sd) = (Vec::new(), Vec::new(), Vec::new());
+    motion
 }
 
 /// Loads the trials that every earlier stage brought through.
@@ -153,21 +160,45 @@ pub fn compare_models(
     left_out: Option<&[bool]>,
     floor: Floor<'_>,
 ) -> Result<(Comparison, Vec<TrialSeries>), StageFailure> {
-    let every = held_out == HeldOut::EveryTrial || !has_validation(trials);
-    let inputs: Vec<TrialInput<'_>> = trials
-        .iter()
-        .enumerate()
-        .map(|(i, t)| TrialInput {
-            unfiltered: Some(&t.unfiltered),
-            measured: t.measured.as_ref(),
-            complete: Some(&t.complete),
-            effects: t.effects.as_ref(),
-            untared: t.untared,
-            held_out_contact: if every { t.measured.is_some() } else { t.role == Role::Validate },
-            held_out_flight: left_out.map_or(every || t.role == Role::Validate, |l| l[i]),
-            ..TrialInput::new(&t.filtered, &t.flights)
-        })
-        .collect();
+    let validation = has_validation(trials);
+    compare_with(
+        study,
+        subject,
+        trials.len(),
+        |i| Ok(&trials[i]),
+        |i, trial| trial.input(i, held_out, validation, left_out),
+        candidates,
+        floor,
+    )
+}
+
+impl ComparedTrial {
+    /// The trial at an index as a comparison sees it; `validation` where some trial is held out as a whole ([`has_validation`]).
+    fn input(&self, i: usize, held_out: HeldOut, validation: bool, left_out: Option<&[bool]>) -> TrialInput<'_> {
+        let every = held_out == HeldOut::EveryTrial || !validation;
+        TrialInput {
+            unfiltered: Some(&self.unfiltered),
+            measured: self.measured.as_ref(),
+            complete: Some(&self.complete),
+            effects: self.effects.as_ref(),
+            untared: self.untared,
+            held_out_contact: if every { self.measured.is_some() } else { self.role == Role::Validate },
+            held_out_flight: left_out.map_or(every || self.role == Role::Validate, |l| l[i]),
+            ..TrialInput::new(&self.filtered, &self.flights)
+        }
+    }
+}
+
+/// [`compare_models`] over trials that are read when their turn comes.
+fn compare_with<T>(
+    study: &Study,
+    subject: &Subject,
+    trials: usize,
+    read: impl Fn(usize) -> Result<T, Failed> + Sync,
+    view: impl for<'a> Fn(usize, &'a T) -> TrialInput<'a> + Sync,
+    candidates: &[Candidate],
+    floor: Floor<'_>,
+) -> Result<(Comparison, Vec<TrialSeries>), StageFailure> {
     let base = BaseParameters::of(&subject.model);
     let prior = subject.prior_phi();
     let body = Body { model: &subject.model, base: &base, prior: &prior };
@@ -182,7 +213,16 @@ pub fn compare_models(
         Floor::Drawn(_, of) => Noise::Drawn { filtering, of },
         Floor::Known(floor) => Noise::Known(floor),
     };
-    compare(&body, candidates, &inputs, noise, &options).map_err(|e| StageFailure::new(e.to_string()))
+    compare_each(&body, candidates, trials, read, view, noise, &options).map_err(|Failed(failure)| failure)
+}
+
+/// A failure of reading a trial or of comparing it.
+struct Failed(StageFailure);
+
+impl From<CompareError> for Failed {
+    fn from(error: CompareError) -> Self {
+        Self(StageFailure::new(error.to_string()))
+    }
 }
 
 fn compare_options(study: &Study, subject: &Subject) -> CompareOptions {
@@ -199,17 +239,17 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let study = job.study;
     let subject = job.load_subject("calibrate")?;
     let base = BaseParameters::of(&subject.model);
-    let trials = load_trials(job)?;
+    let names = job.trials_of("regressor");
     let chosen = study.config.regressor.rows;
     let other = if chosen == Rows::Weak { Rows::Paper } else { Rows::Weak };
     let mut candidates = Vec::new();
     let mut done = Done::default();
-    let mut left_out = vec![false; trials.len()];
+    let mut left_out = vec![false; names.len()];
     for (i, rows) in [chosen, other].into_iter().enumerate() {
         let Some(parameters) = job.load_parameters(rows)? else { continue };
         let name = if i == 0 { "identified".to_owned() } else { format!("{} rows", rows.word()) };
         let factors = training_factors(job, rows, study.config.identify.contact)?;
-        let parts = each_without(&Predicting::like(&subject, &parameters)?, &trials, &factors, &parameters);
+        let parts = each_without(&Predicting::like(&subject, &parameters)?, &names, &factors, &parameters);
         if i == 0 {
             left_out = parts.iter().map(|p| p.left_out).collect();
         }
@@ -226,8 +266,24 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         Some(f) => Floor::Known(&f.floor),
         None => Floor::Drawn(CompareOptions::default().noise_draws, plain.as_ref()),
     };
-    let held_out = HeldOut::Validation;
-    let (comparison, series) = compare_models(study, &subject, &trials, &candidates, held_out, Some(&left_out), floor)?;
+    let validates = |name: &String| -> Result<bool, StageFailure> {
+        let role = study.trial(name).is_some_and(|t| t.role == Role::Validate);
+        Ok(role && !plate_centers(&job.workspace.place("import", name))?.is_empty())
+    };
+    let validation = names.iter().map(validates).collect::<Result<Vec<bool>, _>>()?.contains(&true);
+    let read = |i: usize| {
+        let trial = TrialRows::load_for(job, &names[i], &subject).and_then(|r| ComparedTrial::of(job, &names[i], r));
+        trial.map_err(Failed)
+    };
+    let (comparison, series) = compare_with(
+        study,
+        &subject,
+        names.len(),
+        read,
+        |i, trial| trial.input(i, HeldOut::Validation, validation, Some(&left_out)),
+        &candidates,
+        floor,
+    )?;
     if let Some(floor) = &comparison.noise_floor {
         write_json(&job.out.join("noise_floor.json"), &StoredFloor { key, floor: floor.clone() })?;
     }
@@ -279,26 +335,33 @@ struct Without {
 /// A model for each trial, identified without it; with the estimator and the weight of the prior that all trials chose.
 fn each_without(
     predicting: &Predicting,
-    trials: &[ComparedTrial],
+    trials: &[String],
     factors: &[(Stretch, Factor)],
     all: &Parameters,
 ) -> Vec<Without> {
     let effects = |p: &Parameters| p.effects.iter().map(|e| (e.name.clone(), e.value)).collect();
     let of =
         |p: &Parameters, left_out, remark| Without { base: p.base_values(), effects: effects(p), left_out, remark };
+    let every: Vec<&Factor> = factors.iter().map(|(_, f)| f).collect();
+    let mut without = predicting.solve_without_each(&every);
     trials
-        .par_iter()
+        .iter()
         .map(|t| {
-            let kept: Vec<&Factor> = factors.iter().filter(|(s, _)| s.trial != t.name).map(|(_, f)| f).collect();
-            if kept.is_empty() {
-                return of(all, false, Some(format!("{}: the only trial with flights, so it is not held out", t.name)));
+            let own = factors.iter().filter(|(s, _)| s.trial == *t).count();
+            if own == factors.len() {
+                return of(all, false, Some(format!("{}: the only trial with flights, so it is not held out", t)));
             }
-            if kept.len() == factors.len() {
+            if own == 0 {
                 return of(all, true, None);
             }
-            match predicting.solve(&kept) {
+            let found = without.remove(t).unwrap_or_else(|| {
+                // its factors are not among those that the estimator uses
+                let kept: Vec<&Factor> = factors.iter().filter(|(s, _)| s.trial != *t).map(|(_, f)| f).collect();
+                predicting.solve(&kept)
+            });
+            match found {
                 Ok((base, effects)) => Without { base, effects, left_out: true, remark: None },
-                Err(e) => of(all, false, Some(format!("{} could not be left out: {}", t.name, e.problem))),
+                Err(e) => of(all, false, Some(format!("{} could not be left out: {}", t, e.problem))),
             }
         })
         .collect()

@@ -14,7 +14,7 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "ik",
-    version: 2,
+    version: 3,
     scope: Scope::Trial(&[Role::Calibration, Role::Identify, Role::Validate]),
     reads: "trial, `Subject`",
     gives: "`Motion`: joint coordinates, marker residuals, standard deviations",

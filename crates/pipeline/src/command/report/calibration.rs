@@ -75,7 +75,7 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
     ];
     let words = Words::new(
         "Error of each marker before and after",
-        "Root mean square over all frames of all recordings. Calibration should move every point to the left.",
+        "Root mean square over the frames that took part and those kept aside. Calibration should move every point to the left.",
     );
     blocks.push(Figure::dots(words, "RMS, mm", &names, &kinds, &[]).into());
     let rows = r

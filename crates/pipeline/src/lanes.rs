@@ -1,0 +1,94 @@
+//! Trials side by side: as many as there are threads, and no more.
+//!
+//! A thread of rayon that waits inside one trial begins another one, and inside that a third: their recordings would all be held at
+//! once. Here every trial has one thread to itself, and the loops inside it run on that thread.
+
+use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Condvar, Mutex, PoisonError};
+
+/// Threads that are handed out one at a time; shared by all studies of a run.
+pub struct Lanes {
+    threads: usize,
+    free: Mutex<Vec<ThreadPool>>,
+    freed: Condvar,
+}
+
+impl Lanes {
+    /// As many as rayon has threads.
+    pub fn new() -> Self {
+        let threads = rayon::current_num_threads();
+        let pools: Vec<ThreadPool> =
+            (0..threads).filter_map(|_| ThreadPoolBuilder::new().num_threads(1).build().ok()).collect();
+        Self { threads: pools.len(), free: Mutex::new(pools), freed: Condvar::new() }
+    }
+
+    /// Calls `work` for every item; results in the order of the items. Fewer items than threads share all threads instead.
+    pub fn each<T: Sync, R: Send>(&self, items: &[T], work: impl Fn(&T) -> R + Sync) -> Vec<R> {
+        if items.len() < self.threads || self.threads < 2 {
+            return items.par_iter().map(&work).collect();
+        }
+        let next = AtomicUsize::new(0);
+        let slots: Vec<Mutex<Option<R>>> = items.iter().map(|_| Mutex::new(None)).collect();
+        std::thread::scope(|scope| {
+            for _ in 0..self.threads {
+                scope.spawn(|| {
+                    while let Some((item, slot)) = {
+                        let i = next.fetch_add(1, Ordering::Relaxed);
+                        items.get(i).zip(slots.get(i))
+                    } {
+                        let pool = self.take();
+                        let result = pool.install(|| work(item));
+                        self.give(pool);
+                        *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(result);
+                    }
+                });
+            }
+        });
+        slots.into_iter().filter_map(|s| s.into_inner().unwrap_or_else(PoisonError::into_inner)).collect()
+    }
+
+    fn take(&self) -> ThreadPool {
+        let mut free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
+        loop {
+            match free.pop() {
+                Some(pool) => return pool,
+                None => free = self.freed.wait(free).unwrap_or_else(PoisonError::into_inner),
+            }
+        }
+    }
+
+    fn give(&self, pool: ThreadPool) {
+        self.free.lock().unwrap_or_else(PoisonError::into_inner).push(pool);
+        self.freed.notify_one();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn prop_no_more_at_once_than_threads_and_in_order() {
+        let pool = ThreadPoolBuilder::new().num_threads(3).build();
+        let lanes = pool.map(|p| p.install(Lanes::new)).unwrap_or_else(|_| Lanes::new());
+        let (now, most) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let items: Vec<usize> = (0..60).collect();
+        let work = |i: &usize| {
+            most.fetch_max(now.fetch_add(1, Ordering::SeqCst) + 1, Ordering::SeqCst);
+            let sum: usize = (0..2000usize).into_par_iter().map(|k| k % (i + 1)).sum();
+            now.fetch_sub(1, Ordering::SeqCst);
+            sum
+        };
+        let plain: Vec<usize> = items.iter().map(|i| (0..2000).map(|k| k % (i + 1)).sum()).collect();
+        // two studies share them
+        std::thread::scope(|scope| {
+            for _ in 0..2 {
+                scope.spawn(|| assert_eq!(lanes.each(&items, work), plain));
+            }
+        });
+        assert!(most.load(Ordering::SeqCst) <= 3);
+        assert_eq!(lanes.each(&items[..2], |i| *i), [0, 1]);
+    }
+}
