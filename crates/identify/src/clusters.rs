@@ -399,7 +399,7 @@ mod tests {
     fn prop_draws_built_together_are_those_built_alone() {
         let (n, m) = (12, 5);
         let cluster = |c: usize| {
-            let q = DMatrix::from_fn(3, m, |i, j| 0.3 * ((c * 5 + i * 3 + j) as f64).sin());
+            let q = DMatrix::from_fn(3, m, |i, j| 0.05 * ((c * 5 + i * 3 + j) as f64).sin());
             let residual = DVector::from_fn(3, |i, _| ((c + i) as f64).cos());
             ClusterRows { gram: q.tr_mul(&q), score: q.tr_mul(&residual), q, residual, n_rows: 3 }
         };
