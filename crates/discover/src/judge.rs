@@ -7,7 +7,7 @@ use crate::ladder::{key_of, sharpened};
 use crate::nonlinear::{improve, score_fitted};
 use crate::problem::Problem;
 use crate::rank::{EffectScore, FULL_STEPS, cosine};
-use crate::result::{Alternative, Candidate, Confusion, Duel, Estimate, Verdict};
+use crate::result::{Alternative, Candidate, Confusion, Duel, Estimate, MANY_CLUSTERS, Verdict};
 use crate::session::Session;
 use crate::statistics::{jackknife_se, sign_flip_p};
 use crate::words;
@@ -18,8 +18,8 @@ use rayon::prelude::*;
 const NEARLY: f64 = 0.94;
 /// Targets of a rival that are fitted again.
 const TARGETS: usize = 3;
-/// Two errors closer than this are the same.
-const SAME: f64 = 0.98;
+/// Two errors closer than this are the same: of bodies that are rigid, and of people, whose soft tissue repeats.
+const SAME: [f64; 2] = [0.98, 0.96];
 
 /// The best variant of every target, best first.
 pub(crate) fn alternatives(session: &Session<'_>, problem: &Problem, score: &EffectScore<'_>) -> Vec<Alternative> {
@@ -55,7 +55,7 @@ pub(crate) fn limit(id: &str, first_round: bool, options: &DiscoverOptions) -> f
 pub(crate) fn limit_by_number(clusters: usize, options: &DiscoverOptions) -> f64 {
     match clusters {
         0..5 => options.belief.min(0.80),
-        5 => options.belief.min(0.85),
+        5..MANY_CLUSTERS => options.belief.min(0.85),
         _ => options.belief,
     }
 }
@@ -313,7 +313,7 @@ fn duel(session: &Session<'_>, problem: &Problem, a: &Rival<'_>, b: &Rival<'_>, 
         if_true: None,
         separated: ratio < options.belief,
     };
-    if ratio > SAME || p_value >= options.significance {
+    if ratio > SAME[usize::from(session.prior.is_some())] || p_value >= options.significance {
         out.separated = false;
     } else if !out.separated {
         let made = exchange(session, problem, &a.scored, &b.scored, &b.scored, options.seed ^ 0xe8c4);
