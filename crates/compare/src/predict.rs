@@ -64,7 +64,7 @@ mod tests {
             motion.v.extend((0..model.nv).map(|k| wave(f, k + 5)));
             motion.a.extend((0..model.nv).map(|k| 3.0 * wave(f, k + 9)));
         }
-        let parameters = DMatrix::from_fn(base.len(), 2, |i, c| wave(i, c));
+        let parameters = DMatrix::from_fn(base.len(), 2, wave);
         let frames: Vec<usize> = (0..n).filter(|f| f % 5 != 3).collect();
         let found = wrenches(&body, &motion, &frames, &parameters);
         let mut state = State::new(&model);

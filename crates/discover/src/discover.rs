@@ -209,7 +209,7 @@ pub fn discover(
         others.remove(i);
         let of = |v: &[Variant<'_>]| extra_columns(session, domain, accepted, v, &[]);
         let estimates = (&mut f.coefficients[..], &mut f.nonlinear[..]);
-        widen(session, domain, (&of(&others), &of(&kept)), &kept[i], estimates, options);
+        widen(session, domain, &of(&others), &of(&kept), &kept[i], estimates, options);
     }
     let mut model: Vec<Choice<'_>> = accepted.to_vec();
     let mut steps = Vec::new();
@@ -349,7 +349,8 @@ fn run_round<'a>(
     confusions(session, problem, &scores, &mut candidates, options);
     let (sharp, rivals) = rivals(session, problem, extra, &scores, &candidates, options);
     let (verdict, effects, duels) = judge(session, sharp.as_ref().unwrap_or(problem), &rivals, options);
-    let words = words::round(verdict, &effects, &candidates, threshold, few);
+    let words =
+        words::round(verdict, &effects, &candidates, threshold, |c| limit(&c.effect, already.is_empty(), options), few);
     let round = Round {
         judged_on: words::domain(problem.domain).to_owned(),
         model,

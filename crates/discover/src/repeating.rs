@@ -75,7 +75,8 @@ fn slide_variance(problem: &Problem, slides: &[DMatrix<f64>]) -> f64 {
 pub(crate) fn widen(
     session: &Session<'_>,
     domain: Domain,
-    (others, whole): (&[Vec<DMatrix<f64>>], &[Vec<DMatrix<f64>>]),
+    others: &[Vec<DMatrix<f64>>],
+    whole: &[Vec<DMatrix<f64>>],
     variant: &Variant<'_>,
     (coefficients, nonlinear): (&mut [Estimate], &mut [Estimate]),
     options: &DiscoverOptions,

@@ -36,6 +36,7 @@ pub(crate) fn round(
     effects: &[String],
     candidates: &[Candidate],
     threshold: f64,
+    limit: impl Fn(&Candidate) -> f64,
     few: bool,
 ) -> String {
     let best = candidates.iter().find(|c| !c.placebo);
@@ -59,14 +60,32 @@ pub(crate) fn round(
             estimate(c),
         ),
         (_, _, Some(b)) => format!(
-            "{}: the best candidate, `{}`, leaves {:.1} % of the held-out error; below {:.0} % it would be believed{}",
+            "{}: the best candidate, `{}`, leaves {:.1} % of the held-out error; {}{}",
             if verdict == Verdict::NotDetectable { "not detectable" } else { "nothing missing" },
             b.key,
             100.0 * b.held_out_ratio,
-            100.0 * threshold,
+            disbelief(b, threshold.min(limit(b)), candidates),
             if few { " (fewer than five flights or trials: only a strong effect could be)" } else { "" },
         ),
         _ => "no effect could be tried".to_owned(),
+    }
+}
+
+/// Why the best candidate is not believed.
+fn disbelief(best: &Candidate, limit: f64, candidates: &[Candidate]) -> String {
+    let placebo = candidates.iter().find(|c| c.placebo);
+    if limit <= 0.0 {
+        "every recording has some of this, so it is not named once another effect was found".to_owned()
+    } else if best.held_out_ratio >= limit {
+        format!("below {:.0} % it would be believed", 100.0 * limit)
+    } else if !best.plausible {
+        "its coefficient is one that nature does not have".to_owned()
+    } else if best.ci95[1] >= 1.0 {
+        format!("the interval reaches {:.0} %", 100.0 * best.ci95[1])
+    } else if placebo.is_some_and(|p| p.held_out_ratio <= best.held_out_ratio) {
+        "an effect that does not exist does as well".to_owned()
+    } else {
+        "it explains more than noise leaves, by making up the body's own weight".to_owned()
     }
 }
 
