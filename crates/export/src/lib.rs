@@ -31,6 +31,7 @@ pub mod frame;
 pub mod loads;
 mod names;
 mod number;
+pub mod parquet;
 pub mod readme;
 mod storage;
 mod xml;

@@ -1,12 +1,8 @@
 //! Tables of numbers on disk: Parquet through polars, written whole or not at all.
 
 use crate::error::PipelineError;
+use aloft_export::parquet::{self, Compression};
 use polars::prelude::*;
-use polars_parquet::read::ParquetError;
-use polars_parquet::write::{
-    CompressionOptions, Compressor, DynIter, DynStreamingIterator, Encoding, FallibleStreamingIterator, FileWriter,
-    StatisticsOptions, Version, WriteOptions, array_to_columns,
-};
 use std::collections::HashMap;
 use std::fs::File;
 use std::path::Path;
@@ -79,40 +75,14 @@ impl Table {
     }
 
     fn write_to(&self, file: impl std::io::Write) -> PolarsResult<()> {
-        let frame = self.to_frame()?;
-        let options = WriteOptions {
-            statistics: StatisticsOptions::empty(),
-            version: Version::V1,
-            compression: CompressionOptions::Uncompressed,
-            data_page_size: None,
-        };
-        let schema = frame.schema().to_arrow(CompatLevel::newest());
-        let mut writer = FileWriter::try_new(file, schema, options)?;
-        let fields = writer.parquet_schema().fields().to_vec();
-        for batch in frame.iter_chunks(CompatLevel::newest(), false).filter(|b| !b.is_empty()) {
-            let mut columns = Vec::with_capacity(fields.len());
-            for ((array, field), values) in batch.columns().iter().zip(&fields).zip(&self.columns) {
-                // `RleDictionary` lets the library count distinct values, which takes longer than all else here
-                let encoding = if repeats(values) { Encoding::RleDictionary } else { Encoding::Plain };
-                for pages in array_to_columns(array, field.clone(), options, &[encoding])? {
-                    let pages = pages.map(|page| page.map_err(|e| ParquetError::FeatureNotSupported(e.to_string())));
-                    let pages = Compressor::new(pages, options.compression, Vec::new()).map_err(PolarsError::from);
-                    columns.push(Ok(DynStreamingIterator::new(pages)));
-                }
-            }
-            writer.write(batch.len() as u64, DynIter::new(columns.into_iter()))?;
-        }
-        writer.end(None)?;
-        Ok(())
+        parquet::write(&self.to_frame()?, file, Compression::None, |i| repeats(&self.columns[i]))
     }
 
     /// Reads Parquet; every column must be numeric.
     pub fn read(path: &Path) -> Result<Self, PipelineError> {
         let table_error = |e: PolarsError| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() };
-        let file = File::open(path).map_err(PipelineError::io("open", path))?;
-        // on this thread: trials are read side by side
-        let reader = ParquetReader::new(file).read_parallel(ParallelStrategy::None).set_rechunk(true);
-        let frame = reader.finish().map_err(table_error)?;
+        let bytes = std::fs::read(path).map_err(PipelineError::io("read", path))?;
+        let frame = parquet::read(bytes).map_err(table_error)?;
         let mut table = Self::default();
         for column in frame.columns() {
             let values = column.f64().map_err(table_error)?;
@@ -138,23 +108,34 @@ fn repeats(values: &[f64]) -> bool {
     sample.windows(2).filter(|w| w[0] != w[1]).count() < SAMPLE / 4
 }
 
-/// Writes any frame as Parquet, uncompressed (noise does not compress; reading stays fast).
+/// Writes any frame as Parquet, uncompressed; a column of text is written as a dictionary.
 pub fn write_frame(frame: &mut DataFrame, path: &Path) -> Result<(), PipelineError> {
     let file = File::create(path).map_err(PipelineError::io("create", path))?;
-    ParquetWriter::new(std::io::BufWriter::new(file))
-        .with_compression(ParquetCompression::Uncompressed)
-        .set_parallel(false)
-        .finish(frame)
-        .map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })?;
-    Ok(())
+    let text: Vec<bool> = frame.columns().iter().map(|c| c.dtype().is_string()).collect();
+    parquet::write(frame, std::io::BufWriter::new(file), Compression::None, |i| text[i])
+        .map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })
 }
 
-/// Writes any frame as CSV.
+/// Writes any frame as CSV; what is missing is an empty field.
 pub fn write_csv(frame: &mut DataFrame, path: &Path) -> Result<(), PipelineError> {
-    let file = File::create(path).map_err(PipelineError::io("create", path))?;
-    CsvWriter::new(std::io::BufWriter::new(file))
-        .finish(frame)
-        .map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })
+    let problem = |problem: String| PipelineError::Table { path: path.to_path_buf(), problem };
+    let mut writer = csv::Writer::from_path(path).map_err(|e| problem(e.to_string()))?;
+    let columns = frame.columns();
+    writer.write_record(columns.iter().map(|c| c.name().as_str())).map_err(|e| problem(e.to_string()))?;
+    for row in 0..frame.height() {
+        let field = |c: &Column| -> Result<String, PipelineError> {
+            Ok(match c.get(row).map_err(|e| problem(e.to_string()))? {
+                AnyValue::Null => String::new(),
+                AnyValue::String(text) => text.to_owned(),
+                AnyValue::StringOwned(text) => text.to_string(),
+                AnyValue::Float64(value) => format!("{value:?}"),
+                other => other.to_string(),
+            })
+        };
+        let record = columns.iter().map(field).collect::<Result<Vec<_>, _>>()?;
+        writer.write_record(record).map_err(|e| problem(e.to_string()))?;
+    }
+    writer.flush().map_err(PipelineError::io("write", path))
 }
 
 #[cfg(test)]

@@ -12,18 +12,14 @@ pub enum ReportError {
     /// The template does not fit what it is given.
     #[error("the report's template: {0}")]
     Template(#[from] minijinja::Error),
-    /// The plotting library's script was not found in its package.
-    #[error("the plotting script is missing from the build")]
-    Script,
 }
 
-fn plotting_script() -> Result<String, ReportError> {
-    // the package joins the plotting library and a formula renderer (2 MB, unused here); keep the first
-    let both = plotly::Plot::offline_js_sources();
-    let start = both.find('>').ok_or(ReportError::Script)? + 1;
-    let end = both.find("</script>").ok_or(ReportError::Script)?;
-    // as text: the browser need not read four megabytes of program before a chart comes into view
-    Ok(format!("<script type=\"text/plain\" id=\"plotting-library\">{}</script>", &both[start..end]))
+/// plotly.js, the bundle with Cartesian charts alone (MIT, `vendor/plotly-LICENSE`).
+const PLOTLY: &str = include_str!("../vendor/plotly-cartesian.min.js");
+
+/// The plotting library as text: the browser reads the program only when a chart comes into view.
+fn plotting_script() -> String {
+    format!("<script type=\"text/plain\" id=\"plotting-library\">{PLOTLY}</script>")
 }
 
 /// A judgement: its sign, and its word where asked for. Signs differ in shape, so that colour is never needed.
@@ -69,7 +65,7 @@ pub fn render(page: &Page) -> Result<String, ReportError> {
     let charts = page.has("chart");
     let html = env.get_template("page.html")?.render(context! {
         page => Serde(page),
-        plotting_script => if charts { plotting_script()? } else { String::new() },
+        plotting_script => if charts { plotting_script() } else { String::new() },
         style => include_str!("../templates/page.css"),
         scripts => [
             include_str!("../templates/numbers.js"),

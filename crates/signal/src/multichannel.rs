@@ -103,18 +103,13 @@ fn dispatch<A: Arrangement>(filter: &Butterworth, arrangement: A) -> bool {
         || {
             let s = filter.sections();
             match filter.order() {
+                // the orders in use are compiled for themselves, the others share one loop over their sections
                 1 => arrangement.run(&Cascade::<0, true>::new(s)),
                 2 => arrangement.run(&Cascade::<1, false>::new(s)),
                 3 => arrangement.run(&Cascade::<1, true>::new(s)),
                 4 => arrangement.run(&Cascade::<2, false>::new(s)),
-                5 => arrangement.run(&Cascade::<2, true>::new(s)),
-                6 => arrangement.run(&Cascade::<3, false>::new(s)),
-                7 => arrangement.run(&Cascade::<3, true>::new(s)),
-                8 => arrangement.run(&Cascade::<4, false>::new(s)),
-                9 => arrangement.run(&Cascade::<4, true>::new(s)),
-                10 => arrangement.run(&Cascade::<5, false>::new(s)),
-                11 => arrangement.run(&Cascade::<5, true>::new(s)),
-                _ => arrangement.run(&Cascade::<6, false>::new(s)),
+                order if order % 2 == 1 => arrangement.run(&Cascade::<{ MAX_ORDER / 2 }, true>::new(s)),
+                _ => arrangement.run(&Cascade::<{ MAX_ORDER / 2 }, false>::new(s)),
             }
         },
     )
@@ -125,6 +120,8 @@ fn dispatch<A: Arrangement>(filter: &Butterworth, arrangement: A) -> bool {
 struct Cascade<const PAIRS: usize, const ODD: bool> {
     first: Section,
     pairs: [Section; PAIRS],
+    /// Sections of `pairs` that the filter has: all of them but in the shared cascade of high orders.
+    used: usize,
 }
 
 /// States of all lanes.
@@ -138,7 +135,9 @@ impl<const PAIRS: usize, const ODD: bool> Cascade<PAIRS, ODD> {
     #[inline(always)]
     fn new(sections: &[Section]) -> Self {
         // an odd order begins with its single pole; without one the field is not used
-        Self { first: sections[0], pairs: std::array::from_fn(|i| sections[i + usize::from(ODD)]) }
+        let used = if PAIRS == MAX_ORDER / 2 { sections.len() - usize::from(ODD) } else { PAIRS };
+        let pair = |i: usize| sections[i.min(used.saturating_sub(1)) + usize::from(ODD)];
+        Self { first: sections[0], pairs: std::array::from_fn(pair), used }
     }
 
     #[inline(always)]
@@ -162,7 +161,7 @@ impl<const PAIRS: usize, const ODD: bool> Cascade<PAIRS, ODD> {
                 x[lane] = y;
             }
         }
-        for (s, z) in self.pairs.iter().zip(&mut z.pairs) {
+        for (s, z) in self.pairs[..self.used].iter().zip(&mut z.pairs) {
             for lane in 0..LANES {
                 let g = s.b[0] * x[lane];
                 let y = g + z[0][lane];

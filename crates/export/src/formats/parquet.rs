@@ -1,6 +1,7 @@
 //! Tidy Parquet: one row a value (subject, trial, frame, time, quantity, name, axis, unit, value), for analysis across trials.
 
 use crate::channels::channels;
+use crate::parquet::{self, Compression};
 use crate::{ExportError, Format, OutFile, SubjectExport, TrialExport};
 use polars::prelude::*;
 
@@ -43,13 +44,12 @@ fn write(subject: &SubjectExport, trial: &TrialExport) -> Result<Vec<OutFile>, E
         text("unit", repeated(&|c| channels[c].unit.to_owned())),
         Column::new("value".into(), values),
     ];
-    let mut frame = DataFrame::new(rows, columns).map_err(failed)?;
+    let names: Vec<String> = columns.iter().map(|c| c.name().to_string()).collect();
+    let frame = DataFrame::new(rows, columns).map_err(failed)?;
     let mut bytes = Vec::new();
-    ParquetWriter::new(&mut bytes)
-        .with_compression(ParquetCompression::Zstd(None))
-        .set_parallel(false)
-        .finish(&mut frame)
-        .map_err(failed)?;
+    // names, frames and times repeat; values do not
+    let dictionary = |i: usize| !matches!(names[i].as_str(), "in_flight" | "value");
+    parquet::write(&frame, &mut bytes, Compression::Snappy, dictionary).map_err(failed)?;
     let what = format!("{} series of {}, one row a value; NaN is missing", channels.len(), trial.name);
     Ok(vec![OutFile { path, bytes, what }])
 }

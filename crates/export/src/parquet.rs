@@ -1,0 +1,96 @@
+//! Data frames to Parquet and back, on polars' own encoder and decoder.
+//!
+//! Called directly because polars' reader and writer bring its query engine and its C codecs, most of the time of a first build.
+
+use polars::prelude::*;
+use polars_parquet::read::{
+    BasicDecompressor, PageReader, ParquetError, column_iter_to_arrays, get_field_pages, infer_schema, read_metadata,
+};
+use polars_parquet::write::{
+    CompressionOptions, Compressor, DynIter, DynStreamingIterator, Encoding, FallibleStreamingIterator, FileWriter,
+    StatisticsOptions, Version, WriteOptions, array_to_columns,
+};
+use std::io::{Cursor, Write};
+
+/// How a frame is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Compression {
+    /// Values as they are: noise does not compress.
+    None,
+    /// Snappy: for text that repeats.
+    Snappy,
+}
+
+/// Writes a frame as Parquet, without statistics.
+///
+/// `dictionary(i)` decides whether column `i` is written as a dictionary of its distinct values; numbers of a measurement are better plain.
+///
+/// # Errors
+/// What polars refuses, and what the destination refuses.
+pub fn write(
+    frame: &DataFrame,
+    to: impl Write,
+    compression: Compression,
+    dictionary: impl Fn(usize) -> bool,
+) -> PolarsResult<()> {
+    let options = WriteOptions {
+        statistics: StatisticsOptions::empty(),
+        version: Version::V1,
+        compression: match compression {
+            Compression::None => CompressionOptions::Uncompressed,
+            Compression::Snappy => CompressionOptions::Snappy,
+        },
+        data_page_size: None,
+    };
+    let schema = frame.schema().to_arrow(CompatLevel::newest());
+    let mut writer = FileWriter::try_new(to, schema, options)?;
+    let fields = writer.parquet_schema().fields().to_vec();
+    for batch in frame.iter_chunks(CompatLevel::newest(), false).filter(|b| !b.is_empty()) {
+        let mut columns = Vec::with_capacity(fields.len());
+        for (i, (array, field)) in batch.columns().iter().zip(&fields).enumerate() {
+            let encoding = if dictionary(i) { Encoding::RleDictionary } else { Encoding::Plain };
+            for pages in array_to_columns(array, field.clone(), options, &[encoding])? {
+                let pages = pages.map(|page| page.map_err(|e| ParquetError::FeatureNotSupported(e.to_string())));
+                let pages = Compressor::new(pages, options.compression, Vec::new()).map_err(PolarsError::from);
+                columns.push(Ok(DynStreamingIterator::new(pages)));
+            }
+        }
+        writer.write(batch.len() as u64, DynIter::new(columns.into_iter()))?;
+    }
+    writer.end(None)?;
+    Ok(())
+}
+
+/// Reads a frame from the bytes of a Parquet file with flat columns, as [`write`] makes it.
+///
+/// # Errors
+/// What polars' decoder refuses.
+pub fn read(bytes: Vec<u8>) -> PolarsResult<DataFrame> {
+    let mut source = Cursor::new(bytes.as_slice());
+    let metadata = read_metadata(&mut source)?;
+    let schema = infer_schema(&metadata)?;
+    let mut columns = Vec::with_capacity(schema.len());
+    for field in schema.iter_values() {
+        let mut chunks = Vec::new();
+        for group in &metadata.row_groups {
+            let of_group = group.parquet_columns();
+            let (mut pages, mut types) = (Vec::new(), Vec::new());
+            for column in get_field_pages(of_group, of_group, &field.name) {
+                let range = column.byte_range();
+                let range = range.start as usize..range.end as usize;
+                let Some(chunk) = bytes.get(range) else {
+                    return Err(PolarsError::ComputeError(
+                        format!("column `{}` ends beyond the file", field.name).into(),
+                    ));
+                };
+                let reader = PageReader::new(Cursor::new(chunk.to_vec().into()), column, vec![], usize::MAX);
+                pages.push(BasicDecompressor::new(reader, vec![]));
+                types.push(&column.descriptor().descriptor.primitive_type);
+            }
+            chunks.extend(column_iter_to_arrays(pages, types, field.clone(), None)?.0);
+        }
+        let series = Series::try_from((field, chunks))?;
+        columns.push(series.rechunk().into());
+    }
+    DataFrame::new(metadata.num_rows, columns)
+}
