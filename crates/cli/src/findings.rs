@@ -1,11 +1,12 @@
 //! What `discover`, `effect` and `history` find, as tables and words for people.
 
 use crate::args::PipelineArgs;
-use crate::commands::Stop;
+use crate::commands::{Stop, words_of};
 use crate::render::{out, significant, table};
 use aloft_discover::{Candidate, Discovery, SelfTest, Verdict};
 use aloft_effects::EffectKind;
 use aloft_pipeline::command::effect::{EffectLine, History};
+use aloft_pipeline::quote;
 use comfy_table::CellAlignment;
 
 /// The catalogue of effects.
@@ -126,15 +127,19 @@ pub fn discovery(d: &Discovery, at: &PipelineArgs) -> Result<(), Stop> {
         out(format!("next: {a}"))?;
     }
     if let Some(found) = d.found.first() {
-        let folder = |flag: &str, path: &Option<std::path::PathBuf>| {
-            path.as_ref().map_or(String::new(), |p| format!(" --{flag} {}", p.display()))
+        let chosen = |flag: &str, names: &[String]| {
+            names
+                .iter()
+                .flat_map(|n| quote::option(flag, n))
+                .map(|w| format!(" {}", quote::word(&w)))
+                .collect::<String>()
         };
         out(format!(
             "add it: aloft effect add {} {}{}{}",
-            at.pipeline.display(),
-            found.key,
-            folder("data", &at.data),
-            folder("workspace", &at.workspace)
+            words_of(at),
+            quote::word(&found.key),
+            chosen("subject", &at.subject),
+            chosen("session", &at.session)
         ))?;
     }
     Ok(())

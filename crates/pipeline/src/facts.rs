@@ -2,6 +2,7 @@
 
 use crate::config::{PipelineConfig, SubjectConfig, error_at_key, parse_yaml};
 use crate::error::PipelineError;
+use crate::quote;
 use crate::study::StudyId;
 use aloft_body::{PersonFacts, Sex};
 use serde::{Deserialize, Serialize};
@@ -145,7 +146,10 @@ pub(crate) fn find_facts(
                 Some(s) => format!(
                     "give participants.tsv a column `mass` (kg), or put `mass_kg: …` into {}",
                     at.subject_folder.unwrap_or(at.root).join("subject.yaml").display()
-                ) + &format!(", or add `overrides: [{{subject: {s}, set: {{subject: {{mass_kg: …}}}}}}]`"),
+                ) + &format!(
+                    ", or add `overrides: [{{subject: {}, set: {{subject: {{mass_kg: …}}}}}}]`",
+                    quote::yaml(&quote::pattern(s))
+                ),
             }),
         )
     })?;

@@ -34,7 +34,7 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
         }
     }
     if story.discoveries.is_empty() {
-        let p = story.study.config_path.display();
+        let p = crate::quote::path(&story.study.config_path);
         sections.insert(
             0,
             Section::new(
