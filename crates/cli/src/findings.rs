@@ -42,6 +42,10 @@ fn verdict(d: &Discovery) -> String {
         Verdict::Supported if artefact => format!("artefact more likely: {}", names(&d.effects)),
         Verdict::Supported => format!("supported: {}", names(&d.effects)),
         Verdict::OneOf => format!("one of {{{}}}", names(&d.effects)),
+        Verdict::NothingMissing if !d.not_tried.is_empty() => {
+            let left: Vec<&str> = d.not_tried.iter().map(|n| n.effect.as_str()).collect();
+            format!("nothing missing among what could be tried (not tried: {})", left.join(", "))
+        }
         Verdict::NothingMissing => "nothing missing".to_owned(),
         Verdict::NotDetectable => {
             let below = d.candidates.iter().find(|c| !c.placebo).map_or(String::new(), |c| {
@@ -122,6 +126,9 @@ pub fn discovery(d: &Discovery, at: &PipelineArgs) -> Result<(), Stop> {
     out(format!("\n{t}"))?;
     for w in &d.warnings {
         out(format!("left out: {w}"))?;
+    }
+    for n in &d.not_tried {
+        out(format!("left out: {n}"))?;
     }
     for a in &d.advice {
         out(format!("next: {a}"))?;

@@ -19,6 +19,7 @@ pub mod place;
 pub mod progress;
 pub mod qc;
 pub mod quote;
+pub mod ranges;
 pub mod revision;
 pub mod runner;
 pub mod sharing;
