@@ -10,7 +10,8 @@
 //! The first term is the evidence itself, so base parameters are held as tightly as their covariance allows; the second is the prior; the
 //! third, with the pseudo-inertia J of each link (Wensing, Kim, Slotine 2017), is the entropic divergence (Bregman, of the log-determinant:
 //! Lee, Wensing, Park 2020). It is infinite where J stops being positive definite. All three are convex, so Newton's method
-//! with step halving finds the one minimum. Where the barrier is idle, `Bφ` is the regularised estimate itself.
+//! with step halving finds the one minimum. The divergence acts everywhere but at the prior, so
+//! `Bφ` differs slightly from the regularised estimate.
 
 use crate::prior::covariance_root;
 use crate::{IdentifyError, LinkPrior};
