@@ -188,7 +188,13 @@ pub fn reached(study: &Study, view: &ComparisonView) -> Result<Reached, Pipeline
         contact: of(&c.first.held_out_weak, floor.map(|f| &f.contact_weak)),
         sigma_ratio: view.parameters.sigma_ratio,
         marker_rms_mm: rms.iter().sum::<f64>() / rms.len().max(1) as f64,
-        coefficients: parameters.effects.iter().map(|e| (e.name.clone(), e.value, e.se)).collect(),
+        // what the rows do not determine has no number to show
+        coefficients: parameters
+            .effects
+            .iter()
+            .filter(|e| e.not_determined.is_none())
+            .map(|e| (e.name.clone(), e.value, e.se))
+            .collect(),
         base: parameters.base.iter().map(|b| (b.name.clone(), b.value)).collect(),
     })
 }
