@@ -69,8 +69,11 @@ pub struct GateLimits {
 }
 
 impl Default for GateLimits {
+    /// Shares by simulated people (own seeds, one to eight jump trials, soft tissue of 3 to 25 mm): flights that halved the prior's error of held-out
+    /// exercises removed 0.91 and more of the variance and determined a third and more of the parameters; where soft tissue left nothing to
+    /// gain (25 mm), 0.82 and 0.18 were the most.
     fn default() -> Self {
-        Self { sigma_ratio: 3.0, hardly_share: 0.1, parameters: 0.3, wrench: 0.75, stretches: 3 }
+        Self { sigma_ratio: 3.0, hardly_share: 0.1, parameters: 0.25, wrench: 0.9, stretches: 3 }
     }
 }
 

@@ -201,12 +201,22 @@ impl System {
             .map(|i| (i, minus_log_likelihood(at(i))))
             .fold((0, f64::INFINITY), |best, next| if next.1 < best.1 { next } else { best })
             .0;
-        // golden section within the neighbours of the best point
+        // where the slope changes its sign between the neighbours of the best point: a minimum itself is flat, and comparing values there finds it
+        // to eight digits only, so that rounding of the rows would show in the ninth digit of every parameter
+        let slope = |log_variance: f64| -> f64 {
+            let variance = log_variance.exp();
+            let inside: f64 = (0..seen)
+                .map(|i| {
+                    let total = variance + self.singular[i] * self.singular[i];
+                    variance / total * (1.0 - self.projected[i] * self.projected[i] / total)
+                })
+                .sum();
+            inside - self.outside / variance + beyond
+        };
         let (mut a, mut b) = (at(best.saturating_sub(1)), at((best + 1).min(grid - 1)));
-        let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
-        for _ in 0..40 {
-            let (c, d) = (b - golden * (b - a), a + golden * (b - a));
-            if minus_log_likelihood(c) < minus_log_likelihood(d) { b = d } else { a = c }
+        for _ in 0..60 {
+            let middle = 0.5 * (a + b);
+            if slope(middle) > 0.0 { b = middle } else { a = middle }
         }
         (0.5 * (a + b)).exp()
     }

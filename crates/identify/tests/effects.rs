@@ -29,8 +29,7 @@ enum Hidden {
     Body,
 }
 
-const ALL: [Hidden; 5] =
-    [Hidden::Zero, Hidden::NearlyZero, Hidden::Repeated, Hidden::RepeatedWithBody, Hidden::Body];
+const ALL: [Hidden; 5] = [Hidden::Zero, Hidden::NearlyZero, Hidden::Repeated, Hidden::RepeatedWithBody, Hidden::Body];
 
 /// Rows of the flights with the columns of effects: `true` stands for one that the rows determine, the others are hidden ones. A third of
 /// the flights passes for contact where asked for.
@@ -48,8 +47,7 @@ fn factors(truth: &Truth, effects: &[Option<Hidden>], contact: bool) -> Vec<Fact
             let as_contact = contact && i % 3 == 0;
             let stretch =
                 if as_contact { Stretch::contact(s.trial.clone(), i, s.first_frame, s.end_frame) } else { s.clone() };
-            let acting =
-                if as_contact { Acting { measured: Some(&wrench), effects: None } } else { Acting::nothing() };
+            let acting = if as_contact { Acting { measured: Some(&wrench), effects: None } } else { Acting::nothing() };
             let plain =
                 weak_factor(&truth.model, &truth.base, &truth.phi, &motion, &stretch, acting, &options, None).unwrap();
             let dense = plain.dense();
@@ -277,8 +275,7 @@ fn prop_rows_of_a_locked_hinge_keep_the_effect() {
         .iter()
         .map(|s| {
             let acting = Acting::nothing();
-            let plain =
-                weak_factor(&truth.model, &truth.base, &truth.phi, &locked, s, acting, &options, None).unwrap();
+            let plain = weak_factor(&truth.model, &truth.base, &truth.phi, &locked, s, acting, &options, None).unwrap();
             let dense = plain.dense();
             let (h, p) = (dense.nrows(), plain.n_parameters());
             let own = |r: usize| 1e-3 * (1.0 + (0.7 * r as f64).sin());
@@ -286,9 +283,7 @@ fn prop_rows_of_a_locked_hinge_keep_the_effect() {
                 std::cmp::Ordering::Less => dense[(r, c)],
                 std::cmp::Ordering::Equal => own(r),
                 // the measured side: an effect of size 0.02 and the body of the truth
-                std::cmp::Ordering::Greater => {
-                    (dense.columns(0, p) * truth.truth()).row(r)[0] + 0.02 * own(r)
-                }
+                std::cmp::Ordering::Greater => (dense.columns(0, p) * truth.truth()).row(r)[0] + 0.02 * own(r),
             });
             let columns = Columns { parameters: plain.columns.parameters.clone(), effects: vec!["own.size".into()] };
             Factor::from_rows(s, RowKind::Weak, columns, rows.as_ref()).unwrap()

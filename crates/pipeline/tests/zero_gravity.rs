@@ -29,11 +29,8 @@ fn laboratory(gravity_mps2: f64, folder: &Path) -> (Study, serde_json::Value) {
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         std::fs::write(path, &file.bytes).unwrap();
     }
-    let overrides = Overrides {
-        data: Some(folder.join("lab")),
-        workspace: Some(folder.join("ws")),
-        ..Overrides::default()
-    };
+    let overrides =
+        Overrides { data: Some(folder.join("lab")), workspace: Some(folder.join("ws")), ..Overrides::default() };
     let study = Study::open(&root.join("pipelines/chain.yaml"), &overrides).unwrap();
     assert_eq!(study.facts.gravity_mps2, gravity_mps2, "gravity of the laboratory's own description");
     run(&study, &Selection { until: Some("filter".into()), ..Selection::default() }, &Silent).unwrap();
@@ -82,8 +79,7 @@ fn validate_a_chain_is_identified_at_any_gravity() {
             let truths: Vec<f64> =
                 truth["base_params"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
             assert_eq!(truths.len(), result.base.len());
-            let error =
-                result.base.iter().zip(&truths).map(|(b, t)| (b.value - t).abs()).fold(0.0, f64::max);
+            let error = result.base.iter().zip(&truths).map(|(b, t)| (b.value - t).abs()).fold(0.0, f64::max);
             println!(
                 "g = {gravity_mps2} m/s², {what} rows: largest error of a base parameter {error:.1e}, gate {}, {:?}",
                 result.gate.passed, result.information

@@ -194,7 +194,7 @@ pub fn add(
     }
     let action = format!("add {}", chosen.key);
     effects.push(chosen);
-    refuse_invisible(study, &effects, &choice.names(&scene))?;
+    refuse_invisible(study, &effects, &choice, &scene)?;
     all.push(action, effects);
     rerun(study, all, progress)
 }

@@ -6,6 +6,7 @@ use crate::revision::ModelEffect;
 use crate::stages::identify::estimator;
 use crate::stages::regressor::{TrialRows, factors_of, row_kind};
 use crate::study::{Role, Study};
+use aloft_effects::{ActsIn, Choice, Scene};
 use aloft_identify::{Estimator, Unseen, Visible};
 use aloft_regressor::{Factor, StretchKind};
 use rayon::prelude::*;
@@ -14,9 +15,14 @@ use rayon::prelude::*;
 const NAMED: usize = 4;
 
 /// Refuses the last of `effects` where the rows of identification determine none of its coefficients, or where it repeats another effect of
-/// the model. `names` are its columns. Effects of which some coefficients are determined are let through: `parameters` says which are not.
-pub fn refuse_invisible(study: &Study, effects: &[ModelEffect], names: &[String]) -> Result<(), PipelineError> {
-    let Some(key) = effects.last().map(|e| e.key.clone()) else { return Ok(()) };
+/// the model; `choice` is the same effect bound to `scene`. Effects of which some coefficients are determined are let through: `parameters` says which are not.
+pub fn refuse_invisible(
+    study: &Study,
+    effects: &[ModelEffect],
+    choice: &Choice<'_>,
+    scene: &Scene,
+) -> Result<(), PipelineError> {
+    let (key, names) = (choice.key(scene), choice.names(scene));
     let contact = study.config.identify.contact;
     let own_estimator = estimator(study, study.config.regressor.rows);
     let model = Study { effects: effects.to_vec(), ..study.clone() };
@@ -56,7 +62,7 @@ pub fn refuse_invisible(study: &Study, effects: &[ModelEffect], names: &[String]
     let problem =
         format!("`{key}` is not added: the rows of {} do not determine it{what}: {}", rows(&factors), why.words());
     let hint = match why {
-        Unseen::Zero if !contact => {
+        Unseen::Zero if !contact && choice.effect.acts() == ActsIn::Contact => {
             "an effect of the plates needs contact in identification: set `identify: {contact: true}`"
         }
         Unseen::Zero => "record motion in which it acts",

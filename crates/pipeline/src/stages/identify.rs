@@ -19,7 +19,7 @@ use std::collections::HashMap;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "identify",
-    version: 3,
+    version: 4,
     scope: Scope::Study,
     reads: "all factors",
     gives: "base parameters with intervals, consistent link inertias",

@@ -25,7 +25,7 @@ use std::path::Path;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "regressor",
-    version: 2,
+    version: 3,
     scope: Scope::Trial(&[Role::Identify, Role::Validate]),
     reads: "`Motion`, flights, plates",
     gives: "one triangular factor a flight and contact stretch",
