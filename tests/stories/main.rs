@@ -7,6 +7,7 @@ mod demo;
 mod estimators;
 mod export;
 mod help;
+mod invisible;
 mod kill;
 mod loop_on_people;
 mod one_stage_again;

@@ -37,7 +37,7 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
             half(b.ci95),
             b.prior.map_or("–".to_owned(), |v| significant(v, 3)),
             b.unit.clone(),
-            format!("{:?}", b.seen).to_lowercase(),
+            b.standing().to_owned(),
             if b.formula.chars().count() > 60 {
                 format!("{}…", b.formula.chars().take(59).collect::<String>())
             } else {
@@ -47,11 +47,16 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
     }
     out(t)?;
     for e in &p.effects {
-        out(format!("effect {}: {}{} (95 %)", e.name, significant(e.value, 4), plus_minus(e.ci95, false)))?;
+        match &e.not_determined {
+            Some(why) => out(format!("effect {}: not determined, {why}", e.name))?,
+            None => {
+                out(format!("effect {}: {}{} (95 %)", e.name, significant(e.value, 4), plus_minus(e.ci95, false)))?;
+            }
+        }
     }
     if !p.links.is_empty() {
         let mut t =
-            table(&["link", "mass kg", "prior kg", "centre of mass m", "prior m", "principal inertias kg·m²", "seen"]);
+            table(&["link", "mass kg", "prior kg", "centre of mass m", "prior m", "principal inertias kg·m²", "from"]);
         for l in &p.links {
             let inertia = l.inertia().inertia_com_kgm2.symmetric_eigenvalues();
             let mut principal = [inertia[0], inertia[1], inertia[2]];
@@ -63,7 +68,7 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
                 three(&l.com_m),
                 three(&l.prior.com_m.into()),
                 three(&principal),
-                format!("{:?}", l.seen).to_lowercase(),
+                l.from.words(),
             ]);
         }
         out(format!("\nphysically consistent links\n{t}"))?;

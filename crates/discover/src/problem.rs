@@ -285,7 +285,7 @@ impl Problem {
     pub fn reduce_all(&self, columns: &[DMatrix<f64>]) -> (DMatrix<f64>, DVector<f64>) {
         let (ac, cc, cb) = self.products(columns, None);
         let x = self.cholesky.solve(&ac);
-        (symmetric(cc - ac.tr_mul(&x)), cb - x.tr_mul(&self.right))
+        unspanned(&cc, symmetric(&cc - ac.tr_mul(&x)), cb - x.tr_mul(&self.right))
     }
 
     /// Covariance of the unknowns of `[C | ∂(Cθ)/∂p]` (the first `theta.len()` columns are `C`) at the optimum, parameters taken out: the inverse
@@ -359,9 +359,10 @@ impl Problem {
         let (cluster, (ac, cc, cb)) = (&self.clusters[g], products);
         let x = self.folds[g].cholesky.solve(&ac);
         let all = c_g - &cluster.a * &x;
+        let (s, c) = unspanned(&cc, symmetric(&cc - ac.tr_mul(&x)), cb - x.tr_mul(&(&self.right - &cluster.right)));
         ReducedFold {
-            s: symmetric(cc - ac.tr_mul(&x)),
-            c: cb - x.tr_mul(&(&self.right - &cluster.right)),
+            s,
+            c,
             test: DMatrix::from_fn(cluster.judged.len(), c_g.ncols(), |i, j| all[(cluster.judged[i], j)]),
         }
     }
@@ -379,7 +380,8 @@ impl Problem {
         let folds = (0..self.folds.len())
             .map(|g| self.fold_of(g, &columns[g], (&ac - &parts[g].0, &cc - &parts[g].1, &cb - &parts[g].2)))
             .collect();
-        Reduced { s: symmetric(&cc - ac.tr_mul(&x)), c: &cb - x.tr_mul(&self.right), folds }
+        let (s, c) = unspanned(&cc, symmetric(&cc - ac.tr_mul(&x)), &cb - x.tr_mul(&self.right));
+        Reduced { s, c, folds }
     }
 
     /// Quantities that sign flips of the clusters' residuals need: for every fold the map from `Σ s_h Aᵀr` to the left-out residual.
@@ -436,6 +438,22 @@ impl FlipParts<'_> {
         let ac = columns.iter().zip(&self.problem.clusters).map(|(c, cl)| cl.a.tr_mul(c)).collect();
         (u, ac)
     }
+}
+
+/// Share of a column's square outside the model's columns below which nothing but rounding (and the ridge) is left of it.
+const SPANNED: f64 = 1e-9;
+
+/// Gram matrix and right side of columns with the parameters taken out, zero for columns that lie in the span of the model's: what rounding
+/// leaves of those would pass for evidence. `whole` is the Gram matrix before.
+fn unspanned(whole: &DMatrix<f64>, mut s: DMatrix<f64>, mut c: DVector<f64>) -> (DMatrix<f64>, DVector<f64>) {
+    for i in 0..c.len() {
+        if s[(i, i)] <= SPANNED * whole[(i, i)] {
+            s.row_mut(i).fill(0.0);
+            s.column_mut(i).fill(0.0);
+            c[i] = 0.0;
+        }
+    }
+    (s, c)
 }
 
 fn symmetric(m: DMatrix<f64>) -> DMatrix<f64> {

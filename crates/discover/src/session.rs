@@ -8,7 +8,7 @@ use crate::problem::{Domain, Problem};
 use aloft_body::{BaseParameters, Model, Motion, Phi};
 use aloft_effects::{Columns, Effect, PlateSeries, Scene, Series, Span, Target, TrialMotion};
 use aloft_identify::Prior;
-use aloft_regressor::weak::{Origin, WeakRows};
+use aloft_regressor::weak::{Origin, WeakRows, force_scale_n};
 use aloft_regressor::{Acting, Factor, RegressorError, Stretch, StretchKind, WeakOptions, weak_rows};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use rayon::prelude::*;
@@ -169,7 +169,7 @@ impl<'a> Session<'a> {
         if blocks.is_empty() {
             return Err(DiscoverError::TooFew { what: "stretches with rows", needed: 1, found: 0 });
         }
-        let weight_n = body.phi.iter().map(|p| p[0]).sum::<f64>() * scene.gravity();
+        let force_n = force_scale_n(body.phi.iter().map(|p| p[0]).sum(), scene.gravity());
         let mut out = Self {
             scene,
             series,
@@ -179,7 +179,7 @@ impl<'a> Session<'a> {
             from_full: body.base.from_full.clone(),
             prior: body.prior.cloned(),
             mass_kg: body.mass_kg,
-            unit: [weight_n, weight_n * moment_length_m(body, options)],
+            unit: [force_n, force_n * moment_length_m(body, options)],
             stored_names: Vec::new(),
             noise: None,
             warnings,
@@ -229,7 +229,7 @@ impl<'a> Session<'a> {
                 stored: Some(dense.columns(p, k).into_owned()),
             });
         }
-        let weight_n = body.mass_kg * scene.gravity();
+        let force_n = force_scale_n(body.mass_kg, scene.gravity());
         Ok(Self {
             scene,
             series: Vec::new(),
@@ -239,7 +239,7 @@ impl<'a> Session<'a> {
             from_full: body.base.from_full.clone(),
             prior: body.prior.cloned(),
             mass_kg: body.mass_kg,
-            unit: [weight_n, weight_n * moment_length_m(body, &WeakOptions::default())],
+            unit: [force_n, force_n * moment_length_m(body, &WeakOptions::default())],
             stored_names: first.columns.effects.clone(),
             noise: None,
             warnings: Vec::new(),
@@ -379,7 +379,7 @@ impl Block {
         rows.apply_fixed_weights(moment_length_m);
         let n = rows.matrix.nrows();
         let p = rows.matrix.ncols() - 1;
-        let force_weight = 1.0 / (rows.weight_n * rows.test.integral_s());
+        let force_weight = 1.0 / (rows.force_scale_n * rows.test.integral_s());
         Self {
             trial,
             kind: stretch.kind,

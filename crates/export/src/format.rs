@@ -35,6 +35,8 @@ pub enum InertiaSource {
         rows: String,
         /// What to keep in mind (the gate's remarks).
         remarks: Vec<String>,
+        /// Values that motion did not determine, by link (`thigh_l: mass, inertia`): they are from the table.
+        from_table: Vec<String>,
     },
     /// The prior, because of this.
     Prior {

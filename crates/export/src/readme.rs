@@ -29,10 +29,14 @@ pub fn readme(subject: &SubjectExport, files: &[OutFile], making: &Making) -> St
     t.push_str(&format!("Made by {}. All paths are relative to this folder.\n\n", making.program));
     t.push_str("## Inertias\n\n");
     match &subject.source {
-        InertiaSource::Identified { rows, remarks } => {
+        InertiaSource::Identified { rows, remarks, from_table } => {
             t.push_str(&format!("The models carry masses, centres of mass and inertias **identified** from flights ({rows} rows); `…_prior.osim` has the prior's beside them.\n"));
             for remark in remarks {
                 t.push_str(&format!("\n- {remark}"));
+            }
+            if !from_table.is_empty() {
+                t.push_str("\n- **from the table**, because motion did not determine them: ");
+                t.push_str(&from_table.join("; "));
             }
         }
         InertiaSource::Prior { reason } => {

@@ -10,8 +10,8 @@ use crate::system::System;
 use crate::uncertainty::{Tissue, Uncertainty, Variance, deviations};
 use crate::{
     BaseEstimate, ClusterBy, ColumnScaling, EffectEstimate, Estimator, GateLimits, Identification, IdentifyError,
-    LinkEstimate, LinkOptions, LinkPrior, Parameters, Prior, Seen, Sigma, advice, balanced, consistent_links,
-    null_vector,
+    Information, LinkEstimate, LinkOptions, LinkOrigin, LinkPrior, Origin, Parameters, Prior, Seen, Sigma, Visible,
+    advice, balanced, consistent_links, information, null_vector,
 };
 use aloft_body::{BaseParameters, Model, Phi};
 use aloft_regressor::{Factor, Slides, StretchKind, leave_group_out};
@@ -118,6 +118,16 @@ pub fn identify_with_slides(
         return Err(IdentifyError::Length { what: "slides of soft tissue", expected: factors.len(), found: slides.len() });
     }
     let base_prior = prior.map(|p| p.base(base)).transpose()?;
+    // coefficients that the rows do not determine stay out of every elimination
+    let visible = match options.estimator {
+        Estimator::NullVector(_) => Visible::default(),
+        Estimator::MassConstrained => Visible::among(factors, false)?,
+        Estimator::Regularised { .. } => Visible::among(factors, base_prior.is_some())?,
+    };
+    let reduced = visible.reduce_all(factors)?;
+    let factors = reduced.as_slice();
+    let flights = flights.map(|f| visible.reduce(f)).transpose()?;
+    let slides: Vec<Slides> = slides.iter().map(|s| visible.reduce_slides(s)).collect();
     let (factors, balance) = match options.estimator {
         // a null vector exists where nothing acts: contact, whose rows have a right side, is left out
         Estimator::NullVector(_) => {
@@ -127,11 +137,11 @@ pub fn identify_with_slides(
         Estimator::Regularised { .. } => balanced(factors, mass_kg, base_prior.as_ref())?,
     };
     let factors = factors.as_slice();
-    let tissue = Tissue::of(factors, slides, balance.as_ref().map_or(1.0, |b| b.contact_weight));
+    let tissue = Tissue::of(factors, &slides, balance.as_ref().map_or(1.0, |b| b.contact_weight));
     // the same rows, or it is not their merger
     let rows: usize = factors.iter().map(|f| f.n_rows).sum();
     let alone = factors.iter().all(|f| f.kind != StretchKind::Contact);
-    let merged = match flights {
+    let merged = match &flights {
         Some(all) if alone && all.n_rows == rows && factors.iter().all(|f| f.columns == all.columns) => all.clone(),
         _ => Factor::merge(factors)?,
     };
@@ -172,8 +182,21 @@ pub fn identify_with_slides(
     };
     let named: Vec<(String, Seen)> = base_estimates.iter().map(|b| (b.name.clone(), b.seen)).collect();
     let hints = advice::in_words(model, &named);
-    let gate = judge(&options.estimator, &sigma, &named, factors.len(), fit.deficient, &options.gate, hints);
-    let effects = fit.effect_estimates(&merged, &options.widening);
+    let information = match base_prior.as_ref() {
+        Some(prior) => Some(fit.information(&clusters, mass_kg, prior, &named, options)?),
+        None => None,
+    };
+    let gate = judge(
+        &options.estimator,
+        &sigma,
+        information.as_ref(),
+        &named,
+        factors.len(),
+        fit.deficient,
+        &options.gate,
+        hints,
+    );
+    let effects = visible.estimates(fit.effect_estimates(&merged, &options.widening));
     let mut trials: Vec<&str> = factors.iter().map(|f| f.trial.as_str()).collect();
     trials.sort_unstable();
     trials.dedup();
@@ -189,6 +212,7 @@ pub fn identify_with_slides(
         effects,
         links,
         sigma,
+        information,
         gate,
         n_stretches: factors.len(),
         n_trials: trials.len(),
@@ -201,7 +225,8 @@ pub fn identify_with_slides(
         contact: balance,
         se_from: fit.se_from(cluster_names.len()),
     };
-    Ok(Identification { parameters, covariance: fit.covariance, draws: fit.draws })
+    let draws = fit.draws.into_iter().map(|d| visible.whole(d)).collect();
+    Ok(Identification { parameters, covariance: visible.whole_covariance(fit.covariance), draws })
 }
 
 /// σ's of the flights' parameter columns; NaN without flights.
@@ -381,6 +406,7 @@ impl Fit {
                     _ => mass_kg * length * length,
                 };
                 let prior_sd = prior.map(|p| p.covariance[(i, i)].max(0.0).sqrt());
+                let seen = if i == 0 { Seen::Well } else { seen(se, prior_sd, scale) };
                 BaseEstimate {
                     name: parameter.name.clone(),
                     value: self.x[i],
@@ -391,10 +417,33 @@ impl Fit {
                     formula: parameter.formula.clone(),
                     prior: prior.map(|p| p.mean[i]),
                     prior_sd,
-                    seen: if i == 0 { Seen::Well } else { seen(se, prior_sd, scale) },
+                    seen,
+                    from: if i == 0 { Origin::Scale } else { Origin::of(seen, self.prior_weight > 0.0) },
                 }
             })
             .collect()
+    }
+
+    /// What motion added to the prior.
+    fn information(
+        &self,
+        clusters: &[Factor],
+        mass_kg: f64,
+        prior: &Prior,
+        named: &[(String, Seen)],
+        options: &IdentifyOptions,
+    ) -> Result<Information, IdentifyError> {
+        let row_variance = self.row_sd * self.row_sd;
+        let weighing = information::Weighing {
+            weight: self.prior_weight * row_variance,
+            row_variance,
+            repeat_correlation: options.repeat_correlation,
+        };
+        let standing: Vec<Seen> = named.iter().skip(1).map(|n| n.1).collect();
+        Ok(Information {
+            parameters: information::of_parameters(&standing),
+            wrench: information::of_wrench(clusters, mass_kg, prior, weighing)?,
+        })
     }
 
     fn effect_estimates(&self, merged: &Factor, widening: &BTreeMap<String, f64>) -> Vec<EffectEstimate> {
@@ -411,7 +460,14 @@ impl Fit {
                 let wider = widening.get(name).copied().unwrap_or(1.0).max(1.0);
                 let (value, se) = (self.x[p + k], wider * self.covariance[(p + k, p + k)].max(0.0).sqrt());
                 let freedom = self.freedom(p + k);
-                EffectEstimate { name: name.clone(), value, se, ci95: interval95(value, se, freedom), freedom }
+                EffectEstimate {
+                    name: name.clone(),
+                    value,
+                    se,
+                    ci95: interval95(value, se, freedom),
+                    freedom,
+                    not_determined: None,
+                }
             })
             .collect()
     }
@@ -492,7 +548,13 @@ fn link_estimate(
     let word = |s: Seen| match s {
         Seen::Well => "well seen",
         Seen::Partly => "partly seen",
-        Seen::Hardly => "prior",
+        Seen::Hardly => Origin::Table.words(),
+    };
+    // links are drawn to the table by every estimator
+    let from = LinkOrigin {
+        mass_kg: Origin::of(mass, true),
+        com_m: Origin::of(com, true),
+        inertia_kgm2: Origin::of(inertia, true),
     };
     let words = format!(
         "mass {:.3} ± {:.3} kg ({}), centre of mass ± {:.0} mm ({}), inertia ({})",
@@ -512,6 +574,7 @@ fn link_estimate(
         ci95,
         prior: *prior,
         seen: mass.min(com).min(inertia),
+        from,
         words,
     }
 }

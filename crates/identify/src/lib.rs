@@ -20,6 +20,7 @@ mod clusters;
 mod error;
 pub mod gate;
 mod identify;
+pub mod information;
 pub mod interval;
 pub mod links;
 pub mod null_vector;
@@ -28,36 +29,43 @@ pub mod prior;
 pub mod simex;
 mod system;
 mod uncertainty;
+pub mod visible;
 pub mod window;
 
 pub use advice::{AdviceOptions, MotionAdvice, excitation_advice};
 pub use balance::{KindBalance, balanced};
 pub use clusters::{ClusterBy, WeightTrial};
 pub use error::IdentifyError;
-pub use gate::{Gate, GateLimits, Seen};
+pub use gate::{Gate, GateLimits, Origin, Seen};
 pub use identify::{IdentifyOptions, identify, identify_merged, identify_with_slides};
+pub use information::Information;
 pub use interval::{half_of, half95, interval95, satterthwaite};
 pub use links::{ConsistentLinks, LinkOptions, LinkSd, consistent_links};
 pub use null_vector::{ColumnScaling, NullVector, Sigma, null_vector};
-pub use parameters::{BaseEstimate, EffectEstimate, Estimator, Identification, LinkEstimate, LinkIntervals, Parameters};
+pub use parameters::{
+    BaseEstimate, EffectEstimate, Estimator, Identification, LinkEstimate, LinkIntervals, LinkOrigin, Parameters,
+};
 pub use prior::{LinkPrior, Prior, Symmetry};
 pub use simex::{Simex, add_noise, simex};
 pub use uncertainty::jackknife_freedom;
+pub use visible::{Unseen, Visible};
 pub use window::{WindowChoice, WindowTrial, choose_window};
 
 use aloft_regressor::Factor;
 use nalgebra::DVector;
 
-/// Least squares with the mass held: base parameters and effect coefficients of a merged factor.
+/// Least squares with the mass held: base parameters and effect coefficients of a merged factor, zero for coefficients that the rows do not
+/// determine ([`Visible`]).
 ///
 /// # Errors
 /// [`IdentifyError::Option`] for a mass that is not positive, [`IdentifyError::Numeric`] for rows that are not finite.
 pub fn mass_constrained(merged: &Factor, mass_kg: f64) -> Result<DVector<f64>, IdentifyError> {
-    Ok(system::System::new(merged, mass_kg, None)?.solve(0.0).x)
+    let visible = Visible::of(merged, false);
+    Ok(visible.whole(system::System::new(&visible.reduce(merged)?, mass_kg, None)?.solve(0.0).x))
 }
 
 /// Base parameters (and effect coefficients, but for the null vector) by an estimator, without intervals, links or a verdict: for repeated calls. A prior's weight
-/// that is not given counts as 1.
+/// that is not given counts as 1. Coefficients that the rows do not determine are zero ([`Visible`]).
 ///
 /// # Errors
 /// As [`identify`].
@@ -71,8 +79,9 @@ pub fn point_estimate(
         Estimator::NullVector(scaling) => Ok(null_vector(merged, mass_kg, scaling)?.parameters),
         Estimator::MassConstrained => mass_constrained(merged, mass_kg),
         Estimator::Regularised { weight } => {
-            let system = system::System::new(merged, mass_kg, prior)?;
-            Ok(system.solve(weight.unwrap_or(1.0) * system.row_variance()).x)
+            let visible = Visible::of(merged, prior.is_some());
+            let system = system::System::new(&visible.reduce(merged)?, mass_kg, prior)?;
+            Ok(visible.whole(system.solve(weight.unwrap_or(1.0) * system.row_variance()).x))
         }
     }
 }

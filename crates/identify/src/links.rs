@@ -14,6 +14,7 @@
 //! `Bφ` differs slightly from the regularised estimate.
 
 use crate::prior::covariance_root;
+use crate::system::inverse_triangle;
 use crate::{IdentifyError, LinkPrior};
 use aloft_body::inertia::pseudo_inertia;
 use aloft_body::{BaseParameters, LinkInertia, Phi};
@@ -112,7 +113,7 @@ struct Problem {
 
 /// θ of given base parameters.
 struct EffectsOf {
-    triangle: DMatrix<f64>,
+    inverse: DMatrix<f64>,
     coupling: DMatrix<f64>,
     right: DVector<f64>,
     from_full: DMatrix<f64>,
@@ -148,7 +149,7 @@ impl Problem {
         let r = qr.thin_R();
         let get = |i: usize, j: usize| if i <= j { r[(i, j)] } else { 0.0 };
         let effects = EffectsOf {
-            triangle: DMatrix::from_fn(k, k, get),
+            inverse: inverse_triangle(&DMatrix::from_fn(k, k, get))?,
             coupling: DMatrix::from_fn(k, p, |i, j| get(i, k + j)),
             right: DVector::from_fn(k, |i, _| get(i, k + p)),
             from_full: base.from_full.clone(),
@@ -300,8 +301,7 @@ impl EffectsOf {
         if self.right.is_empty() {
             return DVector::zeros(0);
         }
-        let right = &self.right - &self.coupling * (&self.from_full * phi);
-        self.triangle.solve_upper_triangular(&right).unwrap_or_else(|| DVector::zeros(self.right.len()))
+        &self.inverse * (&self.right - &self.coupling * (&self.from_full * phi))
     }
 }
 

@@ -1,7 +1,8 @@
 //! What identification gives: numbers with their uncertainty, the prior beside them, and how far they may be believed.
 
 use crate::clusters::{ClusterBy, WeightTrial};
-use crate::gate::{Gate, Seen};
+use crate::gate::{Gate, Origin, Seen};
+use crate::information::Information;
 use crate::links::LinkSd;
 use crate::{ColumnScaling, KindBalance, Sigma};
 use aloft_body::LinkInertia;
@@ -70,6 +71,20 @@ pub struct BaseEstimate {
     pub prior_sd: Option<f64>,
     /// How well the motion shows it.
     pub seen: Seen,
+    /// Where the value comes from.
+    #[serde(default)]
+    pub from: Origin,
+}
+
+impl BaseEstimate {
+    /// How well motion shows the value, or where it comes from instead.
+    pub fn standing(&self) -> &'static str {
+        match (self.from, self.seen) {
+            (Origin::Motion, Seen::Well) => "well",
+            (Origin::Motion, _) => "partly",
+            (other, _) => other.words(),
+        }
+    }
 }
 
 /// One effect coefficient.
@@ -77,7 +92,8 @@ pub struct BaseEstimate {
 pub struct EffectEstimate {
     /// Name of the column.
     pub name: String,
-    /// Estimate.
+    /// Estimate; NaN where the rows do not determine it.
+    #[serde(deserialize_with = "nullable")]
     pub value: f64,
     /// Standard error.
     #[serde(deserialize_with = "nullable")]
@@ -87,6 +103,17 @@ pub struct EffectEstimate {
     /// Degrees of freedom of the standard error; null for infinitely many.
     #[serde(default = "nothing", deserialize_with = "nullable")]
     pub freedom: f64,
+    /// Why the rows do not determine the coefficient; none where they do.
+    #[serde(default)]
+    pub not_determined: Option<String>,
+}
+
+impl EffectEstimate {
+    /// A coefficient without a value.
+    pub(crate) fn not_determined(name: &str, why: String) -> Self {
+        let none = f64::NAN;
+        Self { name: name.to_owned(), value: none, se: none, ci95: None, freedom: none, not_determined: Some(why) }
+    }
 }
 
 /// 95 % intervals of a link's numbers; none where a standard error is not known.
@@ -98,6 +125,35 @@ pub struct LinkIntervals {
     pub com_m: [Option<[f64; 2]>; 3],
     /// Of the inertia about the centre of mass in link axes, kg·m²: xx yy zz yz zx xy.
     pub inertia_kgm2: [Option<[f64; 2]>; 6],
+}
+
+/// Where the values of a link come from.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LinkOrigin {
+    /// Of the mass.
+    pub mass_kg: Origin,
+    /// Of the centre of mass.
+    pub com_m: Origin,
+    /// Of the inertia.
+    pub inertia_kgm2: Origin,
+}
+
+impl LinkOrigin {
+    /// The values that motion did not determine, in words; empty where it determined all.
+    pub fn from_table(&self) -> String {
+        let values = [(self.mass_kg, "mass"), (self.com_m, "centre of mass"), (self.inertia_kgm2, "inertia")];
+        let named: Vec<&str> = values.iter().filter(|(o, _)| *o != Origin::Motion).map(|(_, name)| *name).collect();
+        named.join(", ")
+    }
+
+    /// For a column of a table: `motion`, `from the table`, or which of the values are from the table.
+    pub fn words(&self) -> String {
+        match self.from_table() {
+            none if none.is_empty() => Origin::Motion.words().to_owned(),
+            all if all == "mass, centre of mass, inertia" => Origin::Table.words().to_owned(),
+            some => format!("{some}: {}", Origin::Table.words()),
+        }
+    }
 }
 
 /// One link, physically consistent.
@@ -119,6 +175,9 @@ pub struct LinkEstimate {
     pub prior: LinkInertia,
     /// How well motion shows the link.
     pub seen: Seen,
+    /// Where its values come from.
+    #[serde(default)]
+    pub from: LinkOrigin,
     /// The same in words.
     pub words: String,
 }
@@ -151,6 +210,9 @@ pub struct Parameters {
     pub links: Vec<LinkEstimate>,
     /// Singular values of the flights' parameter columns.
     pub sigma: Sigma,
+    /// What motion added to the prior; none without one.
+    #[serde(default)]
+    pub information: Option<Information>,
     /// Whether and how the numbers may be believed.
     pub gate: Gate,
     /// Stretches that took part.
@@ -179,6 +241,11 @@ pub struct Parameters {
 }
 
 impl Parameters {
+    /// Coefficients by name for predictions: zero where the rows do not determine one, as in the fit.
+    pub fn coefficients(&self) -> Vec<(String, f64)> {
+        self.effects.iter().map(|e| (e.name.clone(), if e.value.is_finite() { e.value } else { 0.0 })).collect()
+    }
+
     /// Values of the base parameters.
     pub fn base_values(&self) -> nalgebra::DVector<f64> {
         nalgebra::DVector::from_iterator(self.base.len(), self.base.iter().map(|b| b.value))

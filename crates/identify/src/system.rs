@@ -21,8 +21,8 @@ pub(crate) struct System {
     n_effects: usize,
     mass_kg: f64,
     n_rows: usize,
-    /// R of `[E | A]`, diagonal blocks kept apart: effects triangle, its coupling to the parameters and to the right side.
-    effects: DMatrix<f64>,
+    /// R of `[E | A]`, diagonal blocks kept apart: inverse of the effects' triangle, their coupling to the parameters and to the right side.
+    effects_inverse: DMatrix<f64>,
     coupling: DMatrix<f64>,
     effects_right: DVector<f64>,
     /// Mean of the prior (zero without) and root of its covariance (column norms without), given the mass.
@@ -35,6 +35,18 @@ pub(crate) struct System {
     projected: DVector<f64>,
     /// Squares of the right side outside the range of A.
     outside: f64,
+}
+
+/// Inverse of the effects' triangle.
+///
+/// # Errors
+/// [`IdentifyError::Numeric`] where a column is zero or depends on others: elimination would have spent rows on it. [`crate::Visible`] takes
+/// such columns out beforehand.
+pub(crate) fn inverse_triangle(triangle: &DMatrix<f64>) -> Result<DMatrix<f64>, IdentifyError> {
+    let k = triangle.ncols();
+    let dependent = (0..k).any(|j| triangle[(j, j)].abs() <= 1e-12 * triangle.column(j).norm());
+    let inverse = if dependent { None } else { triangle.solve_upper_triangular(&DMatrix::identity(k, k)) };
+    inverse.ok_or_else(|| IdentifyError::Numeric("columns of effects are zero or depend on each other".to_owned()))
 }
 
 /// One solution of a [`System`].
@@ -88,7 +100,7 @@ impl System {
         let r = qr.thin_R();
         let height = r.nrows();
         let get = |i: usize, j: usize| if i < height && i <= j { r[(i, j)] } else { 0.0 };
-        let effects = DMatrix::from_fn(k, k, get);
+        let effects_inverse = inverse_triangle(&DMatrix::from_fn(k, k, get))?;
         let coupling = DMatrix::from_fn(k, p - 1, |i, j| get(i, k + j));
         let effects_right = DVector::from_fn(k, |i, _| get(i, k + p - 1));
         let block = Mat::from_fn(p - 1, p - 1, |i, j| get(k + i, k + j));
@@ -110,7 +122,7 @@ impl System {
             n_effects: k,
             mass_kg,
             n_rows: merged.n_rows,
-            effects,
+            effects_inverse,
             coupling,
             effects_right,
             mean,
@@ -149,12 +161,7 @@ impl System {
             effective += share;
         }
         let y = &self.v * z;
-        let theta = if self.n_effects > 0 {
-            let right = &self.effects_right - &self.coupling * &y;
-            self.effects.solve_upper_triangular(&right).unwrap_or_else(|| DVector::zeros(self.n_effects))
-        } else {
-            DVector::zeros(0)
-        };
+        let theta = &self.effects_inverse * (&self.effects_right - &self.coupling * &y);
         let rest = &self.mean + &self.root * y;
         let mut x = DVector::zeros(self.n_parameters + self.n_effects);
         x[0] = self.mass_kg;
@@ -194,12 +201,22 @@ impl System {
             .map(|i| (i, minus_log_likelihood(at(i))))
             .fold((0, f64::INFINITY), |best, next| if next.1 < best.1 { next } else { best })
             .0;
-        // golden section within the neighbours of the best point
+        // where the slope changes its sign between the neighbours of the best point: a minimum itself is flat, and comparing values there finds it
+        // to eight digits only, so that rounding of the rows would show in the ninth digit of every parameter
+        let slope = |log_variance: f64| -> f64 {
+            let variance = log_variance.exp();
+            let inside: f64 = (0..seen)
+                .map(|i| {
+                    let total = variance + self.singular[i] * self.singular[i];
+                    variance / total * (1.0 - self.projected[i] * self.projected[i] / total)
+                })
+                .sum();
+            inside - self.outside / variance + beyond
+        };
         let (mut a, mut b) = (at(best.saturating_sub(1)), at((best + 1).min(grid - 1)));
-        let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
-        for _ in 0..40 {
-            let (c, d) = (b - golden * (b - a), a + golden * (b - a));
-            if minus_log_likelihood(c) < minus_log_likelihood(d) { b = d } else { a = c }
+        for _ in 0..60 {
+            let middle = 0.5 * (a + b);
+            if slope(middle) > 0.0 { b = middle } else { a = middle }
         }
         (0.5 * (a + b)).exp()
     }
@@ -224,12 +241,8 @@ impl System {
         let mut factor = DMatrix::zeros(n, m + self.n_effects);
         factor.view_mut((1, 0), (p - 1, m)).copy_from(&x_of);
         if self.n_effects > 0 {
-            let inverse = self
-                .effects
-                .clone()
-                .solve_upper_triangular(&DMatrix::identity(self.n_effects, self.n_effects))
-                .unwrap_or_else(|| DMatrix::zeros(self.n_effects, self.n_effects));
-            let by_y = -&inverse * (&self.coupling * &scaled);
+            let inverse = &self.effects_inverse;
+            let by_y = -inverse * (&self.coupling * &scaled);
             factor.view_mut((p, 0), (self.n_effects, m)).copy_from(&by_y);
             factor.view_mut((p, m), (self.n_effects, self.n_effects)).copy_from(&(inverse * row_variance.sqrt()));
         }

@@ -6,7 +6,7 @@
 
 use crate::clusters::{Clusters, merge_groups};
 use crate::system::System;
-use crate::{ClusterBy, IdentifyError, Prior};
+use crate::{ClusterBy, IdentifyError, Prior, Visible};
 use aloft_regressor::Factor;
 use serde::{Deserialize, Serialize};
 
@@ -63,15 +63,17 @@ pub fn choose_window(
                 found: factors.len(),
             });
         }
-        let merged = Factor::merge(factors)?;
+        let visible = Visible::among(factors, prior.is_some())?;
+        let factors = visible.reduce_all(factors)?;
+        let merged = Factor::merge(&factors)?;
         let system = System::new(&merged, mass_kg, prior)?;
         let weight = if prior.is_some() { system.row_variance() } else { 0.0 };
         let solution = system.solve(weight);
-        let groups = merge_groups(factors, &groups)?;
+        let groups = merge_groups(&factors, &groups)?;
         let clusters = Clusters::new(&groups, &merged, mass_kg, prior, weight, &solution.x)?;
         let (mut squares, mut rows) = (0.0, 0usize);
         for (x, factor) in clusters.leave_one_out().iter().zip(&measured) {
-            squares += factor.sum_of_squares(x);
+            squares += factor.sum_of_squares(&visible.whole(x.clone()));
             rows += factor.n_rows;
         }
         let held_out_rms = (squares / rows.max(1) as f64).sqrt();

@@ -11,8 +11,8 @@
 //!
 //! with the applied force f and its moment n₀ about the world origin, world axes. In flight g − ö = 0 and both right sides vanish: the
 //! path falls with the body, so the great numbers of translation never meet the small ones of rotation, and their noise stays out of
-//! the moment rows. Everything is linear in φ. Rows of force are divided by `M g ∫ψ`, rows of moment by `M g ℓ ∫ψ` (fixed weights, which no
-//! residual can move); [`crate::noise`] whitens them instead where parameters, not effects, are sought.
+//! the moment rows. Everything is linear in φ. Rows of force are divided by `F ∫ψ`, rows of moment by `F ℓ ∫ψ` with the force F = M g (fixed
+//! weights, which no residual can move; [`force_scale_n`] where gravity is weak or absent); [`crate::noise`] whitens them instead where parameters, not effects, are sought.
 
 use crate::noise::{Noise, whiten};
 use crate::stretch::Acting;
@@ -172,8 +172,18 @@ pub struct WeakRows {
     pub test: TestFunction,
     /// Path of the moment origin at the frames of each window, m, world.
     pub origin: Vec<Vec<Origin>>,
-    /// Whole mass of the prior times gravity, N.
-    pub weight_n: f64,
+    /// Force F of the fixed weights, N: [`force_scale_n`] of the prior's mass.
+    pub force_scale_n: f64,
+}
+
+/// Gravity below which rows of force are no longer counted in weights of the body, m/s².
+const LEAST_ACCELERATION_MPS2: f64 = 1.0;
+
+/// The force that makes weak rows free of units, N: the body's weight, or its mass times 1 m/s² where gravity is weaker than that (an asteroid,
+/// orbit). It is one constant of the laboratory for all rows of a study: estimates, ratios of errors and what is chosen by them do not depend
+/// on it, only the unit in which rows are stated. It follows gravity without a step.
+pub fn force_scale_n(mass_kg: f64, gravity_mps2: f64) -> f64 {
+    mass_kg * gravity_mps2.max(LEAST_ACCELERATION_MPS2)
 }
 
 /// Moment origin at one instant, world.
@@ -186,9 +196,9 @@ pub struct Origin {
 }
 
 impl WeakRows {
-    /// Divides rows of force by `M g ∫ψ` and rows of moment by `M g ℓ ∫ψ`.
+    /// Divides rows of force by `F ∫ψ` and rows of moment by `F ℓ ∫ψ`.
     pub fn apply_fixed_weights(&mut self, moment_length_m: f64) {
-        let force = 1.0 / (self.weight_n * self.test.integral_s());
+        let force = 1.0 / (self.force_scale_n * self.test.integral_s());
         let moment = force / moment_length_m;
         for i in 0..self.matrix.nrows() {
             let weight = if i % 6 < 3 { force } else { moment };
@@ -264,7 +274,7 @@ pub fn weak_rows(
         centers: Vec::with_capacity(n_windows),
         test,
         origin: Vec::with_capacity(n_windows),
-        weight_n: prior.iter().map(|phi| phi[0]).sum::<f64>() * model.gravity_mps2.norm(),
+        force_scale_n: force_scale_n(prior.iter().map(|phi| phi[0]).sum(), model.gravity_mps2.norm()),
     };
     let mut weights = Vec::new();
     for (start, end, centers) in &windows {

@@ -3,7 +3,7 @@
 use crate::error::SimulateError;
 use crate::hidden::Hidden;
 use crate::physics::Body;
-use crate::scenario::Scenario;
+use crate::scenario::{BodySpec, Scenario};
 
 /// Ranges of the instruments' figures and of the hidden effects'.
 pub(crate) fn check_capture(scenario: &Scenario) -> Result<(), SimulateError> {
@@ -15,7 +15,12 @@ pub(crate) fn check_capture(scenario: &Scenario) -> Result<(), SimulateError> {
     scenario.expect("capture.gap_fraction", c.gap_fraction, 0.0..=0.5, "0 to 0.5")?;
     scenario.expect("capture.plate_noise_n", c.plate_noise_n, 0.0..=1e3, "0 to 1000 N")?;
     scenario.expect("capture.plate_drift_n", c.plate_drift_n, 0.0..=1e3, "0 to 1000 N")?;
-    scenario.expect("capture.gravity_mps2", c.gravity_mps2, 0.1..=30.0, "0.1 to 30 m/s²")?;
+    // objects float where nothing falls; people's jumps are planned with the time that they take to come down
+    let (least, words) = match scenario.body {
+        BodySpec::Human(_) => (0.1, "0.1 to 30 m/s²"),
+        BodySpec::Chain(_) | BodySpec::Custom(_) => (0.0, "0 to 30 m/s²"),
+    };
+    scenario.expect("capture.gravity_mps2", c.gravity_mps2, least..=30.0, words)?;
     for effect in &scenario.hidden {
         // JSON has no numbers that are not finite: they turn into nothing
         let written = serde_json::to_value(effect)

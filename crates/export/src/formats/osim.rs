@@ -29,7 +29,13 @@ pub(crate) fn path(subject: &SubjectExport) -> String {
 
 fn write(subject: &SubjectExport) -> Result<Vec<OutFile>, ExportError> {
     let from = match &subject.source {
-        InertiaSource::Identified { rows, .. } => format!("inertias identified from flights ({rows} rows)"),
+        InertiaSource::Identified { rows, from_table, .. } if from_table.is_empty() => {
+            format!("inertias identified from flights ({rows} rows)")
+        }
+        InertiaSource::Identified { rows, from_table, .. } => format!(
+            "inertias identified from flights ({rows} rows); from the table, because motion did not determine them: {}",
+            from_table.join("; ")
+        ),
         InertiaSource::Prior { reason } => format!("inertias of the prior: {reason}"),
     };
     let what = format!("OpenSim model, {from}");

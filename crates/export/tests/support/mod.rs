@@ -79,7 +79,11 @@ pub fn subject(convention: Convention) -> SubjectExport {
         provenance: Vec::new(),
         model,
     };
-    let source = InertiaSource::Identified { rows: "weak".into(), remarks: vec!["2 of 9 stay".into()] };
+    let source = InertiaSource::Identified {
+        rows: "weak".into(),
+        remarks: vec!["2 of 9 stay".into()],
+        from_table: vec!["hand: mass".into()],
+    };
     SubjectExport::new(subject, links, source, convention, Vec::new(), "aloft test").unwrap()
 }
 

@@ -5,6 +5,7 @@ use crate::command::compare::compare;
 use crate::command::discover::Volume;
 pub use crate::command::history::{History, HistoryCoefficient, HistoryRow, history, reached};
 use crate::command::unknowns::{self, Examples};
+use crate::command::visible::refuse_invisible;
 use crate::config::{PipelineConfig, parse_yaml};
 use crate::effects::{KnownEffects, OwnEffect, own_effects};
 use crate::error::PipelineError;
@@ -197,6 +198,7 @@ pub fn add(
     }
     let action = format!("add {}", chosen.key);
     effects.push(chosen);
+    refuse_invisible(study, &effects, &choice, &scene)?;
     all.push(action, effects);
     rerun(study, all, progress)
 }

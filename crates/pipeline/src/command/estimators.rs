@@ -256,7 +256,7 @@ fn of_geometry(
             }
             let parameters = identify_from(study, subject, &own, *estimator, 0)?;
             let all = parameters.base_values();
-            let effects: Vec<(String, f64)> = parameters.effects.iter().map(|e| (e.name.clone(), e.value)).collect();
+            let effects = parameters.coefficients();
             let candidate = if validated {
                 Candidate::base("", all)
             } else {
@@ -411,7 +411,7 @@ pub fn leave_one_out(study: &Study) -> Result<LeaveOneOutView, PipelineError> {
                 }
                 let result = identify_from(study, &subject, &own, estimator, 0).and_then(|all| {
                     let each = without_each_trial(study, &subject, &trials, &own, estimator, &all.base_values())?.0;
-                    let effects = all.effects.iter().map(|e| (e.name.clone(), e.value)).collect();
+                    let effects = all.coefficients();
                     Ok((all.contact, each, effects))
                 });
                 (*name, result)

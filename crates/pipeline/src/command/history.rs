@@ -188,9 +188,11 @@ pub fn reached(study: &Study, view: &ComparisonView) -> Result<Reached, Pipeline
         contact: of(&c.first.held_out_weak, floor.map(|f| &f.contact_weak)),
         sigma_ratio: view.parameters.sigma_ratio,
         marker_rms_mm: rms.iter().sum::<f64>() / rms.len().max(1) as f64,
+        // what the rows do not determine has no number to show
         coefficients: parameters
             .effects
             .iter()
+            .filter(|e| e.not_determined.is_none())
             .map(|e| ReachedCoefficient { name: e.name.clone(), value: e.value, se: e.se, ci95: e.ci95 })
             .collect(),
         base: parameters.base.iter().map(|b| (b.name.clone(), b.value)).collect(),

@@ -16,4 +16,5 @@ pub mod simulate;
 pub mod status;
 pub mod summary;
 pub mod unknowns;
+pub mod visible;
 pub mod workflow;

@@ -9,6 +9,7 @@ use crate::studies::StudySet;
 use crate::study::{Role, Study, StudyId, TrialEntry};
 use crate::table::{write_csv, write_frame};
 use crate::workspace::{Manifest, Outcome, WHOLE_STUDY, Workspace, beside};
+use aloft_regressor::weak::force_scale_n;
 use polars::prelude::{Column, DataFrame, PolarsError};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -271,7 +272,7 @@ fn figures(row: &mut SummaryRow, study: &Study, trial: &TrialEntry, manifests: &
     row.contact_moment_nm = error("contact", "moment_nm");
     row.flight_force_n = error("flight", "force_n");
     row.flight_moment_nm = error("flight", "moment_nm");
-    let weight = study.facts.person.mass_kg * study.facts.gravity_mps2;
+    let weight = force_scale_n(study.facts.person.mass_kg, study.facts.gravity_mps2);
     if [row.contact_force_n, row.flight_force_n].iter().flatten().any(|e| *e > COMPARISON_LIMIT * weight) {
         row.reasons.push(QcReason::ComparisonLarge);
     }

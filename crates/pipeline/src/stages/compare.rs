@@ -339,7 +339,7 @@ fn each_without(
     factors: &[(Stretch, Factor)],
     all: &Parameters,
 ) -> Vec<Without> {
-    let effects = |p: &Parameters| p.effects.iter().map(|e| (e.name.clone(), e.value)).collect();
+    let effects = Parameters::coefficients;
     let of =
         |p: &Parameters, left_out, remark| Without { base: p.base_values(), effects: effects(p), left_out, remark };
     let every: Vec<&Factor> = factors.iter().map(|(_, f)| f).collect();

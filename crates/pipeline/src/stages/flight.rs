@@ -48,7 +48,7 @@ impl Job<'_> {
     }
 }
 
-/// Mean vertical acceleration of the centre of mass in flight over −g, minus one, percent; none without flights.
+/// Mean vertical acceleration of the centre of mass in flight over −g, minus one, percent; none without flights, and without gravity.
 pub fn gravity_error_percent(report: &FlightReport, gravity_mps2: f64) -> Option<f64> {
     let used: Vec<(f64, f64)> = report
         .flights
@@ -57,7 +57,8 @@ pub fn gravity_error_percent(report: &FlightReport, gravity_mps2: f64) -> Option
         .filter(|(a, _)| a.is_finite())
         .collect();
     let frames: f64 = used.iter().map(|u| u.1).sum();
-    (frames > 0.0).then(|| (-used.iter().map(|u| u.0 * u.1).sum::<f64>() / frames / gravity_mps2 - 1.0) * 100.0)
+    (frames > 0.0 && gravity_mps2 > 0.0)
+        .then(|| (-used.iter().map(|u| u.0 * u.1).sum::<f64>() / frames / gravity_mps2 - 1.0) * 100.0)
 }
 
 fn run(job: &Job<'_>) -> Result<Done, StageFailure> {

@@ -19,7 +19,7 @@ use std::collections::HashMap;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "identify",
-    version: 3,
+    version: 4,
     scope: Scope::Study,
     reads: "all factors",
     gives: "base parameters with intervals, consistent link inertias",
@@ -205,6 +205,8 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
             Ok(parameters) => {
                 write_json(&job.out.join(file_name(rows)), &parameters)?;
                 if rows == chosen {
+                    let unseen = parameters.effects.iter().filter_map(|e| Some((&e.name, e.not_determined.as_ref()?)));
+                    done.warnings.extend(unseen.map(|(name, why)| format!("effect {name} is not determined: {why}")));
                     done.note("flights", parameters.n_stretches);
                     done.note("rows", parameters.n_rows);
                     done.note("gate_passed", parameters.gate.passed);

@@ -11,6 +11,7 @@ use crate::workspace::{read_json, write_json};
 use aloft_body::{BaseParameters, Motion, Subject};
 use aloft_effects::{PlateSeries, Scene, Span, TrialMotion, columns_about};
 use aloft_flight::{FlightReport, plate_wrench_at_marker_rate, total_wrench};
+use aloft_regressor::weak::force_scale_n;
 use aloft_regressor::{
     AccelerationOptions, Acting, Columns, CoordinateNoise, EffectColumns, Factor, Noise, RegressorError, RowKind,
     Stretch, StretchKind, WeakOptions, acceleration_factor, weak_factor,
@@ -24,7 +25,7 @@ use std::path::Path;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "regressor",
-    version: 2,
+    version: 3,
     scope: Scope::Trial(&[Role::Identify, Role::Validate]),
     reads: "`Motion`, flights, plates",
     gives: "one triangular factor a flight and contact stretch",
@@ -243,7 +244,7 @@ impl TrialRows {
             let raw = total_wrench(&each);
             plates = each.into_iter().map(|p| PlateSeries { force_n: p.force_n, moment_nm: p.moment_nm }).collect();
             let smooth = total_wrench(&plate_wrench_at_marker_rate(&trial, Some(low_pass(job.study))).map_err(fail)?);
-            let weight_n = subject.facts.mass_kg * subject.model.gravity_mps2.norm();
+            let weight_n = force_scale_n(subject.facts.mass_kg, subject.model.gravity_mps2.norm());
             let z: Vec<f64> = raw.force_n.iter().map(|f| f.z).collect();
             stretches.extend(contact_stretches(&trial, &flights, &motion, &z, weight_n));
             let join = |w: &aloft_flight::FrameWrench| {

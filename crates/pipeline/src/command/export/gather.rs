@@ -51,7 +51,12 @@ fn inertias(study: &Study, subject: &Subject) -> (Vec<LinkInertia>, InertiaSourc
         return prior("the identification gave base parameters but no links".to_owned());
     }
     let links = found.parameters.links.iter().map(aloft_identify::LinkEstimate::inertia).collect();
-    (links, InertiaSource::Identified { rows: found.rows_used.to_owned(), remarks: gate.reasons.clone() })
+    let named = |l: &aloft_identify::LinkEstimate| {
+        Some(l.from.from_table()).filter(|values| !values.is_empty()).map(|values| format!("{}: {values}", l.name))
+    };
+    let from_table = found.parameters.links.iter().filter_map(named).collect();
+    let (rows, remarks) = (found.rows_used.to_owned(), gate.reasons.clone());
+    (links, InertiaSource::Identified { rows, remarks, from_table })
 }
 
 /// Trials to export.

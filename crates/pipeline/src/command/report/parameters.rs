@@ -5,7 +5,7 @@ use super::anthropometry;
 use super::lights;
 use super::story::Story;
 use super::words::{card, maybe, number, plus_minus, three};
-use aloft_identify::{BaseEstimate, Parameters, half_of};
+use aloft_identify::{BaseEstimate, EffectEstimate, Origin, Parameters, half_of};
 use aloft_report::{Block, Chapter, Dots, Figure, Light, Section, Table, Words};
 
 /// The chapter; none where nothing was identified.
@@ -30,7 +30,14 @@ pub fn chapter(story: &Story<'_>) -> Option<Chapter> {
 
 /// How far the numbers may be believed.
 fn trust(p: &Parameters) -> Section {
-    let of = |word: &str| p.base.iter().filter(|b| seen(b) == word).count();
+    let of = |word: &str| p.base.iter().filter(|b| b.standing() == word).count();
+    let table = p.base.iter().filter(|b| b.from == Origin::Table).count();
+    let nothing = p.base.iter().filter(|b| b.from == Origin::NotDetermined).count();
+    let rest = match (table, nothing) {
+        (n, 0) => format!("{n} from the table"),
+        (0, n) => format!("{n} not determined"),
+        (n, m) => format!("{n} from the table, {m} not determined"),
+    };
     let mut blocks = vec![Block::Cards {
         cards: vec![
             card(
@@ -45,7 +52,7 @@ fn trust(p: &Parameters) -> Section {
             card(
                 "Base parameters",
                 p.base.len().to_string(),
-                format!("{} well, {} partly, {} hardly seen", of("well"), of("partly"), of("hardly")),
+                format!("{} well, {} partly seen, {rest}", of("well"), of("partly")),
                 Light::Neutral,
             ),
         ],
@@ -61,7 +68,11 @@ fn trust(p: &Parameters) -> Section {
         p.se_from
     )));
     if !p.effects.is_empty() {
-        let rows = p.effects.iter().map(|e| vec![e.name.clone(), plus_minus(e.value, e.ci95)]).collect();
+        let value = |e: &EffectEstimate| match &e.not_determined {
+            Some(why) => format!("not determined: {why}"),
+            None => plus_minus(e.value, e.ci95),
+        };
+        let rows = p.effects.iter().map(|e| vec![e.name.clone(), value(e)]).collect();
         let table = Table::new(
             "Effects in the model",
             "Fitted together with the mass parameters; 95 % intervals.",
@@ -73,13 +84,9 @@ fn trust(p: &Parameters) -> Section {
     Section::new(
         "trust",
         "How far the numbers may be believed",
-        "Motion in the air tells combinations of mass, first moment and inertia. What it does not tell stays where the prior put it, and is marked so.",
+        "Motion in the air tells combinations of mass, first moment and inertia. What it does not tell is taken from the table, and is marked so.",
         blocks,
     )
-}
-
-fn seen(b: &BaseEstimate) -> String {
-    format!("{:?}", b.seen).to_lowercase()
 }
 
 /// Every base parameter.
@@ -116,7 +123,7 @@ fn base(p: &Parameters) -> Section {
                 maybe(half_of(b.ci95)),
                 b.prior.map_or("–".into(), number),
                 b.unit.clone(),
-                seen(b),
+                b.standing().to_owned(),
                 b.formula.clone(),
             ]
         })

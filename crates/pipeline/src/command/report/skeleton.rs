@@ -5,6 +5,7 @@ use crate::artifact::load_trial;
 use crate::workspace::read_json;
 use aloft_body::{Motion, State, Subject};
 use aloft_flight::{PlateTare, apply_tare};
+use aloft_regressor::weak::force_scale_n;
 use aloft_report::{Animation, Arrows, Figure, Words};
 use aloft_trial::Trial;
 use nalgebra::Vector3;
@@ -27,7 +28,7 @@ pub fn figure(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
         apply_tare(&mut trial, &tares);
     }
     let (range, step) = window(story, t, subject, motion);
-    let weight = subject.facts.mass_kg * story.study.facts.gravity_mps2;
+    let weight = force_scale_n(subject.facts.mass_kg, story.study.facts.gravity_mps2);
     let mut a = Animation {
         bones: bones(subject),
         joint_names: joint_names(subject),

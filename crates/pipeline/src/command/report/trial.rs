@@ -121,7 +121,7 @@ fn flights(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Table> {
                 format!("{:.3}", f.end as f64 / report.rate_hz),
                 format!("{:.3}", f.duration_s(report.rate_hz)),
                 number(a[2]),
-                if a[2].is_finite() { format!("{:+.2}", (-a[2] / g - 1.0) * 100.0) } else { "–".into() },
+                if a[2].is_finite() && g > 0.0 { format!("{:+.2}", (-a[2] / g - 1.0) * 100.0) } else { "–".into() },
                 format!("{} / {}", word(&f.takeoff_source), word(&f.landing_source)),
             ]
         })

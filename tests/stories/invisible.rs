@@ -1,0 +1,151 @@
+//! Effects that the recordings cannot show: refused by `effect add`, and without any number where an older study holds them.
+
+use crate::support::{aloft, expect, folder, json, repo};
+use aloft_effects::{Choice, EFFECTS, Effect, Scene};
+use serde_json::{Value, json as value};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Base parameters and links of a workspace: value and unit of size (the value, or its standard error where that is larger).
+fn numbers(parameters: &Value) -> Vec<(String, f64, f64)> {
+    let mut out = Vec::new();
+    for b in parameters["base"].as_array().unwrap() {
+        let (v, se) = (b["value"].as_f64().unwrap(), b["se"].as_f64().unwrap());
+        out.push((b["name"].as_str().unwrap().to_owned(), v, v.abs().max(se)));
+        out.push((format!("{} ±", b["name"]), se, se.max(1e-9 * v.abs())));
+    }
+    for l in parameters["links"].as_array().unwrap() {
+        let mass = l["mass_kg"].as_f64().unwrap();
+        out.push((format!("mass of {}", l["name"]), mass, mass));
+    }
+    out
+}
+
+/// A model as an older study may hold it: written past `effect add`.
+fn hold(workspace: &str, effect: &Value) {
+    let path = Path::new(workspace).join("model.json");
+    let mut all: Value = match fs::read_to_string(&path) {
+        Ok(text) => serde_json::from_str(&text).unwrap(),
+        Err(_) => value!({"revisions": [{"number": 0, "action": "start", "effects": []}]}),
+    };
+    let revisions = all["revisions"].as_array_mut().unwrap();
+    revisions.truncate(1);
+    revisions.push(value!({"number": 1, "action": "older study", "effects": [effect]}));
+    fs::write(&path, serde_json::to_string(&all).unwrap()).unwrap();
+}
+
+/// Every effect of the catalogue on its first and its last target.
+fn keys(workspace: &str) -> Vec<String> {
+    let path = find(Path::new(workspace), "subject.json");
+    let subject: aloft_body::Subject = serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap();
+    let scene = Scene::new(&subject.model, &subject.prior_phi(), &[]);
+    let mut out = Vec::new();
+    for effect in EFFECTS {
+        let targets = effect.targets(&scene);
+        for target in targets.first().into_iter().chain(targets.last()) {
+            let key = Choice::new(*effect, *target, &scene).key(&scene);
+            if out.last() != Some(&key) {
+                out.push(key);
+            }
+        }
+    }
+    out
+}
+
+/// The file of this name in the results of `calibrate`.
+fn find(workspace: &Path, name: &str) -> PathBuf {
+    let places = fs::read_dir(workspace.join("calibrate")).unwrap();
+    places.map(|e| e.unwrap().path().join(name)).find(|p| p.is_file()).expect("a result of calibrate")
+}
+
+/// Rounding only.
+const BOUND: f64 = 1e-9;
+
+#[test]
+fn no_effect_moves_parameters_in_trials_that_it_does_not_touch() {
+    let dir = folder();
+    let ws = dir.path().join("ws").display().to_string();
+    let demo = repo("pipelines/demo.yaml");
+    expect(&["run", &demo, "--workspace", &ws], 0);
+    let plain = numbers(&json(&["parameters", &demo, "--workspace", &ws, "--json"]));
+    let (mut tried, mut worst) = (0, 0.0f64);
+    for key in keys(&ws) {
+        hold(&ws, &value!({"key": key, "nonlinear": {}, "trials": ["a recording that nobody made"]}));
+        let ran = aloft(&["run", &demo, "--workspace", &ws]);
+        let said = String::from_utf8_lossy(&ran.stderr).into_owned();
+        assert!(ran.status.success(), "{key}: {said}");
+        let found = json(&["parameters", &demo, "--workspace", &ws, "--json"]);
+        let effects = found["effects"].as_array().unwrap();
+        assert!(!effects.is_empty(), "{key}");
+        for e in effects {
+            assert!(e["value"].is_null() && e["se"].is_null(), "{key}: {e}");
+            assert!(e["not_determined"].as_str().unwrap().contains("does nothing"), "{key}: {e}");
+        }
+        for ((name, a, size), (_, b, _)) in plain.iter().zip(numbers(&found)) {
+            worst = worst.max((a - b).abs() / size);
+            assert!((a - b).abs() <= BOUND * size, "{key} moves {name}: {a} to {b}");
+        }
+        let (table, _) = expect(&["parameters", &demo, "--workspace", &ws], 0);
+        assert!(table.contains("not determined"), "{key}");
+        tried += 1;
+    }
+    println!("{tried} effects; largest movement of a parameter, its error or a mass: {worst:.1e}");
+    assert!(tried >= 25, "{tried}");
+    // the commands that show results say so too, and none shows a number
+    let ladder = json(&["history", &demo, "--workspace", &ws, "--json"]);
+    assert!(ladder["revisions"][1]["coefficients"].as_array().unwrap().is_empty(), "{ladder}");
+    expect(&["report", &demo, "--workspace", &ws], 0);
+}
+
+#[test]
+fn effect_add_refuses_what_rows_cannot_show_and_changes_nothing() {
+    let dir = folder();
+    let ws = dir.path().join("ws").display().to_string();
+    let human = repo("pipelines/demo_human.yaml");
+    expect(&["run", &human, "--workspace", &ws], 0);
+    let before = json(&["parameters", &human, "--workspace", &ws, "--json"]);
+    let refused = |key: &str, reason: &str| {
+        let (_, said) = expect(&["effect", "add", &human, key, "--workspace", &ws], 2);
+        let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(said.contains(reason) && said.contains(key), "{key}: {said}");
+        assert_eq!(before, json(&["parameters", &human, "--workspace", &ws, "--json"]), "{key} changed the results");
+        let ladder = json(&["history", &human, "--workspace", &ws, "--json"]);
+        assert!(ladder["revisions"].as_array().unwrap().iter().all(|r| r["effects"].as_array().unwrap().is_empty()));
+    };
+    // effects of the plates in flights: every one of them
+    for effect in ["plate_time_offset", "plate_gain", "plate_tare", "plate_rotation", "plate_origin"] {
+        refused(effect, "it does nothing in these recordings");
+    }
+}
+
+#[test]
+fn an_effect_is_not_added_twice_under_two_names() {
+    let dir = folder();
+    let ws = dir.path().join("ws").display().to_string();
+    let demo = repo("pipelines/demo.yaml");
+    expect(&["run", &demo, "--workspace", &ws], 0);
+    expect(&["effect", "add", &demo, "quadratic_drag", "--workspace", &ws], 0);
+    let before = json(&["parameters", &demo, "--workspace", &ws, "--json"]);
+    let (_, said) = expect(&["effect", "add", &demo, "quadratic_drag[links]", "--workspace", &ws], 2);
+    let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(said.contains("does the same as `quadratic_drag.drag_area`"), "{said}");
+    assert_eq!(before, json(&["parameters", &demo, "--workspace", &ws, "--json"]));
+    // a model that holds both all the same: one coefficient too many, and nothing absurd
+    let path = Path::new(&ws).join("model.json");
+    let mut all: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    let effects = all["revisions"][1]["effects"].as_array_mut().unwrap();
+    effects.push(value!({"key": "quadratic_drag[links]"}));
+    fs::write(&path, serde_json::to_string(&all).unwrap()).unwrap();
+    expect(&["run", &demo, "--workspace", &ws], 0);
+    let found = json(&["parameters", &demo, "--workspace", &ws, "--json"]);
+    let effects = found["effects"].as_array().unwrap();
+    let none: Vec<&Value> = effects.iter().filter(|e| e["value"].is_null()).collect();
+    assert_eq!((effects.len(), none.len()), (3, 1), "{effects:?}");
+    for e in effects.iter().filter(|e| !e["value"].is_null()) {
+        assert!(e["value"].as_f64().unwrap().abs() < 1.0, "{e}");
+    }
+    let (a, b) = (numbers(&before), numbers(&found));
+    for ((name, x, size), (_, y, _)) in a.iter().zip(&b).filter(|((n, ..), _)| !n.ends_with('±')) {
+        assert!((x - y).abs() < 0.05 * size.max(1e-3), "{name}: {x} to {y}");
+    }
+}
