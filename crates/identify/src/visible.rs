@@ -7,7 +7,7 @@
 //! out are reported as not determined, with the reason.
 
 use crate::{EffectEstimate, IdentifyError};
-use aloft_regressor::Factor;
+use aloft_regressor::{Factor, Slides};
 use nalgebra::{DMatrix, DVector};
 
 /// A column whose part outside the span of the columns before it is below this share of its length is dependent on them. Rounding leaves
@@ -135,6 +135,16 @@ impl Visible {
     /// As [`Visible::reduce`].
     pub fn reduce_all(&self, factors: &[Factor]) -> Result<Vec<Factor>, IdentifyError> {
         factors.iter().map(|f| self.reduce(f)).collect()
+    }
+
+    /// What soft tissue makes of the reduced rows.
+    pub(crate) fn reduce_slides(&self, slides: &Slides) -> Slides {
+        let mut out = slides.clone();
+        if !self.all() {
+            let places: Vec<usize> = self.places().collect();
+            out.sums = out.sums.select_rows(&places);
+        }
+        out
     }
 
     /// Parameters and coefficients of the reduced rows at their places among all columns; zero for what is not determined, which no
