@@ -191,11 +191,12 @@ impl System {
                 .sum();
             inside + self.outside / variance + beyond * log_variance
         };
-        // bracket: from far below the smallest residual to all of the misfit of the prior mean
+        // bracket: up to all of the misfit of the prior mean, down to a millionth of it (as a standard deviation). Fewer rows than parameters can be
+        // met exactly, and then no variance is too small for them; a smaller one would leave nothing of the prior within rounding
         let total = (self.projected.norm_squared() + self.outside).max(f64::MIN_POSITIVE);
         let high = (total / n.max(1.0)).ln() + 1.0;
-        let low = high - 70.0;
-        let grid = 281;
+        let low = high - 28.0;
+        let grid = 113;
         let at = |i: usize| low + (high - low) * i as f64 / (grid - 1) as f64;
         let best = (0..grid)
             .map(|i| (i, minus_log_likelihood(at(i))))
