@@ -2,6 +2,7 @@
 
 use crate::commands::Stop;
 use aloft_pipeline::command::parameters::half_of;
+use aloft_pipeline::quote::visible;
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use std::io::Write;
 
@@ -26,14 +27,19 @@ pub fn out(text: impl std::fmt::Display) -> Result<(), Stop> {
     })
 }
 
-/// Prints a line to stderr.
+/// Prints a line to stderr: one line, whatever the names in it hold, and nothing in it reaches the terminal as a command.
 pub fn note(text: impl std::fmt::Display) {
-    let _ = writeln!(std::io::stderr(), "{text}");
+    let _ = writeln!(std::io::stderr(), "{}", visible(&text.to_string()));
+}
+
+/// Prints a command that can be copied to a shell, as it is: line breaks stand in quotes.
+pub fn command(label: &str, text: &str) {
+    let _ = writeln!(std::io::stderr(), "{label}: {text}");
 }
 
 /// Prints an error with its place and hint.
 pub fn error(report: &miette::Report) {
-    note(format!("{report:?}"));
+    let _ = writeln!(std::io::stderr(), "{report:?}");
 }
 
 /// Half of a 95 % interval with two significant digits; a dash where there is none.

@@ -33,7 +33,7 @@ impl<'a> Variant<'a> {
                 }
             }
         }
-        blocks.iter().all(|b| b.iter().all(|x| x.is_finite())).then_some(blocks)
+        blocks.iter().all(|b| b.iter().all(|x| is_usable(*x))).then_some(blocks)
     }
     /// Columns by cluster.
     pub fn columns_at(&self, session: &Session<'_>, problem: &Problem, nonlinear: &[f64]) -> Option<Vec<DMatrix<f64>>> {
@@ -46,6 +46,11 @@ impl<'a> Variant<'a> {
     pub fn unknowns(&self) -> usize {
         self.coefficients.len() + self.fitted
     }
+}
+
+/// A number whose square can still be added up.
+pub(crate) fn is_usable(x: f64) -> bool {
+    x.abs() < 1e100
 }
 
 /// Coefficients that minimise `θᵀSθ − 2cᵀθ` within bounds, and the gain `2cᵀθ − θᵀSθ`. Directions that the rows do not see stay zero.

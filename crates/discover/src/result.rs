@@ -1,6 +1,7 @@
 //! What a discovery says: the contract of `aloft discover --json`.
 
 use crate::addition::Addition;
+use crate::not_tried::NotTried;
 use aloft_effects::{EffectKind, Target};
 use serde::{Deserialize, Serialize};
 
@@ -222,6 +223,9 @@ pub struct Discovery {
     pub advice: Vec<String>,
     /// What was left out and why.
     pub warnings: Vec<String>,
+    /// Effects whose law gives no numbers on these recordings: nothing is said about them.
+    #[serde(default)]
+    pub not_tried: Vec<NotTried>,
 }
 
 /// An effect as a model revision keeps it.

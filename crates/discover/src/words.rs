@@ -102,7 +102,12 @@ pub(crate) fn answer(d: &Discovery) -> String {
         .filter(|r| matches!(r.verdict, Verdict::Supported | Verdict::OneOf))
         .map(|r| r.words.as_str())
         .collect();
-    if said.is_empty() { d.rounds.first().map(|r| r.words.clone()).unwrap_or_default() } else { said.join("; then ") }
+    let mut text =
+        if said.is_empty() { d.rounds.first().map(|r| r.words.clone()).unwrap_or_default() } else { said.join("; then ") };
+    for left in &d.not_tried {
+        text.push_str(&format!("; {left}"));
+    }
+    text
 }
 
 /// The recording that tells two effects apart.
@@ -145,6 +150,7 @@ pub(crate) fn advice(d: &Discovery) -> Vec<String> {
                 }
             }
         }
+        Verdict::NotDetectable if d.candidates.iter().all(|c| c.placebo) => {}
         Verdict::NotDetectable => out.push("record at least five flights in at least two trials".to_owned()),
         Verdict::NothingMissing => {
             if d.noise_floor.is_finite() && d.held_out_error > 2.0 * d.noise_floor {

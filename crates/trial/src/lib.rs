@@ -14,6 +14,7 @@ pub mod options;
 pub mod quality;
 pub mod recording;
 pub mod rigid;
+mod rows;
 mod trc;
 pub mod world;
 
@@ -23,7 +24,7 @@ pub use error::TrialError;
 pub use gaps::{FillMethod, GapFill, GapOptions, fill_gaps, fill_gaps_with_poses};
 pub use labels::{MarkerSetMatch, apply_marker_set, recognise};
 pub use marker_set::{MarkerDefinition, MarkerSet};
-pub use mot::Table;
+pub use mot::{FORCES_TRUNCATED, Table};
 pub use options::ImportOptions;
 pub use quality::{MarkerQuality, QualityOptions, QualityReason, Severity, TrialQuality, assess};
 pub use recording::{ComputedPoint, Event, Markers, Plate, Trial};

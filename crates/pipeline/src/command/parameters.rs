@@ -33,7 +33,7 @@ pub fn parameters(study: &Study, rows: Option<Rows>) -> Result<ParametersView, P
     if !path.is_file() {
         return Err(PipelineError::request_hint(
             format!("nothing was identified from {} rows in {}", rows.word(), study.workspace.display()),
-            format!("run `aloft run {}` first", study.config_path.display()),
+            format!("run `aloft run {}` first", crate::quote::path(&study.config_path)),
         ));
     }
     let parameters: Parameters = read_json(&path)?;
