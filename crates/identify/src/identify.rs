@@ -263,6 +263,8 @@ struct Fit {
     prior_weight: f64,
     tried: Vec<crate::WeightTrial>,
     deficient: usize,
+    /// Base parameters that nothing determines.
+    undetermined: Vec<bool>,
     draws: Vec<DVector<f64>>,
     robust: bool,
 }
@@ -312,6 +314,7 @@ impl Fit {
             prior_weight: 0.0,
             tried: Vec::new(),
             deficient: 0,
+            undetermined: vec![false; p],
             draws: Vec::new(),
             robust: left.len() >= 2,
         })
@@ -367,6 +370,7 @@ impl Fit {
             prior_weight: lambda,
             tried,
             deficient: solution.deficient,
+            undetermined: system.undetermined(weight),
             draws,
         })
     }
@@ -403,7 +407,8 @@ impl Fit {
             .iter()
             .enumerate()
             .map(|(i, parameter)| {
-                let se = self.covariance[(i, i)].max(0.0).sqrt();
+                // a direction that nothing determines has no variance in the covariance: its parameters are not known, not exact
+                let se = if self.undetermined[i] { f64::INFINITY } else { self.covariance[(i, i)].max(0.0).sqrt() };
                 let scale = match parameter.unit {
                     "kg" => mass_kg,
                     "kg·m" => mass_kg * length,

@@ -170,6 +170,21 @@ impl System {
         Solution { x, rss, effective_parameters: effective, deficient }
     }
 
+    /// Of each base parameter, the mass first: true where it has a part in a direction that neither rows nor prior (of weight w) determine.
+    pub fn undetermined(&self, weight: f64) -> Vec<bool> {
+        let mut out = vec![false; self.n_parameters];
+        if self.has_prior && weight > 0.0 {
+            return out;
+        }
+        let floor = 1e-13 * self.singular.max();
+        for (i, _) in self.singular.iter().enumerate().filter(|(_, s)| **s <= floor) {
+            for (j, part) in (&self.root * self.v.column(i)).iter().enumerate() {
+                out[j + 1] |= part.abs() > 1e-6 * self.root.row(j).norm();
+            }
+        }
+        out
+    }
+
     /// Variance s² of a row. Without a prior `rss / (rows − parameters)`; with one the value that makes the data most likely,
     /// `b − A x₀ ~ N(0, s² + A P Aᵀ)`, which holds for fewer rows than parameters too.
     pub fn row_variance(&self) -> f64 {
