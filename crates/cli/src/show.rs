@@ -49,9 +49,7 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
     for e in &p.effects {
         match &e.not_determined {
             Some(why) => out(format!("effect {}: not determined, {why}", e.name))?,
-            None => {
-                out(format!("effect {}: {}{} (95 %)", e.name, significant(e.value, 4), plus_minus(e.ci95, false)))?;
-            }
+            None => out(format!("effect {}: {}{} (95 %)", e.name, significant(e.value, 4), plus_minus(e.ci95, false)))?,
         }
     }
     if !p.links.is_empty() {

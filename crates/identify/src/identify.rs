@@ -115,7 +115,11 @@ pub fn identify_with_slides(
     options: &IdentifyOptions,
 ) -> Result<Identification, IdentifyError> {
     if !slides.is_empty() && slides.len() != factors.len() {
-        return Err(IdentifyError::Length { what: "slides of soft tissue", expected: factors.len(), found: slides.len() });
+        return Err(IdentifyError::Length {
+            what: "slides of soft tissue",
+            expected: factors.len(),
+            found: slides.len(),
+        });
     }
     let base_prior = prior.map(|p| p.base(base)).transpose()?;
     // coefficients that the rows do not determine stay out of every elimination
@@ -183,7 +187,7 @@ pub fn identify_with_slides(
     let named: Vec<(String, Seen)> = base_estimates.iter().map(|b| (b.name.clone(), b.seen)).collect();
     let hints = advice::in_words(model, &named);
     let information = match base_prior.as_ref() {
-        Some(prior) => Some(fit.information(&clusters, mass_kg, prior, &named, options)?),
+        Some(prior) => Some(fit.information(&clusters, mass_kg, prior, &named)?),
         None => None,
     };
     let gate = judge(
@@ -259,6 +263,8 @@ struct Fit {
     prior_weight: f64,
     tried: Vec<crate::WeightTrial>,
     deficient: usize,
+    /// Base parameters that nothing determines.
+    undetermined: Vec<bool>,
     draws: Vec<DVector<f64>>,
     robust: bool,
 }
@@ -308,6 +314,7 @@ impl Fit {
             prior_weight: 0.0,
             tried: Vec::new(),
             deficient: 0,
+            undetermined: vec![false; p],
             draws: Vec::new(),
             robust: left.len() >= 2,
         })
@@ -363,6 +370,7 @@ impl Fit {
             prior_weight: lambda,
             tried,
             deficient: solution.deficient,
+            undetermined: system.undetermined(weight),
             draws,
         })
     }
@@ -399,7 +407,8 @@ impl Fit {
             .iter()
             .enumerate()
             .map(|(i, parameter)| {
-                let se = self.covariance[(i, i)].max(0.0).sqrt();
+                // a direction that nothing determines has no variance in the covariance: its parameters are not known, not exact
+                let se = if self.undetermined[i] { f64::INFINITY } else { self.covariance[(i, i)].max(0.0).sqrt() };
                 let scale = match parameter.unit {
                     "kg" => mass_kg,
                     "kg·m" => mass_kg * length,
@@ -431,18 +440,13 @@ impl Fit {
         mass_kg: f64,
         prior: &Prior,
         named: &[(String, Seen)],
-        options: &IdentifyOptions,
     ) -> Result<Information, IdentifyError> {
         let row_variance = self.row_sd * self.row_sd;
-        let weighing = information::Weighing {
-            weight: self.prior_weight * row_variance,
-            row_variance,
-            repeat_correlation: options.repeat_correlation,
-        };
+        let weight = self.prior_weight * row_variance;
         let standing: Vec<Seen> = named.iter().skip(1).map(|n| n.1).collect();
         Ok(Information {
             parameters: information::of_parameters(&standing),
-            wrench: information::of_wrench(clusters, mass_kg, prior, weighing)?,
+            wrench: information::of_wrench(clusters, mass_kg, prior, weight, row_variance)?,
         })
     }
 

@@ -21,6 +21,10 @@ use serde::{Deserialize, Serialize};
 /// Folds into which the clusters are divided.
 const FOLDS: usize = 8;
 
+/// Correlation of the rows' errors from flight to flight: soft tissue and joint centres beside their place repeat, and no number of flights
+/// averages them out. What a rigid object's flights say is beyond doubt with it, too.
+const REPEATS: f64 = 0.2;
+
 /// Information that motion added to the prior.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Information {
@@ -37,18 +41,8 @@ pub(crate) fn of_parameters(standing: &[Seen]) -> f64 {
     seen as f64 / standing.len().max(1) as f64
 }
 
-/// How rows are weighed against the prior.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Weighing {
-    /// Weight of the prior in squared row units; zero for estimators without one.
-    pub weight: f64,
-    /// Variance of a row.
-    pub row_variance: f64,
-    /// Correlation of errors from cluster to cluster.
-    pub repeat_correlation: f64,
-}
-
-/// The share of the wrench's variance; none with fewer than two clusters.
+/// The share of the wrench's variance; none with fewer than two clusters. `weight` is that of the prior in squared row units (zero for
+/// estimators without one), `row_variance` the variance of a row.
 ///
 /// # Errors
 /// [`IdentifyError::Length`] for a prior of another model, [`IdentifyError::Numeric`] for one that is not a covariance.
@@ -56,7 +50,8 @@ pub(crate) fn of_wrench(
     clusters: &[Factor],
     mass_kg: f64,
     prior: &Prior,
-    weighing: Weighing,
+    weight: f64,
+    row_variance: f64,
 ) -> Result<Option<f64>, IdentifyError> {
     let n = clusters.len();
     let Some(first) = clusters.first().filter(|_| n >= 2) else { return Ok(None) };
@@ -94,7 +89,7 @@ pub(crate) fn of_wrench(
         let rest = without_effects(&(&whole - gram), p - 1);
         let mut curvature = rest.clone();
         // without a prior a direction that the other flights do not show is as uncertain as rounding allows
-        let ridge = weighing.weight.max(1e-12 * rest.trace() / (p - 1) as f64).max(f64::MIN_POSITIVE);
+        let ridge = weight.max(1e-12 * rest.trace() / (p - 1) as f64).max(f64::MIN_POSITIVE);
         for i in 0..p - 1 {
             curvature[(i, i)] += ridge;
         }
@@ -102,9 +97,9 @@ pub(crate) fn of_wrench(
             return Err(IdentifyError::Numeric("the rows of a fold are not finite".to_owned()));
         };
         let x = cholesky.solve(&own.transpose());
-        let repeats = 1.0 + ((n - count) as f64 - 1.0) * weighing.repeat_correlation;
+        let repeats = 1.0 + ((n - count) as f64 - 1.0) * REPEATS;
         let noise: f64 = (&rest * &x).component_mul(&x).sum();
-        after += repeats * weighing.row_variance * noise + ridge * ridge * x.norm_squared();
+        after += repeats * row_variance * noise + ridge * ridge * x.norm_squared();
     }
     Ok((before > 0.0).then(|| 1.0 - after / before))
 }

@@ -221,7 +221,15 @@ impl Problem {
             })
             .fold(f64::INFINITY, f64::min);
         let effects = self.effects.of(&phi);
-        Ok(ConsistentLinks { phi: phi_links, covariance, response, known, effects, steps, smallest_eigenvalue: smallest })
+        Ok(ConsistentLinks {
+            phi: phi_links,
+            covariance,
+            response,
+            known,
+            effects,
+            steps,
+            smallest_eigenvalue: smallest,
+        })
     }
 
     /// Newton steps to the minimum for one weight of the divergence; the curvature there.

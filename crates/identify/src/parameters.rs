@@ -116,17 +116,6 @@ impl EffectEstimate {
     }
 }
 
-/// 95 % intervals of a link's numbers; none where a standard error is not known.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct LinkIntervals {
-    /// Of the mass, kg.
-    pub mass_kg: Option<[f64; 2]>,
-    /// Of the centre of mass in the link frame, m.
-    pub com_m: [Option<[f64; 2]>; 3],
-    /// Of the inertia about the centre of mass in link axes, kg·m²: xx yy zz yz zx xy.
-    pub inertia_kgm2: [Option<[f64; 2]>; 6],
-}
-
 /// Where the values of a link come from.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LinkOrigin {
@@ -154,6 +143,17 @@ impl LinkOrigin {
             some => format!("{some}: {}", Origin::Table.words()),
         }
     }
+}
+
+/// 95 % intervals of a link's numbers; none where a standard error is not known.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct LinkIntervals {
+    /// Of the mass, kg.
+    pub mass_kg: Option<[f64; 2]>,
+    /// Of the centre of mass in the link frame, m.
+    pub com_m: [Option<[f64; 2]>; 3],
+    /// Of the inertia about the centre of mass in link axes, kg·m²: xx yy zz yz zx xy.
+    pub inertia_kgm2: [Option<[f64; 2]>; 6],
 }
 
 /// One link, physically consistent.

@@ -170,6 +170,21 @@ impl System {
         Solution { x, rss, effective_parameters: effective, deficient }
     }
 
+    /// Of each base parameter, the mass first: true where it has a part in a direction that neither rows nor prior (of weight w) determine.
+    pub fn undetermined(&self, weight: f64) -> Vec<bool> {
+        let mut out = vec![false; self.n_parameters];
+        if self.has_prior && weight > 0.0 {
+            return out;
+        }
+        let floor = 1e-13 * self.singular.max();
+        for (i, _) in self.singular.iter().enumerate().filter(|(_, s)| **s <= floor) {
+            for (j, part) in (&self.root * self.v.column(i)).iter().enumerate() {
+                out[j + 1] |= part.abs() > 1e-6 * self.root.row(j).norm();
+            }
+        }
+        out
+    }
+
     /// Variance s² of a row. Without a prior `rss / (rows − parameters)`; with one the value that makes the data most likely,
     /// `b − A x₀ ~ N(0, s² + A P Aᵀ)`, which holds for fewer rows than parameters too.
     pub fn row_variance(&self) -> f64 {
@@ -191,11 +206,12 @@ impl System {
                 .sum();
             inside + self.outside / variance + beyond * log_variance
         };
-        // bracket: from far below the smallest residual to all of the misfit of the prior mean
+        // bracket: up to all of the misfit of the prior mean, down to a millionth of it (as a standard deviation). Fewer rows than parameters can be
+        // met exactly, and then no variance is too small for them; a smaller one would leave nothing of the prior within rounding
         let total = (self.projected.norm_squared() + self.outside).max(f64::MIN_POSITIVE);
         let high = (total / n.max(1.0)).ln() + 1.0;
-        let low = high - 70.0;
-        let grid = 281;
+        let low = high - 28.0;
+        let grid = 113;
         let at = |i: usize| low + (high - low) * i as f64 / (grid - 1) as f64;
         let best = (0..grid)
             .map(|i| (i, minus_log_likelihood(at(i))))

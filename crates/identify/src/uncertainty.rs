@@ -91,9 +91,7 @@ impl Uncertainty {
     ) -> Self {
         let pooled = (!robust || clusters.len() < MIN_CLUSTERS)
             .then(|| (row_variance, ((rows as f64 - effective) / OVERLAP).max(1.0)));
-        let tissue = tissue
-            .filter(|t| t.sums.nrows() == clusters.unknowns())
-            .map(|t| clusters.reach(&t.sums));
+        let tissue = tissue.filter(|t| t.sums.nrows() == clusters.unknowns()).map(|t| clusters.reach(&t.sums));
         Self { clusters, pooled, weight, inflation, tissue }
     }
 

@@ -137,13 +137,14 @@ impl Visible {
         factors.iter().map(|f| self.reduce(f)).collect()
     }
 
-    /// What soft tissue makes of the reduced rows: without the sums of the effects that are not determined.
+    /// What soft tissue makes of the reduced rows.
     pub(crate) fn reduce_slides(&self, slides: &Slides) -> Slides {
-        let places: Vec<usize> = self.places().collect();
-        if self.all() || slides.sums.nrows() < self.n_parameters + self.names.len() {
-            return slides.clone();
+        let mut out = slides.clone();
+        if !self.all() {
+            let places: Vec<usize> = self.places().collect();
+            out.sums = out.sums.select_rows(&places);
         }
-        Slides { sums: slides.sums.select_rows(&places), ..slides.clone() }
+        out
     }
 
     /// Parameters and coefficients of the reduced rows at their places among all columns; zero for what is not determined, which no

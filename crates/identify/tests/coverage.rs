@@ -7,8 +7,8 @@
 #[path = "../../regressor/tests/common/mod.rs"]
 mod common;
 
-use aloft_body::subject::PriorSd;
 use aloft_body::LinkInertia;
+use aloft_body::subject::PriorSd;
 use aloft_identify::{Estimator, IdentifyOptions, LinkPrior, Parameters, Symmetry, identify_with_slides};
 use aloft_regressor::{
     Acting, CoordinateNoise, EffectColumns, Factor, Noise, Slides, Tissue, WeakOptions, weak_factor_with_tissue,
@@ -143,7 +143,15 @@ fn one(truth: &Truth, case: &Case, seed: u64) -> Parameters {
             let acting = Acting { measured: None, effects: columns.as_ref() };
             let noise = case.white.then_some(&noise);
             weak_factor_with_tissue(
-                &truth.model, &truth.base, &prior.phi(), &motion, s, acting, &options, noise, &tissue,
+                &truth.model,
+                &truth.base,
+                &prior.phi(),
+                &motion,
+                s,
+                acting,
+                &options,
+                noise,
+                &tissue,
             )
             .unwrap()
         })

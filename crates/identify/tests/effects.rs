@@ -65,7 +65,9 @@ fn factors(truth: &Truth, effects: &[Option<Hidden>], contact: bool) -> Vec<Fact
                 Some(Hidden::Body) => body.clone(),
             };
             let k = effects.len();
+            // from the last row to the first, so that there is something to triangularise
             let rows = Mat::from_fn(h, p + k + 1, |r, c| {
+                let r = h - 1 - r;
                 if c < p {
                     dense[(r, c)]
                 } else if c < p + k {
@@ -104,18 +106,17 @@ fn prior(truth: &Truth) -> LinkPrior {
 
 /// Largest difference of values and standard errors, relative to the value or its standard error, whichever is larger.
 fn moved(a: &Parameters, b: &Parameters) -> f64 {
-    let mut most = 0.0f64;
+    let mut all = Vec::new();
     for (x, y) in a.base.iter().zip(&b.base) {
         let size = x.value.abs().max(x.se);
-        most = most.max((x.value - y.value).abs() / size).max((x.se - y.se).abs() / size);
+        all.extend([(x.value - y.value).abs() / size, (x.se - y.se).abs() / size]);
     }
     for (x, y) in a.links.iter().zip(&b.links) {
-        most = most.max((x.mass_kg - y.mass_kg).abs() / x.mass_kg);
-        for k in 0..3 {
-            most = most.max((x.com_m[k] - y.com_m[k]).abs() / x.sd.com_m[k].max(1e-3));
-        }
+        all.push((x.mass_kg - y.mass_kg).abs() / x.mass_kg);
+        all.extend((0..3).map(|k| (x.com_m[k] - y.com_m[k]).abs() / x.sd.com_m[k].max(1e-3)));
     }
-    most
+    assert!(all.iter().all(|x| x.is_finite()), "{all:?}");
+    all.into_iter().fold(0.0, f64::max)
 }
 
 /// Models with hidden columns in every place around the one that the rows determine (or none), and the place of that one.
@@ -142,18 +143,20 @@ fn prop_effects_that_rows_cannot_see_move_nothing() {
     let mut worst = 0.0f64;
     for (name, estimators) in [
         ("chain_p", vec![Estimator::MassConstrained]),
-        ("subject_a", vec![Estimator::Regularised { weight: None }, Estimator::Regularised { weight: Some(1.0) }]),
+        ("subject_a", vec![Estimator::Regularised { weight: Some(1.0) }]),
     ] {
         let truth = load(name);
         let prior = prior(&truth);
         for contact in [false, true] {
             let plain = [factors(&truth, &[], contact), factors(&truth, &[None], contact)];
             for estimator in &estimators {
-                let options = IdentifyOptions { estimator: *estimator, bootstrap: 20, ..IdentifyOptions::default() };
+                let options = IdentifyOptions { estimator: *estimator, bootstrap: 5, ..IdentifyOptions::default() };
                 let run = |factors: &[Factor]| {
                     identify(&truth.model, &truth.base, factors, truth.mass(), Some(&prior), &options).unwrap()
                 };
                 let expected = [run(&plain[0]), run(&plain[1])];
+                // an effect that the rows do determine moves them by far more
+                assert!(moved(&expected[0].parameters, &expected[1].parameters) > 1e4 * BOUND);
                 for model in models() {
                     let own = model.iter().position(Option::is_none);
                     let expected = &expected[usize::from(own.is_some())];

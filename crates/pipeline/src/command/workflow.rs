@@ -209,7 +209,10 @@ pub fn plan_of(members: &[Member<'_>], call: &Call) -> Result<Value, PipelineErr
     let workspace = call.workspace.display().to_string();
     if workspace.contains(|c: char| "{}".contains(c) || c.is_control()) {
         return Err(PipelineError::request_hint(
-            format!("{}: Snakemake reads braces and line breaks in a folder of results as its own", quote::visible(&workspace)),
+            format!(
+                "{}: Snakemake reads braces and line breaks in a folder of results as its own",
+                quote::visible(&workspace)
+            ),
             "give --workspace a folder without them",
         ));
     }
