@@ -20,6 +20,7 @@ pub mod progress;
 pub mod qc;
 pub mod revision;
 pub mod runner;
+pub mod session;
 pub mod sharing;
 pub mod stages;
 pub mod studies;

@@ -4,9 +4,10 @@ use crate::command::estimators::with_job;
 use crate::effects::KnownEffects;
 use crate::error::PipelineError;
 use crate::revision::Revisions;
-use crate::stages::regressor::TrialRows;
+use crate::session::Calendar;
+use crate::stages::regressor::{DRIFT, TrialRows};
 use crate::study::Study;
-use crate::workspace::write_json_whole;
+use crate::workspace::{Workspace, write_json_whole};
 use aloft_body::{BaseParameters, Subject};
 use aloft_discover::{
     Body, DiscoverOptions, Discovery, SelfTest, SelfTestOptions, SelfTestProgress, Session, TrialInput,
@@ -106,7 +107,7 @@ impl Evidence {
                 measured: r.wrench.as_deref(),
                 plates: &r.plates,
                 group: group.as_deref(),
-                session_time_s: 0.0,
+                session_time_s: r.session_time_s,
             })
             .collect();
         let scene = scene_of(&body, &trials);
@@ -132,8 +133,12 @@ fn found(study: &Study, bench: &Bench<'_>, options: &DiscoverOptions) -> Result<
             format!("there are {}", ids.join(", ")),
         ));
     }
-    let found = rank(&bench.session, &bench.effects, &bench.accepted, options)
+    let mut found = rank(&bench.session, &bench.effects, &bench.accepted, options)
         .map_err(|e| PipelineError::request(e.to_string()))?;
+    if found.candidates.iter().any(|c| c.effect == DRIFT && c.believed) {
+        let calendar = Calendar::of(study, &Workspace::open(&study.workspace));
+        found.warnings.push(format!("`{DRIFT}` rests on the times of the session, from {}", calendar.words));
+    }
     write_json_whole(&study.workspace.join("discovery.json"), &found)?;
     // the answer to each revision of the model stays, so that the report can tell the story from its beginning
     let revision = Revisions::load(&study.workspace)?.revisions.len().saturating_sub(1);
