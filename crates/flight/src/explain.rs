@@ -24,6 +24,20 @@ pub enum Cause {
     HorizontalForce,
 }
 
+impl Cause {
+    /// A few words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::FrameRate => "another frame rate",
+            Self::LengthUnit => "another unit of length",
+            Self::VerticalForce => "support or load",
+            Self::Gravity => "another gravity",
+            Self::Vertical => "another vertical",
+            Self::HorizontalForce => "a sideways force",
+        }
+    }
+}
+
 /// One explanation that fits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Explanation {

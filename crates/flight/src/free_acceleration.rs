@@ -174,11 +174,12 @@ impl Acceleration {
         let is_flight = |s: &Range<usize>| {
             let shared = |r: &Range<usize>| s.end.min(r.end).saturating_sub(s.start.max(r.start)) as f64;
             let confirmed = search.between_loads.iter().any(|r| shared(r) >= CONFIRMED * r.len().max(s.len()) as f64);
+            let alone = (search.shortest_alone as f64 * haste(size)) as usize;
             let (shortest, steady) = match confirmed {
                 true => (search.shortest, STEADY_ON_PLATES),
-                false if s.len() as f64 > LONG_S * self.rate_hz => (search.shortest_alone, STEADY_AND_LONG),
-                false if size < WEAK * search.stated_mps2 => (search.shortest_alone, STEADY_AND_WEAK),
-                false => (search.shortest_alone, STEADY),
+                false if s.len() as f64 > LONG_S * self.rate_hz => (alone, STEADY_AND_LONG),
+                false if size < WEAK * search.stated_mps2 => (alone, STEADY_AND_WEAK),
+                false => (alone, STEADY),
             };
             (shortest..=longest).contains(&s.len()) && self.spread(s) < steady && self.is_sharp(s, free)
         };
@@ -266,6 +267,11 @@ impl Acceleration {
         all.truncate(CANDIDATES);
         all.into_iter().map(|(count, sum)| sum / count as f64).collect()
     }
+}
+
+/// Factor on the length of flights where bodies seem to fall faster than on Earth (a rate that is stated too high does so).
+pub(crate) fn haste(free_mps2: f64) -> f64 {
+    (STANDARD_MPS2 / free_mps2.max(STANDARD_MPS2)).sqrt().max(0.5)
 }
 
 /// A stretch without 15 % at both ends, where the low-pass mixes contact in.

@@ -118,22 +118,24 @@ impl FreeFall {
         } else {
             String::new()
         };
-        let each: Vec<String> = self
-            .explanations
-            .iter()
-            .map(|e| {
-                let told = e.evidence.as_ref().map_or(String::new(), |e| {
-                    format!(" [{}: {}]", if e.supports { "supported" } else { "unlikely" }, e.words)
-                });
-                format!("{}{told}", e.words)
-            })
-            .collect();
+        let against = |e: &&Explanation| e.evidence.as_ref().is_some_and(|e| !e.supports);
+        let fitting: Vec<&str> = self.explanations.iter().filter(|e| !against(e)).map(|e| e.words.as_str()).collect();
+        let mut unlikely = String::new();
+        let mut reasons: Vec<&str> = Vec::new();
+        for e in self.explanations.iter().filter(against) {
+            unlikely += if unlikely.is_empty() { "; unlikely: " } else { ", " };
+            unlikely += e.cause.words();
+            reasons.extend(e.evidence.as_ref().map(|e| e.words.as_str()).filter(|w| !reasons.contains(w)));
+        }
+        if !reasons.is_empty() {
+            unlikely += &format!(" ({})", reasons.join("; "));
+        }
         Some(format!(
-            "in flight the centre of mass falls with {} times the stated gravity ({} to {}, 95 %){leaning}; possible explanations: {}",
+            "in flight the centre of mass falls with {} times the stated gravity ({} to {}, 95 %){leaning}; what would explain it: {}{unlikely}",
             number(ratio, 3),
             number(ci95[0], 3),
             number(ci95[1], 3),
-            each.join("; ")
+            if fitting.is_empty() { "nothing usual".to_owned() } else { fitting.join(", or ") }
         ))
     }
 }
