@@ -139,7 +139,10 @@ pub enum EffectAction {
 
 fn key_value(text: &str) -> Result<(String, f64), String> {
     let (key, value) = text.split_once('=').ok_or_else(|| format!("`{text}`: expected name=value"))?;
-    let value = value.trim().parse().map_err(|_| format!("`{value}` is not a number"))?;
+    let value: f64 = value.trim().parse().map_err(|_| format!("`{value}` is not a number"))?;
+    if !value.is_finite() {
+        return Err(format!("`{value}` is not a finite number"));
+    }
     Ok((key.trim().to_owned(), value))
 }
 

@@ -3,7 +3,7 @@
 use crate::args::{AnglesArg, Cli, Command, EffectAction, EngineArg, PipelineArgs, RowsArg};
 use crate::each::{broken, each, fail, heading};
 use crate::progress::{Bars, Counted};
-use crate::render::{note, out, table};
+use crate::render::{command, note, out, table};
 use crate::{Success, findings, residuals, show, show_estimators, workflow};
 use aloft_pipeline::command::{
     assess, check, compare, discover, effect, estimators, export, init, inspect, parameters, report, simulate, status,
@@ -12,6 +12,7 @@ use aloft_pipeline::command::{
 use aloft_pipeline::config::{Angles, Rows};
 use aloft_pipeline::error::PipelineError;
 use aloft_pipeline::graph::Standing;
+use aloft_pipeline::quote::{self, visible};
 use aloft_pipeline::runner::{self, BatchReport, Ended, RunReport, Selection};
 use aloft_pipeline::studies::StudySet;
 use aloft_pipeline::study::{Overrides, Study, StudyId};
@@ -163,8 +164,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             });
             let ask = |study: &Study| {
                 // in a study of several each subject and session has a folder of its own
-                let own = [&study.id.subject, &study.id.session].into_iter().flatten();
-                let to = to.as_ref().map(|to| own.fold(to.clone(), |path, part| path.join(part)));
+                let to = to.as_ref().map(|to| export::place_of(to, &study.id));
                 let options = export::ExportOptions { to, formats: format.clone(), trials: trial.clone(), angles };
                 export::export(study, &options)
             };
@@ -184,7 +184,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
         Command::Init { folder, out: target } => {
             let path = init::init(&folder, target.as_deref())?;
             note(format!("wrote {}", path.display()));
-            note(format!("next: aloft check {}", path.display()));
+            command("next", &format!("aloft check {}", quote::path(&path)));
             Ok(Success::Full)
         }
         Command::Workflow { pipeline, engine: EngineArg::Snakemake, out: target, verdict } => {
@@ -327,25 +327,15 @@ fn run(args: &PipelineArgs, selection: &Selection, jobs: Option<usize>) -> Resul
     Ok(if trouble { Success::Partial } else { Success::Full })
 }
 
-/// The words after `aloft run` that name pipeline and folders again.
-fn words_of(args: &PipelineArgs) -> String {
+/// The words after a command's name that name pipeline and folders again, for a shell.
+pub fn words_of(args: &PipelineArgs) -> String {
     let folder = |flag: &str, path: &Option<std::path::PathBuf>| {
-        path.as_ref().map_or(String::new(), |p| format!(" --{flag} {}", quoted(&p.display().to_string())))
+        path.iter().flat_map(|p| quote::option(flag, &p.display().to_string())).collect::<Vec<_>>()
     };
-    format!(
-        "{}{}{}",
-        quoted(&args.pipeline.display().to_string()),
-        folder("data", &args.data),
-        folder("workspace", &args.workspace)
-    )
-}
-
-fn quoted(word: &str) -> String {
-    if word.contains(|c: char| c.is_whitespace() || "'\"$&;()<>|*?[]".contains(c)) {
-        format!("\"{}\"", word.replace('"', "\\\""))
-    } else {
-        word.to_owned()
-    }
+    let mut words = vec![quote::argument(&args.pipeline)];
+    words.extend(folder("data", &args.data));
+    words.extend(folder("workspace", &args.workspace));
+    quote::line(words)
 }
 
 fn show_dry_run(set: &StudySet, done: &BatchReport) -> Result<Success, Stop> {
@@ -353,7 +343,7 @@ fn show_dry_run(set: &StudySet, done: &BatchReport) -> Result<Success, Stop> {
     for (id, report) in done.reports() {
         for task in &report.tasks {
             if let Ended::WouldRun(reason) = &task.ended {
-                let mut cells = vec![task.stage.to_owned(), task.trial.clone()];
+                let mut cells = vec![task.stage.to_owned(), visible(&task.trial)];
                 if set.several {
                     cells.push(id.to_string());
                 }
@@ -387,7 +377,7 @@ fn show_run(id: &StudyId, done: &RunReport, args: &PipelineArgs) {
         if let Some(hint) = &failure.hint {
             note(format!("  hint: {hint}"));
         }
-        note(format!("  again: {}", summary::again(&words_of(args), id, &task.trial)));
+        command("  again", &summary::again(&words_of(args), id, &task.trial));
     }
     if id.subject.is_none() {
         note(totals(std::iter::once(done), done.seconds));
@@ -440,7 +430,7 @@ fn show_one_check(study: &Study) -> Result<bool, Stop> {
     let mut t = table(&["trial", "role", "frames", "rate Hz", "markers", "plates", "remarks"]);
     for row in &found.trials {
         t.add_row([
-            row.name.clone(),
+            visible(&row.name),
             row.role.clone(),
             row.frames.map_or("–".to_owned(), |n| n.to_string()),
             row.rate_hz.map_or("–".to_owned(), |r| format!("{r:.0}")),
@@ -466,7 +456,7 @@ fn show_status(found: &status::Status) -> Result<(), Stop> {
     header.extend(found.stages.iter().copied());
     let mut t = table(&header);
     for row in &found.rows {
-        t.add_row([row.trial.clone(), row.role.clone()].into_iter().chain(row.cells.iter().cloned()));
+        t.add_row([visible(&row.trial), row.role.clone()].into_iter().chain(row.cells.iter().cloned()));
     }
     out(t)
 }
@@ -510,7 +500,7 @@ fn explain(args: &PipelineArgs, trial: Option<&str>, stage: Option<&str>) -> Res
 }
 
 fn show_explanation(found: &status::Explanation, trial: &str, stage: &str, whole: bool) -> Result<(), Stop> {
-    out(format!("{stage} of {trial}: {}", found.standing.word()))?;
+    out(format!("{stage} of {}: {}", visible(trial), found.standing.word()))?;
     match &found.standing {
         Standing::Stale(changes) => {
             for change in changes {

@@ -5,6 +5,7 @@ use crate::args::PipelineArgs;
 use crate::commands::{Stop, json, open_all};
 use crate::render::{note, out};
 use aloft_pipeline::error::PipelineError;
+use aloft_pipeline::quote::visible;
 use aloft_pipeline::studies::StudySet;
 use aloft_pipeline::study::{Study, StudyId};
 use serde::Serialize;
@@ -79,7 +80,7 @@ pub fn each<T: Serialize>(
 
 /// The heading of a study.
 pub fn heading(id: &StudyId) -> Result<(), Stop> {
-    out(format!("== {id}"))
+    out(format!("== {}", visible(&id.to_string())))
 }
 
 /// Says of every member that cannot be worked on why; true where there is one.

@@ -1,11 +1,12 @@
 //! What `discover`, `effect` and `history` find, as tables and words for people.
 
 use crate::args::PipelineArgs;
-use crate::commands::Stop;
-use crate::render::{out, significant, table};
+use crate::commands::{Stop, words_of};
+use crate::render::{half, out, plus_minus, significant, table};
 use aloft_discover::{Candidate, Discovery, SelfTest, Verdict};
 use aloft_effects::EffectKind;
 use aloft_pipeline::command::effect::{EffectLine, History};
+use aloft_pipeline::quote;
 use comfy_table::CellAlignment;
 
 /// The catalogue of effects.
@@ -41,6 +42,10 @@ fn verdict(d: &Discovery) -> String {
         Verdict::Supported if artefact => format!("artefact more likely: {}", names(&d.effects)),
         Verdict::Supported => format!("supported: {}", names(&d.effects)),
         Verdict::OneOf => format!("one of {{{}}}", names(&d.effects)),
+        Verdict::NothingMissing if !d.not_tried.is_empty() => {
+            let left: Vec<&str> = d.not_tried.iter().map(|n| n.effect.as_str()).collect();
+            format!("nothing missing among what could be tried (not tried: {})", left.join(", "))
+        }
         Verdict::NothingMissing => "nothing missing".to_owned(),
         Verdict::NotDetectable => {
             let below = d.candidates.iter().find(|c| !c.placebo).map_or(String::new(), |c| {
@@ -81,11 +86,11 @@ pub fn discovery(d: &Discovery, at: &PipelineArgs) -> Result<(), Stop> {
     for found in &d.found {
         for c in found.nonlinear.iter().chain(&found.coefficients) {
             out(format!(
-                "  {} {}: {} ± {} {}",
+                "  {} {}: {}{} {}",
                 found.key,
                 c.name,
                 significant(c.value, 4),
-                significant(1.96 * c.se, 2),
+                plus_minus(c.ci95, c.at_bound),
                 c.unit
             ))?;
         }
@@ -112,7 +117,7 @@ pub fn discovery(d: &Discovery, at: &PipelineArgs) -> Result<(), Stop> {
             format!("{:.2}–{:.2}", c.ci95[0], c.ci95[1]),
             format!("{:.0} %", 100.0 * c.chosen_share),
             first.map_or("–".into(), |e| significant(e.value, 3)),
-            first.map_or("–".into(), |e| significant(1.96 * e.se, 2)),
+            first.map_or("–".into(), |e| if e.at_bound { "at its bound".to_owned() } else { half(e.ci95) }),
             significant(c.minimum_detectable, 2),
             first.map_or(String::new(), |e| e.unit.clone()),
             like(c).join(" "),
@@ -122,19 +127,26 @@ pub fn discovery(d: &Discovery, at: &PipelineArgs) -> Result<(), Stop> {
     for w in &d.warnings {
         out(format!("left out: {w}"))?;
     }
+    for n in &d.not_tried {
+        out(format!("left out: {n}"))?;
+    }
     for a in &d.advice {
         out(format!("next: {a}"))?;
     }
     if let Some(found) = d.found.first() {
-        let folder = |flag: &str, path: &Option<std::path::PathBuf>| {
-            path.as_ref().map_or(String::new(), |p| format!(" --{flag} {}", p.display()))
+        let chosen = |flag: &str, names: &[String]| {
+            names
+                .iter()
+                .flat_map(|n| quote::option(flag, n))
+                .map(|w| format!(" {}", quote::word(&w)))
+                .collect::<String>()
         };
         out(format!(
             "add it: aloft effect add {} {}{}{}",
-            at.pipeline.display(),
-            found.key,
-            folder("data", &at.data),
-            folder("workspace", &at.workspace)
+            words_of(at),
+            quote::word(&found.key),
+            chosen("subject", &at.subject),
+            chosen("session", &at.session)
         ))?;
     }
     Ok(())
@@ -218,11 +230,11 @@ pub fn history(h: &History) -> Result<(), Stop> {
     for r in &h.revisions {
         for c in &r.coefficients {
             out(format!(
-                "revision {}: {} {} ± {} (95 %)",
+                "revision {}: {} {}{} (95 %)",
                 r.revision,
                 c.name,
                 significant(c.value, 4),
-                significant(1.96 * c.se, 2)
+                plus_minus(c.ci95, false)
             ))?;
         }
         if let Some(void) = &r.void {

@@ -1,6 +1,8 @@
 //! Tables and messages for people. Data goes to stdout, messages to stderr.
 
 use crate::commands::Stop;
+use aloft_pipeline::command::parameters::half_of;
+use aloft_pipeline::quote::visible;
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use std::io::Write;
 
@@ -25,14 +27,33 @@ pub fn out(text: impl std::fmt::Display) -> Result<(), Stop> {
     })
 }
 
-/// Prints a line to stderr.
+/// Prints a line to stderr: one line, whatever the names in it hold, and nothing in it reaches the terminal as a command.
 pub fn note(text: impl std::fmt::Display) {
-    let _ = writeln!(std::io::stderr(), "{text}");
+    let _ = writeln!(std::io::stderr(), "{}", visible(&text.to_string()));
+}
+
+/// Prints a command that can be copied to a shell, as it is: line breaks stand in quotes.
+pub fn command(label: &str, text: &str) {
+    let _ = writeln!(std::io::stderr(), "{label}: {text}");
 }
 
 /// Prints an error with its place and hint.
 pub fn error(report: &miette::Report) {
-    note(format!("{report:?}"));
+    let _ = writeln!(std::io::stderr(), "{report:?}");
+}
+
+/// Half of a 95 % interval with two significant digits; a dash where there is none.
+pub fn half(ci95: Option<[f64; 2]>) -> String {
+    significant(half_of(ci95).unwrap_or(f64::NAN), 2)
+}
+
+/// `± 1.2`, `at its bound`, or nothing.
+pub fn plus_minus(ci95: Option<[f64; 2]>, at_bound: bool) -> String {
+    match ci95 {
+        Some(_) => format!(" ± {}", half(ci95)),
+        None if at_bound => " (at its bound)".to_owned(),
+        None => String::new(),
+    }
 }
 
 /// A number with so many significant digits.

@@ -4,25 +4,25 @@ use crate::Success;
 use crate::args::PipelineArgs;
 use crate::commands::{Stop, open_all};
 use crate::each::broken;
-use crate::render::note;
-use aloft_pipeline::command::workflow::{Call, Member, verdict, write};
+use crate::render::{command, note};
+use aloft_pipeline::command::workflow::{Call, Member, plan_path, verdict, write};
+use aloft_pipeline::quote;
 use aloft_pipeline::studies::StudySet;
 use std::path::Path;
 
 /// `--data` and `--workspace` as they were given.
 fn folders(args: &PipelineArgs) -> Vec<String> {
-    [("--data", &args.data), ("--workspace", &args.workspace)]
+    [("data", &args.data), ("workspace", &args.workspace)]
         .into_iter()
-        .filter_map(|(flag, path)| path.as_ref().map(|p| [flag.to_owned(), p.display().to_string()]))
-        .flatten()
+        .flat_map(|(flag, path)| path.iter().flat_map(move |p| quote::option(flag, &p.display().to_string())))
         .collect()
 }
 
 /// `--subject` and `--session` as they were given.
 fn chosen(args: &PipelineArgs) -> Vec<String> {
-    [("--subject", &args.subject), ("--session", &args.session)]
+    [("subject", &args.subject), ("session", &args.session)]
         .into_iter()
-        .flat_map(|(flag, names)| names.iter().flat_map(move |n| [flag.to_owned(), n.clone()]))
+        .flat_map(|(flag, names)| names.iter().flat_map(move |n| quote::option(flag, n)))
         .collect()
 }
 
@@ -33,20 +33,7 @@ pub fn run(args: &PipelineArgs, out: &Path, say: bool) -> Result<Success, Stop> 
     if say {
         return judge(&set, cannot);
     }
-    let members: Vec<Member<'_>> = set
-        .members
-        .iter()
-        .map(|study| {
-            let parts = [("--subject", &study.id.subject), ("--session", &study.id.session)];
-            let chosen: Vec<(&str, &String)> = parts.iter().filter_map(|(f, v)| Some((*f, v.as_ref()?))).collect();
-            let name = chosen.iter().map(|(_, v)| v.as_str()).collect::<Vec<_>>().join("_");
-            Member {
-                name: if name.is_empty() { study.config.name.clone() } else { name },
-                words: chosen.iter().flat_map(|(f, v)| [(*f).to_owned(), (*v).clone()]).collect(),
-                study,
-            }
-        })
-        .collect();
+    let members: Vec<Member<'_>> = set.members.iter().map(|study| Member { study }).collect();
     let call = Call {
         pipeline: args.pipeline.clone(),
         words: folders(args),
@@ -54,8 +41,8 @@ pub fn run(args: &PipelineArgs, out: &Path, say: bool) -> Result<Success, Stop> 
         workspace: set.workspace.clone(),
     };
     write(&members, &call, out)?;
-    note(format!("wrote {}", out.display()));
-    note(format!("next: snakemake -s {} --cores all --keep-going", out.display()));
+    note(format!("wrote {} and {}", out.display(), plan_path(out).display()));
+    command("next", &format!("snakemake -s {} --cores all --keep-going", quote::path(out)));
     Ok(if cannot { Success::Partial } else { Success::Full })
 }
 

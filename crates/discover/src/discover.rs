@@ -7,6 +7,7 @@ use crate::judge::{
     parts, plausible, rivals,
 };
 use crate::ladder::{Refit, as_found, estimates, extra_columns, group_names, key_of, prune, refit_found, to_build_on};
+use crate::not_tried::{NotTried, not_tried};
 use crate::pairs::better_pair;
 use crate::placebo::PLACEBOS;
 use crate::problem::{Domain, Problem};
@@ -105,6 +106,7 @@ pub fn discover(
     let mut after = f64::NAN;
     // a variant found in flight also acts in contact, so its columns are made anew for every domain
     let mut kept: Vec<Variant<'_>> = Vec::new();
+    let mut left_out: Vec<NotTried> = Vec::new();
     for domain in domains {
         let mut first_gain: Option<f64> = None;
         for _ in 0..options.rounds.max(1) {
@@ -120,6 +122,17 @@ pub fn discover(
             let already: Vec<&str> = kept.iter().map(|v| v.effect.id()).collect();
             let (mut round, scores, rivals) =
                 run_round(session, &problem, &extra, effects, &already, model, has_flights, options);
+            // a law that gives no numbers has no rank: that is said, and never read as "nothing missing"
+            let unranked = |e: &dyn Effect| {
+                let listed = scores.iter().any(|s| s.effect.id() == e.id()) || already.contains(&e.id());
+                wanted(e, options)
+                    && judged_in(e, domain, has_flights)
+                    && (!listed || aloft_effects::effect(e.id()).is_err())
+                    && !left_out.iter().any(|l| l.effect == e.id())
+            };
+            let missing: Vec<NotTried> =
+                effects.iter().filter(|e| unranked(**e)).filter_map(|e| not_tried(session, *e, domain)).collect();
+            left_out.extend(missing);
             let plain = problem.plain();
             if rounds.is_empty() {
                 before = plain;
@@ -253,6 +266,7 @@ pub fn discover(
         found,
         advice: Vec::new(),
         warnings: session.warnings.clone(),
+        not_tried: left_out,
     };
     out.words = words::answer(&out);
     out.advice = words::advice(&out);
@@ -348,7 +362,10 @@ fn run_round<'a>(
         .collect();
     confusions(session, problem, &scores, &mut candidates, options);
     let (sharp, rivals) = rivals(session, problem, extra, &scores, &candidates, options);
-    let (verdict, effects, duels) = judge(session, sharp.as_ref().unwrap_or(problem), &rivals, options);
+    let (mut verdict, effects, duels) = judge(session, sharp.as_ref().unwrap_or(problem), &rivals, options);
+    if candidates.iter().all(|c| c.placebo) {
+        verdict = Verdict::NotDetectable;
+    }
     let words =
         words::round(verdict, &effects, &candidates, threshold, |c| limit(&c.effect, already.is_empty(), options), few);
     let round = Round {

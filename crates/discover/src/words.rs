@@ -3,6 +3,7 @@
 use crate::problem::Domain;
 use crate::result::{Candidate, Discovery, Verdict};
 use aloft_effects::EffectKind;
+use aloft_identify::half_of;
 
 pub(crate) fn domain(domain: Domain) -> &'static str {
     match domain {
@@ -19,16 +20,21 @@ fn estimate(c: &Candidate) -> String {
     c.coefficients
         .iter()
         .map(|e| {
-            let digits = decimals(e.se);
-            format!("{} {:.digits$} ± {:.digits$} {}", e.name, e.value, e.se, e.unit)
+            let half = half_of(e.ci95).unwrap_or(f64::NAN);
+            let digits = decimals(half);
+            match e.ci95 {
+                Some(_) => format!("{} {:.digits$} ± {half:.digits$} {} (95 %)", e.name, e.value, e.unit),
+                None if e.at_bound => format!("{} {:.digits$} {}, at its bound", e.name, e.value, e.unit),
+                None => format!("{} {:.digits$} {}", e.name, e.value, e.unit),
+            }
         })
         .collect::<Vec<_>>()
         .join(", ")
 }
 
-/// Decimals that show two digits of a standard error.
-fn decimals(se: f64) -> usize {
-    if se.is_finite() && se > 0.0 { (1.0 - se.log10().floor()).clamp(0.0, 9.0) as usize } else { 4 }
+/// Decimals that show two digits of half an interval.
+fn decimals(half: f64) -> usize {
+    if half.is_finite() && half > 0.0 { (1.0 - half.log10().floor()).clamp(0.0, 9.0) as usize } else { 4 }
 }
 
 pub(crate) fn round(
@@ -96,7 +102,15 @@ pub(crate) fn answer(d: &Discovery) -> String {
         .filter(|r| matches!(r.verdict, Verdict::Supported | Verdict::OneOf))
         .map(|r| r.words.as_str())
         .collect();
-    if said.is_empty() { d.rounds.first().map(|r| r.words.clone()).unwrap_or_default() } else { said.join("; then ") }
+    let mut text = if said.is_empty() {
+        d.rounds.first().map(|r| r.words.clone()).unwrap_or_default()
+    } else {
+        said.join("; then ")
+    };
+    for left in &d.not_tried {
+        text.push_str(&format!("; {left}"));
+    }
+    text
 }
 
 /// The recording that tells two effects apart.
@@ -139,6 +153,7 @@ pub(crate) fn advice(d: &Discovery) -> Vec<String> {
                 }
             }
         }
+        Verdict::NotDetectable if d.candidates.iter().all(|c| c.placebo) => {}
         Verdict::NotDetectable => out.push("record at least five flights in at least two trials".to_owned()),
         Verdict::NothingMissing => {
             if d.noise_floor.is_finite() && d.held_out_error > 2.0 * d.noise_floor {

@@ -48,6 +48,8 @@ pub enum InertiaSource {
 pub struct SubjectExport {
     /// Name in files.
     pub id: String,
+    /// Subject and session of a study of several, as the study calls them: BIDS names files after them.
+    pub of_study: [Option<String>; 2],
     /// Model, markers, facts.
     pub subject: Subject,
     /// Inertia of each link, as exported.
@@ -78,6 +80,7 @@ impl SubjectExport {
         expect_length("inertias of the links", subject.model.n_links(), links.len())?;
         Ok(Self {
             id: names::id(&subject.facts.name),
+            of_study: [None, None],
             coordinates: Coordinates::of(&subject.model, convention),
             subject,
             links,
@@ -155,7 +158,7 @@ pub struct TrialExport {
 }
 
 impl TrialExport {
-    /// Name in files.
+    /// Name in files: that of no other recording.
     pub fn stem(&self) -> String {
         names::file(&self.name)
     }

@@ -29,7 +29,7 @@ pub mod format;
 pub mod formats;
 pub mod frame;
 pub mod loads;
-mod names;
+pub mod names;
 mod number;
 pub mod parquet;
 pub mod readme;

@@ -1,39 +1,212 @@
-//! Names that other programs accept.
+//! Names that other programs and file systems accept.
+//!
+//! A name of a recording, subject or session is data: it may hold blanks, quotes, line breaks, anything that a file system allows. What stands
+//! for it in an export must be accepted everywhere (Windows, macOS, OpenSim, BIDS) and must not be the same for two different names. Each
+//! function here is injective on names that differ by more than case, and its values differ by more than case, too: on a file system that does
+//! not tell `Jump` from `jump`, two recordings still have two files. Names that need no change stay as they are.
 
-/// Labels of models and tables: blanks and separators of paths become `_`.
+/// Windows keeps these names for devices, with any ending.
+const RESERVED: [&str; 22] = [
+    "con", "prn", "aux", "nul", "com1", "com2", "com3", "com4", "com5", "com6", "com7", "com8", "com9", "lpt1", "lpt2",
+    "lpt3", "lpt4", "lpt5", "lpt6", "lpt7", "lpt8", "lpt9",
+];
+
+/// Longest name of a file that is written in full, bytes; endings such as `_external_forces.xml` come behind it.
+const LONGEST: usize = 160;
+
+fn percent(out: &mut String, c: char) {
+    let mut bytes = [0; 4];
+    for byte in c.encode_utf8(&mut bytes).bytes() {
+        out.push_str(&format!("%{byte:02X}"));
+    }
+}
+
+/// Letters and digits of scripts in which no letter has a second spelling (macOS treats canonically equivalent names as one).
+fn is_plain(c: char) -> bool {
+    let block = matches!(u32::from(c),
+        0..=0x024F | 0x0370..=0x0373 | 0x0375..=0x03FF | 0x0400..=0x052F | 0x3041..=0x3096 | 0x30A1..=0x30FA | 0x4E00..=0x9FFF | 0xAC00..=0xD7A3);
+    // letters whose other case is a letter of another alphabet, or two
+    c.is_alphanumeric() && block && !matches!(c, 'İ' | 'ı' | 'ſ' | 'ß')
+}
+
+/// Name of a file or folder: letters, digits, `-`, `_` and `.` stay, everything else is percent-encoded as in a URL. A dot at either end and
+/// the first letter of a name that Windows reserves are encoded, too. Very long names keep their beginning and end with a hash.
+pub fn file(text: &str) -> String {
+    let stem = text.split('.').next().unwrap_or(text).to_lowercase();
+    let reserved = RESERVED.contains(&stem.as_str());
+    let last = text.chars().count().saturating_sub(1);
+    let mut name = String::with_capacity(text.len());
+    for (i, c) in text.chars().enumerate() {
+        let at_an_end = i == 0 || i == last;
+        let kept = is_plain(c) || matches!(c, '-' | '_') || (c == '.' && !at_an_end);
+        if kept && !(reserved && i == 0) {
+            name.push(c);
+        } else {
+            percent(&mut name, c);
+        }
+    }
+    if name.is_empty() {
+        // no other name has an escape without digits
+        return "%_".to_owned();
+    }
+    if name.len() <= LONGEST {
+        return name;
+    }
+    let mut cut = LONGEST - 20;
+    while !name.is_char_boundary(cut) {
+        cut -= 1;
+    }
+    format!("{}%_{:016x}", &name[..cut], fnv1a(text.to_lowercase().as_bytes()))
+}
+
+/// What stands for a name where it and its code would be too long: its hash, in letters and digits that no code begins with.
+pub(crate) fn hashed(text: &str) -> String {
+    format!("h{:016x}", fnv1a(text.to_lowercase().as_bytes()))
+}
+
+/// FNV-1a, 64 bits.
+fn fnv1a(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3))
+}
+
+/// Labels of models and tables: what OpenSim, XML or a table with tabs would stumble over is percent-encoded.
 pub(crate) fn label(text: &str) -> String {
-    text.trim().chars().map(|c| if c.is_whitespace() || "/\\\"'<>&,;".contains(c) { '_' } else { c }).collect()
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        if c.is_whitespace() || c.is_control() || "%/\\\"'<>&,;*+".contains(c) {
+            percent(&mut out, c);
+        } else {
+            out.push(c);
+        }
+    }
+    out
 }
 
-/// Names of files: letters, digits, `-`, `_` and `.` stay, the rest becomes `_`; never empty, never hidden.
-pub(crate) fn file(text: &str) -> String {
-    let name: String =
-        text.trim().chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' }).collect();
-    let name = name.trim_start_matches('.');
-    if name.is_empty() { "subject".to_owned() } else { name.to_owned() }
-}
-
-/// Identifier of a subject for files: what stands before a comma (descriptions of objects go on behind it), at most 40 letters.
+/// What names the subject in models and headings of an export, which holds one subject: what stands before a comma (descriptions of objects go
+/// on behind it), at most 40 characters, readable rather than reversible.
 pub(crate) fn id(text: &str) -> String {
-    file(text.split(',').next().unwrap_or(text)).chars().take(40).collect()
+    let short = text.split(',').next().unwrap_or(text).trim();
+    let name: String =
+        short.chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' }).take(40).collect();
+    let name = name.trim_matches('.');
+    if name.is_empty() {
+        return "subject".to_owned();
+    }
+    let stem = name.split('.').next().unwrap_or(name).to_lowercase();
+    if RESERVED.contains(&stem.as_str()) { format!("{name}_") } else { name.to_owned() }
 }
 
-/// BIDS labels: letters and digits only.
+/// ASCII letters and digits of a name: all that a BIDS label may hold.
+pub(crate) fn alphanumeric(text: &str) -> String {
+    text.chars().filter(char::is_ascii_alphanumeric).collect()
+}
+
+/// What [`alphanumeric`] drops and where, in letters and digits: the byte's place in the name, then `u` for `_`, `d` for `-`, `p` for `.`, `s` for
+/// a blank, `x` and two hexadecimal digits for any other byte. Empty for names of letters and digits. With this the name can be put together again.
+pub(crate) fn dropped(text: &str) -> String {
+    let mut out = String::new();
+    for (place, byte) in text.bytes().enumerate().filter(|(_, b)| !b.is_ascii_alphanumeric()) {
+        out.push_str(&place.to_string());
+        match byte {
+            b'_' => out.push('u'),
+            b'-' => out.push('d'),
+            b'.' => out.push('p'),
+            b' ' => out.push('s'),
+            other => out.push_str(&format!("x{other:02x}")),
+        }
+    }
+    out
+}
+
+/// BIDS label of a subject or session: letters and digits; behind a `Z` stands what had to be dropped ([`dropped`]). Names that hold a `z` end with
+/// `Z`, so that no name looks like the label of another.
 pub(crate) fn bids(text: &str) -> String {
-    let name: String = text.chars().filter(char::is_ascii_alphanumeric).collect();
-    if name.is_empty() { "01".to_owned() } else { name }
+    let plain = alphanumeric(text);
+    let code = dropped(text);
+    if plain.len() + code.len() > 60 {
+        return format!("{}Z{}", &plain[..plain.len().min(20)], hashed(text));
+    }
+    if code.is_empty() && !plain.is_empty() && !plain.contains(['z', 'Z']) {
+        return plain;
+    }
+    format!("{plain}Z{code}")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::BTreeMap;
 
     #[test]
     fn regress_names_stay_readable() {
-        assert_eq!(label("L ASI"), "L_ASI");
-        assert_eq!(file("../s 01"), "_s_01");
+        assert_eq!(label("LASI"), "LASI");
+        assert_eq!(label("L ASI"), "L%20ASI");
+        assert_eq!(file("throws_01"), "throws_01");
         assert_eq!(file("Müller-01"), "Müller-01");
-        assert_eq!(bids("sub_01-a"), "sub01a");
+        assert_eq!(file("../s 01"), "%2E.%2Fs%2001");
+        assert_eq!(file("con.x"), "%63on.x");
+        assert_eq!(bids("sub01a"), "sub01a");
+        assert_eq!(bids("sub_01-a"), "sub01aZ3u6d");
         assert_eq!(id("two-link chain, one passive joint"), "two-link_chain");
+    }
+
+    /// Every string of up to five characters of a hostile alphabet, and names that are known to collide somewhere.
+    fn hostile() -> Vec<String> {
+        let alphabet =
+            ['a', 'z', 'Z', '1', '_', ' ', '.', '-', '%', 'u', '\'', '/', '\\', '\n', 'ü', '\u{308}', 'Ω', '\u{2126}'];
+        let mut all = vec![String::new()];
+        let mut last = all.clone();
+        for _ in 0..4 {
+            last = last.iter().flat_map(|s| alphabet.iter().map(move |c| format!("{s}{c}"))).collect();
+            all.extend(last.iter().cloned());
+        }
+        for name in ["con", "CON.txt", "nul", "con_", "%63on", "throws_a b", "throws_a_b", "throws_1", "throws1"] {
+            all.push(name.to_owned());
+        }
+        let long = "x".repeat(300);
+        all.extend([format!("{long}1"), format!("{long}2"), format!("{long} "), "ü".repeat(120)]);
+        all.sort();
+        all.dedup();
+        all
+    }
+
+    /// As file systems of Windows and macOS see a name: case folded, composed letters.
+    fn folded(name: &str) -> String {
+        name.to_lowercase().replace("u\u{308}", "ü").replace('\u{2126}', "ω")
+    }
+
+    fn is_injective(encode: impl Fn(&str) -> String) {
+        let mut seen: BTreeMap<String, String> = BTreeMap::new();
+        for name in hostile() {
+            let key = encode(&name);
+            if let Some(other) = seen.insert(key.clone(), name.clone()) {
+                assert!(other.to_lowercase() == name.to_lowercase(), "{other:?} and {name:?} both become {key:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn prop_different_names_have_different_files_on_every_file_system() {
+        is_injective(|n| folded(&file(n)));
+        for name in hostile() {
+            let out = file(&name);
+            assert!(!out.is_empty() && out.len() <= 160 && !out.starts_with('.') && !out.ends_with('.'), "{out}");
+            assert!(out.chars().all(|c| c.is_alphanumeric() || "-_.%".contains(c)), "{out}");
+            let stem = out.split('.').next().unwrap_or_default().to_lowercase();
+            assert!(!RESERVED.contains(&stem.as_str()), "{out}");
+        }
+    }
+
+    #[test]
+    fn prop_labels_of_bids_are_letters_and_digits_and_differ() {
+        is_injective(|n| bids(n).to_lowercase());
+        is_injective(|n| format!("{} {}", alphanumeric(n).to_lowercase(), dropped(n)));
+        assert!(hostile().iter().all(|n| bids(n).chars().all(|c| c.is_ascii_alphanumeric()) && !bids(n).is_empty()));
+    }
+
+    #[test]
+    fn prop_labels_differ_and_hold_nothing_that_separates() {
+        is_injective(label);
+        assert!(hostile().iter().all(|n| !label(n).contains(|c: char| c.is_whitespace() || "/\\'\"".contains(c))));
     }
 }

@@ -43,12 +43,12 @@ pub fn readme(subject: &SubjectExport, files: &[OutFile], making: &Making) -> St
     if !making.remarks.is_empty() {
         t.push_str("\n## To keep in mind\n\n");
         for remark in &making.remarks {
-            t.push_str(&format!("- {remark}\n"));
+            t.push_str(&format!("- {}\n", one_line(remark)));
         }
     }
     t.push_str("\n## Files\n\n| file | what it is |\n|---|---|\n");
     for file in files {
-        t.push_str(&format!("| `{}` | {} |\n", file.path, file.what.replace('|', "/")));
+        t.push_str(&format!("| `{}` | {} |\n", file.path, one_line(&file.what).replace('|', "/")));
     }
     t.push_str("\n| format | what | opened by |\n|---|---|---|\n");
     for format in FORMATS {
@@ -58,6 +58,11 @@ pub fn readme(subject: &SubjectExport, files: &[OutFile], making: &Making) -> St
     t.push_str(&made(making));
     t.push_str(&format!("\n## Methods, ready to paste\n\n{}\n", making.methods));
     t
+}
+
+/// Names in a text may hold line breaks, which would end a row or an item here.
+fn one_line(text: &str) -> String {
+    text.replace(char::is_control, " ")
 }
 
 fn inertias(subject: &SubjectExport) -> String {

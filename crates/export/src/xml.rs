@@ -17,6 +17,8 @@ pub(crate) fn escaped(text: &str) -> String {
             '>' => out.push_str("&gt;"),
             '"' => out.push_str("&quot;"),
             '\'' => out.push_str("&apos;"),
+            // XML has no place for these
+            c if c.is_control() && !matches!(c, '\t' | '\n' | '\r') => out.push(' '),
             c => out.push(c),
         }
     }
@@ -77,7 +79,11 @@ impl Xml {
     /// A comment, for people.
     pub fn comment(&mut self, text: &str) -> &mut Self {
         self.indent();
-        self.text.push_str(&format!("<!-- {} -->\n", text.replace("--", "-")));
+        let mut text = text.to_owned();
+        while text.contains("--") {
+            text = text.replace("--", "-");
+        }
+        self.text.push_str(&format!("<!-- {text} -->\n"));
         self
     }
 

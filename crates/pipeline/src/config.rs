@@ -1,9 +1,11 @@
 //! The pipeline's YAML: what a user may write, with its defaults. Every section belongs to the stage of the same name,
 //! so that a changed value makes just that stage (and what follows from it) stale.
+//!
+//! Every number has its range here, once: `aloft schema` shows it, and reading a file holds each value against it ([`crate::ranges`]).
 
 use crate::error::PipelineError;
 use miette::{NamedSource, SourceOffset, SourceSpan};
-use schemars::JsonSchema;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -85,6 +87,18 @@ pub struct EffectsConfig {
     pub define: Vec<aloft_effects::FormulaEffect>,
 }
 
+/// Stature of a person, m.
+pub const HEIGHT_M: (f64, f64) = (0.3, 3.0);
+/// Mass of a body, kg.
+pub const MASS_KG: (f64, f64) = (0.001, 10_000.0);
+/// Magnitude of gravity, m/s²: none to that of the giant planets.
+pub const GRAVITY_MPS2: (f64, f64) = (0.0, 100.0);
+
+/// Weights of single markers.
+fn weights(_: &mut SchemaGenerator) -> Schema {
+    json_schema!({"type": "object", "additionalProperties": {"type": "number", "minimum": 0.0, "maximum": 1000.0}})
+}
+
 /// Facts about the subject.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -97,12 +111,15 @@ pub struct SubjectConfig {
     pub sex: Option<String>,
     /// Stature, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = HEIGHT_M.0, max = HEIGHT_M.1))]
     pub height_m: Option<f64>,
     /// Mass from a scale, kg.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = MASS_KG.0, max = MASS_KG.1))]
     pub mass_kg: Option<f64>,
     /// Magnitude of gravity at the laboratory, m/s² (9.80665 where nothing else is known).
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = GRAVITY_MPS2.0, max = GRAVITY_MPS2.1))]
     pub gravity_mps2: Option<f64>,
 }
 
@@ -319,8 +336,10 @@ pub struct StaticFrames {
     /// Name of the trial.
     pub trial: String,
     /// First frame, counted from 1.
+    #[schemars(range(min = 1, max = 1_000_000_000))]
     pub first: usize,
     /// Last frame, counted from 1.
+    #[schemars(range(min = 1, max = 1_000_000_000))]
     pub last: usize,
 }
 
@@ -360,10 +379,13 @@ ImportConfig {
     /// Labels of this laboratory and the marker of the set that each means.
     aliases: BTreeMap<String, String> = BTreeMap::new(),
     /// Gaps up to this length are filled, s.
+    #[schemars(range(min = 0.0, max = 10.0))]
     fill_gaps_s: f64 = 0.1,
     /// Fill gaps of a marker from its segment's other markers, up to this length, s.
+    #[schemars(range(min = 0.0, max = 60.0))]
     rigid_fill_s: f64 = 0.25,
     /// A file that holds less than this fraction of the frames that it states is taken for a broken copy.
+    #[schemars(range(min = 0.0, max = 1.0))]
     least_fraction: f64 = 0.5,
     /// Repair spikes and label swaps (they are reported in any case).
     repair: bool = false,
@@ -384,6 +406,7 @@ CalibrateConfig {
     /// Whether to refine: `auto` keeps it only when held-out marker error falls.
     enabled: Switch = Switch::Auto,
     /// Number of frames used, over all trials.
+    #[schemars(range(min = 10, max = 100_000))]
     frames: usize = 300,
 }}
 
@@ -403,8 +426,10 @@ section! {
 /// Markers to joint motion.
 IkConfig {
     /// Weights of single markers, replacing those of the marker set.
+    #[schemars(schema_with = "weights")]
     weights: BTreeMap<String, f64> = BTreeMap::new(),
     /// Standard deviation of a marker about its place on the link, m.
+    #[schemars(range(min = 1e-5, max = 0.1))]
     marker_sd_m: f64 = 0.002,
 }}
 
@@ -412,8 +437,10 @@ section! {
 /// Low-pass filter of joint coordinates and forces.
 FilterConfig {
     /// Order of one pass; two passes double the effective order.
+    #[schemars(range(min = 1, max = aloft_signal::butterworth::MAX_ORDER))]
     order: usize = 3,
     /// Stated cut-off, Hz.
+    #[schemars(range(min = 0.1, max = 1000.0))]
     cutoff_hz: f64 = 10.0,
     /// `none` designs each pass at the stated cut-off; `winter` moves it so that both passes together are −3 dB there.
     cutoff_correction: Correction = Correction::None,
@@ -447,10 +474,13 @@ FlightConfig {
     /// How flights are found.
     source: FlightSource = FlightSource::Auto,
     /// Force below which a plate counts as unloaded, N.
+    #[schemars(range(min = 0.01, max = 10_000.0))]
     threshold_n: f64 = 20.0,
     /// Shortest flight, s.
+    #[schemars(range(min = 0.01, max = 3600.0))]
     min_duration_s: f64 = 0.12,
     /// Frames to leave out at both ends of each flight for the paper's rows (filter edges), s.
+    #[schemars(range(min = 0.0, max = 10.0))]
     margin_s: f64 = 0.07,
 }}
 
@@ -492,10 +522,12 @@ RegressorConfig {
     /// Rows that the results are built on; the other kind is computed beside them.
     rows: Rows = Rows::Weak,
     /// Length of a weak window, s; 0 lets the length of each stretch decide. `aloft parameters --assess` shows what other lengths give.
+    #[schemars(range(min = 0.0, max = 60.0))]
     window_s: f64 = 0.0,
     /// Weights of weak rows.
     weighting: Weighting = Weighting::Fixed,
     /// Size of errors that fade within a tenth of a second (soft tissue) in units of the markers' white noise; for `whitened`.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     slow_noise: f64 = 5.0,
 }}
 
@@ -519,13 +551,16 @@ IdentifyConfig {
     /// Estimator.
     estimator: Estimator = Estimator::Auto,
     /// Weight of the prior; 0 lets held-out error decide.
+    #[schemars(range(min = 0.0, max = 1e6))]
     prior_weight: f64 = 0.0,
     /// Whether plate-measured contact stretches of the identification trials take part.
     contact: bool = false,
     /// Bootstrap resamples over flights for the intervals.
+    #[schemars(range(min = 0, max = 100_000))]
     bootstrap: usize = 200,
     /// Correlation of errors from flight to flight, 0 to 1, which no resampling can see (soft tissue, joint centres beside their place);
     /// where not given 0.2 for people and 0 for rigid objects.
+    #[schemars(range(min = 0.0, max = 1.0))]
     repeat_correlation: Option<f64> = None,
 }}
 
@@ -533,8 +568,10 @@ section! {
 /// Model against measurement.
 CompareConfig {
     /// Time left out on both sides of each change between flight and contact, s.
+    #[schemars(range(min = 0.0, max = 10.0))]
     edge_s: f64 = 0.05,
     /// Length of the windows of the weak comparison, s.
+    #[schemars(range(min = 0.02, max = 60.0))]
     window_s: f64 = 0.3,
 }}
 
@@ -555,9 +592,16 @@ ExportConfig {
     angles: Angles = Angles::Model,
 }}
 
-/// Parses YAML with errors that point at the place.
+/// Parses YAML with errors that point at the place. A number that is none (NaN, infinite) is refused wherever it stands.
 pub fn parse_yaml<T: serde::de::DeserializeOwned>(file: &str, text: &str) -> Result<T, PipelineError> {
-    serde_yaml::from_str(text).map_err(|error| {
+    let value = serde_yaml::from_str(text).map_err(|error| not_yaml(file, text, &error))?;
+    crate::ranges::finite(file, text)?;
+    Ok(value)
+}
+
+/// What the parser says, with its place.
+pub(crate) fn not_yaml(file: &str, text: &str, error: &serde_yaml::Error) -> PipelineError {
+    {
         let at = error.location().map(|l| {
             SourceSpan::new(SourceOffset::from_location(text, l.line(), l.column()), token_length(text, l.index()))
         });
@@ -577,7 +621,7 @@ pub fn parse_yaml<T: serde::de::DeserializeOwned>(file: &str, text: &str) -> Res
             at,
             hint: None,
         }
-    })
+    }
 }
 
 fn token_length(text: &str, index: usize) -> usize {

@@ -1,9 +1,10 @@
 //! The effects that a study knows: the catalogue, and those that its pipeline defines or names.
 
 use crate::catalog;
-use crate::config::{PipelineConfig, parse_yaml};
+use crate::config::PipelineConfig;
 use crate::error::PipelineError;
 use crate::place::{error_at, find, inside};
+use crate::ranges;
 use crate::revision::ModelEffect;
 use aloft_body::{Model, ModelSpec, Phi};
 use aloft_effects::{Choice, CompiledFormula, EFFECTS, Effect, EffectsError, FormulaEffect, Scene};
@@ -26,7 +27,7 @@ impl OwnEffect {
     /// A file that holds one effect: a name in `configs/effects/` or a path.
     pub fn read(name: &str, dir: &Path) -> Result<Self, PipelineError> {
         let source = catalog::find("effects", name, dir)?;
-        let spec = parse_yaml(&source.origin, &source.text)?;
+        let spec = ranges::parse(&source.origin, &source.text)?;
         Ok(Self { spec, origin: source.origin, text: source.text, path: String::new() })
     }
 

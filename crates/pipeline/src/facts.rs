@@ -1,11 +1,15 @@
 //! Who moved: facts about the subject or object, from the pipeline or from what the laboratory wrote down beside the recordings.
 
-use crate::config::{PipelineConfig, SubjectConfig, error_at_key, parse_yaml};
+use crate::config::{GRAVITY_MPS2, HEIGHT_M, MASS_KG, PipelineConfig, SubjectConfig, error_at_key};
 use crate::error::PipelineError;
+use crate::place::{error_at, find};
+use crate::quote;
+use crate::ranges;
 use crate::study::StudyId;
 use aloft_body::{PersonFacts, Sex};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Facts about the subject or object with the laboratory's gravity.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -34,23 +38,61 @@ pub(crate) struct FactPlaces<'a> {
     pub id: &'a StudyId,
 }
 
-/// What `subject.yaml` or `object.yaml` beside the recordings may say; other keys are the laboratory's own business.
-#[derive(Debug, Default, Clone, Deserialize)]
+/// What `subject.yaml` or `object.yaml` beside the recordings may say; other keys are the laboratory's own business. Ranges are those of the
+/// pipeline's settings of the same kind.
+#[derive(Debug, Default, Clone, Deserialize, JsonSchema)]
 struct FactsFile {
     name: Option<String>,
     sex: Option<String>,
+    /// Stature, m.
+    #[schemars(range(min = HEIGHT_M.0, max = HEIGHT_M.1))]
     height_m: Option<f64>,
+    /// Mass from a scale, kg.
+    #[schemars(range(min = MASS_KG.0, max = MASS_KG.1))]
     mass_kg: Option<f64>,
+    /// Mass from a scale, kg.
+    #[schemars(range(min = MASS_KG.0, max = MASS_KG.1))]
     total_mass_kg: Option<f64>,
+    /// Magnitude of gravity, m/s².
+    #[serde(alias = "gravity_mps2")]
+    #[schemars(range(min = GRAVITY_MPS2.0, max = GRAVITY_MPS2.1))]
     gravity_m_s2: Option<f64>,
     lab: Option<LabFacts>,
     /// Recordings, as a list of names or of entries with `file`; any other shape is the laboratory's own business.
     trials: Option<serde_yaml::Value>,
 }
 
-#[derive(Debug, Default, Clone, Deserialize)]
+#[derive(Debug, Default, Clone, Deserialize, JsonSchema)]
 struct LabFacts {
+    /// Vector or magnitude, m/s²; checked where it is read.
+    #[schemars(with = "serde_json::Value")]
     gravity: Option<serde_yaml::Value>,
+}
+
+impl LabFacts {
+    /// Magnitude of gravity, m/s², or what is wrong with it.
+    fn gravity_mps2(&self) -> Result<Option<f64>, String> {
+        use serde_yaml::Value;
+        let number = |v: &Value| match v {
+            Value::Number(n) => n.as_f64().filter(|x| x.is_finite()),
+            _ => None,
+        };
+        let size = match &self.gravity {
+            None | Some(Value::Null) => return Ok(None),
+            Some(Value::Sequence(v)) if v.len() == 3 => {
+                v.iter().map(number).collect::<Option<Vec<f64>>>().map(|g| g.iter().map(|x| x * x).sum::<f64>().sqrt())
+            }
+            Some(other) => number(other).map(f64::abs),
+        };
+        let (low, high) = GRAVITY_MPS2;
+        match size {
+            Some(g) if (low..=high).contains(&g) => Ok(Some(g)),
+            _ => Err(format!(
+                "`lab.gravity` is {}, expected three numbers or one, of a magnitude from {low} to {high} m/s²",
+                serde_yaml::to_string(&self.gravity).unwrap_or_default().trim().replace('\n', " ")
+            )),
+        }
+    }
 }
 
 impl FactsFile {
@@ -114,7 +156,22 @@ fn one_file(path: &Path) -> Result<Option<FactsFile>, PipelineError> {
         return Ok(None);
     }
     let text = std::fs::read_to_string(path).map_err(PipelineError::io("read", path))?;
-    parse_yaml(&path.display().to_string(), &text).map(Some)
+    let name = path.display().to_string();
+    // `gravity_mps2`, as the pipeline calls it, has the range of `gravity_m_s2`
+    let facts: FactsFile = ranges::parse(&name, &text)?;
+    let again = facts.gravity_m_s2.filter(|g| !(GRAVITY_MPS2.0..=GRAVITY_MPS2.1).contains(g));
+    let (key, wrong) = match (facts.lab.as_ref().map(LabFacts::gravity_mps2), again) {
+        (_, Some(g)) => (
+            "gravity_mps2",
+            Some(format!("`gravity_mps2` is {g}, expected a number from {} to {}", GRAVITY_MPS2.0, GRAVITY_MPS2.1)),
+        ),
+        (Some(Err(problem)), _) => ("lab.gravity", Some(problem)),
+        _ => ("", None),
+    };
+    match wrong {
+        Some(problem) => Err(error_at(&name, &text, find(&text, key).map(|at| (at, 1)), &problem, None)),
+        None => Ok(Some(facts)),
+    }
 }
 
 /// Finds the facts; an error where the mass is not known.
@@ -129,13 +186,7 @@ pub(crate) fn find_facts(
     if s != &SubjectConfig::default() {
         sources.push("the pipeline".to_owned());
     }
-    let gravity_in_lab = facts.lab.as_ref().and_then(|l| l.gravity.as_ref()).and_then(|g| match g {
-        serde_yaml::Value::Sequence(v) => {
-            let sum: f64 = v.iter().filter_map(serde_yaml::Value::as_f64).map(|x| x * x).sum();
-            (sum > 0.0).then(|| sum.sqrt())
-        }
-        other => other.as_f64().map(f64::abs),
-    });
+    let gravity_in_lab = facts.lab.as_ref().and_then(|l| l.gravity_mps2().ok().flatten());
     let mass_kg = s.mass_kg.or(facts.mass_kg).or(facts.total_mass_kg).ok_or_else(|| {
         error_at_key(
             file,
@@ -151,19 +202,13 @@ pub(crate) fn find_facts(
                 Some(s) => format!(
                     "give participants.tsv a column `mass` (kg), or put `mass_kg: …` into {}",
                     at.subject_folder.unwrap_or(at.root).join("subject.yaml").display()
-                ) + &format!(", or add `overrides: [{{subject: {s}, set: {{subject: {{mass_kg: …}}}}}}]`"),
+                ) + &format!(
+                    ", or add `overrides: [{{subject: {}, set: {{subject: {{mass_kg: …}}}}}}]`",
+                    quote::yaml(&quote::pattern(s))
+                ),
             }),
         )
     })?;
-    if !(mass_kg.is_finite() && mass_kg > 0.0) {
-        return Err(error_at_key(
-            file,
-            text,
-            "mass_kg",
-            format!("mass_kg is {mass_kg}, expected a positive number of kilograms"),
-            None,
-        ));
-    }
     let sex = match s.sex.clone().or(facts.sex).as_deref().map(str::to_ascii_lowercase).as_deref() {
         Some("f" | "female") => Some(Sex::Female),
         Some("m" | "male") => Some(Sex::Male),
@@ -208,8 +253,10 @@ pub const PARTICIPANTS: &str = "participants.tsv";
 
 /// A table with tabs between its columns.
 struct Tsv {
+    path: PathBuf,
     header: Vec<String>,
-    rows: Vec<Vec<String>>,
+    /// Rows with their lines in the file, counted from 1.
+    rows: Vec<(usize, Vec<String>)>,
 }
 
 impl Tsv {
@@ -222,7 +269,8 @@ impl Tsv {
         let cells = |l: &str| l.split('\t').map(|c| c.trim().trim_matches('"').to_owned()).collect::<Vec<String>>();
         let mut lines = text.trim_start_matches('\u{feff}').lines();
         let header = cells(lines.next().unwrap_or_default());
-        Ok(Some(Self { header, rows: lines.filter(|l| !l.trim().is_empty()).map(cells).collect() }))
+        let rows = lines.enumerate().filter(|(_, l)| !l.trim().is_empty()).map(|(i, l)| (i + 2, cells(l))).collect();
+        Ok(Some(Self { path: path.to_path_buf(), header, rows }))
     }
 
     fn get<'t>(&self, row: &'t [String], names: &[&str]) -> Option<&'t str> {
@@ -230,20 +278,47 @@ impl Tsv {
         row.get(column).map(String::as_str).filter(|v| !v.is_empty() && !v.eq_ignore_ascii_case("n/a"))
     }
 
-    fn row(&self, key: &str, name: &str) -> Option<&[String]> {
-        self.rows.iter().find(|r| self.get(r, &[key]).is_some_and(|v| same_name(v, name))).map(Vec::as_slice)
+    fn row(&self, key: &str, name: &str) -> Option<&(usize, Vec<String>)> {
+        self.rows.iter().find(|(_, r)| self.get(r, &[key]).is_some_and(|v| same_name(v, name)))
     }
 
-    fn facts(&self, row: &[String], key: &str) -> FactsFile {
-        let number = |names: &[&str]| self.get(row, names).and_then(|v| v.replace(',', ".").parse::<f64>().ok());
-        let height = number(&["height", "height_m", "stature"]).or_else(|| number(&["height_cm"]).map(|h| h / 100.0));
-        FactsFile {
-            name: (key == "participant_id").then(|| self.get(row, &[key]).map(str::to_owned)).flatten(),
-            sex: self.get(row, &["sex"]).map(str::to_owned),
-            height_m: height.map(|h| if h > 3.0 { h / 100.0 } else { h }),
-            mass_kg: number(&["mass", "mass_kg", "weight", "weight_kg", "body_mass"]),
-            ..FactsFile::default()
+    /// The number under the first of these columns that there is; `unit` is the size of its unit for each value.
+    fn number(
+        &self,
+        (line, row): &(usize, Vec<String>),
+        names: &[&str],
+        (low, high): (f64, f64),
+        unit: impl Fn(f64) -> f64,
+    ) -> Result<Option<f64>, PipelineError> {
+        let Some(cell) = self.get(row, names) else { return Ok(None) };
+        let number = cell.replace(',', ".").parse::<f64>().ok().map(|x| x * unit(x));
+        match number.filter(|x| (low..=high).contains(x)) {
+            Some(x) => Ok(Some(x)),
+            None => Err(PipelineError::request_hint(
+                format!(
+                    "{}: line {line}: `{}` is `{cell}`, expected a number from {low} to {high} or n/a",
+                    self.path.display(),
+                    names.iter().find(|n| self.header.iter().any(|h| h.eq_ignore_ascii_case(n))).unwrap_or(&"value")
+                ),
+                "correct the table; stature in m (or cm, above 3), mass in kg",
+            )),
         }
+    }
+
+    fn facts(&self, row: &(usize, Vec<String>), key: &str) -> Result<FactsFile, PipelineError> {
+        // nobody is three metres tall: larger numbers are centimetres
+        let metres = |h: f64| if h > 3.0 { 0.01 } else { 1.0 };
+        let height = match self.number(row, &["height", "height_m", "stature"], HEIGHT_M, metres)? {
+            Some(height) => Some(height),
+            None => self.number(row, &["height_cm"], HEIGHT_M, |_| 0.01)?,
+        };
+        Ok(FactsFile {
+            name: (key == "participant_id").then(|| self.get(&row.1, &[key]).map(str::to_owned)).flatten(),
+            sex: self.get(&row.1, &["sex"]).map(str::to_owned),
+            height_m: height,
+            mass_kg: self.number(row, &["mass", "mass_kg", "weight", "weight_kg", "body_mass"], MASS_KG, |_| 1.0)?,
+            ..FactsFile::default()
+        })
     }
 }
 
@@ -256,14 +331,14 @@ fn same_name(a: &str, b: &str) -> bool {
 /// The facts in a table's row of that name.
 fn row_of(path: &Path, key: &str, name: &str) -> Result<Option<FactsFile>, PipelineError> {
     let table = Tsv::read(path)?;
-    Ok(table.and_then(|t| t.row(key, name).map(|r| t.facts(r, key))))
+    table.and_then(|t| t.row(key, name).map(|r| t.facts(r, key))).transpose()
 }
 
 /// Identifiers of a folder's `participants.tsv`, in order; none without such a table.
 pub(crate) fn participant_ids(folder: &Path) -> Result<Vec<String>, PipelineError> {
     let table = Tsv::read(&folder.join(PARTICIPANTS))?;
     Ok(table
-        .map(|t| t.rows.iter().filter_map(|r| t.get(r, &["participant_id"]).map(str::to_owned)).collect())
+        .map(|t| t.rows.iter().filter_map(|(_, r)| t.get(r, &["participant_id"]).map(str::to_owned)).collect())
         .unwrap_or_default())
 }
 
@@ -282,5 +357,5 @@ fn participants(data: &Path) -> Result<Option<FactsFile>, PipelineError> {
             "name the subject in the pipeline, or keep each participant's recordings in a folder of that name",
         ));
     };
-    Ok(Some(table.facts(row, "participant_id")))
+    table.facts(row, "participant_id").map(Some)
 }

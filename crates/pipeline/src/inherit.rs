@@ -5,9 +5,11 @@
 //! trial. Every layer is checked by itself where it is written, so that an error points at its own line.
 
 use crate::config::{
-    FlightConfig, IkConfig, ImportConfig, Override, PipelineConfig, Sections, error_at_item, parse_yaml,
+    FlightConfig, IkConfig, ImportConfig, Override, PipelineConfig, Sections, TrialsConfig, error_at_item, parse_yaml,
 };
 use crate::error::PipelineError;
+use crate::place::{error_at, find};
+use crate::ranges;
 use crate::study::pattern;
 use serde_yaml::Value;
 use std::path::{Path, PathBuf};
@@ -57,7 +59,7 @@ impl PipelineFile {
     pub fn read(path: &Path) -> Result<Self, PipelineError> {
         let text = std::fs::read_to_string(path).map_err(PipelineError::io("read", path))?;
         let name = path.display().to_string();
-        let config: PipelineConfig = parse_yaml(&name, &text)?;
+        let config: PipelineConfig = ranges::parse(&name, &text)?;
         let mut base: Value = parse_yaml(&name, &text)?;
         let overrides = base.as_mapping_mut().and_then(|m| m.remove("overrides"));
         let sets = match overrides {
@@ -71,6 +73,10 @@ impl PipelineFile {
             for p in [&over.subject, &over.session, &over.trial].into_iter().flatten() {
                 pattern(p, "overrides", &name, &text)?;
             }
+        }
+        in_order(Some(&config.trials), &name, &text, "")?;
+        for (i, over) in config.overrides.iter().enumerate() {
+            in_order(over.set.trials.as_ref(), &name, &text, &format!("overrides[{i}].set."))?;
         }
         Ok(Self { path: path.to_path_buf(), text, config, base, sets })
     }
@@ -132,6 +138,16 @@ impl PipelineFile {
     }
 }
 
+/// The last frame of a range does not stand before its first.
+fn in_order(trials: Option<&TrialsConfig>, file: &str, text: &str, before: &str) -> Result<(), PipelineError> {
+    let Some(frames) = trials.and_then(|t| t.static_frames.as_ref()).filter(|f| f.last < f.first) else {
+        return Ok(());
+    };
+    let path = format!("{before}trials.static_frames.last");
+    let problem = format!("`{path}` is {}, expected {} (its `first`) or more", frames.last, frames.first);
+    Err(error_at(file, text, find(text, &path).map(|at| (at, 1)), &problem, None))
+}
+
 fn applies(over: &Override, whose: Whose<'_>) -> bool {
     fits(over.subject.as_deref(), whose.subject) && fits(over.session.as_deref(), whose.session)
 }
@@ -152,7 +168,8 @@ fn layer_from(folder: Option<&Path>, value: &mut Value) -> Result<(), PipelineEr
     if text.lines().all(|l| l.trim().is_empty() || l.trim_start().starts_with('#')) {
         return Ok(());
     }
-    let _: Sections = parse_yaml(&name, &text)?;
+    let sections: Sections = ranges::parse(&name, &text)?;
+    in_order(sections.trials.as_ref(), &name, &text, "")?;
     let layer: Value = parse_yaml(&name, &text)?;
     merge(value, &layer);
     Ok(())

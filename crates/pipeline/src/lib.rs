@@ -18,6 +18,8 @@ pub mod merge;
 pub mod place;
 pub mod progress;
 pub mod qc;
+pub mod quote;
+pub mod ranges;
 pub mod revision;
 pub mod runner;
 pub mod session;

@@ -6,8 +6,10 @@ use crate::config::error_at_key;
 use crate::error::{PipelineError, StageFailure};
 use crate::facts::participant_ids;
 use crate::inherit::{PipelineFile, fits};
-use crate::study::{Overrides, Place, Study, StudyId, pattern, recordings_below};
+use crate::quote::visible;
+use crate::study::{Overrides, Place, Study, StudyId, fold, pattern, recordings_below};
 use globset::GlobMatcher;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// All subjects and sessions of a pipeline.
@@ -187,6 +189,7 @@ impl StudySet {
             }
         }
         folders.sort_by(|a, b| a.id.cmp(&b.id));
+        self.ids_are_distinct(&folders)?;
         self.remarks.extend(
             ids.iter()
                 .filter(|id| named_folder(&self.data, id).is_none())
@@ -203,10 +206,32 @@ impl StudySet {
         Ok(Some(folders))
     }
 
+    /// Each subject and session has a folder of results of its own, also where upper and lower case are one.
+    fn ids_are_distinct(&self, folders: &[Folder]) -> Result<(), PipelineError> {
+        let mut seen: BTreeMap<(String, Option<String>), &Folder> = BTreeMap::new();
+        for folder in folders.iter().filter(|f| self.exclusion(&f.id).is_none()) {
+            let subject = folder.id.subject.as_deref().map(fold).unwrap_or_default();
+            if let Some(other) = seen.insert((subject, folder.id.session.as_deref().map(fold)), folder) {
+                let shown =
+                    |f: &Folder| visible(&f.data.strip_prefix(&self.data).unwrap_or(&f.data).display().to_string());
+                return Err(PipelineError::request_hint(
+                    format!(
+                        "the folders {} and {} are both `{}`: results of one would replace the other's",
+                        shown(other),
+                        shown(folder),
+                        visible(&folder.id.to_string())
+                    ),
+                    "rename one of the folders (upper and lower case count as the same), or name one of them under `subjects: {folders: …}`",
+                ));
+            }
+        }
+        Ok(())
+    }
+
     /// The last part of a subject's path, or all of it where two would have the same name.
     fn subject_name(&self, folder: &Path, all: &[PathBuf]) -> String {
         let last = |p: &Path| p.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        if all.iter().filter(|p| last(p) == last(folder)).count() == 1 {
+        if all.iter().filter(|p| fold(&last(p)) == fold(&last(folder))).count() == 1 {
             return last(folder);
         }
         joined(folder.strip_prefix(&self.data).unwrap_or(folder))

@@ -6,12 +6,15 @@ use crate::effects::{OwnEffect, check_formulas, own_effects};
 use crate::error::PipelineError;
 use crate::facts::{FactPlaces, Facts, find_facts};
 use crate::inherit::{PipelineFile, TrialSettings, Whose};
+use crate::quote;
 use crate::studies::StudySet;
+use crate::workspace::WHOLE_STUDY;
 use aloft_body::ModelSpec;
 use aloft_scale::ObjectSpec;
 use aloft_trial::MarkerSet;
 use globset::{GlobBuilder, GlobMatcher, GlobSet, GlobSetBuilder};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The part that a recording plays.
@@ -391,11 +394,14 @@ fn find_trials(
         }
     }
     let stem = stem_of;
+    let mut stems: BTreeMap<String, usize> = BTreeMap::new();
+    for (relative, _) in &found {
+        *stems.entry(fold(&stem(relative))).or_default() += 1;
+    }
     let mut trials = Vec::new();
     for (relative, role) in &found {
         let short = stem(relative);
-        let unique = found.iter().filter(|(other, _)| stem(other) == short).count() == 1;
-        let name = if unique {
+        let name = if stems.get(&fold(&short)) == Some(&1) {
             short
         } else {
             relative.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect::<Vec<_>>().join("-")
@@ -455,5 +461,35 @@ fn find_trials(
         ));
     }
     trials.sort_by(|a, b| a.name.cmp(&b.name));
+    names_are_usable(&trials, data)?;
     Ok((trials, unmatched))
+}
+
+/// A name as file systems see it that do not tell `Jump` from `jump`.
+pub(crate) fn fold(name: &str) -> String {
+    name.to_lowercase()
+}
+
+/// Each recording that takes part has results and exported files of its own: its name must be a folder's name, and no other's, also where
+/// upper and lower case are one. Told before anything is read or written.
+fn names_are_usable(trials: &[TrialEntry], data: &Path) -> Result<(), PipelineError> {
+    let shown = |t: &TrialEntry| quote::visible(&t.file.strip_prefix(data).unwrap_or(&t.file).display().to_string());
+    let mut seen: BTreeMap<String, &TrialEntry> = BTreeMap::new();
+    for trial in trials.iter().filter(|t| t.excluded.is_none()) {
+        if matches!(trial.name.as_str(), "" | "." | ".." | WHOLE_STUDY) || trial.name.contains(['/', '\0']) {
+            return Err(PipelineError::request_hint(
+                format!("{}: `{}` cannot name a recording's results", shown(trial), quote::visible(&trial.name)),
+                "rename the file, or leave it out with the patterns under `trials`",
+            ));
+        }
+        if let Some(other) = seen.insert(fold(&trial.name), trial) {
+            let (a, b) = (quote::visible(&other.name), quote::visible(&trial.name));
+            let both = if a == b { format!("are both called `{a}`") } else { format!("are called `{a}` and `{b}`") };
+            return Err(PipelineError::request_hint(
+                format!("{} and {} {both}: results of one would replace the other's", shown(other), shown(trial)),
+                "rename one of the files or folders (upper and lower case count as the same), or leave one out with the patterns under `trials`",
+            ));
+        }
+    }
+    Ok(())
 }

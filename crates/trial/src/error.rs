@@ -35,7 +35,7 @@ pub enum TrialError {
         found: String,
     },
     /// The sampling rate cannot be.
-    #[error("{trial}: {place}: sampling rate {found} Hz; expected a value above 0")]
+    #[error("{trial}: {place}: sampling rate {found} Hz; expected 0.001 to 1000000 Hz")]
     Rate {
         #[doc(hidden)]
         trial: String,

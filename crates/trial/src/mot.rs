@@ -1,9 +1,11 @@
 //! MOT and STO tables, and ground reaction forces in them, to [`Plate`]s (still in source axes).
 //!
 //! Both header styles are read: `key=value` lines and the older `name …`, `datacolumns …`; the table starts after `endheader`
-//! with a line of labels. Forces act at a point p and come with a free moment T: the moment about the world origin is p × F + T.
+//! with a line of labels. Stated counts and times are held against what is there ([`crate::rows`]): missing rows become missing samples, and a
+//! table that breaks off or is out of order is told at its line. Forces act at a point p and come with a free moment T: the moment about the world origin is p × F + T.
 
-use crate::trc::{rate_from_times, shorten};
+use crate::rows::{Clock, Ending, Source, Stamp, clock, decimals, ending};
+use crate::trc::shorten;
 use crate::{Plate, Trial, TrialError};
 use nalgebra::Vector3;
 
@@ -16,6 +18,14 @@ pub struct Table {
     pub columns: Vec<Vec<f64>>,
     /// Header lines before `endheader`.
     pub header: Vec<String>,
+    /// Line of each row in the text, counted from 1.
+    pub lines: Vec<usize>,
+    /// What was odd, in words: a table that breaks off, counts that contradict what is there.
+    pub warnings: Vec<String>,
+    /// Rows that the header states, and its line.
+    stated_rows: Option<(usize, usize)>,
+    /// Decimals of each row's time.
+    decimals: Vec<i32>,
 }
 
 impl Table {
@@ -37,7 +47,9 @@ impl Table {
             .take(10_000)
             .position(|l| l.trim().eq_ignore_ascii_case("endheader"))
             .ok_or_else(|| broken(0, lines.first().unwrap_or(&""), "a header that ends with `endheader`"))?;
-        let header = lines[..end].iter().map(|l| l.trim().to_owned()).collect();
+        let header: Vec<String> = lines[..end].iter().map(|l| l.trim().to_owned()).collect();
+        let stated_rows = stated(&header, &["nrows", "datarows"], &broken)?;
+        let stated_columns = stated(&header, &["ncolumns", "datacolumns"], &broken)?;
         let label_line = (end + 1..lines.len())
             .find(|&i| !lines[i].trim().is_empty())
             .ok_or_else(|| broken(end + 1, "", "a line of column labels"))?;
@@ -45,28 +57,144 @@ impl Table {
         if !labels.first().is_some_and(|l| l.eq_ignore_ascii_case("time")) {
             return Err(broken(label_line, lines[label_line], "column labels that begin with `time`"));
         }
-        let mut columns: Vec<Vec<f64>> = vec![Vec::new(); labels.len()];
-        for (index, line) in lines.iter().enumerate().skip(label_line + 1) {
-            if line.trim().is_empty() {
-                continue;
-            }
-            let mut cells = 0;
-            for cell in line.split_whitespace() {
-                let Some(column) = columns.get_mut(cells) else {
-                    return Err(broken(index, cell, &format!("{} columns", labels.len())));
-                };
-                match cell.parse::<f64>() {
-                    Ok(value) => column.push(if value.is_finite() { value } else { f64::NAN }),
-                    Err(_) => return Err(broken(index, cell, "a number")),
+        let mut out = Self {
+            columns: vec![Vec::new(); labels.len()],
+            labels,
+            header,
+            lines: Vec::new(),
+            warnings: Vec::new(),
+            stated_rows,
+            decimals: Vec::new(),
+        };
+        if let Some((stated, line)) = stated_columns.filter(|(n, _)| *n != out.labels.len()) {
+            out.warnings.push(format!(
+                "MOT line {line} states {stated} columns but line {} names {}; the names are used",
+                label_line + 1,
+                out.labels.len()
+            ));
+        }
+        let data: Vec<(usize, &str)> = lines
+            .iter()
+            .enumerate()
+            .skip(label_line + 1)
+            .filter(|(_, l)| !l.trim().is_empty())
+            .map(|(i, l)| (i, *l))
+            .collect();
+        let open_end = !text.ends_with(['\n', '\r']);
+        for (at, (index, line)) in data.iter().enumerate() {
+            let cut_here = open_end && at + 1 == data.len() && index + 1 == lines.len();
+            let mut row = match read_row(&broken, *index, line, out.labels.len()) {
+                Ok(row) => row,
+                // a last line that breaks off is what a copy that stopped early looks like
+                Err(_) if cut_here => {
+                    out.break_off(index + 1);
+                    continue;
                 }
-                cells += 1;
+                Err(e) => return Err(e),
+            };
+            if cut_here && !line.ends_with(char::is_whitespace) {
+                let last = line.split_whitespace().next_back().unwrap_or("");
+                match ending(last, data[..at].iter().filter_map(|(_, l)| l.split_whitespace().next_back())) {
+                    Ending::Whole => {}
+                    Ending::Cut => {
+                        out.break_off(index + 1);
+                        continue;
+                    }
+                    Ending::Doubtful => {
+                        if let Some(value) = row.iter_mut().skip(1).next_back() {
+                            *value = f64::NAN;
+                        }
+                        out.warnings.push(format!(
+                            "MOT line {}: the file ends without a line break, so its last number may be cut; it is left out",
+                            index + 1
+                        ));
+                    }
+                }
             }
-            if cells != labels.len() {
-                return Err(broken(index, &format!("{cells} columns"), &format!("{} columns", labels.len())));
+            out.decimals.push(line.split_whitespace().next().map_or(0, decimals));
+            out.lines.push(index + 1);
+            for (column, value) in out.columns.iter_mut().zip(row) {
+                column.push(value);
             }
         }
-        Ok(Self { labels, columns, header })
+        Ok(out)
     }
+
+    fn break_off(&mut self, line: usize) {
+        self.warnings.push(format!("MOT line {line}: the file ends inside this line; its row is left out"));
+    }
+
+    /// Places the rows in time and holds their number against the stated one.
+    fn clock(&self, trial: &str, warnings: &mut Vec<String>) -> Result<Clock, TrialError> {
+        let of = Source { trial, format: "MOT" };
+        let mut stamps = Vec::with_capacity(self.lines.len());
+        for ((line, time_s), decimals) in self.lines.iter().zip(&self.columns[0]).zip(&self.decimals) {
+            if !time_s.is_finite() {
+                return Err(of.wrong(*line, "a time that is no number", "a time in seconds"));
+            }
+            stamps.push(Stamp { line: *line, time_s: *time_s, decimals: *decimals, number: None });
+        }
+        let clock = clock(of, &stamps, None, warnings)?;
+        if let Some((stated, line)) = self.stated_rows
+            && stated != clock.n
+            && stated != stamps.len()
+        {
+            warnings.push(if clock.n < stated {
+                let last = self.lines.last().copied().unwrap_or(line);
+                format!(
+                    "{FORCES_TRUNCATED}{stated} rows stated (MOT line {line}), the file ends in row {} (line {last})",
+                    clock.n
+                )
+            } else {
+                format!("MOT line {line} states {stated} rows but {} are in the file; all are used", clock.n)
+            });
+        }
+        Ok(clock)
+    }
+}
+
+/// How the warning of forces begins that end before the stated number of rows.
+pub const FORCES_TRUNCATED: &str = "forces truncated: ";
+
+/// A count that the header states under one of these keys (`nRows=10`, `datarows 10`), and its line.
+fn stated(
+    header: &[String],
+    keys: &[&str],
+    broken: &impl Fn(usize, &str, &str) -> TrialError,
+) -> Result<Option<(usize, usize)>, TrialError> {
+    for (index, line) in header.iter().enumerate() {
+        let (key, value) = line.split_once('=').or_else(|| line.split_once(char::is_whitespace)).unwrap_or((line, ""));
+        if keys.iter().any(|k| key.trim().eq_ignore_ascii_case(k)) {
+            return match value.trim().parse::<usize>() {
+                Ok(count) => Ok(Some((count, index + 1))),
+                Err(_) => Err(broken(index, line, &format!("a whole number behind `{}`", key.trim()))),
+            };
+        }
+    }
+    Ok(None)
+}
+
+/// The numbers of a row; NaN for those that are none.
+fn read_row(
+    broken: &impl Fn(usize, &str, &str) -> TrialError,
+    index: usize,
+    line: &str,
+    width: usize,
+) -> Result<Vec<f64>, TrialError> {
+    let mut row = Vec::with_capacity(width);
+    for cell in line.split_whitespace() {
+        if row.len() == width {
+            return Err(broken(index, cell, &format!("{width} columns")));
+        }
+        match cell.parse::<f64>() {
+            Ok(value) => row.push(if value.is_finite() { value } else { f64::NAN }),
+            Err(_) => return Err(broken(index, cell, "a number")),
+        }
+    }
+    if row.len() != width {
+        return Err(broken(index, &format!("{} columns", row.len()), &format!("{width} columns")));
+    }
+    Ok(row)
 }
 
 /// What a ground reaction column holds.
@@ -129,15 +257,29 @@ pub(crate) fn read_ground_reactions(trial: &mut Trial, text: &str, first_frame_t
         };
         plates[slot].at[quantity as usize][axis] = Some(column);
     }
+    trial.warnings.extend(table.warnings.iter().cloned());
     let times = &table.columns[0];
     if times.is_empty() {
         trial.warnings.push("MOT holds no rows: no plates".to_owned());
         return Ok(());
     }
-    let rate_hz = rate_from_times(times, 0.0, "MOT", &mut trial.warnings);
+    let mut warnings = Vec::new();
+    let clock = table.clock(&trial.name, &mut warnings)?;
+    trial.warnings.append(&mut warnings);
+    let rate_hz = clock.rate_hz;
     if !(rate_hz > 0.0 && rate_hz.is_finite()) {
-        trial.warnings.push("MOT times do not increase: no plates".to_owned());
+        trial.warnings.push("MOT holds a single row, which has no rate: no plates".to_owned());
         return Ok(());
+    }
+    // the row of each sample; none where it is missing
+    let mut rows: Vec<Option<usize>> = vec![None; clock.n];
+    for (row, place) in clock.places.iter().enumerate() {
+        rows[*place] = Some(row);
+    }
+    let markers_end_s = first_frame_time_s + trial.markers.n_frames.saturating_sub(1) as f64 / trial.markers.rate_hz;
+    let early_s = markers_end_s - (times[0] + (clock.n - 1) as f64 / rate_hz);
+    if table.stated_rows.is_none() && early_s > 1.5 / trial.markers.rate_hz.min(rate_hz) {
+        trial.warnings.push(format!("MOT states no number of rows and ends {early_s:.3} s before the markers"));
     }
     let lead = (times[0] - first_frame_time_s) * rate_hz;
     let shift = lead.round();
@@ -148,8 +290,7 @@ pub(crate) fn read_ground_reactions(trial: &mut Trial, text: &str, first_frame_t
             (shift - lead) / rate_hz
         ));
     }
-    let limit =
-        10.0 * (table.columns[0].len() as f64 + trial.markers.n_frames as f64 * rate_hz / trial.markers.rate_hz);
+    let limit = 10.0 * (clock.n as f64 + trial.markers.n_frames as f64 * rate_hz / trial.markers.rate_hz);
     if shift.abs() > limit {
         trial.warnings.push(format!("MOT starts {:.1} s away from the markers: no plates", lead / rate_hz));
         return Ok(());
@@ -183,7 +324,6 @@ pub(crate) fn read_ground_reactions(trial: &mut Trial, text: &str, first_frame_t
                 ));
             }
         }
-        let rows = times.len();
         let (skip, pad) = if shift < 0.0 { ((-shift) as usize, 0) } else { (0, shift as usize) };
         let mut plate = Plate {
             name: if columns.key.is_empty() { "FP".to_owned() } else { columns.key.clone() },
@@ -192,7 +332,12 @@ pub(crate) fn read_ground_reactions(trial: &mut Trial, text: &str, first_frame_t
             force_n: vec![Vector3::repeat(f64::NAN); pad],
             moment_nm: vec![Vector3::repeat(f64::NAN); pad],
         };
-        for row in skip..rows {
+        for row in rows.iter().skip(skip) {
+            let Some(row) = *row else {
+                plate.force_n.push(Vector3::repeat(f64::NAN));
+                plate.moment_nm.push(Vector3::repeat(f64::NAN));
+                continue;
+            };
             let force_n = Vector3::new(table.columns[fx][row], table.columns[fy][row], table.columns[fz][row]);
             let point_m = vector(point, row) * scale;
             let free_nm = vector(moment, row) * scale;

@@ -1,5 +1,6 @@
 //! Choices of import that a pipeline may state, and the little reading helpers that all formats share.
 
+use crate::rows::RATES_HZ;
 use crate::world::{rotate, up_axis_from_plates};
 use crate::{Trial, TrialError, UpAxis};
 use serde::{Deserialize, Serialize};
@@ -114,7 +115,7 @@ pub(crate) fn require_content(trial: &Trial, found: impl FnOnce() -> String) -> 
     if trial.markers.n_frames == 0 {
         return Err(TrialError::NoFrames { trial: trial.name.clone() });
     }
-    if !(trial.markers.rate_hz > 0.0 && trial.markers.rate_hz.is_finite()) {
+    if !RATES_HZ.contains(&trial.markers.rate_hz) {
         return Err(TrialError::Rate { trial: trial.name.clone(), place: "markers", found: trial.markers.rate_hz });
     }
     Ok(())

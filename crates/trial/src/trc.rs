@@ -1,6 +1,10 @@
 //! TRC text (markers) to the marker part of a [`Trial`], still in source axes. Empty cells and `NaN` are missing.
+//!
+//! The stated counts, the frame numbers and the times are held against what is there ([`crate::rows`]): missing rows become missing frames, and
+//! a table that breaks off, is shifted or out of order is told at its line.
 
 use crate::options::{disambiguate, metres_per, split_prefix};
+use crate::rows::{Ending, RATES_HZ, Source, Stamp, clock, decimals, ending};
 use crate::{ImportOptions, Markers, Trial, TrialError};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
@@ -27,9 +31,19 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
     let values: Vec<&str> = lines.get(2).map(|l| l.split('\t').map(str::trim).collect()).unwrap_or_default();
     let header: BTreeMap<&str, &str> = keys.iter().copied().zip(values).collect();
     let rate_hz = match header.get("DataRate").map(|v| v.parse::<f64>()) {
-        Some(Ok(rate)) if rate > 0.0 && rate.is_finite() => rate,
-        _ => return Err(broken(2, header.get("DataRate").unwrap_or(&"nothing"), "a rate above 0 under `DataRate`")),
+        Some(Ok(rate)) if RATES_HZ.contains(&rate) => rate,
+        _ => {
+            let found = header.get("DataRate").unwrap_or(&"nothing");
+            return Err(broken(2, found, "a rate between 0.001 and 1000000 Hz under `DataRate`"));
+        }
     };
+    let count = |key: &str| -> Result<Option<usize>, TrialError> {
+        let Some(cell) = header.get(key) else { return Ok(None) };
+        let expected = format!("a whole number under `{key}`");
+        let number = cell.parse::<f64>().ok().filter(|n| n.fract() == 0.0 && (0.0..1e9).contains(n));
+        number.map(|n| Some(n as usize)).ok_or_else(|| broken(2, cell, &expected))
+    };
+    let (stated_frames, stated_markers) = (count("NumFrames")?, count("NumMarkers")?);
     let unit = options.point_unit.as_deref().or(header.get("Units").copied()).unwrap_or("");
     let metres = match metres_per(unit) {
         Some(metres) => metres,
@@ -45,10 +59,15 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
     if labels.is_empty() {
         return Err(TrialError::NoMarkers { trial: name, found: "no label on TRC line 4".to_owned() });
     }
-    if let Some(Ok(stated)) = header.get("NumMarkers").map(|v| v.parse::<usize>())
-        && stated != labels.len()
-    {
-        trial.warnings.push(format!("TRC states {stated} markers but names {}; the names are used", labels.len()));
+    if let Some(stated) = stated_markers.filter(|s| *s != labels.len()) {
+        trial.warnings.push(format!(
+            "TRC line 3 states {stated} markers (`NumMarkers`) but line 4 names {}; the names are used",
+            labels.len()
+        ));
+    }
+    let axes = lines.get(4).copied().unwrap_or("");
+    if axes.split('\t').next().is_some_and(|c| c.trim().parse::<f64>().is_ok()) {
+        return Err(broken(4, axes, "the line `X1 Y1 Z1 …` before the first frame"));
     }
     if options.strip_prefix {
         for label in &mut labels {
@@ -57,78 +76,151 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
     }
     disambiguate(&mut labels, &mut trial.warnings);
 
+    let mut warnings: Vec<String> = Vec::new();
     let n_markers = labels.len();
-    let mut tracks: Vec<Vec<Vector3<f64>>> = vec![Vec::new(); n_markers];
-    let mut times: Vec<f64> = Vec::new();
-    let mut first_frame = 1_u32;
-    let mut last_number: Option<i64> = None;
-    let mut lost = 0_usize;
-    for (index, line) in lines.iter().enumerate().skip(5) {
-        if line.trim().is_empty() {
-            continue;
-        }
-        let mut cells = line.split('\t').map(str::trim);
-        let number_cell = cells.next().unwrap_or("");
-        let number = match number_cell.parse::<f64>() {
-            Ok(number) if number.is_finite() && number.abs() < 1e12 => number as i64,
-            _ => return Err(broken(index, number_cell, "a frame number")),
-        };
-        let time_cell = cells.next().unwrap_or("");
-        let time = match time_cell.parse::<f64>() {
-            Ok(time) if time.is_finite() => time,
-            _ => return Err(broken(index, time_cell, "a time in seconds")),
-        };
-        match last_number {
-            None => first_frame = u32::try_from(number).unwrap_or(1),
-            // Lost rows are missing frames, so that the time base stays whole; beyond a bound the numbers mean something else.
-            Some(last) if number > last + 1 => {
-                let rows = (number - last - 1) as usize;
-                if rows <= 10 + times.len() {
-                    lost += rows;
-                    for row in 0..rows {
-                        times.push(time - (rows - row) as f64 / rate_hz);
-                        for track in &mut tracks {
-                            track.push(Vector3::repeat(f64::NAN));
+    let of = Source { trial: &trial.name, format: "TRC" };
+    let data: Vec<(usize, &str)> =
+        lines.iter().enumerate().skip(5).filter(|(_, l)| !l.trim().is_empty()).map(|(i, l)| (i, *l)).collect();
+    let open_end = !text.ends_with(['\n', '\r']);
+    let mut stamps: Vec<Stamp> = Vec::with_capacity(data.len());
+    let mut rows: Vec<Vec<Vector3<f64>>> = Vec::with_capacity(data.len());
+    let mut short: Option<(usize, usize, usize)> = None;
+    for (at, (index, line)) in data.iter().enumerate() {
+        let cut_here = open_end && at + 1 == data.len() && index + 1 == lines.len();
+        match read_row(&broken, *index, line, &labels, metres) {
+            // a last line that breaks off is what a copy that stopped early looks like
+            Ok(row) if cut_here && row.cells < 2 + 3 * n_markers => break_off(&mut warnings, index + 1),
+            Err(_) if cut_here => break_off(&mut warnings, index + 1),
+            Err(e) => return Err(e),
+            Ok(mut row) => {
+                if cut_here {
+                    let cells: Vec<&str> = line.split('\t').map(str::trim).collect();
+                    let last = (2..cells.len()).rev().find(|&c| !cells[c].is_empty());
+                    let above =
+                        |c: usize| data[..at].iter().filter_map(move |(_, l)| l.split('\t').nth(c).map(str::trim));
+                    match last.map(|c| (c, ending(cells[c], above(c)))) {
+                        // a tab behind the number closes it
+                        _ if line.ends_with('\t') => {}
+                        Some((_, Ending::Whole)) => {}
+                        Some((_, Ending::Cut)) => {
+                            break_off(&mut warnings, index + 1);
+                            continue;
                         }
+                        Some((c, Ending::Doubtful)) => {
+                            row.points[(c - 2) / 3].fill(f64::NAN);
+                            warnings.push(format!(
+                                "TRC line {}: the file ends without a line break, so its last number may be cut; that point is left out",
+                                index + 1
+                            ));
+                        }
+                        None => {}
                     }
                 }
-            }
-            Some(_) => {}
-        }
-        last_number = Some(number);
-        times.push(time);
-        for track in &mut tracks {
-            let mut point = Vector3::repeat(f64::NAN);
-            for axis in 0..3 {
-                let cell = cells.next().unwrap_or("");
-                if cell.is_empty() {
-                    continue;
+                if row.cells < 2 + 3 * n_markers {
+                    let (n, ..) = short.get_or_insert((0, index + 1, row.cells));
+                    *n += 1;
                 }
-                match cell.parse::<f64>() {
-                    Ok(value) if value.is_finite() => point[axis] = value * metres,
-                    Ok(_) => {}
-                    Err(_) => return Err(broken(index, cell, "a number or an empty cell")),
-                }
+                stamps.push(row.stamp);
+                rows.push(row.points);
             }
-            if point.iter().any(|x| x.is_nan()) {
-                point.fill(f64::NAN);
-            }
-            track.push(point);
-        }
-        if let Some(extra) = cells.find(|cell| !cell.is_empty()) {
-            return Err(broken(index, extra, &format!("{} columns", 2 + 3 * n_markers)));
         }
     }
-    if lost > 0 {
-        trial.warnings.push(format!("{lost} frames are not in the file; they are kept as missing"));
+    if let Some((n, line, cells)) = short {
+        warnings.push(format!(
+            "{n} TRC rows end early (the first is line {line}: {cells} of {} columns); the markers behind are missing there",
+            2 + 3 * n_markers
+        ));
+    }
+    let clock = clock(of, &stamps, Some(rate_hz), &mut warnings)?;
+    let last_line = stamps.last().map_or(5, |s| s.line);
+    match stated_frames {
+        None => warnings.push("TRC line 2 has no `NumFrames`: whether all frames are there is not known".to_owned()),
+        Some(stated) if clock.n < stated => warnings.push(format!(
+            "truncated: {stated} frames stated (TRC line 3), the file ends in frame {} (line {last_line})",
+            clock.n
+        )),
+        Some(stated) if stated != clock.n && stated != stamps.len() => warnings.push(format!(
+            "TRC line 3 states {stated} frames (`NumFrames`) but {} are in the file; all are used",
+            clock.n
+        )),
+        Some(_) => {}
+    }
+    let mut tracks: Vec<Vec<Vector3<f64>>> = vec![vec![Vector3::repeat(f64::NAN); clock.n]; n_markers];
+    for (place, points) in clock.places.iter().zip(&rows) {
+        for (track, point) in tracks.iter_mut().zip(points) {
+            track[*place] = *point;
+        }
     }
     if options.zero_is_missing {
         zeros_to_missing(&mut tracks);
     }
-    let n_frames = times.len();
-    let rate_hz = rate_from_times(&times, rate_hz, "TRC", &mut trial.warnings);
-    trial.markers = Markers { rate_hz, first_frame, n_frames, labels, trajectories: tracks };
-    Ok(times.first().copied().unwrap_or(0.0))
+    let first_frame = stamps.first().and_then(|s| u32::try_from(s.number?).ok()).unwrap_or(1);
+    trial.warnings.append(&mut warnings);
+    trial.markers = Markers { rate_hz: clock.rate_hz, first_frame, n_frames: clock.n, labels, trajectories: tracks };
+    Ok(stamps.first().map_or(0.0, |s| s.time_s))
+}
+
+fn break_off(warnings: &mut Vec<String>, line: usize) {
+    warnings.push(format!("TRC line {line}: the file ends inside this line; its row is left out"));
+}
+
+/// One row of the table.
+struct Row {
+    stamp: Stamp,
+    points: Vec<Vector3<f64>>,
+    /// Cells that belong to the table.
+    cells: usize,
+}
+
+fn read_row(
+    broken: &impl Fn(usize, &str, &str) -> TrialError,
+    index: usize,
+    line: &str,
+    labels: &[String],
+    metres: f64,
+) -> Result<Row, TrialError> {
+    let cells: Vec<&str> = line.split('\t').map(str::trim).collect();
+    let width = 2 + 3 * labels.len();
+    let cell = |i: usize| cells.get(i).copied().unwrap_or("");
+    let number = match cell(0).parse::<f64>() {
+        Ok(number) if number.fract() == 0.0 && number.abs() < 1e12 => number as i64,
+        _ => return Err(broken(index, cell(0), "a frame number")),
+    };
+    let time_s = match cell(1).parse::<f64>() {
+        Ok(time) if time.is_finite() => time,
+        _ => return Err(broken(index, cell(1), "a time in seconds")),
+    };
+    if let Some(extra) = cells.iter().skip(width).find(|c| !c.is_empty()) {
+        return Err(broken(index, extra, &format!("{width} columns")));
+    }
+    let held = cells.len().min(width);
+    if held < width && (held - 2) % 3 != 0 {
+        return Err(broken(index, &format!("{held} columns"), &format!("{width} columns")));
+    }
+    let mut points = Vec::with_capacity(labels.len());
+    for (m, label) in labels.iter().enumerate() {
+        let mut point = Vector3::repeat(f64::NAN);
+        let own = [cell(2 + 3 * m), cell(3 + 3 * m), cell(4 + 3 * m)];
+        let empty = own.iter().filter(|c| c.is_empty()).count();
+        if empty == 1 || empty == 2 {
+            // a lost cell shifts all that stands behind it
+            let found = format!("{} of 3 coordinates of {label}", 3 - empty);
+            return Err(broken(index, &found, "all three, or empty cells for a marker that was not seen"));
+        }
+        for (axis, text) in own.iter().enumerate().filter(|(_, c)| !c.is_empty()) {
+            match text.parse::<f64>() {
+                Ok(value) if value.is_finite() => point[axis] = value * metres,
+                Ok(_) => {}
+                Err(_) => return Err(broken(index, text, "a number or an empty cell")),
+            }
+        }
+        if point.iter().any(|x| x.is_nan()) {
+            point.fill(f64::NAN);
+        }
+        points.push(point);
+    }
+    let stamp = Stamp { line: index + 1, time_s, decimals: decimals(cell(1)), number: Some(number) };
+    Ok(Row { stamp, points, cells: held })
 }
 
 /// A marker at exactly (0, 0, 0) in some frames and elsewhere in others was not seen there.
@@ -141,26 +233,6 @@ fn zeros_to_missing(tracks: &mut [Vec<Vector3<f64>>]) {
             }
         }
     }
-}
-
-/// The stated rate, unless the time column says otherwise by more than half a percent.
-pub(crate) fn rate_from_times(times: &[f64], stated_hz: f64, place: &str, warnings: &mut Vec<String>) -> f64 {
-    if let (Some(first), Some(last)) = (times.first(), times.last())
-        && last > first
-    {
-        let measured_hz = (times.len() - 1) as f64 / (last - first);
-        if stated_hz <= 0.0 || (measured_hz / stated_hz - 1.0).abs() > 0.005 {
-            if stated_hz > 0.0 {
-                warnings.push(format!(
-                    "{place} states {stated_hz} Hz but its times run at {measured_hz:.3} Hz; the times are used"
-                ));
-            }
-            // Times are printed with few digits: a rate within 0.05 % of a whole number is that number.
-            let whole = measured_hz.round();
-            return if whole > 0.0 && (measured_hz / whole - 1.0).abs() < 5e-4 { whole } else { measured_hz };
-        }
-    }
-    stated_hz
 }
 
 /// Text for messages: one line, at most 40 characters, quoted.

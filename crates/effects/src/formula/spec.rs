@@ -79,6 +79,7 @@ pub struct FormulaPoint {
     pub link: String,
     /// Place in its frame, m; the link's centre of mass when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub position_m: Option<[f64; 3]>,
 }
 
@@ -103,9 +104,11 @@ pub struct FormulaCoefficient {
     pub unit: String,
     /// Smallest plausible value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = -1e15, max = 1e15))]
     pub lower: Option<f64>,
     /// Largest plausible value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = -1e15, max = 1e15))]
     pub upper: Option<f64>,
 }
 
@@ -118,11 +121,14 @@ pub struct FormulaParameter {
     /// SI unit.
     pub unit: String,
     /// Lower bound.
+    #[schemars(range(min = -1e15, max = 1e15))]
     pub lower: f64,
     /// Upper bound.
+    #[schemars(range(min = -1e15, max = 1e15))]
     pub upper: f64,
     /// Where the search begins; five values across the bounds when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = -1e15, max = 1e15))]
     pub start: Option<f64>,
 }
 
@@ -135,6 +141,7 @@ pub struct FormulaConstant {
     /// SI unit.
     pub unit: String,
     /// Value.
+    #[schemars(range(min = -1e30, max = 1e30))]
     pub value: f64,
 }
 

@@ -1,8 +1,10 @@
 //! BIDS-Motion, as a derived data set: `BIDS/sub-…/motion/sub-…_task-…_tracksys-optical_…_motion.tsv` without header, its columns named in
 //! `_channels.tsv`, rates and counts in `_motion.json`, flights and the recording's own events in `_events.tsv`.
 //!
-//! Trailing digits of a trial's name become the run (`jump01`: task jump, run 01). Missing values are `n/a`. BIDS knows no force plates, so
-//! forces are of type MISC.
+//! Trailing digits of a trial's name become the run (`jump01`: task jump, run 01). Labels of BIDS hold letters and digits only; what had to be dropped
+//! from a name stands behind `desc-aloft` (`throws_01`: task throws, run 01, `desc-aloft6u`: byte 6 was `_`; `d` for `-`, `p` for `.`, `s` for a
+//! blank, `x` with two hexadecimal digits for others), so that no two recordings share a name. Missing values are `n/a`. BIDS knows no force plates,
+//! so forces are of type MISC.
 
 use crate::channels::{Channel, channels};
 use crate::number::fixed;
@@ -23,19 +25,38 @@ fn pretty(value: &Value) -> String {
     format!("{value:#}\n")
 }
 
+/// Label of the subject: the study's name for it where there are several, which is that of no other.
 fn label(subject: &SubjectExport) -> String {
-    let id = subject.id.strip_prefix("sub-").unwrap_or(&subject.id);
-    names::bids(id)
+    match &subject.of_study[0] {
+        Some(name) => names::bids(name.strip_prefix("sub-").unwrap_or(name)),
+        None => {
+            let plain = names::alphanumeric(subject.id.strip_prefix("sub-").unwrap_or(&subject.id));
+            if plain.is_empty() { "01".to_owned() } else { plain }
+        }
+    }
 }
 
-/// `task-jump` and `run-01` of `jump01`.
+/// `task-jump` and the files' common beginning, with `run-01`, of `jump01`.
 fn entities(subject: &SubjectExport, trial: &TrialExport) -> (String, String) {
     let stem = trial.name.trim_end_matches(|c: char| c.is_ascii_digit());
     let run = &trial.name[stem.len()..];
-    let task = names::bids(if stem.is_empty() { &trial.name } else { stem });
+    let task = names::alphanumeric(if stem.is_empty() { &trial.name } else { stem });
+    // no task of other names is `0` where the same bytes were dropped
+    let task = if task.is_empty() { "0".to_owned() } else { task };
     let sub = label(subject);
     let run = if run.is_empty() || stem.is_empty() { String::new() } else { format!("_run-{run}") };
-    let base = format!("BIDS/sub-{sub}/motion/sub-{sub}_task-{task}_tracksys-optical{run}_desc-aloft");
+    let ses = subject.of_study[1].as_ref().map(|s| names::bids(s.strip_prefix("ses-").unwrap_or(s)));
+    let (folder, of) = ses.map_or_else(
+        || (format!("sub-{sub}"), format!("sub-{sub}")),
+        |ses| (format!("sub-{sub}/ses-{ses}"), format!("sub-{sub}_ses-{ses}")),
+    );
+    let lost = names::dropped(&trial.name);
+    let (task, run, lost) = if task.len() + run.len() + lost.len() > 80 {
+        (task[..task.len().min(20)].to_owned(), String::new(), names::hashed(&trial.name))
+    } else {
+        (task, run, lost)
+    };
+    let base = format!("BIDS/{folder}/motion/{of}_task-{task}_tracksys-optical{run}_desc-aloft{lost}");
     (task, base)
 }
 

@@ -16,7 +16,7 @@ pub static FORMAT: Format = Format {
 fn write(subject: &SubjectExport, trial: &TrialExport) -> Result<Vec<OutFile>, ExportError> {
     let channels = channels(subject, trial);
     let quoted = |heading: String| {
-        if heading.contains([',', '"']) { format!("\"{}\"", heading.replace('"', "\"\"")) } else { heading }
+        if heading.contains([',', '"', '\n', '\r']) { format!("\"{}\"", heading.replace('"', "\"\"")) } else { heading }
     };
     let mut text = "frame,time [s],in_flight".to_owned();
     for channel in &channels {

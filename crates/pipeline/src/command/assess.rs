@@ -137,7 +137,7 @@ pub fn assess(study: &Study) -> Result<Assessment, PipelineError> {
     let of = identification(&ws).ok_or_else(|| {
         PipelineError::request_hint(
             format!("nothing was identified in {}", study.workspace.display()),
-            format!("run `aloft run {}` first", study.config_path.display()),
+            format!("run `aloft run {}` first", crate::quote::path(&study.config_path)),
         )
     })?;
     let found = with_job(study, |job| {

@@ -1,7 +1,8 @@
 //! `check`: configuration, labels and files; changes nothing.
 
 use crate::error::PipelineError;
-use crate::stages::import::{abridged, read_recording};
+use crate::stages::filter::low_pass;
+use crate::stages::import::{abridged, holds_enough, read_recording};
 use crate::study::{Role, Study};
 use aloft_trial::{QualityOptions, Severity, apply_marker_set, assess};
 use rayon::prelude::*;
@@ -66,6 +67,11 @@ pub fn check(study: &Study) -> Result<Check, PipelineError> {
                     return row;
                 }
             };
+            if let Err(failure) = holds_enough(study, entry, &trial) {
+                row.broken = true;
+                row.remarks.push(failure.problem);
+                return row;
+            }
             let matched = apply_marker_set(&mut trial, &study.marker_set, &study.import_of(Some(entry)).aliases);
             let quality = assess(&trial, Some(&matched), &[], &[], &QualityOptions::default());
             row.frames = Some(trial.markers.n_frames);
@@ -74,6 +80,12 @@ pub fn check(study: &Study) -> Result<Check, PipelineError> {
             row.plates = Some(trial.plates.len());
             row.broken =
                 matched.present.is_empty() || quality.reasons.iter().any(|r| r.severity() == Severity::Unusable);
+            if entry.role.is_dynamic()
+                && let Err(e) = low_pass(study).describe(trial.markers.rate_hz)
+            {
+                row.broken = true;
+                row.remarks.push(format!("`filter`: {e}"));
+            }
             row.remarks.extend(trial.warnings.iter().cloned());
             row.remarks
                 .extend(quality.reasons.iter().filter(|r| r.severity() != Severity::Note).map(ToString::to_string));

@@ -92,7 +92,7 @@ pub fn compare(study: &Study) -> Result<ComparisonView, PipelineError> {
     if !path.is_file() {
         return Err(PipelineError::request_hint(
             format!("nothing was compared in {}", study.workspace.display()),
-            format!("run `aloft run {}` first", study.config_path.display()),
+            format!("run `aloft run {}` first", crate::quote::path(&study.config_path)),
         ));
     }
     let comparison: Comparison = read_json(&path)?;

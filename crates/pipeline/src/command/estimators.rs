@@ -130,7 +130,7 @@ pub(crate) fn with_job<T>(
     if ready.is_empty() {
         return Err(PipelineError::request_hint(
             format!("no trial in {} has rows", study.workspace.display()),
-            format!("run `aloft run {}` first", study.config_path.display()),
+            format!("run `aloft run {}` first", crate::quote::path(&study.config_path)),
         ));
     }
     let out = ws.place("identify", WHOLE_STUDY);

@@ -2,6 +2,7 @@
 
 use crate::catalog;
 use crate::error::PipelineError;
+use crate::quote;
 use crate::stages::import::read_file;
 use crate::studies::guess_subjects;
 use crate::study::{bids_beside, is_bids, recordings_below, stem_of};
@@ -87,19 +88,19 @@ fn folder_patterns(names: &[String]) -> Vec<String> {
     patterns.sort();
     patterns.dedup();
     if patterns.len() == 1 && patterns.iter().all(|p| !p.is_empty()) && names.len() > 1 {
-        patterns.iter().map(|p| format!("{p}*")).collect()
+        patterns.iter().map(|p| format!("{}*", quote::pattern(p))).collect()
     } else {
-        names.to_vec()
+        names.iter().map(|n| quote::pattern(n)).collect()
     }
 }
 
 /// The pattern of all recordings that are called like this one: its BIDS task, or its name without the number at the end.
 fn name_pattern(stem: &str) -> String {
     if let Some(task) = stem.split('_').find(|p| p.starts_with("task-")) {
-        return format!("**/*{task}*");
+        return format!("**/*{}*", quote::pattern(task));
     }
     let base = stem.trim_end_matches(|c: char| c.is_ascii_digit());
-    format!("**/{}*", if base.is_empty() { stem } else { base })
+    format!("**/{}*", quote::pattern(if base.is_empty() { stem } else { base }))
 }
 
 fn look(folder: &Path, layout: &Layout, files: &[PathBuf]) -> (Vec<Seen>, Vec<String>) {
@@ -205,14 +206,14 @@ fn list(names: &[&Seen], layout: &Layout) -> String {
         .iter()
         .map(|s| {
             if layout.subjects.is_empty() {
-                format!("\"{}\"", s.relative)
+                quote::yaml_quoted(&quote::pattern(&s.relative))
             } else {
                 let ending = if is_bids(Path::new(&s.relative)) {
                     "_motion.tsv".to_owned()
                 } else {
                     format!(".{}", s.relative.rsplit('.').next().unwrap_or("c3d"))
                 };
-                format!("\"{}{ending}\"", name_pattern(&s.stem))
+                quote::yaml_quoted(&format!("{}{ending}", name_pattern(&s.stem)))
             }
         })
         .collect();
@@ -276,9 +277,10 @@ fn write(
         let _ = writeln!(t, "{s}");
     };
     line("# Written by `aloft init`. Look through it, then:".to_owned());
-    line(format!("#   aloft check {0}\n#   aloft run {0}", target.display()));
+    let path = quote::visible(&quote::path(target));
+    line(format!("#   aloft check {path}\n#   aloft run {path}"));
     line(format!("name: {}", name.replace(|c: char| !c.is_alphanumeric() && c != '-' && c != '_', "_")));
-    line(format!("data: {}", serde_yaml::to_string(&data).unwrap_or(data).trim()));
+    line(format!("data: {}", quote::yaml(&data)));
     line(format!(
         "# {n_files} recordings at {} Hz; up to {plates} force plates",
         rates.into_iter().collect::<Vec<_>>().join(", "),
@@ -288,12 +290,13 @@ fn write(
         shares(seen.iter().map(|s| if s.unit.is_empty() {
             "no stated unit (read as mm)".to_owned()
         } else {
-            s.unit.clone()
+            quote::visible(&s.unit)
         })),
         shares(seen.iter().map(|s| up_axis(&s.trial)))
     ));
     if !layout.subjects.is_empty() {
-        line(format!("# {} subjects: {}", layout.subjects.len(), crate::stages::import::abridged(&layout.subjects)));
+        let names = quote::visible(&crate::stages::import::abridged(&layout.subjects));
+        line(format!("# {} subjects: {names}", layout.subjects.len()));
         line("subjects:".to_owned());
         line(format!("  folders: {}", yaml_list(&folder_patterns(&layout.subjects))));
         if layout.sessions.is_empty() {
@@ -325,7 +328,7 @@ fn write(
         None if !layout.subjects.is_empty() => {
             line(format!(
                 "# body masses are not known: put {} beside the subjects' folders,",
-                folder.join("participants.tsv").display()
+                quote::visible(&folder.join("participants.tsv").display().to_string())
             ));
             line("# with the columns (between tabs) participant_id, sex, height (m), mass (kg)".to_owned());
         }
@@ -344,13 +347,13 @@ fn write(
     {
         line(format!(
             "  # no static trial was found: quiet frames of a dynamic trial can serve\n  static_frames: {{trial: {}, first: 1, last: 30}}",
-            first.stem
+            quote::yaml(&first.stem)
         ));
     }
     if !broken.is_empty() {
         line("  # could not be read:".to_owned());
         for b in broken {
-            line(format!("  #   {}", b.replace('\n', " ")));
+            line(format!("  #   {}", quote::visible(b)));
         }
     }
     line("import:".to_owned());
@@ -362,7 +365,7 @@ fn write(
 }
 
 fn yaml_list(names: &[String]) -> String {
-    format!("[{}]", names.iter().map(|n| format!("\"{n}\"")).collect::<Vec<_>>().join(", "))
+    format!("[{}]", names.iter().map(|n| quote::yaml_quoted(n)).collect::<Vec<_>>().join(", "))
 }
 
 /// The folder relative to the pipeline file where that is a plain path, absolute otherwise.

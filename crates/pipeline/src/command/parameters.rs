@@ -7,6 +7,7 @@ use crate::stages::identify::file_name;
 use crate::study::Study;
 use crate::workspace::{WHOLE_STUDY, Workspace, read_json};
 use aloft_identify::Parameters;
+pub use aloft_identify::half_of;
 use serde::Serialize;
 
 /// The parameters with a version of the structure.
@@ -32,7 +33,7 @@ pub fn parameters(study: &Study, rows: Option<Rows>) -> Result<ParametersView, P
     if !path.is_file() {
         return Err(PipelineError::request_hint(
             format!("nothing was identified from {} rows in {}", rows.word(), study.workspace.display()),
-            format!("run `aloft run {}` first", study.config_path.display()),
+            format!("run `aloft run {}` first", crate::quote::path(&study.config_path)),
         ));
     }
     let parameters: Parameters = read_json(&path)?;

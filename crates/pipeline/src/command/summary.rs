@@ -3,6 +3,7 @@
 use crate::error::PipelineError;
 use crate::graph::{Manifests, Scope};
 use crate::qc::{QcLevel, QcReason};
+use crate::quote::{self, visible};
 use crate::stages::STAGES;
 use crate::studies::StudySet;
 use crate::study::{Role, Study, StudyId, TrialEntry};
@@ -100,18 +101,15 @@ pub struct SummaryRow {
     pub again: Option<String>,
 }
 
-/// The command that repeats one trial (or one session's study-wide stages); `words` name pipeline and folders.
+/// The command that repeats just one trial (or one session's study-wide stages), for a shell; `words` name pipeline and folders.
 pub fn again(words: &str, id: &StudyId, trial: &str) -> String {
-    let mut command = format!("aloft run {words}");
-    for (flag, value) in [("subject", &id.subject), ("session", &id.session)] {
-        if let Some(value) = value {
-            command.push_str(&format!(" --{flag} {value}"));
-        }
+    let mut chosen = Vec::new();
+    let trial = (trial != WHOLE_STUDY).then(|| trial.to_owned());
+    for (flag, name) in [("subject", &id.subject), ("session", &id.session), ("trial", &trial)] {
+        chosen.extend(name.iter().flat_map(|n| quote::option(flag, &quote::pattern(n))));
     }
-    if trial != WHOLE_STUDY {
-        command.push_str(&format!(" --trial {trial}"));
-    }
-    command
+    let chosen = quote::line(chosen);
+    format!("aloft run {words}{}{chosen}", if chosen.is_empty() { "" } else { " " })
 }
 
 /// Gathers the table from what the stages left; `words` name pipeline and folders in the commands that repeat a trial.
@@ -372,16 +370,16 @@ impl Summary {
         ]);
         let mut table: Vec<Vec<String>> = vec![header.into_iter().map(str::to_owned).collect()];
         for r in &self.rows {
-            let mut cells = vec![r.subject.clone()];
+            let mut cells = vec![visible(&r.subject)];
             if several {
-                cells.push(r.session.clone().unwrap_or_default());
+                cells.push(visible(r.session.as_deref().unwrap_or_default()));
             }
             let markers = match (r.markers, r.missing_markers) {
                 (Some(m), Some(n)) => format!("{m}/{}", m + n),
                 _ => "–".to_owned(),
             };
             cells.extend([
-                r.trial.clone(),
+                visible(&r.trial),
                 r.role.clone(),
                 markers,
                 r.gaps.map_or("–".to_owned(), |n| n.to_string()),

@@ -1,6 +1,10 @@
 //! `workflow`: the stage graph as a Snakefile. Each stage of each trial is a job on one shared folder of results; factors merge in a tree;
 //! the same file runs on the cores of one machine and through Snakemake's executors on a cluster.
 //!
+//! The Snakefile is the same for every study. Everything that a user named stands in a JSON file beside it (`Snakefile.json`), which is read as
+//! data: names of recordings, subjects and folders may hold anything. Marks of finished jobs carry names in the spelling of exported files
+//! ([`aloft_export::names::file`]), in which no two names are the same.
+//!
 //! Snakemake decides by times which jobs to start, the jobs decide by content what there is to do: a job whose result is up to date ends
 //! at once. A trial that cannot be used is recorded as such, its jobs end well, and the study goes on without it; the last job of the
 //! workflow names it and fails. A job that was killed leaves no mark and runs again with the next call.
@@ -8,9 +12,11 @@
 use crate::error::{PipelineError, StageFailure};
 use crate::graph::{self, Manifests, Need, Scope, Stage, Standing};
 use crate::merge;
+use crate::quote;
 use crate::stages::STAGES;
 use crate::study::{Role, Study, TrialEntry};
-use crate::workspace::{WHOLE_STUDY, Workspace};
+use crate::workspace::{MARKER, WHOLE_STUDY, Workspace, write_json_whole, write_whole};
+use aloft_export::names;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -18,12 +24,26 @@ use std::path::{Path, PathBuf};
 /// One subject's session of a workflow.
 #[derive(Debug)]
 pub struct Member<'a> {
-    /// Name in paths and messages: `sub-01_ses-1`, or the study's name where there is one only.
-    pub name: String,
-    /// Words that choose it on the command line.
-    pub words: Vec<String>,
     /// Its recordings.
     pub study: &'a Study,
+}
+
+impl Member<'_> {
+    /// Name in paths: `sub-01~ses-1`, or the study's name where there is one only. Parts hold no `~`.
+    fn key(&self) -> String {
+        let id = &self.study.id;
+        let parts: Vec<String> = [&id.subject, &id.session].into_iter().flatten().map(|n| names::file(n)).collect();
+        if parts.is_empty() { names::file(&self.study.config.name) } else { parts.join("~") }
+    }
+
+    /// Words that choose it on the command line.
+    fn words(&self) -> Vec<String> {
+        let id = &self.study.id;
+        [("subject", &id.subject), ("session", &id.session)]
+            .into_iter()
+            .flat_map(|(flag, name)| name.iter().flat_map(move |n| quote::option(flag, &quote::pattern(n))))
+            .collect()
+    }
 }
 
 /// How jobs call the program.
@@ -77,7 +97,7 @@ fn ends(study: &Study) -> Vec<String> {
     };
     let all = STAGES.iter().flat_map(|s| s.tasks(study).into_iter().map(|t| (s.name, t)));
     all.filter(|(name, t)| !read(name, *t))
-        .map(|(name, t)| format!("{name}/{}", t.map_or(WHOLE_STUDY, |t| t.name.as_str())))
+        .map(|(name, t)| format!("{name}/{}", t.map_or(WHOLE_STUDY.to_owned(), |t| names::file(&t.name))))
         .collect()
 }
 
@@ -88,15 +108,19 @@ fn plan(member: &Member<'_>) -> Value {
         .map(|t| {
             let files: Vec<String> =
                 std::iter::once(&t.file).chain(&t.forces).chain(&t.beside).map(|p| p.display().to_string()).collect();
-            (t.name.clone(), json!({"role": t.role.word(), "files": files}))
+            let choice = quote::option("trial", &quote::pattern(&t.name));
+            (names::file(&t.name), json!({"role": t.role.word(), "files": files, "choice": choice}))
         })
         .collect();
     let hashes: serde_json::Map<String, Value> =
         STAGES.iter().map(|s| (s.name.to_owned(), json!(seen(s, study)))).collect();
+    let identify: Vec<String> =
+        study.included().filter(|t| t.role == Role::Identify).map(|t| names::file(&t.name)).collect();
     json!({
-        "words": member.words,
+        "words": member.words(),
         "trials": trials,
-        "static_frames": study.config.trials.static_frames.as_ref().map(|f| f.trial.clone()),
+        "identify": identify,
+        "static_frames": study.config.trials.static_frames.as_ref().map(|f| names::file(&f.trial)),
         "seen": hashes,
         "merge": merge::Tree::of(study).levels(),
         "ends": ends(study),
@@ -118,7 +142,7 @@ fn inputs(stage: &Stage) -> Vec<String> {
     let mut out = Vec::new();
     for need in stage.needs {
         match need {
-            Need::Recording => out.push("lambda w: STUDIES[w.study][\"trials\"][w.trial][\"files\"]".to_owned()),
+            Need::Recording => out.push("recordings".to_owned()),
             Need::Same(name) => out.push(format!("MARKS + \"/{{study}}/{name}/{{trial}}.done\"")),
             Need::Once(name) => out.push(format!("MARKS + \"/{{study}}/{name}/_study.done\"")),
             // what stands behind the root of the merge tree need not be named one by one
@@ -140,7 +164,7 @@ fn rule(stage: &Stage) -> String {
     let mut out = String::new();
     let whole = roles(stage).is_none();
     let trial = if whole { "_study" } else { "{trial}" };
-    let choice = if whole { "" } else { " --trial {params.trial:q}" };
+    let choice = if whole { "" } else { " {params.choice:q}" };
     let _ = writeln!(out, "rule {}:", stage.name);
     let _ = writeln!(out, "    input:");
     for input in inputs(stage) {
@@ -151,7 +175,10 @@ fn rule(stage: &Stage) -> String {
     let _ = writeln!(out, "    params:");
     let _ = writeln!(out, "        words=lambda w: STUDIES[w.study][\"words\"],");
     if !whole {
-        let _ = writeln!(out, "        trial=lambda w: glob.escape(w.trial),");
+        let _ = writeln!(out, "        choice=lambda w: STUDIES[w.study][\"trials\"][w.trial][\"choice\"],");
+    }
+    if stage.needs.contains(&Need::Recording) {
+        let _ = writeln!(out, "        stamps=stamps,");
     }
     let _ = writeln!(out, "        seen=lambda w: STUDIES[w.study][\"seen\"][{}],", python(stage.name));
     if let Some(group) = group(stage) {
@@ -176,48 +203,86 @@ fn verdict_name(chosen: &[String]) -> String {
     format!("verdict_{}", &hash[..8])
 }
 
-/// The Snakefile of a study.
-pub fn snakefile(members: &[Member<'_>], call: &Call) -> Result<String, PipelineError> {
+/// What the Snakefile reads: everything that has a name.
+pub fn plan_of(members: &[Member<'_>], call: &Call) -> Result<Value, PipelineError> {
     let text = std::fs::read_to_string(&call.pipeline).map_err(PipelineError::io("read", &call.pipeline))?;
-    let studies: serde_json::Map<String, Value> = members.iter().map(|m| (m.name.clone(), plan(m))).collect();
-    let studies = serde_json::to_string_pretty(&studies)
-        .map_err(|e| PipelineError::request(format!("the plan cannot be written: {e}")))?;
-    let pipeline = call.pipeline.display().to_string();
+    let workspace = call.workspace.display().to_string();
+    if workspace.contains(|c: char| "{}".contains(c) || c.is_control()) {
+        return Err(PipelineError::request_hint(
+            format!(
+                "{}: Snakemake reads braces and line breaks in a folder of results as its own",
+                quote::visible(&workspace)
+            ),
+            "give --workspace a folder without them",
+        ));
+    }
+    let studies: serde_json::Map<String, Value> = members.iter().map(|m| (m.key(), plan(m))).collect();
+    Ok(json!({
+        "written_by": WRITTEN_BY,
+        "pipeline": quote::argument(&call.pipeline),
+        "pipeline_text": text,
+        "folders": call.words,
+        "chosen": call.chosen,
+        "verdict": verdict_name(&call.chosen),
+        "workspace": workspace,
+        "studies": studies,
+    }))
+}
+
+/// How our files begin, and what the plan says of itself.
+const WRITTEN_BY: &str = "Written by `aloft workflow";
+
+/// The Snakefile, the same for every study.
+pub fn snakefile() -> String {
     let mut out = String::new();
     let _ = write!(
         out,
-        r#"# Written by `aloft workflow {pipeline} --engine snakemake`. Write it again when recordings come or go, or when the pipeline changes.
+        r#"# {WRITTEN_BY}`, with the file of the same name and the ending `.json` beside it, which holds the study: names are data. Keep both together, and
+# write them again when recordings come or go, or when the pipeline changes.
 #
 #   snakemake -s Snakefile --cores 8 --keep-going               on the cores of this machine
 #   snakemake -s Snakefile --jobs 100 --keep-going --executor slurm --default-resources mem_mb=1000 runtime=10
 #
 # Each stage of each trial is a job on the shared folder of results; stages of one trial travel to a cluster together (groups). A trial that
 # cannot be used is recorded and left out; the last job, `verdict`, names it and fails. Killed jobs run again with the next call.
-import glob
 import json
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
 
+PLAN = json.loads(Path(workflow.snakefile + ".json").read_text(encoding="utf-8"))
 ALOFT = config.get("aloft", "aloft")  # --config aloft=/path/to/aloft
 THREADS = int(config.get("threads", 2))  # of jobs for a whole study
-PIPELINE = {pipeline}
-FOLDERS = {folders}
-CHOSEN = {chosen}  # subjects and sessions of this file, all where empty
-WORKSPACE = Path({workspace})
+PIPELINE = PLAN["pipeline"]
+FOLDERS = PLAN["folders"]
+CHOSEN = PLAN["chosen"]  # subjects and sessions of this file, all where empty
+STUDIES = PLAN["studies"]
+WORKSPACE = Path(PLAN["workspace"])
 MARKS = (WORKSPACE / ".workflow").as_posix()
 
-if Path(PIPELINE).read_text(encoding="utf-8") != {text}:
-    raise WorkflowError(f"{{PIPELINE}} changed: write this file again with `aloft workflow {{PIPELINE}} --engine snakemake`")
+if Path(PIPELINE).read_bytes() != PLAN["pipeline_text"].encode("utf-8"):
+    raise WorkflowError("the pipeline changed: write this file again with `aloft workflow`")
 
 # a new folder of results says what it is before Snakemake puts marks into it
 WORKSPACE.mkdir(parents=True, exist_ok=True)
 if not any(WORKSPACE.iterdir()):
     (WORKSPACE / {marker}).write_text("Results of aloft. Everything here can be made again from the recordings.\n")
 
-STUDIES = json.loads(r'''
-{studies}
-''')
+
+def plain(path):
+    """Snakemake reads braces in a name as a wildcard."""
+    return path.isprintable() and "{{" not in path and "}}" not in path and path == path.strip()
+
+
+def recordings(w):
+    """Files of a trial whose changes Snakemake sees by their times."""
+    return [f for f in STUDIES[w.study]["trials"][w.trial]["files"] if plain(f)]
+
+
+def stamps(w):
+    """Size and time of files that cannot be named as inputs: a job runs again when these change."""
+    odd = [Path(f) for f in STUDIES[w.study]["trials"][w.trial]["files"] if not plain(f)]
+    return [f"{{f.stat().st_size}} {{f.stat().st_mtime_ns}}" for f in odd if f.exists()]
 
 
 def every_end(w):
@@ -243,8 +308,7 @@ def merge_node(w):
     if level > 1:
         below = study["merge"][level - 2]
         return [f"{{MARKS}}/{{w.study}}/merge/{{level - 1}}-{{i}}.done" for i in range(first, min(last, below))]
-    names = sorted(n for n, t in study["trials"].items() if t["role"] == "identify")
-    return [f"{{MARKS}}/{{w.study}}/regressor/{{n}}.done" for n in names[first:last]]
+    return [f"{{MARKS}}/{{w.study}}/regressor/{{n}}.done" for n in study["identify"][first:last]]
 
 
 def root_of_merges(w):
@@ -268,19 +332,13 @@ rule verdict:
     input:
         every_end,
     output:
-        touch(MARKS + "/{verdict}.done"),
+        touch(MARKS + "/" + PLAN["verdict"] + ".done"),
     shell:
         "{{ALOFT}} workflow {{PIPELINE:q}} {{FOLDERS:q}} {{CHOSEN:q}} --verdict"
 
 
 "#,
-        pipeline = python(&pipeline),
-        folders = json!(call.words),
-        chosen = json!(call.chosen),
-        verdict = verdict_name(&call.chosen),
-        workspace = python(&call.workspace.display().to_string()),
-        marker = python("ALOFT_WORKSPACE.txt"),
-        text = python(&text),
+        marker = python(MARKER),
         fan_in = merge::FAN_IN,
     );
     for stage in STAGES {
@@ -291,7 +349,7 @@ rule verdict:
             out.push('\n');
         }
     }
-    Ok(out.trim_end().to_owned() + "\n")
+    out.trim_end().to_owned() + "\n"
 }
 
 const MERGE_RULE: &str = r#"rule merge:
@@ -310,18 +368,32 @@ const MERGE_RULE: &str = r#"rule merge:
 
 "#;
 
-/// Writes the Snakefile; nothing else that a user placed is overwritten.
+/// Where the study of a Snakefile stands.
+pub fn plan_path(snakefile: &Path) -> PathBuf {
+    let mut name = snakefile.as_os_str().to_owned();
+    name.push(".json");
+    PathBuf::from(name)
+}
+
+/// Writes the Snakefile and its study; nothing else that a user placed is overwritten.
 pub fn write(members: &[Member<'_>], call: &Call, out: &Path) -> Result<(), PipelineError> {
-    let text = snakefile(members, call)?;
-    if let Ok(old) = std::fs::read_to_string(out)
-        && !old.starts_with("# Written by `aloft workflow")
-    {
-        return Err(PipelineError::request_hint(
-            format!("{} is there already, and not by this command", out.display()),
-            "give another name with --out; nothing is overwritten",
-        ));
+    let plan = plan_of(members, call)?;
+    let beside = plan_path(out);
+    for path in [out, beside.as_path()] {
+        let ours = |old: &[u8]| {
+            let text = String::from_utf8_lossy(old);
+            let json = || serde_json::from_str::<Value>(&text).is_ok_and(|v| v["written_by"] == WRITTEN_BY);
+            text.starts_with(&format!("# {WRITTEN_BY}")) || json()
+        };
+        if path.exists() && !std::fs::read(path).is_ok_and(|old| ours(&old)) {
+            return Err(PipelineError::request_hint(
+                format!("{} is there already, and not by this command", path.display()),
+                "give another name with --out; nothing is overwritten",
+            ));
+        }
     }
-    std::fs::write(out, text).map_err(PipelineError::io("write", out))
+    write_json_whole(&beside, &plan)?;
+    write_whole(out, snakefile().as_bytes())
 }
 
 /// A result that a finished workflow does not have.

@@ -5,6 +5,7 @@ use crate::config::Vertical;
 use crate::error::{PipelineError, StageFailure};
 use crate::graph::{Done, Job, Need, Scope, Stage};
 use crate::qc::QcReason;
+use crate::quote;
 use crate::study::{Role, Study, TrialEntry, bids_beside};
 use crate::workspace::write_json;
 use aloft_trial::{
@@ -55,8 +56,8 @@ pub fn read_recording(study: &Study, entry: &TrialEntry) -> Result<Trial, StageF
     read_file(&entry.name, &entry.file, entry.forces.as_deref(), &options)
 }
 
-fn unreadable(file: &std::path::Path, error: &aloft_trial::TrialError) -> StageFailure {
-    let name = crate::study::stem_of(file);
+fn unreadable(name: &str, file: &std::path::Path, error: &aloft_trial::TrialError) -> StageFailure {
+    let name = quote::yaml(&quote::pattern(name));
     StageFailure::with_hint(
         format!("{}: {error}", file.display()),
         format!(
@@ -73,7 +74,7 @@ pub fn read_file(
     forces: Option<&std::path::Path>,
     options: &ImportOptions,
 ) -> Result<Trial, StageFailure> {
-    let label = |e: aloft_trial::TrialError| unreadable(file, &e);
+    let label = |e: aloft_trial::TrialError| unreadable(name, file, &e);
     if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("trc")) {
         let text = |p: &std::path::Path| {
             std::fs::read(p).map(|b| String::from_utf8_lossy(&b).into_owned()).map_err(PipelineError::io("read", p))
@@ -113,7 +114,7 @@ fn read_bids(name: &str, file: &std::path::Path, options: &ImportOptions) -> Res
     let (motion, channels) = (lossy(file)?, lossy(channels)?);
     let rate_hz = json("_motion.json")?.get("SamplingFrequency").and_then(serde_json::Value::as_f64);
     let source = BidsMotion { motion: &motion, channels: &channels, rate_hz, spatial_axes: axes };
-    let mut trial = Trial::from_bids_motion(name, &source, options).map_err(|e| unreadable(file, &e))?;
+    let mut trial = Trial::from_bids_motion(name, &source, options).map_err(|e| unreadable(name, file, &e))?;
     if let Some(scans) = ending("_scans.tsv") {
         trial.recorded = acquired(&lossy(scans)?, file);
     }
@@ -137,15 +138,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let mut trial = read_recording(study, entry)?;
     let import = study.import_of(Some(entry));
     let held = held_fraction(&trial);
-    if let Some((held, stated)) = held
-        && (held as f64) < import.least_fraction * stated as f64
-    {
-        return Err(StageFailure::with_hint(
-            format!("{}: a broken copy: {held} of the {stated} frames that it states are in it", entry.file.display()),
-            "copy the recording again, or set `import: {least_fraction: …}` to use what is there",
-        )
-        .because(QcReason::TruncatedFile));
-    }
+    holds_enough(study, entry, &trial)?;
     let matched = apply_marker_set(&mut trial, &study.marker_set, &import.aliases);
     if matched.present.is_empty() {
         return Err(StageFailure::with_hint(
@@ -195,6 +188,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let mut reasons: Vec<QcReason> =
         quality.reasons.iter().filter(|r| r.severity() != Severity::Note).map(QcReason::from).collect();
     reasons.extend(held.map(|_| QcReason::FramesLost));
+    reasons.extend(forces_held(&trial).map(|_| QcReason::PlateIncomplete));
     reasons.sort();
     reasons.dedup();
     done.note("qc", json!(reasons));
@@ -213,11 +207,35 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     Ok(done)
 }
 
+/// A file that ends before the stated number of frames is used as far as it goes, unless it holds less than the pipeline's `least_fraction`.
+pub fn holds_enough(study: &Study, entry: &TrialEntry, trial: &Trial) -> Result<(), StageFailure> {
+    let recording = held_fraction(trial).map(|counts| (counts, &entry.file));
+    let forces = forces_held(trial).zip(entry.forces.as_ref());
+    for ((held, stated), file) in recording.into_iter().chain(forces) {
+        if (held as f64) < study.import_of(Some(entry)).least_fraction * stated as f64 {
+            return Err(StageFailure::with_hint(
+                format!("{}: a broken copy: {held} of the {stated} frames that it states are in it", file.display()),
+                "copy the recording again, or set `import: {least_fraction: …}` to use what is there",
+            )
+            .because(QcReason::TruncatedFile));
+        }
+    }
+    Ok(())
+}
+
 /// Frames that a truncated file holds, and those that it states; none for a whole file. The reader says so in a warning.
 fn held_fraction(trial: &Trial) -> Option<(usize, usize)> {
     let text = trial.warnings.iter().find_map(|w| w.strip_prefix("truncated: "))?;
     let stated = text.split(' ').next()?.parse().ok()?;
     Some((trial.markers.n_frames, stated))
+}
+
+/// The same of a file of forces.
+fn forces_held(trial: &Trial) -> Option<(usize, usize)> {
+    let text = trial.warnings.iter().find_map(|w| w.strip_prefix(aloft_trial::FORCES_TRUNCATED))?;
+    let stated = text.split(' ').next()?.parse().ok()?;
+    let held = text.split("ends in row ").nth(1)?.split(' ').next()?.parse().ok()?;
+    Some((held, stated))
 }
 
 /// The first few of many names.

@@ -3,6 +3,7 @@
 use crate::artifact::{load_motion, load_trial};
 use crate::command::parameters::parameters;
 use crate::error::PipelineError;
+use crate::quote;
 use crate::runner::trial_filter;
 use crate::stages::STAGES;
 use crate::stages::filter::low_pass;
@@ -24,14 +25,16 @@ pub(super) fn subject(study: &Study, ws: &Workspace, convention: Convention) -> 
     if !place.is_file() {
         return Err(PipelineError::request_hint(
             format!("there is no model in {} yet", study.workspace.display()),
-            format!("run `aloft run {}` first", study.config_path.display()),
+            format!("run `aloft run {}` first", quote::path(&study.config_path)),
         ));
     }
     let subject: Subject = read_json(&place)?;
     let (links, source) = inertias(study, &subject);
     let locked = read_json(&ws.place("scale", WHOLE_STUDY).join("locked.json"))?;
-    SubjectExport::new(subject, links, source, convention, locked, &program())
-        .map_err(|e| PipelineError::request(e.to_string()))
+    let mut made = SubjectExport::new(subject, links, source, convention, locked, &program())
+        .map_err(|e| PipelineError::request(e.to_string()))?;
+    made.of_study = [study.id.subject.clone(), study.id.session.clone()];
+    Ok(made)
 }
 
 fn inertias(study: &Study, subject: &Subject) -> (Vec<LinkInertia>, InertiaSource) {

@@ -7,14 +7,14 @@ mod methods;
 use crate::command::status::status;
 use crate::config::Angles;
 use crate::error::PipelineError;
-use crate::study::{Study, TrialEntry};
+use crate::study::{Study, StudyId, TrialEntry, fold};
 use crate::workspace::Workspace;
 use aloft_export::readme::{Making, readme};
-use aloft_export::{Convention, Format, OutFile, SubjectExport};
+use aloft_export::{Convention, Format, OutFile, SubjectExport, names};
 use folder::{Folder, Kept};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 pub use gather::program;
 
@@ -97,9 +97,29 @@ pub fn export(study: &Study, options: &ExportOptions) -> Result<Exported, Pipeli
         done.failures.extend(trial.failures);
     }
     describe(study, &ws, &subject, &folder, &mut files, &mut done)?;
+    paths_are_distinct(&files)?;
     let partial = !options.formats.is_empty() || !options.trials.is_empty();
     folder.commit(files, partial, &mut done)?;
     Ok(done)
+}
+
+/// Where a subject's or session's export lies below the folder of a whole study's.
+pub fn place_of(to: &Path, id: &StudyId) -> PathBuf {
+    [&id.subject, &id.session].into_iter().flatten().fold(to.to_path_buf(), |path, part| path.join(names::file(part)))
+}
+
+/// Two files of an export never share a place, also where upper and lower case are one; nothing was put in place yet.
+fn paths_are_distinct(files: &[Kept]) -> Result<(), PipelineError> {
+    let mut seen: BTreeMap<String, &Kept> = BTreeMap::new();
+    for file in files {
+        if let Some(other) = seen.insert(fold(&file.path), file) {
+            return Err(PipelineError::request_hint(
+                format!("{} ({}) and {} ({}) would be one file", other.path, other.what, file.path, file.what),
+                "nothing was written; rename one of the recordings",
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// What came of one trial.

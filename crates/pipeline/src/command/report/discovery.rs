@@ -28,13 +28,14 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
                 vec![Block::List { items: d.advice.clone() }],
             ));
         }
-        if !d.warnings.is_empty() {
-            let blocks = vec![Block::List { items: d.warnings.clone() }];
+        let left: Vec<String> = d.warnings.iter().cloned().chain(d.not_tried.iter().map(ToString::to_string)).collect();
+        if !left.is_empty() {
+            let blocks = vec![Block::List { items: left }];
             sections.push(Section::new("left-out", "Left out, and why", "", blocks));
         }
     }
     if story.discoveries.is_empty() {
-        let p = story.study.config_path.display();
+        let p = crate::quote::path(&story.study.config_path);
         sections.insert(
             0,
             Section::new(

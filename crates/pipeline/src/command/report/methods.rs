@@ -8,7 +8,7 @@ use aloft_report::{Block, Chapter, Light, Section, Table};
 
 /// The chapter.
 pub fn chapter(story: &Story<'_>) -> Chapter {
-    let p = story.study.config_path.display();
+    let p = crate::quote::path(&story.study.config_path);
     let commands = vec![
         format!("aloft compare {p}            # where the model fails"),
         format!("aloft discover {p}           # which effect is missing"),

@@ -73,7 +73,7 @@ impl<'a> Story<'a> {
         if !study.trials.iter().any(|t| ws.manifest("import", &t.name).is_some()) {
             return Err(PipelineError::request_hint(
                 format!("nothing was run in {}", study.workspace.display()),
-                format!("run `aloft run {}` first", study.config_path.display()),
+                format!("run `aloft run {}` first", crate::quote::path(&study.config_path)),
             ));
         }
         let rows = kinematics(study, &ws);

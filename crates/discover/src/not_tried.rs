@@ -1,0 +1,59 @@
+//! Effects that could not be tried because their law gives no numbers on these recordings.
+
+use crate::candidate::is_usable;
+use crate::problem::Domain;
+use crate::session::{Session, Word};
+use aloft_effects::Effect;
+use serde::{Deserialize, Serialize};
+
+/// An effect whose law gives NaN or infinity on these recordings, and where.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct NotTried {
+    /// Identifier.
+    pub effect: String,
+    /// Why, in words.
+    pub because: String,
+    /// True where it was tried at some starting values of its parameters and left out at others only.
+    #[serde(default)]
+    pub in_part: bool,
+}
+
+impl std::fmt::Display for NotTried {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let how = if self.in_part { "not tried everywhere" } else { "not tried" };
+        write!(f, "`{}` was {how}, because {}", self.effect, self.because)
+    }
+}
+
+/// Combinations of target and starting values that are looked at.
+const LOOKED_AT: usize = 60;
+
+/// Where the law of an effect gives no numbers; none where it does everywhere, or where it has no columns here at all.
+pub(crate) fn not_tried(session: &Session<'_>, effect: &dyn Effect, domain: Domain) -> Option<NotTried> {
+    let (mut made, mut wrong) = (0, 0);
+    let mut first: Option<String> = None;
+    let targets = effect.targets(session.scene);
+    let all = targets.iter().flat_map(|t| effect.starts(session.scene, *t).into_iter().map(move |s| (*t, s)));
+    for (target, start) in all.take(LOOKED_AT) {
+        let Some(columns) = session.columns(effect, target, &start, domain) else { continue };
+        made += 1;
+        let at: Vec<usize> = (0..columns.len()).filter(|&i| !columns[i].iter().all(|x| is_usable(*x))).collect();
+        let Some(&block) = at.first() else { continue };
+        wrong += 1;
+        if first.is_none() {
+            let block = &session.blocks[block];
+            let values = effect.nonlinear(session.scene, target);
+            let values: Vec<String> =
+                values.iter().zip(&start).map(|(p, x)| format!("{} = {x} {}", p.name, p.unit)).collect();
+            let with = if values.is_empty() { String::new() } else { format!(" with {}", values.join(", ")) };
+            first = Some(format!(
+                "its law gives NaN or infinity in {} of {} stretches{with}, the first a {} of `{}`",
+                at.len(),
+                columns.len(),
+                block.kind.word(),
+                session.trials[block.trial]
+            ));
+        }
+    }
+    first.map(|because| NotTried { effect: effect.id().to_owned(), because, in_part: wrong < made })
+}

@@ -1,0 +1,210 @@
+//! Names are data: every name that the program prints as part of a command, a pattern or YAML goes through here.
+//!
+//! Recordings, subjects, sessions and folders may be called anything that a file system allows. A command that is printed for copying must mean
+//! the same to a shell as to us, whatever the names in it hold.
+
+use std::path::Path;
+
+/// A word as a POSIX shell reads it back: as it is where nothing in it is special, in single quotes otherwise.
+pub fn word(text: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "_-./:=@%+,".contains(c);
+    // `a=b` at the start of a line would set a variable; no printed command begins with a name
+    if !text.is_empty() && text.chars().all(plain) {
+        return text.to_owned();
+    }
+    format!("'{}'", text.replace('\'', r"'\''"))
+}
+
+/// The words of a command as one line for a shell.
+pub fn line<T: AsRef<str>>(words: impl IntoIterator<Item = T>) -> String {
+    words.into_iter().map(|w| word(w.as_ref())).collect::<Vec<_>>().join(" ")
+}
+
+/// A path as a word on its own: one that begins with `-` would be read as an option.
+pub fn argument(path: &Path) -> String {
+    let text = path.display().to_string();
+    if text.starts_with('-') { format!("./{text}") } else { text }
+}
+
+/// A path in a printed command, quoted.
+pub fn path(path: &Path) -> String {
+    word(&argument(path))
+}
+
+/// `--flag VALUE` as the words of a command; a value that begins with `-` is joined to its flag.
+pub fn option(flag: &str, value: &str) -> Vec<String> {
+    if value.starts_with('-') { vec![format!("--{flag}={value}")] } else { vec![format!("--{flag}"), value.to_owned()] }
+}
+
+/// The pattern that matches just this name.
+pub fn pattern(name: &str) -> String {
+    let mut out = String::with_capacity(name.len());
+    for c in name.chars() {
+        match c {
+            '*' | '?' | '[' | ']' | '{' | '}' => {
+                out.push('[');
+                out.push(c);
+                out.push(']');
+            }
+            // where `\` separates folders it cannot stand in a name
+            '\\' if !cfg!(windows) => out.push_str("\\\\"),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// A string in YAML, on one line: as it is where YAML reads it as the same string, in double quotes otherwise.
+pub fn yaml(text: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "_-./".contains(c);
+    let letter = text.chars().next().is_some_and(|c| c.is_alphabetic() || c == '_');
+    let same = || serde_yaml::from_str::<String>(text).is_ok_and(|back| back == text);
+    if letter && text.chars().all(plain) && same() {
+        return text.to_owned();
+    }
+    yaml_quoted(text)
+}
+
+/// A string in YAML, in double quotes, on one line.
+pub fn yaml_quoted(text: &str) -> String {
+    let mut out = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' => out.push_str("\\\""),
+            '\\' => out.push_str("\\\\"),
+            '\n' => out.push_str("\\n"),
+            '\t' => out.push_str("\\t"),
+            // control characters, and what YAML takes for a line break or no character
+            c if c.is_control() || matches!(c, '\u{2028}' | '\u{2029}' | '\u{feff}' | '\u{fffe}' | '\u{ffff}') => {
+                out.push_str(&format!("\\U{:08x}", u32::from(c)));
+            }
+            c => out.push(c),
+        }
+    }
+    out.push('"');
+    out
+}
+
+/// A text on one line, for comments and tables: control characters as they are written in source code.
+pub fn visible(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        if c.is_control() || matches!(c, '\u{2028}' | '\u{2029}') {
+            out.extend(c.escape_default())
+        } else {
+            out.push(c)
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+mod tests {
+    use super::*;
+
+    /// Names that hold what shells, patterns and YAML treat as special: every pair of pieces.
+    fn hostile() -> Vec<String> {
+        let pieces = [
+            "a",
+            " ",
+            "'",
+            "\"",
+            "'''",
+            "$(touch x)",
+            "`touch x`",
+            "$HOME",
+            "\\",
+            "\n",
+            "\t",
+            "-",
+            "--help",
+            "*",
+            "?",
+            "[a]",
+            "]",
+            "{a,b}",
+            "!",
+            "#",
+            ";touch x",
+            "&",
+            "|",
+            "<",
+            ">",
+            "(",
+            ")",
+            "~",
+            "=",
+            "%",
+            "ü",
+            "日本",
+            "\u{2028}",
+            "\u{7f}",
+            "\u{1b}[31m",
+            "null",
+            "1",
+            "1e3",
+            "yes",
+            ": ",
+            "- ",
+            "&a",
+            "*a",
+            "|-",
+            "@",
+            "%s",
+            "{",
+            "}",
+            ",",
+        ];
+        let pairs = pieces.iter().flat_map(|a| pieces.iter().map(move |b| format!("{a}{b}")));
+        pieces.iter().map(|p| (*p).to_owned()).chain(pairs).collect()
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn prop_a_shell_reads_every_word_back() {
+        let dir = tempfile::tempdir().unwrap();
+        for chunk in hostile().chunks(400) {
+            let script = format!("printf '%s\\0' {}", line(chunk));
+            let out = std::process::Command::new("sh").arg("-c").arg(&script).current_dir(dir.path()).output().unwrap();
+            let back: Vec<String> =
+                String::from_utf8(out.stdout).unwrap().split_terminator('\0').map(str::to_owned).collect();
+            assert_eq!(back, chunk, "{}", String::from_utf8_lossy(&out.stderr));
+        }
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0, "a name was executed");
+    }
+
+    #[test]
+    fn prop_a_pattern_matches_its_name_and_no_other() {
+        let names = hostile();
+        for name in &names {
+            let glob = globset::Glob::new(&pattern(name)).unwrap().compile_matcher();
+            assert!(glob.is_match(name), "{name:?} as {:?}", pattern(name));
+            let others: Vec<&String> = names.iter().filter(|n| *n != name && glob.is_match(n)).collect();
+            assert!(others.is_empty(), "{name:?} also matches {others:?}");
+        }
+    }
+
+    #[test]
+    fn prop_yaml_reads_every_name_back_in_lists_and_mappings() {
+        for name in hostile() {
+            let text = format!("list: [{0}, {0}]\nmap: {{trial: {0}}}\n{0}: 1\n", yaml(&name));
+            let value: serde_yaml::Value =
+                serde_yaml::from_str(&text).unwrap_or_else(|e| panic!("{name:?}: {e}\n{text}"));
+            assert_eq!(value["list"][1].as_str(), Some(name.as_str()), "{text}");
+            assert_eq!(value["map"]["trial"].as_str(), Some(name.as_str()), "{text}");
+            assert!(value.as_mapping().is_some_and(|m| m.contains_key(name.as_str())), "{text}");
+            assert_eq!(yaml(&name).lines().count(), 1);
+        }
+    }
+
+    #[test]
+    fn prop_options_and_arguments_never_look_like_flags() {
+        for name in hostile() {
+            let words = option("trial", &name);
+            assert!(words.len() == 1 || !words[1].starts_with('-'), "{words:?}");
+            assert!(!argument(Path::new(&name)).starts_with('-'));
+            assert!(!visible(&name).contains(char::is_control));
+        }
+    }
+}
