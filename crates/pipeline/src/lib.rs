@@ -22,6 +22,7 @@ pub mod quote;
 pub mod ranges;
 pub mod revision;
 pub mod runner;
+pub mod session;
 pub mod sharing;
 pub mod stages;
 pub mod studies;

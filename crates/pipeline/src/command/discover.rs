@@ -4,15 +4,17 @@ use crate::command::estimators::with_job;
 use crate::effects::KnownEffects;
 use crate::error::PipelineError;
 use crate::revision::Revisions;
-use crate::stages::regressor::TrialRows;
+use crate::session::Calendar;
+use crate::stages::regressor::{DRIFT, TrialRows};
 use crate::study::Study;
-use crate::workspace::write_json_whole;
+use crate::workspace::{Workspace, read_json, write_json_whole};
 use aloft_body::{BaseParameters, Subject};
 use aloft_discover::{
     Body, DiscoverOptions, Discovery, SelfTest, SelfTestOptions, SelfTestProgress, Session, TrialInput,
     discover as rank, scene_of,
 };
 use aloft_effects::{Choice, Effect};
+use aloft_flight::FlightReport;
 use aloft_identify::{LinkPrior, Prior};
 use aloft_regressor::WeakOptions;
 use nalgebra::Vector3;
@@ -106,7 +108,7 @@ impl Evidence {
                 measured: r.wrench.as_deref(),
                 plates: &r.plates,
                 group: group.as_deref(),
-                session_time_s: 0.0,
+                session_time_s: r.session_time_s,
             })
             .collect();
         let scene = scene_of(&body, &trials);
@@ -132,8 +134,18 @@ fn found(study: &Study, bench: &Bench<'_>, options: &DiscoverOptions) -> Result<
             format!("there are {}", ids.join(", ")),
         ));
     }
-    let found = rank(&bench.session, &bench.effects, &bench.accepted, options)
+    let mut found = rank(&bench.session, &bench.effects, &bench.accepted, options)
         .map_err(|e| PipelineError::request(e.to_string()))?;
+    if found.candidates.iter().any(|c| c.effect == DRIFT && c.believed) {
+        let calendar = Calendar::of(study, &Workspace::open(&study.workspace));
+        found.warnings.push(format!("`{DRIFT}` rests on the times of the session, from {}", calendar.words));
+    }
+    // what flights say without any plate or model comes before any verdict: one fault of time or lengths shows in several effects
+    if found.effects.iter().any(|e| ["gravity_scale", "plate_gain", "body_mass", "gravity_tilt"].contains(&e.as_str()))
+        && let Some(words) = free_fall(study)?
+    {
+        found.warnings.push(words);
+    }
     write_json_whole(&study.workspace.join("discovery.json"), &found)?;
     // the answer to each revision of the model stays, so that the report can tell the story from its beginning
     let revision = Revisions::load(&study.workspace)?.revisions.len().saturating_sub(1);
@@ -146,6 +158,29 @@ fn found(study: &Study, bench: &Bench<'_>, options: &DiscoverOptions) -> Result<
     let volume = Volume { middle_m: scene.volume_center_m.into(), reach_m: scene.volume_reach_m };
     write_json_whole(&study.workspace.join("discovery_volume.json"), &volume)?;
     Ok(found)
+}
+
+/// What the stage `flight` says about the free acceleration, where it differs from the stated gravity in most trials with flights.
+fn free_fall(study: &Study) -> Result<Option<String>, PipelineError> {
+    let workspace = Workspace::open(&study.workspace);
+    let (mut trials, mut words) = (0, Vec::new());
+    for trial in study.included() {
+        let path = workspace.place("flight", &trial.name).join("flights.json");
+        if !path.is_file() {
+            continue;
+        }
+        if let Some(fall) = read_json::<FlightReport>(&path)?.free_fall {
+            trials += 1;
+            words.extend(fall.warning());
+        }
+    }
+    let (differing, first) = (words.len(), words.into_iter().next());
+    Ok(first.filter(|_| 2 * differing > trials).map(|first| {
+        format!(
+            "{differing} of {trials} trials with flights: {first}. Mend this first: \
+             `gravity_scale`, `body_mass` and a gain of all plates of the same size are then one fault, not several"
+        )
+    }))
 }
 
 /// Where the answer to a revision of the model is kept.

@@ -4,6 +4,7 @@ use crate::config::{Rows, Weighting};
 use crate::effects::KnownEffects;
 use crate::error::{PipelineError, StageFailure};
 use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::session::Calendar;
 use crate::stages::filter::low_pass;
 use crate::study::{Role, Study};
 use crate::table::Table;
@@ -16,7 +17,7 @@ use aloft_regressor::{
     AccelerationOptions, Acting, Columns, CoordinateNoise, EffectColumns, Factor, Noise, RegressorError, RowKind,
     Stretch, StretchKind, WeakOptions, acceleration_factor, weak_factor,
 };
-use aloft_trial::Trial;
+use aloft_trial::{SessionSource, Trial};
 use nalgebra::{DMatrix, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -35,6 +36,8 @@ pub static STAGE: Stage = Stage {
         Need::Same("filter"),
         Need::Same("flight"),
         Need::Once("calibrate"),
+        // when each recording was made, for effects that grow over the session
+        Need::Every("import", &[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
     ],
     parameters: |study, _| {
         json!({"window_s": study.config.regressor.window_s, "weighting": study.config.regressor.weighting,
@@ -43,6 +46,9 @@ pub static STAGE: Stage = Stage {
     },
     run,
 };
+
+/// The effect that asks when in the session a recording was made.
+pub const DRIFT: &str = "plate_clock_drift";
 
 #[derive(Serialize, Deserialize)]
 struct FactorHead {
@@ -154,7 +160,8 @@ pub fn effect_columns(study: &Study, rows: &TrialRows) -> Result<Option<EffectCo
     if everywhere && at < rows.motion.n_frames() {
         spans.push(Span { first_frame: at, end_frame: rows.motion.n_frames(), flight: false });
     }
-    let trial = TrialMotion { motion: &rows.motion, spans: &spans, plates: &rows.plates, session_time_s: 0.0 };
+    let trial =
+        TrialMotion { motion: &rows.motion, spans: &spans, plates: &rows.plates, session_time_s: rows.session_time_s };
     let base = BaseParameters::of(&rows.subject.model);
     let about = (study.plain_base.len() == base.len()).then_some((&base, study.plain_base.as_slice()));
     let mut out = EffectColumns { names: Vec::new(), wrench: vec![DMatrix::zeros(6, 0); rows.motion.n_frames()] };
@@ -203,6 +210,8 @@ pub struct TrialRows {
     pub plates: Vec<PlateSeries>,
     /// Centres of the plates, world, m.
     pub plate_centers_m: Vec<Vector3<f64>>,
+    /// Seconds from the start of the session to the first frame (0 without plates, where nothing depends on it).
+    pub session_time_s: f64,
 }
 
 impl TrialRows {
@@ -254,6 +263,7 @@ impl TrialRows {
             wrench_filtered = Some(join(&smooth));
         }
         let flights = flights.flights.iter().map(aloft_flight::Flight::frames).collect();
+        let session_time_s = if plates.is_empty() { 0.0 } else { Calendar::of(job.study, job.workspace).start_s(name) };
         Ok(Self {
             trial,
             subject,
@@ -265,6 +275,7 @@ impl TrialRows {
             wrench_filtered,
             plates,
             plate_centers_m,
+            session_time_s,
         })
     }
 }
@@ -329,5 +340,14 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let count = |kind: RowKind| factors.iter().filter(|(_, f)| f.rows == kind).map(|(_, f)| f.n_rows).sum::<usize>();
     done.note("weak_rows", count(RowKind::Weak));
     done.note("paper_rows", count(RowKind::Acceleration));
+    if !rows.plates.is_empty() {
+        let calendar = Calendar::of(job.study, job.workspace);
+        done.note("session_time_s", rows.session_time_s);
+        done.note("session_time_source", json!(calendar.source));
+        // a remark only where results depend on it
+        if calendar.source == SessionSource::OrderAndLengths && job.study.effects.iter().any(|e| e.id() == DRIFT) {
+            done.warnings.push(format!("times of the session: {}", calendar.words));
+        }
+    }
     Ok(done)
 }
