@@ -96,8 +96,11 @@ pub(crate) fn answer(d: &Discovery) -> String {
         .filter(|r| matches!(r.verdict, Verdict::Supported | Verdict::OneOf))
         .map(|r| r.words.as_str())
         .collect();
-    let mut text =
-        if said.is_empty() { d.rounds.first().map(|r| r.words.clone()).unwrap_or_default() } else { said.join("; then ") };
+    let mut text = if said.is_empty() {
+        d.rounds.first().map(|r| r.words.clone()).unwrap_or_default()
+    } else {
+        said.join("; then ")
+    };
     for left in &d.not_tried {
         text.push_str(&format!("; {left}"));
     }

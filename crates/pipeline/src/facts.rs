@@ -74,11 +74,9 @@ impl LabFacts {
         };
         let size = match &self.gravity {
             None | Some(Value::Null) => return Ok(None),
-            Some(Value::Sequence(v)) if v.len() == 3 => v
-                .iter()
-                .map(number)
-                .collect::<Option<Vec<f64>>>()
-                .map(|g| g.iter().map(|x| x * x).sum::<f64>().sqrt()),
+            Some(Value::Sequence(v)) if v.len() == 3 => {
+                v.iter().map(number).collect::<Option<Vec<f64>>>().map(|g| g.iter().map(|x| x * x).sum::<f64>().sqrt())
+            }
             Some(other) => number(other).map(f64::abs),
         };
         let (low, high) = GRAVITY_MPS2;

@@ -114,7 +114,8 @@ impl Walk<'_> {
         match value {
             Value::Mapping(map) => map.iter().find_map(|(key, inner)| {
                 let key = key.as_str()?;
-                let own = schema.get("properties").and_then(|p| p.get(key)).or_else(|| schema.get("additionalProperties"))?;
+                let own =
+                    schema.get("properties").and_then(|p| p.get(key)).or_else(|| schema.get("additionalProperties"))?;
                 step(path, key, |p| self.at(own, inner, p))
             }),
             Value::Sequence(list) => {
@@ -133,10 +134,7 @@ impl Walk<'_> {
         let limit = |key: &str| schema.get(key).and_then(Json::as_f64);
         let (low, high) = (limit("minimum"), limit("maximum"));
         let inside = |x: f64| {
-            x.is_finite()
-                && low.is_none_or(|l| x >= l)
-                && high.is_none_or(|h| x <= h)
-                && !(whole && x.fract() != 0.0)
+            x.is_finite() && low.is_none_or(|l| x >= l) && high.is_none_or(|h| x <= h) && !(whole && x.fract() != 0.0)
         };
         if number(value).is_some_and(inside) {
             return None;
@@ -144,13 +142,13 @@ impl Walk<'_> {
         let found = match value {
             Value::String(s) => format!("`{s}`"),
             Value::Bool(b) => b.to_string(),
-            other => number(other).map_or_else(|| "no number".to_owned(), |x| format!("{x}")),
+            other => number(other).map_or_else(|| "no number".to_owned(), shortest),
         };
         let kind = if whole { "a whole number" } else { "a number" };
         let range = match (low, high) {
-            (Some(l), Some(h)) => format!("{kind} from {l} to {h}"),
-            (Some(l), None) => format!("{kind} from {l} on"),
-            (None, Some(h)) => format!("{kind} up to {h}"),
+            (Some(l), Some(h)) => format!("{kind} from {} to {}", shortest(l), shortest(h)),
+            (Some(l), None) => format!("{kind} from {} on", shortest(l)),
+            (None, Some(h)) => format!("{kind} up to {}", shortest(h)),
             (None, None) => kind.to_owned(),
         };
         Some(Outside {
@@ -159,6 +157,11 @@ impl Walk<'_> {
             hint: schema.get("description").and_then(Json::as_str).map(str::to_owned),
         })
     }
+}
+
+/// A number without a row of zeros.
+fn shortest(x: f64) -> String {
+    if x != 0.0 && x.is_finite() && !(1e-4..1e7).contains(&x.abs()) { format!("{x:e}") } else { format!("{x}") }
 }
 
 /// Whether a schema asks for a number and nothing else (null aside), and whether for a whole one.
@@ -193,8 +196,14 @@ mod tests {
             say("filter:\n  cutoff_hz: -1\n"),
             "p.yaml: line 5: `filter.cutoff_hz` is -1, expected a number from 0.1 to 1000"
         );
-        assert!(say("filter: {order: 2.5}\n").contains("line 4: `filter.order` is 2.5, expected a whole number from 1 to 12"));
-        assert!(say("subject:\n  gravity_mps2: abc\n").contains("line 5: `subject.gravity_mps2` is `abc`, expected a number"));
+        assert!(
+            say("filter: {order: 2.5}\n")
+                .contains("line 4: `filter.order` is 2.5, expected a whole number from 1 to 12")
+        );
+        assert!(
+            say("subject:\n  gravity_mps2: abc\n")
+                .contains("line 5: `subject.gravity_mps2` is `abc`, expected a number")
+        );
         assert!(say("subject: {mass_kg: .nan}\n").contains("`subject.mass_kg` is NaN"));
         assert!(say("ik: {weights: {LASI: .inf}}\n").contains("`ik.weights.LASI` is inf"));
         let over = "overrides:\n- {subject: a, set: {filter: {cutoff_hz: 5.0}}}\n- {subject: b, set: {flight: {threshold_n: -20}}}\n";

@@ -3,7 +3,7 @@
 use crate::command::estimators::with_job;
 use crate::effects::KnownEffects;
 use crate::error::PipelineError;
-use crate::revision::Revisions;
+use crate::revision::{ModelEffect, Revisions};
 use crate::stages::regressor::TrialRows;
 use crate::study::Study;
 use crate::workspace::write_json_whole;
@@ -146,6 +146,24 @@ fn found(study: &Study, bench: &Bench<'_>, options: &DiscoverOptions) -> Result<
     let volume = Volume { middle_m: scene.volume_center_m.into(), reach_m: scene.volume_reach_m };
     write_json_whole(&study.workspace.join("discovery_volume.json"), &volume)?;
     Ok(found)
+}
+
+/// Refuses an effect of the user's own whose law gives no numbers on these recordings; nothing could be computed with it.
+pub fn refuse_without_numbers(study: &Study, effect: &ModelEffect) -> Result<(), PipelineError> {
+    if !study.own_effects.iter().any(|o| o.spec.id == effect.id()) {
+        return Ok(());
+    }
+    Evidence::load(study)?.with(study, |bench| {
+        let choice = KnownEffects::of(&study.own_effects, bench.session.scene())?;
+        let choice = choice.choice(bench.session.scene(), effect)?;
+        match bench.session.without_numbers(&choice) {
+            Some(why) => Err(PipelineError::request_hint(
+                format!("`{}` cannot be added: {why}", effect.key),
+                "correct its formulas, so that they hold wherever they act",
+            )),
+            None => Ok(()),
+        }
+    })
 }
 
 /// Where the answer to a revision of the model is kept.
