@@ -2,7 +2,7 @@
 
 use crate::args::PipelineArgs;
 use crate::commands::{Stop, words_of};
-use crate::render::{out, significant, table};
+use crate::render::{half, out, plus_minus, significant, table};
 use aloft_discover::{Candidate, Discovery, SelfTest, Verdict};
 use aloft_effects::EffectKind;
 use aloft_pipeline::command::effect::{EffectLine, History};
@@ -86,11 +86,11 @@ pub fn discovery(d: &Discovery, at: &PipelineArgs) -> Result<(), Stop> {
     for found in &d.found {
         for c in found.nonlinear.iter().chain(&found.coefficients) {
             out(format!(
-                "  {} {}: {} ± {} {}",
+                "  {} {}: {}{} {}",
                 found.key,
                 c.name,
                 significant(c.value, 4),
-                significant(1.96 * c.se, 2),
+                plus_minus(c.ci95, c.at_bound),
                 c.unit
             ))?;
         }
@@ -117,7 +117,7 @@ pub fn discovery(d: &Discovery, at: &PipelineArgs) -> Result<(), Stop> {
             format!("{:.2}–{:.2}", c.ci95[0], c.ci95[1]),
             format!("{:.0} %", 100.0 * c.chosen_share),
             first.map_or("–".into(), |e| significant(e.value, 3)),
-            first.map_or("–".into(), |e| significant(1.96 * e.se, 2)),
+            first.map_or("–".into(), |e| if e.at_bound { "at its bound".to_owned() } else { half(e.ci95) }),
             significant(c.minimum_detectable, 2),
             first.map_or(String::new(), |e| e.unit.clone()),
             like(c).join(" "),
@@ -230,11 +230,11 @@ pub fn history(h: &History) -> Result<(), Stop> {
     for r in &h.revisions {
         for c in &r.coefficients {
             out(format!(
-                "revision {}: {} {} ± {} (95 %)",
+                "revision {}: {} {}{} (95 %)",
                 r.revision,
                 c.name,
                 significant(c.value, 4),
-                significant(1.96 * c.se, 2)
+                plus_minus(c.ci95, false)
             ))?;
         }
         if let Some(void) = &r.void {

@@ -1,6 +1,7 @@
 //! Tables and messages for people. Data goes to stdout, messages to stderr.
 
 use crate::commands::Stop;
+use aloft_pipeline::command::parameters::half_of;
 use aloft_pipeline::quote::visible;
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use std::io::Write;
@@ -39,6 +40,20 @@ pub fn command(label: &str, text: &str) {
 /// Prints an error with its place and hint.
 pub fn error(report: &miette::Report) {
     let _ = writeln!(std::io::stderr(), "{report:?}");
+}
+
+/// Half of a 95 % interval with two significant digits; a dash where there is none.
+pub fn half(ci95: Option<[f64; 2]>) -> String {
+    significant(half_of(ci95).unwrap_or(f64::NAN), 2)
+}
+
+/// `± 1.2`, `at its bound`, or nothing.
+pub fn plus_minus(ci95: Option<[f64; 2]>, at_bound: bool) -> String {
+    match ci95 {
+        Some(_) => format!(" ± {}", half(ci95)),
+        None if at_bound => " (at its bound)".to_owned(),
+        None => String::new(),
+    }
 }
 
 /// A number with so many significant digits.

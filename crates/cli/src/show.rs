@@ -1,7 +1,7 @@
 //! Results as tables for people.
 
 use crate::commands::Stop;
-use crate::render::{out, significant, table};
+use crate::render::{half, out, plus_minus, significant, table};
 use aloft_pipeline::command::compare::{ComparisonView, errors_of, judged_on, mean};
 use aloft_pipeline::command::parameters::ParametersView;
 
@@ -34,7 +34,7 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
         t.add_row([
             b.name.clone(),
             significant(b.value, 4),
-            significant(1.96 * b.se, 2),
+            half(b.ci95),
             b.prior.map_or("–".to_owned(), |v| significant(v, 3)),
             b.unit.clone(),
             format!("{:?}", b.seen).to_lowercase(),
@@ -47,7 +47,7 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
     }
     out(t)?;
     for e in &p.effects {
-        out(format!("effect {}: {} ± {}", e.name, significant(e.value, 4), significant(1.96 * e.se, 2)))?;
+        out(format!("effect {}: {}{} (95 %)", e.name, significant(e.value, 4), plus_minus(e.ci95, false)))?;
     }
     if !p.links.is_empty() {
         let mut t =

@@ -151,13 +151,13 @@ pub fn assessment(a: &Assessment) -> Result<(), Stop> {
     }
     if !a.motions.is_empty() {
         out("\nmotions that would improve the worst parameters most, if recorded next")?;
-        let mut t = table(&["motion", "worst parameters, error falls by", "improves most"]);
+        let mut t = table(&["motion", "worst parameters, error falls by", "standard errors that improve most"]);
         for m in &a.motions {
             let best: Vec<String> = m
                 .best
                 .iter()
                 .take(3)
-                .map(|(name, now, then)| format!("{name} ± {} to {}", significant(*now, 2), significant(*then, 2)))
+                .map(|(name, now, then)| format!("{name} {} to {}", significant(*now, 2), significant(*then, 2)))
                 .collect();
             t.add_row([m.motion.clone(), format!("{:.0} %", 100.0 * m.gain), best.join("; ")]);
         }
@@ -184,7 +184,7 @@ pub fn calibration(c: &CalibrationView) -> Result<(), Stop> {
         r.frames_held_out,
         r.frames_used
     ))?;
-    let mut t = table(&["joint", "centre moved mm", "± mm", "axis turned °", "± °"]);
+    let mut t = table(&["joint", "centre moved mm", "SD mm", "axis turned °", "SD °"]);
     for j in &r.joints {
         let degrees = |v: Option<f64>| v.map_or("–".to_owned(), |x| significant(x.to_degrees(), 2));
         t.add_row([

@@ -123,8 +123,23 @@ pub(crate) struct Scored<'a> {
     pub fold_error: Vec<f64>,
     /// Standard errors of coefficients and nonlinear parameters, all unknown together (Gauss-Newton); empty where no parameter was fitted.
     pub joint_se: Vec<f64>,
+    /// Degrees of freedom of the jackknife, of coefficients and then of nonlinear parameters that were fitted.
+    pub freedom: Vec<f64>,
+    /// By how much each coefficient's standard error grows because nonlinear parameters were fitted; empty where none was.
+    pub widening: Vec<f64>,
     /// Gram of the columns, parameters taken out.
     pub s: DMatrix<f64>,
+}
+
+/// Degrees of freedom of a jackknife over folds: by the share of each column's evidence that every fold leaves out.
+pub(crate) fn fold_freedom<'m>(s: &DMatrix<f64>, folds: impl Iterator<Item = &'m DMatrix<f64>>) -> Vec<f64> {
+    let folds: Vec<&DMatrix<f64>> = folds.collect();
+    (0..s.nrows())
+        .map(|k| {
+            let shares: Vec<f64> = folds.iter().map(|f| (1.0 - f[(k, k)] / s[(k, k)]).clamp(0.0, 1.0)).collect();
+            aloft_identify::jackknife_freedom(&shares)
+        })
+        .collect()
 }
 
 /// Scores columns that do not depend on the fold.
@@ -139,6 +154,8 @@ pub(crate) fn score<'a>(problem: &Problem, variant: Variant<'a>, reduced: &Reduc
         fold_gain: Vec::with_capacity(n),
         fold_error: Vec::with_capacity(n),
         joint_se: Vec::new(),
+        freedom: fold_freedom(&reduced.s, reduced.folds.iter().map(|f| &f.s)),
+        widening: Vec::new(),
         s: reduced.s.clone(),
         variant,
     };

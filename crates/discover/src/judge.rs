@@ -3,7 +3,7 @@
 use crate::candidate::{Scored, score};
 use crate::discover::DiscoverOptions;
 use crate::exchange::exchange;
-use crate::ladder::{key_of, sharpened};
+use crate::ladder::{is_at_bound, key_of, sharpened};
 use crate::nonlinear::{improve, score_fitted};
 use crate::problem::Problem;
 use crate::rank::{EffectScore, FULL_STEPS, cosine};
@@ -108,8 +108,8 @@ pub(crate) fn plausible(scored: &Scored<'_>, estimates: &[Estimate]) -> bool {
     let bounds = &scored.variant.coefficients;
     let mut moved = false;
     for (bound, estimate) in bounds.iter().zip(estimates) {
-        let at_bound = |b: f64| b.is_finite() && b != 0.0 && (estimate.value - b).abs() <= 1e-9 * b.abs();
-        if at_bound(bound.lower) || at_bound(bound.upper) {
+        let away_from_zero = |b: f64| if b == 0.0 { f64::INFINITY } else { b };
+        if is_at_bound(estimate.value, [away_from_zero(bound.lower), away_from_zero(bound.upper)]) {
             return false;
         }
         moved |= estimate.value != 0.0;

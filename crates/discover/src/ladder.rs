@@ -179,6 +179,12 @@ pub(crate) fn refit_found(
     }
 }
 
+/// True for a value at one of its bounds, but for rounding.
+pub(crate) fn is_at_bound(value: f64, bounds: [f64; 2]) -> bool {
+    let near = |b: f64| b.is_finite() && (value - b).abs() <= 1e-9 * b.abs().max(f64::MIN_POSITIVE);
+    bounds.into_iter().any(near)
+}
+
 /// Coefficients and nonlinear parameters with standard errors: the jackknife's, and where parameters were fitted the larger of it and that of the
 /// joint fit. A fold takes one damped step, which does not follow directions in which two unknowns make up for each other (the distance of an anchor
 /// and the rest length of its tether, say).
@@ -188,16 +194,26 @@ pub(crate) fn estimates(session: &Session<'_>, scored: &Scored<'_>) -> (Vec<Esti
         Some(joint) if joint > jackknife => joint,
         _ => jackknife,
     };
+    let freedom = |i: usize| scored.freedom.get(i).copied().unwrap_or((scored.fold_theta.len() as f64 - 1.0).max(1.0));
+    let estimate = |name: &str, value: f64, unit: &str, bounds: [f64; 2], widening: f64| Estimate {
+        name: name.to_owned(),
+        value,
+        se: f64::NAN,
+        ci95: None,
+        freedom: f64::NAN,
+        at_bound: is_at_bound(value, bounds),
+        widening,
+        unit: unit.to_owned(),
+    };
     let coefficients = scored
         .variant
         .coefficients
         .iter()
         .enumerate()
-        .map(|(k, c)| Estimate {
-            name: c.name.clone(),
-            value: scored.theta[k],
-            se: larger(jackknife_se(&scored.fold_theta.iter().map(|t| t[k]).collect::<Vec<_>>()), joint(k)),
-            unit: c.unit.clone(),
+        .map(|(k, c)| {
+            let se = larger(jackknife_se(&scored.fold_theta.iter().map(|t| t[k]).collect::<Vec<_>>()), joint(k));
+            let widening = scored.widening.get(k).copied().unwrap_or(1.0);
+            estimate(&c.name, scored.theta[k], &c.unit, [c.lower, c.upper], widening).with_error(se, freedom(k))
         })
         .collect();
     let nonlinear = scored
@@ -206,14 +222,11 @@ pub(crate) fn estimates(session: &Session<'_>, scored: &Scored<'_>) -> (Vec<Esti
         .nonlinear(session.scene, scored.variant.target)
         .iter()
         .enumerate()
-        .map(|(k, p)| Estimate {
-            name: p.name.clone(),
-            value: scored.variant.nonlinear[k],
-            se: larger(
-                jackknife_se(&scored.fold_nonlinear.iter().map(|t| t[k]).collect::<Vec<_>>()),
-                joint(scored.theta.len() + k),
-            ),
-            unit: p.unit.clone(),
+        .map(|(k, p)| {
+            let at = scored.theta.len() + k;
+            let jackknife = jackknife_se(&scored.fold_nonlinear.iter().map(|t| t[k]).collect::<Vec<_>>());
+            estimate(&p.name, scored.variant.nonlinear[k], &p.unit, [p.lower, p.upper], 1.0)
+                .with_error(larger(jackknife, joint(at)), freedom(at))
         })
         .collect();
     (coefficients, nonlinear)

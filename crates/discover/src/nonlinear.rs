@@ -4,7 +4,7 @@
 //! together (Kaufman's form), within bounds. In a fold the parameters take one step from the common optimum with the derivatives there, so that a
 //! cluster's own rows do not help to predict it.
 
-use crate::candidate::{Scored, Variant, pseudo_solve, solve};
+use crate::candidate::{Scored, Variant, fold_freedom, pseudo_inverse, pseudo_solve, solve};
 use crate::problem::Problem;
 use crate::session::Session;
 use aloft_effects::NonlinearParameter;
@@ -134,6 +134,15 @@ fn joint_se(
     problem.covariance(wide, theta).diagonal().iter().enumerate().map(se).collect()
 }
 
+/// By how much the standard errors of the first `k` unknowns grow because the others are unknown too, from the Gram matrix of all.
+fn widening(joint: &DMatrix<f64>, k: usize) -> Vec<f64> {
+    /// A coefficient that the others make up for completely.
+    const MOST: f64 = 1e3;
+    let (whole, alone) = (pseudo_inverse(joint), pseudo_inverse(&joint.view((0, 0), (k, k)).into_owned()));
+    let of = |i: usize| (whole[(i, i)] / alone[(i, i)]).sqrt();
+    (0..k).map(|i| if of(i) > 1.0 { of(i).min(MOST) } else { 1.0 }).collect()
+}
+
 /// The same for an effect at given values of its nonlinear parameters, which are taken as fitted earlier; empty where it has none.
 pub(crate) fn joint_se_at(session: &Session<'_>, problem: &Problem, variant: &Variant<'_>) -> Vec<f64> {
     let parameters = variant.effect.nonlinear(session.scene, variant.target);
@@ -169,7 +178,9 @@ pub(crate) fn score_fitted<'a>(session: &Session<'_>, problem: &Problem, variant
     let wide = with_derivatives(session, problem, &variant, &parameters, &at)?;
     let k = at.theta.len();
     let joint_se = joint_se(problem, &parameters, &wide, &at.theta);
-    let folds: Vec<(DVector<f64>, Vec<f64>, f64, f64)> = (0..problem.folds.len())
+    let (joint, _) = problem.reduce_all(&wide);
+    let widening = widening(&joint, k);
+    let folds: Vec<(DVector<f64>, Vec<f64>, f64, f64, DMatrix<f64>)> = (0..problem.folds.len())
         .into_par_iter()
         .map(|g| {
             let common = problem.reduce_fold(g, &wide);
@@ -186,7 +197,7 @@ pub(crate) fn score_fitted<'a>(session: &Session<'_>, problem: &Problem, variant
                 }
             }
             let error = (&problem.folds[g].test - test * &theta).norm_squared();
-            (theta, p, gain, error)
+            (theta, p, gain, error, common.s)
         })
         .collect();
     let mut out = Scored {
@@ -197,10 +208,12 @@ pub(crate) fn score_fitted<'a>(session: &Session<'_>, problem: &Problem, variant
         fold_gain: Vec::new(),
         fold_error: Vec::new(),
         joint_se,
+        freedom: fold_freedom(&joint, folds.iter().map(|f| &f.4)),
+        widening,
         s,
         variant,
     };
-    for (theta, p, gain, error) in folds {
+    for (theta, p, gain, error, _) in folds {
         out.fold_theta.push(theta);
         out.fold_nonlinear.push(p);
         out.fold_gain.push(gain);

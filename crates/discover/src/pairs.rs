@@ -114,6 +114,8 @@ pub(crate) fn better_pair<'a>(
     let kb = parts[b].1.coefficients.len();
     let part = |variant: &Variant<'a>, first: usize, k: usize| Scored {
         joint_se: Vec::new(),
+        freedom: scored.freedom.get(first..first + k).unwrap_or_default().to_vec(),
+        widening: Vec::new(),
         variant: variant.clone(),
         theta: scored.theta.rows(first, k).into_owned(),
         gain: scored.gain,

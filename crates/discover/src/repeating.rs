@@ -15,6 +15,7 @@ use crate::rank::OVERLAP;
 use crate::result::Estimate;
 use crate::session::Session;
 use aloft_effects::Effect;
+use aloft_identify::satterthwaite;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
@@ -108,6 +109,9 @@ pub(crate) fn widen(
     let row = if session.prior.is_some() { OVERLAP * complete.variance } else { 0.0 };
     for (i, e) in coefficients.iter_mut().chain(nonlinear.iter_mut()).enumerate().take(k) {
         let repeats = variance * reach.row(i).norm_squared();
-        e.se = ((e.se * e.se).max(row * inverse[(i, i)]) + repeats).sqrt();
+        // what repeats is known from many columns; the scatter over clusters is not
+        let own = ((e.se * e.se).max(row * inverse[(i, i)]), e.freedom);
+        let (total, freedom) = satterthwaite(&[own, (repeats, f64::INFINITY)]);
+        *e = e.clone().with_error(total.sqrt(), freedom);
     }
 }

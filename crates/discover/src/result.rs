@@ -26,10 +26,46 @@ pub struct Estimate {
     pub name: String,
     /// Value.
     pub value: f64,
-    /// Standard error: over clusters (jackknife), or that of the joint fit with nonlinear parameters where that is larger.
+    /// Standard error: over clusters (jackknife), or that of the joint fit with nonlinear parameters where that is larger. Null where it is not
+    /// known, as of an estimate at its bound.
+    #[serde(deserialize_with = "nullable")]
     pub se: f64,
+    /// 95 % interval ([`aloft_identify::interval95`]); null where the standard error is not known.
+    #[serde(default)]
+    pub ci95: Option<[f64; 2]>,
+    /// Degrees of freedom of the standard error; null for infinitely many.
+    #[serde(default = "nothing", deserialize_with = "nullable")]
+    pub freedom: f64,
+    /// True where the fit ended at a bound that physics or the method sets: the recordings did not determine this number.
+    #[serde(default)]
+    pub at_bound: bool,
+    /// By how much the standard error grows because nonlinear parameters were fitted as well; 1 where there are none.
+    #[serde(default = "one")]
+    pub widening: f64,
     /// SI unit.
     pub unit: String,
+}
+
+impl Estimate {
+    /// Gives the standard error and its degrees of freedom, and with them the interval. An estimate at its bound has none.
+    pub(crate) fn with_error(mut self, se: f64, freedom: f64) -> Self {
+        (self.se, self.freedom) = if self.at_bound { (f64::NAN, f64::NAN) } else { (se, freedom) };
+        self.ci95 = aloft_identify::interval95(self.value, self.se, self.freedom);
+        self
+    }
+}
+
+/// JSON has no NaN and no infinity: both are written as null, and null is read as NaN.
+fn nullable<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::NAN))
+}
+
+fn nothing() -> f64 {
+    f64::NAN
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 /// Another effect that looks alike.

@@ -1,18 +1,8 @@
 //! Resampling over clusters.
 
+use aloft_identify::interval::t975;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-
-/// Two-sided 95 % points of Student's t.
-pub(crate) fn student95(df: usize) -> f64 {
-    const T: [f64; 12] = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179];
-    match df {
-        0 => f64::INFINITY,
-        1..=12 => T[df - 1],
-        13..=30 => 2.179 - 0.137 * (df as f64 - 12.0) / 18.0,
-        _ => 1.96 + 2.5 / df as f64,
-    }
-}
 
 /// Draws of cluster weights (multinomial), the same for every caller.
 pub(crate) fn resamples(n: usize, draws: usize, seed: u64) -> Vec<Vec<f64>> {
@@ -46,7 +36,7 @@ pub(crate) fn ratio_interval(error: &[f64], plain: &[f64], weights: &[Vec<f64>])
         let left: Vec<f64> = used.iter().map(|&out| ratio(&|g| if g == out { 0.0 } else { 1.0 }).ln()).collect();
         let mean = left.iter().sum::<f64>() / n as f64;
         let variance = left.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() * (n as f64 - 1.0) / n as f64;
-        let half = student95(n - 1) * variance.sqrt();
+        let half = t975((n - 1) as f64) * variance.sqrt();
         low = low.min((center - half).exp());
         high = high.max((center + half).exp());
     }

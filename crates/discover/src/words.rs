@@ -3,6 +3,7 @@
 use crate::problem::Domain;
 use crate::result::{Candidate, Discovery, Verdict};
 use aloft_effects::EffectKind;
+use aloft_identify::half_of;
 
 pub(crate) fn domain(domain: Domain) -> &'static str {
     match domain {
@@ -19,16 +20,21 @@ fn estimate(c: &Candidate) -> String {
     c.coefficients
         .iter()
         .map(|e| {
-            let digits = decimals(e.se);
-            format!("{} {:.digits$} ± {:.digits$} {}", e.name, e.value, e.se, e.unit)
+            let half = half_of(e.ci95).unwrap_or(f64::NAN);
+            let digits = decimals(half);
+            match e.ci95 {
+                Some(_) => format!("{} {:.digits$} ± {half:.digits$} {} (95 %)", e.name, e.value, e.unit),
+                None if e.at_bound => format!("{} {:.digits$} {}, at its bound", e.name, e.value, e.unit),
+                None => format!("{} {:.digits$} {}", e.name, e.value, e.unit),
+            }
         })
         .collect::<Vec<_>>()
         .join(", ")
 }
 
-/// Decimals that show two digits of a standard error.
-fn decimals(se: f64) -> usize {
-    if se.is_finite() && se > 0.0 { (1.0 - se.log10().floor()).clamp(0.0, 9.0) as usize } else { 4 }
+/// Decimals that show two digits of half an interval.
+fn decimals(half: f64) -> usize {
+    if half.is_finite() && half > 0.0 { (1.0 - half.log10().floor()).clamp(0.0, 9.0) as usize } else { 4 }
 }
 
 pub(crate) fn round(

@@ -273,7 +273,7 @@ fn prop_parquet_and_csv_hold_the_same_series() {
     let s = subject(Convention::Model);
     let t = trial(&s, &[0]);
     let parquet = written("parquet", &s, &t);
-    let frame = ParquetReader::new(std::io::Cursor::new(bytes(&parquet, ".parquet").to_vec())).finish().unwrap();
+    let frame = aloft_export::parquet::read(bytes(&parquet, ".parquet").to_vec()).unwrap();
     let names: Vec<&str> = frame.columns().iter().map(|c| c.name().as_str()).collect();
     assert_eq!(
         names,

@@ -55,9 +55,25 @@ pub(crate) struct Clusters {
     /// Estimate without the mass: parameters 1.. and effects.
     estimate: DVector<f64>,
     inverse: DMatrix<f64>,
+    /// U.
+    triangle: DMatrix<f64>,
     clusters: Vec<ClusterRows>,
     mass_kg: f64,
 }
+
+/// What the clusters say of the variances of linear functions.
+#[derive(Debug, Clone)]
+pub(crate) struct Spread {
+    /// Variance of each function.
+    pub variance: Vec<f64>,
+    /// Degrees of freedom of each variance.
+    pub freedom: Vec<f64>,
+    /// Sum of outer products of the adjusted scores, m × m: the middle of the covariance.
+    pub meat: DMatrix<f64>,
+}
+
+/// With more clusters than this the products of pairs are left out of the degrees of freedom, which are many then.
+const MOST_PAIRED: usize = 400;
 
 /// One cluster, preconditioned.
 #[derive(Debug, Clone)]
@@ -124,7 +140,7 @@ impl Clusters {
         let triangle = DMatrix::from_fn(m, m, |i, j| if i <= j { r[(i, j)] } else { 0.0 });
         // a direction that nothing determines gets no variance here; the gate reports it
         let scale = DVector::from_fn(m, |j, _| triangle.column(j).norm());
-        let mut lifted = triangle;
+        let mut lifted = triangle.clone();
         for j in 0..m {
             if lifted[(j, j)].abs() <= 1e-13 * scale[j].max(f64::MIN_POSITIVE) {
                 lifted[(j, j)] = f64::INFINITY;
@@ -145,7 +161,7 @@ impl Clusters {
                 ClusterRows { gram: q.tr_mul(&q), score: q.tr_mul(&residual), q, residual, n_rows }
             })
             .collect();
-        Ok(Self { estimate, inverse, clusters: rows, mass_kg })
+        Ok(Self { estimate, inverse, triangle, clusters: rows, mass_kg })
     }
 
     pub fn len(&self) -> usize {
@@ -187,33 +203,83 @@ impl Clusters {
             .collect()
     }
 
-    /// Cluster-robust covariance (bias-reduced linearisation, CR2), mass included with zeros. The prior's rows, of weight w, add what its
-    /// own spread leaves as bias.
-    /// The scores' part is multiplied by `inflation`.
-    pub fn robust_covariance(&self, weight: f64, inflation: f64) -> DMatrix<f64> {
+    /// Number of unknowns: parameters without the mass, and effects.
+    pub fn unknowns(&self) -> usize {
+        self.estimate.len()
+    }
+
+    /// The unknowns themselves as functions of the rows' errors, m × m: see [`Clusters::spread`].
+    pub fn own_functions(&self) -> DMatrix<f64> {
+        self.inverse.transpose()
+    }
+
+    /// Functions `wᵀ Σ_g A_gᵀ ε_g` of the rows' errors, one a column of `by_rows` (m × n), as [`Clusters::spread`] takes them.
+    pub fn functions(&self, by_rows: &DMatrix<f64>) -> DMatrix<f64> {
+        &self.triangle * by_rows
+    }
+
+    /// Sums `Σ_g A_gᵀ D_g` (m × K) over columns D beside the rows, in the coordinates of the functions.
+    pub fn reach(&self, sums: &DMatrix<f64>) -> DMatrix<f64> {
+        self.inverse.tr_mul(sums)
+    }
+
+    /// Variance of functions of the prior's own error, where the prior has the weight w: `w cᵀ (1 − Σ G_g) c`.
+    pub fn of_prior(&self, weight: f64, functions: &DMatrix<f64>) -> Vec<f64> {
+        let by_prior = functions - self.gram() * functions;
+        let of = |(c, b): (nalgebra::DVectorView<'_, f64>, nalgebra::DVectorView<'_, f64>)| weight * c.dot(&b).max(0.0);
+        functions.column_iter().zip(by_prior.column_iter()).map(of).collect()
+    }
+
+    /// Σ G_g.
+    pub fn gram(&self) -> DMatrix<f64> {
         let m = self.estimate.len();
-        let mut meat = DMatrix::zeros(m, m);
-        if weight > 0.0 {
-            meat = DMatrix::identity(m, m) * weight;
-            for cluster in &self.clusters {
-                meat -= &cluster.gram * weight;
-            }
-        }
-        let adjusted: Vec<DVector<f64>> = (0..self.len())
-            .into_par_iter()
-            .map(|g| {
-                let gram = &self.clusters[g].gram;
-                let rest = Mat::from_fn(m, m, |i, j| f64::from(u8::from(i == j)) - gram[(i, j)]);
-                through_eigen(&rest, &self.clusters[g].score, |l| if l > 1e-8 { l.sqrt().recip() } else { 0.0 })
-            })
-            .collect();
-        for score in &adjusted {
-            meat += score * score.transpose() * inflation;
-        }
-        let reduced = &self.inverse * meat * self.inverse.transpose();
+        self.clusters.iter().fold(DMatrix::zeros(m, m), |sum, c| sum + &c.gram)
+    }
+
+    /// Covariance `U⁻¹ middle U⁻ᵀ` of the estimates, the mass included with zeros.
+    pub fn covariance(&self, middle: &DMatrix<f64>) -> DMatrix<f64> {
+        let m = self.estimate.len();
         let mut out = DMatrix::zeros(m + 1, m + 1);
-        out.view_mut((1, 1), (m, m)).copy_from(&reduced);
+        out.view_mut((1, 1), (m, m)).copy_from(&(&self.inverse * middle * self.inverse.transpose()));
         out
+    }
+
+    /// Variances of linear functions `cᵀ Σ_g Q_gᵀ ε_g` of the rows' errors (c a column of `functions`, m × n), from the spread among
+    /// clusters: bias-reduced linearisation (CR2), with the degrees of freedom of Bell and McCaffrey (2002).
+    ///
+    /// With `a_g = (1 − Q_gQ_gᵀ)^(−1/2) Q_g c` the variance is `Σ_g (a_gᵀ r_g)²`, a quadratic form of the errors. Were these independent
+    /// and alike, its eigenvalues would be those of the matrix with `c G_g c` on and `−b_gᵀ b_h`, `b_g = (1 − G_g)^(−1/2) G_g c`,
+    /// beside the diagonal: the degrees of freedom are its squared trace over the sum of its squares.
+    pub fn spread(&self, functions: &DMatrix<f64>) -> Spread {
+        let (m, n) = functions.shape();
+        let by = Mat::from_fn(m, n, |i, j| functions[(i, j)]);
+        let parts: Vec<(DVector<f64>, Vec<f64>, Mat<f64>)> =
+            self.clusters.par_iter().map(|c| cluster_spread(c, &by)).collect();
+        let mut meat = DMatrix::zeros(m, m);
+        for (score, _, _) in &parts {
+            meat.ger(1.0, score, score, 1.0);
+        }
+        let pairs = parts.len() <= MOST_PAIRED;
+        let (variance, freedom) = (0..n)
+            .into_par_iter()
+            .map(|k| {
+                let c = functions.column(k);
+                let variance: f64 = parts.iter().map(|(score, _, _)| c.dot(score).powi(2)).sum();
+                let trace: f64 = parts.iter().map(|(_, own, _)| own[k]).sum();
+                let mut squares: f64 = parts.iter().map(|(_, own, _)| own[k] * own[k]).sum();
+                if pairs {
+                    let reach = Mat::from_fn(m, parts.len(), |i, g| parts[g].2[(i, k)]);
+                    let products = reach.transpose() * &reach;
+                    for h in 0..parts.len() {
+                        for g in 0..h {
+                            squares += 2.0 * products[(g, h)] * products[(g, h)];
+                        }
+                    }
+                }
+                (variance, if squares > 0.0 { trace * trace / squares } else { f64::INFINITY })
+            })
+            .unzip();
+        Spread { variance, freedom, meat }
     }
 
     /// Estimates from clusters drawn with replacement, mass first. Draw `i` depends on `seed` and `i` alone.
@@ -249,6 +315,25 @@ impl Clusters {
             })
             .collect()
     }
+}
+
+/// Adjusted score `(1 − G)^(−1/2) Qᵀ r` of a cluster; `cᵀ G c` of each function, and `(1 − G)^(−1/2) G c`.
+fn cluster_spread(cluster: &ClusterRows, functions: &Mat<f64>) -> (DVector<f64>, Vec<f64>, Mat<f64>) {
+    let (m, n) = (functions.nrows(), functions.ncols());
+    let nothing = || (DVector::zeros(m), vec![0.0; n], Mat::zeros(m, n));
+    let gram = Mat::from_fn(m, m, |i, j| cluster.gram[(i, j)]);
+    let Ok(eigen) = gram.self_adjoint_eigen(Side::Lower) else { return nothing() };
+    let (v, values) = (eigen.U(), eigen.S().column_vector());
+    // a direction that no other cluster and no prior sees has no residual from which to take its variance
+    let values: Vec<f64> = values.iter().map(|l| if *l < 1.0 - 1e-8 { l.max(0.0) } else { 0.0 }).collect();
+    let along = v.transpose() * functions;
+    let score = v.transpose() * Mat::from_fn(m, 1, |i, _| cluster.score[i]);
+    let by_root = |x: &Mat<f64>, power: i32| {
+        Mat::from_fn(m, x.ncols(), |i, j| x[(i, j)] * values[i].powi(power) / (1.0 - values[i]).sqrt())
+    };
+    let own = (0..n).map(|k| (0..m).map(|i| values[i] * along[(i, k)] * along[(i, k)]).sum()).collect();
+    let score = v * by_root(&score, 0);
+    (DVector::from_fn(m, |i, _| score[(i, 0)]), own, v * by_root(&along, 1))
 }
 
 /// Draws of a bootstrap whose sums are built together.
@@ -406,6 +491,7 @@ mod tests {
         let clusters = Clusters {
             estimate: DVector::from_fn(m, |i, _| i as f64),
             inverse: DMatrix::identity(m, m) * 0.5,
+            triangle: DMatrix::identity(m, m) * 2.0,
             clusters: (0..n).map(cluster).collect(),
             mass_kg: 60.0,
         };

@@ -2,18 +2,22 @@
 
 use crate::clusters::{Clusters, choose_weight, merge_groups};
 use crate::gate::{judge, seen};
-use crate::links::link_with_sd;
+use crate::interval::{half_of, interval95};
+use crate::links::{LinkSd, gradient, link_with_sd};
 use crate::null_vector::sigma_of;
+use crate::parameters::LinkIntervals;
 use crate::system::System;
+use crate::uncertainty::{Tissue, Uncertainty, Variance, deviations};
 use crate::{
     BaseEstimate, ClusterBy, ColumnScaling, EffectEstimate, Estimator, GateLimits, Identification, IdentifyError,
     LinkEstimate, LinkOptions, LinkPrior, Parameters, Prior, Seen, Sigma, advice, balanced, consistent_links,
     null_vector,
 };
 use aloft_body::{BaseParameters, Model, Phi};
-use aloft_regressor::{Factor, StretchKind, leave_group_out};
+use aloft_regressor::{Factor, Slides, StretchKind, leave_group_out};
 use nalgebra::{DMatrix, DVector, SMatrix};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// What to identify and how.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -23,11 +27,10 @@ pub struct IdentifyOptions {
     pub estimator: Estimator,
     /// What counts as independent evidence.
     pub cluster: ClusterBy,
-    /// Correlation ρ of the error between clusters, 0 to 1: what repeats from flight to flight and no resampling can see (soft tissue that follows
-    /// the same joint angles, joint centres beside their place). Variances grow by 1 + (clusters − 1) ρ. Zero for rigid objects; 0.1 to 0.2 made
-    /// intervals cover the truth on simulated people with 3 mm of soft tissue.
+    /// Correlation ρ of the error between clusters, 0 to 1, for what repeats from flight to flight and is not modelled: variances grow by
+    /// 1 + (clusters − 1) ρ. Soft tissue has a model of its own ([`identify_with_slides`]), so this is zero by default.
     pub repeat_correlation: f64,
-    /// Bootstrap draws (0 for none).
+    /// Bootstrap draws (0 for none). Intervals do not depend on them.
     pub bootstrap: usize,
     /// Seed of the draws.
     pub seed: u64,
@@ -37,6 +40,9 @@ pub struct IdentifyOptions {
     pub divergence_weight: f64,
     /// Limits of the gate.
     pub gate: GateLimits,
+    /// Factors of the standard errors of effect coefficients, by column: how much they grow because nonlinear parameters of the effect, held here,
+    /// were fitted to the same recordings.
+    pub widening: BTreeMap<String, f64>,
 }
 
 impl Default for IdentifyOptions {
@@ -51,6 +57,7 @@ impl Default for IdentifyOptions {
             weights: vec![1.0, 3.0, 10.0],
             divergence_weight: 0.3,
             gate: GateLimits::default(),
+            widening: BTreeMap::new(),
         }
     }
 }
@@ -72,7 +79,7 @@ pub fn identify(
     prior: Option<&LinkPrior>,
     options: &IdentifyOptions,
 ) -> Result<Identification, IdentifyError> {
-    identify_merged(model, base, factors, None, mass_kg, prior, options)
+    identify_with_slides(model, base, factors, None, &[], mass_kg, prior, options)
 }
 
 /// As [`identify`], with the flights among `factors` merged already, for example by many machines in a tree. It is used where no
@@ -89,6 +96,27 @@ pub fn identify_merged(
     prior: Option<&LinkPrior>,
     options: &IdentifyOptions,
 ) -> Result<Identification, IdentifyError> {
+    identify_with_slides(model, base, factors, flights, &[], mass_kg, prior, options)
+}
+
+/// As [`identify_merged`], with what soft tissue makes of each factor's rows ([`aloft_regressor::weak_factor_with_tissue`]), in the same order. Estimates do
+/// not depend on it; their intervals allow for errors that repeat from flight to flight.
+///
+/// # Errors
+/// As [`identify`], and [`IdentifyError::Length`] when there are not as many slides as factors.
+pub fn identify_with_slides(
+    model: &Model,
+    base: &BaseParameters,
+    factors: &[Factor],
+    flights: Option<&Factor>,
+    slides: &[Slides],
+    mass_kg: f64,
+    prior: Option<&LinkPrior>,
+    options: &IdentifyOptions,
+) -> Result<Identification, IdentifyError> {
+    if !slides.is_empty() && slides.len() != factors.len() {
+        return Err(IdentifyError::Length { what: "slides of soft tissue", expected: factors.len(), found: slides.len() });
+    }
     let base_prior = prior.map(|p| p.base(base)).transpose()?;
     let (factors, balance) = match options.estimator {
         // a null vector exists where nothing acts: contact, whose rows have a right side, is left out
@@ -99,6 +127,7 @@ pub fn identify_merged(
         Estimator::Regularised { .. } => balanced(factors, mass_kg, base_prior.as_ref())?,
     };
     let factors = factors.as_slice();
+    let tissue = Tissue::of(factors, slides, balance.as_ref().map_or(1.0, |b| b.contact_weight));
     // the same rows, or it is not their merger
     let rows: usize = factors.iter().map(|f| f.n_rows).sum();
     let alone = factors.iter().all(|f| f.kind != StretchKind::Contact);
@@ -117,7 +146,9 @@ pub fn identify_merged(
     let clusters = merge_groups(factors, &groups)?;
     let fit = match options.estimator {
         Estimator::NullVector(scaling) => Fit::null_vector(factors, &groups, &merged, mass_kg, scaling)?,
-        Estimator::MassConstrained => Fit::least_squares(&clusters, &merged, mass_kg, None, 0.0, Vec::new(), options)?,
+        Estimator::MassConstrained => {
+            Fit::least_squares(&clusters, &merged, mass_kg, None, 0.0, Vec::new(), tissue.as_ref(), options)?
+        }
         Estimator::Regularised { weight } => {
             let prior = base_prior.as_ref().ok_or_else(|| IdentifyError::Option {
                 option: "estimator",
@@ -129,7 +160,7 @@ pub fn identify_merged(
                 None if clusters.len() < 2 => (options.weights.iter().copied().fold(1.0, f64::max), Vec::new()),
                 None => choose_weight(&clusters, &merged, mass_kg, prior, &options.weights)?,
             };
-            Fit::least_squares(&clusters, &merged, mass_kg, Some(prior), lambda, tried, options)?
+            Fit::least_squares(&clusters, &merged, mass_kg, Some(prior), lambda, tried, tissue.as_ref(), options)?
         }
     };
     let rows = merged.rows;
@@ -142,7 +173,7 @@ pub fn identify_merged(
     let named: Vec<(String, Seen)> = base_estimates.iter().map(|b| (b.name.clone(), b.seen)).collect();
     let hints = advice::in_words(model, &named);
     let gate = judge(&options.estimator, &sigma, &named, factors.len(), fit.deficient, &options.gate, hints);
-    let effects = fit.effect_estimates(&merged);
+    let effects = fit.effect_estimates(&merged, &options.widening);
     let mut trials: Vec<&str> = factors.iter().map(|f| f.trial.as_str()).collect();
     trials.sort_unstable();
     trials.dedup();
@@ -193,20 +224,19 @@ struct Fit {
     x: DVector<f64>,
     n_parameters: usize,
     covariance: DMatrix<f64>,
-    /// Quantile of Student's t for 95 % intervals.
-    quantile: f64,
+    /// Degrees of freedom of each variance, the mass first.
+    freedom: Vec<f64>,
+    /// Where variances come from; none for the null vector, whose jackknife is all there is.
+    uncertainty: Option<Uncertainty>,
+    /// Size of the soft tissue that was allowed for, m/rad.
+    tissue: Option<f64>,
     row_sd: f64,
-    /// By how much clusters vary more than independent rows would.
-    inflation: f64,
     prior_weight: f64,
     tried: Vec<crate::WeightTrial>,
     deficient: usize,
     draws: Vec<DVector<f64>>,
     robust: bool,
 }
-
-/// Fewest clusters for which standard errors are taken from the spread among them.
-const MIN_CLUSTERS: usize = 5;
 
 impl Fit {
     fn null_vector(
@@ -246,9 +276,10 @@ impl Fit {
             x: whole.parameters,
             n_parameters: p,
             covariance,
-            quantile: t_quantile(left.len().saturating_sub(1)),
+            freedom: vec![left.len().saturating_sub(1) as f64; p],
+            uncertainty: None,
+            tissue: None,
             row_sd: row_variance.sqrt(),
-            inflation: 1.0,
             prior_weight: 0.0,
             tried: Vec::new(),
             deficient: 0,
@@ -264,6 +295,7 @@ impl Fit {
         prior: Option<&Prior>,
         lambda: f64,
         tried: Vec<crate::WeightTrial>,
+        tissue: Option<&Tissue>,
         options: &IdentifyOptions,
     ) -> Result<Self, IdentifyError> {
         let system = System::new(merged, mass_kg, prior)?;
@@ -277,71 +309,55 @@ impl Fit {
             });
         }
         let repeats = 1.0 + (clusters.len() as f64 - 1.0) * options.repeat_correlation;
-        let model = system.covariance(repeats * row_variance, weight);
         let resampled = Clusters::new(clusters, merged, mass_kg, prior, weight, &solution.x)?;
-        let robust = resampled.len() >= MIN_CLUSTERS && solution.deficient == 0;
-        // the larger of the two errors counts for each parameter; correlations are those of the rows
-        let (covariance, inflation) = if robust {
-            let spread = resampled.robust_covariance(weight, repeats);
-            let ratio = DVector::from_fn(model.nrows(), |i, _| {
-                if model[(i, i)] > 0.0 { (spread[(i, i)] / model[(i, i)]).max(1.0) } else { 1.0 }
-            });
-            let n = ratio.len().max(2) - 1;
-            let inflation = repeats * ratio.rows(1, n).map(f64::ln).mean().exp();
-            let scale = DMatrix::from_diagonal(&ratio.map(f64::sqrt));
-            (&scale * model * &scale, inflation)
-        } else {
-            (model, repeats)
-        };
         let draws = if options.bootstrap > 0 && resampled.len() >= 2 {
             resampled.bootstrap(options.bootstrap, options.seed)
         } else {
             Vec::new()
         };
-        let freedom = match (robust, prior) {
-            (true, _) => resampled.len() - 1,
-            // a prior makes intervals those of a normal distribution
-            (false, Some(_)) => usize::MAX,
-            (false, None) => system.n_rows().saturating_sub(solution.effective_parameters as usize),
-        };
+        let uncertainty = Uncertainty::new(
+            resampled,
+            row_variance,
+            system.n_rows(),
+            solution.effective_parameters,
+            weight,
+            repeats,
+            solution.deficient == 0,
+            tissue,
+        );
+        let (covariance, freedom) = uncertainty.estimates();
         Ok(Self {
             x: solution.x,
             n_parameters: merged.n_parameters(),
             covariance,
-            quantile: t_quantile(freedom),
+            freedom,
+            robust: uncertainty.is_robust(),
+            uncertainty: Some(uncertainty),
+            tissue: tissue.map(|t| t.size),
             row_sd: row_variance.sqrt(),
-            inflation,
             prior_weight: lambda,
             tried,
             deficient: solution.deficient,
             draws,
-            robust,
         })
     }
 
     fn se_from(&self, n_clusters: usize) -> String {
-        if self.robust {
-            format!("spread among {n_clusters} clusters, at least the noise of the rows; Student's t")
+        let rows = if self.robust {
+            format!("spread among {n_clusters} clusters")
         } else {
             "noise of the rows alone: too few clusters to see their spread".to_owned()
-        }
+        };
+        let tissue = self.tissue.map_or_else(String::new, |_| ", soft tissue as a random effect".to_owned());
+        format!("{rows}{tissue}; Student's t")
     }
 
     fn padded(&self, n_effects: usize) -> DVector<f64> {
         pad(&self.x, (self.n_parameters + n_effects).saturating_sub(self.x.len()))
     }
 
-    /// Percentile interval of the bootstrap where there are draws enough, else Student's t.
-    fn interval(&self, i: usize, value: f64, se: f64) -> [f64; 2] {
-        if self.draws.len() < 200 {
-            return [value - self.quantile * se, value + self.quantile * se];
-        }
-        let mut values: Vec<f64> = self.draws.iter().map(|d| d[i]).collect();
-        values.sort_by(f64::total_cmp);
-        let at = |share: f64| values[((values.len() - 1) as f64 * share).round() as usize];
-        // never narrower than the noise says
-        let half = 1.96 * se;
-        [at(0.025).min(value - half), at(0.975).max(value + half)]
+    fn freedom(&self, i: usize) -> f64 {
+        self.freedom.get(i).copied().unwrap_or(f64::NAN)
     }
 
     fn base_estimates(&self, base: &BaseParameters, prior: Option<&Prior>, mass_kg: f64) -> Vec<BaseEstimate> {
@@ -369,7 +385,8 @@ impl Fit {
                     name: parameter.name.clone(),
                     value: self.x[i],
                     se,
-                    ci95: self.interval(i, self.x[i], se),
+                    ci95: interval95(self.x[i], se, self.freedom(i)),
+                    freedom: self.freedom(i),
                     unit: parameter.unit.to_owned(),
                     formula: parameter.formula.clone(),
                     prior: prior.map(|p| p.mean[i]),
@@ -380,7 +397,7 @@ impl Fit {
             .collect()
     }
 
-    fn effect_estimates(&self, merged: &Factor) -> Vec<EffectEstimate> {
+    fn effect_estimates(&self, merged: &Factor, widening: &BTreeMap<String, f64>) -> Vec<EffectEstimate> {
         let p = self.n_parameters;
         if self.x.len() < p + merged.n_effects() {
             return Vec::new();
@@ -391,8 +408,10 @@ impl Fit {
             .iter()
             .enumerate()
             .map(|(k, name)| {
-                let (value, se) = (self.x[p + k], self.covariance[(p + k, p + k)].max(0.0).sqrt());
-                EffectEstimate { name: name.clone(), value, se, ci95: self.interval(p + k, value, se) }
+                let wider = widening.get(name).copied().unwrap_or(1.0).max(1.0);
+                let (value, se) = (self.x[p + k], wider * self.covariance[(p + k, p + k)].max(0.0).sqrt());
+                let freedom = self.freedom(p + k);
+                EffectEstimate { name: name.clone(), value, se, ci95: interval95(value, se, freedom), freedom }
             })
             .collect()
     }
@@ -406,26 +425,38 @@ impl Fit {
         prior: &LinkPrior,
         options: &IdentifyOptions,
     ) -> Result<Vec<LinkEstimate>, IdentifyError> {
+        let row_variance = (self.row_sd * self.row_sd).max(f64::MIN_POSITIVE);
         let consistent = consistent_links(
             merged,
             base,
             mass_kg,
             prior,
             &LinkOptions {
-                row_variance: (self.row_sd * self.row_sd).max(f64::MIN_POSITIVE),
+                row_variance,
                 prior_weight: if self.prior_weight > 0.0 { self.prior_weight } else { 1.0 },
                 divergence_weight: options.divergence_weight,
             },
         )?;
-        let covariance = consistent.covariance * self.inflation;
+        let variances: Vec<[Variance; 10]> = match &self.uncertainty {
+            Some(uncertainty) => uncertainty.links(&consistent, merged, base, row_variance),
+            None => {
+                let of = |(j, phi): (usize, &Phi)| {
+                    let by = gradient(phi);
+                    let own = consistent.covariance.fixed_view::<10, 10>(10 * j, 10 * j);
+                    let variances = (by * own * by.transpose()).diagonal();
+                    std::array::from_fn(|i| (variances[i], self.freedom(1)))
+                };
+                consistent.phi.iter().enumerate().map(of).collect()
+            }
+        };
         Ok(consistent
             .phi
             .iter()
+            .zip(&variances)
             .enumerate()
-            .map(|(j, phi)| {
-                let block: SMatrix<f64, 10, 10> = covariance.fixed_view::<10, 10>(10 * j, 10 * j).into();
+            .map(|(j, (phi, variances))| {
                 let before: SMatrix<f64, 10, 10> = prior.covariance.fixed_view::<10, 10>(10 * j, 10 * j).into();
-                link_estimate(&model.links[j].name, phi, &block, &prior.links[j], &before)
+                link_estimate(&model.links[j].name, phi, variances, &prior.links[j], &before)
             })
             .collect())
     }
@@ -438,11 +469,21 @@ fn pad(x: &DVector<f64>, zeros: usize) -> DVector<f64> {
 fn link_estimate(
     name: &str,
     phi: &Phi,
-    covariance: &SMatrix<f64, 10, 10>,
+    variances: &[Variance; 10],
     prior: &aloft_body::LinkInertia,
     prior_covariance: &SMatrix<f64, 10, 10>,
 ) -> LinkEstimate {
-    let (link, sd) = link_with_sd(phi, covariance);
+    let link = aloft_body::LinkInertia::from_phi(phi);
+    let sd = LinkSd::of(deviations(variances).as_slice());
+    let i = &link.inertia_com_kgm2;
+    let of = |k: usize, value: f64| interval95(value, variances[k].0.max(0.0).sqrt(), variances[k].1);
+    let pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)];
+    let ci95 = LinkIntervals {
+        mass_kg: of(0, link.mass_kg),
+        com_m: std::array::from_fn(|k| of(1 + k, link.com_m[k])),
+        inertia_kgm2: std::array::from_fn(|k| of(4 + k, i[pairs[k]])),
+    };
+    let half = |ci95: Option<[f64; 2]>| half_of(ci95).unwrap_or(f64::NAN);
     let (_, before) = link_with_sd(&prior.to_phi(), prior_covariance);
     let mass = seen(sd.mass_kg, Some(before.mass_kg), 1.0);
     let com = seen(sd.com_m.norm(), Some(before.com_m.norm()), 1.0);
@@ -456,9 +497,9 @@ fn link_estimate(
     let words = format!(
         "mass {:.3} ± {:.3} kg ({}), centre of mass ± {:.0} mm ({}), inertia ({})",
         link.mass_kg,
-        sd.mass_kg,
+        half(ci95.mass_kg),
         word(mass),
-        1000.0 * sd.com_m.norm(),
+        1000.0 * ci95.com_m.iter().map(|c| half(*c).powi(2)).sum::<f64>().sqrt(),
         word(com),
         word(inertia)
     );
@@ -468,25 +509,9 @@ fn link_estimate(
         com_m: link.com_m.into(),
         inertia_kgm2: std::array::from_fn(|i| std::array::from_fn(|j| link.inertia_com_kgm2[(i, j)])),
         sd,
+        ci95,
         prior: *prior,
         seen: mass.min(com).min(inertia),
         words,
-    }
-}
-
-/// 97.5 % quantile of Student's t (Cornish-Fisher expansion, exact for one and two degrees).
-pub(crate) fn t_quantile(freedom: usize) -> f64 {
-    const Z: f64 = 1.959_963_984_540_054;
-    match freedom {
-        0 => f64::INFINITY,
-        1 => 12.706_204_736,
-        2 => 4.302_652_730,
-        n => {
-            let n = n as f64;
-            let (z3, z5, z7) = (Z.powi(3), Z.powi(5), Z.powi(7));
-            Z + (z3 + Z) / (4.0 * n)
-                + (5.0 * z5 + 16.0 * z3 + 3.0 * Z) / (96.0 * n * n)
-                + (3.0 * z7 + 19.0 * z5 + 17.0 * z3 - 15.0 * Z) / (384.0 * n * n * n)
-        }
     }
 }

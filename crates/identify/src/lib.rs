@@ -10,8 +10,8 @@
 //! | [`Estimator::MassConstrained`] | squares of all rows with the mass held | flights, contact, effects |
 //! | [`Estimator::Regularised`] | the same, drawn to the prior as far as held-out flights allow | people, few flights |
 //!
-//! Standard errors are cluster-robust (the unit of evidence is the flight or the trial, never the row) and never below what the rows' own
-//! noise says. [`consistent_links`] finds physical links, [`simex()`](simex()) measures the bias of noisy regressors, [`choose_window`] compares
+//! Standard errors are cluster-robust (the unit of evidence is the flight or the trial, never the row), and every 95 % interval is made by
+//! [`interval95`]. [`consistent_links`] finds physical links, [`simex()`](simex()) measures the bias of noisy regressors, [`choose_window`] compares
 //! window lengths, [`excitation_advice`] tries motions that were not made.
 
 pub mod advice;
@@ -20,12 +20,14 @@ mod clusters;
 mod error;
 pub mod gate;
 mod identify;
+pub mod interval;
 pub mod links;
 pub mod null_vector;
 pub mod parameters;
 pub mod prior;
 pub mod simex;
 mod system;
+mod uncertainty;
 pub mod window;
 
 pub use advice::{AdviceOptions, MotionAdvice, excitation_advice};
@@ -33,12 +35,14 @@ pub use balance::{KindBalance, balanced};
 pub use clusters::{ClusterBy, WeightTrial};
 pub use error::IdentifyError;
 pub use gate::{Gate, GateLimits, Seen};
-pub use identify::{IdentifyOptions, identify, identify_merged};
+pub use identify::{IdentifyOptions, identify, identify_merged, identify_with_slides};
+pub use interval::{half_of, half95, interval95, satterthwaite};
 pub use links::{ConsistentLinks, LinkOptions, LinkSd, consistent_links};
 pub use null_vector::{ColumnScaling, NullVector, Sigma, null_vector};
-pub use parameters::{BaseEstimate, EffectEstimate, Estimator, Identification, LinkEstimate, Parameters};
+pub use parameters::{BaseEstimate, EffectEstimate, Estimator, Identification, LinkEstimate, LinkIntervals, Parameters};
 pub use prior::{LinkPrior, Prior, Symmetry};
 pub use simex::{Simex, add_noise, simex};
+pub use uncertainty::jackknife_freedom;
 pub use window::{WindowChoice, WindowTrial, choose_window};
 
 use aloft_regressor::Factor;

@@ -10,7 +10,8 @@
 //! The first term is the evidence itself, so base parameters are held as tightly as their covariance allows; the second is the prior; the
 //! third, with the pseudo-inertia J of each link (Wensing, Kim, Slotine 2017), is the entropic divergence (Bregman, of the log-determinant:
 //! Lee, Wensing, Park 2020). It is infinite where J stops being positive definite. All three are convex, so Newton's method
-//! with step halving finds the one minimum. Where the barrier is idle, `Bφ` is the regularised estimate itself.
+//! with step halving finds the one minimum. The divergence acts everywhere but at the prior, so
+//! `Bφ` differs slightly from the regularised estimate.
 
 use crate::prior::covariance_root;
 use crate::{IdentifyError, LinkPrior};
@@ -37,6 +38,10 @@ pub struct ConsistentLinks {
     pub phi: Vec<Phi>,
     /// Covariance of the stacked φ, (10 n)²: curvature at the minimum.
     pub covariance: DMatrix<f64>,
+    /// How φ follows the score of its rows, (10 n)²: the inverse of the curvature within the changes that keep the mass.
+    pub response: DMatrix<f64>,
+    /// Part of the covariance that the spread of the prior and the divergence leave as bias, (10 n)².
+    pub known: DMatrix<f64>,
     /// Effect coefficients that go with them.
     pub effects: DVector<f64>,
     /// Newton steps taken.
@@ -201,6 +206,9 @@ impl Problem {
         // as for the base parameters: noise of the rows, and the bias that the prior's own spread leaves under a weight other than one
         let extra = self.prior_weight * self.prior_weight - self.prior_weight;
         let middle = hessian + DMatrix::identity(m, m) * extra;
+        let bias = &middle - self.rows.tr_mul(&self.rows);
+        let response = &self.root * &inverse * self.root.transpose();
+        let known = &self.root * (&inverse * bias * &inverse) * self.root.transpose();
         let covariance = &self.root * (&inverse * middle * &inverse) * self.root.transpose();
         let n = self.references.len();
         let phi_links: Vec<Phi> = (0..n).map(|j| block(&phi, j)).collect();
@@ -212,7 +220,7 @@ impl Problem {
             })
             .fold(f64::INFINITY, f64::min);
         let effects = self.effects.of(&phi);
-        Ok(ConsistentLinks { phi: phi_links, covariance, effects, steps, smallest_eigenvalue: smallest })
+        Ok(ConsistentLinks { phi: phi_links, covariance, response, known, effects, steps, smallest_eigenvalue: smallest })
     }
 
     /// Newton steps to the minimum for one weight of the divergence; the curvature there.
@@ -338,33 +346,34 @@ fn mass_keeping_root(covariance: &DMatrix<f64>) -> Result<DMatrix<f64>, Identify
     Ok(out)
 }
 
-/// Mass, centre of mass and inertia about it with standard deviations, from φ and its covariance (first order).
-pub(crate) fn link_with_sd(phi: &Phi, covariance: &SMatrix<f64, 10, 10>) -> (LinkInertia, LinkSd) {
-    let link = LinkInertia::from_phi(phi);
-    let (m, c) = (phi[0], link.com_m);
-    let sd = |row: &SMatrix<f64, 1, 10>| (row * covariance * row.transpose())[0].max(0.0).sqrt();
-    let mut com = Vector3::zeros();
+/// Derivatives of mass, centre of mass (x y z) and inertia about it (xx yy zz yz zx xy) by φ, one a row.
+pub(crate) fn gradient(phi: &Phi) -> SMatrix<f64, 10, 10> {
+    let (m, c) = (phi[0], LinkInertia::from_phi(phi).com_m);
+    let mut out = SMatrix::<f64, 10, 10>::zeros();
+    out[(0, 0)] = 1.0;
     for k in 0..3 {
-        let mut row = SMatrix::<f64, 1, 10>::zeros();
-        row[0] = -c[k] / m;
-        row[1 + k] = 1.0 / m;
-        com[k] = sd(&row);
+        out[(1 + k, 0)] = -c[k] / m;
+        out[(1 + k, 1 + k)] = 1.0 / m;
     }
     let pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)];
-    let mut inertia = [0.0; 6];
-    for (slot, (&(a, b), k)) in inertia.iter_mut().zip(pairs.iter().zip(4..)) {
+    for (&(a, b), k) in pairs.iter().zip(4..) {
         // I_com = I_O − (|mc|² 1 − mc mcᵀ) / m
-        let mut row = SMatrix::<f64, 1, 10>::zeros();
-        row[k] = 1.0;
+        out[(k, k)] = 1.0;
         let delta = if a == b { 1.0 } else { 0.0 };
-        row[0] = delta * c.norm_squared() - c[a] * c[b];
+        out[(k, 0)] = delta * c.norm_squared() - c[a] * c[b];
         for i in 0..3 {
             let by = 2.0 * delta * c[i] - if i == a { c[b] } else { 0.0 } - if i == b { c[a] } else { 0.0 };
-            row[1 + i] -= by;
+            out[(k, 1 + i)] -= by;
         }
-        *slot = sd(&row);
     }
-    (link, LinkSd { mass_kg: covariance[(0, 0)].max(0.0).sqrt(), com_m: com, inertia_kgm2: inertia })
+    out
+}
+
+/// Mass, centre of mass and inertia about it with standard deviations, from φ and its covariance (first order).
+pub(crate) fn link_with_sd(phi: &Phi, covariance: &SMatrix<f64, 10, 10>) -> (LinkInertia, LinkSd) {
+    let by = gradient(phi);
+    let sd = (by * covariance * by.transpose()).diagonal().map(|v| v.max(0.0).sqrt());
+    (LinkInertia::from_phi(phi), LinkSd::of(sd.as_slice()))
 }
 
 /// Standard deviations of a link's properties.
@@ -376,6 +385,18 @@ pub struct LinkSd {
     pub com_m: Vector3<f64>,
     /// Of the inertia about the centre of mass, kg·m²: xx yy zz yz zx xy.
     pub inertia_kgm2: [f64; 6],
+}
+
+impl LinkSd {
+    /// From the ten numbers in the order of [`gradient`].
+    pub(crate) fn of(sd: &[f64]) -> Self {
+        let at = |i: usize| sd.get(i).copied().unwrap_or(f64::NAN);
+        Self {
+            mass_kg: at(0),
+            com_m: Vector3::new(at(1), at(2), at(3)),
+            inertia_kgm2: std::array::from_fn(|i| at(4 + i)),
+        }
+    }
 }
 
 /// Second moments of mass about the centre of mass, kg·m²: positive definite exactly where the link is consistent (and its mass positive).

@@ -41,8 +41,8 @@ pub(crate) fn nullable<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64
     Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::NAN))
 }
 
-fn nullable_pair<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 2], D::Error> {
-    Ok(<[Option<f64>; 2]>::deserialize(deserializer)?.map(|x| x.unwrap_or(f64::NAN)))
+fn nothing() -> f64 {
+    f64::NAN
 }
 
 /// One base parameter.
@@ -55,9 +55,11 @@ pub struct BaseEstimate {
     /// Standard error.
     #[serde(deserialize_with = "nullable")]
     pub se: f64,
-    /// 95 % interval.
-    #[serde(deserialize_with = "nullable_pair")]
-    pub ci95: [f64; 2],
+    /// 95 % interval ([`crate::interval95`]); none where the standard error is not known.
+    pub ci95: Option<[f64; 2]>,
+    /// Degrees of freedom of the standard error; null for infinitely many.
+    #[serde(default = "nothing", deserialize_with = "nullable")]
+    pub freedom: f64,
     /// `kg`, `kg·m` or `kg·m²`.
     pub unit: String,
     /// The regrouping spelled out.
@@ -80,9 +82,22 @@ pub struct EffectEstimate {
     /// Standard error.
     #[serde(deserialize_with = "nullable")]
     pub se: f64,
-    /// 95 % interval.
-    #[serde(deserialize_with = "nullable_pair")]
-    pub ci95: [f64; 2],
+    /// 95 % interval ([`crate::interval95`]); none where the standard error is not known.
+    pub ci95: Option<[f64; 2]>,
+    /// Degrees of freedom of the standard error; null for infinitely many.
+    #[serde(default = "nothing", deserialize_with = "nullable")]
+    pub freedom: f64,
+}
+
+/// 95 % intervals of a link's numbers; none where a standard error is not known.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct LinkIntervals {
+    /// Of the mass, kg.
+    pub mass_kg: Option<[f64; 2]>,
+    /// Of the centre of mass in the link frame, m.
+    pub com_m: [Option<[f64; 2]>; 3],
+    /// Of the inertia about the centre of mass in link axes, kg·m²: xx yy zz yz zx xy.
+    pub inertia_kgm2: [Option<[f64; 2]>; 6],
 }
 
 /// One link, physically consistent.
@@ -98,6 +113,8 @@ pub struct LinkEstimate {
     pub inertia_kgm2: [[f64; 3]; 3],
     /// Standard deviations.
     pub sd: LinkSd,
+    /// 95 % intervals.
+    pub ci95: LinkIntervals,
     /// The prior.
     pub prior: LinkInertia,
     /// How well motion shows the link.

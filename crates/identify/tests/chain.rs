@@ -140,35 +140,6 @@ fn validate_weak_rows_beat_them_tenfold() {
 }
 
 #[test]
-fn validate_intervals_cover_the_truth() {
-    // fixed weights are what a pipeline without further words uses, with its 200 bootstrap draws; whitened rows and none are the other extreme
-    for (name, white, bootstrap) in
-        [("chain_p", false, 200), ("chain_a", false, 200), ("chain_p", true, 0), ("chain_a", true, 0)]
-    {
-        let truth = load(name);
-        let options = IdentifyOptions { bootstrap, ..IdentifyOptions::default() };
-        let (mut covered, mut all, mut worst) = (0, 0, 0.0f64);
-        for seed in 0..25 {
-            let factors = weak_factors(&truth, &truth.noisy(MARKER_SD_M, 100 + seed), 0.4, white);
-            let found = identify(&truth.model, &truth.base, &factors, truth.mass(), None, &options).unwrap();
-            assert!(found.parameters.gate.passed, "{:?}", found.parameters.gate);
-            for (estimate, value) in found.parameters.base.iter().zip(truth.truth().iter()).skip(1) {
-                all += 1;
-                covered += usize::from(estimate.ci95[0] <= *value && *value <= estimate.ci95[1]);
-                worst = worst.max((estimate.value - value).abs());
-            }
-        }
-        let share = f64::from(covered as u32) / f64::from(all);
-        println!(
-            "{name}, whitened {white}: 95 % intervals cover {:.1} % of {all}, largest error {worst:.1e}",
-            100.0 * share
-        );
-        assert!(share >= 0.9, "{name}, whitened {white}: {share}");
-        assert!(worst < 3e-4, "{name}, whitened {white}: {worst:e}");
-    }
-}
-
-#[test]
 fn prop_contact_counts_by_its_own_error() {
     let truth = load("chain_a");
     let motion = truth.noisy(MARKER_SD_M, 11);

@@ -108,45 +108,12 @@ fn validate_three_flights_and_a_prior_find_the_person() {
                 .base
                 .iter()
                 .zip(truth.truth().iter())
-                .filter(|(b, t)| b.ci95[0] <= **t && **t <= b.ci95[1])
+                .filter(|(b, t)| b.ci95.is_some_and(|c| c[0] <= **t && **t <= c[1]))
                 .count();
             println!("intervals cover {covered} of {}", truth.base.len());
             assert!(covered as f64 > 0.85 * truth.base.len() as f64);
         }
     }
-}
-
-#[test]
-fn validate_intervals_of_people_cover_the_truth() {
-    // soft tissue of 3 mm follows the joints in every flight alike: no resampling of flights sees it, so intervals without an allowance for
-    // what repeats are too narrow; 0.2 is what pipelines for people use
-    let truth = load("subject_a");
-    let mut shares = [0.0; 2];
-    const DRAWS: u64 = 5;
-    for seed in 0..DRAWS {
-        let prior = prior(&truth, 50 + seed);
-        let factors = weak_factors(&truth, &prior, 20 + seed, 0.003, false);
-        for (share, repeat) in shares.iter_mut().zip([0.0, 0.2]) {
-            let options = IdentifyOptions { repeat_correlation: repeat, ..regularised(None) };
-            let found = identify(&truth.model, &truth.base, &factors, truth.mass(), Some(&prior), &options).unwrap();
-            let covered = found
-                .parameters
-                .base
-                .iter()
-                .zip(truth.truth().iter())
-                .skip(1)
-                .filter(|(b, t)| b.ci95[0] <= **t && **t <= b.ci95[1])
-                .count();
-            *share += covered as f64 / (truth.base.len() - 1) as f64 / DRAWS as f64;
-        }
-    }
-    println!(
-        "95 % intervals cover {:.1} % without and {:.1} % with a repeat correlation of 0.2",
-        100.0 * shares[0],
-        100.0 * shares[1]
-    );
-    // measured: 89.0 % and 90.4 %; one per cent is left for the rounding of other machines
-    assert!(shares[1] >= 0.894 && shares[1] > shares[0], "{shares:?}");
 }
 
 #[test]

@@ -17,6 +17,9 @@ pub struct ModelEffect {
     /// Trials in which it acts (a payload that some of them carry); all where empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub trials: Vec<String>,
+    /// By how much the standard error of each coefficient grows because the nonlinear parameters were fitted to the same recordings.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub widening: BTreeMap<String, f64>,
     /// Middle and reach of the volume that its columns refer to, m, where the discovery that found it had one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub volume_m: Option<([f64; 3], f64)>,
@@ -46,10 +49,42 @@ pub struct Reached {
     pub sigma_ratio: f64,
     /// Marker RMS, mean over trials, mm.
     pub marker_rms_mm: f64,
-    /// Coefficients: name, value, standard error.
-    pub coefficients: Vec<(String, f64, f64)>,
+    /// Coefficients with their intervals.
+    pub coefficients: Vec<ReachedCoefficient>,
     /// Base parameters, to see what an effect changes.
     pub base: Vec<(String, f64)>,
+}
+
+/// A coefficient of an effect, as identification gave it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(from = "StoredCoefficient")]
+pub struct ReachedCoefficient {
+    /// Name.
+    pub name: String,
+    /// Value.
+    pub value: f64,
+    /// Standard error.
+    pub se: f64,
+    /// 95 % interval; none where the standard error is not known, and in models written before intervals were kept.
+    pub ci95: Option<[f64; 2]>,
+}
+
+/// Earlier models kept name, value and standard error.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum StoredCoefficient {
+    Whole { name: String, value: f64, se: Option<f64>, ci95: Option<[f64; 2]> },
+    Earlier(String, f64, Option<f64>),
+}
+
+impl From<StoredCoefficient> for ReachedCoefficient {
+    fn from(stored: StoredCoefficient) -> Self {
+        let (name, value, se, ci95) = match stored {
+            StoredCoefficient::Whole { name, value, se, ci95 } => (name, value, se, ci95),
+            StoredCoefficient::Earlier(name, value, se) => (name, value, se, None),
+        };
+        Self { name, value, se: se.unwrap_or(f64::NAN), ci95 }
+    }
 }
 
 /// An error, and what noise alone makes of it.

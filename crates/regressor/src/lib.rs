@@ -13,6 +13,7 @@ pub mod factor;
 pub mod noise;
 pub mod stretch;
 pub mod test_function;
+pub mod tissue;
 mod triangle;
 pub mod weak;
 
@@ -22,4 +23,5 @@ pub use factor::{Columns, Factor, RowKind, leave_group_out, leave_one_out};
 pub use noise::{CoordinateNoise, Noise};
 pub use stretch::{Acting, EffectColumns, Stretch, StretchKind};
 pub use test_function::TestFunction;
-pub use weak::{WeakOptions, WeakRows, body_radius_m, weak_factor, weak_rows};
+pub use tissue::{Slides, Tissue};
+pub use weak::{WeakOptions, WeakRows, body_radius_m, weak_factor, weak_factor_with_tissue, weak_rows};

@@ -281,7 +281,7 @@ impl FrameNoise {
 }
 
 /// First moment, momentum and angular momentum of a body about a fixed point.
-fn moments(state: &State, phi: &[Phi], fixed: &Vector3<f64>) -> SMatrix<f64, 9, 1> {
+pub(crate) fn moments(state: &State, phi: &[Phi], fixed: &Vector3<f64>) -> SMatrix<f64, 9, 1> {
     let mut out = SMatrix::<f64, 9, 1>::zeros();
     for ((pose, velocity), phi) in state.world_from_link.iter().zip(&state.velocity).zip(phi) {
         let rotation = pose.rotation.to_rotation_matrix();

@@ -17,6 +17,7 @@
 use crate::noise::{Noise, whiten};
 use crate::stretch::Acting;
 use crate::test_function::{MIN_HALF_WINDOW, TestFunction, window_centers};
+use crate::tissue::{Slides, Tissue, slide_rows};
 use crate::{Columns, Factor, RegressorError, RowKind, Stretch, StretchKind};
 use aloft_body::{BaseParameters, FrameBatch, JointKind, LANES, Lanes, Model, Motion, Phi, State};
 use faer::Mat;
@@ -75,11 +76,59 @@ pub fn weak_factor(
     options: &WeakOptions,
     noise: Option<&Noise<'_>>,
 ) -> Result<Factor, RegressorError> {
-    let columns = Columns {
+    let rows = weak_rows(model, base, prior, motion, stretch, acting, options)?;
+    let rows = weighted(model, prior, motion, stretch, rows, options, noise)?;
+    Factor::from_rows(stretch, RowKind::Weak, columns_of(base, acting), rows.matrix.as_ref())
+}
+
+/// The same, with what soft tissue that repeats makes of the rows.
+///
+/// # Errors
+/// As [`weak_factor`], and [`RegressorError::Numeric`] when markers leave the coordinates undetermined.
+pub fn weak_factor_with_tissue(
+    model: &Model,
+    base: &BaseParameters,
+    prior: &[Phi],
+    motion: &Motion,
+    stretch: &Stretch,
+    acting: Acting<'_>,
+    options: &WeakOptions,
+    noise: Option<&Noise<'_>>,
+    tissue: &Tissue<'_>,
+) -> Result<(Factor, Slides), RegressorError> {
+    let mut rows = weak_rows(model, base, prior, motion, stretch, acting, options)?;
+    let (errors, predicted, observed) = slide_rows(model, prior, motion, stretch, &rows, tissue)?;
+    let n = rows.matrix.ncols();
+    // weighted together with the rows, so that both are whitened alike
+    let plain = std::mem::replace(&mut rows.matrix, Mat::new());
+    rows.matrix = Mat::from_fn(plain.nrows(), n + errors.ncols(), |i, j| {
+        if j < n { plain[(i, j)] } else { errors[(i, j - n)] }
+    });
+    let rows = weighted(model, prior, motion, stretch, rows, options, noise)?;
+    let (left, right) = (rows.matrix.subcols(0, n), rows.matrix.subcols(n, errors.ncols()));
+    let factor = Factor::from_rows(stretch, RowKind::Weak, columns_of(base, acting), left)?;
+    let products = left.subcols(0, n - 1).transpose() * right;
+    let sums = DMatrix::from_fn(n - 1, errors.ncols(), |i, j| products[(i, j)]);
+    Ok((factor, Slides { sums, predicted, observed }))
+}
+
+fn columns_of(base: &BaseParameters, acting: Acting<'_>) -> Columns {
+    Columns {
         parameters: base.parameters.iter().map(|p| p.name.clone()).collect(),
         effects: acting.effects.map_or_else(Vec::new, |e| e.names.clone()),
-    };
-    let mut rows = weak_rows(model, base, prior, motion, stretch, acting, options)?;
+    }
+}
+
+/// Rows with fixed weights, or whitened by `noise`.
+fn weighted(
+    model: &Model,
+    prior: &[Phi],
+    motion: &Motion,
+    stretch: &Stretch,
+    mut rows: WeakRows,
+    options: &WeakOptions,
+    noise: Option<&Noise<'_>>,
+) -> Result<WeakRows, RegressorError> {
     match noise {
         None => {
             let length_m = options.moment_length_m.unwrap_or_else(|| body_radius_m(model, prior));
@@ -90,7 +139,7 @@ pub fn weak_factor(
         }
         Some(noise) => whiten(model, prior, motion, stretch, &mut rows, noise)?,
     }
-    Factor::from_rows(stretch, RowKind::Weak, columns, rows.matrix.as_ref())
+    Ok(rows)
 }
 
 /// Root mean square distance of the prior's mass from its centre in the neutral posture, m: the length that fixed weights use where none is
@@ -321,7 +370,7 @@ fn run_rows(model: &Model, base: &BaseParameters, prior: &[Phi], motion: &Motion
 }
 
 /// [`Velocity::at`] of every frame of the run `start .. end`. Each difference of two frames serves both of them: the way back is its negative.
-fn run_velocities(model: &Model, motion: &Motion, start: usize, end: usize) -> Vec<f64> {
+pub(crate) fn run_velocities(model: &Model, motion: &Motion, start: usize, end: usize) -> Vec<f64> {
     let (n, nv, most) = (end - start, model.nv, CENTRAL.len() - 1);
     let mut ahead = vec![0.0; n * most * nv];
     for (i, steps) in ahead.chunks_exact_mut(most * nv).enumerate() {

@@ -1,6 +1,11 @@
 // Charts: loads the plotting library when the first is drawn; unpacks the numbers, puts on the theme, draws; gives the numbers back as CSV.
 const Charts = (() => {
-  const options = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"] };
+  // no button that sends a subject's data to a server
+  const away = ["sendChartToCloud", "sendDataToCloud", "editInChartStudio"];
+  const options = {
+    responsive: true, displaylogo: false, plotlyServerURL: "",
+    modeBarButtonsToRemove: [...away, "lasso2d", "select2d", "autoScale2d"],
+  };
   const named = (text) => {
     if (text === "$sequence") return [0, 1, 2, 3, 4].map((i) => [i / 4, Numbers.colour("seq" + i)]);
     const [name, alpha] = text.slice(1).split("/");

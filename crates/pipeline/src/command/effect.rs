@@ -182,6 +182,10 @@ pub fn add(
     let mut chosen = suggestion.unwrap_or_else(|| ModelEffect { key: key.to_owned(), ..ModelEffect::default() });
     chosen.volume_m = volume.map(|v| (v.middle_m, v.reach_m));
     chosen.nonlinear.extend(set.iter().cloned());
+    if !set.is_empty() {
+        // parameters that somebody states are not fitted
+        chosen.widening.clear();
+    }
     let known = KnownEffects::of(&study.own_effects, &scene)?;
     let choice = known.choice(&scene, &chosen)?;
     chosen.key = choice.key(&scene);
@@ -204,10 +208,11 @@ fn suggestion(d: &Discovery, key: &str) -> Option<ModelEffect> {
     let values = |n: &[aloft_discover::Estimate]| -> BTreeMap<String, f64> {
         n.iter().map(|e| (e.name.clone(), e.value)).collect()
     };
-    let made = |key: &str, nonlinear, trials: &[String]| ModelEffect {
+    let made = |key: &str, nonlinear, coefficients: &[aloft_discover::Estimate], trials: &[String]| ModelEffect {
         key: key.to_owned(),
         nonlinear,
         trials: trials.to_vec(),
+        widening: coefficients.iter().filter(|e| e.widening > 1.0).map(|e| (e.name.clone(), e.widening)).collect(),
         volume_m: None,
     };
     let of_found = |f: &&aloft_discover::Found| f.key == key || f.effect == key;
@@ -215,8 +220,11 @@ fn suggestion(d: &Discovery, key: &str) -> Option<ModelEffect> {
     d.found
         .iter()
         .find(of_found)
-        .map(|f| made(&f.key, values(&f.nonlinear), &f.trials))
-        .or_else(|| d.candidates.iter().find(of_candidate).map(|c| made(&c.key, values(&c.nonlinear), &c.trials)))
+        .map(|f| made(&f.key, values(&f.nonlinear), &f.coefficients, &f.trials))
+        .or_else(|| {
+            let found = d.candidates.iter().find(of_candidate);
+            found.map(|c| made(&c.key, values(&c.nonlinear), &c.coefficients, &c.trials))
+        })
 }
 
 /// Takes an effect out: a new revision without it.

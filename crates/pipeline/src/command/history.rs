@@ -2,7 +2,7 @@
 
 use crate::command::compare::{ComparisonView, compare};
 use crate::error::PipelineError;
-use crate::revision::{Judged, ModelEffect, Reached, Revision, Revisions};
+use crate::revision::{Judged, ModelEffect, Reached, ReachedCoefficient, Revision, Revisions};
 use crate::stages::identify::file_name;
 use crate::study::Study;
 use crate::workspace::{WHOLE_STUDY, Workspace, read_json};
@@ -72,8 +72,8 @@ pub struct HistoryCoefficient {
     pub value: f64,
     /// Standard error.
     pub se: f64,
-    /// 95 % interval.
-    pub ci95: [f64; 2],
+    /// 95 % interval, that of `parameters`; none where the standard error is not known.
+    pub ci95: Option<[f64; 2]>,
 }
 
 /// Reads the revisions, with what the present one reached.
@@ -153,11 +153,11 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) 
         marker_rms_before_mm: old.map(|n| n.marker_rms_mm),
         coefficients: now
             .map(|n| {
-                let of = |(name, value, se): &(String, f64, f64)| HistoryCoefficient {
-                    name: name.clone(),
-                    value: *value,
-                    se: *se,
-                    ci95: [value - 1.96 * se, value + 1.96 * se],
+                let of = |c: &ReachedCoefficient| HistoryCoefficient {
+                    name: c.name.clone(),
+                    value: c.value,
+                    se: c.se,
+                    ci95: c.ci95,
                 };
                 n.coefficients.iter().map(of).collect()
             })
@@ -188,7 +188,11 @@ pub fn reached(study: &Study, view: &ComparisonView) -> Result<Reached, Pipeline
         contact: of(&c.first.held_out_weak, floor.map(|f| &f.contact_weak)),
         sigma_ratio: view.parameters.sigma_ratio,
         marker_rms_mm: rms.iter().sum::<f64>() / rms.len().max(1) as f64,
-        coefficients: parameters.effects.iter().map(|e| (e.name.clone(), e.value, e.se)).collect(),
+        coefficients: parameters
+            .effects
+            .iter()
+            .map(|e| ReachedCoefficient { name: e.name.clone(), value: e.value, se: e.se, ci95: e.ci95 })
+            .collect(),
         base: parameters.base.iter().map(|b| (b.name.clone(), b.value)).collect(),
     })
 }
@@ -206,7 +210,12 @@ mod tests {
             contact: judged(contact_n),
             sigma_ratio: 30.0,
             marker_rms_mm,
-            coefficients: vec![("drag.area".into(), 0.02, 0.001)],
+            coefficients: vec![ReachedCoefficient {
+                name: "drag.area".into(),
+                value: 0.02,
+                se: 0.001,
+                ci95: Some([0.018, 0.022]),
+            }],
             base: vec![("M".into(), 60.0), ("MCx".into(), 0.01 * flight_n)],
         }
     }

@@ -7,6 +7,7 @@ use crate::stages::identify::file_name;
 use crate::study::Study;
 use crate::workspace::{WHOLE_STUDY, Workspace, read_json};
 use aloft_identify::Parameters;
+pub use aloft_identify::half_of;
 use serde::Serialize;
 
 /// The parameters with a version of the structure.

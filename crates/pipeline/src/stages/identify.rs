@@ -87,7 +87,12 @@ fn identify_with(
     let base = BaseParameters::of(&subject.model);
     let prior = LinkPrior::of_subject(subject).map_err(|e| StageFailure::new(e.to_string()))?;
     let repeat_correlation = repeat_correlation(study);
-    let options = IdentifyOptions { estimator, bootstrap, repeat_correlation, ..IdentifyOptions::default() };
+    let widening = study
+        .effects
+        .iter()
+        .flat_map(|e| e.widening.iter().map(move |(name, by)| (format!("{}.{name}", e.key), *by)))
+        .collect();
+    let options = IdentifyOptions { estimator, bootstrap, repeat_correlation, widening, ..IdentifyOptions::default() };
     let plain: Vec<Factor> = factors.iter().map(|(_, f)| f.clone()).collect();
     identify_merged(&subject.model, &base, &plain, flights, subject.facts.mass_kg, Some(&prior), &options)
         .map(|i| i.parameters)

@@ -105,7 +105,7 @@ impl Truth {
         let normal = Normal::new(0.0, sd_m).unwrap();
         let mut out = self.motion.clone();
         let n = self.markers.len();
-        let frames: Vec<Vec<f64>> = (0..self.motion.n_frames())
+        let frames: Vec<(Vec<f64>, Vec<f64>)> = (0..self.motion.n_frames())
             .into_par_iter()
             .map(|frame| {
                 let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -141,10 +141,18 @@ impl Truth {
                     model.integrate(&q, step.as_slice(), &mut moved);
                     q.copy_from_slice(&moved);
                 }
-                q
+                state.forward_position(model, &q);
+                let left = self.markers.iter().zip(&seen);
+                let residual = left.map(|(m, p)| (p - state.point_in_world(m.link, &m.position_m)).norm()).collect();
+                (q, residual)
             })
             .collect();
-        out.q = frames.concat();
+        out.marker_labels = self.markers.iter().map(|m| m.label.clone()).collect();
+        (out.q, out.residual_m) = frames.into_iter().fold((Vec::new(), Vec::new()), |mut all, (q, residual)| {
+            all.0.extend(q);
+            all.1.extend(residual);
+            all
+        });
         out
     }
 }

@@ -5,7 +5,7 @@ use super::story::Story;
 use crate::catalog;
 use crate::workspace::{WHOLE_STUDY, read_json};
 use aloft_body::{LinkInertia, Subject};
-use aloft_identify::{LinkEstimate, Parameters};
+use aloft_identify::{LinkEstimate, Parameters, half_of};
 use aloft_report::{Block, Dots, Figure, Section, Words};
 use aloft_scale::{Anthropometry, StaticAnatomy, attach_prior};
 use std::path::Path;
@@ -25,7 +25,7 @@ pub fn section(story: &Story<'_>, p: &Parameters) -> Option<Section> {
                   unit: &str,
                   own: &dyn Fn(&LinkEstimate) -> (f64, f64),
                   other: &dyn Fn(&LinkInertia) -> f64| {
-        let (values, half): (Vec<f64>, Vec<f64>) = p.links.iter().map(own).map(|(v, sd)| (v, 1.96 * sd)).unzip();
+        let (values, half): (Vec<f64>, Vec<f64>) = p.links.iter().map(own).unzip();
         let mut kinds = vec![Dots::with_half("identified", values, &half)];
         if person {
             kinds.extend(
@@ -36,6 +36,7 @@ pub fn section(story: &Story<'_>, p: &Parameters) -> Option<Section> {
         }
         Block::from(Figure::dots(words, unit, &names, &kinds, &[]))
     };
+    let half = |ci95: Option<[f64; 2]>| half_of(ci95).unwrap_or(f64::NAN);
     let radius = |mass: f64, about_z: f64| (about_z.max(0.0) / mass).sqrt();
     let mut blocks = vec![
         figure(
@@ -45,7 +46,7 @@ pub fn section(story: &Story<'_>, p: &Parameters) -> Option<Section> {
                  the tables are apart, motion did not decide: single masses are the least that flight can tell.",
             ),
             "mass, kg",
-            &|l| (l.mass_kg, l.sd.mass_kg),
+            &|l| (l.mass_kg, half(l.ci95.mass_kg)),
             &|i| i.mass_kg,
         ),
         figure(
@@ -56,9 +57,9 @@ pub fn section(story: &Story<'_>, p: &Parameters) -> Option<Section> {
             "distance, m",
             &|l| {
                 let r = nalgebra::Vector3::from(l.com_m);
-                let sd =
-                    if r.norm() > 1e-9 { (r / r.norm()).component_mul(&l.sd.com_m).norm() } else { l.sd.com_m.norm() };
-                (r.norm(), sd)
+                let halves = nalgebra::Vector3::from(l.ci95.com_m.map(half));
+                let along = if r.norm() > 1e-9 { (r / r.norm()).component_mul(&halves) } else { halves };
+                (r.norm(), along.norm())
             },
             &|i| i.com_m.norm(),
         ),
@@ -70,7 +71,7 @@ pub fn section(story: &Story<'_>, p: &Parameters) -> Option<Section> {
             "radius of gyration, m",
             &|l| {
                 let r = radius(l.mass_kg, l.inertia_kgm2[2][2]);
-                (r, 0.5 * r * l.sd.inertia_kgm2[2] / l.inertia_kgm2[2][2])
+                (r, 0.5 * r * half(l.ci95.inertia_kgm2[2]) / l.inertia_kgm2[2][2])
             },
             &|i| radius(i.mass_kg, i.inertia_com_kgm2[(2, 2)]),
         ),

@@ -71,7 +71,8 @@ fn table(real: &[&Candidate]) -> Table {
                 format!("{:.3} ({:.2} to {:.2})", c.held_out_ratio, c.ci95[0], c.ci95[1]).into(),
                 first
                     .map_or("–".to_owned(), |e| {
-                        format!("{} = {} {}", e.name, plus_minus(e.value, e.se), unit(&e.unit))
+                        let bound = if e.at_bound { " (at its bound)" } else { "" };
+                        format!("{} = {} {}{bound}", e.name, plus_minus(e.value, e.ci95), unit(&e.unit))
                     })
                     .into(),
                 number(c.minimum_detectable).into(),

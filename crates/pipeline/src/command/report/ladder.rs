@@ -1,7 +1,7 @@
 //! The ladder: each revision of the model and the error that it left.
 
 use super::story::Story;
-use super::words::{maybe, number};
+use super::words::{maybe, number, plus_minus};
 use crate::command::history::HistoryRow;
 use crate::revision::Judged;
 use aloft_report::{Block, Cell, Figure, Light, Panel, Section, Series, Table, Words};
@@ -86,7 +86,7 @@ fn row(r: &HistoryRow, with_remark: bool) -> Vec<Cell> {
     let coefficients: Vec<String> = r
         .coefficients
         .iter()
-        .map(|c| format!("{} {} ({} to {})", c.name, number(c.value), number(c.ci95[0]), number(c.ci95[1])))
+        .map(|c| format!("{} {}", c.name, plus_minus(c.value, c.ci95)))
         .collect();
     let mut cells: Vec<Cell> = vec![
         format!("{} ({})", r.revision, r.action).into(),

@@ -4,8 +4,8 @@ use super::STUDY;
 use super::anthropometry;
 use super::lights;
 use super::story::Story;
-use super::words::{card, number, plus_minus, three};
-use aloft_identify::{BaseEstimate, Parameters};
+use super::words::{card, maybe, number, plus_minus, three};
+use aloft_identify::{BaseEstimate, Parameters, half_of};
 use aloft_report::{Block, Chapter, Dots, Figure, Light, Section, Table, Words};
 
 /// The chapter; none where nothing was identified.
@@ -61,7 +61,7 @@ fn trust(p: &Parameters) -> Section {
         p.se_from
     )));
     if !p.effects.is_empty() {
-        let rows = p.effects.iter().map(|e| vec![e.name.clone(), plus_minus(e.value, e.se)]).collect();
+        let rows = p.effects.iter().map(|e| vec![e.name.clone(), plus_minus(e.value, e.ci95)]).collect();
         let table = Table::new(
             "Effects in the model",
             "Fitted together with the mass parameters; 95 % intervals.",
@@ -95,7 +95,8 @@ fn base(p: &Parameters) -> Section {
         chosen.truncate(20);
         let names: Vec<String> = chosen.iter().map(|b| b.name.clone()).collect();
         let values: Vec<f64> = chosen.iter().map(|b| change(b)).collect();
-        let half: Vec<f64> = chosen.iter().map(|b| 1.96 * b.se / b.prior_sd.unwrap_or(f64::NAN)).collect();
+        let half_sd = |b: &BaseEstimate| half_of(b.ci95).unwrap_or(f64::NAN) / b.prior_sd.unwrap_or(f64::NAN);
+        let half: Vec<f64> = chosen.iter().map(|b| half_sd(b)).collect();
         let words = Words::new(
             "What the motion changed most",
             "The twenty base parameters that moved farthest from the prior, in standard deviations of the prior, with 95 % intervals. An \
@@ -112,7 +113,7 @@ fn base(p: &Parameters) -> Section {
             vec![
                 b.name.clone(),
                 number(b.value),
-                number(1.96 * b.se),
+                maybe(half_of(b.ci95)),
                 b.prior.map_or("–".into(), number),
                 b.unit.clone(),
                 seen(b),
@@ -142,7 +143,7 @@ pub fn link_table(p: &Parameters) -> Table {
         .map(|l| {
             vec![
                 l.name.clone(),
-                plus_minus(l.mass_kg, l.sd.mass_kg),
+                plus_minus(l.mass_kg, l.ci95.mass_kg),
                 number(l.prior.mass_kg),
                 three(&l.com_m),
                 three(&l.prior.com_m.into()),

@@ -1,5 +1,6 @@
 //! Numbers and names as text.
 
+use aloft_identify::half_of;
 use aloft_report::{Card, Light};
 
 /// A number with as many digits as a reader wants; a dash where it is missing.
@@ -33,9 +34,9 @@ pub fn three(v: &[f64; 3]) -> String {
     v.iter().map(|x| number(*x)).collect::<Vec<_>>().join("  ")
 }
 
-/// Value and half of its 95 % interval.
-pub fn plus_minus(value: f64, se: f64) -> String {
-    if se.is_finite() { with_half(value, 1.96 * se) } else { number(value) }
+/// Value and half of its 95 % interval, where it has one.
+pub fn plus_minus(value: f64, ci95: Option<[f64; 2]>) -> String {
+    half_of(ci95).map_or_else(|| number(value), |half| with_half(value, half))
 }
 
 /// Value and half of an interval about it; what rounding alone makes of equal values is none.
@@ -94,7 +95,7 @@ mod tests {
     #[test]
     fn missing_numbers_are_dashes() {
         assert_eq!(number(f64::NAN), "–");
-        assert_eq!(plus_minus(1.0, f64::NAN), "1.00");
-        assert_eq!(plus_minus(1.0, 0.05), "1.00 ± 0.0980");
+        assert_eq!(plus_minus(1.0, None), "1.00");
+        assert_eq!(plus_minus(1.0, Some([0.9, 1.1])), "1.00 ± 0.10");
     }
 }

@@ -1,0 +1,287 @@
+//! Do nominal 95 % intervals hold the truth in 95 % of simulated sets? Noise and soft tissue are drawn on the true motions of the fixtures, in
+//! memory; base parameters, links and effect coefficients are counted apart.
+//!
+//! `ALOFT_COVERAGE_DRAWS=200` makes more sets than a test run, `ALOFT_COVERAGE_SEED` begins elsewhere, `ALOFT_IDENTIFY_DATA` names longer recordings.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+#[path = "../../regressor/tests/common/mod.rs"]
+mod common;
+
+use aloft_body::subject::PriorSd;
+use aloft_body::LinkInertia;
+use aloft_identify::{Estimator, IdentifyOptions, LinkPrior, Parameters, Symmetry, identify_with_slides};
+use aloft_regressor::{
+    Acting, CoordinateNoise, EffectColumns, Factor, Noise, Slides, Tissue, WeakOptions, weak_factor_with_tissue,
+};
+use common::{Truth, load};
+use nalgebra::{DMatrix, Matrix3, Vector3};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+const MARKER_SD_M: f64 = 0.3e-3;
+
+/// How the truth of a set relates to its prior: the true body differs from the prior by ten numbers a link (relative mass, three shifts of the centre
+/// of mass, three stretches and three shears of the mass distribution), drawn from the normal distribution that the prior states, mirrored limbs
+/// together. Masses of the prior are scaled so that their sum is the true mass, which the program knows.
+fn prior(truth: &Truth, sd: PriorSd, symmetry: Option<&Symmetry>, seed: u64) -> LinkPrior {
+    let n = truth.phi.len();
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let (m, c, r) = (sd.mass_rel, sd.com_m, sd.radius_rel);
+    let size = [m, c, c, c, r, r, r, 0.5 * r, 0.5 * r, 0.5 * r];
+    let mut numbers: Vec<[f64; 10]> =
+        (0..n).map(|_| size.map(|s| s * Distribution::<f64>::sample(&StandardNormal, &mut rng))).collect();
+    if let Some(symmetry) = symmetry {
+        // shears 7 yz, 8 zx, 9 xy: odd are those that name the axis across the plane of symmetry
+        let odd = match symmetry.axis {
+            0 => [1, 8, 9],
+            1 => [2, 7, 9],
+            _ => [3, 7, 8],
+        };
+        let own = (1.0 - symmetry.correlation.powi(2)).sqrt();
+        for &i in &symmetry.midline {
+            odd.iter().for_each(|k| numbers[i][*k] *= (1.0 - symmetry.correlation).sqrt());
+        }
+        for &(i, j) in &symmetry.pairs {
+            for k in 0..10 {
+                let sign = if odd.contains(&k) { -1.0 } else { 1.0 };
+                numbers[j][k] = sign * symmetry.correlation * numbers[i][k] + own * numbers[j][k];
+            }
+        }
+    }
+    let mut links: Vec<LinkInertia> = truth
+        .phi
+        .iter()
+        .zip(&numbers)
+        .map(|(phi, x)| {
+            let link = LinkInertia::from_phi(phi);
+            let i = link.inertia_com_kgm2;
+            let second = (Matrix3::identity() * (0.5 * i.trace()) - i) / link.mass_kg;
+            let strain = Matrix3::new(x[4], x[9], x[8], x[9], x[5], x[7], x[8], x[7], x[6]);
+            // the truth is the prior bent by these numbers, so the prior is the truth bent back
+            let back = (Matrix3::identity() + strain).try_inverse().unwrap();
+            let mass_kg = link.mass_kg / (1.0 + x[0]);
+            let second = back * second * back.transpose() * mass_kg;
+            LinkInertia {
+                mass_kg,
+                com_m: link.com_m - Vector3::new(x[1], x[2], x[3]),
+                inertia_com_kgm2: Matrix3::identity() * second.trace() - second,
+            }
+        })
+        .collect();
+    let scale = truth.mass() / links.iter().map(|l| l.mass_kg).sum::<f64>();
+    for link in &mut links {
+        link.mass_kg *= scale;
+        link.inertia_com_kgm2 *= scale;
+    }
+    LinkPrior::new(&links, &vec![sd; n], symmetry).unwrap()
+}
+
+/// Left and right links of the simulated subjects, whose frames have y to the left.
+fn symmetry(truth: &Truth) -> Symmetry {
+    let names: Vec<&str> = truth.model.links.iter().map(|l| l.name.as_str()).collect();
+    let (mut pairs, mut midline) = (Vec::new(), Vec::new());
+    for (i, name) in names.iter().enumerate() {
+        let left = name.strip_prefix('r').and_then(|stem| names.iter().position(|n| n.strip_prefix('l') == Some(stem)));
+        match left {
+            Some(j) => pairs.push((i, j)),
+            None if !name.starts_with('l') => midline.push(i),
+            None => {}
+        }
+    }
+    Symmetry { pairs, midline, axis: 1, correlation: 0.9 }
+}
+
+/// A drag on the root link and a constant force at it, neither of which is there: both coefficients are truly zero. The drag's column comes from
+/// the noisy motion, as every column of an effect does.
+fn effects(truth: &Truth, motion: &aloft_body::Motion) -> EffectColumns {
+    let n = motion.n_frames();
+    let place = |f: usize| Vector3::new(motion.q(f)[0], motion.q(f)[1], motion.q(f)[2]);
+    let wrench = (0..n)
+        .map(|f| {
+            let (a, b) = (f.saturating_sub(1), (f + 1).min(n - 1));
+            let same = truth.flights.iter().any(|x| x[0] <= a && b < x[3]);
+            let v = if same { (place(b) - place(a)) * (motion.rate_hz / (b - a) as f64) } else { Vector3::zeros() };
+            let mut out = DMatrix::zeros(6, 2);
+            for (c, force) in [v * -v.norm(), Vector3::x()].into_iter().enumerate() {
+                out.fixed_view_mut::<3, 1>(0, c).copy_from(&force);
+                out.fixed_view_mut::<3, 1>(3, c).copy_from(&place(f).cross(&force));
+            }
+            out
+        })
+        .collect();
+    EffectColumns { names: vec!["drag".to_owned(), "push".to_owned()], wrench }
+}
+
+#[derive(Clone, Copy)]
+struct Case {
+    set: &'static str,
+    soft_m: f64,
+    window_s: f64,
+    white: bool,
+    estimator: Estimator,
+    effects: bool,
+    prior: PriorSd,
+}
+
+fn one(truth: &Truth, case: &Case, seed: u64) -> Parameters {
+    let person = truth.phi.len() > 3;
+    let sides = person.then(|| symmetry(truth));
+    let prior = prior(truth, case.prior, sides.as_ref(), seed ^ 0x9e3d);
+    let motion = truth.tracked(MARKER_SD_M, case.soft_m, seed);
+    let columns = case.effects.then(|| effects(truth, &motion));
+    let noise = Noise {
+        slow: if person { 5.0 } else { 0.0 },
+        ..Noise::white(CoordinateNoise::Markers { markers: &truth.markers, sd_m: MARKER_SD_M })
+    };
+    let options = WeakOptions { window_s: Some(case.window_s), ..WeakOptions::default() };
+    let tissue = Tissue::new(&truth.markers, MARKER_SD_M);
+    let (factors, slides): (Vec<Factor>, Vec<Slides>) = truth
+        .stretches()
+        .iter()
+        .map(|s| {
+            let acting = Acting { measured: None, effects: columns.as_ref() };
+            let noise = case.white.then_some(&noise);
+            weak_factor_with_tissue(
+                &truth.model, &truth.base, &prior.phi(), &motion, s, acting, &options, noise, &tissue,
+            )
+            .unwrap()
+        })
+        .unzip();
+    let slides = if case.soft_m > 0.0 { slides } else { Vec::new() };
+    let options = IdentifyOptions { estimator: case.estimator, ..IdentifyOptions::default() };
+    identify_with_slides(&truth.model, &truth.base, &factors, None, &slides, truth.mass(), Some(&prior), &options)
+        .unwrap()
+        .parameters
+}
+
+/// Hits and draws by parameter.
+#[derive(Default)]
+struct Counts(Vec<(String, u32, u32, f64)>);
+
+impl Counts {
+    fn add(&mut self, i: usize, name: &str, ci95: Option<[f64; 2]>, truth: f64) {
+        if self.0.len() <= i {
+            self.0.resize(i + 1, (String::new(), 0, 0, 0.0));
+        }
+        let c = &mut self.0[i];
+        let [low, high] = ci95.unwrap();
+        c.0 = name.to_owned();
+        c.1 += u32::from(low <= truth && truth <= high);
+        c.2 += 1;
+        c.3 += 0.5 * (high - low);
+    }
+    fn share(&self) -> f64 {
+        let (hits, all) = self.0.iter().fold((0, 0), |s, c| (s.0 + c.1, s.1 + c.2));
+        f64::from(hits) / f64::from(all)
+    }
+    fn range(&self) -> [f64; 2] {
+        let shares = self.0.iter().map(|c| f64::from(c.1) / f64::from(c.2));
+        shares.fold([1.0, 0.0], |r, s| [r[0].min(s), r[1].max(s)])
+    }
+    fn words(&self, what: &str) -> String {
+        if self.0.is_empty() {
+            return String::new();
+        }
+        let [low, high] = self.range();
+        let mut worst: Vec<&(String, u32, u32, f64)> = self.0.iter().collect();
+        worst.sort_by_key(|c| c.1);
+        let named = |c: &&(String, u32, u32, f64)| format!("{} {:.1}", c.0, 100.0 * f64::from(c.1) / f64::from(c.2));
+        let few: Vec<String> = worst.iter().take(3).chain(worst.iter().rev().take(2)).map(named).collect();
+        format!(
+            "  {what}: {:.1} % of {} parameters, each {:.1} to {:.1} % ({})\n",
+            100.0 * self.share(),
+            self.0.len(),
+            100.0 * low,
+            100.0 * high,
+            few.join(", ")
+        )
+    }
+}
+
+fn coverage(case: &Case, draws: u64, seed: u64) -> [Counts; 3] {
+    let truth = load(case.set);
+    let mut counts: [Counts; 3] = Default::default();
+    let of_links: Vec<LinkInertia> = truth.phi.iter().map(LinkInertia::from_phi).collect();
+    for draw in 0..draws {
+        let found = one(&truth, case, seed + draw);
+        for (i, (b, t)) in found.base.iter().zip(truth.truth().iter()).enumerate().skip(1) {
+            counts[0].add(i - 1, &b.name, b.ci95, *t);
+        }
+        for (j, (l, t)) in found.links.iter().zip(&of_links).enumerate() {
+            let i = &t.inertia_com_kgm2;
+            let inertia = [i[(0, 0)], i[(1, 1)], i[(2, 2)], i[(1, 2)], i[(2, 0)], i[(0, 1)]];
+            let name = |what: &str| format!("{}.{what}", l.name);
+            counts[1].add(10 * j, &name("mass"), l.ci95.mass_kg, t.mass_kg);
+            for k in 0..3 {
+                counts[1].add(10 * j + 1 + k, &name(["cx", "cy", "cz"][k]), l.ci95.com_m[k], t.com_m[k]);
+            }
+            for k in 0..6 {
+                let name = name(["Ixx", "Iyy", "Izz", "Iyz", "Izx", "Ixy"][k]);
+                counts[1].add(10 * j + 4 + k, &name, l.ci95.inertia_kgm2[k], inertia[k]);
+            }
+        }
+        for (i, e) in found.effects.iter().enumerate() {
+            counts[2].add(i, &e.name, e.ci95, 0.0);
+        }
+    }
+    let [base, links, effects] = &counts;
+    println!(
+        "{}, soft tissue {:.0} mm, whitened {}, {} sets\n{}{}{}",
+        case.set,
+        1000.0 * case.soft_m,
+        case.white,
+        draws,
+        base.words("base parameters"),
+        links.words("links"),
+        effects.words("effect coefficients")
+    );
+    counts
+}
+
+fn draws(usual: u64) -> u64 {
+    std::env::var("ALOFT_COVERAGE_DRAWS").ok().and_then(|s| s.parse().ok()).unwrap_or(usual)
+}
+
+fn seed(usual: u64) -> u64 {
+    std::env::var("ALOFT_COVERAGE_SEED").ok().and_then(|s| s.parse().ok()).unwrap_or(usual)
+}
+
+const OBJECT: PriorSd = PriorSd { mass_rel: 0.1, com_m: 0.005, radius_rel: 0.1 };
+const PERSON: PriorSd = PriorSd { mass_rel: 0.12, com_m: 0.02, radius_rel: 0.15 };
+
+#[test]
+fn validate_intervals_of_chains() {
+    for set in ["chain_p", "chain_a"] {
+        for white in [false, true] {
+            for effects in [true] {
+                let case = Case {
+                    set,
+                    soft_m: 0.0,
+                    window_s: 0.4,
+                    white,
+                    estimator: Estimator::MassConstrained,
+                    effects,
+                    prior: OBJECT,
+                };
+                coverage(&case, draws(40), seed(40_000));
+            }
+        }
+    }
+}
+
+#[test]
+fn validate_intervals_of_people() {
+    for (soft_m, white) in [(0.0, false), (0.003, false), (0.003, true)] {
+        let case = Case {
+            set: "subject_a",
+            soft_m,
+            window_s: 0.25,
+            white,
+            estimator: Estimator::Regularised { weight: None },
+            effects: true,
+            prior: PERSON,
+        };
+        coverage(&case, draws(20), seed(50_000));
+    }
+}
