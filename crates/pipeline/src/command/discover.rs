@@ -3,7 +3,7 @@
 use crate::command::estimators::with_job;
 use crate::effects::KnownEffects;
 use crate::error::PipelineError;
-use crate::revision::Revisions;
+use crate::revision::{ModelEffect, Revisions};
 use crate::session::Calendar;
 use crate::stages::regressor::{DRIFT, TrialRows};
 use crate::study::Study;
@@ -181,6 +181,24 @@ fn free_fall(study: &Study) -> Result<Option<String>, PipelineError> {
              `gravity_scale`, `body_mass` and a gain of all plates of the same size are then one fault, not several"
         )
     }))
+}
+
+/// Refuses an effect of the user's own whose law gives no numbers on these recordings; nothing could be computed with it.
+pub fn refuse_without_numbers(study: &Study, effect: &ModelEffect) -> Result<(), PipelineError> {
+    if !study.own_effects.iter().any(|o| o.spec.id == effect.id()) {
+        return Ok(());
+    }
+    Evidence::load(study)?.with(study, |bench| {
+        let choice = KnownEffects::of(&study.own_effects, bench.session.scene())?;
+        let choice = choice.choice(bench.session.scene(), effect)?;
+        match bench.session.without_numbers(&choice) {
+            Some(why) => Err(PipelineError::request_hint(
+                format!("`{}` cannot be added: {why}", effect.key),
+                "correct its formulas, so that they hold wherever they act",
+            )),
+            None => Ok(()),
+        }
+    })
 }
 
 /// Where the answer to a revision of the model is kept.

@@ -196,6 +196,7 @@ pub fn add(
             "see `aloft history`; remove it first to change it",
         ));
     }
+    crate::command::discover::refuse_without_numbers(study, &chosen)?;
     let action = format!("add {}", chosen.key);
     effects.push(chosen);
     refuse_invisible(study, &effects, &choice, &scene)?;
