@@ -15,7 +15,7 @@ use aloft_flight::{FlightReport, plate_wrench_at_marker_rate, total_wrench};
 use aloft_regressor::weak::force_scale_n;
 use aloft_regressor::{
     AccelerationOptions, Acting, Columns, CoordinateNoise, EffectColumns, Factor, Noise, RegressorError, RowKind,
-    Stretch, StretchKind, WeakOptions, acceleration_factor, weak_factor,
+    Slides, Stretch, StretchKind, Tissue, WeakOptions, acceleration_factor, weak_factor, weak_factor_with_tissue,
 };
 use aloft_trial::{SessionSource, Trial};
 use nalgebra::{DMatrix, Vector3, Vector6};
@@ -95,6 +95,57 @@ pub fn load_factors(dir: &Path) -> Result<Vec<(Stretch, Factor)>, PipelineError>
         out.push((head.stretch, factor));
     }
     Ok(out)
+}
+
+#[derive(Serialize, Deserialize)]
+struct SlidesHead {
+    stretch: Stretch,
+    rows: usize,
+    draws: usize,
+    predicted: f64,
+    observed: f64,
+}
+
+/// Writes `slides.json` and `slides.parquet`: what soft tissue makes of the weak rows of each stretch.
+fn save_slides(dir: &Path, slides: &[(Stretch, Slides)]) -> Result<(), PipelineError> {
+    let heads: Vec<SlidesHead> = slides
+        .iter()
+        .map(|(stretch, s)| SlidesHead {
+            stretch: stretch.clone(),
+            rows: s.sums.nrows(),
+            draws: s.sums.ncols(),
+            predicted: s.predicted,
+            observed: s.observed,
+        })
+        .collect();
+    write_json(&dir.join("slides.json"), &heads)?;
+    let mut table = Table::default();
+    table.push("value", slides.iter().flat_map(|(_, s)| s.sums.iter().copied()).collect());
+    table.write(&dir.join("slides.parquet"))
+}
+
+/// Reads what the stage wrote for a trial of a person; nothing for objects.
+pub fn load_slides(dir: &Path) -> Result<Vec<(Stretch, Slides)>, PipelineError> {
+    let head = dir.join("slides.json");
+    if !head.is_file() {
+        return Ok(Vec::new());
+    }
+    let heads: Vec<SlidesHead> = read_json(&head)?;
+    let path = dir.join("slides.parquet");
+    let values = Table::read(&path)?.into_columns().into_iter().next().map(|c| c.1).unwrap_or_default();
+    let mut at = 0;
+    heads
+        .into_iter()
+        .map(|head| {
+            let part = values.get(at..at + head.rows * head.draws).ok_or_else(|| PipelineError::Table {
+                path: path.clone(),
+                problem: "fewer values than slides.json says".to_owned(),
+            })?;
+            at += head.rows * head.draws;
+            let sums = DMatrix::from_column_slice(head.rows, head.draws, part);
+            Ok((head.stretch, Slides { sums, predicted: head.predicted, observed: head.observed }))
+        })
+        .collect()
 }
 
 /// The kind of rows that a word of the configuration means.
@@ -285,6 +336,16 @@ pub type FactorsAndRemarks = (Vec<(Stretch, Factor)>, Vec<String>);
 
 /// Factors of every stretch of a trial, from weak rows and from the paper's; and what was odd.
 pub fn factors_of(study: &Study, rows: &TrialRows) -> Result<FactorsAndRemarks, StageFailure> {
+    factors_beside(study, rows, &mut Vec::new(), false)
+}
+
+/// The same, with what soft tissue makes of weak rows where `with_tissue` asks for it.
+fn factors_beside(
+    study: &Study,
+    rows: &TrialRows,
+    slides: &mut Vec<(Stretch, Slides)>,
+    with_tissue: bool,
+) -> Result<FactorsAndRemarks, StageFailure> {
     let subject = &rows.subject;
     let base = BaseParameters::of(&subject.model);
     let prior = subject.prior_phi();
@@ -296,7 +357,18 @@ pub fn factors_of(study: &Study, rows: &TrialRows) -> Result<FactorsAndRemarks, 
     let mut warnings = Vec::new();
     for stretch in &rows.stretches {
         let acting = Acting { measured: rows.wrench.as_deref(), effects: effects.as_ref() };
-        let by_weak = weak_factor(&subject.model, &base, &prior, &rows.motion, stretch, acting, &weak, noise.as_ref());
+        let (model, motion) = (&subject.model, &rows.motion);
+        let by_weak = if with_tissue {
+            let tissue = Tissue::new(&subject.markers, study.config.ik.marker_sd_m);
+            weak_factor_with_tissue(model, &base, &prior, motion, stretch, acting, &weak, noise.as_ref(), &tissue).map(
+                |(factor, found)| {
+                    slides.push((stretch.clone(), found));
+                    factor
+                },
+            )
+        } else {
+            weak_factor(model, &base, &prior, motion, stretch, acting, &weak, noise.as_ref())
+        };
         let acting = Acting { measured: rows.wrench_filtered.as_deref(), effects: effects.as_ref() };
         let by_paper = acceleration_factor(&subject.model, &base, &rows.filtered, stretch, acting, &acceleration);
         for result in [by_weak, by_paper] {
@@ -334,9 +406,14 @@ pub fn row_noise<'a>(study: &Study, subject: &'a Subject) -> Option<Noise<'a>> {
 fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let entry = job.trial()?;
     let rows = TrialRows::load(job, &entry.name)?;
-    let (factors, warnings) = factors_of(job.study, &rows)?;
+    let mut slides = Vec::new();
+    let person = job.study.object.is_none();
+    let (factors, warnings) = factors_beside(job.study, &rows, &mut slides, person)?;
     let mut done = Done { warnings, ..Done::default() };
     save_factors(job.out, &factors)?;
+    if person {
+        save_slides(job.out, &slides)?;
+    }
     let count = |kind: RowKind| factors.iter().filter(|(_, f)| f.rows == kind).map(|(_, f)| f.n_rows).sum::<usize>();
     done.note("weak_rows", count(RowKind::Weak));
     done.note("paper_rows", count(RowKind::Acceleration));
