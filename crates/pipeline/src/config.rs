@@ -385,6 +385,8 @@ CalibrateConfig {
     enabled: Switch = Switch::Auto,
     /// Number of frames used, over all trials.
     frames: usize = 300,
+    /// Whether recordings held out for comparison (`trials: validate`) take part as well. By default they do not: held out means held out.
+    validation: bool = false,
 }}
 
 /// On, off, or decided from held-out data.

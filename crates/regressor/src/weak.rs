@@ -269,7 +269,7 @@ pub(crate) fn check_base(model: &Model, base: &BaseParameters, trial: &str) -> R
 }
 
 /// Runs of frames for which `good` holds, as half-open ranges.
-fn valid_runs(first: usize, end: usize, good: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
+pub(crate) fn valid_runs(first: usize, end: usize, good: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
     let mut runs = Vec::new();
     let mut begin = None;
     for f in first..=end {
@@ -321,7 +321,7 @@ fn run_rows(model: &Model, base: &BaseParameters, prior: &[Phi], motion: &Motion
 }
 
 /// [`Velocity::at`] of every frame of the run `start .. end`. Each difference of two frames serves both of them: the way back is its negative.
-fn run_velocities(model: &Model, motion: &Motion, start: usize, end: usize) -> Vec<f64> {
+pub(crate) fn run_velocities(model: &Model, motion: &Motion, start: usize, end: usize) -> Vec<f64> {
     let (n, nv, most) = (end - start, model.nv, CENTRAL.len() - 1);
     let mut ahead = vec![0.0; n * most * nv];
     for (i, steps) in ahead.chunks_exact_mut(most * nv).enumerate() {
@@ -408,7 +408,7 @@ impl Velocity {
 }
 
 /// A smooth path through the centre of mass over one window, and `g − ö` along it.
-fn fit_origin(
+pub(crate) fn fit_origin(
     path: &[Vector3<f64>],
     test: &TestFunction,
     kind: StretchKind,

@@ -1,10 +1,11 @@
 //! `compare`: predicted against measured wrench on held-out motion; the residual wrench in flight.
 
-use crate::artifact::plate_centers;
+use crate::artifact::{load_markers, plate_centers};
 use crate::config::Rows;
 use crate::error::StageFailure;
 use crate::graph::{Done, Job, Need, Scope, Stage};
 use crate::stages::filter::low_pass;
+use crate::stages::ik::fit_options;
 use crate::stages::identify::{Predicting, identify_from, training_factors};
 use crate::stages::regressor::{TrialRows, effect_columns};
 use crate::study::{Role, Study};
@@ -12,12 +13,12 @@ use crate::table::Table;
 use crate::workspace::{WHOLE_STUDY, read_json, write_json};
 use aloft_body::{BaseParameters, Motion, Subject};
 use aloft_compare::{
-    Body, Candidate, CompareError, CompareOptions, Comparison, Filtering, Measured, Noise, NoiseFloor, TrialInput,
-    TrialSeries, compare_each, measured_wrench,
+    Body, Candidate, CompareError, CompareOptions, Comparison, Filtering, Measured, Noise, NoiseFloor, PoseErrors,
+    TrialInput, TrialSeries, compare_each, measured_wrench,
 };
 use aloft_flight::{PlateTare, TareSource};
 use aloft_identify::{Estimator, Parameters};
-use aloft_ik::smooth;
+use aloft_ik::{MarkerErrors, smooth};
 use aloft_regressor::{EffectColumns, Factor, Stretch};
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -28,7 +29,7 @@ use std::ops::Range;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "compare",
-    version: 3,
+    version: 4,
     scope: Scope::Study,
     reads: "parameters, held-out trials",
     gives: "model against measurement, everywhere",
@@ -64,13 +65,36 @@ pub struct ComparedTrial {
     pub flights: Vec<Range<usize>>,
     /// Frames in which everything that the body touches is measured.
     pub complete: Vec<bool>,
+    /// Errors of the markers, where the noise floor is wanted.
+    pub errors: Option<DrawnErrors>,
     /// Columns of the model's effects.
     pub effects: Option<EffectColumns>,
     /// True when the plates were never unloaded, so that what they read at rest is not known.
     pub untared: bool,
 }
 
+/// Errors of a trial's markers, as a comparison draws them.
+#[derive(Debug)]
+pub struct DrawnErrors(MarkerErrors);
+
+impl PoseErrors for DrawnErrors {
+    fn draw(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, seed: u64, draw: u64) -> Motion {
+        self.0.draw(motion, wanted, seed, draw)
+    }
+}
+
 impl ComparedTrial {
+    /// Adds the errors of the markers about the motion, for the noise floor.
+    pub fn with_errors(mut self, job: &Job<'_>, subject: &Subject) -> Result<Self, StageFailure> {
+        let mut subject = subject.clone();
+        let options = fit_options(job, &mut subject, &self.name)?;
+        let trial = load_markers(&job.workspace.place("import", &self.name))?;
+        let errors = MarkerErrors::of(&subject, &trial, &self.unfiltered, &options)
+            .map_err(|e| StageFailure::new(e.to_string()))?;
+        self.errors = errors.map(DrawnErrors);
+        Ok(self)
+    }
+
     /// From the rows' material of a trial.
     pub fn of(job: &Job<'_>, name: &str, rows: TrialRows) -> Result<Self, StageFailure> {
         let effects = effect_columns(job.study, &rows)?;
@@ -96,6 +120,7 @@ impl ComparedTrial {
             measured,
             flights,
             complete,
+            errors: None,
             effects,
             untared,
         })
@@ -180,6 +205,7 @@ impl ComparedTrial {
             unfiltered: Some(&self.unfiltered),
             measured: self.measured.as_ref(),
             complete: Some(&self.complete),
+            errors: self.errors.as_ref().map(|e| e as &dyn PoseErrors),
             effects: self.effects.as_ref(),
             untared: self.untared,
             held_out_contact: if every { self.measured.is_some() } else { self.role == Role::Validate },
@@ -230,6 +256,7 @@ fn compare_options(study: &Study, subject: &Subject) -> CompareOptions {
         edge_s: study.config.compare.edge_s,
         flight_margin_s: study.config.flight.margin_s,
         window_s: study.config.compare.window_s,
+        flight_window_s: (study.config.regressor.window_s > 0.0).then_some(study.config.regressor.window_s),
         mass_kg: Some(subject.facts.mass_kg),
         ..CompareOptions::default()
     }
@@ -273,6 +300,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let validation = names.iter().map(validates).collect::<Result<Vec<bool>, _>>()?.contains(&true);
     let read = |i: usize| {
         let trial = TrialRows::load_for(job, &names[i], &subject).and_then(|r| ComparedTrial::of(job, &names[i], r));
+        let trial = if earlier.is_some() { trial } else { trial.and_then(|t| t.with_errors(job, &subject)) };
         trial.map_err(Failed)
     };
     let (comparison, series) = compare_with(
@@ -384,7 +412,7 @@ fn floor_key(job: &Job<'_>, options: &CompareOptions) -> Result<String, StageFai
         hasher.update(format!("{stage}/{trial}={output}\n").as_bytes());
     }
     let settings = json!({"version": STAGE.version, "options": options, "filter": study.config.filter,
-        "regressor": study.config.regressor, "identify": study.config.identify});
+        "regressor": study.config.regressor, "identify": study.config.identify, "ik": study.config.ik});
     hasher.update(settings.to_string().as_bytes());
     Ok(hasher.finalize().to_hex().to_string())
 }
@@ -433,6 +461,12 @@ fn describe(c: &Comparison, done: &mut Done) {
     if first.held_out.frames > 0 {
         done.note("held_out_force_n", first.held_out.force_n.mean_mae());
         done.note("held_out_moment_nm", first.held_out.moment_nm.mean_mae());
+    }
+    for a in &c.against_floor {
+        if let Some(floor) = a.floor {
+            done.note(&format!("noise_floor_{}_n", a.judged_on), floor.noise_floor);
+            done.note(&format!("times_floor_{}", a.judged_on), json!(a.times_floor));
+        }
     }
     if first.flight.frames > 0 {
         done.note("flight_force_rms_n", json!(first.flight.residual_force_n.rms));
