@@ -1,6 +1,6 @@
 //! What a comparison is made of: a body, models of it, and trials.
 
-use crate::{CompareError, Measured, PoseErrors};
+use crate::{CompareError, Measured, PlateDrift, PoseErrors};
 use aloft_body::{BaseParameters, Model, Motion, Phi};
 use aloft_regressor::EffectColumns;
 use nalgebra::DVector;
@@ -94,6 +94,8 @@ pub struct TrialInput<'a> {
     /// Errors of this trial's markers, from which the noise floor is drawn. Without them the floor takes white noise of the coordinates,
     /// read off the motion itself, and knows nothing of soft tissue.
     pub errors: Option<&'a dyn PoseErrors>,
+    /// How the plates drift, for the noise floor; without it they do not.
+    pub drift: Option<&'a PlateDrift>,
     /// Columns of effects at the motion's frames.
     pub effects: Option<&'a EffectColumns>,
     /// True when no contact frame of this trial was used to identify any of the models.
@@ -115,6 +117,7 @@ impl<'a> TrialInput<'a> {
             flights,
             complete: None,
             errors: None,
+            drift: None,
             effects: None,
             held_out_contact: true,
             held_out_flight: true,
@@ -195,7 +198,7 @@ impl Default for CompareOptions {
             transition_s: 0.3,
             window_s: 0.3,
             flight_window_s: None,
-            noise_draws: 6,
+            noise_draws: std::env::var("ALOFT_DRAWS").ok().and_then(|x| x.parse().ok()).unwrap_or(8),
             frame_draws: 2,
             seed: 1,
             mass_kg: None,

@@ -26,6 +26,7 @@
 
 mod breakdown;
 mod comparison;
+mod drift;
 mod error;
 mod errors;
 mod frames;
@@ -41,6 +42,7 @@ mod words;
 
 pub use breakdown::{Group, GroupFloor, GroupedBy};
 pub use comparison::{AgainstFloor, AxisRow, Comparison, Filtering, ModelComparison, Noise, TrialComparison, compare, compare_each};
+pub use drift::{PlateDrift, TareReadings};
 pub use error::CompareError;
 pub use errors::{AxisErrors, AxisResidual, FlightErrors, WindowErrors, WrenchErrors};
 pub use frames::TrialSeries;

@@ -4,7 +4,7 @@
 //! A perfect model has the body's true parameters, its true geometry and every force that acts; what it leaves is the error of the
 //! measurement. Errors of the markers ([`PoseErrors`]: noise of the cameras and soft tissue, as far as markers of a link move against each other)
 //! are drawn, added to the motion through inverse kinematics, and go the way of the data: the same windows, for frames the same filter and
-//! derivatives. Noise of the plates likewise, from [`Measured::noise_density`](crate::Measured::noise_density); where a constant of the
+//! derivatives. Noise and drift of the plates likewise, from [`Measured::noise_density`](crate::Measured::noise_density) and [`PlateDrift`](crate::PlateDrift); where a constant of the
 //! recording is taken off the measurement ([`RecordingOffset`](crate::RecordingOffset)), one is taken off here. The wrench with errors less the
 //! wrench without, through one model's parameters, is one draw; the floor is the root mean square over draws, and its interval is where the
 //! error of a single perfect model falls.
@@ -12,7 +12,7 @@
 //! Markers alone speak here: no residual wrench enters, so that an effect that the model lacks cannot raise the floor and hide under it.
 //!
 //! Not in it: movement that the markers of a link make together over the bone, wrong joint centres, errors of the identified
-//! parameters, plates that drift within a recording. They count as explainable.
+//! parameters. They count as explainable.
 //!
 //! Without errors of markers, the white noise of the coordinates is read off the motion: the difference of unfiltered and filtered coordinates,
 //! in the tangent of the filtered pose, is differenced four times; what is left lies near half the frame rate, where bodies have
@@ -296,11 +296,11 @@ fn with_noise(body: &Body<'_>, clean: &Motion, root: &DMatrix<f64>, rng: &mut Ch
     Motion { trial: clean.trial.clone(), rate_hz: clean.rate_hz, nq, nv: clean.nv, q, ..Motion::default() }
 }
 
-/// White noise of the plates at the frame rate (what is above half of it was filtered away).
+/// White noise of the plates at the frame rate (what is above half of it was filtered away), and their drift.
 fn plate_noise(input: &TrialInput<'_>, clean: &Motion, rng: &mut ChaCha8Rng) -> Option<Vec<Vector6<f64>>> {
     let density = input.measured?.noise_density;
     let sd = density.map(|d| (0.5 * clean.rate_hz * d).sqrt());
-    Some(
+    let mut white: Vec<Vector6<f64>> =
         (0..clean.n_frames())
             .map(|_| {
                 sd.map(|s: f64| -> f64 {
@@ -308,8 +308,12 @@ fn plate_noise(input: &TrialInput<'_>, clean: &Motion, rng: &mut ChaCha8Rng) -> 
                     s * drawn
                 })
             })
-            .collect(),
-    )
+            .collect();
+    if let Some(drift) = input.drift {
+        let walk = drift.draw(clean.n_frames(), clean.rate_hz, rng);
+        white.iter_mut().zip(walk).for_each(|(w, d)| *w += d);
+    }
+    Some(white)
 }
 
 fn low_passed(series: Vec<Vector6<f64>>, rate_hz: f64, filter: Option<LowPass>) -> Vec<Vector6<f64>> {

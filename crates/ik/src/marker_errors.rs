@@ -78,6 +78,12 @@ impl MarkerErrors {
         options: &IkOptions,
     ) -> Result<Option<Self>, IkError> {
         let mut problem = Problem::new(subject, options)?;
+        // markers that were never seen say nothing and pull at nothing
+        let ever = |label: &str| {
+            let index = trial.markers.index(label);
+            index.is_some_and(|i| trial.markers.trajectories[i].iter().any(|p| p.x.is_finite()))
+        };
+        problem.markers.retain(|m| ever(&m.label));
         let sources = meet(&mut problem, subject, trial)?;
         for marker in &mut problem.markers {
             marker.huber = f64::INFINITY;
@@ -97,7 +103,12 @@ impl MarkerErrors {
             }
         }
         let lag = ((LAG_S * motion.rate_hz).round() as usize).max(1);
-        residual.iter_mut().for_each(|r| bridge(r));
+        residual.iter_mut().for_each(|r| {
+            bridge(r);
+            if std::env::var("ALOFT_DEMEAN").is_ok() {
+                center(r, &solved);
+            }
+        });
         let seen: Vec<f64> = residual.iter().map(|r| mean_square(r, lag)).collect();
         let label = |m: &crate::problem::Tracked| subject.markers.iter().position(|s| s.label == m.label);
         let stream = problem.markers.iter().map(|m| label(m).unwrap_or(0) as u64).collect();
@@ -171,6 +182,12 @@ fn bridge(series: &mut [Vector3<f64>]) {
             series[f] = from + (to - from) * ((f - a) as f64 / (b - a) as f64);
         }
     }
+}
+
+/// Takes off the mean: where a marker sits on its link is geometry, not error.
+fn center(series: &mut [Vector3<f64>], frames: &[usize]) {
+    let mean: Vector3<f64> = frames.iter().map(|&f| series[f]).sum::<Vector3<f64>>() / frames.len() as f64;
+    series.iter_mut().for_each(|x| *x -= mean);
 }
 
 /// Mean square of the second difference over six: that of the series itself, were it white.

@@ -1,6 +1,6 @@
 //! `compare`: predicted against measured wrench on held-out motion; the residual wrench in flight.
 
-use crate::artifact::{load_markers, plate_centers};
+use crate::artifact::{load_markers, plate_centers, trial_rate};
 use crate::config::Rows;
 use crate::error::StageFailure;
 use crate::graph::{Done, Job, Need, Scope, Stage};
@@ -13,14 +13,14 @@ use crate::table::Table;
 use crate::workspace::{WHOLE_STUDY, read_json, write_json};
 use aloft_body::{BaseParameters, Motion, Subject};
 use aloft_compare::{
-    Body, Candidate, CompareError, CompareOptions, Comparison, Filtering, Measured, Noise, NoiseFloor, PoseErrors,
-    TrialInput, TrialSeries, compare_each, measured_wrench,
+    Body, Candidate, CompareError, CompareOptions, Comparison, Filtering, Measured, Noise, NoiseFloor, PlateDrift,
+    PoseErrors, TareReadings, TrialInput, TrialSeries, compare_each, measured_wrench,
 };
 use aloft_flight::{PlateTare, TareSource};
 use aloft_identify::{Estimator, Parameters};
 use aloft_ik::{MarkerErrors, smooth};
 use aloft_regressor::{EffectColumns, Factor, Stretch};
-use nalgebra::DVector;
+use nalgebra::{DVector, Vector3, Vector6};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -67,6 +67,8 @@ pub struct ComparedTrial {
     pub complete: Vec<bool>,
     /// Errors of the markers, where the noise floor is wanted.
     pub errors: Option<DrawnErrors>,
+    /// Drift of the plates, where the noise floor is wanted.
+    pub drift: Option<PlateDrift>,
     /// Columns of the model's effects.
     pub effects: Option<EffectColumns>,
     /// True when the plates were never unloaded, so that what they read at rest is not known.
@@ -84,8 +86,18 @@ impl PoseErrors for DrawnErrors {
 }
 
 impl ComparedTrial {
-    /// Adds the errors of the markers about the motion, for the noise floor.
-    pub fn with_errors(mut self, job: &Job<'_>, subject: &Subject) -> Result<Self, StageFailure> {
+    /// Adds the errors of the markers about the motion and the drift of the plates as the other trials show it, for the noise floor.
+    fn with_errors(
+        mut self,
+        job: &Job<'_>,
+        subject: &Subject,
+        readings: &[(String, TareReadings)],
+    ) -> Result<Self, StageFailure> {
+        if let Some(measured) = &self.measured {
+            let others: Vec<&TareReadings> = readings.iter().filter(|r| r.0 != self.name).map(|r| &r.1).collect();
+            let own = readings.iter().find(|r| r.0 == self.name).map(|r| r.1.times_s.clone()).unwrap_or_default();
+            self.drift = PlateDrift::of(&others, &measured.noise_density, own);
+        }
         let mut subject = subject.clone();
         let options = fit_options(job, &mut subject, &self.name)?;
         let trial = load_markers(&job.workspace.place("import", &self.name))?;
@@ -121,10 +133,35 @@ impl ComparedTrial {
             flights,
             complete,
             errors: None,
+            drift: None,
             effects,
             untared,
         })
     }
+}
+
+/// What the plates of a trial read in its flights, all together; none where they were not tared from flights.
+fn tare_readings(job: &Job<'_>, name: &str) -> Result<TareReadings, StageFailure> {
+    let tares: Vec<PlateTare> = read_json(&job.workspace.place("flight", name).join("tare.json"))?;
+    let Some(first) = tares.first() else { return Ok(TareReadings::default()) };
+    let alike = |t: &PlateTare| t.source == TareSource::Flights && t.times_s == first.times_s;
+    if !tares.iter().all(alike) {
+        return Ok(TareReadings::default());
+    }
+    let wrench = (0..first.times_s.len())
+        .map(|i| {
+            let (force, moment) = tares.iter().fold((Vector3::zeros(), Vector3::zeros()), |(f, m), t| {
+                (f + t.force_n[i], m + t.moment_nm[i])
+            });
+            Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
+        })
+        .collect();
+    let flights = job.load_flights(name)?.flights;
+    let frames: usize = flights.iter().map(aloft_flight::Flight::n_frames).sum();
+    let rate_hz = trial_rate(&job.workspace.place("import", name))?;
+    // 10 ms at both ends of each flight take no part in its reading
+    let length_s = frames as f64 / rate_hz / flights.len().max(1) as f64 - 0.02;
+    Ok(TareReadings { times_s: first.times_s.clone(), wrench, length_s })
 }
 
 /// A motion without what comparison does not read: residuals of markers and standard deviations.
@@ -206,6 +243,7 @@ impl ComparedTrial {
             measured: self.measured.as_ref(),
             complete: Some(&self.complete),
             errors: self.errors.as_ref().map(|e| e as &dyn PoseErrors),
+            drift: self.drift.as_ref(),
             effects: self.effects.as_ref(),
             untared: self.untared,
             held_out_contact: if every { self.measured.is_some() } else { self.role == Role::Validate },
@@ -298,9 +336,14 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         Ok(role && !plate_centers(&job.workspace.place("import", name))?.is_empty())
     };
     let validation = names.iter().map(validates).collect::<Result<Vec<bool>, _>>()?.contains(&true);
+    let readings: Vec<(String, TareReadings)> = if earlier.is_some() {
+        Vec::new()
+    } else {
+        names.par_iter().map(|n| Ok((n.clone(), tare_readings(job, n)?))).collect::<Result<_, StageFailure>>()?
+    };
     let read = |i: usize| {
         let trial = TrialRows::load_for(job, &names[i], &subject).and_then(|r| ComparedTrial::of(job, &names[i], r));
-        let trial = if earlier.is_some() { trial } else { trial.and_then(|t| t.with_errors(job, &subject)) };
+        let trial = if earlier.is_some() { trial } else { trial.and_then(|t| t.with_errors(job, &subject, &readings)) };
         trial.map_err(Failed)
     };
     let (comparison, series) = compare_with(
