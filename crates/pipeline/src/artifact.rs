@@ -121,6 +121,11 @@ pub fn load_markers(dir: &Path) -> Result<Trial, PipelineError> {
     load(head, dir, true)
 }
 
+/// Marker rate of an imported recording, Hz.
+pub fn trial_rate(dir: &Path) -> Result<f64, PipelineError> {
+    Ok(read_json::<TrialHead>(&dir.join("trial.json"))?.rate_hz)
+}
+
 /// Frames of an imported recording.
 pub fn trial_length(dir: &Path) -> Result<usize, PipelineError> {
     Ok(read_json::<TrialHead>(&dir.join("trial.json"))?.n_frames)

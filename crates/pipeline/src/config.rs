@@ -408,6 +408,8 @@ CalibrateConfig {
     /// Number of frames used, over all trials.
     #[schemars(range(min = 10, max = 100_000))]
     frames: usize = 300,
+    /// Whether recordings held out for comparison (`trials: validate`) take part as well. By default they do not: held out means held out.
+    validation: bool = false,
 }}
 
 /// On, off, or decided from held-out data.

@@ -87,16 +87,27 @@ impl From<StoredCoefficient> for ReachedCoefficient {
     }
 }
 
-/// An error, and what noise alone makes of it.
+/// A held-out error over weak windows, and the noise floor: what a perfect model would leave.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Judged {
     /// Error, N.
     pub error_n: f64,
-    /// Noise alone, N; none where it is not known.
+    /// The noise floor, N; none where it is not known.
     pub noise_n: Option<f64>,
+    /// 95 % interval of the floor, N: where the error of a perfect model falls.
+    #[serde(default)]
+    pub noise_ci95: Option<[f64; 2]>,
 }
 
 impl Judged {
+    /// Error over floor.
+    pub fn times_floor(&self) -> Option<f64> {
+        self.noise_n.map(|n| self.error_n / n).filter(|t| t.is_finite())
+    }
+    /// True where a perfect model could have left as much.
+    pub fn at_floor(&self) -> Option<bool> {
+        self.noise_ci95.map(|[_, most]| self.error_n <= most)
+    }
     /// Share of the mean square that noise does not explain.
     pub fn explainable(&self) -> Option<f64> {
         let noise = self.noise_n?;

@@ -7,10 +7,11 @@ use crate::revision::{ModelEffect, Revisions};
 use crate::session::Calendar;
 use crate::stages::regressor::{DRIFT, TrialRows};
 use crate::study::Study;
-use crate::workspace::{Workspace, read_json, write_json_whole};
+use crate::workspace::{WHOLE_STUDY, Workspace, read_json, write_json_whole};
 use aloft_body::{BaseParameters, Subject};
+use aloft_compare::Comparison;
 use aloft_discover::{
-    Body, DiscoverOptions, Discovery, SelfTest, SelfTestOptions, SelfTestProgress, Session, TrialInput,
+    Body, DiscoverOptions, Discovery, SelfTest, SelfTestOptions, SelfTestProgress, Session, Standing, TrialInput,
     discover as rank, scene_of,
 };
 use aloft_effects::{Choice, Effect};
@@ -116,8 +117,22 @@ impl Evidence {
             Session::new(&body, &scene, &trials, &self.weak).map_err(|e| PipelineError::request(e.to_string()))?;
         let known = KnownEffects::of(&study.own_effects, &scene)?;
         let accepted = study.effects.iter().map(|e| known.choice(&scene, e)).collect::<Result<Vec<_>, _>>()?;
+        let session = session.with_standing(standing(study, "flight"), standing(study, "contact"));
         with(&Bench { session, effects: known.all(), accepted })
     }
+}
+
+/// What the comparison found in flight or in contact; none where none was made.
+fn standing(study: &Study, place: &str) -> Option<Standing> {
+    let folder = Workspace::open(&study.workspace).place("compare", WHOLE_STUDY);
+    let comparison = read_json::<Comparison>(&folder.join("comparison.json")).ok()?;
+    let against = comparison.against_floor.iter().find(|a| a.judged_on == place)?;
+    let floor = against.floor?;
+    Some(Standing {
+        held_out_error: against.held_out_error,
+        noise_floor: floor.noise_floor,
+        noise_floor_ci95: floor.ci95,
+    })
 }
 
 /// Ranks the catalogue and the study's own effects against the present model; keeps the answer beside the results for `effect add` and

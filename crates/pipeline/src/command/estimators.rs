@@ -15,9 +15,9 @@ use crate::stages::identify::{estimator as default_estimator, identify_from};
 use crate::stages::ik::track;
 use crate::stages::regressor::{TrialRows, factors_of, load_factors, row_kind};
 use crate::study::{Role, Study};
-use crate::workspace::{WHOLE_STUDY, Workspace};
+use crate::workspace::{WHOLE_STUDY, Workspace, read_json};
 use aloft_body::{BaseParameters, Subject};
-use aloft_compare::{Candidate, CompareOptions, Comparison, ModelComparison, WindowErrors, WrenchErrors};
+use aloft_compare::{Candidate, Comparison, ModelComparison, NoiseFloor, WindowErrors, WrenchErrors};
 use aloft_identify::{ColumnScaling, Estimator, Gate, KindBalance, Parameters};
 use aloft_ik::smooth;
 use aloft_regressor::{Factor, Stretch, StretchKind};
@@ -108,7 +108,7 @@ pub struct EstimatorsView {
     pub window_s: f64,
     /// Rows, the best geometry first.
     pub table: Vec<EstimatorRow>,
-    /// Error that noise alone makes on frames.
+    /// Noise floor on frames.
     pub noise_frames: Option<ErrorsBrief>,
     /// The same over windows.
     pub noise_windows: Option<ErrorsBrief>,
@@ -225,6 +225,12 @@ fn is_training(study: &Study, stretch: &Stretch, contact: bool) -> bool {
 }
 
 /// Every estimator from every kind of rows, and the prior, with one geometry.
+/// The floor that the stage `compare` found.
+fn known_floor(job: &Job<'_>) -> Option<NoiseFloor> {
+    let place = job.workspace.place("compare", WHOLE_STUDY).join("comparison.json");
+    read_json::<Comparison>(&place).ok()?.noise_floor
+}
+
 fn of_geometry(
     job: &Job<'_>,
     geometry: &'static str,
@@ -269,9 +275,10 @@ fn of_geometry(
     // the prior comes first: it always exists
     let mut candidates = vec![Candidate::links("prior", &base, &subject.prior_phi())];
     candidates.extend(found.iter().filter_map(|f| f.as_ref().ok().map(|(_, c)| c.clone())));
-    let draws = if noise { CompareOptions::default().noise_draws } else { 0 };
-    let (comparison, _) =
-        compare_models(study, subject, trials, &candidates, HeldOut::Validation, None, Floor::Drawn(draws, None))?;
+    // the floor is that of the pipeline's own comparison: one number wherever it stands
+    let known = if noise { known_floor(job) } else { None };
+    let floor = known.as_ref().map_or(Floor::Drawn(0, None), Floor::Known);
+    let (comparison, _) = compare_models(study, subject, trials, &candidates, HeldOut::Validation, None, floor)?;
     let chosen = study.config.regressor.rows;
     let own_way = default_estimator(study, chosen).name();
     let mut models = comparison.models().collect::<Vec<_>>().into_iter();

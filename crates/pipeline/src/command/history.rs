@@ -6,7 +6,6 @@ use crate::revision::{Judged, ModelEffect, Reached, ReachedCoefficient, Revision
 use crate::stages::identify::file_name;
 use crate::study::Study;
 use crate::workspace::{WHOLE_STUDY, Workspace, read_json};
-use aloft_compare::WindowErrors;
 use aloft_effects::ActsIn;
 use aloft_identify::Parameters;
 use serde::Serialize;
@@ -35,8 +34,14 @@ pub struct HistoryRow {
     pub held_out_error: Option<f64>,
     /// The same for the revision before.
     pub held_out_error_before: Option<f64>,
-    /// What noise alone makes, N.
+    /// The noise floor, N: the held-out error that a perfect model would leave, drawn from the errors of the markers and the plates.
     pub noise_floor: Option<f64>,
+    /// 95 % interval of the floor, N: where the error of a perfect model falls.
+    pub noise_floor_ci95: Option<[f64; 2]>,
+    /// Held-out error over noise floor.
+    pub times_floor: Option<f64>,
+    /// True where the held-out error is not above the floor's interval.
+    pub at_floor: Option<bool>,
     /// Share of the mean square error that noise does not explain.
     pub explainable: Option<f64>,
     /// What the held-out error is taken on: `held-out flight` or `held-out contact`.
@@ -116,11 +121,11 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) 
     let pick = |reached: &Reached| match in_flight {
         Some(true) => reached.flight.or(reached.contact),
         Some(false) => reached.contact.or(reached.flight),
-        None => reached.contact.or(reached.flight),
+        None => reached.flight.or(reached.contact),
     };
     let on_flight = |reached: &Reached| match in_flight {
-        Some(true) => reached.flight.is_some(),
-        _ => reached.contact.is_none(),
+        Some(false) => reached.contact.is_none(),
+        _ => reached.flight.is_some(),
     };
     let base_change: Vec<(String, f64)> = now
         .zip(old)
@@ -143,6 +148,9 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) 
         held_out_error: here.map(|j| j.error_n),
         held_out_error_before: old.and_then(pick).map(|j| j.error_n),
         noise_floor: here.and_then(|j| j.noise_n),
+        noise_floor_ci95: here.and_then(|j| j.noise_ci95),
+        times_floor: here.and_then(|j| j.times_floor()),
+        at_floor: here.and_then(|j| j.at_floor()),
         explainable: here.and_then(|j| j.explainable()),
         judged_on: now.map(|n| if on_flight(n) { "held-out flight".into() } else { "held-out contact".into() }),
         flight: now.and_then(|n| n.flight),
@@ -175,17 +183,17 @@ pub fn reached(study: &Study, view: &ComparisonView) -> Result<Reached, Pipeline
     let parameters: Parameters =
         read_json(&ws.place("identify", WHOLE_STUDY).join(file_name(study.config.regressor.rows)))?;
     let rms: Vec<f64> = view.kinematics.iter().filter_map(|k| k.marker_rms_mm).collect();
-    let of = |errors: &WindowErrors, noise: Option<&WindowErrors>| {
-        (errors.windows > 0).then(|| Judged {
-            error_n: errors.size(),
-            noise_n: noise.filter(|n| n.windows > 0).map(WindowErrors::size),
+    let of = |place: &str| {
+        c.against_floor.iter().find(|a| a.judged_on == place).map(|a| Judged {
+            error_n: a.held_out_error,
+            noise_n: a.floor.map(|f| f.noise_floor),
+            noise_ci95: a.floor.and_then(|f| f.ci95),
         })
     };
-    let floor = c.noise_floor.as_ref();
     Ok(Reached {
         from: ws.manifest("compare", WHOLE_STUDY).map(|m| m.output).unwrap_or_default(),
-        flight: of(&c.first.flight_weak, floor.map(|f| &f.flight_weak)),
-        contact: of(&c.first.held_out_weak, floor.map(|f| &f.contact_weak)),
+        flight: of("flight"),
+        contact: of("contact"),
         sigma_ratio: view.parameters.sigma_ratio,
         marker_rms_mm: rms.iter().sum::<f64>() / rms.len().max(1) as f64,
         // what the rows do not determine has no number to show
@@ -205,7 +213,7 @@ mod tests {
     use super::*;
 
     fn reached(flight_n: f64, contact_n: f64, marker_rms_mm: f64) -> Reached {
-        let judged = |error_n| Some(Judged { error_n, noise_n: Some(1.0) });
+        let judged = |error_n| Some(Judged { error_n, noise_n: Some(1.0), noise_ci95: Some([0.8, 1.3]) });
         Reached {
             from: String::new(),
             flight: judged(flight_n),

@@ -93,9 +93,9 @@ fn answer(story: &Story<'_>, revision: usize, d: &Discovery, several: bool) -> S
         ));
     }
     cards.push(card(
-        "Noise of the markers alone",
+        "Noise floor",
         format!("{} N", number(d.noise_floor)),
-        "no model can go below it",
+        "what a perfect model would leave",
         Light::Neutral,
     ));
     blocks.push(Block::Cards { cards });
