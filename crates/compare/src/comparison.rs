@@ -9,8 +9,8 @@ use crate::segments::SegmentSums;
 use crate::windows::{TrialWindows, trial_windows};
 use crate::words::words;
 use crate::{
-    Body, Candidate, Floor, CompareError, CompareOptions, FlightErrors, Group, NoiseFloor, RecordingOffset, SegmentShare,
-    Smooth, TrialInput, TrialSeries, WindowErrors, WrenchErrors,
+    Body, Candidate, CompareError, CompareOptions, FlightErrors, Floor, Group, NoiseFloor, RecordingOffset,
+    SegmentShare, Smooth, TrialInput, TrialSeries, WindowErrors, WrenchErrors,
 };
 use aloft_signal::LowPass;
 use rayon::prelude::*;

@@ -198,8 +198,8 @@ impl Default for CompareOptions {
             transition_s: 0.3,
             window_s: 0.3,
             flight_window_s: None,
-            noise_draws: std::env::var("ALOFT_DRAWS").ok().and_then(|x| x.parse().ok()).unwrap_or(8),
-            frame_draws: 2,
+            noise_draws: 8,
+            frame_draws: 1,
             seed: 1,
             mass_kg: None,
         }

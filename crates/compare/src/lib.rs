@@ -41,7 +41,9 @@ mod windows;
 mod words;
 
 pub use breakdown::{Group, GroupFloor, GroupedBy};
-pub use comparison::{AgainstFloor, AxisRow, Comparison, Filtering, ModelComparison, Noise, TrialComparison, compare, compare_each};
+pub use comparison::{
+    AgainstFloor, AxisRow, Comparison, Filtering, ModelComparison, Noise, TrialComparison, compare, compare_each,
+};
 pub use drift::{PlateDrift, TareReadings};
 pub use error::CompareError;
 pub use errors::{AxisErrors, AxisResidual, FlightErrors, WindowErrors, WrenchErrors};

@@ -6,7 +6,7 @@
 //! are drawn, added to the motion through inverse kinematics, and go the way of the data: the same windows, for frames the same filter and
 //! derivatives. Noise and drift of the plates likewise, from [`Measured::noise_density`](crate::Measured::noise_density) and [`PlateDrift`](crate::PlateDrift); where a constant of the
 //! recording is taken off the measurement ([`RecordingOffset`](crate::RecordingOffset)), one is taken off here. The wrench with errors less the
-//! wrench without, through one model's parameters, is one draw; the floor is the root mean square over draws, and its interval is where the
+//! wrench without, through one model's parameters, is one draw; the floor is the geometric mean of its root mean squares, and its interval is where the
 //! error of a single perfect model falls.
 //!
 //! Markers alone speak here: no residual wrench enters, so that an effect that the model lacks cannot raise the floor and hide under it.
@@ -24,8 +24,8 @@ use crate::errors::{MOMENT_LEVER_M, Sums, WindowErrors, WrenchErrors, WrenchSums
 use crate::frames::solved;
 use crate::input::TrialFacts;
 use crate::measured::{FOURTH_DIFFERENCE, median_scale};
-use crate::phase::{Place, places};
 use crate::offset::sought;
+use crate::phase::{Place, places};
 use crate::predict::wrenches;
 use crate::windows::{about, stretches, windows_of};
 use crate::{Body, Candidate, CompareError, CompareOptions, TrialInput};
@@ -49,7 +49,8 @@ pub trait PoseErrors: std::fmt::Debug + Sync {
 /// The floor over the windows of one kind of motion.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Floor {
-    /// [`WindowErrors::size`] of the error that a perfect model would leave, N: force, and moment over a lever of 0.1 m.
+    /// [`WindowErrors::size`] of the error that a perfect model would leave, N: force, and moment over a lever of 0.1 m. The geometric
+    /// mean over draws: where a limb is nearly straight a few draws are large, and would rule a mean of squares.
     pub noise_floor: f64,
     /// The error of a perfect model lies in this interval in 95 of 100 sets of recordings like these, N; none from one draw.
     pub ci95: Option<[f64; 2]>,
@@ -71,22 +72,23 @@ impl Floor {
         if all.n == 0 {
             return None;
         }
-        let errors = all.windows();
-        let logs: Vec<f64> = draws.iter().filter(|s| s.n > 0).map(|s| s.windows().size().ln()).collect();
-        let n = logs.len() as f64;
-        let mean = logs.iter().sum::<f64>() / n;
+        let each: Vec<WindowErrors> = draws.iter().filter(|s| s.n > 0).map(Sums::windows).collect();
+        let n = each.len() as f64;
+        let middle = |of: &dyn Fn(&WindowErrors) -> f64| (each.iter().map(|e| of(e).ln()).sum::<f64>() / n).exp();
+        let noise_floor = middle(&WindowErrors::size);
+        let logs: Vec<f64> = each.iter().map(|e| e.size().ln()).collect();
+        let mean = noise_floor.ln();
         let variance = logs.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
         // a new set of recordings against the mean of n of them
         let reach = (student_975(n - 1.0) * (variance * (1.0 + 1.0 / n)).sqrt()).exp();
-        let noise_floor = errors.size();
         let ci95 = reach.is_finite().then(|| [noise_floor / reach, noise_floor * reach]);
         Some(Self {
             noise_floor,
             ci95,
-            force_n: errors.force_n.norm_rms(),
-            moment_nm: errors.moment_nm.norm_rms(),
-            draws: logs.len(),
-            windows: all.n / logs.len(),
+            force_n: middle(&|e| e.force_n.norm_rms()),
+            moment_nm: middle(&|e| e.moment_nm.norm_rms()),
+            draws: each.len(),
+            windows: all.n / each.len(),
         })
     }
 }
@@ -300,15 +302,14 @@ fn with_noise(body: &Body<'_>, clean: &Motion, root: &DMatrix<f64>, rng: &mut Ch
 fn plate_noise(input: &TrialInput<'_>, clean: &Motion, rng: &mut ChaCha8Rng) -> Option<Vec<Vector6<f64>>> {
     let density = input.measured?.noise_density;
     let sd = density.map(|d| (0.5 * clean.rate_hz * d).sqrt());
-    let mut white: Vec<Vector6<f64>> =
-        (0..clean.n_frames())
-            .map(|_| {
-                sd.map(|s: f64| -> f64 {
-                    let drawn: f64 = StandardNormal.sample(rng);
-                    s * drawn
-                })
+    let mut white: Vec<Vector6<f64>> = (0..clean.n_frames())
+        .map(|_| {
+            sd.map(|s: f64| -> f64 {
+                let drawn: f64 = StandardNormal.sample(rng);
+                s * drawn
             })
-            .collect();
+        })
+        .collect();
     if let Some(drift) = input.drift {
         let walk = drift.draw(clean.n_frames(), clean.rate_hz, rng);
         white.iter_mut().zip(walk).for_each(|(w, d)| *w += d);

@@ -26,10 +26,10 @@
 //!
 //! Not in it: a movement that all markers of a link make together, as the fit follows it and leaves no residual.
 
+use crate::frame::Solver;
 use crate::problem::Problem;
 use crate::solve::meet;
 use crate::tree::{NONE, Pose};
-use crate::frame::Solver;
 use crate::{IkError, IkOptions};
 use aloft_body::{Motion, Subject};
 use aloft_trial::Trial;
@@ -71,12 +71,7 @@ impl MarkerErrors {
     ///
     /// # Errors
     /// As [`solve`](crate::solve()).
-    pub fn of(
-        subject: &Subject,
-        trial: &Trial,
-        motion: &Motion,
-        options: &IkOptions,
-    ) -> Result<Option<Self>, IkError> {
+    pub fn of(subject: &Subject, trial: &Trial, motion: &Motion, options: &IkOptions) -> Result<Option<Self>, IkError> {
         let mut problem = Problem::new(subject, options)?;
         // markers that were never seen say nothing and pull at nothing
         let ever = |label: &str| {
@@ -103,12 +98,7 @@ impl MarkerErrors {
             }
         }
         let lag = ((LAG_S * motion.rate_hz).round() as usize).max(1);
-        residual.iter_mut().for_each(|r| {
-            bridge(r);
-            if std::env::var("ALOFT_DEMEAN").is_ok() {
-                center(r, &solved);
-            }
-        });
+        residual.iter_mut().for_each(|r| bridge(r));
         let seen: Vec<f64> = residual.iter().map(|r| mean_square(r, lag)).collect();
         let label = |m: &crate::problem::Tracked| subject.markers.iter().position(|s| s.label == m.label);
         let stream = problem.markers.iter().map(|m| label(m).unwrap_or(0) as u64).collect();
@@ -153,9 +143,8 @@ impl MarkerErrors {
             if !motion.is_valid(f) || !wanted(f) || !response.at(motion.q(f)) {
                 continue;
             }
-            let error = |m: usize| {
-                turned[m].map_or_else(Vector3::zeros, |(donor, turn)| turn * self.residual[donor][f])
-            };
+            let error =
+                |m: usize| turned[m].map_or_else(Vector3::zeros, |(donor, turn)| turn * self.residual[donor][f]);
             response.step(&error, &mut step);
             if step.iter().all(|x| x.is_finite()) {
                 tree.retract(motion.q(f), &step, &mut out.q[f * motion.nq..(f + 1) * motion.nq]);
@@ -184,17 +173,10 @@ fn bridge(series: &mut [Vector3<f64>]) {
     }
 }
 
-/// Takes off the mean: where a marker sits on its link is geometry, not error.
-fn center(series: &mut [Vector3<f64>], frames: &[usize]) {
-    let mean: Vector3<f64> = frames.iter().map(|&f| series[f]).sum::<Vector3<f64>>() / frames.len() as f64;
-    series.iter_mut().for_each(|x| *x -= mean);
-}
-
 /// Mean square of the second difference over six: that of the series itself, were it white.
 fn mean_square(series: &[Vector3<f64>], lag: usize) -> f64 {
     let n = series.len().saturating_sub(2 * lag);
-    let sum: f64 =
-        (0..n).map(|f| (series[f] - 2.0 * series[f + lag] + series[f + 2 * lag]).norm_squared()).sum();
+    let sum: f64 = (0..n).map(|f| (series[f] - 2.0 * series[f + lag] + series[f + 2 * lag]).norm_squared()).sum();
     if n == 0 { 0.0 } else { sum / (6.0 * n as f64) }
 }
 
@@ -273,10 +255,8 @@ fn donors(problem: &Problem, m: usize, speaks: &[bool]) -> Vec<usize> {
         let shared = path.iter().filter(|l| own.contains(l)).count();
         path.len() + own.len() - 2 * shared
     };
-    let others: Vec<(usize, usize)> = (0..speaks.len())
-        .filter(|&k| speaks[k])
-        .map(|k| (k, distance(problem.markers[k].link)))
-        .collect();
+    let others: Vec<(usize, usize)> =
+        (0..speaks.len()).filter(|&k| speaks[k]).map(|k| (k, distance(problem.markers[k].link))).collect();
     let nearest = others.iter().map(|o| o.1).min().unwrap_or(0);
     others.into_iter().filter(|o| o.1 == nearest).map(|o| o.0).collect()
 }

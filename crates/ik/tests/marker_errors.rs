@@ -27,12 +27,11 @@ fn slide(subject: &Subject, truth: &[Vec<f64>], made: &mut Trial, size_m: f64, s
     for (f, q) in truth.iter().enumerate() {
         state.forward_position(&subject.model, q);
         let t = f as f64 / RATE_HZ;
-        for ((marker, waves), path) in
-            subject.markers.iter().zip(&waves).zip(&mut made.markers.trajectories)
-        {
+        for ((marker, waves), path) in subject.markers.iter().zip(&waves).zip(&mut made.markers.trajectories) {
             let shift = Vector3::from_fn(|i, _| {
                 let [a, b, c, d] = waves[i];
-                size_m * (a * (12.0 * t).sin() + b * (12.0 * t).cos() + c * (25.0 * t).sin() + d * (25.0 * t).cos()) / 2f64.sqrt()
+                size_m * (a * (12.0 * t).sin() + b * (12.0 * t).cos() + c * (25.0 * t).sin() + d * (25.0 * t).cos())
+                    / 2f64.sqrt()
             });
             path[f] += state.rotation(marker.link) * shift;
         }

@@ -5,8 +5,8 @@ use crate::config::Rows;
 use crate::error::StageFailure;
 use crate::graph::{Done, Job, Need, Scope, Stage};
 use crate::stages::filter::low_pass;
-use crate::stages::ik::fit_options;
 use crate::stages::identify::{Predicting, identify_from, training_factors};
+use crate::stages::ik::fit_options;
 use crate::stages::regressor::{TrialRows, effect_columns};
 use crate::study::{Role, Study};
 use crate::table::Table;
@@ -140,7 +140,7 @@ impl ComparedTrial {
     }
 }
 
-/// What the plates of a trial read in its flights, all together; none where they were not tared from flights.
+/// What the plates of a trial read in its flights; none where they were not tared from flights.
 fn tare_readings(job: &Job<'_>, name: &str) -> Result<TareReadings, StageFailure> {
     let tares: Vec<PlateTare> = read_json(&job.workspace.place("flight", name).join("tare.json"))?;
     let Some(first) = tares.first() else { return Ok(TareReadings::default()) };
@@ -148,20 +148,16 @@ fn tare_readings(job: &Job<'_>, name: &str) -> Result<TareReadings, StageFailure
     if !tares.iter().all(alike) {
         return Ok(TareReadings::default());
     }
-    let wrench = (0..first.times_s.len())
-        .map(|i| {
-            let (force, moment) = tares.iter().fold((Vector3::zeros(), Vector3::zeros()), |(f, m), t| {
-                (f + t.force_n[i], m + t.moment_nm[i])
-            });
-            Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
-        })
-        .collect();
+    let centers = plate_centers(&job.workspace.place("import", name))?;
+    let join = |(f, m): (&Vector3<f64>, &Vector3<f64>)| Vector6::new(f.x, f.y, f.z, m.x, m.y, m.z);
+    let of = |t: &PlateTare| t.force_n.iter().zip(&t.moment_nm).map(join).collect();
+    let plates = centers.into_iter().zip(tares.iter().map(of)).collect();
     let flights = job.load_flights(name)?.flights;
     let frames: usize = flights.iter().map(aloft_flight::Flight::n_frames).sum();
     let rate_hz = trial_rate(&job.workspace.place("import", name))?;
     // 10 ms at both ends of each flight take no part in its reading
     let length_s = frames as f64 / rate_hz / flights.len().max(1) as f64 - 0.02;
-    Ok(TareReadings { times_s: first.times_s.clone(), wrench, length_s })
+    Ok(TareReadings { times_s: first.times_s.clone(), plates, length_s })
 }
 
 /// A motion without what comparison does not read: residuals of markers and standard deviations.
