@@ -59,6 +59,7 @@ struct FactsFile {
     gravity_m_s2: Option<f64>,
     lab: Option<LabFacts>,
     /// Recordings, as a list of names or of entries with `file`; any other shape is the laboratory's own business.
+    #[schemars(with = "serde_json::Value")]
     trials: Option<serde_yaml::Value>,
 }
 

@@ -263,6 +263,8 @@ pub struct TrialRows {
     pub plate_centers_m: Vec<Vector3<f64>>,
     /// Seconds from the start of the session to the first frame (0 without plates, where nothing depends on it).
     pub session_time_s: f64,
+    /// Where that time comes from; none without plates.
+    pub calendar: Option<Calendar>,
 }
 
 impl TrialRows {
@@ -314,7 +316,8 @@ impl TrialRows {
             wrench_filtered = Some(join(&smooth));
         }
         let flights = flights.flights.iter().map(aloft_flight::Flight::frames).collect();
-        let session_time_s = if plates.is_empty() { 0.0 } else { Calendar::of(job.study, job.workspace).start_s(name) };
+        let calendar = (!plates.is_empty()).then(|| Calendar::of(job.study, job.workspace));
+        let session_time_s = calendar.as_ref().map_or(0.0, |c| c.start_s(name));
         Ok(Self {
             trial,
             subject,
@@ -327,6 +330,7 @@ impl TrialRows {
             plates,
             plate_centers_m,
             session_time_s,
+            calendar,
         })
     }
 }
@@ -417,8 +421,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let count = |kind: RowKind| factors.iter().filter(|(_, f)| f.rows == kind).map(|(_, f)| f.n_rows).sum::<usize>();
     done.note("weak_rows", count(RowKind::Weak));
     done.note("paper_rows", count(RowKind::Acceleration));
-    if !rows.plates.is_empty() {
-        let calendar = Calendar::of(job.study, job.workspace);
+    if let Some(calendar) = &rows.calendar {
         done.note("session_time_s", rows.session_time_s);
         done.note("session_time_source", json!(calendar.source));
         // a remark only where results depend on it
