@@ -9,6 +9,7 @@ mod export;
 mod help;
 mod kill;
 mod loop_on_people;
+mod one_interval;
 mod one_stage_again;
 mod own_effect;
 mod report;

@@ -39,7 +39,9 @@ pub use identify::{IdentifyOptions, identify, identify_merged, identify_with_sli
 pub use interval::{half_of, half95, interval95, satterthwaite};
 pub use links::{ConsistentLinks, LinkOptions, LinkSd, consistent_links};
 pub use null_vector::{ColumnScaling, NullVector, Sigma, null_vector};
-pub use parameters::{BaseEstimate, EffectEstimate, Estimator, Identification, LinkEstimate, LinkIntervals, Parameters};
+pub use parameters::{
+    BaseEstimate, EffectEstimate, Estimator, Identification, LinkEstimate, LinkIntervals, Parameters,
+};
 pub use prior::{LinkPrior, Prior, Symmetry};
 pub use simex::{Simex, add_noise, simex};
 pub use uncertainty::jackknife_freedom;

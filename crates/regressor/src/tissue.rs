@@ -154,7 +154,9 @@ impl<'a> Skin<'a> {
         let frames: Vec<usize> = (0..motion.n_frames()).filter(|f| motion.is_valid(*f)).collect();
         let used: Vec<usize> = frames.iter().copied().step_by(frames.len().div_ceil(POSTURES).max(1)).collect();
         let mean = (0..model.n_links())
-            .map(|l| used.iter().map(|f| angles(model, l, motion.q(*f))).sum::<Vector3<f64>>() / used.len().max(1) as f64)
+            .map(|l| {
+                used.iter().map(|f| angles(model, l, motion.q(*f))).sum::<Vector3<f64>>() / used.len().max(1) as f64
+            })
             .collect();
         let mut normal = Normal(0x00a1_0f7d_5eed);
         let entries = markers
@@ -168,8 +170,10 @@ impl<'a> Skin<'a> {
     fn shifts(&self, model: &Model, q: &[f64], state: &State) -> DMatrix<f64> {
         let mut out = DMatrix::zeros(3 * self.markers.len(), self.draws);
         for (i, ((marker, joints), entries)) in self.markers.iter().zip(&self.entries).enumerate() {
-            let bent: Vec<f64> =
-                joints.iter().flat_map(|&l| (angles(model, l, q) - self.mean[l]).iter().copied().collect::<Vec<_>>()).collect();
+            let bent: Vec<f64> = joints
+                .iter()
+                .flat_map(|&l| (angles(model, l, q) - self.mean[l]).iter().copied().collect::<Vec<_>>())
+                .collect();
             let local = entries * DVector::from_vec(bent);
             let rotation = state.world_from_link[marker.link].rotation;
             for draw in 0..self.draws {
@@ -221,7 +225,14 @@ impl Momenta {
                 model.integrate(motion.q(first + i), &step, to);
             }
         }
-        let own = Motion { trial: String::new(), rate_hz: motion.rate_hz, nq: model.nq, nv: model.nv, q, ..Motion::default() };
+        let own = Motion {
+            trial: String::new(),
+            rate_hz: motion.rate_hz,
+            nq: model.nq,
+            nv: model.nv,
+            q,
+            ..Motion::default()
+        };
         let n = end - first;
         let mut series = vec![SMatrix::zeros(); n];
         let mut start = 0;

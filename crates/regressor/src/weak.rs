@@ -101,9 +101,8 @@ pub fn weak_factor_with_tissue(
     let n = rows.matrix.ncols();
     // weighted together with the rows, so that both are whitened alike
     let plain = std::mem::replace(&mut rows.matrix, Mat::new());
-    rows.matrix = Mat::from_fn(plain.nrows(), n + errors.ncols(), |i, j| {
-        if j < n { plain[(i, j)] } else { errors[(i, j - n)] }
-    });
+    rows.matrix =
+        Mat::from_fn(plain.nrows(), n + errors.ncols(), |i, j| if j < n { plain[(i, j)] } else { errors[(i, j - n)] });
     let rows = weighted(model, prior, motion, stretch, rows, options, noise)?;
     let (left, right) = (rows.matrix.subcols(0, n), rows.matrix.subcols(n, errors.ncols()));
     let factor = Factor::from_rows(stretch, RowKind::Weak, columns_of(base, acting), left)?;
