@@ -11,6 +11,7 @@ mod invisible;
 mod kill;
 mod loop_on_people;
 mod names;
+mod one_interval;
 mod one_stage_again;
 mod own_effect;
 mod report;
