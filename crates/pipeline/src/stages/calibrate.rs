@@ -3,7 +3,7 @@
 use crate::artifact::{load_markers, trial_length};
 use crate::config::Switch;
 use crate::error::StageFailure;
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Done, Job, Need, Scope, Stage, key};
 use crate::stages::scale::{load_locked, save_subject};
 use crate::study::Role;
 use crate::workspace::{WHOLE_STUDY, read_json, write_json};
@@ -24,7 +24,11 @@ pub static STAGE: Stage = Stage {
         Need::Once("scale"),
         Need::Every("import", &[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
     ],
-    parameters: |study, _| json!({"calibrate": study.config.calibrate, "anthropometry": study.anthropometry}),
+    parameters: |study, _| {
+        // things are built again from their description, people refined with the priors of their tables
+        json!({"calibrate": key(&study.config.calibrate), "anthropometry": key(&study.anthropometry),
+            "object": key(&study.object), "facts": key(&study.facts)})
+    },
     run,
 };
 
