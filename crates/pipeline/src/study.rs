@@ -195,6 +195,7 @@ impl Study {
         )?;
         let own_effects = own_effects(&config, &file, text, &dir)?;
         check_formulas(&own_effects, &model)?;
+        crate::workspace::refuse_other_format(&place.workspace)?;
         let revisions = crate::revision::Revisions::load(&place.workspace)?;
         let (effects, plain_base) = (revisions.effects(), revisions.plain_base());
         Ok(Self {
@@ -229,8 +230,8 @@ impl Study {
             .map(|o| &o.spec)
             .collect();
         let bytes: Vec<u8> = self.plain_base.iter().flat_map(|x| x.to_le_bytes()).collect();
-        let mut out =
-            serde_json::json!({"model": self.effects, "own": own, "about": blake3::hash(&bytes).to_hex().to_string()});
+        let mut out = serde_json::json!({"model": crate::graph::key(&self.effects), "own": crate::graph::key(&own),
+            "about": blake3::hash(&bytes).to_hex().to_string()});
         // the only effect that asks when in the session a recording was made
         if self.effects.iter().any(|e| e.id() == crate::stages::regressor::DRIFT) {
             out["recording_order"] = serde_json::json!(self.facts.recordings);

@@ -4,10 +4,11 @@ use crate::command::estimators::with_job;
 use crate::effects::KnownEffects;
 use crate::error::PipelineError;
 use crate::revision::{ModelEffect, Revisions};
+use crate::seal;
 use crate::session::Calendar;
 use crate::stages::regressor::{DRIFT, TrialRows};
 use crate::study::Study;
-use crate::workspace::{WHOLE_STUDY, Workspace, read_json, write_json_whole};
+use crate::workspace::{WHOLE_STUDY, Workspace, read_json};
 use aloft_body::{BaseParameters, Subject};
 use aloft_compare::Comparison;
 use aloft_discover::{
@@ -30,6 +31,44 @@ pub struct Volume {
     pub middle_m: [f64; 3],
     /// Standard deviation of the body's places about it, m.
     pub reach_m: f64,
+}
+
+/// An answer that is kept in the workspace, with what it speaks of.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Kept<T> {
+    /// Hash of the results that were looked at ([`looked_at`]).
+    pub made_from: String,
+    /// The answer.
+    #[serde(flatten)]
+    pub answer: T,
+}
+
+/// Hash of the results that a ranking looks at: subject, motion, flights and plates of every trial. Effects of the model do not count.
+pub fn looked_at(study: &Study) -> String {
+    let ws = Workspace::open(&study.workspace);
+    let mut hasher = blake3::Hasher::new();
+    let mut add = |stage: &str, trial: &str| {
+        let output = ws.manifest(stage, trial).map(|m| m.output).unwrap_or_default();
+        hasher.update(format!("{stage}/{trial} {output}\n").as_bytes());
+    };
+    add("calibrate", WHOLE_STUDY);
+    for trial in study.included().filter(|t| t.role.is_dynamic()) {
+        for stage in ["import", "ik", "filter", "flight"] {
+            add(stage, &trial.name);
+        }
+    }
+    hasher.finalize().to_hex().to_string()
+}
+
+/// Wraps an answer, unless the results changed while it was sought.
+fn kept<T>(study: &Study, made_from: String, answer: T) -> Result<Kept<T>, PipelineError> {
+    if looked_at(study) != made_from {
+        return Err(PipelineError::request_hint(
+            format!("the results in {} changed while they were looked at", study.workspace.display()),
+            "ask again when no run changes them",
+        ));
+    }
+    Ok(Kept { made_from, answer })
 }
 
 /// What the stages left of a study, ready to be ranked.
@@ -138,10 +177,16 @@ fn standing(study: &Study, place: &str) -> Option<Standing> {
 /// Ranks the catalogue and the study's own effects against the present model; keeps the answer beside the results for `effect add` and
 /// `report`.
 pub fn discover(study: &Study, options: &DiscoverOptions) -> Result<Discovery, PipelineError> {
-    Evidence::load(study)?.with(study, |bench| found(study, bench, options))
+    let made_from = looked_at(study);
+    Evidence::load(study)?.with(study, |bench| found(study, bench, options, made_from))
 }
 
-fn found(study: &Study, bench: &Bench<'_>, options: &DiscoverOptions) -> Result<Discovery, PipelineError> {
+fn found(
+    study: &Study,
+    bench: &Bench<'_>,
+    options: &DiscoverOptions,
+    made_from: String,
+) -> Result<Discovery, PipelineError> {
     let ids: Vec<&str> = bench.effects.iter().map(|e| e.id()).collect();
     if let Some(unknown) = options.only.iter().chain(&options.without).find(|n| !ids.contains(&n.as_str())) {
         return Err(PipelineError::request_hint(
@@ -161,18 +206,19 @@ fn found(study: &Study, bench: &Bench<'_>, options: &DiscoverOptions) -> Result<
     {
         found.warnings.push(words);
     }
-    write_json_whole(&study.workspace.join("discovery.json"), &found)?;
+    let answer = kept(study, made_from, found)?;
+    seal::write_whole(&study.workspace.join("discovery.json"), &answer)?;
     // the answer to each revision of the model stays, so that the report can tell the story from its beginning
     let revision = Revisions::load(&study.workspace)?.revisions.len().saturating_sub(1);
-    let kept = answer_of(study, revision);
-    if let Some(folder) = kept.parent() {
-        std::fs::create_dir_all(folder).map_err(PipelineError::io("create", folder))?;
+    let place = answer_of(study, revision);
+    if let Some(folder) = place.parent() {
+        crate::disk::create_dir_all(folder)?;
     }
-    write_json_whole(&kept, &found)?;
+    seal::write_whole(&place, &answer)?;
     let scene = bench.session.scene();
     let volume = Volume { middle_m: scene.volume_center_m.into(), reach_m: scene.volume_reach_m };
-    write_json_whole(&study.workspace.join("discovery_volume.json"), &volume)?;
-    Ok(found)
+    seal::write_whole(&study.workspace.join("discovery_volume.json"), &volume)?;
+    Ok(answer.answer)
 }
 
 /// What the stage `flight` says about the free acceleration, where it differs from the stated gravity in most trials with flights.
@@ -238,14 +284,16 @@ pub fn self_test(
     options: &DiscoverOptions,
     told: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<SelfTested, PipelineError> {
+    let made_from = looked_at(study);
     Evidence::load(study)?.with(study, |bench| {
         let options = SelfTestOptions { discover: options.clone(), ..SelfTestOptions::default() };
         let each = |p: &SelfTestProgress<'_>| told(p.done, p.of);
         let table = aloft_discover::self_test(&bench.session, &bench.effects, &bench.accepted, &options, &each)
             .map_err(|e| PipelineError::request(e.to_string()))?;
         let out = SelfTested { version: 1, subject: study.facts.person.name.clone(), self_test: table };
-        write_json_whole(&study.workspace.join("self_test.json"), &out)?;
-        Ok(out)
+        let answer = kept(study, made_from, out)?;
+        seal::write_whole(&study.workspace.join("self_test.json"), &answer)?;
+        Ok(answer.answer)
     })
 }
 

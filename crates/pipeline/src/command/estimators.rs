@@ -116,12 +116,27 @@ pub struct EstimatorsView {
     pub notes: Vec<String>,
 }
 
+fn refuse_damaged(ws: &Workspace, stage: &str, trial: &str) -> Result<(), PipelineError> {
+    let problem = ws.damage(stage, trial).into_iter().next();
+    problem.map_or(Ok(()), |problem| Err(PipelineError::Damaged { path: ws.place(stage, trial), problem }))
+}
+
 /// Calls `work` with a job that reads the workspace of a study that has rows.
 pub(crate) fn with_job<T>(
     study: &Study,
     work: impl FnOnce(&Job<'_>) -> Result<T, StageFailure>,
 ) -> Result<T, PipelineError> {
+    // what is computed on results goes on with the settings that they were made with
+    let study = &study.as_made();
     let ws = Workspace::open(&study.workspace);
+    for trial in study.included() {
+        for stage in ["import", "ik", "filter", "flight", "regressor"] {
+            refuse_damaged(&ws, stage, &trial.name)?;
+        }
+    }
+    for stage in ["scale", "calibrate", "identify"] {
+        refuse_damaged(&ws, stage, WHOLE_STUDY)?;
+    }
     let ready: Vec<(String, String)> = study
         .included()
         .filter(|t| t.role.is_dynamic() && ws.manifest("regressor", &t.name).is_some_and(|m| m.is_ok()))
@@ -140,6 +155,7 @@ pub(crate) fn with_job<T>(
 
 /// Rows × estimators × geometry, on the same held-out motion.
 pub fn estimators(study: &Study) -> Result<EstimatorsView, PipelineError> {
+    let study = &study.as_made();
     with_job(study, |job| {
         let subject = job.load_subject("calibrate")?;
         let trials = load_trials(job)?;
@@ -393,6 +409,7 @@ pub struct LeaveOneOutView {
 
 /// Each dynamic trial predicted from all others: by the prior, from flights, from contact, from both; from stored factors.
 pub fn leave_one_out(study: &Study) -> Result<LeaveOneOutView, PipelineError> {
+    let study = &study.as_made();
     with_job(study, |job| {
         let subject = job.load_subject("calibrate")?;
         let trials = load_trials(job)?;

@@ -2,6 +2,7 @@
 
 use crate::command::compare::{ComparisonView, compare};
 use crate::error::PipelineError;
+use crate::made::{compared_effects, made_with};
 use crate::revision::{Judged, ModelEffect, Reached, ReachedCoefficient, Revision, Revisions};
 use crate::stages::identify::file_name;
 use crate::study::Study;
@@ -84,12 +85,25 @@ pub struct HistoryCoefficient {
 /// Reads the revisions, with what the present one reached.
 pub fn history(study: &Study) -> Result<History, PipelineError> {
     let mut all = Revisions::load(&study.workspace)?;
-    if let (Some(last), Ok(view)) = (all.revisions.last_mut(), compare(study)) {
-        last.reached = Some(reached(study, &view)?);
+    let ws = Workspace::open(&study.workspace);
+    // results of another model are not this revision's: it keeps what was noted when it was made
+    if let Some(last) = all.revisions.last_mut()
+        && made_for(&ws, &last.effects)
+    {
+        last.reached = Some(reached(study, &compare(study)?)?);
     }
     let acts = |e: &ModelEffect| acts_in(study, e);
     let rows = (0..all.revisions.len()).map(|i| row(&all.revisions, i, &acts)).collect();
     Ok(History { version: 1, subject: study.facts.person.name.clone(), revisions: rows })
+}
+
+/// True when the comparison in a workspace is that of a model with these effects, and of the parameters that lie beside it.
+fn made_for(ws: &Workspace, effects: &[ModelEffect]) -> bool {
+    let Some(compared) = ws.manifest("compare", WHOLE_STUDY) else { return false };
+    let same = |(input, hash): (&String, &String)| {
+        input.split_once('/').is_none_or(|(stage, trial)| ws.manifest(stage, trial).is_some_and(|m| m.output == *hash))
+    };
+    compared_effects(ws).is_some_and(|e| e == effects) && compared.inputs.iter().all(same)
 }
 
 fn acts_in(study: &Study, effect: &ModelEffect) -> ActsIn {
@@ -133,6 +147,12 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) 
         .unwrap_or_default();
     let largest_change = base_change.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).cloned();
     let void = now.zip(old).and_then(|(n, o)| {
+        if n.made_with != o.made_with {
+            return Some(format!(
+                "void: made with other settings or recordings than revision {}, so their errors cannot be compared",
+                i - 1
+            ));
+        }
         (n.marker_rms_mm > WORSE_MARKERS * o.marker_rms_mm).then(|| {
             format!(
                 "void: marker error grew from {:.2} to {:.2} mm, so the kinematics moved to please the forces",
@@ -178,6 +198,7 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) 
 
 /// What the present results reach.
 pub fn reached(study: &Study, view: &ComparisonView) -> Result<Reached, PipelineError> {
+    let study = &study.as_made();
     let c = &view.comparison;
     let ws = Workspace::open(&study.workspace);
     let parameters: Parameters =
@@ -192,6 +213,7 @@ pub fn reached(study: &Study, view: &ComparisonView) -> Result<Reached, Pipeline
     };
     Ok(Reached {
         from: ws.manifest("compare", WHOLE_STUDY).map(|m| m.output).unwrap_or_default(),
+        made_with: made_with(study, &ws),
         flight: of("flight"),
         contact: of("contact"),
         sigma_ratio: view.parameters.sigma_ratio,
@@ -216,6 +238,7 @@ mod tests {
         let judged = |error_n| Some(Judged { error_n, noise_n: Some(1.0), noise_ci95: Some([0.8, 1.3]) });
         Reached {
             from: String::new(),
+            made_with: String::new(),
             flight: judged(flight_n),
             contact: judged(contact_n),
             sigma_ratio: 30.0,

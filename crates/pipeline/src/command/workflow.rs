@@ -412,7 +412,7 @@ pub struct Lacking {
 /// Every result of a study that is not there or not up to date, those that failed by themselves first.
 pub fn verdict(study: &Study) -> Result<Vec<Lacking>, PipelineError> {
     let workspace = Workspace::open(&study.workspace);
-    let manifests = Manifests::read(study, &workspace, STAGES);
+    let manifests = Manifests::read_and_examine(study, &workspace, STAGES);
     let mut out = Vec::new();
     for stage in STAGES {
         for trial in stage.tasks(study) {
@@ -424,6 +424,9 @@ pub fn verdict(study: &Study) -> Result<Vec<Lacking>, PipelineError> {
                 Standing::Failed(failure) => (failure, true),
                 Standing::Missing => (StageFailure::new("has not run"), true),
                 Standing::Stale(changes) => (StageFailure::new(format!("is stale: {}", changes.join("; "))), true),
+                Standing::Damaged(problems) => {
+                    (StageFailure::new(format!("is damaged: {}", problems.join("; "))), true)
+                }
                 Standing::Blocked(reason) => (StageFailure::new(reason), false),
             };
             out.push(Lacking { stage: stage.name, trial: name.to_owned(), failure, first });

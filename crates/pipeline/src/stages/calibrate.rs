@@ -6,7 +6,7 @@
 use crate::artifact::{load_markers, trial_length};
 use crate::config::Switch;
 use crate::error::StageFailure;
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Done, Job, Need, Scope, Stage, key};
 use crate::stages::scale::{load_locked, save_subject};
 use crate::study::Role;
 use crate::workspace::{WHOLE_STUDY, read_json, write_json};
@@ -27,7 +27,13 @@ pub static STAGE: Stage = Stage {
         Need::Once("scale"),
         Need::Every("import", &[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
     ],
-    parameters: |study, _| json!({"calibrate": study.config.calibrate, "anthropometry": study.anthropometry}),
+    parameters: |study, _| {
+        // things are built again from their description, people refined with the priors of their tables; the role of a trial decides
+        // whether geometry may learn from it
+        let roles: Vec<[&str; 2]> = study.included().map(|t| [t.name.as_str(), t.role.word()]).collect();
+        json!({"calibrate": key(&study.config.calibrate), "anthropometry": key(&study.anthropometry),
+            "object": key(&study.object), "facts": key(&study.facts), "roles": roles})
+    },
     run,
 };
 

@@ -3,7 +3,7 @@
 use crate::artifact::{load_markers, plate_centers, trial_rate};
 use crate::config::Rows;
 use crate::error::StageFailure;
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Done, Job, Need, Scope, Stage, key};
 use crate::stages::filter::low_pass;
 use crate::stages::identify::{Predicting, identify_from, training_factors};
 use crate::stages::ik::fit_options;
@@ -43,8 +43,9 @@ pub static STAGE: Stage = Stage {
         Need::Every("regressor", &[Role::Identify, Role::Validate]),
     ],
     parameters: |study, _| {
-        json!({"compare": study.config.compare, "filter": study.config.filter, "rows": study.config.regressor.rows,
-            "identify": study.config.identify, "margin_s": study.config.flight.margin_s, "effects": study.effects_parameters()})
+        json!({"compare": key(&study.config.compare), "filter": key(&study.config.filter), "regressor": key(&study.config.regressor),
+            "identify": key(&study.config.identify), "margin_s": key(&study.config.flight.margin_s), "is_object": study.object.is_some(),
+            "ik": key(&study.config.ik), "effects": study.effects_parameters()})
     },
     run,
 };
@@ -321,7 +322,8 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     candidates.push(Candidate::links("prior", &base, &subject.prior_phi()));
     let key = floor_key(job, &compare_options(study, &subject))?;
     let place = job.workspace.place("compare", WHOLE_STUDY).join("noise_floor.json");
-    let earlier = read_json::<StoredFloor>(&place).ok().filter(|f| f.key == key);
+    let sound = job.workspace.damage("compare", WHOLE_STUDY).is_empty();
+    let earlier = if sound { read_json::<StoredFloor>(&place).ok().filter(|f| f.key == key) } else { None };
     let plain = if earlier.is_some() { None } else { plain_model(job, &subject, chosen)? };
     let floor = match &earlier {
         Some(f) => Floor::Known(&f.floor),
@@ -450,8 +452,10 @@ fn floor_key(job: &Job<'_>, options: &CompareOptions) -> Result<String, StageFai
         let output = job.workspace.manifest(stage, trial).map(|m| m.output).unwrap_or_default();
         hasher.update(format!("{stage}/{trial}={output}\n").as_bytes());
     }
-    let settings = json!({"version": STAGE.version, "options": options, "filter": study.config.filter,
-        "regressor": study.config.regressor, "identify": study.config.identify, "ik": study.config.ik});
+    let roles: Vec<&str> =
+        job.trials_of("regressor").iter().filter_map(|n| Some(study.trial(n)?.role.word())).collect();
+    let settings = json!({"version": STAGE.version, "options": key(options), "filter": key(&study.config.filter),
+        "regressor": key(&study.config.regressor), "identify": key(&study.config.identify), "ik": key(&study.config.ik), "roles": roles});
     hasher.update(settings.to_string().as_bytes());
     Ok(hasher.finalize().to_hex().to_string())
 }

@@ -3,7 +3,7 @@
 use crate::artifact::load_trial_without_points;
 use crate::config::FlightSource;
 use crate::error::StageFailure;
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Done, Job, Need, Scope, Stage, key};
 use crate::qc::QcReason;
 use crate::study::Role;
 use crate::workspace::{read_json, write_json};
@@ -23,7 +23,10 @@ pub static STAGE: Stage = Stage {
     reads: "`Motion`, plates, prior",
     gives: "intervals in which no external force acts; tare of the plates",
     needs: &[Need::Same("import"), Need::Same("ik"), Need::Once("calibrate")],
-    parameters: |study, trial| json!({"flight": study.flight_of(trial)}),
+    parameters: |study, trial| {
+        json!({"flight": key(study.flight_of(trial)), "gravity_mps2": key(&study.facts.gravity_mps2),
+            "role": trial.map(|t| t.role.word()), "is_object": study.object.is_some()})
+    },
     run,
 };
 

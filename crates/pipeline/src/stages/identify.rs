@@ -2,7 +2,7 @@
 
 use crate::config::{Estimator as Choice, Rows};
 use crate::error::StageFailure;
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Done, Job, Need, Scope, Stage, key};
 use crate::merge;
 use crate::stages::regressor::{load_factors, load_slides, row_kind};
 use crate::study::{Role, Study};
@@ -24,7 +24,10 @@ pub static STAGE: Stage = Stage {
     reads: "all factors",
     gives: "base parameters with intervals, consistent link inertias",
     needs: &[Need::Once("calibrate"), Need::Every("regressor", &[Role::Identify])],
-    parameters: |study, _| json!({"identify": study.config.identify}),
+    parameters: |study, _| {
+        json!({"identify": key(&study.config.identify), "rows": key(&study.config.regressor.rows),
+            "is_object": study.object.is_some()})
+    },
     run,
 };
 

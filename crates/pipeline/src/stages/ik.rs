@@ -2,7 +2,7 @@
 
 use crate::artifact::save_motion;
 use crate::error::StageFailure;
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Done, Job, Need, Scope, Stage, key};
 use crate::qc::QcReason;
 use crate::stages::scale::load_locked;
 use crate::study::Role;
@@ -19,7 +19,7 @@ pub static STAGE: Stage = Stage {
     reads: "trial, `Subject`",
     gives: "`Motion`: joint coordinates, marker residuals, standard deviations",
     needs: &[Need::Same("import"), Need::Once("scale"), Need::Once("calibrate")],
-    parameters: |study, trial| json!({"ik": study.ik_of(trial)}),
+    parameters: |study, trial| json!({"ik": key(study.ik_of(trial))}),
     run,
 };
 

@@ -3,7 +3,7 @@
 use crate::artifact::save_trial;
 use crate::config::Vertical;
 use crate::error::{PipelineError, StageFailure};
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Done, Job, Need, Scope, Stage, key};
 use crate::qc::QcReason;
 use crate::quote;
 use crate::study::{Role, Study, TrialEntry, bids_beside};
@@ -23,7 +23,7 @@ pub static STAGE: Stage = Stage {
     reads: "C3D, TRC with MOT, or BIDS-Motion; marker set",
     gives: "markers, plates, events in SI and one world frame; quality table",
     needs: &[Need::Recording],
-    parameters: |study, trial| json!({"import": study.import_of(trial), "marker_set": study.marker_set}),
+    parameters: |study, trial| json!({"import": key(study.import_of(trial)), "marker_set": key(&study.marker_set)}),
     run,
 };
 

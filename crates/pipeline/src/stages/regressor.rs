@@ -3,7 +3,7 @@
 use crate::config::{Rows, Weighting};
 use crate::effects::KnownEffects;
 use crate::error::{PipelineError, StageFailure};
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Done, Job, Need, Scope, Stage, key};
 use crate::session::Calendar;
 use crate::stages::filter::low_pass;
 use crate::study::{Role, Study};
@@ -40,9 +40,10 @@ pub static STAGE: Stage = Stage {
         Need::Every("import", &[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
     ],
     parameters: |study, _| {
-        json!({"window_s": study.config.regressor.window_s, "weighting": study.config.regressor.weighting,
-            "slow_noise": study.config.regressor.slow_noise, "marker_sd_m": study.config.ik.marker_sd_m, "margin_s": study.config.flight.margin_s, "filter": study.config.filter,
-            "effects": study.effects_parameters()})
+        let regressor = &study.config.regressor;
+        json!({"window_s": key(&regressor.window_s), "weighting": key(&regressor.weighting), "slow_noise": key(&regressor.slow_noise),
+            "marker_sd_m": key(&study.config.ik.marker_sd_m), "margin_s": key(&study.config.flight.margin_s),
+            "filter": key(&study.config.filter), "is_object": study.object.is_some(), "effects": study.effects_parameters()})
     },
     run,
 };
