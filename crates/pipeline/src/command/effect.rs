@@ -217,14 +217,12 @@ fn suggestion(d: &Discovery, key: &str) -> Option<ModelEffect> {
     };
     let of_found = |f: &&aloft_discover::Found| f.key == key || f.effect == key;
     let of_candidate = |c: &&aloft_discover::Candidate| c.key == key || c.effect == key;
-    d.found
-        .iter()
-        .find(of_found)
-        .map(|f| made(&f.key, values(&f.nonlinear), &f.coefficients, &f.trials))
-        .or_else(|| {
+    d.found.iter().find(of_found).map(|f| made(&f.key, values(&f.nonlinear), &f.coefficients, &f.trials)).or_else(
+        || {
             let found = d.candidates.iter().find(of_candidate);
             found.map(|c| made(&c.key, values(&c.nonlinear), &c.coefficients, &c.trials))
-        })
+        },
+    )
 }
 
 /// Takes an effect out: a new revision without it.
