@@ -99,8 +99,10 @@ fn whole(data: &str) -> Value {
 fn with(data: &str, path: &[String], token: &str) -> String {
     let mut pipeline = whole(data);
     let mut at = &mut pipeline;
-    for key in path {
+    for (i, key) in path.iter().enumerate() {
         at = match key.as_str() {
+            // the second law is the one of several parts
+            "0" if i > 0 && path[i - 1] == "define" && path.contains(&"parts".to_owned()) => &mut at[1],
             "static_frames" => {
                 at["static_frames"] = json!({"trial": "throws_01", "first": 1, "last": 30});
                 &mut at["static_frames"]

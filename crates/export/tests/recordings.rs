@@ -9,7 +9,6 @@ use aloft_export::frame::{ground_from_world, to_ground};
 use aloft_export::{Convention, FORMATS, Format};
 use aloft_trial::{ImportOptions, Table, Trial};
 use nalgebra::{Matrix3, Vector3};
-use polars::prelude::*;
 use std::collections::BTreeSet;
 use support::{FRAMES, RATE_HZ, bytes, subject, text, trial, written, xml};
 
