@@ -58,6 +58,11 @@ fn find(workspace: &Path, name: &str) -> PathBuf {
     places.map(|e| e.unwrap().path().join(name)).find(|p| p.is_file()).expect("a result of calibrate")
 }
 
+/// A message without the frame that it is shown in.
+fn one_line(message: &str) -> String {
+    message.replace(['│', '×'], " ").split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
 /// Rounding only.
 const BOUND: f64 = 1e-9;
 
@@ -106,7 +111,7 @@ fn effect_add_refuses_what_rows_cannot_show_and_changes_nothing() {
     let before = json(&["parameters", &human, "--workspace", &ws, "--json"]);
     let refused = |key: &str, reason: &str| {
         let (_, said) = expect(&["effect", "add", &human, key, "--workspace", &ws], 2);
-        let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+        let said = one_line(&said);
         assert!(said.contains(reason) && said.contains(key), "{key}: {said}");
         assert_eq!(before, json(&["parameters", &human, "--workspace", &ws, "--json"]), "{key} changed the results");
         let ladder = json(&["history", &human, "--workspace", &ws, "--json"]);
@@ -127,7 +132,7 @@ fn an_effect_is_not_added_twice_under_two_names() {
     expect(&["effect", "add", &demo, "quadratic_drag", "--workspace", &ws], 0);
     let before = json(&["parameters", &demo, "--workspace", &ws, "--json"]);
     let (_, said) = expect(&["effect", "add", &demo, "quadratic_drag[links]", "--workspace", &ws], 2);
-    let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+    let said = one_line(&said);
     assert!(said.contains("does the same as `quadratic_drag.drag_area`"), "{said}");
     assert_eq!(before, json(&["parameters", &demo, "--workspace", &ws, "--json"]));
     // a model that holds both all the same: one coefficient too many, and nothing absurd
