@@ -92,8 +92,13 @@ fn kind_of(schema: &serde_json::Value, property: &serde_json::Value) -> String {
         }
         return "section".to_owned();
     }
+    let range = match (property["minimum"].as_f64(), property["maximum"].as_f64()) {
+        (Some(low), Some(high)) => format!(", {low} to {high}"),
+        _ => String::new(),
+    };
     let word = |w: &str| match w {
-        "integer" => "whole number".to_owned(),
+        "integer" => format!("whole number{range}"),
+        "number" => format!("number{range}"),
         "boolean" => "true or false".to_owned(),
         "array" => {
             let inner = kind_of(schema, &property["items"]);

@@ -113,3 +113,76 @@ fn what_is_wrong_in_a_law_is_shown_at_its_character() {
         assert!(schema.contains(word), "the schema does not know {word}");
     }
 }
+
+#[test]
+fn a_law_that_gives_no_numbers_is_said_to_be_not_tried() {
+    let dir = folder();
+    let ws = dir.path().join("ws").display().to_string();
+    // nowhere a number; no number in the first 50 ms of each flight; a number only at some starting values; too great to be squared
+    let laws = [
+        ("nowhere", "-c * v_x / (speed - speed)", ""),
+        ("late", "-c * v_x / speed * sqrt((since_start - delay) / delay)", ""),
+        (
+            "in_part",
+            "-c * v_x / speed * sqrt((late - since_start) / late)",
+            "parameters: [{name: late, unit: s, lower: 0.01, upper: 5.0}]",
+        ),
+        ("huge", "-c * v_x / speed * exp(1000 * since_start / delay)", ""),
+    ];
+    let mut define = "effects:\n  define:\n".to_owned();
+    for (id, law, more) in laws {
+        define.push_str(&format!(
+            "    - id: {id}\n      point: {{link: link0}}\n      force: [\"{law}\", \"0\", \"0\"]\n      coefficients: [{{name: c, unit: N}}]\n      \
+             constants: [{{name: delay, unit: s, value: 0.05}}]\n"
+        ));
+        if !more.is_empty() {
+            define.push_str(&format!("      {more}\n"));
+        }
+    }
+    let text = fs::read_to_string(repo("pipelines/demo.yaml")).unwrap();
+    let text = text.replace("../fixtures/demo", &repo("fixtures/demo_twin"));
+    let path = dir.path().join("nan.yaml");
+    fs::write(&path, format!("{text}\n{define}")).unwrap();
+    let p = path.display().to_string();
+    expect(&["run", &p, "--workspace", &ws], 0);
+    // nothing acts on the twin: without a word about the four laws the answer would be "nothing missing"
+    let only = ["--only", "linear_drag", "--only", "nowhere", "--only", "late", "--only", "in_part", "--only", "huge"];
+    let found = json(&[&["discover", p.as_str(), "--workspace", &ws, "--json"], &only[..]].concat());
+    let left: Vec<(&str, bool)> = found["not_tried"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|n| (n["effect"].as_str().unwrap(), n["in_part"].as_bool().unwrap()))
+        .collect();
+    assert_eq!(
+        left,
+        [("nowhere", false), ("late", false), ("in_part", true), ("huge", false)],
+        "{}",
+        found["not_tried"]
+    );
+    let words = found["words"].as_str().unwrap();
+    let ranked: Vec<&str> =
+        found["candidates"].as_array().unwrap().iter().map(|c| c["effect"].as_str().unwrap()).collect();
+    for (id, ..) in laws {
+        assert!(words.contains(&format!("`{id}` was not tried")), "{words}");
+        assert!(id == "in_part" || !ranked.contains(&id), "{ranked:?}");
+    }
+    assert!(words.contains("throws_01") && words.contains("NaN or infinity"), "{words}");
+    let (said, _) = expect(&[&["discover", p.as_str(), "--workspace", &ws], &only[..]].concat(), 0);
+    let first = said.lines().next().unwrap();
+    assert!(
+        !first.ends_with("nothing missing") && said.contains("left out: `nowhere` was not tried, because"),
+        "{said}"
+    );
+    // where nothing could be tried there is no answer
+    let none = json(&["discover", &p, "--workspace", &ws, "--json", "--only", "nowhere"]);
+    assert_eq!(none["verdict"], "not_detectable", "{none}");
+    // nor can it be added; the model stays as it was
+    for id in ["nowhere", "late"] {
+        let (_, err) = expect(&["effect", "add", &p, id, "--workspace", &ws], 2);
+        let err: Vec<&str> = err.split(['\n', '│', ' ']).map(str::trim).filter(|w| !w.is_empty()).collect();
+        assert!(err.join(" ").contains("cannot be added: its law gives NaN"), "{err:?}");
+    }
+    let ladder = json(&["history", &p, "--workspace", &ws, "--json"]);
+    assert_eq!(ladder["revisions"].as_array().unwrap().len(), 1, "{ladder}");
+}

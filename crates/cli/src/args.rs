@@ -36,6 +36,14 @@ pub struct PipelineArgs {
     pub session: Vec<String>,
 }
 
+/// What a command that shows results does with results that are not up to date.
+#[derive(Debug, Args, Clone, Copy)]
+pub struct StrictArgs {
+    /// Exit with 1 where results are stale, missing or damaged (a notice on stderr says so in any case).
+    #[arg(long)]
+    pub strict: bool,
+}
+
 /// Rows that results are built on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum RowsArg {
@@ -126,6 +134,9 @@ pub enum EffectAction {
         /// Value of a nonlinear parameter, `name=value`; what the last `discover` found where not given.
         #[arg(long, value_name = "K=V", value_parser = key_value)]
         set: Vec<(String, f64)>,
+        /// Wait where another process holds the workspace, instead of saying who it is.
+        #[arg(long)]
+        wait: bool,
     },
     /// Take an effect out of the model: a new revision without it.
     Remove {
@@ -134,6 +145,9 @@ pub enum EffectAction {
         pipeline: PipelineArgs,
         /// Identifier.
         name: String,
+        /// Wait where another process holds the workspace, instead of saying who it is.
+        #[arg(long)]
+        wait: bool,
     },
 }
 
@@ -194,12 +208,15 @@ pub enum Command {
         #[command(flatten)]
         pipeline: PipelineArgs,
     },
-    /// Show the grid of trials and stages: ok, warning, stale, failed, blocked, missing, excluded.
+    /// Show the grid of trials and stages: ok, warning, stale, damaged, failed, blocked, missing, excluded.
     #[command(after_help = "Examples:\n  aloft status P.yaml\n  aloft status P.yaml --subject sub-02 --json")]
     Status {
         /// The pipeline.
         #[command(flatten)]
         pipeline: PipelineArgs,
+        /// Results that are not up to date.
+        #[command(flatten)]
+        strict: StrictArgs,
         /// Machine-readable output.
         #[arg(long)]
         json: bool,
@@ -212,6 +229,24 @@ pub enum Command {
         /// The pipeline.
         #[command(flatten)]
         pipeline: PipelineArgs,
+        /// Results that are not up to date.
+        #[command(flatten)]
+        strict: StrictArgs,
+        /// Machine-readable output.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Compare every file of the results with the hash under which it was written; changes nothing.
+    #[command(
+        after_help = "Examples:\n  aloft verify P.yaml\n  aloft verify P.yaml --json\n\nExit code 1 where a file is damaged, and with --strict also where results are stale or missing. `aloft run` makes damaged results again."
+    )]
+    Verify {
+        /// The pipeline.
+        #[command(flatten)]
+        pipeline: PipelineArgs,
+        /// Results that are not up to date.
+        #[command(flatten)]
+        strict: StrictArgs,
         /// Machine-readable output.
         #[arg(long)]
         json: bool,
@@ -224,6 +259,9 @@ pub enum Command {
         /// The pipeline.
         #[command(flatten)]
         pipeline: PipelineArgs,
+        /// Results that are not up to date.
+        #[command(flatten)]
+        strict: StrictArgs,
         /// Trial (or `_study` for stages that run once); all where not given.
         trial: Option<String>,
         /// Stage; all where not given.
@@ -246,6 +284,9 @@ pub enum Command {
         /// The pipeline.
         #[command(flatten)]
         pipeline: PipelineArgs,
+        /// Results that are not up to date.
+        #[command(flatten)]
+        strict: StrictArgs,
         /// Rows to show instead of the pipeline's choice.
         #[arg(long, value_enum)]
         rows: Option<RowsArg>,
@@ -264,6 +305,9 @@ pub enum Command {
         /// The pipeline.
         #[command(flatten)]
         pipeline: PipelineArgs,
+        /// Results that are not up to date.
+        #[command(flatten)]
+        strict: StrictArgs,
         /// Every way of identifying on the same held-out motion: rows, estimators, landmark and calibrated geometry, the prior.
         #[arg(long)]
         estimators: bool,
@@ -285,6 +329,9 @@ pub enum Command {
         /// The pipeline.
         #[command(flatten)]
         pipeline: PipelineArgs,
+        /// Results that are not up to date.
+        #[command(flatten)]
+        strict: StrictArgs,
         /// Only these effects (may be given several times).
         #[arg(long, value_name = "NAME")]
         only: Vec<String>,
@@ -313,6 +360,9 @@ pub enum Command {
         /// The pipeline.
         #[command(flatten)]
         pipeline: PipelineArgs,
+        /// Results that are not up to date.
+        #[command(flatten)]
+        strict: StrictArgs,
         /// Machine-readable output.
         #[arg(long)]
         json: bool,
@@ -325,6 +375,9 @@ pub enum Command {
         /// The pipeline.
         #[command(flatten)]
         pipeline: PipelineArgs,
+        /// Results that are not up to date.
+        #[command(flatten)]
+        strict: StrictArgs,
         /// Where to write it (`report.html` in the workspace where not given).
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
@@ -338,6 +391,9 @@ pub enum Command {
         /// The pipeline.
         #[command(flatten)]
         pipeline: PipelineArgs,
+        /// Results that are not up to date.
+        #[command(flatten)]
+        strict: StrictArgs,
         /// Folder to write (`export` in the workspace where not given).
         #[arg(long, visible_alias = "out", value_name = "DIR")]
         to: Option<PathBuf>,

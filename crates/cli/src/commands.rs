@@ -1,13 +1,14 @@
 //! Each command: open the study, ask the pipeline, render for people or as JSON.
 
 use crate::args::{AnglesArg, Cli, Command, EffectAction, EngineArg, PipelineArgs, RowsArg};
-use crate::each::{broken, each, fail, heading};
+use crate::each::{broken, each, each_result, fail, heading, notice};
 use crate::progress::{Bars, Counted};
 use crate::render::{command, note, out, table};
 use crate::{Success, findings, residuals, show, show_estimators, workflow};
+use aloft_pipeline::command::freshness::{Freshness, freshness};
 use aloft_pipeline::command::{
     assess, check, compare, discover, effect, estimators, export, init, inspect, parameters, report, simulate, status,
-    summary,
+    summary, verify,
 };
 use aloft_pipeline::config::{Angles, Rows};
 use aloft_pipeline::error::PipelineError;
@@ -76,17 +77,46 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             run(&pipeline, &selection, jobs)
         }
         Command::Check { pipeline } => show_check(&pipeline),
-        Command::Status { pipeline, json: as_json } => each(&pipeline, as_json, status::status, show_status),
-        Command::Summary { pipeline, json: as_json } => {
-            let found = summary::summary(&open_all(&pipeline)?, &words_of(&pipeline))?;
+        Command::Status { pipeline, strict, json: as_json } => {
+            let late = std::cell::Cell::new(false);
+            let ask = |study: &Study| {
+                late.set(late.get() || !freshness(study)?.is_current());
+                status::status(study)
+            };
+            Ok(strict.judge(each(&pipeline, as_json, ask, show_status)?, late.get()))
+        }
+        Command::Verify { pipeline, strict, json: as_json } => {
+            let (damaged, late) = (std::cell::Cell::new(false), std::cell::Cell::new(false));
+            let ask = |study: &Study| {
+                let found = verify::verify(study)?;
+                damaged.set(damaged.get() || !found.damaged.is_empty());
+                late.set(late.get() || !found.stale.is_empty());
+                Ok(found)
+            };
+            let done = each(&pipeline, as_json, ask, show_verified)?;
+            Ok(if damaged.get() { Success::Partial } else { strict.judge(done, late.get()) })
+        }
+        Command::Summary { pipeline, strict, json: as_json } => {
+            let set = open_all(&pipeline)?;
+            let found = summary::summary(&set, &words_of(&pipeline))?;
+            for study in &set.members {
+                notice(study, &freshness(study)?);
+            }
             if as_json {
                 json(&found)?
             } else {
                 out(found.to_text())?
             }
-            Ok(Success::Full)
+            Ok(strict.judge(Success::Full, !found.stale.is_empty()))
         }
-        Command::Explain { pipeline, trial, stage } => explain(&pipeline, trial.as_deref(), stage.as_deref()),
+        Command::Explain { pipeline, strict, trial, stage } => {
+            let done = explain(&pipeline, trial.as_deref(), stage.as_deref())?;
+            let mut late = false;
+            for study in &open_all(&pipeline)?.members {
+                late = late || !freshness(study)?.is_current();
+            }
+            Ok(strict.judge(done, late))
+        }
         Command::Inspect { file, json: as_json } => {
             let found = inspect::inspect(&file)?;
             if as_json {
@@ -96,44 +126,49 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             }
             Ok(Success::Full)
         }
-        Command::Parameters { pipeline, rows, assess: with_assessment, json: as_json } => {
+        Command::Parameters { pipeline, strict, rows, assess: with_assessment, json: as_json } => {
             let ask = |study: &Study| {
                 if with_assessment {
                     assess::assess(study)?;
                 }
                 parameters::parameters(study, rows.map(Rows::from))
             };
-            each(&pipeline, as_json, ask, show::parameters)
+            each_result(&pipeline, strict, as_json, &["identify", "calibrate"], ask, show::parameters)
         }
-        Command::Compare { pipeline, estimators: true, json: as_json, .. } => {
-            each(&pipeline, as_json, estimators::estimators, show_estimators::estimators)
+        Command::Compare { pipeline, strict, estimators: true, json: as_json, .. } => {
+            each_result(&pipeline, strict, as_json, &[], estimators::estimators, show_estimators::estimators)
         }
-        Command::Compare { pipeline, leave_one_out: true, json: as_json, .. } => {
-            each(&pipeline, as_json, estimators::leave_one_out, show_estimators::leave_one_out)
+        Command::Compare { pipeline, strict, leave_one_out: true, json: as_json, .. } => {
+            each_result(&pipeline, strict, as_json, &[], estimators::leave_one_out, show_estimators::leave_one_out)
         }
-        Command::Compare { pipeline, by, json: as_json, .. } => {
-            each(&pipeline, as_json, compare::compare, |found| residuals::comparison(found, &by))
+        Command::Compare { pipeline, strict, by, json: as_json, .. } => {
+            let reads = ["compare", "identify", "calibrate", "flight", "ik"];
+            each_result(&pipeline, strict, as_json, &reads, compare::compare, |found| residuals::comparison(found, &by))
         }
-        Command::Discover { pipeline, only, without, self_test: true, json: as_json } => {
+        Command::Discover { pipeline, strict, only, without, self_test: true, json: as_json } => {
             let options = discover::options(only, without);
             let ask = |study: &Study| {
                 let bar = Counted::new("self-test");
                 discover::self_test(study, &options, &|done, all| bar.at(done, all))
             };
-            each(&pipeline, as_json, ask, |found| findings::self_test(&found.self_test))
+            each_result(&pipeline, strict, as_json, &[], ask, |found| findings::self_test(&found.self_test))
         }
-        Command::Discover { pipeline, only, without, self_test: false, json: as_json } => {
+        Command::Discover { pipeline, strict, only, without, self_test: false, json: as_json } => {
             let options = discover::options(only, without);
-            each(
+            each_result(
                 &pipeline,
+                strict,
                 as_json,
+                &[],
                 |study| discover::discover(study, &options),
                 |found| findings::discovery(found, &pipeline),
             )
         }
         Command::Effect { action } => effects(action),
-        Command::History { pipeline, json: as_json } => each(&pipeline, as_json, effect::history, findings::history),
-        Command::Report { pipeline, out: target } => {
+        Command::History { pipeline, strict, json: as_json } => {
+            each_result(&pipeline, strict, as_json, &["compare", "identify"], effect::history, findings::history)
+        }
+        Command::Report { pipeline, strict, out: target } => {
             let set = open_all(&pipeline)?;
             // a page over the whole study only where the whole study was asked for
             if set.several && target.is_none() && pipeline.subject.is_empty() && pipeline.session.is_empty() {
@@ -145,7 +180,13 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
                 for (id, error) in done.failed {
                     fail(&id, &error.into());
                 }
-                return Ok(if trouble { Success::Partial } else { Success::Full });
+                let mut late = false;
+                for study in &set.members {
+                    let fresh = freshness(study)?;
+                    notice(study, &fresh);
+                    late = late || !fresh.is_current();
+                }
+                return Ok(strict.judge(if trouble { Success::Partial } else { Success::Full }, late));
             }
             let n = set.members.len();
             if n > 1 && target.is_some() {
@@ -155,9 +196,10 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
                 )
                 .into());
             }
-            each(&pipeline, false, |study| report::write(study, target.as_deref()), |path| out(path.display()))
+            let write = |study: &Study| report::write(study, target.as_deref()).map(|path| Written { path });
+            each_result(&pipeline, strict, false, &[], write, |done| out(done.path.display()))
         }
-        Command::Export { pipeline, to, format, trial, angles } => {
+        Command::Export { pipeline, strict, to, format, trial, angles } => {
             let angles = angles.map(|a| match a {
                 AnglesArg::Model => Angles::Model,
                 AnglesArg::Isb => Angles::Isb,
@@ -169,7 +211,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
                 export::export(study, &options)
             };
             let trouble = std::cell::Cell::new(false);
-            let done = each(&pipeline, false, ask, |done| {
+            let done = each_result(&pipeline, strict, false, &[], ask, |done| {
                 trouble.set(trouble.get() || !done.failures.is_empty());
                 show_export(done)
             })?;
@@ -251,11 +293,11 @@ fn effects(action: EffectAction) -> Result<Success, Stop> {
             out(format!("# {} ({})\n\n{}", found.title, found.id, found.documentation))?;
             Ok(Success::Full)
         }
-        EffectAction::Add { pipeline, name, set } => {
-            change_effects(&pipeline, |study| effect::add(study, &name, &set, &Bars::default()))
+        EffectAction::Add { pipeline, name, set, wait } => {
+            change_effects(&pipeline, |study| effect::add(study, &name, &set, wait, &Bars::default()))
         }
-        EffectAction::Remove { pipeline, name } => {
-            change_effects(&pipeline, |study| effect::remove(study, &name, &Bars::default()))
+        EffectAction::Remove { pipeline, name, wait } => {
+            change_effects(&pipeline, |study| effect::remove(study, &name, wait, &Bars::default()))
         }
     }
 }
@@ -353,8 +395,9 @@ fn show_dry_run(set: &StudySet, done: &BatchReport) -> Result<Success, Stop> {
         }
     }
     for run in &done.runs {
-        if let Err(error) = &run.report {
-            note(format!("failed: {}: {error}", run.id));
+        match &run.report {
+            Err(error) => note(format!("failed: {}: {error}", run.id)),
+            Ok(report) => report.notes.iter().for_each(note),
         }
     }
     if t.is_empty() {
@@ -367,6 +410,9 @@ fn show_dry_run(set: &StudySet, done: &BatchReport) -> Result<Success, Stop> {
 
 fn show_run(id: &StudyId, done: &RunReport, args: &PipelineArgs) {
     let whose = if id.subject.is_some() { format!("{id} ") } else { String::new() };
+    for line in &done.notes {
+        note(format!("{whose}{line}"));
+    }
     for task in &done.tasks {
         for warning in task.warnings.iter().filter(|_| task.ended == Ended::Ran) {
             note(format!("warning: {whose}{} {}: {warning}", task.stage, task.trial));
@@ -451,6 +497,34 @@ fn show_one_check(study: &Study) -> Result<bool, Stop> {
     Ok(found.trials.iter().any(|t| t.broken))
 }
 
+/// A page that was written.
+#[derive(serde::Serialize)]
+struct Written {
+    path: std::path::PathBuf,
+}
+
+fn show_verified(found: &verify::Verified) -> Result<(), Stop> {
+    if !found.damaged.is_empty() {
+        let mut t = table(&["damaged", "what is wrong", "what makes it again"]);
+        for d in &found.damaged {
+            t.add_row([d.place.clone(), d.problems.join("; "), d.mend.clone()]);
+        }
+        out(t)?;
+    }
+    for unused in &found.unused {
+        note(format!("not used: {unused} (the study has no such recording or stage)"));
+    }
+    for line in (Freshness { stale: found.stale.clone() }).words() {
+        note(line);
+    }
+    let damaged = match found.damaged.len() {
+        0 => "nothing is damaged".to_owned(),
+        n => format!("{n} damaged"),
+    };
+    let megabytes = found.bytes as f64 / 1e6;
+    out(format!("{} results, {} files, {megabytes:.1} MB: {damaged}", found.results, found.files))
+}
+
 fn show_status(found: &status::Status) -> Result<(), Stop> {
     let mut header = vec!["trial", "role"];
     header.extend(found.stages.iter().copied());
@@ -514,6 +588,11 @@ fn show_explanation(found: &status::Explanation, trial: &str, stage: &str, whole
             }
         }
         Standing::Blocked(reason) => out(format!("  {reason}"))?,
+        Standing::Damaged(problems) => {
+            for problem in problems {
+                out(format!("  {problem}"))?;
+            }
+        }
         _ => {}
     }
     for before in &found.before {

@@ -1,20 +1,30 @@
 //! One command over all subjects and sessions: a heading before each, one JSON document for all.
 
 use crate::Success;
-use crate::args::PipelineArgs;
+use crate::args::{PipelineArgs, StrictArgs};
 use crate::commands::{Stop, json, open_all};
 use crate::render::{note, out};
+use aloft_pipeline::command::freshness::{Freshness, NotCurrent, freshness};
 use aloft_pipeline::error::PipelineError;
 use aloft_pipeline::quote::visible;
 use aloft_pipeline::studies::StudySet;
 use aloft_pipeline::study::{Study, StudyId};
 use serde::Serialize;
+use std::cell::Cell;
 
 /// What a `--json` command says of a study of several.
 #[derive(Debug, Serialize)]
 struct Several<T> {
     version: u32,
     studies: Vec<One<T>>,
+}
+
+/// An answer with the results it rests on that are not up to date.
+#[derive(Debug, Serialize)]
+struct WithStale<T> {
+    #[serde(flatten)]
+    answer: T,
+    stale: Vec<NotCurrent>,
 }
 
 #[derive(Debug, Serialize)]
@@ -76,6 +86,48 @@ pub fn each<T: Serialize>(
         json(&all)?;
     }
     Ok(if trouble { Success::Partial } else { Success::Full })
+}
+
+/// The same for a command that shows results: it says which are not up to date, and refuses to show damaged results of the stages that
+/// it `reads` (none named: of all).
+pub fn each_result<T: Serialize>(
+    args: &PipelineArgs,
+    strict: StrictArgs,
+    as_json: bool,
+    reads: &[&str],
+    ask: impl Fn(&Study) -> Result<T, PipelineError>,
+    show: impl Fn(&T) -> Result<(), Stop>,
+) -> Result<Success, Stop> {
+    let late = Cell::new(false);
+    let asked = |study: &Study| {
+        let fresh = freshness(study)?;
+        fresh.refuse_damaged(study, reads)?;
+        let answer = ask(study)?;
+        late.set(late.get() || !fresh.is_current());
+        notice(study, &fresh);
+        Ok(WithStale { answer, stale: fresh.stale })
+    };
+    let done = each(args, as_json, asked, |found| show(&found.answer))?;
+    Ok(strict.judge(done, late.get()))
+}
+
+/// Says on stderr which results are not up to date.
+pub fn notice(study: &Study, fresh: &Freshness) {
+    if fresh.is_current() {
+        return;
+    }
+    let whose = if study.id.subject.is_some() { format!("{}: ", study.id) } else { String::new() };
+    for line in fresh.words() {
+        note(format!("{whose}{line}"));
+    }
+    note(format!("  hint: `aloft run {}` brings results up to date", study.config_path.display()));
+}
+
+impl StrictArgs {
+    /// How a command ended, with results that are not up to date or without.
+    pub fn judge(self, done: Success, late: bool) -> Success {
+        if self.strict && late { Success::Partial } else { done }
+    }
 }
 
 /// The heading of a study.

@@ -57,15 +57,24 @@ fn verdict(d: &Discovery) -> String {
     }
 }
 
+/// The noise floor with its interval, for a sentence.
+pub fn floor_in_words(noise_floor: f64, ci95: Option<[f64; 2]>) -> String {
+    if !noise_floor.is_finite() {
+        return "unknown (no comparison was made)".to_owned();
+    }
+    let interval = ci95.map_or(String::new(), |[a, b]| format!(" ({} to {})", significant(a, 3), significant(b, 3)));
+    format!("{} N{interval}", significant(noise_floor, 3))
+}
+
 /// What is missing.
 pub fn discovery(d: &Discovery, at: &PipelineArgs) -> Result<(), Stop> {
     out(format!("verdict: {}", verdict(d)))?;
     out(&d.words)?;
     out(format!(
-        "held-out error {} N ({} % of body weight), noise alone {} N, with the effects found {} N",
+        "held-out error {} N ({} % of body weight), noise floor {}, with the effects found {} N",
         significant(d.held_out_error, 3),
         significant(100.0 * d.held_out_error_of_weight, 2),
-        significant(d.noise_floor, 3),
+        floor_in_words(d.noise_floor, d.noise_floor_ci95),
         significant(d.held_out_error_after, 3)
     ))?;
     for (i, r) in d.rounds.iter().enumerate() {
@@ -197,7 +206,8 @@ pub fn history(h: &History) -> Result<(), Stop> {
         "effects",
         "held-out error N",
         "before",
-        "noise N",
+        "noise floor N",
+        "times floor",
         "explainable",
         "judged on",
         "flight N",
@@ -215,6 +225,11 @@ pub fn history(h: &History) -> Result<(), Stop> {
             number(r.held_out_error),
             number(r.held_out_error_before),
             number(r.noise_floor),
+            match (r.times_floor, r.at_floor) {
+                (Some(t), Some(true)) => format!("{} (at the floor)", significant(t, 2)),
+                (Some(t), _) => significant(t, 2),
+                _ => "–".to_owned(),
+            },
             r.explainable.map_or("–".to_owned(), |x| format!("{:.0} %", 100.0 * x)),
             r.judged_on.clone().unwrap_or_else(|| "–".to_owned()),
             number(r.flight.map(|j| j.error_n)),

@@ -2,6 +2,7 @@
 
 use crate::commands::Stop;
 use crate::render::{half, out, plus_minus, significant, table};
+use aloft_compare::Comparison;
 use aloft_pipeline::command::compare::{ComparisonView, errors_of, judged_on, mean};
 use aloft_pipeline::command::parameters::ParametersView;
 
@@ -102,14 +103,34 @@ pub fn brief(view: &ComparisonView) -> Result<(), Stop> {
             (&floor.flight, &floor.flight_weak)
         };
         t.add_row([
-            "noise alone".to_owned(),
+            "noise floor".to_owned(),
             three(&frames.force_n.mae),
             three(&frames.moment_nm.mae),
             significant(mean(&windows.force_n.mae), 3),
             significant(mean(&windows.moment_nm.mae), 3),
         ]);
     }
-    out(format!("on {} (frames; windows of {} s)\n{t}", judged_on(c), c.options.window_s))
+    out(format!("on {} (frames; windows of {} s)\n{t}", judged_on(c), c.options.window_s))?;
+    against_floor(c)
+}
+
+/// The held-out error over weak windows beside the noise floor, in flight and in contact.
+pub fn against_floor(c: &Comparison) -> Result<(), Stop> {
+    for a in &c.against_floor {
+        let Some(floor) = &a.floor else { continue };
+        out(format!(
+            "held out in {}: {} N over windows; noise floor {}; {}",
+            a.judged_on,
+            significant(a.held_out_error, 3),
+            crate::findings::floor_in_words(floor.noise_floor, floor.ci95),
+            match (a.times_floor, a.at_floor) {
+                (_, Some(true)) => "at the floor".to_owned(),
+                (Some(times), _) => format!("{} times the floor", significant(times, 2)),
+                _ => "not compared".to_owned(),
+            }
+        ))?;
+    }
+    Ok(())
 }
 
 /// One line of a subject or session among several.

@@ -58,7 +58,7 @@ pub fn estimators(view: &EstimatorsView) -> Result<(), Stop> {
         t.add_row([
             "–".to_owned(),
             "–".to_owned(),
-            "noise alone".to_owned(),
+            "noise floor".to_owned(),
             by_axis(view.noise_frames.map(|e| e.force_n)),
             by_axis(view.noise_frames.map(|e| e.moment_nm)),
             force,

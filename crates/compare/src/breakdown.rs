@@ -65,7 +65,7 @@ pub struct Group {
     pub windows: WindowErrors,
 }
 
-/// What noise alone makes in one group.
+/// What a perfect model would leave in one group.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GroupFloor {
     /// By what.

@@ -9,8 +9,8 @@ use crate::segments::SegmentSums;
 use crate::windows::{TrialWindows, trial_windows};
 use crate::words::words;
 use crate::{
-    Body, Candidate, CompareError, CompareOptions, FlightErrors, Group, NoiseFloor, RecordingOffset, SegmentShare,
-    Smooth, TrialInput, TrialSeries, WindowErrors, WrenchErrors,
+    Body, Candidate, CompareError, CompareOptions, FlightErrors, Floor, Group, NoiseFloor, RecordingOffset,
+    SegmentShare, Smooth, TrialInput, TrialSeries, WindowErrors, WrenchErrors,
 };
 use aloft_signal::LowPass;
 use rayon::prelude::*;
@@ -88,7 +88,10 @@ pub struct Comparison {
     /// Axis by axis, body and world, of the first model.
     #[serde(default)]
     pub axes: Vec<AxisRow>,
-    /// Error that noise alone makes; none where no unfiltered motion was given or no draws were asked for.
+    /// How the first model stands to the floor, in flight first, then in held-out contact.
+    #[serde(default)]
+    pub against_floor: Vec<AgainstFloor>,
+    /// Error that a perfect model would leave; none where no unfiltered motion was given or no draws were asked for.
     pub noise_floor: Option<NoiseFloor>,
     /// How errors were taken.
     pub options: CompareOptions,
@@ -112,6 +115,40 @@ impl Comparison {
         } else {
             (share(m.flight_wrench.size(), floor.flight.size()), share(m.flight_weak.size(), floor.flight_weak.size()))
         })
+    }
+}
+
+/// The held-out error over weak windows of one kind of motion beside the floor.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AgainstFloor {
+    /// `flight` or `contact`.
+    pub judged_on: String,
+    /// Held-out error of the model, N: force, and moment over a lever of 0.1 m.
+    pub held_out_error: f64,
+    /// What a perfect model would leave; none where it was not drawn.
+    pub floor: Option<Floor>,
+    /// Held-out error over floor.
+    pub times_floor: Option<f64>,
+    /// True where a perfect model could have left as much: the error is not above the floor's interval.
+    pub at_floor: Option<bool>,
+}
+
+impl AgainstFloor {
+    fn of(judged_on: &str, errors: &WindowErrors, floor: Option<Floor>) -> Option<Self> {
+        let held_out_error = errors.size();
+        (errors.windows > 0).then(|| Self {
+            judged_on: judged_on.to_owned(),
+            held_out_error,
+            floor,
+            times_floor: floor.map(|f| held_out_error / f.noise_floor).filter(|t| t.is_finite()),
+            at_floor: floor.and_then(|f| f.ci95).map(|[_, most]| held_out_error <= most),
+        })
+    }
+    /// Both kinds of motion, where there are windows.
+    fn both(model: &ModelComparison, floor: Option<&NoiseFloor>) -> Vec<Self> {
+        let flight = Self::of("flight", &model.flight_weak, floor.and_then(|f| f.flight_floor));
+        let contact = Self::of("contact", &model.held_out_weak, floor.and_then(|f| f.contact_floor));
+        flight.into_iter().chain(contact).collect()
     }
 }
 
@@ -279,7 +316,8 @@ pub fn compare_each<T, E: From<CompareError> + Send>(
     } else {
         axis_rows(&first.flight_wrench, noise_floor.as_ref().map(|f| &f.flight))
     };
-    let comparison = Comparison { first, beside, axes, noise_floor, options: *options, words };
+    let against_floor = AgainstFloor::both(&first, noise_floor.as_ref());
+    let comparison = Comparison { first, beside, axes, against_floor, noise_floor, options: *options, words };
     Ok((comparison, frames.into_iter().map(|f| f.series).collect()))
 }
 

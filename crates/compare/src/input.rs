@@ -1,6 +1,6 @@
 //! What a comparison is made of: a body, models of it, and trials.
 
-use crate::{CompareError, Measured};
+use crate::{CompareError, Measured, PlateDrift, PoseErrors};
 use aloft_body::{BaseParameters, Model, Motion, Phi};
 use aloft_regressor::EffectColumns;
 use nalgebra::DVector;
@@ -91,6 +91,11 @@ pub struct TrialInput<'a> {
     pub flights: &'a [Range<usize>],
     /// Frames in which everything that the body touches is measured; without it, all.
     pub complete: Option<&'a [bool]>,
+    /// Errors of this trial's markers, from which the noise floor is drawn. Without them the floor takes white noise of the coordinates,
+    /// read off the motion itself, and knows nothing of soft tissue.
+    pub errors: Option<&'a dyn PoseErrors>,
+    /// How the plates drift, for the noise floor; without it they do not.
+    pub drift: Option<&'a PlateDrift>,
     /// Columns of effects at the motion's frames.
     pub effects: Option<&'a EffectColumns>,
     /// True when no contact frame of this trial was used to identify any of the models.
@@ -111,6 +116,8 @@ impl<'a> TrialInput<'a> {
             measured: None,
             flights,
             complete: None,
+            errors: None,
+            drift: None,
             effects: None,
             held_out_contact: true,
             held_out_flight: true,
@@ -167,10 +174,14 @@ pub struct CompareOptions {
     pub end_margin_frames: usize,
     /// Contact this near to a flight is called take-off or landing, s.
     pub transition_s: f64,
-    /// Length of the weak windows, s.
+    /// Length of the weak windows in contact, s.
     pub window_s: f64,
-    /// Repetitions with drawn noise for the noise floor (0: none is estimated).
+    /// Length of the weak windows in flight, s; none: by the length of each flight, as the rows that parameters are identified from.
+    pub flight_window_s: Option<f64>,
+    /// Repetitions with drawn errors for the noise floor over weak windows (0: none is estimated).
     pub noise_draws: usize,
+    /// Those of them that are filtered as well, for the noise floor on frames.
+    pub frame_draws: usize,
     /// Seed of the drawn noise.
     pub seed: u64,
     /// Mass of the body from a scale, kg. While the offset of an untared recording is sought, each model is brought to it, so that
@@ -186,7 +197,9 @@ impl Default for CompareOptions {
             end_margin_frames: 10,
             transition_s: 0.3,
             window_s: 0.3,
-            noise_draws: 2,
+            flight_window_s: None,
+            noise_draws: 8,
+            frame_draws: 1,
             seed: 1,
             mass_kg: None,
         }

@@ -6,7 +6,7 @@
 //!
 //! Three figures stand beside each other, because each alone misleads:
 //! single frames (what inverse dynamics would show, limited by the noise of second derivatives), weak windows (the model's own error),
-//! and the noise floor (what noise alone makes in either). Several models (identified, prior, …) are compared on the same motion.
+//! and the noise floor (what a perfect model would leave in either). Several models (identified, prior, …) are compared on the same motion.
 //!
 //! Plates that were never unloaded in a recording cannot be tared. Where [`TrialInput::untared`] says so, a constant wrench of the
 //! recording is taken off for each model ([`RecordingOffset`]) and all figures are without it; `…_as_measured` are with it.
@@ -26,6 +26,7 @@
 
 mod breakdown;
 mod comparison;
+mod drift;
 mod error;
 mod errors;
 mod frames;
@@ -40,13 +41,16 @@ mod windows;
 mod words;
 
 pub use breakdown::{Group, GroupFloor, GroupedBy};
-pub use comparison::{AxisRow, Comparison, Filtering, ModelComparison, Noise, TrialComparison, compare, compare_each};
+pub use comparison::{
+    AgainstFloor, AxisRow, Comparison, Filtering, ModelComparison, Noise, TrialComparison, compare, compare_each,
+};
+pub use drift::{PlateDrift, TareReadings};
 pub use error::CompareError;
 pub use errors::{AxisErrors, AxisResidual, FlightErrors, WindowErrors, WrenchErrors};
 pub use frames::TrialSeries;
 pub use input::{Body, Candidate, CompareOptions, TrialInput};
 pub use measured::{Measured, measured_wrench};
-pub use noise_floor::{NoiseFloor, Smooth, noise_root};
+pub use noise_floor::{Floor, NoiseFloor, PoseErrors, Smooth, noise_root};
 pub use offset::RecordingOffset;
 pub use phase::Phase;
 pub use segments::SegmentShare;

@@ -1,34 +1,108 @@
-//! What error noise alone makes: the figure below which no model can come on these recordings.
+//! The floor: the held-out error over weak windows that a perfect model would leave on these recordings. Everything in the program that
+//! speaks of a noise floor shows this number.
 //!
-//! The white part of the coordinates' noise is read off the recordings. The difference of unfiltered and filtered coordinates, in the
-//! tangent of the filtered pose, is differenced four times; what is left lies near half the frame rate, where bodies have nothing to
-//! say, and for white noise has 70 times its variance (Σ binomial(4, k)²). Its covariance over all coordinates, without the
-//! frames that stand out, gives the covariance of the noise. Noise drawn with it is then added to the filtered motion and goes
-//! the way of the data: the same filter, the same derivatives, the same rows, the same windows; noise of the plates likewise, from
-//! [`Measured::noise_density`](crate::Measured::noise_density). The wrench with noise less the wrench without is the floor.
+//! A perfect model has the body's true parameters, its true geometry and every force that acts; what it leaves is the error of the
+//! measurement. Errors of the markers ([`PoseErrors`]: noise of the cameras and soft tissue, as far as markers of a link move against each other)
+//! are drawn, added to the motion through inverse kinematics, and go the way of the data: the same windows, for frames the same filter and
+//! derivatives. Noise and drift of the plates likewise, from [`Measured::noise_density`](crate::Measured::noise_density) and [`PlateDrift`](crate::PlateDrift); where a constant of the
+//! recording is taken off the measurement ([`RecordingOffset`](crate::RecordingOffset)), one is taken off here. The wrench with errors less the
+//! wrench without, through one model's parameters, is one draw; the floor is the geometric mean of its root mean squares, and its interval is where the
+//! error of a single perfect model falls.
 //!
-//! Not in it: soft tissue, wrong joint centres, plates that drift. They are slow, repeat themselves, and count as explainable. Where
-//! somebody smoothed the recordings before, the floor is too low.
+//! Markers alone speak here: no residual wrench enters, so that an effect that the model lacks cannot raise the floor and hide under it.
+//!
+//! Not in it: movement that the markers of a link make together over the bone, wrong joint centres, errors of the identified
+//! parameters. They count as explainable.
+//!
+//! Without errors of markers, the white noise of the coordinates is read off the motion: the difference of unfiltered and filtered coordinates,
+//! in the tangent of the filtered pose, is differenced four times; what is left lies near half the frame rate, where bodies have
+//! nothing to say, and for white noise has 70 times its variance (Σ binomial(4, k)²). Its covariance over all coordinates, without the
+//! frames that stand out, is that of the noise that is drawn. Where somebody smoothed the recordings before, such a floor is too low.
 
 use crate::breakdown::{Counting, GroupFloor, GroupSums, Grouping};
-use crate::errors::{Sums, WindowErrors, WrenchErrors, WrenchSums, halves, joined, rotated};
+use crate::errors::{MOMENT_LEVER_M, Sums, WindowErrors, WrenchErrors, WrenchSums, halves, joined, rotated};
 use crate::frames::solved;
 use crate::input::TrialFacts;
 use crate::measured::{FOURTH_DIFFERENCE, median_scale};
+use crate::offset::sought;
 use crate::phase::{Place, places};
 use crate::predict::wrenches;
-use crate::windows::{RunWindows, stretches, window_residuals};
+use crate::windows::{about, stretches, windows_of};
 use crate::{Body, Candidate, CompareError, CompareOptions, TrialInput};
-use aloft_body::{Model, Motion, State};
-use aloft_regressor::Acting;
+use aloft_body::{Model, Motion, Phi, State};
+use aloft_regressor::{Acting, BodyWindows, RegressorError, body_windows};
 use aloft_signal::{Butterworth, LowPass};
-use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector6};
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix6, UnitQuaternion, Vector3, Vector6};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
-/// Errors that noise alone makes.
+/// Where errors of a motion come from.
+pub trait PoseErrors: std::fmt::Debug + Sync {
+    /// The motion with errors drawn once more, in the frames for which `wanted` holds; coordinates alone are filled. The same `seed` and
+    /// `draw` give the same errors of the instruments in every trial of a subject.
+    fn draw(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, seed: u64, draw: u64) -> Motion;
+}
+
+/// The floor over the windows of one kind of motion.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Floor {
+    /// [`WindowErrors::size`] of the error that a perfect model would leave, N: force, and moment over a lever of 0.1 m. The geometric
+    /// mean over draws: where a limb is nearly straight a few draws are large, and would rule a mean of squares.
+    pub noise_floor: f64,
+    /// The error of a perfect model lies in this interval in 95 of 100 sets of recordings like these, N; none from one draw.
+    pub ci95: Option<[f64; 2]>,
+    /// Of the force alone: root mean square of its length, N.
+    pub force_n: f64,
+    /// Of the moment alone, N·m.
+    pub moment_nm: f64,
+    /// Repetitions.
+    pub draws: usize,
+    /// Windows of one repetition.
+    pub windows: usize,
+}
+
+impl Floor {
+    /// From the sums of each repetition.
+    fn of(draws: &[Sums]) -> Option<Self> {
+        let mut all = Sums::default();
+        draws.iter().for_each(|s| all.merge(s));
+        if all.n == 0 {
+            return None;
+        }
+        let each: Vec<WindowErrors> = draws.iter().filter(|s| s.n > 0).map(Sums::windows).collect();
+        let n = each.len() as f64;
+        let middle = |of: &dyn Fn(&WindowErrors) -> f64| (each.iter().map(|e| of(e).ln()).sum::<f64>() / n).exp();
+        let noise_floor = middle(&WindowErrors::size);
+        let logs: Vec<f64> = each.iter().map(|e| e.size().ln()).collect();
+        let mean = noise_floor.ln();
+        let variance = logs.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        // a new set of recordings against the mean of n of them
+        let reach = (student_975(n - 1.0) * (variance * (1.0 + 1.0 / n)).sqrt()).exp();
+        let ci95 = reach.is_finite().then(|| [noise_floor / reach, noise_floor * reach]);
+        Some(Self {
+            noise_floor,
+            ci95,
+            force_n: middle(&|e| e.force_n.norm_rms()),
+            moment_nm: middle(&|e| e.moment_nm.norm_rms()),
+            draws: each.len(),
+            windows: all.n / each.len(),
+        })
+    }
+}
+
+/// 97.5 % quantile of Student's t (Cornish and Fisher's expansion about the normal one; 0.6 % low at five degrees of freedom).
+fn student_975(degrees: f64) -> f64 {
+    let z = 1.959_964_f64;
+    let [z3, z5, z7] = [z.powi(3), z.powi(5), z.powi(7)];
+    z + (z3 + z) / (4.0 * degrees)
+        + (5.0 * z5 + 16.0 * z3 + 3.0 * z) / (96.0 * degrees.powi(2))
+        + (3.0 * z7 + 19.0 * z5 + 17.0 * z3 - 15.0 * z) / (384.0 * degrees.powi(3))
+}
+
+/// Errors that a perfect model would leave: those of markers and plates.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NoiseFloor {
     /// On frames in contact, noise of plates included.
@@ -39,6 +113,12 @@ pub struct NoiseFloor {
     pub contact_weak: WindowErrors,
     /// Over weak windows in flight.
     pub flight_weak: WindowErrors,
+    /// The floor in contact: one number with its interval; none without windows.
+    #[serde(default)]
+    pub contact_floor: Option<Floor>,
+    /// The floor in flight.
+    #[serde(default)]
+    pub flight_floor: Option<Floor>,
     /// In every group of the breakdown.
     #[serde(default)]
     pub groups: Vec<GroupFloor>,
@@ -64,6 +144,7 @@ struct FloorFrame {
 
 #[derive(Debug, Clone)]
 struct FloorWindow {
+    draw: usize,
     center: usize,
     contact: bool,
     error: Vector6<f64>,
@@ -78,7 +159,7 @@ impl NoiseFloor {
         grouping: &Grouping,
     ) -> Option<Self> {
         let (mut contact, mut flight) = (WrenchSums::default(), WrenchSums::default());
-        let (mut contact_weak, mut flight_weak) = (Sums::default(), Sums::default());
+        let (mut contact_weak, mut flight_weak): (Vec<Sums>, Vec<Sums>) = (Vec::new(), Vec::new());
         let mut groups = GroupSums::new(grouping);
         for (trial, (facts, part)) in trials.iter().zip(parts).enumerate() {
             let counts = |in_contact: bool| if in_contact { counting.contact(facts) } else { counting.flight(facts) };
@@ -92,16 +173,26 @@ impl NoiseFloor {
             for w in &part.windows {
                 if counts(w.contact) {
                     let sums = if w.contact { &mut contact_weak } else { &mut flight_weak };
-                    sums.add(&w.error);
+                    if sums.len() <= w.draw {
+                        sums.resize(w.draw + 1, Sums::default());
+                    }
+                    sums[w.draw].add(&w.error);
                 }
                 groups.add_window(grouping, trial, w.center, &w.error);
             }
         }
+        let total = |draws: &[Sums]| {
+            let mut all = Sums::default();
+            draws.iter().for_each(|s| all.merge(s));
+            all.windows()
+        };
         let floor = Self {
             contact: contact.errors(),
             flight: flight.errors(),
-            contact_weak: contact_weak.windows(),
-            flight_weak: flight_weak.windows(),
+            contact_weak: total(&contact_weak),
+            flight_weak: total(&flight_weak),
+            contact_floor: Floor::of(&contact_weak),
+            flight_floor: Floor::of(&flight_weak),
             groups: groups.floors(grouping),
         };
         (floor.contact.frames + floor.flight.frames > 0).then_some(floor)
@@ -158,17 +249,35 @@ pub(crate) fn trial_floor(
 ) -> Result<TrialFloor, CompareError> {
     let mut out = TrialFloor::default();
     let clean = input.motion;
-    let Some(root) = input.unfiltered.and_then(|raw| noise_root(body.model, clean, raw)) else { return Ok(out) };
+    let white = match (input.errors, input.unfiltered) {
+        (Some(_), _) => None,
+        (None, Some(raw)) => noise_root(body.model, clean, raw),
+        (None, None) => None,
+    };
+    if input.errors.is_none() && white.is_none() {
+        return Ok(out);
+    }
+    let phi = links(body, candidate, index);
+    let runs = runs(input, clean, options);
+    let clean_windows = windows(body, &phi, clean, &runs, None, options)?;
     let Some(base_line) = smooth(clean) else { return Ok(out) };
-    let clean_windows = windows(body, candidate, index, input, clean, None, options)?;
     let calm = calm_frames(body, candidate, index, input, &base_line, options);
+    let wanted = |f: usize| runs.iter().any(|(_, run)| run.contains(&f));
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     rng.set_stream(index as u64);
-    for _ in 0..options.noise_draws {
-        let noisy = with_noise(body, clean, &root, &mut rng);
+    for draw in 0..options.noise_draws {
+        let filtered_too = draw < options.frame_draws;
+        let noisy = match (input.errors, &white) {
+            (Some(errors), _) => errors.draw(clean, &|f| filtered_too || wanted(f), options.seed, draw as u64),
+            (None, Some(root)) => with_noise(body, clean, root, &mut rng),
+            (None, None) => return Ok(out),
+        };
         let plates = plate_noise(input, clean, &mut rng);
-        let noisy_windows = windows(body, candidate, index, input, &noisy, plates.as_deref(), options)?;
-        add_windows(&mut out, &clean_windows, &noisy_windows);
+        let noisy_windows = windows(body, &phi, &noisy, &runs, plates.as_deref(), options)?;
+        add_windows(&mut out, draw, &clean_windows, &noisy_windows, sought(input));
+        if !filtered_too {
+            continue;
+        }
         let Some(noisy) = smooth(&noisy) else { continue };
         let filtered_plates = plates.map(|p| low_passed(p, clean.rate_hz, filter));
         add_frames(&mut out, body, candidate, index, &calm, &noisy, filtered_plates.as_deref());
@@ -189,20 +298,23 @@ fn with_noise(body: &Body<'_>, clean: &Motion, root: &DMatrix<f64>, rng: &mut Ch
     Motion { trial: clean.trial.clone(), rate_hz: clean.rate_hz, nq, nv: clean.nv, q, ..Motion::default() }
 }
 
-/// White noise of the plates at the frame rate (what is above half of it was filtered away).
+/// White noise of the plates at the frame rate (what is above half of it was filtered away), and their drift.
 fn plate_noise(input: &TrialInput<'_>, clean: &Motion, rng: &mut ChaCha8Rng) -> Option<Vec<Vector6<f64>>> {
     let density = input.measured?.noise_density;
     let sd = density.map(|d| (0.5 * clean.rate_hz * d).sqrt());
-    Some(
-        (0..clean.n_frames())
-            .map(|_| {
-                sd.map(|s: f64| -> f64 {
-                    let drawn: f64 = StandardNormal.sample(rng);
-                    s * drawn
-                })
+    let mut white: Vec<Vector6<f64>> = (0..clean.n_frames())
+        .map(|_| {
+            sd.map(|s: f64| -> f64 {
+                let drawn: f64 = StandardNormal.sample(rng);
+                s * drawn
             })
-            .collect(),
-    )
+        })
+        .collect();
+    if let Some(drift) = input.drift {
+        let walk = drift.draw(clean.n_frames(), clean.rate_hz, rng);
+        white.iter_mut().zip(walk).for_each(|(w, d)| *w += d);
+    }
+    Some(white)
 }
 
 fn low_passed(series: Vec<Vector6<f64>>, rate_hz: f64, filter: Option<LowPass>) -> Vec<Vector6<f64>> {
@@ -291,35 +403,80 @@ fn add_frames(
     }
 }
 
-/// Windows of every run of a motion, and whether the run is a flight.
+/// Link parameters of the candidate: any that have its base parameters.
+fn links(body: &Body<'_>, candidate: &Candidate, index: usize) -> Vec<Phi> {
+    let full = &body.base.to_full * candidate.parameters(index);
+    full.as_slice().chunks_exact(10).map(Phi::from_column_slice).collect()
+}
+
+/// Runs for windows, those that are flights marked. Contact that is not held out has no floor: it is shown nowhere.
+fn runs(input: &TrialInput<'_>, motion: &Motion, options: &CompareOptions) -> Vec<(bool, Range<usize>)> {
+    let (contact, flights) = stretches(input, motion, options);
+    let contact = contact.into_iter().filter(|_| input.held_out_contact).map(|r| (false, r));
+    contact.chain(flights.into_iter().map(|r| (true, r))).collect()
+}
+
+/// Windows of every run of a motion.
 fn windows(
     body: &Body<'_>,
-    candidate: &Candidate,
-    index: usize,
-    input: &TrialInput<'_>,
+    phi: &[Phi],
     motion: &Motion,
+    runs: &[(bool, Range<usize>)],
     plates: Option<&[Vector6<f64>]>,
     options: &CompareOptions,
-) -> Result<Vec<(bool, RunWindows)>, CompareError> {
-    let clean = input.motion;
-    let silent = vec![Vector6::zeros(); clean.n_frames()];
-    let phi = [candidate.parameters(index)];
-    let none = [DVector::zeros(0)];
+) -> Result<Vec<(bool, BodyWindows)>, CompareError> {
+    let silent = vec![Vector6::zeros(); motion.n_frames()];
     let acting = Acting { measured: Some(plates.unwrap_or(&silent)), effects: None };
-    let (contact, flights) = stretches(input, clean, options);
-    let mut out = Vec::with_capacity(contact.len() + flights.len());
-    for (runs, flying) in [(contact, false), (flights, true)] {
-        for (i, run) in runs.iter().enumerate() {
-            out.push((flying, window_residuals(body, motion, i, run, flying, acting, options, &phi, &none)?));
+    let mut out = Vec::with_capacity(runs.len());
+    for (i, (flying, run)) in runs.iter().enumerate() {
+        let Some((stretch, weak)) = windows_of(motion, i, run, *flying, options) else { continue };
+        match body_windows(body.model, phi, body.prior, motion, &stretch, acting, &weak) {
+            Ok(found) => out.push((*flying, found)),
+            Err(RegressorError::TooShort { .. }) => {}
+            Err(error) => return Err(error.into()),
         }
     }
     Ok(out)
 }
 
-fn add_windows(out: &mut TrialFloor, plain: &[(bool, RunWindows)], noisy: &[(bool, RunWindows)]) {
+/// Adds one draw; from contact whose offset is sought, the constant wrench that fits the draw best is taken off.
+fn add_windows(
+    out: &mut TrialFloor,
+    draw: usize,
+    plain: &[(bool, BodyWindows)],
+    noisy: &[(bool, BodyWindows)],
+    offset: bool,
+) {
+    let mut errors: Vec<(bool, usize, Vector3<f64>, Vector6<f64>)> = Vec::new();
     for ((flying, plain), (_, noisy)) in plain.iter().zip(noisy) {
-        for ((a, b), &center) in plain.residual[0].iter().zip(&noisy.residual[0]).zip(&plain.centers) {
-            out.windows.push(FloorWindow { center, contact: !flying, error: b - a });
+        for ((a, b), (&center, path)) in
+            plain.wrench.iter().zip(&noisy.wrench).zip(plain.centers.iter().zip(&plain.path))
+        {
+            errors.push((!flying, center, *path, b - a));
         }
     }
+    let constant = if offset {
+        let contact = errors.iter().filter(|e| e.0).map(|(_, _, path, e)| (path, e));
+        constant_wrench(contact)
+    } else {
+        None
+    };
+    for (contact, center, path, error) in errors {
+        let off = constant.filter(|_| contact).map_or_else(Vector6::zeros, |w| about(&w, &path));
+        out.windows.push(FloorWindow { draw, center, contact, error: error - off });
+    }
+}
+
+/// Wrench about the world origin whose moments about the paths of the windows fit their errors best, moments over the lever that sizes use.
+fn constant_wrench<'a>(errors: impl Iterator<Item = (&'a Vector3<f64>, &'a Vector6<f64>)>) -> Option<Vector6<f64>> {
+    let (mut normal, mut right) = (Matrix6::zeros(), Vector6::zeros());
+    let weight = Vector6::from_fn(|i, _| if i < 3 { 1.0 } else { MOMENT_LEVER_M.powi(-2) });
+    for (path, e) in errors {
+        let mut map = Matrix6::identity();
+        map.fixed_view_mut::<3, 3>(3, 0).copy_from(&-path.cross_matrix());
+        let weighted = map.transpose() * Matrix6::from_diagonal(&weight);
+        normal += weighted * map;
+        right += weighted * e;
+    }
+    normal.cholesky().map(|c| c.solve(&right))
 }

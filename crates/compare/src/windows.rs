@@ -30,9 +30,6 @@ pub(crate) struct Window {
     pub residual: Vec<Vector6<f64>>,
 }
 
-/// Frames left out at both ends of a flight: its edges are known within two frames.
-const FLIGHT_MARGIN_FRAMES: f64 = 2.0;
-
 pub(crate) fn trial_windows(
     body: &Body<'_>,
     candidates: &[Candidate],
@@ -82,7 +79,7 @@ pub(crate) fn trial_windows(
 }
 
 /// A wrench about the world origin with its moment about another point.
-fn about(wrench: &Vector6<f64>, point: &Vector3<f64>) -> Vector6<f64> {
+pub(crate) fn about(wrench: &Vector6<f64>, point: &Vector3<f64>) -> Vector6<f64> {
     let (force, moment) = halves(wrench);
     joined(&force, &(moment - point.cross(&force)))
 }
@@ -130,17 +127,7 @@ pub(crate) fn window_residuals(
 ) -> Result<RunWindows, CompareError> {
     let nothing =
         || Ok(RunWindows { residual: vec![Vec::new(); parameters.len()], path: Vec::new(), centers: Vec::new() });
-    let seconds = run.len() as f64 / motion.rate_hz;
-    if !flying && seconds < options.window_s {
-        return nothing();
-    }
-    let stretch = if flying {
-        Stretch::flight(&motion.trial, index, run.start, run.end)
-    } else {
-        Stretch::contact(&motion.trial, index, run.start, run.end)
-    };
-    let margin_s = if flying { FLIGHT_MARGIN_FRAMES / motion.rate_hz } else { 0.0 };
-    let weak = WeakOptions { window_s: Some(options.window_s), margin_s, ..WeakOptions::default() };
+    let Some((stretch, weak)) = windows_of(motion, index, run, flying, options) else { return nothing() };
     match weak_rows(body.model, body.base, body.prior, motion, &stretch, acting, &weak) {
         Ok(rows) => Ok(RunWindows {
             residual: residuals(&rows, parameters, coefficients),
@@ -150,6 +137,23 @@ pub(crate) fn window_residuals(
         Err(RegressorError::TooShort { .. }) => nothing(),
         Err(error) => Err(error.into()),
     }
+}
+
+/// A run as a stretch, and how windows lie in it; none where it is too short for one.
+pub(crate) fn windows_of(
+    motion: &Motion,
+    index: usize,
+    run: &Range<usize>,
+    flying: bool,
+    options: &CompareOptions,
+) -> Option<(Stretch, WeakOptions)> {
+    if flying {
+        let weak = WeakOptions { window_s: options.flight_window_s, ..WeakOptions::default() };
+        return Some((Stretch::flight(&motion.trial, index, run.start, run.end), weak));
+    }
+    let weak = WeakOptions { window_s: Some(options.window_s), ..WeakOptions::default() };
+    let long = run.len() as f64 / motion.rate_hz >= options.window_s;
+    long.then(|| (Stretch::contact(&motion.trial, index, run.start, run.end), weak))
 }
 
 /// ∫ψ o dt / ∫ψ dt of the moment origin o in each window.

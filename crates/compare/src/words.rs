@@ -39,7 +39,7 @@ pub(crate) fn words(model: &ModelComparison, beside: &[ModelComparison], floor: 
         if on_frames.frames > 0 {
             let share = explainable(frames.size(), on_frames.size());
             out.push(format!(
-                "Noise alone makes {} on frames; {:.0} % of the mean square error there is explainable.",
+                "A perfect model would leave {} on frames; {:.0} % of the mean square error there is explainable.",
                 pair(on_frames.force_n.mean_mae(), on_frames.moment_nm.mean_mae()),
                 100.0 * share
             ));
@@ -47,7 +47,7 @@ pub(crate) fn words(model: &ModelComparison, beside: &[ModelComparison], floor: 
         if on_windows.windows > 0 && windows.windows > 0 {
             let share = explainable(windows.size(), on_windows.size());
             out.push(format!(
-                "Over windows noise makes {}; {:.0} % of the mean square error there is explainable.",
+                "Over windows a perfect model would leave {}; {:.0} % of the mean square error there is explainable.",
                 pair(on_windows.force_n.mean_mae(), on_windows.moment_nm.mean_mae()),
                 100.0 * share
             ));

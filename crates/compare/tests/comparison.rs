@@ -256,7 +256,7 @@ fn prop_the_noise_floor_is_the_error_that_noise_makes() {
     let candidates = [Candidate::links("truth", &base, &truth)];
     let again = |m: &Motion| Some(smooth(&model, m));
     let filtering = Filtering { filter: Some(FILTER), smooth: &again };
-    let options = CompareOptions { noise_draws: 4, end_margin_frames: 60, ..CompareOptions::default() };
+    let options = CompareOptions { noise_draws: 4, frame_draws: 4, end_margin_frames: 60, ..CompareOptions::default() };
     let (c, _) = compare(&body, &candidates, &[trial], Noise::Drawn { filtering, of: None }, &options).unwrap();
     let floor = c.noise_floor.as_ref().unwrap();
     let ratio = c.first.held_out.size() / floor.contact.size();
@@ -264,6 +264,14 @@ fn prop_the_noise_floor_is_the_error_that_noise_makes() {
     assert!((0.85..1.15).contains(&ratio), "frames: {} {}", c.first.held_out.size(), floor.contact.size());
     assert!((0.7..1.3).contains(&weak), "windows: {} {}", c.first.held_out_weak.size(), floor.contact_weak.size());
     assert!(floor.contact_weak.size() < 0.35 * floor.contact.size());
+    // one number with its interval, the same wherever it stands
+    let one = floor.contact_floor.unwrap();
+    assert!((one.noise_floor / floor.contact_weak.size() - 1.0).abs() < 0.1 && one.draws == 4);
+    let ci95 = one.ci95.unwrap();
+    assert!(ci95[0] < one.noise_floor && one.noise_floor < ci95[1]);
+    let against = &c.against_floor[0];
+    assert!(against.judged_on == "contact" && against.at_floor == Some(true), "{against:?}");
+    assert!((against.times_floor.unwrap() - c.first.held_out_weak.size() / one.noise_floor).abs() < 1e-12);
     // the floor stands beside every group and every axis, and taken over from an earlier comparison it is the same
     for group in &c.first.breakdown {
         let own = group.floor(c.noise_floor.as_ref()).unwrap();

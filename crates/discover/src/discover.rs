@@ -250,16 +250,30 @@ pub fn discover(
     }
     candidates.sort_by(|a, b| a.held_out_ratio.total_cmp(&b.held_out_ratio));
     let weight = session.unit[0];
-    let noise_floor = session.noise.map_or(f64::NAN, |n| (0.5 * (n[0] + n[1])).sqrt() * weight);
+    // errors as the comparison takes them, where one was made: the rows' own share of change, the comparison's newtons
+    let standing = session.standing[usize::from(!has_flights)];
+    let scale = standing.map_or(weight, |s| s.held_out_error / before.sqrt());
+    let first_of = |place: Domain| {
+        rounds.iter().find(|r| r.judged_on == words::domain(place)).map_or(f64::NAN, |r| r.held_out_error)
+    };
+    let first_error = [first_of(Domain::Flight), first_of(Domain::Contact)];
+    for round in &mut rounds {
+        let of = usize::from(round.judged_on != words::domain(Domain::Flight));
+        let first = first_error[of];
+        if let (Some(s), true) = (session.standing[of], first > 0.0) {
+            round.held_out_error *= s.held_out_error / first;
+        }
+    }
     let mut out = Discovery {
         schema: 1,
         verdict,
         effects: named,
         words: String::new(),
-        noise_floor,
-        held_out_error: before.sqrt() * weight,
-        held_out_error_after: after.sqrt() * weight,
-        held_out_error_of_weight: before.sqrt(),
+        noise_floor: standing.map_or(f64::NAN, |s| s.noise_floor),
+        noise_floor_ci95: standing.and_then(|s| s.noise_floor_ci95),
+        held_out_error: before.sqrt() * scale,
+        held_out_error_after: after.sqrt() * scale,
+        held_out_error_of_weight: before.sqrt() * scale / weight,
         candidates,
         rounds,
         ladder: steps,

@@ -1,8 +1,10 @@
-//! What white noise of the markers alone makes of the rows: the error below which no model can come.
+//! The held-out error and the floor of a comparison; and the white noise of the rows, by which a fit that is too good is recognised.
 //!
-//! The covariance of the coordinates' white noise is read off the recording: the third difference of the steps between frames is the fourth
-//! difference of the noise (70 times its variance), body motion has nothing there. Noise drawn with it is added to the motion once more,
-//! and the rows are formed again: their change, applied to the prior, is the floor. Soft tissue and joint centres are not in it.
+//! The floor that a discovery shows is that of the comparison ([`Standing`]): one number for the whole program. [`white_noise`] is only the mean
+//! square of weighted rows from white noise of the coordinates: a candidate that leaves far less has made up the body's own weight. The
+//! covariance of that noise is read off the recording: the third difference of the steps between frames is the fourth difference of the
+//! noise (70 times its variance), body motion has nothing there. Noise drawn with it is added to the motion once more, and the
+//! rows are formed again.
 
 use crate::session::{Block, Body, TrialInput, moment_length_m};
 use aloft_body::{Model, Motion};
@@ -12,6 +14,17 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
+
+/// What a comparison of the present model found over the windows of one kind of motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Standing {
+    /// Held-out error of the model, N: force, and moment over a lever of 0.1 m.
+    pub held_out_error: f64,
+    /// What a perfect model would leave, N.
+    pub noise_floor: f64,
+    /// 95 % interval of the floor, N.
+    pub noise_floor_ci95: Option<[f64; 2]>,
+}
 
 /// Mean square of the weighted rows' error from white noise, force and moment; `None` where it cannot be estimated.
 pub(crate) fn white_noise(

@@ -6,7 +6,7 @@
 //!
 //! | step | module | what it does |
 //! |---|---|---|
-//! | evidence | `session`, `floor` | rows, columns of effects, what marker noise alone would leave |
+//! | evidence | `session`, `floor` | rows, columns of effects, what a perfect model would leave |
 //! | refit | `problem`, `candidate`, `nonlinear` | parameters taken out of columns, one Cholesky factor a fold; bounded coefficients; Gauss-Newton on the rest, again in each fold |
 //! | ranking | `rank`, `placebo`, `statistics` | choice of target inside each fold, intervals over clusters, sign-flip null over the whole library, effects that do not exist |
 //! | judgement | `discover`, `judge`, `exchange`, `ladder`, `pairs`, `words` | what is believed and what cannot be told apart, second rounds, pairs, pruning, words |
@@ -67,6 +67,7 @@ mod words;
 pub use addition::{Addition, addition, detectable, ladder};
 pub use discover::{DiscoverOptions, catalogue, discover};
 pub use error::DiscoverError;
+pub use floor::Standing;
 pub use not_tried::NotTried;
 pub use result::{Alternative, Candidate, Confusion, Discovery, Duel, Estimate, Found, Round, Verdict};
 pub use self_test::{Injection, SelfTest, SelfTestOptions, SelfTestProgress, SelfTestRow, self_test};

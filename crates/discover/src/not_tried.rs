@@ -57,3 +57,20 @@ pub(crate) fn not_tried(session: &Session<'_>, effect: &dyn Effect, domain: Doma
     }
     first.map(|because| NotTried { effect: effect.id().to_owned(), because, in_part: wrong < made })
 }
+
+impl Session<'_> {
+    /// Why a choice cannot be added to a model: its law gives no numbers somewhere. None where it gives numbers everywhere.
+    pub fn without_numbers(&self, choice: &aloft_effects::Choice<'_>) -> Option<String> {
+        let columns = self.columns_of(choice, Domain::Contact)?;
+        let wrong = |i: &usize| !columns[*i].iter().all(|x| is_usable(*x));
+        let at: Vec<usize> = (0..columns.len()).filter(wrong).collect();
+        let block = &self.blocks[*at.first()?];
+        Some(format!(
+            "its law gives NaN or infinity in {} of {} stretches, the first a {} of `{}`",
+            at.len(),
+            columns.len(),
+            block.kind.word(),
+            self.trials[block.trial]
+        ))
+    }
+}

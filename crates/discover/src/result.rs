@@ -202,11 +202,16 @@ pub struct Discovery {
     pub effects: Vec<String>,
     /// The answer in words.
     pub words: String,
-    /// Held-out error that noise of the markers alone would leave, N, as `held_out_error`; NaN where unknown.
+    /// The noise floor of the comparison, N: held-out error over weak windows that a perfect model would leave on these recordings; NaN where no
+    /// comparison was made.
+    #[serde(with = "nullable")]
     pub noise_floor: f64,
-    /// Held-out error of the model as it is, N.
+    /// 95 % interval of the floor, N: where the error of a perfect model falls.
+    #[serde(default)]
+    pub noise_floor_ci95: Option<[f64; 2]>,
+    /// Held-out error of the model as it is, N, as the comparison takes it: force, and moment over a lever of 0.1 m.
     pub held_out_error: f64,
-    /// Held-out error with the effects found, N.
+    /// Held-out error with the effects found, N: the same, times what the effects leave of the rows' own error.
     pub held_out_error_after: f64,
     /// The same as a share of the body's weight.
     pub held_out_error_of_weight: f64,
@@ -243,4 +248,17 @@ pub struct Found {
     pub coefficients: Vec<Estimate>,
     /// Trials in which a group effect acts; empty for all.
     pub trials: Vec<String>,
+}
+
+/// A number that is not there is `null` in text formats and comes back as NaN.
+mod nullable {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
+        value.is_finite().then_some(*value).serialize(to)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+        Ok(Option::<f64>::deserialize(from)?.unwrap_or(f64::NAN))
+    }
 }

@@ -4,6 +4,7 @@
 //! nonlinear parameters are made without touching the regressor again.
 
 use crate::DiscoverError;
+use crate::floor::Standing;
 use crate::problem::{Domain, Problem};
 use aloft_body::{BaseParameters, Model, Motion, Phi};
 use aloft_effects::{Columns, Effect, PlateSeries, Scene, Series, Span, Target, TrialMotion};
@@ -92,6 +93,8 @@ pub struct Session<'a> {
     pub(crate) stored_names: Vec<String>,
     /// What white noise of the coordinates alone makes of the rows (mean square of a weighted row, force and moment).
     pub(crate) noise: Option<[f64; 2]>,
+    /// What a comparison found, in flight and in contact.
+    pub(crate) standing: [Option<Standing>; 2],
     pub(crate) warnings: Vec<String>,
 }
 
@@ -182,6 +185,7 @@ impl<'a> Session<'a> {
             unit: [force_n, force_n * moment_length_m(body, options)],
             stored_names: Vec::new(),
             noise: None,
+            standing: [None; 2],
             warnings,
         };
         out.noise = crate::floor::white_noise(body, trials, options, &out.blocks);
@@ -242,6 +246,7 @@ impl<'a> Session<'a> {
             unit: [force_n, force_n * moment_length_m(body, &WeakOptions::default())],
             stored_names: first.columns.effects.clone(),
             noise: None,
+            standing: [None; 2],
             warnings: Vec::new(),
         })
     }
@@ -265,6 +270,14 @@ impl<'a> Session<'a> {
             block.w += c * &theta;
         }
         Ok(())
+    }
+
+    /// States what a comparison of the present model found in flight and in contact, so that a discovery shows the same errors and the
+    /// same floor. Ranking does not depend on it.
+    #[must_use]
+    pub fn with_standing(mut self, flight: Option<Standing>, contact: Option<Standing>) -> Self {
+        self.standing = [flight, contact];
+        self
     }
 
     /// What was left out and why, in words.

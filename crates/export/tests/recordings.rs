@@ -337,3 +337,46 @@ fn prop_bids_tables_and_their_descriptions_agree() {
     assert!(text(&files, "participants.tsv").contains("sub-P01\tF\t1.6\t36.4"));
     serde_json::from_str::<serde_json::Value>(text(&files, "dataset_description.json")).unwrap();
 }
+
+#[test]
+fn prop_recordings_of_any_names_share_no_file() {
+    let s = subject(Convention::Isb);
+    let mut t = trial(&s, &[]);
+    let pieces = [
+        "a", "A_", "1", "_1", "01", " ", "_", ".", "-", "z", "Z", "'", "/", "\\", "con", "ü", "a_ik", "a_grf", "\n",
+        "%20",
+    ];
+    let pairs = pieces.iter().flat_map(|a| pieces.iter().map(move |b| format!("{a}{b}")));
+    let names: BTreeSet<String> = pieces.iter().map(|p| (*p).to_owned()).chain(pairs).collect();
+    let mut seen: std::collections::BTreeMap<String, String> = std::collections::BTreeMap::new();
+    // the formats that name files in different ways
+    for name in &names {
+        t.name.clone_from(name);
+        for format in ["trc", "forces", "bids"] {
+            let write = Format::choose(&[format.to_owned()]).unwrap()[0].trial.unwrap();
+            for file in write(&s, &t).unwrap() {
+                assert!(!file.path.contains([' ', '\\', ':', '*', '?', '"', '<', '>', '|', '\n']), "{}", file.path);
+                assert!(
+                    file.path.split('/').all(|part| !part.is_empty() && part != "." && part != ".."),
+                    "{}",
+                    file.path
+                );
+                if let Some(other) = seen.insert(file.path.to_lowercase(), name.clone()) {
+                    assert_eq!(other.to_lowercase(), name.to_lowercase(), "{}", file.path);
+                }
+            }
+        }
+    }
+    // two subjects of a study whose names differ by what BIDS drops
+    let mut of = |subject: &str, session: Option<&str>| {
+        let mut s = s.clone();
+        s.of_study = [Some(subject.to_owned()), session.map(str::to_owned)];
+        t.name = "jump01".to_owned();
+        let files = Format::choose(&["bids".to_owned()]).unwrap()[0].trial.unwrap()(&s, &t).unwrap();
+        files[0].path.clone()
+    };
+    assert_eq!(of("sub-01", None), "BIDS/sub-01/motion/sub-01_task-jump_tracksys-optical_run-01_desc-aloft_motion.tsv");
+    assert!(of("sub-01", Some("ses-1")).starts_with("BIDS/sub-01/ses-1/motion/sub-01_ses-1_task-jump_"));
+    assert_ne!(of("s_1", None), of("s1", None));
+    assert_ne!(of("s1", Some("a_b")), of("s1", Some("a.b")));
+}

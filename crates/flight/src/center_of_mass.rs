@@ -11,6 +11,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use std::ops::Range;
 
 /// Centre of mass frame by frame, with what is needed to move it.
+#[derive(Clone)]
 pub(crate) struct CenterOfMass {
     /// Position, m, world frame; NaN where the frame was not solved.
     pub position_m: Vec<Vector3<f64>>,

@@ -1,15 +1,28 @@
 //! Plates and motion together: each says what the other cannot see.
 
-use crate::from_plates::{centroid_acceleration, frames_in, unloaded_stretches};
+use crate::center_of_mass::CenterOfMass;
+use crate::explain::Clues;
+use crate::free_acceleration::{Acceleration, inner};
+use crate::free_fall::FreeFall;
+use crate::from_motion::{Found, PlateEvidence, search, shortest_frames};
+use crate::from_plates::{Unloaded, centroid_fall, frames_in, unloaded_stretches};
+use crate::parabola::Parabola;
 use crate::{
     EdgeSource, Flight, FlightError, FlightMethod, FlightOptions, FlightReport, FlightSource, Rejected,
-    RejectionReason, from_motion, from_plates,
+    RejectionReason, from_plates, plate_wrench_at_marker_rate, total_wrench,
 };
 use aloft_body::{Model, Motion, Phi};
-use aloft_trial::Trial;
+use aloft_trial::{Markers, Trial};
+use nalgebra::Vector3;
 
 /// Time by which plates and motion may differ, beyond the guards, before it is worth a warning, s.
 const AGREEMENT_S: f64 = 0.02;
+/// Where plates tell a flight in which the motion is not steady, its mean acceleration may differ from that of the others by this share.
+const UNSTEADY: f64 = 0.2;
+/// A body at rest accelerates less than this share of gravity …
+const AT_REST: f64 = 0.05;
+/// … for at least this long in total, s.
+const LEAST_REST_S: f64 = 0.15;
 
 /// Finds the flights of a trial with whatever it has: plates, motion (with model and prior inertias), or both.
 ///
@@ -22,24 +35,131 @@ pub fn find_flights(
 ) -> Result<FlightReport, FlightError> {
     let missing = |method, missing| FlightError::Missing { trial: trial.name.clone(), method, missing };
     let (n_frames, rate_hz) = (trial.markers.n_frames, trial.markers.rate_hz);
-    match (options.method, motion, trial.plates.is_empty()) {
-        (FlightMethod::Plates, _, true) => Err(missing("plates", "force plates")),
-        (FlightMethod::Motion, None, _) => Err(missing("motion", "a motion")),
-        (FlightMethod::Auto, None, true) => Err(missing("auto", "force plates or a motion")),
+    let gravity =
+        motion.map_or_else(|| Vector3::new(0.0, 0.0, -options.gravity_mps2), |(model, ..)| model.gravity_mps2);
+    let bare = FlightOptions { margin_frames: 0, gravity_mps2: gravity.norm(), ..options.clone() };
+    let (mut report, path) = match (options.method, motion, trial.plates.is_empty()) {
+        (FlightMethod::Plates, _, true) => return Err(missing("plates", "force plates")),
+        (FlightMethod::Motion, None, _) => return Err(missing("motion", "a motion")),
+        (FlightMethod::Auto, None, true) => return Err(missing("auto", "force plates or a motion")),
         (FlightMethod::Plates, _, false) | (FlightMethod::Auto, None, false) => {
-            Ok(from_plates(trial, n_frames, rate_hz, options))
+            let mut report = from_plates(trial, n_frames, rate_hz, &bare);
+            let path = match motion {
+                Some((model, phi, motion)) => Some(weigh_flights(&mut report, model, phi, motion)?),
+                None => None,
+            };
+            (report, path)
         }
         (FlightMethod::Motion, Some((model, phi, motion)), _)
-        | (FlightMethod::Auto, Some((model, phi, motion)), true) => from_motion(model, phi, motion, options),
+        | (FlightMethod::Auto, Some((model, phi, motion)), true) => {
+            let found = search(model, phi, motion, &bare, None)?;
+            (found.report, Some(found.com_m))
+        }
         (FlightMethod::Auto, Some((model, phi, motion)), false) => {
-            let bare = FlightOptions { margin_frames: 0, ..options.clone() };
-            let by_motion = from_motion(model, phi, motion, &bare)?;
-            let mut report = combine(trial, motion, &by_motion, &bare);
-            let shortest = ((options.min_duration_s * rate_hz).round() as usize).max(6);
-            report.apply_margin(options.margin_frames, shortest);
-            Ok(report)
+            let found = search(model, phi, motion, &bare, plate_evidence(trial, &bare).as_ref())?;
+            (join(trial, motion, &found.report, Some(&found), &bare), Some(found.com_m))
+        }
+    };
+    report.free_fall = FreeFall::of(&report.flights, &gravity, rate_hz, &bare, &Clues::default());
+    if let (Some((_, phi, motion)), Some(path)) = (motion, path)
+        && report.free_fall.as_ref().is_some_and(|f| f.differs)
+    {
+        let clues = clues(trial, phi, motion, &path, &report, &bare)?;
+        report.free_fall = FreeFall::of(&report.flights, &gravity, rate_hz, &bare, &clues);
+    }
+    report.warnings.extend(report.free_fall.as_ref().and_then(FreeFall::warning));
+    report.apply_margin(options.margin_frames, shortest_frames(rate_hz, options));
+    Ok(report)
+}
+
+/// What the plates say about each frame; none where they are never left or stepped on.
+fn plate_evidence(trial: &Trial, options: &FlightOptions) -> Option<PlateEvidence> {
+    let (stretches, _) = unloaded_stretches(trial, options);
+    if !stretches.iter().any(|s| s.loaded_before || s.loaded_after) {
+        return None;
+    }
+    let frames = |s: &Unloaded| frames_in(s.from_s, s.to_s, trial.markers.n_frames, trial.markers.rate_hz);
+    let mut unloaded = vec![false; trial.markers.n_frames];
+    for s in &stretches {
+        unloaded[frames(s)].fill(true);
+    }
+    let between_loads = stretches.iter().filter(|s| s.loaded_before && s.loaded_after).map(frames).collect();
+    Some(PlateEvidence { unloaded, between_loads })
+}
+
+/// Gives flights that plates told the mean acceleration of the centre of mass; returns its path, m.
+fn weigh_flights(
+    report: &mut FlightReport,
+    model: &Model,
+    phi: &[Phi],
+    motion: &Motion,
+) -> Result<Vec<Vector3<f64>>, FlightError> {
+    let path = CenterOfMass::new(model, phi, motion)?.position_m;
+    for flight in &mut report.flights {
+        let frames = flight.start..flight.end.min(path.len()).max(flight.start);
+        if let Some(parabola) = Parabola::fit(&path, frames, report.rate_hz) {
+            flight.mean_acceleration_mps2 = parabola.acceleration_mps2().into();
         }
     }
+    Ok(path)
+}
+
+/// What the recording tells beside its flights: the weight on the plates at rest, and the extent of the markers.
+fn clues(
+    trial: &Trial,
+    phi: &[Phi],
+    motion: &Motion,
+    path: &[Vector3<f64>],
+    report: &FlightReport,
+    options: &FlightOptions,
+) -> Result<Clues, FlightError> {
+    let mass_kg: f64 = phi.iter().map(|p| p[0]).sum();
+    let mut out = Clues { mass_kg, ..Clues::default() };
+    if !trial.plates.is_empty() && options.gravity_mps2 > 0.0 && report.tare.len() == trial.plates.len() {
+        let markers =
+            Markers { rate_hz: trial.markers.rate_hz, n_frames: trial.markers.n_frames, ..Markers::default() };
+        let mut tared = Trial { name: trial.name.clone(), plates: trial.plates.clone(), markers, ..Trial::default() };
+        for (plate, tare) in tared.plates.iter_mut().zip(&report.tare) {
+            for force in &mut plate.force_n {
+                *force -= tare.force_n[0];
+            }
+        }
+        let total = total_wrench(&plate_wrench_at_marker_rate(&tared, None)?);
+        let acceleration = Acceleration::of(path, motion, options, 1.0)?;
+        let mut loads: Vec<f64> = acceleration
+            .mps2
+            .iter()
+            .zip(&total.force_n)
+            .filter(|(a, f)| a.norm() < AT_REST * options.gravity_mps2 && f.z > options.threshold_n)
+            .map(|(_, f)| f.z)
+            .collect();
+        if loads.len() as f64 > LEAST_REST_S * motion.rate_hz {
+            let middle = loads.len() / 2;
+            let median = *loads.select_nth_unstable_by(middle, f64::total_cmp).1;
+            out.rest_share = Some(median / (mass_kg * options.gravity_mps2));
+        }
+    }
+    if let Some(stature_m) = options.stature_m.filter(|s| *s > 0.0) {
+        let needed = trial.markers.trajectories.len() * 7 / 10;
+        let extent = |frame: usize| {
+            let heights: Vec<f64> = trial
+                .markers
+                .trajectories
+                .iter()
+                .filter_map(|t| t.get(frame))
+                .map(|p| p.z)
+                .filter(|z| z.is_finite())
+                .collect();
+            let reach = heights.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |r, z| [r[0].min(*z), r[1].max(*z)]);
+            (heights.len() > needed.max(5)).then_some(reach[1] - reach[0])
+        };
+        let mut extents: Vec<f64> = (0..trial.markers.n_frames).filter_map(extent).collect();
+        if !extents.is_empty() {
+            let middle = extents.len() / 2;
+            out.extent_share = Some(*extents.select_nth_unstable_by(middle, f64::total_cmp).1 / stature_m);
+        }
+    }
+    Ok(out)
 }
 
 /// Joins flights from motion with the plates of the trial.
@@ -48,6 +168,18 @@ pub fn find_flights(
 /// beside the plates). A flight that only motion tells stands if the plates carry nothing in it; one that only the plates tell stands if the
 /// motion was not solved there.
 pub fn combine(trial: &Trial, motion: &Motion, by_motion: &FlightReport, options: &FlightOptions) -> FlightReport {
+    join(trial, motion, by_motion, None, options)
+}
+
+/// As [`combine`]; with the centre of mass at hand, a flight between loads of plates also stands where the motion is too unsteady to tell
+/// its edges, if its mean acceleration is that of the others.
+fn join(
+    trial: &Trial,
+    motion: &Motion,
+    by_motion: &FlightReport,
+    found: Option<&Found>,
+    options: &FlightOptions,
+) -> FlightReport {
     let (n_frames, rate_hz) = (trial.markers.n_frames, trial.markers.rate_hz);
     let by_plates = from_plates(trial, n_frames, rate_hz, options);
     let (stretches, _) = unloaded_stretches(trial, options);
@@ -118,8 +250,21 @@ pub fn combine(trial: &Trial, motion: &Motion, by_motion: &FlightReport, options
                 flight.start, flight.end
             ));
             report.flights.push(flight.clone());
+            continue;
+        }
+        let mean = found.and_then(|found| {
+            let mean = Parabola::fit(&found.com_m, inner(&flight.frames()), rate_hz)?.acceleration_mps2();
+            let free = found.free_mps2;
+            ((mean - free).norm() < UNSTEADY * free.norm()).then_some(mean)
+        });
+        if let Some(mean) = mean {
+            report.warnings.push(format!(
+                "flight in frames {} to {}: told by the plates alone, the motion is not steady in it",
+                flight.start, flight.end
+            ));
+            report.flights.push(Flight { mean_acceleration_mps2: mean.into(), ..flight.clone() });
         } else {
-            let vertical_mps2 = centroid_acceleration(trial, flight.start, flight.end).unwrap_or(f64::NAN);
+            let vertical_mps2 = centroid_fall(trial, flight.start, flight.end).map_or(0.0, |c| c.acceleration_mps2.z);
             let (start, end) = (flight.start, flight.end);
             report.rejected.push(Rejected { start, end, reason: RejectionReason::NotFalling { vertical_mps2 } });
         }

@@ -1,6 +1,6 @@
 //! A flight, and what a search for flights gives.
 
-use crate::PlateTare;
+use crate::{FreeFall, PlateTare};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -28,7 +28,7 @@ pub enum FlightSource {
     Both,
 }
 
-/// Frames in which gravity alone acts: marker frames `start..end`, `end` not included.
+/// Frames in which nothing touches the body: marker frames `start..end`, `end` not included.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Flight {
     /// First frame in the air (index from 0).
@@ -41,8 +41,15 @@ pub struct Flight {
     pub takeoff_source: EdgeSource,
     /// What told its end.
     pub landing_source: EdgeSource,
-    /// Mean acceleration of the centre of mass in it, m/s², world frame; NaN where no motion was given.
+    /// Mean acceleration of the centre of mass in it, m/s², world frame; NaN (in JSON: null) where no motion was given.
+    #[serde(deserialize_with = "null_is_nan")]
     pub mean_acceleration_mps2: [f64; 3],
+}
+
+/// JSON has no NaN: what was written as null comes back as NaN.
+fn null_is_nan<'de, D: serde::Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error> {
+    let values = <[Option<f64>; 3]>::deserialize(from)?;
+    Ok(values.map(|x| x.unwrap_or(f64::NAN)))
 }
 
 impl Flight {
@@ -73,11 +80,13 @@ pub enum RejectionReason {
     TooShort,
     /// Longer than anybody falls.
     TooLong,
-    /// No plate is loaded, but the body does not fall: it stands beside the plates.
+    /// No plate is loaded, but the body does not fall freely: it stands or moves beside the plates.
     NotFalling {
         /// Vertical acceleration, m/s².
         vertical_mps2: f64,
     },
+    /// The acceleration is that of the other flights, but it comes and goes gradually, as in the dip before a jump.
+    Gradual,
     /// No plate is loaded from the start or to the end of the recording, and no motion says when the fall begins or ends.
     NotBounded,
     /// The motion looks like falling, but a plate is loaded.
@@ -93,8 +102,12 @@ impl std::fmt::Display for RejectionReason {
             Self::TooShort => write!(f, "shorter than the shortest flight"),
             Self::TooLong => write!(f, "longer than the longest flight"),
             Self::NotFalling { vertical_mps2 } => {
-                write!(f, "no plate is loaded, but the vertical acceleration is {vertical_mps2:.1} m/s²")
+                write!(
+                    f,
+                    "no plate is loaded, but the body is not in steady free fall (vertical acceleration {vertical_mps2:.1} m/s²)"
+                )
             }
+            Self::Gradual => write!(f, "the acceleration comes and goes gradually, as in a movement on the ground"),
             Self::NotBounded => write!(f, "no plate is loaded up to an end of the recording; motion would tell"),
             Self::PlateLoaded { force_n } => write!(f, "it looks like falling, but plates carry {force_n:.0} N"),
         }
@@ -125,6 +138,9 @@ pub struct FlightReport {
     pub rejected: Vec<Rejected>,
     /// What each plate read when unloaded (subtracted for the search only).
     pub tare: Vec<PlateTare>,
+    /// The acceleration of free flight against the stated gravity; none without flights whose acceleration is known.
+    #[serde(default)]
+    pub free_fall: Option<FreeFall>,
     /// Oddities, in words.
     pub warnings: Vec<String>,
 }

@@ -1,18 +1,31 @@
-//! Flights from motion alone: the centre of mass falls with g.
+//! Flights from motion alone: the centre of mass falls with a constant acceleration.
 
 use crate::center_of_mass::CenterOfMass;
+use crate::explain::Clues;
+use crate::free_acceleration::{Acceleration, SLOW, Search, haste, inner, longest_frames};
+use crate::free_fall::FreeFall;
 use crate::parabola::Parabola;
 use crate::{EdgeSource, Flight, FlightError, FlightOptions, FlightReport, FlightSource, Rejected, RejectionReason};
-use aloft_body::{Model, Motion, Phi};
-use aloft_signal::{Butterworth, CutoffCorrection, LowPass, derivatives, runs_where};
+use aloft_body::{Model, Motion, Phi, STANDARD_GRAVITY_MPS2};
 use nalgebra::Vector3;
 use std::ops::Range;
 
+/// Another acceleration than the stated gravity is preferred if it explains this many times the frames.
+const CLEARLY_MORE: f64 = 1.5;
+/// A stated gravity below this share of the Earth's is also sought with a lower cut-off.
+const WEAK: f64 = 0.5;
+/// Where only edges tell flights from dips, a flight lasts at least this share of the longest.
+const BRIEF: f64 = 0.15;
+/// Deviation from the stated gravity, as a share of it, above which flights are searched again about their own acceleration.
+const RECENTRE: f64 = 0.1;
+
 /// Finds the flights in a motion (positions suffice; filtered or not). `phi` are prior inertias in link frames.
 ///
-/// The centre of mass is low-passed, differentiated twice and compared with gravity: vertical within a band about −g, horizontal
-/// below a limit, short interruptions merged, long enough. Then the links' first moments are fitted to the parabolas
-/// ([`FlightOptions::refine`]) and the search is repeated; guards are taken off both ends.
+/// The centre of mass is low-passed, differentiated twice and compared with the free acceleration: along it and across it within a band,
+/// short interruptions merged, long enough. Then the links' first moments are fitted to the parabolas ([`FlightOptions::refine`]) and the
+/// search is repeated; guards are taken off both ends. The free acceleration is the stated gravity where that explains the motion, else the
+/// constant acceleration of any size and direction that does; [`FlightReport::free_fall`] compares it with the stated one. Where the stated
+/// gravity is zero, a free body moves uniformly.
 ///
 /// # Errors
 /// Motion, model and inertias do not belong together, or the cut-off does not fit the rate.
@@ -22,31 +35,175 @@ pub fn from_motion(
     motion: &Motion,
     options: &FlightOptions,
 ) -> Result<FlightReport, FlightError> {
-    let rate_hz = motion.rate_hz;
-    let gravity = model.gravity_mps2.norm();
-    let mut report = FlightReport { trial: motion.trial.clone(), rate_hz, ..FlightReport::default() };
-    let mut com = CenterOfMass::new(model, phi, motion)?;
-    let shortest = ((options.min_duration_s * rate_hz).round() as usize).max(6);
-    let guard = |seconds: f64| (seconds * rate_hz - 1e-9).ceil().max(0.0) as usize;
-    let (takeoff_guard, landing_guard) = (guard(options.takeoff_guard_s), guard(options.landing_guard_s));
-    let longest = (options.max_duration_s * rate_hz) as usize;
+    let found = search(model, phi, motion, options, None)?;
+    let mut report = found.report;
+    report.free_fall = FreeFall::of(&report.flights, &model.gravity_mps2, motion.rate_hz, options, &Clues::default());
+    report.warnings.extend(report.free_fall.as_ref().and_then(FreeFall::warning));
+    report.apply_margin(options.margin_frames, shortest_frames(motion.rate_hz, options));
+    Ok(report)
+}
 
-    let mut stretches = falling_stretches(&com, motion, gravity, options, 1.6)?;
+/// Shortest flight, frames.
+pub(crate) fn shortest_frames(rate_hz: f64, options: &FlightOptions) -> usize {
+    ((options.min_duration_s * rate_hz).round() as usize).max(6)
+}
+
+/// What a search in a motion gives, margins not taken off, [`FlightReport::free_fall`] not made.
+pub(crate) struct Found {
+    pub report: FlightReport,
+    /// Centre of mass after the fit of first moments, m.
+    pub com_m: Vec<Vector3<f64>>,
+    /// The free acceleration that was searched for, m/s².
+    pub free_mps2: Vector3<f64>,
+}
+
+/// What plates say about the frames.
+pub(crate) struct PlateEvidence {
+    /// True in frames in which no plate carries anything.
+    pub unloaded: Vec<bool>,
+    /// Frames between a load and the next.
+    pub between_loads: Vec<Range<usize>>,
+}
+
+/// The search; with plates, an acceleration other than the stated gravity is taken from unloaded frames only.
+pub(crate) fn search(
+    model: &Model,
+    phi: &[Phi],
+    motion: &Motion,
+    options: &FlightOptions,
+    plates: Option<&PlateEvidence>,
+) -> Result<Found, FlightError> {
+    let stated = model.gravity_mps2;
+    let prior = CenterOfMass::new(model, phi, motion)?;
+    let size = stated.norm();
+    let is_weak = |free: &Vector3<f64>| free.norm() < WEAK * STANDARD_GRAVITY_MPS2;
+    // The dip before a jump accelerates as weak gravity does; without plates its gradual edges tell it from a flight.
+    let sharp = |free: &Vector3<f64>| {
+        size > 0.0 && plates.is_none() && (is_weak(free) || (free - stated).norm() > RECENTRE * size)
+    };
+    let about = |free: Vector3<f64>, slowness: f64| {
+        search_about(prior.clone(), motion, options, Wanted { free, slowness, sharp: sharp(&free) })
+    };
+    if size == 0.0 {
+        return about(stated, SLOW);
+    }
+    // The lower cut-off smears edges: only where the usual one leaves less of the flights.
+    let either = |free: Vector3<f64>, with_slow: bool| -> Result<Found, FlightError> {
+        let usual = about(free, 1.0)?;
+        if !with_slow {
+            return Ok(usual);
+        }
+        let slow = about(free, SLOW)?;
+        Ok(if slow.report.flight_frames() > usual.report.flight_frames() { slow } else { usual })
+    };
+    let mut found = either(stated, is_weak(&stated))?;
+    let allowed = |frame: usize| plates.is_none_or(|p| p.unloaded.get(frame).copied().unwrap_or(true));
+    let least = options.least_free_g * size;
+    let wanted = |level: f64| Search {
+        stated_mps2: size,
+        shortest: shortest_frames(motion.rate_hz, options),
+        shortest_alone: ((options.min_free_duration_s / level * motion.rate_hz).round() as usize).max(6),
+        least_mps2: least,
+        between_loads: plates.map_or(&[], |p| &p.between_loads),
+        allowed: &allowed,
+    };
+    let mut best = None;
+    for level in [1.0, SLOW] {
+        let acceleration = Acceleration::of(&prior.position_m, motion, options, level)?;
+        let wanted = wanted(level);
+        if let Some((free, frames)) = acceleration.find(options, &wanted) {
+            best = Some((free, frames, acceleration.frames_at(&stated, options, &wanted)));
+            break;
+        }
+    }
+    if let Some((free, frames, as_stated)) = best {
+        let flights = &found.report.flights;
+        let as_found = flights.iter().map(|f| f.frames().filter(|f| allowed(*f)).count()).sum::<usize>();
+        let as_stated = as_stated.max(as_found);
+        if (free - stated).norm() > RECENTRE * size && frames as f64 > CLEARLY_MORE * as_stated as f64 {
+            let other = either(free, is_weak(&free))?;
+            // the fit of first moments may not live on stretches of its own making
+            if !other.report.flights.is_empty() {
+                found = other;
+            }
+        }
+    }
+    // A band about a wrong middle cuts flights short: once more about their own acceleration.
+    for _ in 0..2 {
+        match mean_acceleration(&found.report.flights) {
+            Some(mean)
+                if (mean - found.free_mps2).norm() > RECENTRE * found.free_mps2.norm() && mean.norm() >= least =>
+            {
+                let again = either(mean, is_weak(&mean))?;
+                if again.report.flight_frames() < found.report.flight_frames() {
+                    break;
+                }
+                found = again;
+            }
+            _ => break,
+        }
+    }
+    Ok(found)
+}
+
+/// Mean acceleration of flights, weighted by their frames, m/s².
+pub(crate) fn mean_acceleration(flights: &[Flight]) -> Option<Vector3<f64>> {
+    let (mut sum, mut n) = (Vector3::zeros(), 0.0);
+    for flight in flights {
+        let mean = Vector3::from(flight.mean_acceleration_mps2);
+        if mean.iter().all(|x| x.is_finite()) {
+            sum += mean * flight.n_frames() as f64;
+            n += flight.n_frames() as f64;
+        }
+    }
+    (n > 0.0).then(|| sum / n)
+}
+
+/// What is searched for in a motion.
+#[derive(Clone, Copy)]
+struct Wanted {
+    /// Free acceleration, m/s².
+    free: Vector3<f64>,
+    /// Factor on the cut-off of the centre of mass.
+    slowness: f64,
+    /// Whether flights must have sharp edges.
+    sharp: bool,
+}
+
+/// Flights in which the centre of mass accelerates with `free`.
+fn search_about(
+    mut com: CenterOfMass,
+    motion: &Motion,
+    options: &FlightOptions,
+    wanted: Wanted,
+) -> Result<Found, FlightError> {
+    let Wanted { free, slowness, sharp } = wanted;
+    let rate_hz = motion.rate_hz;
+    let mut report = FlightReport { trial: motion.trial.clone(), rate_hz, ..FlightReport::default() };
+    let shortest = (shortest_frames(rate_hz, options) as f64 * haste(free.norm())).round().max(6.0) as usize;
+    let guard = |seconds: f64| (seconds / slowness * rate_hz - 1e-9).ceil().max(0.0) as usize;
+    let (takeoff_guard, landing_guard) = (guard(options.takeoff_guard_s), guard(options.landing_guard_s));
+    let longest = longest_frames(free.norm(), rate_hz, options);
+    let stretches_of = |com: &CenterOfMass, widen: f64| -> Result<Vec<Range<usize>>, FlightError> {
+        Ok(Acceleration::of(&com.position_m, motion, options, slowness)?.stretches(&free, options, widen, |_| true))
+    };
+
+    let mut stretches;
     if options.refine {
         // Wide bands first: a wrong prior bends the path; then the bands as stated.
+        stretches = stretches_of(&com, 1.6)?;
         for widen in [1.3, 1.0] {
-            let inner: Vec<Range<usize>> = stretches
-                .iter()
-                .filter(|s| s.len() >= shortest && s.len() <= longest)
-                .map(|s| s.start + s.len() * 15 / 100..s.end - s.len() * 15 / 100)
-                .collect();
-            com.refine(&inner, rate_hz, options.com_prior_sd_m, 0.001);
-            stretches = falling_stretches(&com, motion, gravity, options, widen)?;
+            let inside: Vec<Range<usize>> =
+                stretches.iter().filter(|s| s.len() >= shortest && s.len() <= longest).map(inner).collect();
+            com.refine(&inside, rate_hz, options.com_prior_sd_m, 0.001);
+            stretches = stretches_of(&com, widen)?;
         }
     } else {
-        stretches = falling_stretches(&com, motion, gravity, options, 1.0)?;
+        stretches = stretches_of(&com, 1.0)?;
     }
 
+    let acceleration = Acceleration::of(&com.position_m, motion, options, slowness)?;
+    let longest_found = stretches.iter().map(Range::len).filter(|n| *n <= longest).max().unwrap_or(0) as f64;
     for stretch in stretches {
         if stretch.len() < shortest {
             continue;
@@ -54,6 +211,10 @@ pub fn from_motion(
         let (start, end) = (stretch.start, stretch.end);
         if stretch.len() > longest {
             report.rejected.push(Rejected { start, end, reason: RejectionReason::TooLong });
+            continue;
+        }
+        if sharp && (!acceleration.is_sharp(&stretch, &free) || (stretch.len() as f64) < BRIEF * longest_found) {
+            report.rejected.push(Rejected { start, end, reason: RejectionReason::Gradual });
             continue;
         }
         // Where the recording ends in the air there is no contact to keep away from, but the filter's own edge.
@@ -76,44 +237,5 @@ pub fn from_motion(
                 .into(),
         });
     }
-    report.apply_margin(options.margin_frames, shortest);
-    Ok(report)
-}
-
-/// Stretches in which the acceleration of the centre of mass is that of a falling body; bands are `widen` times those of the options.
-fn falling_stretches(
-    com: &CenterOfMass,
-    motion: &Motion,
-    gravity_mps2: f64,
-    options: &FlightOptions,
-    widen: f64,
-) -> Result<Vec<Range<usize>>, FlightError> {
-    let n = com.position_m.len();
-    let filter = LowPass { order: 2, cutoff_hz: options.com_cutoff_hz, correction: CutoffCorrection::None };
-    let filter = Butterworth::design(filter, motion.rate_hz).map_err(|e| FlightError::Filter {
-        trial: motion.trial.clone(),
-        what: "centre of mass",
-        problem: e.to_string(),
-    })?;
-    let mut acceleration: [Vec<f64>; 3] = Default::default();
-    for (axis, out) in acceleration.iter_mut().enumerate() {
-        let mut channel: Vec<f64> = com.position_m.iter().map(|p| p[axis]).collect();
-        filter.filtfilt(&mut channel);
-        *out = derivatives(&channel, motion.rate_hz).1;
-    }
-    let vertical = options.vertical_band_g * widen * gravity_mps2;
-    let horizontal = options.horizontal_band_g * widen * gravity_mps2;
-    let falls = |frame: usize| {
-        let [x, y, z] = [0, 1, 2].map(|axis| acceleration[axis][frame]);
-        (z + gravity_mps2).abs() < vertical && x.hypot(y) < horizontal
-    };
-    let merge = (options.merge_s * motion.rate_hz).round() as usize;
-    let mut merged: Vec<Range<usize>> = Vec::new();
-    for run in runs_where(n, falls) {
-        match merged.last_mut() {
-            Some(last) if run.start - last.end <= merge && last.len().max(run.len()) > merge => last.end = run.end,
-            _ => merged.push(run),
-        }
-    }
-    Ok(merged)
+    Ok(Found { report, com_m: com.position_m, free_mps2: free })
 }

@@ -1,5 +1,6 @@
 //! Flights from plates: nothing touches any of them.
 
+use crate::free_acceleration::longest_frames;
 use crate::parabola::Parabola;
 use crate::tare::unloaded_tare;
 use crate::{EdgeSource, Flight, FlightOptions, FlightReport, FlightSource, PlateTare, Rejected, RejectionReason};
@@ -18,7 +19,8 @@ pub(crate) struct Unloaded {
 ///
 /// Each plate is tared by its own unloaded readings, a threshold tells loaded from unloaded, and edges are drawn in to where the force
 /// is lost in the noise. That no plate is loaded does not mean that nothing is: who stands on a box or beside the plates is no
-/// flight. So a stretch must have a loaded plate before and after, and where markers are seen their centroid must fall.
+/// flight. So a stretch must have a loaded plate before and after, and where markers are seen their centroid must fall freely: with an
+/// acceleration of roughly the stated gravity, or along a parabola of any other (frame rate, unit of length or support may be unknown).
 pub fn from_plates(trial: &Trial, n_frames: usize, rate_hz: f64, options: &FlightOptions) -> FlightReport {
     let (stretches, tare) = unloaded_stretches(trial, options);
     let mut report = FlightReport { trial: trial.name.clone(), rate_hz, tare, ..FlightReport::default() };
@@ -35,12 +37,14 @@ pub fn from_plates(trial: &Trial, n_frames: usize, rate_hz: f64, options: &Fligh
         let mut reject = |reason| report.rejected.push(Rejected { start, end, reason });
         if !(stretch.loaded_before && stretch.loaded_after) {
             reject(RejectionReason::NotBounded);
-        } else if stretch.to_s - stretch.from_s > options.max_duration_s {
+            continue;
+        }
+        let centroid = centroid_fall(trial, start, end);
+        let free_mps2 = centroid.as_ref().map_or(options.gravity_mps2, |c| c.acceleration_mps2.norm());
+        if options.gravity_mps2 > 0.0 && frames.len() > longest_frames(free_mps2, rate_hz, options) {
             reject(RejectionReason::TooLong);
-        } else if let Some(vertical_mps2) = centroid_acceleration(trial, start, end)
-            && !(-16.0..-4.0).contains(&vertical_mps2)
-        {
-            reject(RejectionReason::NotFalling { vertical_mps2 });
+        } else if let Some(centroid) = centroid.filter(|c| !c.is_free(options)) {
+            reject(RejectionReason::NotFalling { vertical_mps2: centroid.acceleration_mps2.z });
         } else {
             report.flights.push(Flight {
                 start,
@@ -134,15 +138,35 @@ fn intersect(a: &[Unloaded], b: &[Unloaded]) -> Vec<Unloaded> {
     out
 }
 
-/// Vertical acceleration of the centroid of the markers that are seen in all these frames, m/s²; `None` with fewer than five markers.
-pub(crate) fn centroid_acceleration(trial: &Trial, start: usize, end: usize) -> Option<f64> {
+/// How the centroid of the markers moves in a stretch.
+pub(crate) struct CentroidFall {
+    /// Mean acceleration, m/s².
+    pub acceleration_mps2: nalgebra::Vector3<f64>,
+    /// Root mean square distance from the parabola, over the height of the parabola's arc.
+    pub unsteadiness: f64,
+}
+
+impl CentroidFall {
+    /// Whether this can be free fall. The centroid is not the centre of mass (limbs move by some centimetres against it), so that this is a
+    /// coarse test: near the stated gravity any path will do, elsewhere it has to be a parabola.
+    fn is_free(&self, options: &FlightOptions) -> bool {
+        let g = options.gravity_mps2;
+        let share = self.acceleration_mps2.norm() / g;
+        g == 0.0
+            || (0.4..1.65).contains(&(-self.acceleration_mps2.z / g))
+            || (share > options.least_free_g && self.unsteadiness < 0.12)
+    }
+}
+
+/// The centroid of the markers that are seen in all these frames; `None` with fewer than five.
+pub(crate) fn centroid_fall(trial: &Trial, start: usize, end: usize) -> Option<CentroidFall> {
     let n = end.min(trial.markers.n_frames).checked_sub(start)?;
-    let mut heights = vec![nalgebra::Vector3::zeros(); n];
+    let mut path = vec![nalgebra::Vector3::zeros(); n];
     let mut seen = 0.0;
     for track in &trial.markers.trajectories {
         let part = track.get(start..start + n)?;
         if part.iter().all(|p| p.iter().all(|x| x.is_finite())) {
-            for (sum, p) in heights.iter_mut().zip(part) {
+            for (sum, p) in path.iter_mut().zip(part) {
                 *sum += p;
             }
             seen += 1.0;
@@ -151,8 +175,16 @@ pub(crate) fn centroid_acceleration(trial: &Trial, start: usize, end: usize) -> 
     if seen < 5.0 {
         return None;
     }
-    for sum in &mut heights {
+    for sum in &mut path {
         *sum /= seen;
     }
-    Some(Parabola::fit(&heights, 0..n, trial.markers.rate_hz)?.acceleration_mps2().z)
+    let rate_hz = trial.markers.rate_hz;
+    let parabola = Parabola::fit(&path, 0..n, rate_hz)?;
+    let acceleration_mps2 = parabola.acceleration_mps2();
+    let off = |(frame, p): (usize, &nalgebra::Vector3<f64>)| {
+        (p - parabola.at((frame as f64 - 0.5 * n as f64) / rate_hz)).norm_squared()
+    };
+    let rms = (path.iter().enumerate().map(off).sum::<f64>() / n as f64).sqrt();
+    let arc = acceleration_mps2.norm() * (n as f64 / rate_hz).powi(2) / 8.0;
+    Some(CentroidFall { acceleration_mps2, unsteadiness: if arc > 0.0 { rms / arc } else { f64::INFINITY } })
 }

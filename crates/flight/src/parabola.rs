@@ -34,6 +34,11 @@ impl Parabola {
         Some(Self { coefficients })
     }
 
+    /// Position at a time from the middle of the stretch, m.
+    pub(crate) fn at(&self, t: f64) -> Vector3<f64> {
+        self.coefficients[0] + self.coefficients[1] * t + self.coefficients[2] * (t * t)
+    }
+
     /// Constant acceleration, m/s².
     pub(crate) fn acceleration_mps2(&self) -> Vector3<f64> {
         self.coefficients[2] * 2.0

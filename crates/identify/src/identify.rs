@@ -486,19 +486,12 @@ impl Fit {
         options: &IdentifyOptions,
     ) -> Result<Vec<LinkEstimate>, IdentifyError> {
         let row_variance = (self.row_sd * self.row_sd).max(f64::MIN_POSITIVE);
-        let consistent = consistent_links(
-            merged,
-            base,
-            mass_kg,
-            prior,
-            &LinkOptions {
-                row_variance,
-                prior_weight: if self.prior_weight > 0.0 { self.prior_weight } else { 1.0 },
-                divergence_weight: options.divergence_weight,
-            },
-        )?;
+        let prior_weight = if self.prior_weight > 0.0 { self.prior_weight } else { 1.0 };
+        let divergence_weight = options.divergence_weight;
+        let weights = LinkOptions { row_variance, prior_weight, divergence_weight };
+        let consistent = consistent_links(merged, base, mass_kg, prior, &weights)?;
         let variances: Vec<[Variance; 10]> = match &self.uncertainty {
-            Some(uncertainty) => uncertainty.links(&consistent, merged, base, row_variance),
+            Some(uncertainty) => uncertainty.links(&consistent, merged, base, prior, row_variance, prior_weight),
             None => {
                 let of = |(j, phi): (usize, &Phi)| {
                     let by = gradient(phi);

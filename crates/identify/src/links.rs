@@ -204,10 +204,12 @@ impl Problem {
             .cholesky()
             .ok_or_else(|| IdentifyError::Numeric("the curvature of the link problem is singular".to_owned()))?
             .inverse();
-        // as for the base parameters: noise of the rows, and the bias that the prior's own spread leaves under a weight other than one
-        let extra = self.prior_weight * self.prior_weight - self.prior_weight;
-        let middle = hessian + DMatrix::identity(m, m) * extra;
-        let bias = &middle - self.rows.tr_mul(&self.rows);
+        // noise of the rows, and what the prior and the divergence pull away from the truth: with curvature λ + μD of both, and a truth that
+        // lies about the prior with unit variance, the pull has the variance (λ + μD)²
+        let by_rows = self.rows.tr_mul(&self.rows);
+        let pull = &hessian - &by_rows;
+        let bias = &pull * &pull;
+        let middle = by_rows + &bias;
         let response = &self.root * &inverse * self.root.transpose();
         let known = &self.root * (&inverse * bias * &inverse) * self.root.transpose();
         let covariance = &self.root * (&inverse * middle * &inverse) * self.root.transpose();

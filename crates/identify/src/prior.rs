@@ -54,6 +54,8 @@ pub struct LinkPrior {
     pub mean: DVector<f64>,
     /// Covariance of the stacked φ, (10 n)².
     pub covariance: DMatrix<f64>,
+    /// Its part of second order in the shifts of the centres of mass, which inertias about the centres of mass do not share.
+    pub second_order: DMatrix<f64>,
 }
 
 /// Shears vary with this share of the radii's standard deviation.
@@ -119,11 +121,14 @@ impl LinkPrior {
             }
         }
         let mut covariance = &map * numbers * map.transpose();
+        let mut second_order = DMatrix::zeros(10 * n, 10 * n);
         for (i, (link, sd)) in links.iter().zip(sd).enumerate() {
             let mut block = covariance.fixed_view_mut::<10, 10>(10 * i, 10 * i);
-            block += of_second_order(link.mass_kg, sd.com_m);
+            let own = of_second_order(link.mass_kg, sd.com_m);
+            block += own;
+            second_order.fixed_view_mut::<10, 10>(10 * i, 10 * i).copy_from(&own);
         }
-        Ok(Self { links: links.to_vec(), mean, covariance })
+        Ok(Self { links: links.to_vec(), mean, covariance, second_order })
     }
 
     /// The same prior in base parameters.

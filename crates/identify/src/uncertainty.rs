@@ -12,9 +12,11 @@
 //!
 //! The parts add up, and their degrees of freedom combine after Satterthwaite ([`crate::interval::satterthwaite`]).
 
+use crate::LinkPrior;
 use crate::clusters::Clusters;
 use crate::interval::satterthwaite;
 use crate::links::{ConsistentLinks, gradient};
+use crate::prior::covariance_root;
 use aloft_body::BaseParameters;
 use aloft_regressor::{Factor, Slides, StretchKind};
 use nalgebra::{DMatrix, DVector};
@@ -154,7 +156,9 @@ impl Uncertainty {
         links: &ConsistentLinks,
         merged: &Factor,
         base: &BaseParameters,
+        prior: &LinkPrior,
         row_variance: f64,
+        prior_weight: f64,
     ) -> Vec<[Variance; 10]> {
         let n = links.phi.len();
         let mut gradients = DMatrix::zeros(10 * n, 10 * n);
@@ -175,7 +179,20 @@ impl Uncertainty {
                 by_rows.rows_mut(p - 1, k).copy_from(&(-eliminated));
             }
         }
-        let known: Vec<f64> = gradients.column_iter().map(|c| c.dot(&(&links.known * c)).max(0.0)).collect();
+        let all_known = by_columns(&gradients, &links.known);
+        // shifts of second order move moments about the origin, not those about the centre of mass
+        let beyond = covariance_root(&prior.covariance).ok().and_then(DMatrix::try_inverse).map(|inverse| {
+            let back = inverse.tr_mul(&inverse) * (&follow * prior_weight);
+            by_columns(&back, &prior.second_order)
+        });
+        let known: Vec<f64> = all_known
+            .iter()
+            .enumerate()
+            .map(|(k, all)| {
+                let second = beyond.as_ref().filter(|_| k % 10 >= 4).map_or(0.0, |b| b[k]);
+                all - second.min(0.9 * all)
+            })
+            .collect();
         let functions = self.clusters.functions(&by_rows);
         let all = self.together(&functions, &self.rows(&functions).0, &known);
         (0..n).map(|j| std::array::from_fn(|i| all[10 * j + i])).collect()
@@ -187,6 +204,12 @@ impl Uncertainty {
 pub fn jackknife_freedom(shares: &[f64]) -> f64 {
     let (sum, squares) = shares.iter().fold((0.0, 0.0), |s, h| (s.0 + h, s.1 + h * h));
     if squares > 0.0 { (sum * sum / squares - 1.0).max(1.0) } else { (shares.len() as f64 - 1.0).max(1.0) }
+}
+
+/// `cᵀ M c` of every column c.
+fn by_columns(columns: &DMatrix<f64>, m: &DMatrix<f64>) -> Vec<f64> {
+    let product = m * columns;
+    columns.column_iter().zip(product.column_iter()).map(|(c, p)| c.dot(&p).max(0.0)).collect()
 }
 
 /// Standard deviations of some variances.

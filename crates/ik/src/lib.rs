@@ -11,6 +11,7 @@ mod bridge;
 mod calibrate;
 mod error;
 mod frame;
+mod marker_errors;
 mod normal;
 mod options;
 mod problem;
@@ -25,6 +26,7 @@ pub use calibrate::{
     calibrate_clips, shares,
 };
 pub use error::IkError;
+pub use marker_errors::MarkerErrors;
 pub use options::IkOptions;
 pub use report::{IkReport, MarkerFit};
 pub use smooth::{SmoothError, smooth};

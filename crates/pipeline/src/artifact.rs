@@ -5,7 +5,7 @@ use crate::graph::Job;
 use crate::table::Table;
 use crate::workspace::{WHOLE_STUDY, read_json, write_json};
 use aloft_body::{Model, Motion, Subject};
-use aloft_trial::{ComputedPoint, Event, Markers, Plate, Trial};
+use aloft_trial::{ComputedPoint, Event, Markers, Plate, RecordedAt, SessionRecording, Trial};
 use nalgebra::{Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -21,6 +21,8 @@ struct TrialHead {
     events: Vec<Event>,
     computed: Vec<ComputedHead>,
     world_from_source: Rotation3<f64>,
+    recorded: Option<RecordedAt>,
+    start_s: f64,
     warnings: Vec<String>,
 }
 
@@ -73,6 +75,8 @@ pub fn save_trial(dir: &Path, trial: &Trial) -> Result<(), PipelineError> {
             .map(|c| ComputedHead { label: c.label.clone(), kind: c.kind.clone(), unit: c.unit.clone() })
             .collect(),
         world_from_source: trial.world_from_source,
+        recorded: trial.recorded.clone(),
+        start_s: trial.start_s,
         warnings: trial.warnings.clone(),
     };
     write_json(&dir.join("trial.json"), &head)?;
@@ -117,9 +121,26 @@ pub fn load_markers(dir: &Path) -> Result<Trial, PipelineError> {
     load(head, dir, true)
 }
 
+/// Marker rate of an imported recording, Hz.
+pub fn trial_rate(dir: &Path) -> Result<f64, PipelineError> {
+    Ok(read_json::<TrialHead>(&dir.join("trial.json"))?.rate_hz)
+}
+
 /// Frames of an imported recording.
 pub fn trial_length(dir: &Path) -> Result<usize, PipelineError> {
     Ok(read_json::<TrialHead>(&dir.join("trial.json"))?.n_frames)
+}
+
+/// When an imported recording was made and how long it is, for its place in the session.
+pub fn session_recording(dir: &Path, needed: bool) -> Result<SessionRecording, PipelineError> {
+    let head: TrialHead = read_json(&dir.join("trial.json"))?;
+    Ok(SessionRecording {
+        duration_s: head.n_frames as f64 / head.rate_hz,
+        name: head.name,
+        recorded: head.recorded,
+        start_s: head.start_s,
+        needed,
+    })
 }
 
 fn load(head: TrialHead, dir: &Path, points: bool) -> Result<Trial, PipelineError> {
@@ -157,6 +178,8 @@ fn load(head: TrialHead, dir: &Path, points: bool) -> Result<Trial, PipelineErro
         events: head.events,
         computed,
         world_from_source: head.world_from_source,
+        recorded: head.recorded,
+        start_s: head.start_s,
         warnings: head.warnings,
     })
 }

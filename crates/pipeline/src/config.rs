@@ -408,6 +408,8 @@ CalibrateConfig {
     /// Number of frames used, over all trials.
     #[schemars(range(min = 10, max = 100_000))]
     frames: usize = 300,
+    /// Whether recordings held out for comparison (`trials: validate`) take part as well. By default they do not: held out means held out.
+    validation: bool = false,
 }}
 
 /// On, off, or decided from held-out data.
@@ -555,11 +557,11 @@ IdentifyConfig {
     prior_weight: f64 = 0.0,
     /// Whether plate-measured contact stretches of the identification trials take part.
     contact: bool = false,
-    /// Bootstrap resamples over flights for the intervals.
+    /// Bootstrap resamples over flights. Intervals do not use them: they come from the spread among flights with Student's t.
     #[schemars(range(min = 0, max = 100_000))]
-    bootstrap: usize = 200,
-    /// Correlation of errors from flight to flight, 0 to 1, which no resampling can see (soft tissue, joint centres beside their place);
-    /// where not given 0.2 for people and 0 for rigid objects.
+    bootstrap: usize = 0,
+    /// Correlation of errors from flight to flight, 0 to 1, as a further allowance for what repeats; none where not given. Soft tissue of
+    /// people is allowed for in any case, as a random effect of the size that the marker residuals show.
     #[schemars(range(min = 0.0, max = 1.0))]
     repeat_correlation: Option<f64> = None,
 }}

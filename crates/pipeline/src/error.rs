@@ -46,6 +46,20 @@ pub enum PipelineError {
         /// What is wrong.
         problem: String,
     },
+    /// A file of the workspace is not what was written.
+    #[error("{} is damaged: {problem}", path.display())]
+    #[diagnostic(
+        code(aloft::damaged),
+        help(
+            "`aloft verify` shows everything that is damaged; `aloft run`, `discover` or `parameters --assess` write their results again"
+        )
+    )]
+    Damaged {
+        /// Where.
+        path: PathBuf,
+        /// What is wrong.
+        problem: String,
+    },
     /// A command or configuration asks for something that is not there.
     #[error("{problem}")]
     #[diagnostic(code(aloft::request))]

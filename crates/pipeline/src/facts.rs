@@ -20,6 +20,9 @@ pub struct Facts {
     pub gravity_mps2: f64,
     /// Where each fact was found, for the report.
     pub sources: Vec<String>,
+    /// Recordings in the order in which the laboratory lists them (`trials: [{file: …}, …]`), without endings; empty where it does not.
+    #[serde(default)]
+    pub recordings: Vec<String>,
 }
 
 /// Where facts may lie.
@@ -55,6 +58,9 @@ struct FactsFile {
     #[schemars(range(min = GRAVITY_MPS2.0, max = GRAVITY_MPS2.1))]
     gravity_m_s2: Option<f64>,
     lab: Option<LabFacts>,
+    /// Recordings, as a list of names or of entries with `file`; any other shape is the laboratory's own business.
+    #[schemars(with = "serde_json::Value")]
+    trials: Option<serde_yaml::Value>,
 }
 
 #[derive(Debug, Default, Clone, Deserialize, JsonSchema)]
@@ -101,6 +107,7 @@ impl FactsFile {
             total_mass_kg: self.total_mass_kg.or(other.total_mass_kg),
             gravity_m_s2: self.gravity_m_s2.or(other.gravity_m_s2),
             lab: self.lab.or(other.lab),
+            trials: self.trials.or(other.trials),
         }
     }
 }
@@ -229,7 +236,17 @@ pub(crate) fn find_facts(
             .or(gravity_in_lab)
             .unwrap_or(aloft_body::STANDARD_GRAVITY_MPS2),
         sources,
+        recordings: facts.trials.as_ref().map(listed).unwrap_or_default(),
     })
+}
+
+/// Names of recordings in a list, without endings.
+fn listed(trials: &serde_yaml::Value) -> Vec<String> {
+    let name = |entry: &serde_yaml::Value| {
+        let file = entry.as_str().or_else(|| entry.get("file")?.as_str())?;
+        Some(crate::study::stem_of(Path::new(file)))
+    };
+    trials.as_sequence().map(|list| list.iter().filter_map(name).collect()).unwrap_or_default()
 }
 
 /// Name of the table of participants (BIDS).

@@ -3,7 +3,10 @@
 use crate::error::{PipelineError, StageFailure};
 use crate::stages::STAGES;
 use crate::study::{Role, Study, TrialEntry};
-use crate::workspace::{Manifest, WHOLE_STUDY, Workspace};
+use crate::workspace::{Manifest, ROLE, WHOLE_STUDY, Workspace};
+use rayon::prelude::*;
+use serde::Serialize;
+use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
@@ -37,12 +40,12 @@ pub struct Done {
     /// What was odd, in words.
     pub warnings: Vec<String>,
     /// Figures for tables.
-    pub summary: BTreeMap<String, serde_json::Value>,
+    pub summary: BTreeMap<String, Value>,
 }
 
 impl Done {
     /// Adds a figure.
-    pub fn note(&mut self, key: &str, value: impl Into<serde_json::Value>) {
+    pub fn note(&mut self, key: &str, value: impl Into<Value>) {
         self.summary.insert(key.to_owned(), value.into());
     }
 }
@@ -63,7 +66,7 @@ pub struct Stage {
     /// What it reads, for the graph.
     pub needs: &'static [Need],
     /// The parameters that it sees.
-    pub parameters: fn(&Study, Option<&TrialEntry>) -> serde_json::Value,
+    pub parameters: fn(&Study, Option<&TrialEntry>) -> Value,
     /// The work: reads through the job, writes into `job.out`.
     pub run: fn(&Job<'_>) -> Result<Done, StageFailure>,
 }
@@ -75,6 +78,47 @@ impl Stage {
             Scope::Study => vec![None],
             Scope::Trial(roles) => study.included().filter(|t| roles.contains(&t.role)).map(Some).collect(),
         }
+    }
+}
+
+/// A parameter as it stands in a manifest. Different values are different keys: NaN, the infinities and −0 have words of their own,
+/// where JSON has `null` or `-0.0` that equals zero.
+pub fn key(value: &impl Serialize) -> Value {
+    // YAML knows the numbers that JSON does not
+    serde_yaml::to_value(value).map_or_else(|e| Value::String(format!("cannot be written: {e}")), of_yaml)
+}
+
+fn of_yaml(value: serde_yaml::Value) -> Value {
+    use serde_yaml::Value as Yaml;
+    match value {
+        Yaml::Null => Value::Null,
+        Yaml::Bool(b) => Value::Bool(b),
+        Yaml::String(s) => Value::String(s),
+        Yaml::Sequence(all) => Value::Array(all.into_iter().map(of_yaml).collect()),
+        Yaml::Number(n) => {
+            let whole = n.as_u64().map(Value::from).or_else(|| n.as_i64().map(Value::from));
+            whole.unwrap_or_else(|| of_float(n.as_f64().unwrap_or(f64::NAN)))
+        }
+        Yaml::Mapping(all) => Value::Object(
+            all.into_iter()
+                .map(|(k, v)| {
+                    let name = match k {
+                        Yaml::String(s) => s,
+                        other => of_yaml(other).to_string(),
+                    };
+                    (name, of_yaml(v))
+                })
+                .collect(),
+        ),
+        Yaml::Tagged(tagged) => Value::Object([(tagged.tag.to_string(), of_yaml(tagged.value))].into_iter().collect()),
+    }
+}
+
+fn of_float(x: f64) -> Value {
+    if x.is_finite() && (x != 0.0 || x.is_sign_positive()) {
+        Value::from(x)
+    } else {
+        Value::Object([("float".to_owned(), Value::String(format!("{x:?}")))].into_iter().collect())
     }
 }
 
@@ -113,6 +157,10 @@ pub struct Inputs {
     pub ready: Vec<(String, String)>,
     /// Upstream results without which the task cannot run, with the reason.
     pub blocked_by: Vec<String>,
+    /// Upstream results that are damaged: they must be made again before they are read.
+    pub damaged: Vec<String>,
+    /// What is wrong with the files of the task's own result.
+    pub own_damage: Vec<String>,
 }
 
 /// The manifests of a workspace, read once.
@@ -132,6 +180,17 @@ impl Manifests {
             }
         }
         Self(all)
+    }
+    /// The same, with every file of the results compared with its hash, side by side.
+    pub fn read_and_examine(study: &Study, workspace: &Workspace, stages: &[&Stage]) -> Self {
+        let tasks: Vec<(&str, &str)> = stages
+            .iter()
+            .flat_map(|s| s.tasks(study).into_iter().map(|t| (s.name, t.map_or(WHOLE_STUDY, |t| t.name.as_str()))))
+            .collect();
+        tasks.par_iter().for_each(|(stage, trial)| {
+            workspace.damage(stage, trial);
+        });
+        Self::read(study, workspace, stages)
     }
     /// The manifest of a result.
     pub fn get(&self, stage: &str, trial: &str) -> Option<&Manifest> {
@@ -166,17 +225,30 @@ pub fn inputs(
     workspace: &Workspace,
     manifests: &Manifests,
 ) -> Result<Inputs, PipelineError> {
-    let mut out = Inputs { hashes: BTreeMap::new(), ready: Vec::new(), blocked_by: Vec::new() };
-    let upstream = |out: &mut Inputs, name: &str, of: &str, required: bool| match (
-        manifests.get(name, of),
-        manifests.trouble(name, of),
-    ) {
-        (Some(m), None) => {
-            out.hashes.insert(format!("{name}/{of}"), m.output.clone());
-            out.ready.push((name.to_owned(), of.to_owned()));
+    let own = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
+    let mut out = Inputs {
+        hashes: BTreeMap::new(),
+        ready: Vec::new(),
+        blocked_by: Vec::new(),
+        damaged: Vec::new(),
+        own_damage: workspace.damage(stage.name, own),
+    };
+    let upstream = |out: &mut Inputs, name: &str, of: &str, required: bool| {
+        if !workspace.damage(name, of).is_empty() {
+            out.damaged.push(if of == WHOLE_STUDY { format!("`{name}`") } else { format!("`{name}` for {of}") });
         }
-        (_, Some(reason)) if required => out.blocked_by.push(reason),
-        _ => {}
+        match (manifests.get(name, of), manifests.trouble(name, of)) {
+            (Some(m), None) => {
+                out.hashes.insert(format!("{name}/{of}"), m.output.clone());
+                out.ready.push((name.to_owned(), of.to_owned()));
+                true
+            }
+            (_, Some(reason)) if required => {
+                out.blocked_by.push(reason);
+                false
+            }
+            _ => false,
+        }
     };
     for need in stage.needs {
         match need {
@@ -184,7 +256,13 @@ pub fn inputs(
                 if let Some(t) = trial {
                     for path in std::iter::once(&t.file).chain(&t.forces).chain(&t.beside) {
                         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-                        out.hashes.insert(format!("file {name}"), workspace.input_hash(path)?);
+                        // forces may lie in another folder under the same name
+                        let again = (2..).map(|i| format!("file {name} ({i})"));
+                        let key = std::iter::once(format!("file {name}")).chain(again);
+                        let hash = workspace.input_hash(path)?;
+                        if let Some(key) = key.into_iter().find(|k| !out.hashes.contains_key(k)) {
+                            out.hashes.insert(key, hash);
+                        }
                     }
                 }
             }
@@ -193,16 +271,22 @@ pub fn inputs(
                     upstream(&mut out, name, &t.name, true);
                 }
             }
-            Need::Once(name) => upstream(&mut out, name, WHOLE_STUDY, true),
+            Need::Once(name) => {
+                upstream(&mut out, name, WHOLE_STUDY, true);
+            }
             Need::Every(name, roles) => {
                 for t in study.included().filter(|t| roles.contains(&t.role)) {
-                    upstream(&mut out, name, &t.name, false);
+                    if upstream(&mut out, name, &t.name, false) {
+                        out.hashes.insert(format!("{ROLE}{}", t.name), t.role.word().to_owned());
+                    }
                 }
             }
             Need::EveryOrStaticFrames(name, roles) => {
                 let named = study.config.trials.static_frames.as_ref().map(|f| f.trial.as_str());
                 for t in study.included().filter(|t| roles.contains(&t.role) || named == Some(t.name.as_str())) {
-                    upstream(&mut out, name, &t.name, false);
+                    if upstream(&mut out, name, &t.name, false) {
+                        out.hashes.insert(format!("{ROLE}{}", t.name), t.role.word().to_owned());
+                    }
                 }
             }
         }
@@ -221,6 +305,8 @@ pub enum Standing {
     Missing,
     /// Made from something else than what is there now: what changed.
     Stale(Vec<String>),
+    /// Its files are not what was written: what is wrong with them.
+    Damaged(Vec<String>),
     /// Ran and failed.
     Failed(StageFailure),
     /// Cannot run, because of this.
@@ -235,6 +321,7 @@ impl Standing {
             Self::Warning => "warning",
             Self::Missing => "missing",
             Self::Stale(_) => "stale",
+            Self::Damaged(_) => "damaged",
             Self::Failed(_) => "failed",
             Self::Blocked(_) => "blocked",
         }
@@ -256,7 +343,13 @@ pub fn standing(
     if let Some(reason) = inputs.blocked_by.first() {
         return Standing::Blocked(reason.clone());
     }
+    if !inputs.own_damage.is_empty() {
+        return Standing::Damaged(inputs.own_damage.clone());
+    }
     let Some(m) = manifest else { return Standing::Missing };
+    if !inputs.damaged.is_empty() {
+        return Standing::Stale(inputs.damaged.iter().map(|d| format!("the result of {d} is damaged")).collect());
+    }
     let changes = m.differences(stage.version, &(stage.parameters)(study, trial), &inputs.hashes);
     if !changes.is_empty() {
         return Standing::Stale(changes);
@@ -265,5 +358,35 @@ pub fn standing(
         crate::workspace::Outcome::Failed(f) => Standing::Failed(f.clone()),
         crate::workspace::Outcome::Ok if m.warnings.is_empty() => Standing::Ok,
         crate::workspace::Outcome::Ok => Standing::Warning,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn prop_different_numbers_are_different_keys() {
+        let all: [Option<f64>; 9] = [
+            None,
+            Some(f64::NAN),
+            Some(f64::INFINITY),
+            Some(f64::NEG_INFINITY),
+            Some(0.0),
+            Some(-0.0),
+            Some(1.0),
+            Some(0.1),
+            Some(0.1 + f64::EPSILON / 8.0),
+        ];
+        for (i, a) in all.iter().enumerate() {
+            for (j, b) in all.iter().enumerate() {
+                assert_eq!(key(a) == key(b), i == j, "{a:?} and {b:?}");
+                // and through the file
+                let back: Value = serde_json::from_str(&key(a).to_string()).unwrap_or_default();
+                assert_eq!(back == key(b), i == j, "{a:?} and {b:?}");
+            }
+        }
+        assert_eq!(key(&json!({"a": [1, -2, true, "x", null, 2.5]})), json!({"a": [1, -2, true, "x", null, 2.5]}));
     }
 }

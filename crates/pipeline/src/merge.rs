@@ -154,6 +154,9 @@ fn inputs(tree: &Tree, node: Node, workspace: &Workspace, manifests: &Manifests)
 
 fn current(tree: &Tree, node: Node, workspace: &Workspace, manifests: &Manifests) -> Option<Manifest> {
     let manifest = workspace.manifest(FOLDER, &node.to_string()).filter(Manifest::is_ok)?;
+    if !workspace.damage(FOLDER, &node.to_string()).is_empty() {
+        return None;
+    }
     let now = inputs(tree, node, workspace, manifests)?;
     manifest.differences(VERSION, &json!({}), &now).is_empty().then_some(manifest)
 }
@@ -184,6 +187,13 @@ pub fn make(study: &Study, node: Node) -> Result<bool, PipelineError> {
     let started = Instant::now();
     let mut out: Vec<(Stretch, Factor)> = Vec::new();
     let fail = |f: StageFailure| PipelineError::Request { problem: f.problem, hint: f.hint };
+    for key in made_from.keys() {
+        if let Some((folder, name)) = key.split_once('/')
+            && let Some(problem) = workspace.damage(folder, name).into_iter().next()
+        {
+            return Err(PipelineError::Damaged { path: workspace.place(folder, name), problem });
+        }
+    }
     let mut below: Vec<Vec<(Stretch, Factor)>> = Vec::new();
     // in the order of the tree, which is not that of the names
     let parts: Vec<String> = match node.level {
@@ -219,10 +229,11 @@ pub fn make(study: &Study, node: Node) -> Result<bool, PipelineError> {
         warnings: Vec::new(),
         summary: BTreeMap::new(),
         output: String::new(),
+        files: BTreeMap::new(),
         seconds: started.elapsed().as_secs_f64(),
         program: env!("CARGO_PKG_VERSION").to_owned(),
     };
-    workspace.commit(&scratch, manifest)?;
+    workspace.commit(scratch, manifest)?;
     Ok(true)
 }
 

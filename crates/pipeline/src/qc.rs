@@ -86,7 +86,7 @@ reasons! {
     IkErrorLarge, "ik_error_large", Warning, "Markers miss the model by more than 20 mm (RMS).", "Look at labels and at the static trial.";
     UnsolvedFrames, "unsolved_frames", Warning, "Some frames have no posture.", "Fill gaps of the root segment's markers.";
     NoFlight, "no_flight", Warning, "No flight was found in a trial meant to identify from.", "Look at `flight` in the pipeline, or hold the trial out.";
-    FreeFallOff, "free_fall_off", Warning, "The centre of mass does not fall with g within 10 % in flight.", "Look at markers, at the time base and at plate thresholds.";
+    FreeFallOff, "free_fall_off", Warning, "The free acceleration in flight differs from the stated gravity in size or direction, beyond its uncertainty.", "`aloft explain` names the ratio and what explains it: frame rate, unit of length, body-weight support, vertical.";
     ComparisonLarge, "comparison_large", Warning, "Model and measurement differ by more than 5 % of body weight (mean absolute force).", "See `aloft compare` and `aloft discover`.";
     WeaklyIdentified, "weakly_identified", Warning, "The flights of this session do not determine all parameters.", "Record more flights, with stronger motion of the limbs.";
     UntaredPlate, "untared_plate", Ok, "A plate is never unloaded, so that its zero is not known; the comparison takes one constant off.", "Let the subject step off the plates once in each recording.";

@@ -142,13 +142,13 @@ impl Walk<'_> {
         let found = match value {
             Value::String(s) => format!("`{s}`"),
             Value::Bool(b) => b.to_string(),
-            other => number(other).map_or_else(|| "no number".to_owned(), |x| format!("{x}")),
+            other => number(other).map_or_else(|| "no number".to_owned(), shortest),
         };
         let kind = if whole { "a whole number" } else { "a number" };
         let range = match (low, high) {
-            (Some(l), Some(h)) => format!("{kind} from {l} to {h}"),
-            (Some(l), None) => format!("{kind} from {l} on"),
-            (None, Some(h)) => format!("{kind} up to {h}"),
+            (Some(l), Some(h)) => format!("{kind} from {} to {}", shortest(l), shortest(h)),
+            (Some(l), None) => format!("{kind} from {} on", shortest(l)),
+            (None, Some(h)) => format!("{kind} up to {}", shortest(h)),
             (None, None) => kind.to_owned(),
         };
         Some(Outside {
@@ -157,6 +157,11 @@ impl Walk<'_> {
             hint: schema.get("description").and_then(Json::as_str).map(str::to_owned),
         })
     }
+}
+
+/// A number without a row of zeros.
+fn shortest(x: f64) -> String {
+    if x != 0.0 && x.is_finite() && !(1e-4..1e7).contains(&x.abs()) { format!("{x:e}") } else { format!("{x}") }
 }
 
 /// Whether a schema asks for a number and nothing else (null aside), and whether for a whole one.

@@ -1,7 +1,7 @@
 //! Revisions of a model: which effects it holds. Each `effect add` or `remove` writes a new one; the old stay.
 
 use crate::error::PipelineError;
-use crate::workspace::{read_json, write_json_whole};
+use crate::seal;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -38,6 +38,10 @@ pub struct Reached {
     /// Hash of the comparison that says so.
     #[serde(default)]
     pub from: String,
+    /// Hash of the settings and recordings that it was made from, without the effects: errors of revisions that differ in it cannot be
+    /// compared.
+    #[serde(default)]
+    pub made_with: String,
     /// In flight: held-out error over weak windows, N (force root mean square, with moments over a lever of 0.1 m), and what noise alone
     /// makes of it. None without flights.
     #[serde(default)]
@@ -87,16 +91,27 @@ impl From<StoredCoefficient> for ReachedCoefficient {
     }
 }
 
-/// An error, and what noise alone makes of it.
+/// A held-out error over weak windows, and the noise floor: what a perfect model would leave.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Judged {
     /// Error, N.
     pub error_n: f64,
-    /// Noise alone, N; none where it is not known.
+    /// The noise floor, N; none where it is not known.
     pub noise_n: Option<f64>,
+    /// 95 % interval of the floor, N: where the error of a perfect model falls.
+    #[serde(default)]
+    pub noise_ci95: Option<[f64; 2]>,
 }
 
 impl Judged {
+    /// Error over floor.
+    pub fn times_floor(&self) -> Option<f64> {
+        self.noise_n.map(|n| self.error_n / n).filter(|t| t.is_finite())
+    }
+    /// True where a perfect model could have left as much.
+    pub fn at_floor(&self) -> Option<bool> {
+        self.noise_ci95.map(|[_, most]| self.error_n <= most)
+    }
     /// Share of the mean square that noise does not explain.
     pub fn explainable(&self) -> Option<f64> {
         let noise = self.noise_n?;
@@ -122,11 +137,16 @@ pub struct Revision {
 pub struct Revisions {
     /// In order.
     pub revisions: Vec<Revision>,
+    /// The revision that `effect add` or `effect remove` is making: it counts once its results are there. One that stands here while nobody
+    /// holds the workspace was interrupted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pending: Option<Revision>,
 }
 
 impl Default for Revisions {
     fn default() -> Self {
-        Self { revisions: vec![Revision { number: 0, action: "start".into(), effects: Vec::new(), reached: None }] }
+        let first = Revision { number: 0, action: "start".into(), effects: Vec::new(), reached: None };
+        Self { revisions: vec![first], pending: None }
     }
 }
 
@@ -134,16 +154,20 @@ impl Revisions {
     /// Reads `model.json` of a workspace; the plain model where there is none.
     pub fn load(workspace: &Path) -> Result<Self, PipelineError> {
         let path = workspace.join("model.json");
-        if !path.is_file() {
-            return Ok(Self::default());
-        }
-        let all: Self = read_json(&path)?;
+        let read = seal::read_if_there::<Self>(&path).map_err(|e| match e {
+            PipelineError::Damaged { path, problem } => PipelineError::request_hint(
+                format!("{} is damaged: {problem}", path.display()),
+                "put back a copy of it; without the file the model is the plain one, and its effects can be added again",
+            ),
+            other => other,
+        });
+        let Some(all) = read? else { return Ok(Self::default()) };
         if all.revisions.is_empty() { Ok(Self::default()) } else { Ok(all) }
     }
 
     /// Writes it, whole or not at all.
     pub fn save(&self, workspace: &Path) -> Result<(), PipelineError> {
-        write_json_whole(&workspace.join("model.json"), self)
+        seal::write_whole(&workspace.join("model.json"), self)
     }
 
     /// Effects of the present revision.
@@ -157,8 +181,8 @@ impl Revisions {
         reached.map(|r| r.base.iter().map(|b| b.1).collect()).unwrap_or_default()
     }
 
-    /// Appends a revision.
-    pub fn push(&mut self, action: String, effects: Vec<ModelEffect>) {
-        self.revisions.push(Revision { number: self.revisions.len(), action, effects, reached: None });
+    /// The revision that would follow.
+    pub fn next(&self, action: String, effects: Vec<ModelEffect>) -> Revision {
+        Revision { number: self.revisions.len(), action, effects, reached: None }
     }
 }

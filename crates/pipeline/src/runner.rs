@@ -1,15 +1,18 @@
 //! Runs the stages of a study: what is stale, in order, trials side by side; a failure never stops the others. Subjects and
 //! sessions go side by side, too: all their trials share one pool of threads.
 
+use crate::disk;
 use crate::error::{PipelineError, StageFailure};
 use crate::graph::{self, Job, Manifests, Stage, Standing};
 use crate::lanes::Lanes;
 pub use crate::progress::{Plan, Progress, Silent};
+use crate::revision::Revisions;
 use crate::stages::STAGES;
 use crate::studies::StudySet;
 use crate::study::{Study, StudyId, TrialEntry};
-use crate::workspace::{Manifest, Outcome, WHOLE_STUDY, Workspace};
+use crate::workspace::{Manifest, Outcome, WHOLE_STUDY, Workspace, WorkspaceLock};
 use globset::{Glob, GlobSet, GlobSetBuilder};
+use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -77,6 +80,8 @@ pub struct TaskReport {
 pub struct RunReport {
     /// Every task in order of stages, then trials.
     pub tasks: Vec<TaskReport>,
+    /// What the run found in the workspace and mended, or left alone, in words.
+    pub notes: Vec<String>,
     /// Wall time, s.
     pub seconds: f64,
 }
@@ -225,6 +230,16 @@ pub fn run(study: &Study, selection: &Selection, progress: &dyn Progress) -> Res
     done
 }
 
+/// Brings everything up to date for somebody who holds the workspace already; the study's effects are taken as they are.
+pub fn run_held(study: &Study, _held: &WorkspaceLock, progress: &dyn Progress) -> Result<RunReport, PipelineError> {
+    let range = (0, STAGES.len());
+    progress.begin(&plan(&[study], range, None));
+    let workspace = Workspace::open(&study.workspace);
+    let done = run_stages(study, &workspace, range, None, &Selection::default(), &Lanes::new(), progress);
+    progress.end();
+    done
+}
+
 /// Runs the selected stages of every member of a set. Their trials share the pool of threads; a member that cannot begin, or
 /// whose tasks fail, never stops the others. An error is one that concerns all: a wrong stage or pattern, a workspace in use.
 pub fn run_all(set: &StudySet, selection: &Selection, progress: &dyn Progress) -> Result<BatchReport, PipelineError> {
@@ -287,16 +302,45 @@ fn run_study(
     lanes: &Lanes,
     progress: &dyn Progress,
 ) -> Result<RunReport, PipelineError> {
-    let started = Instant::now();
     if filter.is_some_and(|f| !study.trials.iter().any(|t| f.is_match(&t.name))) {
         return Ok(RunReport::default());
     }
     let workspace = Workspace::open(&study.workspace);
     let _lock = if alone(selection) { Some(workspace.lock(selection.patience())?) } else { None };
     let _shared = if selection.shared && !selection.dry_run { Some(workspace.lock_shared()?) } else { None };
-    let mut manifests = Manifests::read(study, &workspace, STAGES);
+    // another process may have changed the model while this one waited
+    let study = &study.refreshed()?;
+    let mut notes = Vec::new();
+    if alone(selection) {
+        let mut model = Revisions::load(&study.workspace)?;
+        if let Some(pending) = model.pending.take() {
+            model.save(&study.workspace)?;
+            notes.push(format!("`effect {}` was interrupted; the model is the one before it", pending.action));
+        }
+    }
+    let mut report = run_stages(study, &workspace, (from, until), filter, selection, lanes, progress)?;
+    report.notes.splice(0..0, notes);
+    Ok(report)
+}
+
+fn run_stages(
+    study: &Study,
+    workspace: &Workspace,
+    (from, until): (usize, usize),
+    filter: Option<&GlobSet>,
+    selection: &Selection,
+    lanes: &Lanes,
+    progress: &dyn Progress,
+) -> Result<RunReport, PipelineError> {
+    let started = Instant::now();
+    // jobs of a cluster look at what they read only
+    let mut manifests = if selection.shared {
+        Manifests::read(study, workspace, STAGES)
+    } else {
+        Manifests::read_and_examine(study, workspace, STAGES)
+    };
     for stage in STAGES[..from].iter().copied() {
-        refuse_if_not_current(stage, &STAGES[from..until], study, filter, &workspace, &manifests)?;
+        refuse_if_not_current(stage, &STAGES[from..until], study, filter, workspace, &manifests)?;
     }
     let mut report = RunReport::default();
     let mut would_change: Vec<(String, String)> = Vec::new();
@@ -310,12 +354,21 @@ fn run_study(
             {
                 continue;
             }
-            let inputs = graph::inputs(stage, trial, study, &workspace, &manifests)?;
+            let inputs = graph::inputs(stage, trial, study, workspace, &manifests)?;
             let manifest = manifests.get(stage.name, name);
             let standing = graph::standing(stage, trial, study, &inputs, manifest);
             let upstream_changes = upstream_will_change(stage, trial, study, &would_change);
+            if let Standing::Damaged(problems) = &standing {
+                let whose = if trial.is_some() { format!(" of {name}") } else { String::new() };
+                let what = if selection.dry_run { "would be made again" } else { "made again" };
+                report.notes.push(format!("damaged: {}{whose}: {}; {what}", stage.name, problems.join("; ")));
+            }
             let ended = match standing {
                 Standing::Blocked(reason) if !upstream_changes => Some(Ended::Blocked(reason)),
+                // outside of what was chosen, else it had been made again by now
+                _ if !inputs.damaged.is_empty() && !upstream_changes => {
+                    Some(Ended::Blocked(format!("{} is damaged and was not chosen", inputs.damaged.join(", "))))
+                }
                 s if s.is_current() && !selection.force && !upstream_changes => Some(Ended::UpToDate),
                 _ if !selection.dry_run => {
                     todo.push(Task { trial, inputs });
@@ -325,6 +378,7 @@ fn run_study(
                     let reason = match s {
                         Standing::Missing => "never run".to_owned(),
                         Standing::Stale(changes) => changes.join("; "),
+                        Standing::Damaged(problems) => format!("damaged: {}", problems.join("; ")),
                         Standing::Failed(_) => "failed last time".to_owned(),
                         _ if upstream_changes => "an earlier stage runs".to_owned(),
                         _ => "--force".to_owned(),
@@ -344,11 +398,11 @@ fn run_study(
             let _alone = if selection.shared { Some(workspace.lock_task(stage.name, name)?) } else { None };
             if selection.shared
                 && !selection.force
-                && let Some(done) = made_meanwhile(stage, task, study, &workspace)
+                && let Some(done) = made_meanwhile(stage, task, study, workspace)
             {
                 return Ok(done);
             }
-            let (manifest, report) = run_task(stage, task, study, &workspace)?;
+            let (manifest, report) = run_task(stage, task, study, workspace)?;
             progress.task(&study.id, &report);
             Ok((manifest, report))
         });
@@ -428,6 +482,7 @@ fn refuse_if_not_current(
         let problem = match graph::standing(stage, trial, study, &inputs, manifests.get(stage.name, name)) {
             Standing::Missing => "has not run".to_owned(),
             Standing::Stale(changes) => format!("is stale ({})", changes.join("; ")),
+            Standing::Damaged(problems) => format!("is damaged ({})", problems.join("; ")),
             _ => continue,
         };
         return Err(PipelineError::request_hint(
@@ -446,13 +501,30 @@ fn made_meanwhile(
     workspace: &Workspace,
 ) -> Option<(Manifest, TaskReport)> {
     let name = task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
+    workspace.forget(stage.name, name);
     let manifest = workspace.manifest(stage.name, name)?;
-    if !graph::standing(stage, task.trial, study, &task.inputs, Some(&manifest)).is_current() {
+    let inputs = graph::Inputs { own_damage: workspace.damage(stage.name, name), ..task.inputs.clone() };
+    if !graph::standing(stage, task.trial, study, &inputs, Some(&manifest)).is_current() {
         return None;
     }
     let (trial, warnings) = (name.to_owned(), manifest.warnings.clone());
     let report = TaskReport { stage: stage.name, trial, ended: Ended::UpToDate, warnings, seconds: 0.0 };
     Some((manifest, report))
+}
+
+/// A recording that changed between its hash and its reading would give a result under a wrong name.
+fn unchanged_meanwhile(stage: &Stage, task: &Task<'_>, workspace: &Workspace) -> Result<(), StageFailure> {
+    let Some(trial) = task.trial.filter(|_| stage.needs.contains(&graph::Need::Recording)) else { return Ok(()) };
+    for path in std::iter::once(&trial.file).chain(&trial.forces).chain(&trial.beside) {
+        let hash = workspace.input_hash(path)?;
+        if !task.inputs.hashes.values().any(|h| *h == hash) {
+            return Err(StageFailure::with_hint(
+                format!("{} changed while it was read", path.display()),
+                "run again when nothing writes to the recordings",
+            ));
+        }
+    }
+    Ok(())
 }
 
 fn run_task(
@@ -477,12 +549,13 @@ fn run_task(
         ))
     });
     let seconds = started.elapsed().as_secs_f64();
+    let result = result.and_then(|done| unchanged_meanwhile(stage, task, workspace).map(|()| done));
     let (outcome, done) = match result {
         Ok(done) => (Outcome::Ok, done),
         Err(failure) => {
             // what a failed stage wrote is not a result
-            std::fs::remove_dir_all(&scratch).map_err(PipelineError::io("clear", &scratch))?;
-            std::fs::create_dir_all(&scratch).map_err(PipelineError::io("create", &scratch))?;
+            disk::remove_dir_all(&scratch)?;
+            disk::create_dir_all(&scratch)?;
             (Outcome::Failed(failure), graph::Done::default())
         }
     };
@@ -496,10 +569,11 @@ fn run_task(
         warnings: done.warnings.clone(),
         summary: done.summary,
         output: String::new(),
+        files: BTreeMap::new(),
         seconds,
         program: env!("CARGO_PKG_VERSION").to_owned(),
     };
-    let manifest = workspace.commit(&scratch, manifest)?;
+    let manifest = workspace.commit(scratch, manifest)?;
     let ended = match outcome {
         Outcome::Ok => Ended::Ran,
         Outcome::Failed(f) => Ended::Failed(f),

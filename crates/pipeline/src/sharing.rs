@@ -46,7 +46,10 @@ impl Workspace {
         // the one that makes the workspace holds it for a moment only
         for _ in 0..50 {
             match file.try_lock_shared() {
-                Ok(()) => return Ok(SharedLock { _file: file }),
+                Ok(()) => {
+                    crate::workspace::refuse_other_format(self.root())?;
+                    return Ok(SharedLock { _file: file });
+                }
                 Err(TryLockError::WouldBlock) => std::thread::sleep(std::time::Duration::from_millis(100)),
                 Err(TryLockError::Error(e)) => return Err(PipelineError::io("lock", &path)(e)),
             }

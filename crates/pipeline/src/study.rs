@@ -195,6 +195,7 @@ impl Study {
         )?;
         let own_effects = own_effects(&config, &file, text, &dir)?;
         check_formulas(&own_effects, &model)?;
+        crate::workspace::refuse_other_format(&place.workspace)?;
         let revisions = crate::revision::Revisions::load(&place.workspace)?;
         let (effects, plain_base) = (revisions.effects(), revisions.plain_base());
         Ok(Self {
@@ -229,7 +230,13 @@ impl Study {
             .map(|o| &o.spec)
             .collect();
         let bytes: Vec<u8> = self.plain_base.iter().flat_map(|x| x.to_le_bytes()).collect();
-        serde_json::json!({"model": self.effects, "own": own, "about": blake3::hash(&bytes).to_hex().to_string()})
+        let mut out = serde_json::json!({"model": crate::graph::key(&self.effects), "own": crate::graph::key(&own),
+            "about": blake3::hash(&bytes).to_hex().to_string()});
+        // the only effect that asks when in the session a recording was made
+        if self.effects.iter().any(|e| e.id() == crate::stages::regressor::DRIFT) {
+            out["recording_order"] = serde_json::json!(self.facts.recordings);
+        }
+        out
     }
 
     /// The same study with the effects of the model's latest revision.
@@ -320,11 +327,18 @@ pub fn is_bids(path: &Path) -> bool {
 pub fn bids_beside(path: &Path) -> Vec<PathBuf> {
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let Some(stem) = name.strip_suffix(BIDS_MOTION) else { return Vec::new() };
-    ["channels.tsv", "channels.json", "motion.json"]
+    let mut beside: Vec<PathBuf> = ["channels.tsv", "channels.json", "motion.json"]
         .iter()
         .map(|end| path.with_file_name(format!("{stem}_{end}")))
         .filter(|p| p.is_file())
-        .collect()
+        .collect();
+    // `sub-01_ses-02_scans.tsv`, a folder above the recordings, says when each was made
+    let entities: Vec<&str> = stem.split('_').take_while(|e| e.starts_with("sub-") || e.starts_with("ses-")).collect();
+    if let (false, Some(folder)) = (entities.is_empty(), path.parent()) {
+        let scans = format!("{}_scans.tsv", entities.join("_"));
+        beside.extend(folder.ancestors().take(2).map(|f| f.join(&scans)).find(|p| p.is_file()));
+    }
+    beside
 }
 
 /// The name of a recording without its ending.

@@ -69,6 +69,7 @@ impl Table {
     /// Writes Parquet: values as they are, without compression (noise does not compress) and statistics; a column that repeats
     /// a few values gets a dictionary.
     pub fn write(&self, path: &Path) -> Result<(), PipelineError> {
+        crate::disk::step();
         let file = File::create(path).map_err(PipelineError::io("create", path))?;
         self.write_to(std::io::BufWriter::new(file))
             .map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })

@@ -8,6 +8,7 @@
 //! Stands between `flight` and `identify`.
 
 pub mod acceleration;
+mod body_windows;
 mod error;
 pub mod factor;
 pub mod noise;
@@ -18,6 +19,7 @@ mod triangle;
 pub mod weak;
 
 pub use acceleration::{AccelerationOptions, AccelerationRows, acceleration_factor};
+pub use body_windows::{BodyWindows, body_windows};
 pub use error::RegressorError;
 pub use factor::{Columns, Factor, RowKind, leave_group_out, leave_one_out};
 pub use noise::{CoordinateNoise, Noise};

@@ -6,6 +6,7 @@
 //! frame together with errors that fade slowly (soft tissue), and the rows multiplied by the inverse Cholesky factor. The
 //! covariance comes from the prior and the noise alone, never from residuals; even so, ranking of effects should use fixed weights.
 
+use crate::body_windows::moments;
 use crate::weak::{CENTRAL, Velocity, WeakRows};
 use crate::{RegressorError, Stretch};
 use aloft_body::{JointKind, Model, ModelMarker, Motion, Phi, State};
@@ -278,29 +279,6 @@ impl FrameNoise {
         let root = coordinate_root(model, motion, frame, &noise.coordinates, &state)?;
         Ok(Self { by_q, by_v, root, fixed, reach })
     }
-}
-
-/// First moment, momentum and angular momentum of a body about a fixed point.
-pub(crate) fn moments(state: &State, phi: &[Phi], fixed: &Vector3<f64>) -> SMatrix<f64, 9, 1> {
-    let mut out = SMatrix::<f64, 9, 1>::zeros();
-    for ((pose, velocity), phi) in state.world_from_link.iter().zip(&state.velocity).zip(phi) {
-        let rotation = pose.rotation.to_rotation_matrix();
-        let (v, w): (Vector3<f64>, Vector3<f64>) =
-            (velocity.fixed_rows::<3>(0).into(), velocity.fixed_rows::<3>(3).into());
-        let mc = Vector3::new(phi[1], phi[2], phi[3]);
-        let inertia = aloft_body::inertia::inertia_about_origin(phi);
-        let linear = rotation * (v * phi[0] + w.cross(&mc));
-        let angular = rotation * (mc.cross(&v) + inertia * w);
-        let arm = pose.translation.vector - fixed;
-        let first = rotation * mc + arm * phi[0];
-        let angular = angular + arm.cross(&linear);
-        for axis in 0..3 {
-            out[axis] += first[axis];
-            out[3 + axis] += linear[axis];
-            out[6 + axis] += angular[axis];
-        }
-    }
-    out
 }
 
 /// Root L of the covariance LLᵀ of the coordinates' errors in one frame, nv × nv. `state` must hold the poses of the frame.

@@ -9,7 +9,7 @@
 //! The size of the slides comes from the markers, not from the rows: each realisation predicts a marker residual, and the residuals of the
 //! recording, less their white noise, say by how much to scale it.
 
-use crate::noise::moments;
+use crate::body_windows::moments;
 use crate::weak::{WeakRows, run_velocities};
 use crate::{RegressorError, Stretch};
 use aloft_body::{JointKind, Model, ModelMarker, Motion, Phi, State};

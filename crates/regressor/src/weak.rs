@@ -327,7 +327,7 @@ pub(crate) fn check_base(model: &Model, base: &BaseParameters, trial: &str) -> R
 }
 
 /// Runs of frames for which `good` holds, as half-open ranges.
-fn valid_runs(first: usize, end: usize, good: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
+pub(crate) fn valid_runs(first: usize, end: usize, good: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
     let mut runs = Vec::new();
     let mut begin = None;
     for f in first..=end {
@@ -466,7 +466,7 @@ impl Velocity {
 }
 
 /// A smooth path through the centre of mass over one window, and `g − ö` along it.
-fn fit_origin(
+pub(crate) fn fit_origin(
     path: &[Vector3<f64>],
     test: &TestFunction,
     kind: StretchKind,

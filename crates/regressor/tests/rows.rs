@@ -7,7 +7,7 @@ use aloft_body::inertia::Phi;
 use aloft_body::{BaseParameters, JointSpec, LinkSpec, Model, ModelSpec, Motion, State};
 use aloft_regressor::{
     AccelerationOptions, AccelerationRows, Acting, CoordinateNoise, EffectColumns, Factor, Noise, Stretch, WeakOptions,
-    acceleration_factor, weak_factor,
+    acceleration_factor, body_windows, weak_factor, weak_rows,
 };
 use common::{Truth, differentiate, load};
 use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector3, Vector6};
@@ -287,4 +287,35 @@ fn prop_the_moment_origin_does_not_matter() {
     let mut state = State::new(&d.truth.model);
     state.forward_position(&d.truth.model, d.motion.q(0));
     assert!((state.center_of_mass(&wrong).1 - state.center_of_mass(&d.truth.phi).1).norm() > 0.2);
+}
+
+#[test]
+fn prop_windows_of_a_body_are_its_rows_times_its_parameters() {
+    for name in ["chain_p", "subject_a"] {
+        let truth = load(name);
+        let acts: Vec<Vector6<f64>> = (0..truth.motion.n_frames())
+            .map(|f| Vector6::from_fn(|i, _| (0.1 * f as f64 + i as f64).sin() * 3.0))
+            .collect();
+        for flight in truth.stretches() {
+            let contact = Stretch::contact(name, flight.index, flight.first_frame, flight.end_frame);
+            let acting = Acting { measured: Some(&acts), effects: None };
+            for (stretch, acting) in [(&flight, Acting::nothing()), (&contact, acting)] {
+                let options = WeakOptions { window_s: Some(0.25), ..WeakOptions::default() };
+                let (model, base, phi) = (&truth.model, &truth.base, &truth.phi);
+                let rows = weak_rows(model, base, phi, &truth.motion, stretch, acting, &options).unwrap();
+                let found = body_windows(model, phi, phi, &truth.motion, stretch, acting, &options).unwrap();
+                assert_eq!(found.centers, rows.centers);
+                let x = truth.truth();
+                let last = rows.matrix.ncols() - 1;
+                for (w, wrench) in found.wrench.iter().enumerate() {
+                    for axis in 0..6 {
+                        let row = 6 * w + axis;
+                        let body: f64 = x.iter().enumerate().map(|(c, x)| rows.matrix[(row, c)] * x).sum();
+                        let expected = (body - rows.matrix[(row, last)]) / rows.test.integral_s();
+                        assert!((wrench[axis] - expected).abs() < 1e-7, "{name} window {w} axis {axis}");
+                    }
+                }
+            }
+        }
+    }
 }

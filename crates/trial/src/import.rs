@@ -2,6 +2,7 @@
 
 use crate::mot::read_ground_reactions;
 use crate::options::{disambiguate, metres_per, require_content, split_prefix, to_world};
+use crate::recorded;
 use crate::trc::read_trc;
 use crate::{ComputedPoint, Event, ImportOptions, Markers, Plate, Trial, TrialError, UpAxis};
 use aloft_c3d::{C3dFile, PointKind};
@@ -36,6 +37,8 @@ impl Trial {
         require_content(&trial, || format!("{} points, none of them a labelled marker", file.points.len()))?;
         read_plates(&mut trial, file, options);
         read_events(&mut trial, file);
+        trial.recorded = recorded::of_c3d(file);
+        trial.start_s = (f64::from(file.first_frame) - 1.0).max(0.0) / file.point_rate_hz;
         let screen = file.groups.get("POINT", "Y_SCREEN").and_then(|p| p.string());
         to_world(&mut trial, options, screen.as_deref().and_then(UpAxis::parse), UpAxis::Z);
         correct_reaction_sign(&mut trial);
@@ -58,6 +61,8 @@ impl Trial {
         let mut trial = Self { name: name.to_owned(), ..Self::default() };
         let start_s = read_trc(&mut trial, trc_text, options)?;
         require_content(&trial, || "no labels".to_owned())?;
+        trial.start_s = start_s;
+        trial.recorded = [Some(trc_text), mot_text].into_iter().flatten().find_map(recorded_in_header);
         if let Some(text) = mot_text {
             read_ground_reactions(&mut trial, text, start_s)?;
         }
@@ -65,6 +70,21 @@ impl Trial {
         correct_reaction_sign(&mut trial);
         Ok(trial)
     }
+}
+
+/// The date in the header of a TRC (a line of keys above a line of values) or MOT (`key=value`) text.
+fn recorded_in_header(text: &str) -> Option<recorded::RecordedAt> {
+    let lines: Vec<&str> = text.lines().take(30).take_while(|l| !l.trim().eq_ignore_ascii_case("endheader")).collect();
+    let mut pairs: Vec<(String, String)> = lines
+        .iter()
+        .filter_map(|l| l.split_once('='))
+        .map(|(key, value)| (key.trim().to_owned(), value.trim().to_owned()))
+        .collect();
+    if let (Some(keys), Some(values)) = (lines.get(1), lines.get(2)) {
+        let cells = |l: &str| l.split('\t').map(|c| c.trim().to_owned()).collect::<Vec<_>>();
+        pairs.extend(cells(keys).into_iter().zip(cells(values)));
+    }
+    recorded::of_pairs(&pairs, "header")
 }
 
 /// Markers and computed points, in metres (computed: the unit that the source states), source axes.

@@ -1,5 +1,6 @@
 //! The recording itself.
 
+use crate::RecordedAt;
 use nalgebra::{Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -92,6 +93,10 @@ pub struct Trial {
     pub computed: Vec<ComputedPoint>,
     /// Rotation that was applied to everything to make Z the vertical.
     pub world_from_source: Rotation3<f64>,
+    /// When the recording was made, where its file says so.
+    pub recorded: Option<RecordedAt>,
+    /// Time of the first frame by the frame numbers or the time column of the source, s.
+    pub start_s: f64,
     /// What was odd, in words.
     pub warnings: Vec<String>,
 }

@@ -8,11 +8,12 @@ use crate::command::estimators::with_job;
 use crate::config::Rows;
 use crate::error::{PipelineError, StageFailure};
 use crate::graph::Job;
+use crate::seal;
 use crate::stages::filter::low_pass;
 use crate::stages::identify::{estimator, identify_from};
 use crate::stages::regressor::{TrialRows, weak_options};
 use crate::study::{Role, Study};
-use crate::workspace::{WHOLE_STUDY, Workspace, read_json, write_json_whole};
+use crate::workspace::{WHOLE_STUDY, Workspace};
 use aloft_body::{BaseParameters, Motion, Phi};
 use aloft_compare::noise_root;
 use aloft_identify::{
@@ -108,10 +109,10 @@ fn identification(ws: &Workspace) -> Option<String> {
 }
 
 /// The assessment that lies in the workspace, if it speaks of the present parameters.
-pub fn stored(study: &Study) -> Option<Assessment> {
+pub fn stored(study: &Study) -> Result<Option<Assessment>, PipelineError> {
     let ws = Workspace::open(&study.workspace);
-    let found: Assessment = read_json(&place(study)).ok()?;
-    (Some(&found.of) == identification(&ws).as_ref()).then_some(found)
+    let found: Option<Assessment> = seal::read_if_there(&place(study))?;
+    Ok(found.filter(|f| Some(&f.of) == identification(&ws).as_ref()))
 }
 
 /// One trial's material.
@@ -133,6 +134,7 @@ struct Setting<'a> {
 
 /// Tries window lengths, noise and motions; keeps the answer in the workspace.
 pub fn assess(study: &Study) -> Result<Assessment, PipelineError> {
+    let study = &study.as_made();
     let ws = Workspace::open(&study.workspace);
     let of = identification(&ws).ok_or_else(|| {
         PipelineError::request_hint(
@@ -157,7 +159,10 @@ pub fn assess(study: &Study) -> Result<Assessment, PipelineError> {
         };
         setting.assess(job, of.clone())
     })?;
-    write_json_whole(&place(study), &found)?;
+    if identification(&Workspace::open(&study.workspace)).as_ref() != Some(&found.of) {
+        return Err(PipelineError::request("the results changed while they were assessed; assess them again"));
+    }
+    seal::write_whole(&place(study), &found)?;
     Ok(found)
 }
 

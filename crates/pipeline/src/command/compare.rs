@@ -87,6 +87,7 @@ pub struct KinematicsRow {
 
 /// Reads what `compare` left.
 pub fn compare(study: &Study) -> Result<ComparisonView, PipelineError> {
+    let study = &study.as_made();
     let ws = Workspace::open(&study.workspace);
     let path = ws.place("compare", WHOLE_STUDY).join("comparison.json");
     if !path.is_file() {

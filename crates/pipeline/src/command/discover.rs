@@ -3,16 +3,20 @@
 use crate::command::estimators::with_job;
 use crate::effects::KnownEffects;
 use crate::error::PipelineError;
-use crate::revision::Revisions;
-use crate::stages::regressor::TrialRows;
+use crate::revision::{ModelEffect, Revisions};
+use crate::seal;
+use crate::session::Calendar;
+use crate::stages::regressor::{DRIFT, TrialRows};
 use crate::study::Study;
-use crate::workspace::write_json_whole;
+use crate::workspace::{WHOLE_STUDY, Workspace, read_json};
 use aloft_body::{BaseParameters, Subject};
+use aloft_compare::Comparison;
 use aloft_discover::{
-    Body, DiscoverOptions, Discovery, SelfTest, SelfTestOptions, SelfTestProgress, Session, TrialInput,
+    Body, DiscoverOptions, Discovery, SelfTest, SelfTestOptions, SelfTestProgress, Session, Standing, TrialInput,
     discover as rank, scene_of,
 };
 use aloft_effects::{Choice, Effect};
+use aloft_flight::FlightReport;
 use aloft_identify::{LinkPrior, Prior};
 use aloft_regressor::WeakOptions;
 use nalgebra::Vector3;
@@ -27,6 +31,44 @@ pub struct Volume {
     pub middle_m: [f64; 3],
     /// Standard deviation of the body's places about it, m.
     pub reach_m: f64,
+}
+
+/// An answer that is kept in the workspace, with what it speaks of.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Kept<T> {
+    /// Hash of the results that were looked at ([`looked_at`]).
+    pub made_from: String,
+    /// The answer.
+    #[serde(flatten)]
+    pub answer: T,
+}
+
+/// Hash of the results that a ranking looks at: subject, motion, flights and plates of every trial. Effects of the model do not count.
+pub fn looked_at(study: &Study) -> String {
+    let ws = Workspace::open(&study.workspace);
+    let mut hasher = blake3::Hasher::new();
+    let mut add = |stage: &str, trial: &str| {
+        let output = ws.manifest(stage, trial).map(|m| m.output).unwrap_or_default();
+        hasher.update(format!("{stage}/{trial} {output}\n").as_bytes());
+    };
+    add("calibrate", WHOLE_STUDY);
+    for trial in study.included().filter(|t| t.role.is_dynamic()) {
+        for stage in ["import", "ik", "filter", "flight"] {
+            add(stage, &trial.name);
+        }
+    }
+    hasher.finalize().to_hex().to_string()
+}
+
+/// Wraps an answer, unless the results changed while it was sought.
+fn kept<T>(study: &Study, made_from: String, answer: T) -> Result<Kept<T>, PipelineError> {
+    if looked_at(study) != made_from {
+        return Err(PipelineError::request_hint(
+            format!("the results in {} changed while they were looked at", study.workspace.display()),
+            "ask again when no run changes them",
+        ));
+    }
+    Ok(Kept { made_from, answer })
 }
 
 /// What the stages left of a study, ready to be ranked.
@@ -106,7 +148,7 @@ impl Evidence {
                 measured: r.wrench.as_deref(),
                 plates: &r.plates,
                 group: group.as_deref(),
-                session_time_s: 0.0,
+                session_time_s: r.session_time_s,
             })
             .collect();
         let scene = scene_of(&body, &trials);
@@ -114,17 +156,37 @@ impl Evidence {
             Session::new(&body, &scene, &trials, &self.weak).map_err(|e| PipelineError::request(e.to_string()))?;
         let known = KnownEffects::of(&study.own_effects, &scene)?;
         let accepted = study.effects.iter().map(|e| known.choice(&scene, e)).collect::<Result<Vec<_>, _>>()?;
+        let session = session.with_standing(standing(study, "flight"), standing(study, "contact"));
         with(&Bench { session, effects: known.all(), accepted })
     }
+}
+
+/// What the comparison found in flight or in contact; none where none was made.
+fn standing(study: &Study, place: &str) -> Option<Standing> {
+    let folder = Workspace::open(&study.workspace).place("compare", WHOLE_STUDY);
+    let comparison = read_json::<Comparison>(&folder.join("comparison.json")).ok()?;
+    let against = comparison.against_floor.iter().find(|a| a.judged_on == place)?;
+    let floor = against.floor?;
+    Some(Standing {
+        held_out_error: against.held_out_error,
+        noise_floor: floor.noise_floor,
+        noise_floor_ci95: floor.ci95,
+    })
 }
 
 /// Ranks the catalogue and the study's own effects against the present model; keeps the answer beside the results for `effect add` and
 /// `report`.
 pub fn discover(study: &Study, options: &DiscoverOptions) -> Result<Discovery, PipelineError> {
-    Evidence::load(study)?.with(study, |bench| found(study, bench, options))
+    let made_from = looked_at(study);
+    Evidence::load(study)?.with(study, |bench| found(study, bench, options, made_from))
 }
 
-fn found(study: &Study, bench: &Bench<'_>, options: &DiscoverOptions) -> Result<Discovery, PipelineError> {
+fn found(
+    study: &Study,
+    bench: &Bench<'_>,
+    options: &DiscoverOptions,
+    made_from: String,
+) -> Result<Discovery, PipelineError> {
     let ids: Vec<&str> = bench.effects.iter().map(|e| e.id()).collect();
     if let Some(unknown) = options.only.iter().chain(&options.without).find(|n| !ids.contains(&n.as_str())) {
         return Err(PipelineError::request_hint(
@@ -132,20 +194,72 @@ fn found(study: &Study, bench: &Bench<'_>, options: &DiscoverOptions) -> Result<
             format!("there are {}", ids.join(", ")),
         ));
     }
-    let found = rank(&bench.session, &bench.effects, &bench.accepted, options)
+    let mut found = rank(&bench.session, &bench.effects, &bench.accepted, options)
         .map_err(|e| PipelineError::request(e.to_string()))?;
-    write_json_whole(&study.workspace.join("discovery.json"), &found)?;
+    if found.candidates.iter().any(|c| c.effect == DRIFT && c.believed) {
+        let calendar = Calendar::of(study, &Workspace::open(&study.workspace));
+        found.warnings.push(format!("`{DRIFT}` rests on the times of the session, from {}", calendar.words));
+    }
+    // what flights say without any plate or model comes before any verdict: one fault of time or lengths shows in several effects
+    if found.effects.iter().any(|e| ["gravity_scale", "plate_gain", "body_mass", "gravity_tilt"].contains(&e.as_str()))
+        && let Some(words) = free_fall(study)?
+    {
+        found.warnings.push(words);
+    }
+    let answer = kept(study, made_from, found)?;
+    seal::write_whole(&study.workspace.join("discovery.json"), &answer)?;
     // the answer to each revision of the model stays, so that the report can tell the story from its beginning
     let revision = Revisions::load(&study.workspace)?.revisions.len().saturating_sub(1);
-    let kept = answer_of(study, revision);
-    if let Some(folder) = kept.parent() {
-        std::fs::create_dir_all(folder).map_err(PipelineError::io("create", folder))?;
+    let place = answer_of(study, revision);
+    if let Some(folder) = place.parent() {
+        crate::disk::create_dir_all(folder)?;
     }
-    write_json_whole(&kept, &found)?;
+    seal::write_whole(&place, &answer)?;
     let scene = bench.session.scene();
     let volume = Volume { middle_m: scene.volume_center_m.into(), reach_m: scene.volume_reach_m };
-    write_json_whole(&study.workspace.join("discovery_volume.json"), &volume)?;
-    Ok(found)
+    seal::write_whole(&study.workspace.join("discovery_volume.json"), &volume)?;
+    Ok(answer.answer)
+}
+
+/// What the stage `flight` says about the free acceleration, where it differs from the stated gravity in most trials with flights.
+fn free_fall(study: &Study) -> Result<Option<String>, PipelineError> {
+    let workspace = Workspace::open(&study.workspace);
+    let (mut trials, mut words) = (0, Vec::new());
+    for trial in study.included() {
+        let path = workspace.place("flight", &trial.name).join("flights.json");
+        if !path.is_file() {
+            continue;
+        }
+        if let Some(fall) = read_json::<FlightReport>(&path)?.free_fall {
+            trials += 1;
+            words.extend(fall.warning());
+        }
+    }
+    let (differing, first) = (words.len(), words.into_iter().next());
+    Ok(first.filter(|_| 2 * differing > trials).map(|first| {
+        format!(
+            "{differing} of {trials} trials with flights: {first}. Mend this first: \
+             `gravity_scale`, `body_mass` and a gain of all plates of the same size are then one fault, not several"
+        )
+    }))
+}
+
+/// Refuses an effect of the user's own whose law gives no numbers on these recordings; nothing could be computed with it.
+pub fn refuse_without_numbers(study: &Study, effect: &ModelEffect) -> Result<(), PipelineError> {
+    if !study.own_effects.iter().any(|o| o.spec.id == effect.id()) {
+        return Ok(());
+    }
+    Evidence::load(study)?.with(study, |bench| {
+        let choice = KnownEffects::of(&study.own_effects, bench.session.scene())?;
+        let choice = choice.choice(bench.session.scene(), effect)?;
+        match bench.session.without_numbers(&choice) {
+            Some(why) => Err(PipelineError::request_hint(
+                format!("`{}` cannot be added: {why}", effect.key),
+                "correct its formulas, so that they hold wherever they act",
+            )),
+            None => Ok(()),
+        }
+    })
 }
 
 /// Where the answer to a revision of the model is kept.
@@ -170,14 +284,16 @@ pub fn self_test(
     options: &DiscoverOptions,
     told: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<SelfTested, PipelineError> {
+    let made_from = looked_at(study);
     Evidence::load(study)?.with(study, |bench| {
         let options = SelfTestOptions { discover: options.clone(), ..SelfTestOptions::default() };
         let each = |p: &SelfTestProgress<'_>| told(p.done, p.of);
         let table = aloft_discover::self_test(&bench.session, &bench.effects, &bench.accepted, &options, &each)
             .map_err(|e| PipelineError::request(e.to_string()))?;
         let out = SelfTested { version: 1, subject: study.facts.person.name.clone(), self_test: table };
-        write_json_whole(&study.workspace.join("self_test.json"), &out)?;
-        Ok(out)
+        let answer = kept(study, made_from, out)?;
+        seal::write_whole(&study.workspace.join("self_test.json"), &answer)?;
+        Ok(answer.answer)
     })
 }
 

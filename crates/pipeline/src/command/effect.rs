@@ -2,15 +2,16 @@
 
 use crate::catalog;
 use crate::command::compare::compare;
-use crate::command::discover::Volume;
+use crate::command::discover::{Kept, Volume, looked_at};
 pub use crate::command::history::{History, HistoryCoefficient, HistoryRow, history, reached};
 use crate::command::unknowns::{self, Examples};
 use crate::command::visible::refuse_invisible;
 use crate::config::{PipelineConfig, parse_yaml};
 use crate::effects::{KnownEffects, OwnEffect, own_effects};
 use crate::error::PipelineError;
-use crate::revision::{ModelEffect, Revisions};
-use crate::runner::{Ended, Progress, RunReport, Selection, run};
+use crate::revision::{ModelEffect, Revision, Revisions};
+use crate::runner::{Ended, Progress, RunReport, TaskReport, run_held};
+use crate::seal;
 use crate::study::Study;
 use crate::workspace::{WHOLE_STUDY, Workspace, read_json};
 use aloft_body::Subject;
@@ -19,6 +20,7 @@ use aloft_effects::{ActsIn, EFFECTS, EffectKind, FormulaEffect, Scene};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::time::Duration;
 
 /// One effect of the list.
 #[derive(Debug, Clone, Serialize)]
@@ -151,56 +153,49 @@ fn scene(study: &Study) -> Result<Scene, PipelineError> {
     Ok(Scene::new(&subject.model, &subject.prior_phi(), &centers))
 }
 
-/// Records what the present revision reached, if the comparison is newer than what is recorded.
-fn record(study: &Study, all: &mut Revisions) -> Result<(), PipelineError> {
-    let view = compare(study)?;
-    let now = reached(study, &view)?;
-    if let Some(last) = all.revisions.last_mut()
-        && last.reached.as_ref().is_none_or(|r| r.from != now.from)
-    {
-        last.reached = Some(now);
-    }
-    Ok(())
-}
-
-/// Adds an effect: a new revision, and what depends on it again.
+/// Adds an effect: a new revision, and what depends on it again. The workspace is held for the whole of it; `wait` waits for another
+/// process that holds it.
 pub fn add(
     study: &Study,
     key: &str,
     set: &[(String, f64)],
+    wait: bool,
     progress: &dyn Progress,
 ) -> Result<(RunReport, History), PipelineError> {
-    let mut all = Revisions::load(&study.workspace)?;
-    record(study, &mut all)?;
-    let mut scene = scene(study)?;
-    let mut effects = all.effects();
-    let found: Option<Discovery> = read_json(&study.workspace.join("discovery.json")).ok();
-    let suggestion = found.as_ref().and_then(|d| suggestion(d, key));
-    let volume: Option<Volume> = read_json(&study.workspace.join("discovery_volume.json")).ok();
-    if let Some(v) = &volume {
-        (scene.volume_center_m, scene.volume_reach_m) = (v.middle_m.into(), v.reach_m);
-    }
-    let mut chosen = suggestion.unwrap_or_else(|| ModelEffect { key: key.to_owned(), ..ModelEffect::default() });
-    chosen.volume_m = volume.map(|v| (v.middle_m, v.reach_m));
-    chosen.nonlinear.extend(set.iter().cloned());
-    if !set.is_empty() {
-        // parameters that somebody states are not fitted
-        chosen.widening.clear();
-    }
-    let known = KnownEffects::of(&study.own_effects, &scene)?;
-    let choice = known.choice(&scene, &chosen)?;
-    chosen.key = choice.key(&scene);
-    if effects.iter().any(|e| e.key == chosen.key) {
-        return Err(PipelineError::request_hint(
-            format!("the model holds `{}` already", chosen.key),
-            "see `aloft history`; remove it first to change it",
-        ));
-    }
-    let action = format!("add {}", chosen.key);
-    effects.push(chosen);
-    refuse_invisible(study, &effects, &choice, &scene)?;
-    all.push(action, effects);
-    rerun(study, all, progress)
+    change(study, wait, progress, |study, all, notes| {
+        let mut scene = scene(study)?;
+        let mut effects = all.effects();
+        let found: Option<Kept<Discovery>> = seal::read_if_there(&study.workspace.join("discovery.json"))?;
+        let suggestion = found.as_ref().and_then(|d| suggestion(&d.answer, key));
+        if suggestion.is_some() && found.as_ref().is_some_and(|d| d.made_from != looked_at(study)) {
+            notes.push(format!("the values of {key} come from a `discover` on other results; ask it again to be sure"));
+        }
+        let volume: Option<Volume> = seal::read_if_there(&study.workspace.join("discovery_volume.json"))?;
+        if let Some(v) = &volume {
+            (scene.volume_center_m, scene.volume_reach_m) = (v.middle_m.into(), v.reach_m);
+        }
+        let mut chosen = suggestion.unwrap_or_else(|| ModelEffect { key: key.to_owned(), ..ModelEffect::default() });
+        chosen.volume_m = volume.map(|v| (v.middle_m, v.reach_m));
+        chosen.nonlinear.extend(set.iter().cloned());
+        if !set.is_empty() {
+            // parameters that somebody states are not fitted
+            chosen.widening.clear();
+        }
+        let known = KnownEffects::of(&study.own_effects, &scene)?;
+        let choice = known.choice(&scene, &chosen)?;
+        chosen.key = choice.key(&scene);
+        if effects.iter().any(|e| e.key == chosen.key) {
+            return Err(PipelineError::request_hint(
+                format!("the model holds `{}` already", chosen.key),
+                "see `aloft history`; remove it first to change it",
+            ));
+        }
+        crate::command::discover::refuse_without_numbers(study, &chosen)?;
+        let action = format!("add {}", chosen.key);
+        effects.push(chosen);
+        refuse_invisible(study, &effects, &choice, &scene)?;
+        Ok(all.next(action, effects))
+    })
 }
 
 /// What the last discovery says of an effect: its key with target, its nonlinear parameters, its trials. A key with a target asks for that
@@ -227,44 +222,96 @@ fn suggestion(d: &Discovery, key: &str) -> Option<ModelEffect> {
 }
 
 /// Takes an effect out: a new revision without it.
-pub fn remove(study: &Study, key: &str, progress: &dyn Progress) -> Result<(RunReport, History), PipelineError> {
-    let mut all = Revisions::load(&study.workspace)?;
-    record(study, &mut all)?;
-    let mut effects = all.effects();
-    let before = effects.len();
-    effects.retain(|e| e.key != key && e.id() != key);
-    if effects.len() == before {
-        let held: Vec<&str> = effects.iter().map(|e| e.key.as_str()).collect();
-        return Err(PipelineError::request_hint(
-            format!("the model holds no `{key}`"),
-            if held.is_empty() { "it holds no effect".to_owned() } else { format!("it holds {}", held.join(", ")) },
-        ));
-    }
-    all.push(format!("remove {key}"), effects);
-    rerun(study, all, progress)
+pub fn remove(
+    study: &Study,
+    key: &str,
+    wait: bool,
+    progress: &dyn Progress,
+) -> Result<(RunReport, History), PipelineError> {
+    change(study, wait, progress, |_, all, _| {
+        let mut effects = all.effects();
+        let before = effects.len();
+        effects.retain(|e| e.key != key && e.id() != key);
+        if effects.len() == before {
+            let held: Vec<&str> = effects.iter().map(|e| e.key.as_str()).collect();
+            return Err(PipelineError::request_hint(
+                format!("the model holds no `{key}`"),
+                if held.is_empty() { "it holds no effect".to_owned() } else { format!("it holds {}", held.join(", ")) },
+            ));
+        }
+        Ok(all.next(format!("remove {key}"), effects))
+    })
 }
 
-/// Runs what the new revision changes. Where that fails, the model stays as it was.
-fn rerun(study: &Study, mut all: Revisions, progress: &dyn Progress) -> Result<(RunReport, History), PipelineError> {
-    let before = Revisions { revisions: all.revisions[..all.revisions.len() - 1].to_vec() };
+/// One transaction over the model, its results and its history. `model.json` is its record: the revision stands there as pending while
+/// its results are made, and becomes the model with what it reached in the one write that ends the transaction. Wherever this is cut short,
+/// the model is the one before, and results that are ahead of it are stale by their manifests.
+fn change(
+    study: &Study,
+    wait: bool,
+    progress: &dyn Progress,
+    decide: impl Fn(&Study, &Revisions, &mut Vec<String>) -> Result<Revision, PipelineError>,
+) -> Result<(RunReport, History), PipelineError> {
+    let ws = Workspace::open(&study.workspace);
+    let lock = ws.lock(if wait { Duration::MAX } else { Duration::ZERO })?;
+    let mut notes = Vec::new();
+    // the model as it is now that nobody else can change it
+    let mut all = Revisions::load(&study.workspace)?;
+    if let Some(cut) = all.pending.take() {
+        notes.push(format!("`effect {}` was interrupted; the model is the one before it", cut.action));
+    }
+    let present = study.refreshed()?;
+    let before = run_held(&present, &lock, progress)?;
+    notes.extend(before.notes.iter().cloned());
+    if before.ran() > 0 {
+        notes.push(format!("the present model's results were not up to date: {} were made again first", before.ran()));
+    }
+    if let Some(problem) = no_comparison(&before) {
+        all.save(&study.workspace)?;
+        return Err(problem);
+    }
+    let now = reached(&present, &compare(&present)?)?;
+    if let Some(last) = all.revisions.last_mut() {
+        last.reached = Some(now);
+    }
+    let decided = decide(&present, &all, &mut notes);
+    if decided.is_err() {
+        all.save(&study.workspace)?;
+    }
+    let mut next = decided?;
+    all.pending = Some(next.clone());
     all.save(&study.workspace)?;
-    let redo = || -> Result<(Study, RunReport), PipelineError> {
-        let now = study.refreshed()?;
-        let report = run(&now, &Selection::default(), progress)?;
-        Ok((now, report))
-    };
-    let (now, report) = match redo() {
-        Ok(done) => done,
+    let with = Study { effects: next.effects.clone(), plain_base: all.plain_base(), ..present.clone() };
+    let done = run_held(&with, &lock, progress).and_then(|report| match no_comparison(&report) {
+        None => Ok(report),
+        Some(problem) => Err(problem),
+    });
+    all.pending = None;
+    let mut report = match done {
+        Ok(report) => report,
         Err(error) => {
-            before.save(&study.workspace)?;
+            all.save(&study.workspace)?;
+            run_held(&present, &lock, progress)?;
             return Err(error);
         }
     };
-    let compared =
-        report.tasks.iter().any(|t| t.stage == "compare" && !matches!(t.ended, Ended::Failed(_) | Ended::Blocked(_)));
-    if compared {
-        record(&now, &mut all)?;
-        all.save(&now.workspace)?;
-    }
-    Ok((report, history(&now)?))
+    next.reached = Some(reached(&with, &compare(&with)?)?);
+    all.revisions.push(next);
+    all.save(&study.workspace)?;
+    report.notes.splice(0..0, notes);
+    drop(lock);
+    Ok((report, history(&study.refreshed()?)?))
+}
+
+/// Why a model has no comparison after a run, where it has none.
+fn no_comparison(report: &RunReport) -> Option<PipelineError> {
+    let bad = |t: &&TaskReport| matches!(t.ended, Ended::Failed(_) | Ended::Blocked(_));
+    report.tasks.iter().filter(|t| t.stage == "compare").find(bad)?;
+    let whole = |t: &&TaskReport| t.trial == WHOLE_STUDY;
+    let failed = report.failures().find(|(t, _)| whole(t)).or_else(|| report.failures().next());
+    let (what, hint) = failed.map_or_else(
+        || ("there is nothing to compare".to_owned(), None),
+        |(t, f)| (format!("{} failed: {}", t.stage, f.problem), f.hint.clone()),
+    );
+    Some(PipelineError::Request { problem: format!("the model is as it was: {what}"), hint })
 }

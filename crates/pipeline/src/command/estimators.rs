@@ -15,9 +15,9 @@ use crate::stages::identify::{estimator as default_estimator, identify_from};
 use crate::stages::ik::track;
 use crate::stages::regressor::{TrialRows, factors_of, load_factors, row_kind};
 use crate::study::{Role, Study};
-use crate::workspace::{WHOLE_STUDY, Workspace};
+use crate::workspace::{WHOLE_STUDY, Workspace, read_json};
 use aloft_body::{BaseParameters, Subject};
-use aloft_compare::{Candidate, CompareOptions, Comparison, ModelComparison, WindowErrors, WrenchErrors};
+use aloft_compare::{Candidate, Comparison, ModelComparison, NoiseFloor, WindowErrors, WrenchErrors};
 use aloft_identify::{ColumnScaling, Estimator, Gate, KindBalance, Parameters};
 use aloft_ik::smooth;
 use aloft_regressor::{Factor, Stretch, StretchKind};
@@ -108,7 +108,7 @@ pub struct EstimatorsView {
     pub window_s: f64,
     /// Rows, the best geometry first.
     pub table: Vec<EstimatorRow>,
-    /// Error that noise alone makes on frames.
+    /// Noise floor on frames.
     pub noise_frames: Option<ErrorsBrief>,
     /// The same over windows.
     pub noise_windows: Option<ErrorsBrief>,
@@ -116,12 +116,27 @@ pub struct EstimatorsView {
     pub notes: Vec<String>,
 }
 
+fn refuse_damaged(ws: &Workspace, stage: &str, trial: &str) -> Result<(), PipelineError> {
+    let problem = ws.damage(stage, trial).into_iter().next();
+    problem.map_or(Ok(()), |problem| Err(PipelineError::Damaged { path: ws.place(stage, trial), problem }))
+}
+
 /// Calls `work` with a job that reads the workspace of a study that has rows.
 pub(crate) fn with_job<T>(
     study: &Study,
     work: impl FnOnce(&Job<'_>) -> Result<T, StageFailure>,
 ) -> Result<T, PipelineError> {
+    // what is computed on results goes on with the settings that they were made with
+    let study = &study.as_made();
     let ws = Workspace::open(&study.workspace);
+    for trial in study.included() {
+        for stage in ["import", "ik", "filter", "flight", "regressor"] {
+            refuse_damaged(&ws, stage, &trial.name)?;
+        }
+    }
+    for stage in ["scale", "calibrate", "identify"] {
+        refuse_damaged(&ws, stage, WHOLE_STUDY)?;
+    }
     let ready: Vec<(String, String)> = study
         .included()
         .filter(|t| t.role.is_dynamic() && ws.manifest("regressor", &t.name).is_some_and(|m| m.is_ok()))
@@ -140,6 +155,7 @@ pub(crate) fn with_job<T>(
 
 /// Rows × estimators × geometry, on the same held-out motion.
 pub fn estimators(study: &Study) -> Result<EstimatorsView, PipelineError> {
+    let study = &study.as_made();
     with_job(study, |job| {
         let subject = job.load_subject("calibrate")?;
         let trials = load_trials(job)?;
@@ -225,6 +241,12 @@ fn is_training(study: &Study, stretch: &Stretch, contact: bool) -> bool {
 }
 
 /// Every estimator from every kind of rows, and the prior, with one geometry.
+/// The floor that the stage `compare` found.
+fn known_floor(job: &Job<'_>) -> Option<NoiseFloor> {
+    let place = job.workspace.place("compare", WHOLE_STUDY).join("comparison.json");
+    read_json::<Comparison>(&place).ok()?.noise_floor
+}
+
 fn of_geometry(
     job: &Job<'_>,
     geometry: &'static str,
@@ -269,9 +291,10 @@ fn of_geometry(
     // the prior comes first: it always exists
     let mut candidates = vec![Candidate::links("prior", &base, &subject.prior_phi())];
     candidates.extend(found.iter().filter_map(|f| f.as_ref().ok().map(|(_, c)| c.clone())));
-    let draws = if noise { CompareOptions::default().noise_draws } else { 0 };
-    let (comparison, _) =
-        compare_models(study, subject, trials, &candidates, HeldOut::Validation, None, Floor::Drawn(draws, None))?;
+    // the floor is that of the pipeline's own comparison: one number wherever it stands
+    let known = if noise { known_floor(job) } else { None };
+    let floor = known.as_ref().map_or(Floor::Drawn(0, None), Floor::Known);
+    let (comparison, _) = compare_models(study, subject, trials, &candidates, HeldOut::Validation, None, floor)?;
     let chosen = study.config.regressor.rows;
     let own_way = default_estimator(study, chosen).name();
     let mut models = comparison.models().collect::<Vec<_>>().into_iter();
@@ -386,6 +409,7 @@ pub struct LeaveOneOutView {
 
 /// Each dynamic trial predicted from all others: by the prior, from flights, from contact, from both; from stored factors.
 pub fn leave_one_out(study: &Study) -> Result<LeaveOneOutView, PipelineError> {
+    let study = &study.as_made();
     with_job(study, |job| {
         let subject = job.load_subject("calibrate")?;
         let trials = load_trials(job)?;

@@ -2,11 +2,11 @@
 
 use crate::command::compare::{ComparisonView, compare};
 use crate::error::PipelineError;
+use crate::made::{compared_effects, made_with};
 use crate::revision::{Judged, ModelEffect, Reached, ReachedCoefficient, Revision, Revisions};
 use crate::stages::identify::file_name;
 use crate::study::Study;
 use crate::workspace::{WHOLE_STUDY, Workspace, read_json};
-use aloft_compare::WindowErrors;
 use aloft_effects::ActsIn;
 use aloft_identify::Parameters;
 use serde::Serialize;
@@ -35,8 +35,14 @@ pub struct HistoryRow {
     pub held_out_error: Option<f64>,
     /// The same for the revision before.
     pub held_out_error_before: Option<f64>,
-    /// What noise alone makes, N.
+    /// The noise floor, N: the held-out error that a perfect model would leave, drawn from the errors of the markers and the plates.
     pub noise_floor: Option<f64>,
+    /// 95 % interval of the floor, N: where the error of a perfect model falls.
+    pub noise_floor_ci95: Option<[f64; 2]>,
+    /// Held-out error over noise floor.
+    pub times_floor: Option<f64>,
+    /// True where the held-out error is not above the floor's interval.
+    pub at_floor: Option<bool>,
     /// Share of the mean square error that noise does not explain.
     pub explainable: Option<f64>,
     /// What the held-out error is taken on: `held-out flight` or `held-out contact`.
@@ -79,12 +85,25 @@ pub struct HistoryCoefficient {
 /// Reads the revisions, with what the present one reached.
 pub fn history(study: &Study) -> Result<History, PipelineError> {
     let mut all = Revisions::load(&study.workspace)?;
-    if let (Some(last), Ok(view)) = (all.revisions.last_mut(), compare(study)) {
-        last.reached = Some(reached(study, &view)?);
+    let ws = Workspace::open(&study.workspace);
+    // results of another model are not this revision's: it keeps what was noted when it was made
+    if let Some(last) = all.revisions.last_mut()
+        && made_for(&ws, &last.effects)
+    {
+        last.reached = Some(reached(study, &compare(study)?)?);
     }
     let acts = |e: &ModelEffect| acts_in(study, e);
     let rows = (0..all.revisions.len()).map(|i| row(&all.revisions, i, &acts)).collect();
     Ok(History { version: 1, subject: study.facts.person.name.clone(), revisions: rows })
+}
+
+/// True when the comparison in a workspace is that of a model with these effects, and of the parameters that lie beside it.
+fn made_for(ws: &Workspace, effects: &[ModelEffect]) -> bool {
+    let Some(compared) = ws.manifest("compare", WHOLE_STUDY) else { return false };
+    let same = |(input, hash): (&String, &String)| {
+        input.split_once('/').is_none_or(|(stage, trial)| ws.manifest(stage, trial).is_some_and(|m| m.output == *hash))
+    };
+    compared_effects(ws).is_some_and(|e| e == effects) && compared.inputs.iter().all(same)
 }
 
 fn acts_in(study: &Study, effect: &ModelEffect) -> ActsIn {
@@ -116,11 +135,11 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) 
     let pick = |reached: &Reached| match in_flight {
         Some(true) => reached.flight.or(reached.contact),
         Some(false) => reached.contact.or(reached.flight),
-        None => reached.contact.or(reached.flight),
+        None => reached.flight.or(reached.contact),
     };
     let on_flight = |reached: &Reached| match in_flight {
-        Some(true) => reached.flight.is_some(),
-        _ => reached.contact.is_none(),
+        Some(false) => reached.contact.is_none(),
+        _ => reached.flight.is_some(),
     };
     let base_change: Vec<(String, f64)> = now
         .zip(old)
@@ -128,6 +147,12 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) 
         .unwrap_or_default();
     let largest_change = base_change.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).cloned();
     let void = now.zip(old).and_then(|(n, o)| {
+        if n.made_with != o.made_with {
+            return Some(format!(
+                "void: made with other settings or recordings than revision {}, so their errors cannot be compared",
+                i - 1
+            ));
+        }
         (n.marker_rms_mm > WORSE_MARKERS * o.marker_rms_mm).then(|| {
             format!(
                 "void: marker error grew from {:.2} to {:.2} mm, so the kinematics moved to please the forces",
@@ -143,6 +168,9 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) 
         held_out_error: here.map(|j| j.error_n),
         held_out_error_before: old.and_then(pick).map(|j| j.error_n),
         noise_floor: here.and_then(|j| j.noise_n),
+        noise_floor_ci95: here.and_then(|j| j.noise_ci95),
+        times_floor: here.and_then(|j| j.times_floor()),
+        at_floor: here.and_then(|j| j.at_floor()),
         explainable: here.and_then(|j| j.explainable()),
         judged_on: now.map(|n| if on_flight(n) { "held-out flight".into() } else { "held-out contact".into() }),
         flight: now.and_then(|n| n.flight),
@@ -170,22 +198,24 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) 
 
 /// What the present results reach.
 pub fn reached(study: &Study, view: &ComparisonView) -> Result<Reached, PipelineError> {
+    let study = &study.as_made();
     let c = &view.comparison;
     let ws = Workspace::open(&study.workspace);
     let parameters: Parameters =
         read_json(&ws.place("identify", WHOLE_STUDY).join(file_name(study.config.regressor.rows)))?;
     let rms: Vec<f64> = view.kinematics.iter().filter_map(|k| k.marker_rms_mm).collect();
-    let of = |errors: &WindowErrors, noise: Option<&WindowErrors>| {
-        (errors.windows > 0).then(|| Judged {
-            error_n: errors.size(),
-            noise_n: noise.filter(|n| n.windows > 0).map(WindowErrors::size),
+    let of = |place: &str| {
+        c.against_floor.iter().find(|a| a.judged_on == place).map(|a| Judged {
+            error_n: a.held_out_error,
+            noise_n: a.floor.map(|f| f.noise_floor),
+            noise_ci95: a.floor.and_then(|f| f.ci95),
         })
     };
-    let floor = c.noise_floor.as_ref();
     Ok(Reached {
         from: ws.manifest("compare", WHOLE_STUDY).map(|m| m.output).unwrap_or_default(),
-        flight: of(&c.first.flight_weak, floor.map(|f| &f.flight_weak)),
-        contact: of(&c.first.held_out_weak, floor.map(|f| &f.contact_weak)),
+        made_with: made_with(study, &ws),
+        flight: of("flight"),
+        contact: of("contact"),
         sigma_ratio: view.parameters.sigma_ratio,
         marker_rms_mm: rms.iter().sum::<f64>() / rms.len().max(1) as f64,
         // what the rows do not determine has no number to show
@@ -205,9 +235,10 @@ mod tests {
     use super::*;
 
     fn reached(flight_n: f64, contact_n: f64, marker_rms_mm: f64) -> Reached {
-        let judged = |error_n| Some(Judged { error_n, noise_n: Some(1.0) });
+        let judged = |error_n| Some(Judged { error_n, noise_n: Some(1.0), noise_ci95: Some([0.8, 1.3]) });
         Reached {
             from: String::new(),
+            made_with: String::new(),
             flight: judged(flight_n),
             contact: judged(contact_n),
             sigma_ratio: 30.0,

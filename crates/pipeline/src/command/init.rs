@@ -124,7 +124,8 @@ fn look(folder: &Path, layout: &Layout, files: &[PathBuf]) -> (Vec<Seen>, Vec<St
             let path = folder.join(relative);
             let stem = stem_of(&path);
             let trial = read_file(&stem, &path, None, &ImportOptions::default()).map_err(|f| f.problem)?;
-            Ok(Seen { relative: relative.to_string_lossy().replace('\\', "/"), stem, unit: stated_unit(&path), trial })
+            let parts: Vec<_> = relative.components().map(|c| c.as_os_str().to_string_lossy()).collect();
+            Ok(Seen { relative: parts.join("/"), stem, unit: stated_unit(&path), trial })
         })
         .collect();
     let mut seen = Vec::new();

@@ -28,6 +28,7 @@ pub struct ParametersView {
 
 /// Reads what `identify` left.
 pub fn parameters(study: &Study, rows: Option<Rows>) -> Result<ParametersView, PipelineError> {
+    let study = &study.as_made();
     let rows = rows.unwrap_or(study.config.regressor.rows);
     let path = Workspace::open(&study.workspace).place("identify", WHOLE_STUDY).join(file_name(rows));
     if !path.is_file() {
@@ -42,6 +43,6 @@ pub fn parameters(study: &Study, rows: Option<Rows>) -> Result<ParametersView, P
         subject: study.facts.person.name.clone(),
         rows_used: rows.word(),
         parameters,
-        assessment: assess::stored(study),
+        assessment: assess::stored(study)?,
     })
 }

@@ -1,13 +1,14 @@
 //! `status` and `explain`: how every stage of every trial stands, and why.
 
+use crate::command::freshness::of_standings;
 use crate::error::PipelineError;
-use crate::graph::{self, Manifests, Need, Scope, Stage, Standing};
+use crate::graph::{self, Manifests, Need, Stage, Standing};
 use crate::runner::stage_index;
 use crate::stages::STAGES;
 use crate::study::{Study, TrialEntry};
 use crate::workspace::{Manifest, WHOLE_STUDY, Workspace};
 use serde::Serialize;
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 /// The grid of trials and stages.
 #[derive(Debug, Clone, Serialize)]
@@ -27,7 +28,7 @@ pub struct StatusRow {
     pub trial: String,
     /// Its part.
     pub role: String,
-    /// One word a stage: `ok`, `warning`, `stale`, `failed`, `blocked`, `missing`, `excluded`, or empty where the stage does not apply.
+    /// One word a stage: `ok`, `warning`, `stale`, `damaged`, `failed`, `blocked`, `missing`, `excluded`, or empty where the stage does not apply.
     pub cells: Vec<String>,
 }
 
@@ -57,36 +58,34 @@ fn stand(
 /// The grid. A stage below a stale one is stale, too.
 pub fn status(study: &Study) -> Result<Status, PipelineError> {
     let ws = Workspace::open(&study.workspace);
-    let manifests = Manifests::read(study, &ws, STAGES);
+    let manifests = Manifests::read_and_examine(study, &ws, STAGES);
     grid(study, &ws, &manifests)
 }
 
 /// The same from manifests that were read before.
 pub fn grid(study: &Study, ws: &Workspace, manifests: &Manifests) -> Result<Status, PipelineError> {
-    let mut rows = Vec::new();
-    for trial in &study.trials {
-        let mut cells = Vec::new();
-        let mut stale_above = false;
-        for stage in STAGES {
-            let applies = matches!(stage.scope, Scope::Trial(roles) if roles.contains(&trial.role));
-            cells.push(if trial.excluded.is_some() {
-                "excluded".to_owned()
-            } else if !applies {
-                String::new()
-            } else {
-                let standing = stand(stage, Some(trial), study, ws, manifests)?;
-                let word = if stale_above && standing.is_current() { "stale" } else { standing.word() };
-                stale_above |= matches!(word, "stale" | "missing");
-                word.to_owned()
-            });
+    let standings = standings(study, ws, manifests)?;
+    let behind: HashSet<(String, String)> =
+        of_standings(study, &standings).into_iter().map(|n| (n.stage, n.trial)).collect();
+    let word = |stage: &'static str, trial: &str| {
+        let key = (stage, trial.to_owned());
+        match standings.get(&key) {
+            None => String::new(),
+            Some(s) if s.is_current() && behind.contains(&(stage.to_owned(), key.1)) => "stale".to_owned(),
+            Some(s) => s.word().to_owned(),
         }
-        rows.push(StatusRow { trial: trial.name.clone(), role: trial.role.word().to_owned(), cells });
-    }
-    let mut cells = Vec::new();
-    for stage in STAGES {
-        let whole = stage.scope == Scope::Study;
-        cells.push(if whole { stand(stage, None, study, ws, manifests)?.word().to_owned() } else { String::new() });
-    }
+    };
+    let mut rows: Vec<StatusRow> = study
+        .trials
+        .iter()
+        .map(|trial| {
+            let excluded = trial.excluded.is_some();
+            let cell = |s: &&Stage| if excluded { "excluded".to_owned() } else { word(s.name, &trial.name) };
+            let cells = STAGES.iter().map(cell).collect();
+            StatusRow { trial: trial.name.clone(), role: trial.role.word().to_owned(), cells }
+        })
+        .collect();
+    let cells = STAGES.iter().map(|s| word(s.name, WHOLE_STUDY)).collect();
     rows.push(StatusRow { trial: WHOLE_STUDY.to_owned(), role: "study".to_owned(), cells });
     Ok(Status { version: 1, stages: STAGES.iter().map(|s| s.name).collect(), rows })
 }
@@ -95,7 +94,7 @@ pub fn grid(study: &Study, ws: &Workspace, manifests: &Manifests) -> Result<Stat
 pub fn explain(study: &Study, trial: &str, stage: &str) -> Result<Explanation, PipelineError> {
     let stage = STAGES[stage_index(stage)?];
     let ws = Workspace::open(&study.workspace);
-    let manifests = Manifests::read(study, &ws, STAGES);
+    let manifests = Manifests::read_and_examine(study, &ws, STAGES);
     let task = stage.tasks(study).into_iter().find(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()) == trial);
     let Some(task) = task else {
         let names: Vec<&str> =
@@ -109,9 +108,10 @@ pub fn explain(study: &Study, trial: &str, stage: &str) -> Result<Explanation, P
     Ok(explanation(stage, task, study, &manifests, &standings))
 }
 
-type Standings = HashMap<(&'static str, String), Standing>;
+/// How every task stands, by stage and trial.
+pub type Standings = HashMap<(&'static str, String), Standing>;
 
-fn standings(study: &Study, ws: &Workspace, manifests: &Manifests) -> Result<Standings, PipelineError> {
+pub(crate) fn standings(study: &Study, ws: &Workspace, manifests: &Manifests) -> Result<Standings, PipelineError> {
     let mut all = HashMap::new();
     for stage in STAGES {
         for task in stage.tasks(study) {
@@ -135,7 +135,7 @@ pub fn explain_all(
         ));
     }
     let ws = Workspace::open(&study.workspace);
-    let manifests = Manifests::read(study, &ws, STAGES);
+    let manifests = Manifests::read_and_examine(study, &ws, STAGES);
     let standings = standings(study, &ws, &manifests)?;
     let mut all = Vec::new();
     for stage in STAGES {
@@ -173,6 +173,7 @@ fn explanation(
         let because = match of(above, above_name) {
             Some(Standing::Missing) => Some("has never run".to_owned()),
             Some(Standing::Stale(changes)) => Some(changes.join("; ")),
+            Some(Standing::Damaged(problems)) => Some(format!("is damaged: {}", problems.join("; "))),
             _ => None,
         };
         if let Some(because) = because {
@@ -196,7 +197,7 @@ fn explanation(
 }
 
 /// The tasks whose results a task reads.
-fn inputs_of<'s>(
+pub(crate) fn inputs_of<'s>(
     stage: &Stage,
     task: Option<&'s TrialEntry>,
     study: &'s Study,
@@ -208,9 +209,16 @@ fn inputs_of<'s>(
             Need::Recording => {}
             Need::Same(name) => found.extend(named(name).map(|s| (s, task))),
             Need::Once(name) => found.extend(named(name).map(|s| (s, None))),
-            Need::Every(name, roles) | Need::EveryOrStaticFrames(name, roles) => {
+            Need::Every(name, roles) => {
                 if let Some(s) = named(name) {
                     found.extend(study.included().filter(|t| roles.contains(&t.role)).map(|t| (s, Some(t))));
+                }
+            }
+            Need::EveryOrStaticFrames(name, roles) => {
+                let still = study.config.trials.static_frames.as_ref().map(|f| f.trial.as_str());
+                let takes = |t: &&TrialEntry| roles.contains(&t.role) || still == Some(t.name.as_str());
+                if let Some(s) = named(name) {
+                    found.extend(study.included().filter(takes).map(|t| (s, Some(t))));
                 }
             }
         }

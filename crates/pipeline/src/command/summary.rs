@@ -1,5 +1,7 @@
 //! `summary`: one row a trial over all subjects and sessions, with reasons of quality control out of a closed list.
 
+use crate::command::freshness::{NotCurrent, freshness};
+use crate::disk::{self, Temporary};
 use crate::error::PipelineError;
 use crate::graph::{Manifests, Scope};
 use crate::qc::{QcLevel, QcReason};
@@ -8,7 +10,7 @@ use crate::stages::STAGES;
 use crate::studies::StudySet;
 use crate::study::{Role, Study, StudyId, TrialEntry};
 use crate::table::{write_csv, write_frame};
-use crate::workspace::{Manifest, Outcome, WHOLE_STUDY, Workspace, beside};
+use crate::workspace::{Manifest, Outcome, WHOLE_STUDY, Workspace};
 use aloft_regressor::weak::force_scale_n;
 use polars::prelude::{Column, DataFrame, PolarsError};
 use serde::Serialize;
@@ -32,6 +34,20 @@ pub struct Summary {
     pub rows: Vec<SummaryRow>,
     /// What each reason that occurs means, and what to do about it.
     pub reasons: Vec<ReasonText>,
+    /// Results that are not what the pipeline and the recordings would give now.
+    pub stale: Vec<StaleOf>,
+}
+
+/// Such a result and whose it is.
+#[derive(Debug, Clone, Serialize)]
+pub struct StaleOf {
+    /// Subject.
+    pub subject: Option<String>,
+    /// Session.
+    pub session: Option<String>,
+    /// The result.
+    #[serde(flatten)]
+    pub result: NotCurrent,
 }
 
 /// A reason in words.
@@ -115,9 +131,15 @@ pub fn again(words: &str, id: &StudyId, trial: &str) -> String {
 
 /// Gathers the table from what the stages left; `words` name pipeline and folders in the commands that repeat a trial.
 pub fn summary(set: &StudySet, words: &str) -> Result<Summary, PipelineError> {
-    let mut rows = Vec::new();
+    let (mut rows, mut stale) = (Vec::new(), Vec::new());
     for study in &set.members {
         rows.extend(rows_of(study, words)?);
+        let (subject, session) = (&study.id.subject, &study.id.session);
+        stale.extend(freshness(study)?.stale.into_iter().map(|result| StaleOf {
+            subject: subject.clone(),
+            session: session.clone(),
+            result,
+        }));
     }
     for b in &set.broken {
         rows.push(SummaryRow {
@@ -153,12 +175,13 @@ pub fn summary(set: &StudySet, words: &str) -> Result<Summary, PipelineError> {
         .filter(|(_, n)| *n > 0)
         .map(|(r, trials)| ReasonText { reason: r.code(), trials, meaning: r.meaning(), advice: r.advice() })
         .collect();
-    Ok(Summary { version: 1, rows, reasons })
+    Ok(Summary { version: 1, rows, reasons, stale })
 }
 
 fn rows_of(study: &Study, words: &str) -> Result<Vec<SummaryRow>, PipelineError> {
     let ws = Workspace::open(&study.workspace);
-    let manifests = Manifests::read(study, &ws, STAGES);
+    let manifests = Manifests::read_and_examine(study, &ws, STAGES);
+    let made = study.as_made();
     let grid = super::status::grid(study, &ws, &manifests)?;
     // a stage of the whole session that failed leaves its trials without what follows
     let failed_study = STAGES.iter().filter(|s| s.scope == Scope::Study).find_map(|s| {
@@ -185,7 +208,7 @@ fn rows_of(study: &Study, words: &str) -> Result<Vec<SummaryRow>, PipelineError>
                 row.message = Some(reason.clone());
                 return Ok(row);
             }
-            figures(&mut row, study, trial, &manifests);
+            figures(&mut row, &made, trial, &manifests);
             let is = |word: &str| cells.cells.iter().any(|c| c == word);
             let own = STAGES.iter().find_map(|s| match manifests.get(s.name, &trial.name).map(|m| &m.outcome) {
                 Some(Outcome::Failed(f)) if is("failed") => Some((s.name, f)),
@@ -208,7 +231,7 @@ fn rows_of(study: &Study, words: &str) -> Result<Vec<SummaryRow>, PipelineError>
                     row.hint = failure.hint;
                 }
                 row.again = Some(again(words, &study.id, WHOLE_STUDY));
-            } else if is("stale") || is("missing") {
+            } else if is("stale") || is("missing") || is("damaged") {
                 row.reasons.push(QcReason::NotRun);
             }
             Ok(row)
@@ -338,9 +361,10 @@ impl Summary {
         for (name, write) in
             [("summary.csv", write_csv as fn(&mut DataFrame, &Path) -> _), ("summary.parquet", write_frame)]
         {
-            let new = beside(&folder.join(name));
-            write(&mut frame, &new)?;
-            std::fs::rename(&new, folder.join(name)).map_err(PipelineError::io("move", &new))?;
+            let new = Temporary::beside(&folder.join(name))?;
+            disk::step();
+            write(&mut frame, new.path())?;
+            new.place()?;
         }
         crate::workspace::write_whole(&folder.join("summary.txt"), format!("{}\n", self.to_text()).as_bytes())?;
         Ok(path)

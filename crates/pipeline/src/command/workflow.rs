@@ -207,10 +207,10 @@ fn verdict_name(chosen: &[String]) -> String {
 pub fn plan_of(members: &[Member<'_>], call: &Call) -> Result<Value, PipelineError> {
     let text = std::fs::read_to_string(&call.pipeline).map_err(PipelineError::io("read", &call.pipeline))?;
     let workspace = call.workspace.display().to_string();
-    if workspace.contains(|c: char| "{}".contains(c) || c.is_control()) {
+    if workspace.contains(|c: char| "{}<>".contains(c) || c.is_control()) {
         return Err(PipelineError::request_hint(
             format!(
-                "{}: Snakemake reads braces and line breaks in a folder of results as its own",
+                "{}: Snakemake reads braces, angle brackets and line breaks in a folder of results as its own",
                 quote::visible(&workspace)
             ),
             "give --workspace a folder without them",
@@ -270,8 +270,8 @@ if not any(WORKSPACE.iterdir()):
 
 
 def plain(path):
-    """Snakemake reads braces in a name as a wildcard."""
-    return path.isprintable() and "{{" not in path and "}}" not in path and path == path.strip()
+    """Names that Snakemake takes as they are; braces or angle brackets it would read as its own."""
+    return path == path.strip() and all(c.isalnum() or c in "_-./ " for c in path)
 
 
 def recordings(w):
@@ -412,7 +412,7 @@ pub struct Lacking {
 /// Every result of a study that is not there or not up to date, those that failed by themselves first.
 pub fn verdict(study: &Study) -> Result<Vec<Lacking>, PipelineError> {
     let workspace = Workspace::open(&study.workspace);
-    let manifests = Manifests::read(study, &workspace, STAGES);
+    let manifests = Manifests::read_and_examine(study, &workspace, STAGES);
     let mut out = Vec::new();
     for stage in STAGES {
         for trial in stage.tasks(study) {
@@ -424,6 +424,9 @@ pub fn verdict(study: &Study) -> Result<Vec<Lacking>, PipelineError> {
                 Standing::Failed(failure) => (failure, true),
                 Standing::Missing => (StageFailure::new("has not run"), true),
                 Standing::Stale(changes) => (StageFailure::new(format!("is stale: {}", changes.join("; "))), true),
+                Standing::Damaged(problems) => {
+                    (StageFailure::new(format!("is damaged: {}", problems.join("; "))), true)
+                }
                 Standing::Blocked(reason) => (StageFailure::new(reason), false),
             };
             out.push(Lacking { stage: stage.name, trial: name.to_owned(), failure, first });

@@ -1,9 +1,12 @@
 //! `calibrate`: joint centres, hinge axes and marker places refined over the dynamic trials, on markers alone.
+//!
+//! Recordings held out for comparison take no part, unless `calibrate: {validation: true}` brings them back: their markers would shape the
+//! geometry that they are meant to judge.
 
 use crate::artifact::{load_markers, trial_length};
 use crate::config::Switch;
 use crate::error::StageFailure;
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Done, Job, Need, Scope, Stage, key};
 use crate::stages::scale::{load_locked, save_subject};
 use crate::study::Role;
 use crate::workspace::{WHOLE_STUDY, read_json, write_json};
@@ -16,15 +19,21 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "calibrate",
-    version: 2,
+    version: 3,
     scope: Scope::Study,
-    reads: "all dynamic trials, `Subject`",
+    reads: "dynamic trials that are not held out, `Subject`",
     gives: "`Subject` with joint centres, hinge axes and marker places refined on markers alone",
     needs: &[
         Need::Once("scale"),
         Need::Every("import", &[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
     ],
-    parameters: |study, _| json!({"calibrate": study.config.calibrate, "anthropometry": study.anthropometry}),
+    parameters: |study, _| {
+        // things are built again from their description, people refined with the priors of their tables; the role of a trial decides
+        // whether geometry may learn from it
+        let roles: Vec<[&str; 2]> = study.included().map(|t| [t.name.as_str(), t.role.word()]).collect();
+        json!({"calibrate": key(&study.config.calibrate), "anthropometry": key(&study.anthropometry),
+            "object": key(&study.object), "facts": key(&study.facts), "roles": roles})
+    },
     run,
 };
 
@@ -85,10 +94,19 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     Ok(done)
 }
 
-/// Every trial but the static one, whose posture the subject carries already.
+/// Trials that geometry may learn from: every one but the static one, whose posture the subject carries already, and those held out.
 fn moving(job: &Job<'_>) -> Vec<String> {
-    let static_one = |name: &String| job.study.trial(name).is_none_or(|t| t.role == Role::Static);
-    job.trials_of("import").into_iter().filter(|name| !static_one(name)).collect()
+    let takes_part = |name: &String| job.study.trial(name).is_some_and(|t| may_teach(job, t.role));
+    job.trials_of("import").into_iter().filter(takes_part).collect()
+}
+
+/// True for trials of a role that geometry may learn from.
+pub fn may_teach(job: &Job<'_>, role: Role) -> bool {
+    match role {
+        Role::Static => false,
+        Role::Validate => job.study.config.calibrate.validation,
+        Role::Calibration | Role::Identify => true,
+    }
 }
 
 /// Reads one trial after the other on each thread and keeps no more of it than the frames that take part.

@@ -1,25 +1,26 @@
 //! `compare`: predicted against measured wrench on held-out motion; the residual wrench in flight.
 
-use crate::artifact::plate_centers;
+use crate::artifact::{load_markers, plate_centers, trial_rate};
 use crate::config::Rows;
 use crate::error::StageFailure;
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Done, Job, Need, Scope, Stage, key};
 use crate::stages::filter::low_pass;
 use crate::stages::identify::{Predicting, identify_from, training_factors};
+use crate::stages::ik::fit_options;
 use crate::stages::regressor::{TrialRows, effect_columns};
 use crate::study::{Role, Study};
 use crate::table::Table;
 use crate::workspace::{WHOLE_STUDY, read_json, write_json};
 use aloft_body::{BaseParameters, Motion, Subject};
 use aloft_compare::{
-    Body, Candidate, CompareError, CompareOptions, Comparison, Filtering, Measured, Noise, NoiseFloor, TrialInput,
-    TrialSeries, compare_each, measured_wrench,
+    Body, Candidate, CompareError, CompareOptions, Comparison, Filtering, Measured, Noise, NoiseFloor, PlateDrift,
+    PoseErrors, TareReadings, TrialInput, TrialSeries, compare_each, measured_wrench,
 };
 use aloft_flight::{PlateTare, TareSource};
 use aloft_identify::{Estimator, Parameters};
-use aloft_ik::smooth;
+use aloft_ik::{MarkerErrors, smooth};
 use aloft_regressor::{EffectColumns, Factor, Stretch};
-use nalgebra::DVector;
+use nalgebra::{DVector, Vector3, Vector6};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -28,7 +29,7 @@ use std::ops::Range;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "compare",
-    version: 3,
+    version: 4,
     scope: Scope::Study,
     reads: "parameters, held-out trials",
     gives: "model against measurement, everywhere",
@@ -42,8 +43,9 @@ pub static STAGE: Stage = Stage {
         Need::Every("regressor", &[Role::Identify, Role::Validate]),
     ],
     parameters: |study, _| {
-        json!({"compare": study.config.compare, "filter": study.config.filter, "rows": study.config.regressor.rows,
-            "identify": study.config.identify, "margin_s": study.config.flight.margin_s, "effects": study.effects_parameters()})
+        json!({"compare": key(&study.config.compare), "filter": key(&study.config.filter), "regressor": key(&study.config.regressor),
+            "identify": key(&study.config.identify), "margin_s": key(&study.config.flight.margin_s), "is_object": study.object.is_some(),
+            "ik": key(&study.config.ik), "effects": study.effects_parameters()})
     },
     run,
 };
@@ -64,13 +66,48 @@ pub struct ComparedTrial {
     pub flights: Vec<Range<usize>>,
     /// Frames in which everything that the body touches is measured.
     pub complete: Vec<bool>,
+    /// Errors of the markers, where the noise floor is wanted.
+    pub errors: Option<DrawnErrors>,
+    /// Drift of the plates, where the noise floor is wanted.
+    pub drift: Option<PlateDrift>,
     /// Columns of the model's effects.
     pub effects: Option<EffectColumns>,
     /// True when the plates were never unloaded, so that what they read at rest is not known.
     pub untared: bool,
 }
 
+/// Errors of a trial's markers, as a comparison draws them.
+#[derive(Debug)]
+pub struct DrawnErrors(MarkerErrors);
+
+impl PoseErrors for DrawnErrors {
+    fn draw(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, seed: u64, draw: u64) -> Motion {
+        self.0.draw(motion, wanted, seed, draw)
+    }
+}
+
 impl ComparedTrial {
+    /// Adds the errors of the markers about the motion and the drift of the plates as the other trials show it, for the noise floor.
+    fn with_errors(
+        mut self,
+        job: &Job<'_>,
+        subject: &Subject,
+        readings: &[(String, TareReadings)],
+    ) -> Result<Self, StageFailure> {
+        if let Some(measured) = &self.measured {
+            let others: Vec<&TareReadings> = readings.iter().filter(|r| r.0 != self.name).map(|r| &r.1).collect();
+            let own = readings.iter().find(|r| r.0 == self.name).map(|r| r.1.times_s.clone()).unwrap_or_default();
+            self.drift = PlateDrift::of(&others, &measured.noise_density, own);
+        }
+        let mut subject = subject.clone();
+        let options = fit_options(job, &mut subject, &self.name)?;
+        let trial = load_markers(&job.workspace.place("import", &self.name))?;
+        let errors = MarkerErrors::of(&subject, &trial, &self.unfiltered, &options)
+            .map_err(|e| StageFailure::new(e.to_string()))?;
+        self.errors = errors.map(DrawnErrors);
+        Ok(self)
+    }
+
     /// From the rows' material of a trial.
     pub fn of(job: &Job<'_>, name: &str, rows: TrialRows) -> Result<Self, StageFailure> {
         let effects = effect_columns(job.study, &rows)?;
@@ -96,10 +133,32 @@ impl ComparedTrial {
             measured,
             flights,
             complete,
+            errors: None,
+            drift: None,
             effects,
             untared,
         })
     }
+}
+
+/// What the plates of a trial read in its flights; none where they were not tared from flights.
+fn tare_readings(job: &Job<'_>, name: &str) -> Result<TareReadings, StageFailure> {
+    let tares: Vec<PlateTare> = read_json(&job.workspace.place("flight", name).join("tare.json"))?;
+    let Some(first) = tares.first() else { return Ok(TareReadings::default()) };
+    let alike = |t: &PlateTare| t.source == TareSource::Flights && t.times_s == first.times_s;
+    if !tares.iter().all(alike) {
+        return Ok(TareReadings::default());
+    }
+    let centers = plate_centers(&job.workspace.place("import", name))?;
+    let join = |(f, m): (&Vector3<f64>, &Vector3<f64>)| Vector6::new(f.x, f.y, f.z, m.x, m.y, m.z);
+    let of = |t: &PlateTare| t.force_n.iter().zip(&t.moment_nm).map(join).collect();
+    let plates = centers.into_iter().zip(tares.iter().map(of)).collect();
+    let flights = job.load_flights(name)?.flights;
+    let frames: usize = flights.iter().map(aloft_flight::Flight::n_frames).sum();
+    let rate_hz = trial_rate(&job.workspace.place("import", name))?;
+    // 10 ms at both ends of each flight take no part in its reading
+    let length_s = frames as f64 / rate_hz / flights.len().max(1) as f64 - 0.02;
+    Ok(TareReadings { times_s: first.times_s.clone(), plates, length_s })
 }
 
 /// A motion without what comparison does not read: residuals of markers and standard deviations.
@@ -180,6 +239,8 @@ impl ComparedTrial {
             unfiltered: Some(&self.unfiltered),
             measured: self.measured.as_ref(),
             complete: Some(&self.complete),
+            errors: self.errors.as_ref().map(|e| e as &dyn PoseErrors),
+            drift: self.drift.as_ref(),
             effects: self.effects.as_ref(),
             untared: self.untared,
             held_out_contact: if every { self.measured.is_some() } else { self.role == Role::Validate },
@@ -230,6 +291,7 @@ fn compare_options(study: &Study, subject: &Subject) -> CompareOptions {
         edge_s: study.config.compare.edge_s,
         flight_margin_s: study.config.flight.margin_s,
         window_s: study.config.compare.window_s,
+        flight_window_s: (study.config.regressor.window_s > 0.0).then_some(study.config.regressor.window_s),
         mass_kg: Some(subject.facts.mass_kg),
         ..CompareOptions::default()
     }
@@ -260,7 +322,8 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     candidates.push(Candidate::links("prior", &base, &subject.prior_phi()));
     let key = floor_key(job, &compare_options(study, &subject))?;
     let place = job.workspace.place("compare", WHOLE_STUDY).join("noise_floor.json");
-    let earlier = read_json::<StoredFloor>(&place).ok().filter(|f| f.key == key);
+    let sound = job.workspace.damage("compare", WHOLE_STUDY).is_empty();
+    let earlier = if sound { read_json::<StoredFloor>(&place).ok().filter(|f| f.key == key) } else { None };
     let plain = if earlier.is_some() { None } else { plain_model(job, &subject, chosen)? };
     let floor = match &earlier {
         Some(f) => Floor::Known(&f.floor),
@@ -271,8 +334,14 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         Ok(role && !plate_centers(&job.workspace.place("import", name))?.is_empty())
     };
     let validation = names.iter().map(validates).collect::<Result<Vec<bool>, _>>()?.contains(&true);
+    let readings: Vec<(String, TareReadings)> = if earlier.is_some() {
+        Vec::new()
+    } else {
+        names.par_iter().map(|n| Ok((n.clone(), tare_readings(job, n)?))).collect::<Result<_, StageFailure>>()?
+    };
     let read = |i: usize| {
         let trial = TrialRows::load_for(job, &names[i], &subject).and_then(|r| ComparedTrial::of(job, &names[i], r));
+        let trial = if earlier.is_some() { trial } else { trial.and_then(|t| t.with_errors(job, &subject, &readings)) };
         trial.map_err(Failed)
     };
     let (comparison, series) = compare_with(
@@ -383,8 +452,10 @@ fn floor_key(job: &Job<'_>, options: &CompareOptions) -> Result<String, StageFai
         let output = job.workspace.manifest(stage, trial).map(|m| m.output).unwrap_or_default();
         hasher.update(format!("{stage}/{trial}={output}\n").as_bytes());
     }
-    let settings = json!({"version": STAGE.version, "options": options, "filter": study.config.filter,
-        "regressor": study.config.regressor, "identify": study.config.identify});
+    let roles: Vec<&str> =
+        job.trials_of("regressor").iter().filter_map(|n| Some(study.trial(n)?.role.word())).collect();
+    let settings = json!({"version": STAGE.version, "options": key(options), "filter": key(&study.config.filter),
+        "regressor": key(&study.config.regressor), "identify": key(&study.config.identify), "ik": key(&study.config.ik), "roles": roles});
     hasher.update(settings.to_string().as_bytes());
     Ok(hasher.finalize().to_hex().to_string())
 }
@@ -433,6 +504,12 @@ fn describe(c: &Comparison, done: &mut Done) {
     if first.held_out.frames > 0 {
         done.note("held_out_force_n", first.held_out.force_n.mean_mae());
         done.note("held_out_moment_nm", first.held_out.moment_nm.mean_mae());
+    }
+    for a in &c.against_floor {
+        if let Some(floor) = a.floor {
+            done.note(&format!("noise_floor_{}_n", a.judged_on), floor.noise_floor);
+            done.note(&format!("times_floor_{}", a.judged_on), json!(a.times_floor));
+        }
     }
     if first.flight.frames > 0 {
         done.note("flight_force_rms_n", json!(first.flight.residual_force_n.rms));

@@ -3,7 +3,7 @@
 use crate::artifact::save_motion;
 use crate::config::Correction;
 use crate::error::StageFailure;
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Done, Job, Need, Scope, Stage, key};
 use crate::study::{Role, Study};
 use crate::workspace::write_json;
 use aloft_ik::smooth;
@@ -19,7 +19,7 @@ pub static STAGE: Stage = Stage {
     reads: "`Motion`",
     gives: "`Motion` with velocities and accelerations (zero-phase Butterworth)",
     needs: &[Need::Same("ik"), Need::Once("calibrate")],
-    parameters: |study, _| json!({"filter": study.config.filter}),
+    parameters: |study, _| json!({"filter": key(&study.config.filter)}),
     run,
 };
 

@@ -3,7 +3,7 @@
 use crate::artifact::load_trial_without_points;
 use crate::config::FlightSource;
 use crate::error::StageFailure;
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Done, Job, Need, Scope, Stage, key};
 use crate::qc::QcReason;
 use crate::study::Role;
 use crate::workspace::{read_json, write_json};
@@ -18,12 +18,15 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "flight",
-    version: 2,
+    version: 3,
     scope: Scope::Trial(&[Role::Identify, Role::Validate]),
     reads: "`Motion`, plates, prior",
     gives: "intervals in which no external force acts; tare of the plates",
     needs: &[Need::Same("import"), Need::Same("ik"), Need::Once("calibrate")],
-    parameters: |study, trial| json!({"flight": study.flight_of(trial)}),
+    parameters: |study, trial| {
+        json!({"flight": key(study.flight_of(trial)), "gravity_mps2": key(&study.facts.gravity_mps2),
+            "role": trial.map(|t| t.role.word()), "is_object": study.object.is_some()})
+    },
     run,
 };
 
@@ -48,7 +51,12 @@ impl Job<'_> {
     }
 }
 
-/// Mean vertical acceleration of the centre of mass in flight over −g, minus one, percent; none without flights, and without gravity.
+/// Standard deviation of the ratio between measured and stated free acceleration that flights of a trial share: people (masses out of a
+/// table, soft tissue) and rigid objects.
+const PERSON_RATIO_SD: f64 = 0.01;
+const RIGID_RATIO_SD: f64 = 0.003;
+
+/// Mean vertical acceleration of the centre of mass in flight over −g, minus one, percent; none without flights or gravity.
 pub fn gravity_error_percent(report: &FlightReport, gravity_mps2: f64) -> Option<f64> {
     let used: Vec<(f64, f64)> = report
         .flights
@@ -75,6 +83,8 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         },
         threshold_n: config.threshold_n,
         min_duration_s: config.min_duration_s,
+        stature_m: subject.facts.height_m,
+        ratio_sd: if job.study.object.is_some() { RIGID_RATIO_SD } else { PERSON_RATIO_SD },
         ..FlightOptions::default()
     };
     let prior = subject.prior_phi();
@@ -93,6 +103,15 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     }
     done.warnings.extend(report.warnings.iter().cloned());
     let mut reasons = Vec::new();
+    if let Some(fall) = &report.free_fall {
+        done.note("free_fall_ratio", json!(fall.ratio));
+        done.note("free_fall_ratio_ci95", json!(fall.ratio_ci95));
+        done.note("free_fall_tilt_deg", json!(fall.tilt_deg));
+        if fall.differs {
+            done.note("free_fall_explanations", json!(fall.explanations));
+            reasons.push(QcReason::FreeFallOff);
+        }
+    }
     if tares.iter().any(|t| t.source == TareSource::None) {
         reasons.push(QcReason::UntaredPlate);
     }

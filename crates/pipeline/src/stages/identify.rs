@@ -2,16 +2,16 @@
 
 use crate::config::{Estimator as Choice, Rows};
 use crate::error::StageFailure;
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Done, Job, Need, Scope, Stage, key};
 use crate::merge;
-use crate::stages::regressor::{load_factors, row_kind};
+use crate::stages::regressor::{load_factors, load_slides, row_kind};
 use crate::study::{Role, Study};
 use crate::workspace::{WHOLE_STUDY, read_json, write_json};
 use aloft_body::{BaseParameters, Subject};
 use aloft_identify::{
-    ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, Prior, identify_merged, point_estimate,
+    ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, Prior, identify_with_slides, point_estimate,
 };
-use aloft_regressor::{Factor, Stretch, StretchKind, leave_group_out};
+use aloft_regressor::{Factor, RowKind, Slides, Stretch, StretchKind, leave_group_out};
 use nalgebra::DVector;
 use serde_json::json;
 use std::collections::HashMap;
@@ -24,7 +24,10 @@ pub static STAGE: Stage = Stage {
     reads: "all factors",
     gives: "base parameters with intervals, consistent link inertias",
     needs: &[Need::Once("calibrate"), Need::Every("regressor", &[Role::Identify])],
-    parameters: |study, _| json!({"identify": study.config.identify}),
+    parameters: |study, _| {
+        json!({"identify": key(&study.config.identify), "rows": key(&study.config.regressor.rows),
+            "is_object": study.object.is_some()})
+    },
     run,
 };
 
@@ -56,9 +59,21 @@ pub fn estimator(study: &Study, rows: Rows) -> Estimator {
     }
 }
 
-/// Errors that repeat from flight to flight: soft tissue and joint centres of people; nothing for rigid objects.
-pub fn repeat_correlation(study: &Study) -> f64 {
-    study.config.identify.repeat_correlation.unwrap_or(if study.object.is_some() { 0.0 } else { 0.2 })
+/// What soft tissue makes of the weak rows of some factors, in their order; empty where a trial has none (objects).
+fn training_slides(job: &Job<'_>, factors: &[(Stretch, Factor)]) -> Result<Vec<Slides>, StageFailure> {
+    let mut of_trials: HashMap<&str, Vec<(Stretch, Slides)>> = HashMap::new();
+    let mut out = Vec::with_capacity(factors.len());
+    for (stretch, factor) in factors {
+        if !of_trials.contains_key(factor.trial.as_str()) {
+            of_trials.insert(&factor.trial, load_slides(&job.workspace.place("regressor", &factor.trial))?);
+        }
+        let found = of_trials.get(factor.trial.as_str()).and_then(|all| all.iter().find(|(s, _)| s == stretch));
+        match found {
+            Some((_, slides)) if factor.rows == RowKind::Weak => out.push(slides.clone()),
+            _ => return Ok(Vec::new()),
+        }
+    }
+    Ok(out)
 }
 
 /// Base parameters, and coefficients of effects by name.
@@ -72,21 +87,22 @@ pub fn identify_from(
     estimator: Estimator,
     bootstrap: usize,
 ) -> Result<Parameters, StageFailure> {
-    identify_with(study, subject, factors, None, estimator, bootstrap)
+    identify_with(study, subject, factors, None, &[], estimator, bootstrap)
 }
 
-/// The same with the flights merged already ([`merge::root`]).
+/// The same with the flights merged already ([`merge::root`]) and with slides of soft tissue.
 fn identify_with(
     study: &Study,
     subject: &Subject,
     factors: &[(Stretch, Factor)],
     flights: Option<&Factor>,
+    slides: &[Slides],
     estimator: Estimator,
     bootstrap: usize,
 ) -> Result<Parameters, StageFailure> {
     let base = BaseParameters::of(&subject.model);
     let prior = LinkPrior::of_subject(subject).map_err(|e| StageFailure::new(e.to_string()))?;
-    let repeat_correlation = repeat_correlation(study);
+    let repeat_correlation = study.config.identify.repeat_correlation.unwrap_or(0.0);
     let widening = study
         .effects
         .iter()
@@ -94,7 +110,7 @@ fn identify_with(
         .collect();
     let options = IdentifyOptions { estimator, bootstrap, repeat_correlation, widening, ..IdentifyOptions::default() };
     let plain: Vec<Factor> = factors.iter().map(|(_, f)| f.clone()).collect();
-    identify_merged(&subject.model, &base, &plain, flights, subject.facts.mass_kg, Some(&prior), &options)
+    identify_with_slides(&subject.model, &base, &plain, flights, slides, subject.facts.mass_kg, Some(&prior), &options)
         .map(|i| i.parameters)
         .map_err(|e| StageFailure::new(e.to_string()))
 }
@@ -201,7 +217,8 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         }
         let flights = merge::root(job, &factors, row_kind(rows))?;
         let bootstrap = study.config.identify.bootstrap;
-        match identify_with(study, &subject, &factors, flights.as_ref(), estimator(study, rows), bootstrap) {
+        let slides = training_slides(job, &factors)?;
+        match identify_with(study, &subject, &factors, flights.as_ref(), &slides, estimator(study, rows), bootstrap) {
             Ok(parameters) => {
                 write_json(&job.out.join(file_name(rows)), &parameters)?;
                 if rows == chosen {

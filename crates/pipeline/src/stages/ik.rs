@@ -2,7 +2,7 @@
 
 use crate::artifact::save_motion;
 use crate::error::StageFailure;
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Done, Job, Need, Scope, Stage, key};
 use crate::qc::QcReason;
 use crate::stages::scale::load_locked;
 use crate::study::Role;
@@ -19,13 +19,12 @@ pub static STAGE: Stage = Stage {
     reads: "trial, `Subject`",
     gives: "`Motion`: joint coordinates, marker residuals, standard deviations",
     needs: &[Need::Same("import"), Need::Once("scale"), Need::Once("calibrate")],
-    parameters: |study, trial| json!({"ik": study.ik_of(trial)}),
+    parameters: |study, trial| json!({"ik": key(study.ik_of(trial))}),
     run,
 };
 
-/// Tracks a trial with a subject's geometry: motion with continuous turns and signs, and the report.
-pub fn track(job: &Job<'_>, mut subject: Subject, name: &str) -> Result<(Subject, Motion, IkReport), StageFailure> {
-    let trial = job.load_trial(name)?;
+/// How the markers of a trial are fitted; weights that the pipeline states go into the subject.
+pub fn fit_options(job: &Job<'_>, subject: &mut Subject, name: &str) -> Result<IkOptions, StageFailure> {
     let config = job.study.ik_of(job.study.trial(name));
     for (label, weight) in &config.weights {
         match subject.markers.iter_mut().find(|m| &m.label == label) {
@@ -38,7 +37,13 @@ pub fn track(job: &Job<'_>, mut subject: Subject, name: &str) -> Result<(Subject
             }
         }
     }
-    let options = IkOptions { marker_sd_m: config.marker_sd_m, locked: load_locked(job)?, ..IkOptions::default() };
+    Ok(IkOptions { marker_sd_m: config.marker_sd_m, locked: load_locked(job)?, ..IkOptions::default() })
+}
+
+/// Tracks a trial with a subject's geometry: motion with continuous turns and signs, and the report.
+pub fn track(job: &Job<'_>, mut subject: Subject, name: &str) -> Result<(Subject, Motion, IkReport), StageFailure> {
+    let trial = job.load_trial(name)?;
+    let options = fit_options(job, &mut subject, name)?;
     let result = solve(&subject, &trial, &options).map_err(|e| StageFailure::new(e.to_string()))?;
     let mut motion = smooth(&subject.model, &result.motion, None).map_err(|e| StageFailure::new(e.to_string()))?;
     // only the continuity of turns and signs is wanted here; derivatives belong to `filter`

@@ -3,7 +3,7 @@
 use crate::artifact::save_trial;
 use crate::config::Vertical;
 use crate::error::{PipelineError, StageFailure};
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Done, Job, Need, Scope, Stage, key};
 use crate::qc::QcReason;
 use crate::quote;
 use crate::study::{Role, Study, TrialEntry, bids_beside};
@@ -23,7 +23,7 @@ pub static STAGE: Stage = Stage {
     reads: "C3D, TRC with MOT, or BIDS-Motion; marker set",
     gives: "markers, plates, events in SI and one world frame; quality table",
     needs: &[Need::Recording],
-    parameters: |study, trial| json!({"import": study.import_of(trial), "marker_set": study.marker_set}),
+    parameters: |study, trial| json!({"import": key(study.import_of(trial)), "marker_set": key(&study.marker_set)}),
     run,
 };
 
@@ -114,7 +114,22 @@ fn read_bids(name: &str, file: &std::path::Path, options: &ImportOptions) -> Res
     let (motion, channels) = (lossy(file)?, lossy(channels)?);
     let rate_hz = json("_motion.json")?.get("SamplingFrequency").and_then(serde_json::Value::as_f64);
     let source = BidsMotion { motion: &motion, channels: &channels, rate_hz, spatial_axes: axes };
-    Trial::from_bids_motion(name, &source, options).map_err(|e| unreadable(name, file, &e))
+    let mut trial = Trial::from_bids_motion(name, &source, options).map_err(|e| unreadable(name, file, &e))?;
+    if let Some(scans) = ending("_scans.tsv") {
+        trial.recorded = acquired(&lossy(scans)?, file);
+    }
+    Ok(trial)
+}
+
+/// `acq_time` of a recording in the table of its session's scans (BIDS).
+fn acquired(scans: &str, file: &std::path::Path) -> Option<aloft_trial::RecordedAt> {
+    let mut lines = scans.lines().map(|l| l.split('\t').map(str::trim).collect::<Vec<_>>());
+    let header = lines.next()?;
+    let column = |name: &str| header.iter().position(|h| *h == name);
+    let (names, times) = (column("filename")?, column("acq_time")?);
+    let own = file.file_name()?.to_string_lossy().into_owned();
+    let row = lines.find(|row| row.get(names).is_some_and(|n| n.rsplit('/').next() == Some(own.as_str())))?;
+    aloft_trial::recorded_at(row.get(times)?, "scans.tsv acq_time")
 }
 
 fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
@@ -164,6 +179,9 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     done.note("plates", trial.plates.len());
     done.note("filled_gaps", fills.len());
     done.note("duration_s", quality.duration_s);
+    if let Some(at) = &trial.recorded {
+        done.note("recorded", json!(at));
+    }
     done.note("gaps", quality.markers.iter().map(|m| m.gaps).sum::<usize>());
     let longest = quality.markers.iter().map(|m| m.longest_gap_frames).max().unwrap_or(0);
     done.note("longest_gap_s", longest as f64 / trial.markers.rate_hz);

@@ -3,6 +3,7 @@
 use crate::config::Switch;
 use crate::error::StageFailure;
 use crate::graph::{Done, Job};
+use crate::stages::calibrate::may_teach;
 use crate::stages::scale::save_subject;
 use crate::study::Role;
 use crate::workspace::write_json;
@@ -64,13 +65,13 @@ pub fn scale(job: &Job<'_>) -> Result<Done, StageFailure> {
     save(job, &build(job, &motion)?)
 }
 
-/// The same, with every recording in which it moves.
+/// The same, with every recording in which it moves and that is not held out.
 pub fn refine(job: &Job<'_>) -> Result<Done, StageFailure> {
     if job.study.config.calibrate.enabled == Switch::Off {
         let subject = job.load_subject("scale")?;
         save_subject(job, &subject)?;
         return Ok(Done::default());
     }
-    let motion = load(job, "import", |r| r != Role::Static)?;
+    let motion = load(job, "import", |r| may_teach(job, r))?;
     save(job, &build(job, &motion)?)
 }

@@ -3,7 +3,8 @@
 use crate::config::{Rows, Weighting};
 use crate::effects::KnownEffects;
 use crate::error::{PipelineError, StageFailure};
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Done, Job, Need, Scope, Stage, key};
+use crate::session::Calendar;
 use crate::stages::filter::low_pass;
 use crate::study::{Role, Study};
 use crate::table::Table;
@@ -14,9 +15,9 @@ use aloft_flight::{FlightReport, plate_wrench_at_marker_rate, total_wrench};
 use aloft_regressor::weak::force_scale_n;
 use aloft_regressor::{
     AccelerationOptions, Acting, Columns, CoordinateNoise, EffectColumns, Factor, Noise, RegressorError, RowKind,
-    Stretch, StretchKind, WeakOptions, acceleration_factor, weak_factor,
+    Slides, Stretch, StretchKind, Tissue, WeakOptions, acceleration_factor, weak_factor, weak_factor_with_tissue,
 };
-use aloft_trial::Trial;
+use aloft_trial::{SessionSource, Trial};
 use nalgebra::{DMatrix, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -35,14 +36,20 @@ pub static STAGE: Stage = Stage {
         Need::Same("filter"),
         Need::Same("flight"),
         Need::Once("calibrate"),
+        // when each recording was made, for effects that grow over the session
+        Need::Every("import", &[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
     ],
     parameters: |study, _| {
-        json!({"window_s": study.config.regressor.window_s, "weighting": study.config.regressor.weighting,
-            "slow_noise": study.config.regressor.slow_noise, "marker_sd_m": study.config.ik.marker_sd_m, "margin_s": study.config.flight.margin_s, "filter": study.config.filter,
-            "effects": study.effects_parameters()})
+        let regressor = &study.config.regressor;
+        json!({"window_s": key(&regressor.window_s), "weighting": key(&regressor.weighting), "slow_noise": key(&regressor.slow_noise),
+            "marker_sd_m": key(&study.config.ik.marker_sd_m), "margin_s": key(&study.config.flight.margin_s),
+            "filter": key(&study.config.filter), "is_object": study.object.is_some(), "effects": study.effects_parameters()})
     },
     run,
 };
+
+/// The effect that asks when in the session a recording was made.
+pub const DRIFT: &str = "plate_clock_drift";
 
 #[derive(Serialize, Deserialize)]
 struct FactorHead {
@@ -89,6 +96,57 @@ pub fn load_factors(dir: &Path) -> Result<Vec<(Stretch, Factor)>, PipelineError>
         out.push((head.stretch, factor));
     }
     Ok(out)
+}
+
+#[derive(Serialize, Deserialize)]
+struct SlidesHead {
+    stretch: Stretch,
+    rows: usize,
+    draws: usize,
+    predicted: f64,
+    observed: f64,
+}
+
+/// Writes `slides.json` and `slides.parquet`: what soft tissue makes of the weak rows of each stretch.
+fn save_slides(dir: &Path, slides: &[(Stretch, Slides)]) -> Result<(), PipelineError> {
+    let heads: Vec<SlidesHead> = slides
+        .iter()
+        .map(|(stretch, s)| SlidesHead {
+            stretch: stretch.clone(),
+            rows: s.sums.nrows(),
+            draws: s.sums.ncols(),
+            predicted: s.predicted,
+            observed: s.observed,
+        })
+        .collect();
+    write_json(&dir.join("slides.json"), &heads)?;
+    let mut table = Table::default();
+    table.push("value", slides.iter().flat_map(|(_, s)| s.sums.iter().copied()).collect());
+    table.write(&dir.join("slides.parquet"))
+}
+
+/// Reads what the stage wrote for a trial of a person; nothing for objects.
+pub fn load_slides(dir: &Path) -> Result<Vec<(Stretch, Slides)>, PipelineError> {
+    let head = dir.join("slides.json");
+    if !head.is_file() {
+        return Ok(Vec::new());
+    }
+    let heads: Vec<SlidesHead> = read_json(&head)?;
+    let path = dir.join("slides.parquet");
+    let values = Table::read(&path)?.into_columns().into_iter().next().map(|c| c.1).unwrap_or_default();
+    let mut at = 0;
+    heads
+        .into_iter()
+        .map(|head| {
+            let part = values.get(at..at + head.rows * head.draws).ok_or_else(|| PipelineError::Table {
+                path: path.clone(),
+                problem: "fewer values than slides.json says".to_owned(),
+            })?;
+            at += head.rows * head.draws;
+            let sums = DMatrix::from_column_slice(head.rows, head.draws, part);
+            Ok((head.stretch, Slides { sums, predicted: head.predicted, observed: head.observed }))
+        })
+        .collect()
 }
 
 /// The kind of rows that a word of the configuration means.
@@ -154,7 +212,8 @@ pub fn effect_columns(study: &Study, rows: &TrialRows) -> Result<Option<EffectCo
     if everywhere && at < rows.motion.n_frames() {
         spans.push(Span { first_frame: at, end_frame: rows.motion.n_frames(), flight: false });
     }
-    let trial = TrialMotion { motion: &rows.motion, spans: &spans, plates: &rows.plates, session_time_s: 0.0 };
+    let trial =
+        TrialMotion { motion: &rows.motion, spans: &spans, plates: &rows.plates, session_time_s: rows.session_time_s };
     let base = BaseParameters::of(&rows.subject.model);
     let about = (study.plain_base.len() == base.len()).then_some((&base, study.plain_base.as_slice()));
     let mut out = EffectColumns { names: Vec::new(), wrench: vec![DMatrix::zeros(6, 0); rows.motion.n_frames()] };
@@ -203,6 +262,10 @@ pub struct TrialRows {
     pub plates: Vec<PlateSeries>,
     /// Centres of the plates, world, m.
     pub plate_centers_m: Vec<Vector3<f64>>,
+    /// Seconds from the start of the session to the first frame (0 without plates, where nothing depends on it).
+    pub session_time_s: f64,
+    /// Where that time comes from; none without plates.
+    pub calendar: Option<Calendar>,
 }
 
 impl TrialRows {
@@ -254,6 +317,8 @@ impl TrialRows {
             wrench_filtered = Some(join(&smooth));
         }
         let flights = flights.flights.iter().map(aloft_flight::Flight::frames).collect();
+        let calendar = (!plates.is_empty()).then(|| Calendar::of(job.study, job.workspace));
+        let session_time_s = calendar.as_ref().map_or(0.0, |c| c.start_s(name));
         Ok(Self {
             trial,
             subject,
@@ -265,6 +330,8 @@ impl TrialRows {
             wrench_filtered,
             plates,
             plate_centers_m,
+            session_time_s,
+            calendar,
         })
     }
 }
@@ -274,6 +341,16 @@ pub type FactorsAndRemarks = (Vec<(Stretch, Factor)>, Vec<String>);
 
 /// Factors of every stretch of a trial, from weak rows and from the paper's; and what was odd.
 pub fn factors_of(study: &Study, rows: &TrialRows) -> Result<FactorsAndRemarks, StageFailure> {
+    factors_beside(study, rows, &mut Vec::new(), false)
+}
+
+/// The same, with what soft tissue makes of weak rows where `with_tissue` asks for it.
+fn factors_beside(
+    study: &Study,
+    rows: &TrialRows,
+    slides: &mut Vec<(Stretch, Slides)>,
+    with_tissue: bool,
+) -> Result<FactorsAndRemarks, StageFailure> {
     let subject = &rows.subject;
     let base = BaseParameters::of(&subject.model);
     let prior = subject.prior_phi();
@@ -285,7 +362,18 @@ pub fn factors_of(study: &Study, rows: &TrialRows) -> Result<FactorsAndRemarks, 
     let mut warnings = Vec::new();
     for stretch in &rows.stretches {
         let acting = Acting { measured: rows.wrench.as_deref(), effects: effects.as_ref() };
-        let by_weak = weak_factor(&subject.model, &base, &prior, &rows.motion, stretch, acting, &weak, noise.as_ref());
+        let (model, motion) = (&subject.model, &rows.motion);
+        let by_weak = if with_tissue {
+            let tissue = Tissue::new(&subject.markers, study.config.ik.marker_sd_m);
+            weak_factor_with_tissue(model, &base, &prior, motion, stretch, acting, &weak, noise.as_ref(), &tissue).map(
+                |(factor, found)| {
+                    slides.push((stretch.clone(), found));
+                    factor
+                },
+            )
+        } else {
+            weak_factor(model, &base, &prior, motion, stretch, acting, &weak, noise.as_ref())
+        };
         let acting = Acting { measured: rows.wrench_filtered.as_deref(), effects: effects.as_ref() };
         let by_paper = acceleration_factor(&subject.model, &base, &rows.filtered, stretch, acting, &acceleration);
         for result in [by_weak, by_paper] {
@@ -323,11 +411,24 @@ pub fn row_noise<'a>(study: &Study, subject: &'a Subject) -> Option<Noise<'a>> {
 fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let entry = job.trial()?;
     let rows = TrialRows::load(job, &entry.name)?;
-    let (factors, warnings) = factors_of(job.study, &rows)?;
+    let mut slides = Vec::new();
+    let person = job.study.object.is_none();
+    let (factors, warnings) = factors_beside(job.study, &rows, &mut slides, person)?;
     let mut done = Done { warnings, ..Done::default() };
     save_factors(job.out, &factors)?;
+    if person {
+        save_slides(job.out, &slides)?;
+    }
     let count = |kind: RowKind| factors.iter().filter(|(_, f)| f.rows == kind).map(|(_, f)| f.n_rows).sum::<usize>();
     done.note("weak_rows", count(RowKind::Weak));
     done.note("paper_rows", count(RowKind::Acceleration));
+    if let Some(calendar) = &rows.calendar {
+        done.note("session_time_s", rows.session_time_s);
+        done.note("session_time_source", json!(calendar.source));
+        // a remark only where results depend on it
+        if calendar.source == SessionSource::OrderAndLengths && job.study.effects.iter().any(|e| e.id() == DRIFT) {
+            done.warnings.push(format!("times of the session: {}", calendar.words));
+        }
+    }
     Ok(done)
 }

@@ -1,7 +1,7 @@
 //! `scale`: the static trial to this body's own model, marker places and prior inertias.
 
 use crate::error::StageFailure;
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Done, Job, Need, Scope, Stage, key};
 use crate::study::{Role, Study};
 use crate::workspace::{WHOLE_STUDY, read_json, write_json};
 use aloft_body::Subject;
@@ -18,8 +18,9 @@ pub static STAGE: Stage = Stage {
     needs: &[Need::EveryOrStaticFrames("import", &[Role::Static, Role::Calibration])],
     parameters: |study, _| {
         json!({
-            "scale": study.config.scale, "model": study.model, "marker_set": study.marker_set, "object": study.object,
-            "anthropometry": study.anthropometry, "facts": study.facts, "static_frames": study.config.trials.static_frames,
+            "scale": key(&study.config.scale), "model": key(&study.model), "marker_set": key(&study.marker_set),
+            "object": key(&study.object), "anthropometry": key(&study.anthropometry), "facts": key(&study.facts),
+            "static_frames": key(&study.config.trials.static_frames),
         })
     },
     run,

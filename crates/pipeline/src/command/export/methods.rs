@@ -30,6 +30,9 @@ pub(super) fn paragraph(study: &Study, ws: &Workspace, subject: &SubjectExport) 
     let mut t = recordings(study, ws, subject);
     t.push_str(&kinematics(study, ws, subject)?);
     t.push_str(&identification(study, ws, subject)?);
+    for difference in crate::made::differences(study, ws) {
+        t.push_str(&format!(" {difference}."));
+    }
     t.push_str(&format!(
         " Angles in the exported files follow the convention `{}`.",
         subject.coordinates.convention.word()

@@ -4,6 +4,7 @@ mod folder;
 mod gather;
 mod methods;
 
+use crate::command::freshness::{Freshness, freshness};
 use crate::command::status::status;
 use crate::config::Angles;
 use crate::error::PipelineError;
@@ -69,7 +70,10 @@ impl From<Angles> for Convention {
 ///
 /// # Errors
 /// Nothing was run yet; a format or trial that does not exist; a folder with other content; a file that cannot be written.
-pub fn export(study: &Study, options: &ExportOptions) -> Result<Exported, PipelineError> {
+pub fn export(now: &Study, options: &ExportOptions) -> Result<Exported, PipelineError> {
+    let freshness = freshness(now)?;
+    freshness.refuse_damaged(now, &[])?;
+    let study = &now.as_made();
     let formats = Format::choose(&options.formats)
         .map_err(|e| PipelineError::request_hint(e.to_string(), "see `aloft export --help`"))?;
     let ws = Workspace::open(&study.workspace);
@@ -80,7 +84,7 @@ pub fn export(study: &Study, options: &ExportOptions) -> Result<Exported, Pipeli
     let state = gather::state(study, &ws, &subject)?;
     let folder = Folder::prepare(&target, &state)?;
 
-    let mut done = Exported { folder: target, remarks: remarks(study)?, ..Exported::default() };
+    let mut done = Exported { folder: target, remarks: remarks(now, &freshness)?, ..Exported::default() };
     let mut files: Vec<Kept> = Vec::new();
     for format in &formats {
         let Some(write) = format.subject else { continue };
@@ -184,7 +188,7 @@ fn describe(
     };
     let text = |path: &str, text: String, what: &str| OutFile::text(path.to_owned(), text, what);
     files.extend(folder.stage(vec![
-        text("pipeline.yaml", study.config_text.clone(), "the pipeline as it was run"),
+        text("pipeline.yaml", study.config_text.clone(), "the pipeline as it stood when exported"),
         text("methods.txt", format!("{methods}\n"), "paragraph for a paper, with the figures of this study"),
     ])?);
     // what an earlier export of the same results left stays, and stands in the README, too
@@ -198,15 +202,25 @@ fn describe(
     Ok(())
 }
 
-/// Results that are not up to date.
-fn remarks(study: &Study) -> Result<Vec<String>, PipelineError> {
+/// What is not up to date, failed or was left out.
+fn remarks(study: &Study, freshness: &Freshness) -> Result<Vec<String>, PipelineError> {
     let mut out = Vec::new();
+    if !freshness.is_current() {
+        out.push(format!(
+            "not up to date when exported: {}; `aloft run` brings results up to date",
+            freshness.words().join("; ")
+        ));
+        out.push(
+            "pipeline.yaml is the pipeline as it stood when exported; methods.txt tells how the results were made"
+                .to_owned(),
+        );
+    }
     let found = status(study)?;
-    for word in ["stale", "failed", "blocked"] {
+    for word in ["failed", "blocked"] {
         let rows: Vec<&str> =
             found.rows.iter().filter(|r| r.cells.iter().any(|c| c == word)).map(|r| r.trial.as_str()).collect();
         if !rows.is_empty() {
-            out.push(format!("{word} when exported: {}; `aloft run` brings results up to date", rows.join(", ")));
+            out.push(format!("{word} when exported: {}", rows.join(", ")));
         }
     }
     for trial in study.trials.iter() {

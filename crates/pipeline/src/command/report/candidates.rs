@@ -47,7 +47,7 @@ fn dots(d: &Discovery, shown: &[&Candidate]) -> Block {
     let mut lines = vec![Line { at: 1.0, upright: true, label: "explains nothing".into() }];
     let floor = d.noise_floor / d.held_out_error;
     if floor.is_finite() && floor < 0.98 {
-        lines.push(Line { at: floor, upright: true, label: "noise alone".into() });
+        lines.push(Line { at: floor, upright: true, label: "noise floor".into() });
     }
     let words = Words::new(
         "Held-out error with each effect over that without",

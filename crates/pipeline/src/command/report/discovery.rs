@@ -13,7 +13,9 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
     let mut sections = Vec::new();
     let last = story.discoveries.len();
     for (i, (revision, d)) in story.discoveries.iter().enumerate() {
-        sections.push(answer(story, *revision, d, last > 1));
+        let older = d.made_from != story.looked_at;
+        let d = &d.answer;
+        sections.push(answer(story, *revision, d, last > 1, older));
         if i + 1 == last || last <= 2 {
             sections.push(candidates::ranking(d, &format!("-{revision}")));
         }
@@ -69,10 +71,14 @@ fn verdict_word(v: Verdict) -> &'static str {
 }
 
 /// The answer against one revision of the model.
-fn answer(story: &Story<'_>, revision: usize, d: &Discovery, several: bool) -> Section {
+fn answer(story: &Story<'_>, revision: usize, d: &Discovery, several: bool, older: bool) -> Section {
     let held = story.history.revisions.get(revision).map(|r| r.effects.join(", ")).filter(|e| !e.is_empty());
     let model = held.map_or_else(|| "the plain model".to_owned(), |e| format!("the model with {e}"));
     let mut blocks = vec![Block::remark(verdict_light(d.verdict), d.words.clone())];
+    if older {
+        let text = "Not up to date: `discover` looked at other results than those of this page. Ask it again.";
+        blocks.insert(0, Block::remark(Light::Poor, text));
+    }
     let share = 100.0 * d.held_out_error_of_weight;
     let mut cards = vec![
         card("Verdict", verdict_word(d.verdict).to_owned(), d.effects.join(", "), verdict_light(d.verdict)),
@@ -93,9 +99,9 @@ fn answer(story: &Story<'_>, revision: usize, d: &Discovery, several: bool) -> S
         ));
     }
     cards.push(card(
-        "Noise of the markers alone",
+        "Noise floor",
         format!("{} N", number(d.noise_floor)),
-        "no model can go below it",
+        "what a perfect model would leave",
         Light::Neutral,
     ));
     blocks.push(Block::Cards { cards });

@@ -104,7 +104,8 @@ fn row(m: &Member<'_>) -> Row {
         trials: Vec::new(),
         failure: None,
     };
-    let story = match Story::read(m.study) {
+    let made = m.study.as_made();
+    let story = match Story::read(&made, m.study) {
         Ok(story) => story,
         Err(e) => {
             out.failure = Some(e.to_string());
@@ -113,6 +114,10 @@ fn row(m: &Member<'_>) -> Row {
         }
     };
     (out.light, out.remarks) = lights::recordings(&story);
+    if !story.freshness.is_current() {
+        out.light = Light::Poor;
+        out.remarks = format!("not up to date ({}); {}", story.freshness.words().join("; "), out.remarks);
+    }
     let average = |v: Vec<f64>| (!v.is_empty()).then(|| v.iter().sum::<f64>() / v.len() as f64);
     out.marker_rms_mm = average(story.dynamic().filter_map(|t| t.kinematics.as_ref()?.marker_rms_mm).collect());
     let fall = story.dynamic().filter_map(|t| t.kinematics.as_ref()?.gravity_error_percent.map(f64::abs));

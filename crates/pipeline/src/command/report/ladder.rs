@@ -27,7 +27,7 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         ticks: ticks.clone(),
         series: vec![
             Series::line("held-out error", x.clone(), of(&|r| get(r).map(|j| j.error_n))).with_points().coloured("$c0"),
-            Series::line("noise alone", x.clone(), of(&|r| get(r).and_then(|j| j.noise_n))).dashed().coloured("$dim"),
+            Series::line("noise floor", x.clone(), of(&|r| get(r).and_then(|j| j.noise_n))).dashed().coloured("$dim"),
         ],
         from_zero: true,
         ..Panel::default()
@@ -38,7 +38,7 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         .collect();
     let words = Words::new(
         "The ladder falling to the floor",
-        "Held-out error over weak windows (moments over a lever of 0.1 m) of each revision of the model, and what noise alone would leave.",
+        "Held-out error over weak windows (moments over a lever of 0.1 m) of each revision of the model, and what a perfect model would leave (the noise floor).",
     );
     let figure = Figure::panels(words, "revision of the model", panels.len(), &panels, &[]);
     let any_void = rungs.iter().any(|r| r.void.is_some());
@@ -63,16 +63,17 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
     if let (Some(first), Some(last)) = (rungs.first().and_then(on), rungs.last())
         && let Some((first, now, floor)) = on(last).and_then(|j| Some((first.error_n, j.error_n, j.noise_n?)))
     {
+        let at_floor = on(last).and_then(|j| j.at_floor()).unwrap_or(now < 1.1 * floor);
         let light = if last.void.is_some() {
             Light::Poor
-        } else if now < 1.1 * floor {
+        } else if at_floor {
             Light::Good
         } else {
             Light::Fair
         };
-        let where_it_is = if now < 1.1 * floor { "at the noise floor" } else { "above the noise floor" };
+        let where_it_is = if at_floor { "at the noise floor" } else { "above the noise floor" };
         let text = format!(
-            "From {} N to {} N; noise alone leaves {} N: {where_it_is}.",
+            "From {} N to {} N; a perfect model would leave {} N: {where_it_is}.",
             number(first),
             number(now),
             number(floor)

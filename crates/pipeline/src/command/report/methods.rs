@@ -67,8 +67,20 @@ fn paragraph(story: &Story<'_>) -> String {
             text.push_str(&format!("Fitted with them: {}. ", names.join(", ")));
         }
     }
-    text.push_str(&format!("Software: aloft {}.", env!("CARGO_PKG_VERSION")));
+    for difference in crate::made::differences(study, &story.ws) {
+        text.push_str(&format!("{difference}. "));
+    }
+    text.push_str(&format!("Software: aloft {}.", programs(story)));
     text
+}
+
+/// Versions of the program that made the results.
+fn programs(story: &Story<'_>) -> String {
+    let made = STAGES.iter().flat_map(|stage| {
+        let names = stage.tasks(story.study).into_iter().map(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()));
+        names.filter_map(|n| Some(story.ws.manifest(stage.name, n)?.program)).collect::<Vec<_>>()
+    });
+    made.collect::<std::collections::BTreeSet<String>>().into_iter().collect::<Vec<_>>().join(" and ")
 }
 
 /// What each stage saw.

@@ -58,8 +58,9 @@ pub fn write_group(
     Ok(out.to_path_buf())
 }
 
-fn page(study: &Study) -> Result<Page, PipelineError> {
-    let story = Story::read(study)?;
+fn page(now: &Study) -> Result<Page, PipelineError> {
+    let study = &now.as_made();
+    let story = Story::read(study, now)?;
     let mut chapters = vec![overview::chapter(&story)];
     chapters.extend(prediction::chapter(&story));
     chapters.push(discovery::chapter(&story));

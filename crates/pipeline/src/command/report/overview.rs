@@ -7,6 +7,7 @@ use super::prediction::model_table;
 use super::story::{Story, TrialStory};
 use super::words::{card, maybe, number};
 use crate::command::compare::{errors_of, judged_on, mean};
+use crate::command::freshness::Freshness;
 use aloft_discover::Verdict;
 use aloft_report::{Block, Card, Cell, Chapter, Light, Section, Table};
 
@@ -14,7 +15,8 @@ use aloft_report::{Block, Card, Cell, Chapter, Light, Section, Table};
 pub fn chapter(story: &Story<'_>) -> Chapter {
     let cards = cards(story);
     let light = cards.iter().map(|c| c.light).max().unwrap_or_default();
-    let mut result = vec![Block::Cards { cards }];
+    let mut result = banner(&story.freshness);
+    result.push(Block::Cards { cards });
     result.extend(remarks(story));
     let mut sections = vec![Section::new(
         "result",
@@ -114,6 +116,18 @@ fn cards(story: &Story<'_>) -> Vec<Card> {
         cards.push(card(if added { "Was missing, now added" } else { "Missing from the model" }, value, held, light));
     }
     cards
+}
+
+/// Says what on this page is not what the pipeline and the recordings would give now.
+pub fn banner(freshness: &Freshness) -> Vec<Block> {
+    if freshness.is_current() {
+        return Vec::new();
+    }
+    let text = format!(
+        "Not up to date when this page was written. {}. `aloft run` and `aloft report` again bring it up to date.",
+        freshness.words().join("; ")
+    );
+    vec![Block::remark(Light::Poor, text)]
 }
 
 fn remarks(story: &Story<'_>) -> Vec<Block> {

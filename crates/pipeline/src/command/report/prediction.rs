@@ -68,7 +68,7 @@ pub fn model_table(view: &ComparisonView) -> Table {
             (&floor.flight, &floor.flight_weak)
         };
         rows.push(vec![
-            "noise alone".into(),
+            "noise floor".into(),
             three(&frames.force_n.mae),
             three(&frames.moment_nm.mae),
             number(mean(&windows.force_n.mae)),
@@ -78,7 +78,7 @@ pub fn model_table(view: &ComparisonView) -> Table {
     Table::new(
         &format!("Mean absolute error on {}", judged_on(c)),
         &format!(
-            "Root axes. Frame by frame, and over windows of {} s, where noise averages out and the model shows. No model can be better than noise alone.",
+            "Root axes. Frame by frame, and over windows of {} s, where noise averages out and the model shows. The noise floor is what a perfect model would leave.",
             c.options.window_s
         ),
         &["model", "force x y z, N", "moment x y z, N·m", "windows: force, N", "windows: moment, N·m"],

@@ -2,9 +2,12 @@
 
 use crate::artifact::load_motion;
 use crate::command::compare::{ComparisonView, KinematicsRow, compare, kinematics};
+use crate::command::discover::{Kept, answer_of, looked_at};
+use crate::command::freshness::{Freshness, freshness};
 use crate::command::history::{History, history};
 use crate::command::parameters::{ParametersView, parameters};
 use crate::error::{PipelineError, StageFailure};
+use crate::seal;
 use crate::stages::STAGES;
 use crate::stages::import::ImportRecord;
 use crate::study::{Study, TrialEntry};
@@ -32,9 +35,13 @@ pub struct Story<'a> {
     /// What was identified.
     pub found: Option<ParametersView>,
     /// What `discover` said of each revision of the model, oldest first: number of the revision and the answer.
-    pub discoveries: Vec<(usize, Discovery)>,
+    pub discoveries: Vec<(usize, Kept<Discovery>)>,
+    /// Hash of the results that `discover` would look at.
+    pub looked_at: String,
     /// Revisions of the model.
     pub history: History,
+    /// Results that are not up to date.
+    pub freshness: Freshness,
     /// Failures of stages over the whole study.
     pub failures: Vec<(&'static str, StageFailure)>,
 }
@@ -64,11 +71,11 @@ pub struct TrialStory<'a> {
 }
 
 impl<'a> Story<'a> {
-    /// Reads a workspace.
+    /// Reads a workspace: `study` as its results were made, `now` as it stands.
     ///
     /// # Errors
-    /// Nothing was run in it.
-    pub fn read(study: &'a Study) -> Result<Self, PipelineError> {
+    /// Nothing was run in it; a file in it is damaged.
+    pub fn read(study: &'a Study, now: &Study) -> Result<Self, PipelineError> {
         let ws = Workspace::open(&study.workspace);
         if !study.trials.iter().any(|t| ws.manifest("import", &t.name).is_some()) {
             return Err(PipelineError::request_hint(
@@ -76,6 +83,8 @@ impl<'a> Story<'a> {
                 format!("run `aloft run {}` first", crate::quote::path(&study.config_path)),
             ));
         }
+        let freshness = freshness(now)?;
+        freshness.refuse_damaged(study, &[])?;
         let rows = kinematics(study, &ws);
         let trials = study.trials.par_iter().map(|entry| TrialStory::read(&ws, entry, &rows)).collect();
         let failures = STAGES
@@ -88,10 +97,12 @@ impl<'a> Story<'a> {
         Ok(Self {
             trials,
             failures,
+            freshness,
             subject: read_json(&ws.place("calibrate", WHOLE_STUDY).join("subject.json")).ok(),
             comparison: compare(study).ok(),
             found: parameters(study, None).ok(),
-            discoveries: discoveries(study),
+            discoveries: discoveries(study)?,
+            looked_at: looked_at(study),
             history: history(study)?,
             study,
             ws,
@@ -110,22 +121,23 @@ impl<'a> Story<'a> {
 
     /// The last answer of `discover`.
     pub fn discovery(&self) -> Option<&Discovery> {
-        self.discoveries.last().map(|d| &d.1)
+        self.discoveries.last().map(|d| &d.1.answer)
     }
 }
 
 /// Answers kept for each revision of the model, else the last one alone.
-fn discoveries(study: &Study) -> Vec<(usize, Discovery)> {
-    let revisions = crate::revision::Revisions::load(&study.workspace).map_or(0, |r| r.revisions.len());
-    let mut all: Vec<(usize, Discovery)> = (0..revisions)
-        .filter_map(|n| Some((n, read_json(&crate::command::discover::answer_of(study, n)).ok()?)))
-        .collect();
+fn discoveries(study: &Study) -> Result<Vec<(usize, Kept<Discovery>)>, PipelineError> {
+    let revisions = crate::revision::Revisions::load(&study.workspace)?.revisions.len();
+    let mut all: Vec<(usize, Kept<Discovery>)> = Vec::new();
+    for n in 0..revisions {
+        all.extend(seal::read_if_there(&answer_of(study, n))?.map(|answer| (n, answer)));
+    }
     if all.is_empty()
-        && let Ok(last) = read_json(&study.workspace.join("discovery.json"))
+        && let Some(last) = seal::read_if_there(&study.workspace.join("discovery.json"))?
     {
         all.push((revisions.saturating_sub(1), last));
     }
-    all
+    Ok(all)
 }
 
 impl<'a> TrialStory<'a> {

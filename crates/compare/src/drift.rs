@@ -1,0 +1,186 @@
+//! How force plates drift, from what they read unloaded in one flight after the other.
+//!
+//! Amplifiers wander by some tenths of a newton in seconds. In a flight nothing touches a plate, so that its reading there is known; between
+//! and without flights it is not, and the wander is an error of the measurement that no model can explain. The wander is taken as a
+//! random walk of each plate, force and moment about its centre: the difference of the readings in two flights of a recording that are
+//! τ apart has variance `c τ + 2 n`, n the variance of one reading (white noise of the plates over the length of a flight). c is estimated
+//! over the recordings of a subject other than the one that is judged, all plates together and both horizontal axes together, since a few
+//! recordings show only a few differences.
+
+use nalgebra::{Vector3, Vector6};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+/// Variance of a median over that of a mean, for normal noise.
+const MEDIAN: f64 = std::f64::consts::FRAC_PI_2;
+
+/// What the plates read unloaded in the flights of one recording.
+#[derive(Debug, Clone, Default)]
+pub struct TareReadings {
+    /// Middle of each flight, s.
+    pub times_s: Vec<f64>,
+    /// Of each plate: its centre (world, m), and in each flight its force (N) and moment about the world origin (N·m), world axes.
+    pub plates: Vec<(Vector3<f64>, Vec<Vector6<f64>>)>,
+    /// Mean time over which a reading was taken, s.
+    pub length_s: f64,
+}
+
+/// Random walks of the plates, and when a recording shows them.
+#[derive(Debug, Clone)]
+pub struct PlateDrift {
+    /// Variance of a walk a second: force (N²/s) and moment about the plate's centre ((N·m)²/s), world axes.
+    rate: Vector6<f64>,
+    /// Centres of the plates, m.
+    centers: Vec<Vector3<f64>>,
+    /// Times at which this recording's plates were seen unloaded, s: the walks are known there.
+    times_s: Vec<f64>,
+}
+
+fn about(wrench: &Vector6<f64>, point: &Vector3<f64>) -> Vector6<f64> {
+    let force: Vector3<f64> = wrench.fixed_rows::<3>(0).into();
+    let moment: Vector3<f64> = wrench.fixed_rows::<3>(3).into();
+    let m = moment - point.cross(&force);
+    Vector6::new(force.x, force.y, force.z, m.x, m.y, m.z)
+}
+
+/// White density of one plate about its centre, from that of the sum of `centers.len()` like plates about the world origin.
+fn density_of_one(total: &Vector6<f64>, centers: &[Vector3<f64>]) -> Vector6<f64> {
+    let n = centers.len().max(1) as f64;
+    let force: Vector3<f64> = total.fixed_rows::<3>(0) / n;
+    let mut out = total / n;
+    for axis in 0..3 {
+        let (y, z) = ((axis + 1) % 3, (axis + 2) % 3);
+        let lever: f64 = centers.iter().map(|c| c[y].powi(2) * force[z] + c[z].powi(2) * force[y]).sum::<f64>() / n;
+        out[3 + axis] = (out[3 + axis] - lever).max(0.0);
+    }
+    out
+}
+
+impl PlateDrift {
+    /// From the readings of other recordings. `noise_density` is the one-sided white density of the total wrench about the world origin, `times_s`
+    /// when the plates of the recording in question were unloaded. `None` where no other recording has two flights.
+    pub fn of(others: &[&TareReadings], noise_density: &Vector6<f64>, times_s: Vec<f64>) -> Option<Self> {
+        let (mut sum, mut squares) = (Vector6::zeros(), 0.0);
+        for readings in others {
+            let centers: Vec<Vector3<f64>> = readings.plates.iter().map(|p| p.0).collect();
+            // the density over twice the length is the variance of a mean; two readings are compared
+            let noise = density_of_one(noise_density, &centers) * (MEDIAN / readings.length_s.max(1e-3));
+            for (center, wrench) in &readings.plates {
+                for j in 1..readings.times_s.len().min(wrench.len()) {
+                    for i in 0..j {
+                        let apart = readings.times_s[j] - readings.times_s[i];
+                        let change = about(&(wrench[j] - wrench[i]), center);
+                        sum += (change.component_mul(&change) - noise) * apart;
+                        squares += apart * apart;
+                    }
+                }
+            }
+        }
+        if squares <= 0.0 || !sum.iter().all(|x| x.is_finite()) {
+            return None;
+        }
+        let rate = sum / squares;
+        let horizontal = |i: usize| (0.5 * (rate[i] + rate[i + 1])).max(0.0);
+        let (force, moment) = (horizontal(0), horizontal(3));
+        let rate = Vector6::new(force, force, rate[2].max(0.0), moment, moment, rate[5].max(0.0));
+        let centers = others.iter().find(|r| !r.plates.is_empty())?.plates.iter().map(|p| p.0).collect();
+        Some(Self { rate, centers, times_s })
+    }
+
+    /// Variance of one plate's walk in one second, about its centre (N², (N·m)²).
+    pub fn variance_per_s(&self) -> Vector6<f64> {
+        self.rate
+    }
+
+    /// The sum of the plates' walks about the world origin at `n` frames, less straight lines between the times at which the recording shows
+    /// them (constants beyond).
+    pub(crate) fn draw(&self, n: usize, rate_hz: f64, rng: &mut ChaCha8Rng) -> Vec<Vector6<f64>> {
+        let step = self.rate.map(|r| (r / rate_hz).sqrt());
+        let mut at = Vector6::zeros();
+        let walk: Vec<Vector6<f64>> = (0..n)
+            .map(|_| {
+                for center in &self.centers {
+                    let own = step.map(|s| -> f64 {
+                        let normal: f64 = StandardNormal.sample(rng);
+                        s * normal
+                    });
+                    at += about(&own, &-center);
+                }
+                at
+            })
+            .collect();
+        let known: Vec<(f64, Vector6<f64>)> = self
+            .times_s
+            .iter()
+            .filter(|t| t.is_finite() && **t >= 0.0)
+            .filter_map(|t| walk.get((t * rate_hz).round() as usize).map(|w| (*t, *w)))
+            .collect();
+        let Some(&(_, start)) = known.first() else { return walk };
+        let seen = |t: f64| match known.iter().position(|k| k.0 >= t) {
+            Some(0) => start,
+            None => known[known.len() - 1].1,
+            Some(next) => {
+                let ((t0, a), (t1, b)) = (known[next - 1], known[next]);
+                a + (b - a) * ((t - t0) / (t1 - t0))
+            }
+        };
+        walk.iter().enumerate().map(|(f, w)| w - seen(f as f64 / rate_hz)).collect()
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+
+    #[test]
+    fn prop_a_walk_is_recovered_from_readings_and_vanishes_where_it_is_known() {
+        let centers = [Vector3::new(0.3, 0.2, 0.0), Vector3::new(-0.3, 0.1, 0.01)];
+        let rate = Vector6::new(0.02, 0.02, 0.05, 0.001, 0.001, 0.003);
+        let one = |center| PlateDrift { rate, centers: vec![center], times_s: Vec::new() };
+        let (rate_hz, length_s) = (100.0, 0.5);
+        let (force, moment) = (2e-3, 2e-4);
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let mut density = Vector6::zeros();
+        let own = Vector6::new(force, force, force, moment, moment, moment);
+        for c in centers {
+            for axis in 0..3 {
+                let (y, z) = ((axis + 1) % 3, (axis + 2) % 3);
+                density[axis] += force;
+                density[3 + axis] += moment + (c[y].powi(2) + c[z].powi(2)) * force;
+            }
+        }
+        let readings: Vec<TareReadings> = (0..300)
+            .map(|_| {
+                let times_s = vec![1.0, 2.0, 3.5];
+                let sd = own.map(|d: f64| (0.5 * MEDIAN * d / length_s).sqrt());
+                let plates = centers
+                    .iter()
+                    .map(|c| {
+                        let walk = one(*c).draw(500, rate_hz, &mut rng);
+                        let mut read = |t: &f64| {
+                            let noise = sd.map(|s| -> f64 {
+                                let normal: f64 = StandardNormal.sample(&mut rng);
+                                s * normal
+                            });
+                            walk[(t * rate_hz) as usize] + about(&noise, &-c)
+                        };
+                        (*c, times_s.iter().map(&mut read).collect())
+                    })
+                    .collect();
+                TareReadings { times_s, plates, length_s }
+            })
+            .collect();
+        let all: Vec<&TareReadings> = readings.iter().collect();
+        let found = PlateDrift::of(&all, &density, vec![1.0, 4.0]).unwrap();
+        for axis in 0..6 {
+            let ratio = found.variance_per_s()[axis] / rate[axis];
+            assert!((0.8..1.25).contains(&ratio), "axis {axis}: {ratio}");
+        }
+        let walk = found.draw(500, rate_hz, &mut rng);
+        assert!(walk[100].norm() < 1e-12 && walk[400].norm() < 1e-12 && walk[250].norm() > 0.0);
+        assert!(PlateDrift::of(&[], &density, Vec::new()).is_none());
+        assert!(PlateDrift::of(&[&TareReadings::default()], &density, Vec::new()).is_none());
+    }
+}

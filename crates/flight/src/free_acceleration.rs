@@ -1,0 +1,289 @@
+//! The acceleration of free flight, found without assuming its size or direction.
+//!
+//! In flight the centre of mass has a constant acceleration. Gravity as stated is the first guess, but a false frame rate or unit of length
+//! scales it, a tilted frame turns it and body-weight support takes a part of it away. Slow movement (a squat, standing) has stretches of
+//! nearly constant acceleration, too. Flights differ from them at their edges: a body that is pushed off, or lands, or is released, changes
+//! from free acceleration to full support within some hundredths of a second, whereas a slow movement takes as long for that change as its
+//! plateau lasts. So a plateau counts only if the acceleration falls back towards rest (or beyond) quickly at each edge that the recording
+//! shows.
+
+use crate::FlightOptions;
+use crate::error::FlightError;
+use aloft_body::Motion;
+use aloft_signal::{Butterworth, CutoffCorrection, LowPass, derivatives, runs_where};
+use nalgebra::Vector3;
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// Standard gravity, m/s²: the scale of [`FlightOptions::max_duration_s`].
+const STANDARD_MPS2: f64 = aloft_body::STANDARD_GRAVITY_MPS2;
+/// Time within which support must show at the edge of a flight, as a share of its length (a share, because the rate may be false). A
+/// sinusoid that is cut at −30 % of the mean of its top needs at least 0.16 of the plateau's length from there to [`SUPPORTED`].
+const EDGE_SHARE: f64 = 0.13;
+/// Share of a stretch between loads of plates that a flight has to fill to be confirmed by them.
+const CONFIRMED: f64 = 0.7;
+/// Factor on the cut-off for weak accelerations.
+pub(crate) const SLOW: f64 = 0.4;
+/// Share of the free acceleration below which a body counts as supported.
+const SUPPORTED: f64 = 0.3;
+/// Largest root mean square deviation inside a flight, over its mean acceleration. Jumps of a simulated woman and of a real subject have
+/// 0.05 to 0.14 before the fit of first moments, and a trial has several; plateaus in squats and arm swings have 0.16 and more.
+const STEADY: f64 = 0.12;
+/// The same below [`WEAK`] times the stated gravity, where slow movements have plateaus, too.
+const STEADY_AND_WEAK: f64 = 0.08;
+const WEAK: f64 = 0.3;
+/// The same for plateaus that last longer than any on the ground with sharp edges, s (jumps where gravity is weak).
+const STEADY_AND_LONG: f64 = 0.25;
+const LONG_S: f64 = 1.0;
+/// The same where no plate is loaded in a stretch that plates bound.
+const STEADY_ON_PLATES: f64 = 0.35;
+/// Largest number of accelerations that are tried.
+const CANDIDATES: usize = 64;
+
+/// A search for an unknown free acceleration.
+pub(crate) struct Search<'a> {
+    /// Size of the stated gravity, m/s².
+    pub stated_mps2: f64,
+    /// Shortest flight that plates confirm, frames.
+    pub shortest: usize,
+    /// Shortest flight otherwise, frames.
+    pub shortest_alone: usize,
+    /// Smallest acceleration that is sought, m/s².
+    pub least_mps2: f64,
+    /// Frames between a load and the next load of plates.
+    pub between_loads: &'a [Range<usize>],
+    /// Frames that may be flight (no plate loaded).
+    pub allowed: &'a dyn Fn(usize) -> bool,
+}
+
+/// Low-passed acceleration of the centre of mass, frame by frame.
+pub(crate) struct Acceleration {
+    /// m/s², world frame; NaN where the frame was not solved.
+    pub mps2: Vec<Vector3<f64>>,
+    /// Frames a second.
+    pub rate_hz: f64,
+}
+
+impl Acceleration {
+    /// Filters the path and differentiates it twice.
+    ///
+    /// `slowness` scales the cut-off ([`SLOW`] or one): where bodies fall more slowly everything about a jump takes longer, and noise must
+    /// not hide a weak acceleration.
+    pub(crate) fn of(
+        com_m: &[Vector3<f64>],
+        motion: &Motion,
+        options: &FlightOptions,
+        slowness: f64,
+    ) -> Result<Self, FlightError> {
+        let cutoff_hz = options.com_cutoff_hz * slowness;
+        let filter = LowPass { order: 2, cutoff_hz, correction: CutoffCorrection::None };
+        let filter = Butterworth::design(filter, motion.rate_hz).map_err(|e| FlightError::Filter {
+            trial: motion.trial.clone(),
+            what: "centre of mass",
+            problem: e.to_string(),
+        })?;
+        let mut mps2 = vec![Vector3::repeat(f64::NAN); com_m.len()];
+        for axis in 0..3 {
+            let mut channel: Vec<f64> = com_m.iter().map(|p| p[axis]).collect();
+            filter.filtfilt(&mut channel);
+            for (out, a) in mps2.iter_mut().zip(derivatives(&channel, motion.rate_hz).1) {
+                out[axis] = a;
+            }
+        }
+        Ok(Self { mps2, rate_hz: motion.rate_hz })
+    }
+
+    /// Stretches in which the acceleration is `free`, in a band of `widen` times the options' width, interruptions merged; `allowed` says
+    /// which frames may belong to one.
+    pub(crate) fn stretches(
+        &self,
+        free: &Vector3<f64>,
+        options: &FlightOptions,
+        widen: f64,
+        allowed: impl Fn(usize) -> bool,
+    ) -> Vec<Range<usize>> {
+        let size = free.norm();
+        let least = options.least_band_mps2.min(size * 2.0 / 3.0 / 1.6);
+        let along = (options.vertical_band_g * size).max(least) * widen;
+        let across = (options.horizontal_band_g * size).max(least) * widen;
+        let falls = |frame: usize| {
+            let off = self.mps2[frame] - free;
+            if size == 0.0 {
+                return off.norm() < options.rest_band_mps2 * widen;
+            }
+            let parallel = off.dot(free) / size;
+            parallel.abs() < along && (off - free * (parallel / size)).norm() < across
+        };
+        let merge = (options.merge_s * self.rate_hz).round() as usize;
+        let mut merged: Vec<Range<usize>> = Vec::new();
+        for run in runs_where(self.mps2.len(), |frame| falls(frame) && allowed(frame)) {
+            match merged.last_mut() {
+                Some(last)
+                    if run.start - last.end <= merge
+                        && last.len().max(run.len()) > merge
+                        && (last.end..run.start).all(&allowed) =>
+                {
+                    last.end = run.end;
+                }
+                _ => merged.push(run),
+            }
+        }
+        merged
+    }
+
+    /// Share of the free acceleration that is left in a frame, along it; NaN where not solved.
+    fn share(&self, frame: usize, free: &Vector3<f64>) -> f64 {
+        self.mps2[frame].dot(free) / free.norm_squared()
+    }
+
+    /// Whether the body is supported soon outside of both edges of a stretch. An edge where the recording (or the solved part of it) ends
+    /// says nothing; one of the two must say something.
+    pub(crate) fn is_sharp(&self, stretch: &Range<usize>, free: &Vector3<f64>) -> bool {
+        let reach = (EDGE_SHARE * stretch.len() as f64).ceil() as usize;
+        let solved = |frame: usize| self.mps2.get(frame).is_some_and(|a| a.x.is_finite());
+        // true: supported soon; false: not; none: the recording ends before it can be seen
+        let look = |frames: &mut dyn Iterator<Item = usize>| -> Option<bool> {
+            for frame in frames {
+                if !solved(frame) {
+                    return None;
+                }
+                if self.share(frame, free) < SUPPORTED {
+                    return Some(true);
+                }
+            }
+            Some(false)
+        };
+        let start = stretch.start;
+        let before = if start < reach {
+            look(&mut (0..start).rev()).filter(|seen| *seen)
+        } else {
+            look(&mut (start - reach..start).rev())
+        };
+        let after = look(&mut (stretch.end..stretch.end + reach));
+        match (before, after) {
+            (Some(false), _) | (_, Some(false)) | (None, None) => false,
+            _ => true,
+        }
+    }
+
+    /// Frames in stretches of this free acceleration that are steady, long enough, and have sharp edges.
+    fn evidence(&self, free: &Vector3<f64>, options: &FlightOptions, search: &Search<'_>) -> Vec<Range<usize>> {
+        let size = free.norm();
+        let longest = longest_frames(size, self.rate_hz, options);
+        let mut stretches = self.stretches(free, options, 1.0, search.allowed);
+        let is_flight = |s: &Range<usize>| {
+            let shared = |r: &Range<usize>| s.end.min(r.end).saturating_sub(s.start.max(r.start)) as f64;
+            let confirmed = search.between_loads.iter().any(|r| shared(r) >= CONFIRMED * r.len().max(s.len()) as f64);
+            let alone = (search.shortest_alone as f64 * haste(size)) as usize;
+            let (shortest, steady) = match confirmed {
+                true => (search.shortest, STEADY_ON_PLATES),
+                false if s.len() as f64 > LONG_S * self.rate_hz => (alone, STEADY_AND_LONG),
+                false if size < WEAK * search.stated_mps2 => (alone, STEADY_AND_WEAK),
+                false => (alone, STEADY),
+            };
+            (shortest..=longest).contains(&s.len()) && self.spread(s) < steady && self.is_sharp(s, free)
+        };
+        stretches.retain(is_flight);
+        stretches
+    }
+
+    /// Root mean square deviation of the acceleration from its mean inside a stretch, over the size of the mean.
+    fn spread(&self, stretch: &Range<usize>) -> f64 {
+        let Some(mean) = self.mean(std::slice::from_ref(stretch)) else { return f64::INFINITY };
+        let squares: Vec<f64> =
+            inner(stretch).map(|f| (self.mps2[f] - mean).norm_squared()).filter(|x| x.is_finite()).collect();
+        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt() / mean.norm()
+    }
+
+    /// The free acceleration with the best evidence, and its frames; none where no acceleration has any.
+    pub(crate) fn find(&self, options: &FlightOptions, search: &Search<'_>) -> Option<(Vector3<f64>, usize)> {
+        let frames = |stretches: &[Range<usize>]| stretches.iter().map(Range::len).sum::<usize>();
+        let (mut free, mut best) = (None, 0);
+        for mut candidate in self.candidates(search) {
+            // the second time from the middle of what was found
+            for _ in 0..2 {
+                let stretches = self.evidence(&candidate, options, search);
+                let found = frames(&stretches);
+                if found > best {
+                    (free, best) = (Some(candidate), found);
+                }
+                match self.mean(&stretches) {
+                    Some(mean) if mean.norm() >= search.least_mps2 => candidate = mean,
+                    _ => break,
+                }
+            }
+        }
+        free.map(|free| (free, best))
+    }
+
+    /// Frames of flights at a given free acceleration that pass the same tests.
+    pub(crate) fn frames_at(&self, free: &Vector3<f64>, options: &FlightOptions, search: &Search<'_>) -> usize {
+        self.evidence(free, options, search).iter().map(Range::len).sum()
+    }
+
+    /// Mean acceleration over the inner seven tenths of stretches.
+    fn mean(&self, stretches: &[Range<usize>]) -> Option<Vector3<f64>> {
+        let (mut sum, mut n) = (Vector3::zeros(), 0);
+        for s in stretches {
+            for frame in inner(s).filter(|f| self.mps2[*f].iter().all(|x| x.is_finite())) {
+                sum += self.mps2[frame];
+                n += 1;
+            }
+        }
+        (n > 0).then(|| sum / f64::from(n))
+    }
+
+    /// Means of windows in which the acceleration hardly changes, gathered by size and direction; those with most windows first.
+    fn candidates(&self, search: &Search<'_>) -> Vec<Vector3<f64>> {
+        let (n, window) = (self.mps2.len(), search.shortest);
+        let step = (window / 4).max(1);
+        let mut bins: BTreeMap<[i64; 4], (usize, Vector3<f64>)> = BTreeMap::new();
+        let mut start = 0;
+        while start + window <= n {
+            let frames = start..start + window;
+            start += step;
+            if !frames.clone().all(|f| (search.allowed)(f) && self.mps2[f].iter().all(|x| x.is_finite())) {
+                continue;
+            }
+            let mean = frames.clone().map(|f| self.mps2[f]).sum::<Vector3<f64>>() / window as f64;
+            let spread = frames.map(|f| (self.mps2[f] - mean).norm_squared()).sum::<f64>() / window as f64;
+            let size = mean.norm();
+            if size < search.least_mps2 || spread.sqrt() > 0.35 * size {
+                continue;
+            }
+            let toward = mean / size * 2.0;
+            let key = [
+                (size.ln() * 4.0).round() as i64,
+                toward.x.round() as i64,
+                toward.y.round() as i64,
+                toward.z.round() as i64,
+            ];
+            let bin = bins.entry(key).or_insert((0, Vector3::zeros()));
+            bin.0 += 1;
+            bin.1 += mean;
+        }
+        let mut all: Vec<(usize, Vector3<f64>)> = bins.into_values().collect();
+        all.sort_by_key(|bin| std::cmp::Reverse(bin.0));
+        all.truncate(CANDIDATES);
+        all.into_iter().map(|(count, sum)| sum / count as f64).collect()
+    }
+}
+
+/// Factor on the length of flights where bodies seem to fall faster than on Earth (a rate that is stated too high does so).
+pub(crate) fn haste(free_mps2: f64) -> f64 {
+    (STANDARD_MPS2 / free_mps2.max(STANDARD_MPS2)).sqrt().max(0.5)
+}
+
+/// A stretch without 15 % at both ends, where the low-pass mixes contact in.
+pub(crate) fn inner(stretch: &Range<usize>) -> Range<usize> {
+    let cut = stretch.len() * 15 / 100;
+    stretch.start + cut..stretch.end - cut
+}
+
+/// Longest flight in frames where bodies fall with `free_mps2`: a jump takes longer where gravity is weak, and has no end without it.
+pub(crate) fn longest_frames(free_mps2: f64, rate_hz: f64, options: &FlightOptions) -> usize {
+    if free_mps2 <= 0.0 {
+        return usize::MAX;
+    }
+    (options.max_duration_s * (STANDARD_MPS2 / free_mps2).sqrt().max(1.0) * rate_hz) as usize
+}

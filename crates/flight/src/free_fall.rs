@@ -1,0 +1,163 @@
+//! The acceleration of free flight against the stated gravity: its ratio, direction and uncertainty, and what explains them.
+
+use crate::explain::{self, Clues, Explanation, number};
+use crate::{Flight, FlightOptions};
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+/// Ratio closer to one than this is never remarked on.
+const LEAST_DIFFERENCE: f64 = 0.02;
+/// The same for the direction, degrees.
+const LEAST_TILT_DEG: f64 = 1.5;
+/// Degrees of freedom that the usual scatter of flights counts for.
+const PRIOR_FREEDOM: usize = 4;
+
+/// How a body falls in the flights of a trial.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FreeFall {
+    /// Flights whose acceleration is known.
+    pub flights: usize,
+    /// Mean acceleration of the centre of mass over them, m/s², world frame.
+    pub acceleration_mps2: [f64; 3],
+    /// Stated gravity, m/s².
+    pub stated_mps2: f64,
+    /// Size of the acceleration over the stated gravity; none where the stated gravity is zero.
+    pub ratio: Option<f64>,
+    /// 95 % interval of the ratio: scatter of the flights (Student's t) and what all flights share ([`FlightOptions::ratio_sd`]).
+    pub ratio_ci95: Option<[f64; 2]>,
+    /// Angle between the acceleration and the stated vertical, degrees; none where the stated gravity is zero.
+    pub tilt_deg: Option<f64>,
+    /// Half width of its 95 % interval, degrees.
+    pub tilt_half95_deg: Option<f64>,
+    /// True where ratio or direction differ from what is stated beyond their intervals.
+    pub differs: bool,
+    /// What explains the difference: candidates that motion alone cannot tell apart, the likeliest first; empty where nothing differs.
+    pub explanations: Vec<Explanation>,
+}
+
+impl FreeFall {
+    /// From flights with known accelerations; `gravity_mps2` as stated. None without such flights.
+    pub(crate) fn of(
+        flights: &[Flight],
+        gravity_mps2: &Vector3<f64>,
+        rate_hz: f64,
+        options: &FlightOptions,
+        clues: &Clues,
+    ) -> Option<Self> {
+        let known: Vec<(Vector3<f64>, f64)> = flights
+            .iter()
+            .map(|f| (Vector3::from(f.mean_acceleration_mps2), f.n_frames() as f64))
+            .filter(|(a, n)| a.iter().all(|x| x.is_finite()) && *n > 0.0)
+            .collect();
+        let frames: f64 = known.iter().map(|k| k.1).sum();
+        if known.is_empty() {
+            return None;
+        }
+        let mean = known.iter().map(|(a, n)| a * *n).sum::<Vector3<f64>>() / frames;
+        let stated = gravity_mps2.norm();
+        let mut out = Self {
+            flights: known.len(),
+            acceleration_mps2: mean.into(),
+            stated_mps2: stated,
+            ratio: None,
+            ratio_ci95: None,
+            tilt_deg: None,
+            tilt_half95_deg: None,
+            differs: false,
+            explanations: Vec::new(),
+        };
+        if stated == 0.0 || mean.norm() == 0.0 {
+            return Some(out);
+        }
+        let down = gravity_mps2 / stated;
+        let size = mean.norm();
+        // Half width of the mean of some figure of each flight, with what the flights share. A trial has one to three flights, so their
+        // scatter is moderated by the usual one, which counts as PRIOR_FREEDOM degrees of freedom.
+        let half = |of: &dyn Fn(&Vector3<f64>) -> f64, usual: f64| {
+            let n = known.len() as f64;
+            let center = known.iter().map(|(a, w)| of(a) * w).sum::<f64>() / frames;
+            let square = n * known.iter().map(|(a, w)| w * (of(a) - center).powi(2)).sum::<f64>() / frames;
+            let freedom = PRIOR_FREEDOM + known.len() - 1;
+            let variance = (PRIOR_FREEDOM as f64 * usual * usual + square) / freedom as f64;
+            (t_quantile(freedom) * (variance / n).sqrt()).hypot(1.96 * usual)
+        };
+        let toward = mean / size;
+        let ratio = size / stated;
+        let along = half(&|a| a.dot(&toward) / stated, options.ratio_sd * ratio);
+        let mut sideways = mean - down * mean.dot(&down);
+        let tilt_deg = sideways.norm().atan2(mean.dot(&down)).to_degrees();
+        if sideways.norm() > 0.0 {
+            sideways /= sideways.norm();
+        }
+        let across = half(&|a| a.dot(&sideways) / size, options.ratio_sd);
+        let tilt_half = across.min(1.0).asin().to_degrees();
+        let ci95 = [(ratio - along).max(0.0), ratio + along];
+        out.ratio = Some(ratio);
+        out.ratio_ci95 = Some(ci95);
+        out.tilt_deg = Some(tilt_deg);
+        out.tilt_half95_deg = Some(tilt_half);
+        if (ratio - 1.0).abs() > LEAST_DIFFERENCE && !(ci95[0]..=ci95[1]).contains(&1.0) {
+            out.differs = true;
+            out.explanations = explain::of_ratio(ratio, ci95, stated, rate_hz, clues);
+        }
+        if tilt_deg > LEAST_TILT_DEG.max(tilt_half) {
+            out.differs = true;
+            out.explanations.extend(explain::of_tilt(tilt_deg, &axis(&toward, tilt_deg, &sideways), ratio));
+        }
+        Some(out)
+    }
+
+    /// The difference and its explanations in words; none where nothing differs.
+    pub fn warning(&self) -> Option<String> {
+        let (ratio, ci95, tilt, half) = (self.ratio?, self.ratio_ci95?, self.tilt_deg?, self.tilt_half95_deg?);
+        if !self.differs {
+            return None;
+        }
+        let leaning = if tilt > LEAST_TILT_DEG.max(half) {
+            format!(", {tilt:.1}° ± {half:.1}° off the stated vertical")
+        } else {
+            String::new()
+        };
+        let against = |e: &&Explanation| e.evidence.as_ref().is_some_and(|e| !e.supports);
+        let fitting: Vec<&str> = self.explanations.iter().filter(|e| !against(e)).map(|e| e.words.as_str()).collect();
+        let mut unlikely = String::new();
+        let mut reasons: Vec<&str> = Vec::new();
+        for e in self.explanations.iter().filter(against) {
+            unlikely += if unlikely.is_empty() { "; unlikely: " } else { ", " };
+            unlikely += e.cause.words();
+            reasons.extend(e.evidence.as_ref().map(|e| e.words.as_str()).filter(|w| !reasons.contains(w)));
+        }
+        if !reasons.is_empty() {
+            unlikely += &format!(" ({})", reasons.join("; "));
+        }
+        Some(format!(
+            "in flight the centre of mass falls with {} times the stated gravity ({} to {}, 95 %){leaning}; what would explain it: {}{unlikely}",
+            number(ratio, 3),
+            number(ci95[0], 3),
+            number(ci95[1], 3),
+            if fitting.is_empty() { "nothing usual".to_owned() } else { fitting.join(", or ") }
+        ))
+    }
+}
+
+/// The axis of the world along which the body falls (or leans, where it nearly falls down), with its sign.
+fn axis(toward: &Vector3<f64>, tilt_deg: f64, sideways: &Vector3<f64>) -> String {
+    let v = if tilt_deg > 45.0 { toward } else { sideways };
+    let k = v.iamax();
+    format!("{}{}", if v[k] < 0.0 { "−" } else { "+" }, ["X", "Y", "Z"][k])
+}
+
+/// 97.5 % quantile of Student's t (Cornish-Fisher expansion, exact for one and two degrees).
+fn t_quantile(freedom: usize) -> f64 {
+    const Z: f64 = 1.959_963_984_540_054;
+    match freedom {
+        0 => f64::INFINITY,
+        1 => 12.706_204_736,
+        2 => 4.302_652_730,
+        n => {
+            let n = n as f64;
+            let (z3, z5) = (Z.powi(3), Z.powi(5));
+            Z + (z3 + Z) / (4.0 * n) + (5.0 * z5 + 16.0 * z3 + 3.0 * Z) / (96.0 * n * n)
+        }
+    }
+}

@@ -1,0 +1,358 @@
+//! What the markers' errors do to a solved motion: the random effect behind the floor of a comparison.
+//!
+//! A marker's error is where it was seen, less where it would be if it were fixed to its link: noise of the cameras, skin that moves
+//! over the bone, what a filled gap got wrong. Inverse kinematics absorbs a part of it, and leaves the rest as the marker's residual.
+//! To first order, in one frame,
+//!
+//! ```text
+//!   δq = G e,  G = H⁻¹ Jᵀ W        what the errors e of all markers do to the pose
+//!   d  = P e,  P = I − J G         what they leave as residuals
+//! ```
+//!
+//! with the Jacobian J of the markers, their weights W, and the normal matrix H of the fit (soft priors included). Only markers enter: no
+//! force, no plate, no equation of motion. A physical effect that the model of the body lacks acts on the body, which the markers then
+//! follow; it leaves no trace in d. So errors that are estimated from d cannot absorb it.
+//!
+//! **Size.** Errors of different markers are taken as independent and those of one marker as alike in all directions, with variance σ²_k
+//! in each. Then the mean square of the residual of marker m is Σ_k B_mk σ²_k, B_mk = ‖P_mk‖² (Frobenius norm of a 3 × 3 block, mean over
+//! frames). The σ²_k follow from the observed mean squares by multiplicative updates that keep them positive and draw those that the
+//! residuals do not determine (a single marker on an upper arm) towards the mean of all markers. Mean squares are those of the second
+//! difference over [`LAG_S`], the band in which a window of 0.3 s is sensitive.
+//!
+//! **Course in time.** Neither white nor any other spectrum is assumed: each marker's error takes the course of its own residual in the axes of
+//! its link (of another marker nearby where its own residual says little), turned by a random rotation that is the same in all frames and
+//! all trials of a draw. Turned errors are no longer what the fit has left over, so they move the pose as errors do: with full
+//! covariance between coordinates, between frames and between trials.
+//!
+//! Not in it: a movement that all markers of a link make together, as the fit follows it and leaves no residual.
+
+use crate::frame::Solver;
+use crate::problem::Problem;
+use crate::solve::meet;
+use crate::tree::{NONE, Pose};
+use crate::{IkError, IkOptions};
+use aloft_body::{Motion, Subject};
+use aloft_trial::Trial;
+use nalgebra::{DMatrix, DVector, Rotation3, Unit, Vector3, Vector4};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+/// Lag of the second difference by which errors are measured, s: a window of 0.3 s, in which ψ̈ changes sign twice, is most
+/// sensitive to 1/(2 lag) = 6.7 Hz.
+const LAG_S: f64 = 0.075;
+/// Frames of a trial at which the share of an error that stays as residual is computed.
+const SAMPLES: usize = 8;
+/// Share of a marker's error that has to stay in its residual for the residual to lend its course.
+const SPEAKS: f64 = 0.25;
+/// Weight of the mean of all markers in the variance of one, in numbers of residuals (a marker has three at most).
+const PRIOR_WEIGHT: f64 = 0.5;
+/// Multiplicative updates of the variances.
+const UPDATES: usize = 40;
+
+/// Errors of the markers of one trial: their course in time and their size.
+#[derive(Debug, Clone)]
+pub struct MarkerErrors {
+    problem: Problem,
+    /// Of each marker among the subject's: its random numbers.
+    stream: Vec<u64>,
+    /// Residual (measured − model) of each marker in its link's axes, m, `[marker][frame]`; gaps are bridged by straight lines.
+    residual: Vec<Vec<Vector3<f64>>>,
+    /// Mean square of the second difference of each residual over six (that of the residual, were it white), m².
+    seen: Vec<f64>,
+    /// The same of each marker's error, all three axes, m².
+    size: Vec<f64>,
+    /// Markers whose residual may lend its course to each marker.
+    donors: Vec<Vec<usize>>,
+}
+
+impl MarkerErrors {
+    /// From the recording and its solved motion; `None` where no frame is solved.
+    ///
+    /// # Errors
+    /// As [`solve`](crate::solve()).
+    pub fn of(subject: &Subject, trial: &Trial, motion: &Motion, options: &IkOptions) -> Result<Option<Self>, IkError> {
+        let mut problem = Problem::new(subject, options)?;
+        // markers that were never seen say nothing and pull at nothing
+        let ever = |label: &str| {
+            let index = trial.markers.index(label);
+            index.is_some_and(|i| trial.markers.trajectories[i].iter().any(|p| p.x.is_finite()))
+        };
+        problem.markers.retain(|m| ever(&m.label));
+        let sources = meet(&mut problem, subject, trial)?;
+        for marker in &mut problem.markers {
+            marker.huber = f64::INFINITY;
+        }
+        let n = motion.n_frames().min(trial.markers.n_frames);
+        let solved: Vec<usize> = (0..n).filter(|&f| motion.is_valid(f)).collect();
+        if solved.is_empty() || motion.nq != problem.tree.nq {
+            return Ok(None);
+        }
+        let mut pose = problem.tree.pose();
+        let mut residual = vec![vec![Vector3::repeat(f64::NAN); motion.n_frames()]; problem.markers.len()];
+        for &f in &solved {
+            problem.tree.forward(motion.q(f), &mut pose);
+            for ((marker, &source), out) in problem.markers.iter().zip(&sources).zip(&mut residual) {
+                let seen = trial.markers.trajectories[source][f];
+                out[f] = pose.rotation[marker.link].transpose() * (seen - pose.origin[marker.link]) - marker.position;
+            }
+        }
+        let lag = ((LAG_S * motion.rate_hz).round() as usize).max(1);
+        residual.iter_mut().for_each(|r| bridge(r));
+        let seen: Vec<f64> = residual.iter().map(|r| mean_square(r, lag)).collect();
+        let label = |m: &crate::problem::Tracked| subject.markers.iter().position(|s| s.label == m.label);
+        let stream = problem.markers.iter().map(|m| label(m).unwrap_or(0) as u64).collect();
+        let kept = kept_shares(&problem, motion, &solved);
+        let size = sizes(&kept, &seen);
+        let speaks: Vec<bool> = (0..seen.len()).map(|m| kept[(m, m)] >= 3.0 * SPEAKS && seen[m] > 0.0).collect();
+        let donors = (0..seen.len()).map(|m| donors(&problem, m, &speaks)).collect();
+        Ok(Some(Self { problem, stream, residual, seen, size, donors }))
+    }
+
+    /// Root mean square of the errors, one axis, m: of each marker by label, as far as they move in the band of the windows.
+    pub fn sizes_m(&self) -> impl Iterator<Item = (&str, f64)> {
+        self.problem.markers.iter().zip(&self.size).map(|(m, s)| (m.label.as_str(), (s / 3.0).sqrt()))
+    }
+
+    /// The motion with errors drawn once more, in the frames for which `wanted` holds; the others stay. The same `seed` and `draw` give
+    /// the markers the same rotations in every trial of a subject.
+    pub fn draw(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, seed: u64, draw: u64) -> Motion {
+        let tree = &self.problem.tree;
+        let mut out = Motion {
+            trial: motion.trial.clone(),
+            rate_hz: motion.rate_hz,
+            nq: motion.nq,
+            nv: motion.nv,
+            q: motion.q.clone(),
+            ..Motion::default()
+        };
+        // the course that each marker takes: whose residual, how much of it, turned how
+        let turned: Vec<Option<(usize, nalgebra::Matrix3<f64>)>> = (0..self.seen.len())
+            .map(|m| {
+                let mut rng = ChaCha8Rng::seed_from_u64(seed);
+                rng.set_stream((draw << 20) | self.stream[m]);
+                let turn = random_rotation(&mut rng);
+                let among = &self.donors[m];
+                let donor = *among.get(rng.random_range(0..among.len().max(1)))?;
+                Some((donor, turn * (self.size[m] / self.seen[donor]).sqrt()))
+            })
+            .collect();
+        let mut response = Response::new(&self.problem);
+        let mut step = vec![0.0; tree.nv];
+        for f in 0..motion.n_frames().min(self.residual.first().map_or(0, Vec::len)) {
+            if !motion.is_valid(f) || !wanted(f) || !response.at(motion.q(f)) {
+                continue;
+            }
+            let error =
+                |m: usize| turned[m].map_or_else(Vector3::zeros, |(donor, turn)| turn * self.residual[donor][f]);
+            response.step(&error, &mut step);
+            if step.iter().all(|x| x.is_finite()) {
+                tree.retract(motion.q(f), &step, &mut out.q[f * motion.nq..(f + 1) * motion.nq]);
+            }
+        }
+        out
+    }
+}
+
+/// Straight lines across missing samples, the nearest sample beyond the first and the last.
+fn bridge(series: &mut [Vector3<f64>]) {
+    let known: Vec<usize> = (0..series.len()).filter(|&f| series[f].x.is_finite()).collect();
+    let (Some(&first), Some(&last)) = (known.first(), known.last()) else {
+        series.fill(Vector3::zeros());
+        return;
+    };
+    let (start, end) = (series[first], series[last]);
+    series[..first].fill(start);
+    series[last + 1..].fill(end);
+    for pair in known.windows(2) {
+        let (a, b) = (pair[0], pair[1]);
+        let (from, to) = (series[a], series[b]);
+        for f in a + 1..b {
+            series[f] = from + (to - from) * ((f - a) as f64 / (b - a) as f64);
+        }
+    }
+}
+
+/// Mean square of the second difference over six: that of the series itself, were it white.
+fn mean_square(series: &[Vector3<f64>], lag: usize) -> f64 {
+    let n = series.len().saturating_sub(2 * lag);
+    let sum: f64 = (0..n).map(|f| (series[f] - 2.0 * series[f + lag] + series[f + 2 * lag]).norm_squared()).sum();
+    if n == 0 { 0.0 } else { sum / (6.0 * n as f64) }
+}
+
+/// B: squared norms of the blocks of P = I − J H⁻¹ Jᵀ W, mean over some of the solved frames, markers × markers.
+fn kept_shares(problem: &Problem, motion: &Motion, solved: &[usize]) -> DMatrix<f64> {
+    let n = problem.markers.len();
+    let mut out = DMatrix::zeros(n, n);
+    let mut response = Response::new(problem);
+    let mut used = 0.0;
+    let samples = SAMPLES.min(solved.len());
+    for i in 0..samples {
+        let frame = solved[(2 * i + 1) * solved.len() / (2 * samples)];
+        if !response.at(motion.q(frame)) {
+            continue;
+        }
+        let jacobian = response.jacobian();
+        // H⁻¹ Jᵀ, column by column
+        let mut gain = jacobian.transpose();
+        for mut column in gain.column_iter_mut() {
+            let mut x: Vec<f64> = column.iter().copied().collect();
+            response.solve(&mut x);
+            column.copy_from_slice(&x);
+        }
+        let moved = &jacobian * gain;
+        for m in 0..n {
+            for k in 0..n {
+                let weight = problem.markers[k].weight;
+                for a in 0..3 {
+                    for b in 0..3 {
+                        let own = if m == k && a == b { 1.0 } else { 0.0 };
+                        out[(m, k)] += (own - weight * moved[(3 * m + a, 3 * k + b)]).powi(2);
+                    }
+                }
+            }
+        }
+        used += 1.0;
+    }
+    if used > 0.0 { out / used } else { DMatrix::identity(n, n) * 3.0 }
+}
+
+/// Mean squares of the errors (three axes) from those of the residuals.
+fn sizes(kept: &DMatrix<f64>, seen: &[f64]) -> Vec<f64> {
+    let n = seen.len();
+    let mean = seen.iter().sum::<f64>() / kept.sum().max(f64::MIN_POSITIVE);
+    let seen = DVector::from_column_slice(seen);
+    let mut variance = DVector::from_element(n, mean);
+    let weight: Vec<f64> = (0..n).map(|k| kept.column(k).sum()).collect();
+    for _ in 0..UPDATES {
+        let expected = kept * &variance;
+        let ratio = DVector::from_fn(n, |m, _| if expected[m] > 0.0 { seen[m] / expected[m] } else { 1.0 });
+        let pull = kept.tr_mul(&ratio);
+        for k in 0..n {
+            variance[k] = (variance[k] * pull[k] + PRIOR_WEIGHT * mean) / (weight[k] + PRIOR_WEIGHT);
+        }
+    }
+    variance.iter().map(|v| 3.0 * v).collect()
+}
+
+/// Markers whose residual may stand for the error of marker `m`: its own where that says enough, else those of the nearest links.
+fn donors(problem: &Problem, m: usize, speaks: &[bool]) -> Vec<usize> {
+    if speaks[m] {
+        return vec![m];
+    }
+    let above = |link: usize| {
+        let mut path = vec![link];
+        let mut at = link;
+        while problem.tree.links[at].parent != NONE {
+            at = problem.tree.links[at].parent;
+            path.push(at);
+        }
+        path
+    };
+    let own = above(problem.markers[m].link);
+    let distance = |link: usize| {
+        let path = above(link);
+        let shared = path.iter().filter(|l| own.contains(l)).count();
+        path.len() + own.len() - 2 * shared
+    };
+    let others: Vec<(usize, usize)> =
+        (0..speaks.len()).filter(|&k| speaks[k]).map(|k| (k, distance(problem.markers[k].link))).collect();
+    let nearest = others.iter().map(|o| o.1).min().unwrap_or(0);
+    others.into_iter().filter(|o| o.1 == nearest).map(|o| o.0).collect()
+}
+
+/// Uniform over all rotations (a uniform unit quaternion).
+fn random_rotation(rng: &mut ChaCha8Rng) -> nalgebra::Matrix3<f64> {
+    let v = Vector4::from_fn(|_, _| StandardNormal.sample(rng));
+    let q = Unit::new_normalize(nalgebra::Quaternion::from(v));
+    Rotation3::from(q).into_inner()
+}
+
+/// The fit's linear answer to displaced markers in one frame, all of the trial's markers seen.
+struct Response<'a> {
+    solver: Solver<'a>,
+    force: Vec<Vector3<f64>>,
+    torque: Vec<Vector3<f64>>,
+}
+
+impl<'a> Response<'a> {
+    fn new(problem: &'a Problem) -> Self {
+        let mut solver = Solver::new(problem);
+        solver.visible = (0..problem.markers.len()).collect();
+        // residuals do not matter to the normal matrix, weights being constant
+        solver.targets.fill(Vector3::zeros());
+        let links = problem.tree.links.len();
+        Self { solver, force: vec![Vector3::zeros(); links], torque: vec![Vector3::zeros(); links] }
+    }
+
+    /// Normal matrix at a pose; false where a coordinate is free.
+    fn at(&mut self, q: &[f64]) -> bool {
+        self.solver.evaluate(q);
+        self.solver.prepare(q)
+    }
+
+    fn pose(&self) -> &Pose {
+        &self.solver.pose
+    }
+
+    fn arm(&self, m: usize) -> Vector3<f64> {
+        let marker = &self.solver.problem.markers[m];
+        let pose = self.pose();
+        pose.origin[marker.link] + pose.rotation[marker.link] * marker.position - pose.reference
+    }
+
+    fn solve(&self, x: &mut [f64]) {
+        self.solver.factor.solve(&self.solver.problem.tree, x);
+    }
+
+    /// Movement of the markers with the coordinates, 3 markers × nv, world axes; locked coordinates move nothing.
+    fn jacobian(&self) -> DMatrix<f64> {
+        let problem = self.solver.problem;
+        let tree = &problem.tree;
+        let mut out = DMatrix::zeros(3 * problem.markers.len(), tree.nv);
+        for (m, marker) in problem.markers.iter().enumerate() {
+            let arm = self.arm(m);
+            let mut link = marker.link;
+            while link != NONE {
+                for column in (0..tree.nv).filter(|&c| tree.column_link[c] == link && !problem.locked[c]) {
+                    let moved = self.pose().linear[column] + self.pose().angular[column].cross(&arm);
+                    out.fixed_view_mut::<3, 1>(3 * m, column).copy_from(&moved);
+                }
+                link = tree.links[link].parent;
+            }
+        }
+        out
+    }
+
+    /// δq = H⁻¹ Jᵀ W e for errors `e` of the markers in the axes of their links.
+    fn step(&mut self, error: &dyn Fn(usize) -> Vector3<f64>, out: &mut [f64]) {
+        let problem = self.solver.problem;
+        let tree = &problem.tree;
+        self.force.fill(Vector3::zeros());
+        self.torque.fill(Vector3::zeros());
+        for (m, marker) in problem.markers.iter().enumerate() {
+            let pull = self.solver.pose.rotation[marker.link] * error(m) * marker.weight;
+            let arm = self.arm(m);
+            self.torque[marker.link] += arm.cross(&pull);
+            self.force[marker.link] += pull;
+        }
+        for link in (1..tree.links.len()).rev() {
+            let parent = tree.links[link].parent;
+            if parent != NONE {
+                let (force, torque) = (self.force[link], self.torque[link]);
+                self.force[parent] += force;
+                self.torque[parent] += torque;
+            }
+        }
+        for (column, x) in out.iter_mut().enumerate() {
+            let link = tree.column_link[column];
+            let pose = &self.solver.pose;
+            *x = if problem.locked[column] {
+                0.0
+            } else {
+                pose.linear[column].dot(&self.force[link]) + pose.angular[column].dot(&self.torque[link])
+            };
+        }
+        self.solver.factor.solve(tree, out);
+    }
+}

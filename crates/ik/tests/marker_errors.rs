@@ -1,0 +1,115 @@
+//! Errors of markers, read off residuals, against errors that were put in: their size, and what they do to poses.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod common;
+
+use aloft_body::{Motion, State, Subject};
+use aloft_ik::{IkOptions, MarkerErrors, solve};
+use aloft_trial::Trial;
+use common::{chain, motion, person, trial};
+use nalgebra::Vector3;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+const RATE_HZ: f64 = 200.0;
+const N: usize = 600;
+/// Frames of the second difference in which windows of 0.3 s are sensitive.
+const LAG: usize = 15;
+
+/// Moves every marker in its link's axes by a smooth function of time of its own, `size_m` root mean square in each axis.
+fn slide(subject: &Subject, truth: &[Vec<f64>], made: &mut Trial, size_m: f64, seed: u64) {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut state = State::new(&subject.model);
+    let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+    let waves: Vec<[[f64; 4]; 3]> =
+        subject.markers.iter().map(|_| [(); 3].map(|()| [normal(), normal(), normal(), normal()])).collect();
+    for (f, q) in truth.iter().enumerate() {
+        state.forward_position(&subject.model, q);
+        let t = f as f64 / RATE_HZ;
+        for ((marker, waves), path) in subject.markers.iter().zip(&waves).zip(&mut made.markers.trajectories) {
+            let shift = Vector3::from_fn(|i, _| {
+                let [a, b, c, d] = waves[i];
+                size_m * (a * (12.0 * t).sin() + b * (12.0 * t).cos() + c * (25.0 * t).sin() + d * (25.0 * t).cos())
+                    / 2f64.sqrt()
+            });
+            path[f] += state.rotation(marker.link) * shift;
+        }
+    }
+}
+
+/// Root mean square of the second difference of an error of the links' origins, over all links.
+fn band(subject: &Subject, a: &dyn Fn(usize) -> Vec<f64>, b: &dyn Fn(usize) -> Vec<f64>) -> f64 {
+    let mut state = State::new(&subject.model);
+    let errors: Vec<Vec<Vector3<f64>>> = (0..N)
+        .map(|f| {
+            state.forward_position(&subject.model, &a(f));
+            let first: Vec<_> = state.world_from_link.iter().map(|p| p.translation.vector).collect();
+            state.forward_position(&subject.model, &b(f));
+            state.world_from_link.iter().zip(first).map(|(p, x)| p.translation.vector - x).collect()
+        })
+        .collect();
+    let mut sum = 0.0;
+    for f in 0..N - 2 * LAG {
+        for l in 0..subject.model.n_links() {
+            sum += (errors[f][l] - 2.0 * errors[f + LAG][l] + errors[f + 2 * LAG][l]).norm_squared();
+        }
+    }
+    (sum / ((N - 2 * LAG) * subject.model.n_links()) as f64).sqrt()
+}
+
+#[test]
+fn prop_drawn_errors_move_poses_as_real_ones_do() {
+    for (name, subject, noise_m, soft_m) in [
+        ("chain, noise", chain(), 5e-4, 0.0),
+        ("person, noise", person(), 1e-3, 0.0),
+        ("person, soft tissue", person(), 1e-4, 3e-3),
+        ("person, both", person(), 5e-4, 2e-3),
+    ] {
+        let (mut real, mut drawn, mut size) = (0.0, 0.0, 0.0);
+        for seed in 0..3 {
+            let truth = motion(&subject, N, RATE_HZ, 0.4, 100 + seed);
+            let mut made = trial(&subject, &truth, RATE_HZ, noise_m, 200 + seed);
+            slide(&subject, &truth, &mut made, soft_m, 300 + seed);
+            let solved = solve(&subject, &made, &IkOptions::default()).unwrap().motion;
+            let errors = MarkerErrors::of(&subject, &made, &solved, &IkOptions::default()).unwrap().unwrap();
+            let sizes: Vec<f64> = errors.sizes_m().map(|(_, s)| s * s).collect();
+            size += sizes.iter().sum::<f64>() / sizes.len() as f64 / 3.0;
+            let at = |m: &Motion, f: usize| m.q(f).to_vec();
+            real += band(&subject, &|f| truth[f].clone(), &|f| at(&solved, f)).powi(2) / 3.0;
+            for draw in 0..4 {
+                let again = errors.draw(&solved, &|_| true, 1, draw);
+                drawn += band(&subject, &|f| at(&solved, f), &|f| at(&again, f)).powi(2) / 12.0;
+            }
+        }
+        // second differences over six: white noise keeps its variance, a sine of ω has 16 sin⁴(ω lag/2) / 6
+        let of_wave = |omega: f64| 16.0 * (0.5 * omega * LAG as f64 / RATE_HZ).sin().powi(4) / 6.0;
+        let put_in = (noise_m.powi(2) + soft_m.powi(2) * 0.5 * (of_wave(12.0) + of_wave(25.0))).sqrt();
+        let (size, ratio) = (size.sqrt() / put_in, (drawn / real).sqrt());
+        println!("{name}: size of the errors {size:.3} of what was put in, poses {ratio:.3} of the true errors");
+        assert!((0.85..1.18).contains(&size), "{name}: size {size}");
+        assert!((0.8..1.25).contains(&ratio), "{name}: poses {ratio}");
+    }
+}
+
+#[test]
+fn prop_perfect_markers_have_no_errors_and_draws_repeat_themselves() {
+    let subject = person();
+    let truth = motion(&subject, N, RATE_HZ, 0.4, 1);
+    let clean = trial(&subject, &truth, RATE_HZ, 0.0, 2);
+    let options = IkOptions { tolerance_sd: 1e-9, ..IkOptions::default() };
+    let solved = solve(&subject, &clean, &options).unwrap().motion;
+    let errors = MarkerErrors::of(&subject, &clean, &solved, &options).unwrap().unwrap();
+    assert!(errors.sizes_m().all(|(_, s)| s < 2e-5), "errors of perfect markers");
+    let mut noisy = trial(&subject, &truth, RATE_HZ, 1e-3, 3);
+    // a gap is bridged, and a marker that was never seen is left out
+    noisy.markers.trajectories[4][100..140].fill(Vector3::repeat(f64::NAN));
+    noisy.markers.trajectories[9].fill(Vector3::repeat(f64::NAN));
+    let solved = solve(&subject, &noisy, &IkOptions::default()).unwrap().motion;
+    let errors = MarkerErrors::of(&subject, &noisy, &solved, &IkOptions::default()).unwrap().unwrap();
+    let (a, b) = (errors.draw(&solved, &|f| f >= 200, 1, 3), errors.draw(&solved, &|f| f >= 200, 1, 3));
+    assert!(a.q == b.q && a.q.iter().all(|x| x.is_finite()));
+    assert!(a.q[..200 * a.nq] == solved.q[..200 * a.nq], "frames that were not wanted stay");
+    assert!(a.q[200 * a.nq..] != solved.q[200 * a.nq..]);
+    assert!(errors.draw(&solved, &|_| true, 1, 4).q != errors.draw(&solved, &|_| true, 1, 3).q);
+}

@@ -1,0 +1,150 @@
+//! How the results in a workspace were made: settings out of their manifests, for every sentence that says so.
+
+use crate::config::PipelineConfig;
+use crate::facts::Facts;
+use crate::graph::Scope;
+use crate::revision::ModelEffect;
+use crate::stages::STAGES;
+use crate::study::Study;
+use crate::workspace::{Manifest, WHOLE_STUDY, Workspace};
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+use std::collections::BTreeMap;
+
+/// Results of a stage that are there and did not fail, by trial.
+fn made(study: &Study, ws: &Workspace, stage: &str) -> Vec<(String, Manifest)> {
+    let Some(stage) = STAGES.iter().find(|s| s.name == stage) else { return Vec::new() };
+    let names = stage.tasks(study).into_iter().map(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()));
+    names.filter_map(|n| Some((n.to_owned(), ws.manifest(stage.name, n).filter(Manifest::is_ok)?))).collect()
+}
+
+/// The value under a key of a stage's parameters that most of its results were made with.
+fn most<T: DeserializeOwned>(manifests: &[(String, Manifest)], key: &str) -> Option<T> {
+    let mut count: BTreeMap<String, (usize, &Value)> = BTreeMap::new();
+    for (_, m) in manifests {
+        if let Some(value) = m.parameters.get(key) {
+            count.entry(value.to_string()).or_insert((0, value)).0 += 1;
+        }
+    }
+    let (_, value) = count.into_values().max_by_key(|(n, _)| *n)?;
+    serde_json::from_value(value.clone()).ok()
+}
+
+fn put<T>(place: &mut T, found: Option<T>) {
+    if let Some(found) = found {
+        *place = found;
+    }
+}
+
+impl Study {
+    /// The study with the settings that its results were made with, where they differ from those that stand in the pipeline now. Recordings,
+    /// names and places are those of now.
+    pub fn as_made(&self) -> Self {
+        let ws = Workspace::open(&self.workspace);
+        let of = |stage: &str| made(self, &ws, stage);
+        let mut out = self.clone();
+        let config: &mut PipelineConfig = &mut out.config;
+        let import = of("import");
+        put(&mut config.import, most(&import, "import"));
+        put(&mut out.marker_set, most(&import, "marker_set"));
+        let scale = of("scale");
+        put(&mut config.scale, most(&scale, "scale"));
+        put(&mut config.trials.static_frames, most(&scale, "static_frames"));
+        put(&mut out.model, most(&scale, "model"));
+        put(&mut out.object, most(&scale, "object"));
+        put(&mut out.anthropometry, most(&scale, "anthropometry"));
+        put(&mut out.facts, most::<Facts>(&scale, "facts"));
+        put(&mut config.calibrate, most(&of("calibrate"), "calibrate"));
+        put(&mut config.ik, most(&of("ik"), "ik"));
+        put(&mut config.filter, most(&of("filter"), "filter"));
+        put(&mut config.flight, most(&of("flight"), "flight"));
+        let regressor = of("regressor");
+        put(&mut config.flight.margin_s, most(&regressor, "margin_s"));
+        put(&mut config.regressor.window_s, most(&regressor, "window_s"));
+        put(&mut config.regressor.weighting, most(&regressor, "weighting"));
+        put(&mut config.regressor.slow_noise, most(&regressor, "slow_noise"));
+        if let Some(effects) = most(&regressor, "effects") {
+            out.effects = effects_of(&effects);
+        }
+        let identify = of("identify");
+        put(&mut config.identify, most(&identify, "identify"));
+        put(&mut config.regressor.rows, most(&identify, "rows"));
+        put(&mut config.compare, most(&of("compare"), "compare"));
+        for trial in &mut out.trials {
+            let Some(own) = &mut trial.settings else { continue };
+            let of = |stage: &str| ws.manifest(stage, &trial.name).filter(Manifest::is_ok);
+            let value = |stage: &str| of(stage)?.parameters.get(stage).cloned();
+            put(&mut own.import, value("import").and_then(|v| serde_json::from_value(v).ok()));
+            put(&mut own.ik, value("ik").and_then(|v| serde_json::from_value(v).ok()));
+            put(&mut own.flight, value("flight").and_then(|v| serde_json::from_value(v).ok()));
+        }
+        out
+    }
+}
+
+/// Effects of a model as they stand in a manifest.
+pub fn effects_of(parameters: &Value) -> Vec<ModelEffect> {
+    parameters.get("model").and_then(|m| serde_json::from_value(m.clone()).ok()).unwrap_or_default()
+}
+
+/// The effects that the comparison's parameters were identified with; none where nothing was compared.
+pub fn compared_effects(ws: &Workspace) -> Option<Vec<ModelEffect>> {
+    let m = ws.manifest("compare", WHOLE_STUDY).filter(Manifest::is_ok)?;
+    Some(effects_of(m.parameters.get("effects")?))
+}
+
+/// Hash of the settings and recordings that all results were made from, without the effects of the model.
+pub fn made_with(study: &Study, ws: &Workspace) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for stage in STAGES {
+        for (name, mut m) in made(study, ws, stage.name) {
+            if let Some(all) = m.parameters.as_object_mut() {
+                all.remove("effects");
+            }
+            hasher.update(format!("{}/{name} {} {}\n", stage.name, m.version, m.parameters).as_bytes());
+            for (input, hash) in m.inputs.iter().filter(|(k, _)| !k.contains('/')) {
+                hasher.update(format!("{input} {hash}\n").as_bytes());
+            }
+        }
+    }
+    hasher.finalize().to_hex().to_string()
+}
+
+/// Settings in which the recordings' results differ from each other, in words: by overrides, or because only some were made again.
+pub fn differences(study: &Study, ws: &Workspace) -> Vec<String> {
+    let mut out = Vec::new();
+    for stage in STAGES.iter().filter(|s| matches!(s.scope, Scope::Trial(_))) {
+        let all = made(study, ws, stage.name);
+        let mut leaves: BTreeMap<String, BTreeMap<String, Vec<&str>>> = BTreeMap::new();
+        for (name, m) in &all {
+            let mut own = Vec::new();
+            flatten("", &m.parameters, &mut own);
+            for (path, value) in own {
+                leaves.entry(path).or_default().entry(value).or_default().push(name);
+            }
+        }
+        // what differs is told where it was set, not in every stage that sees it
+        for (path, values) in leaves.into_iter().filter(|(p, v)| v.len() > 1 && p.starts_with(stage.name)) {
+            let words: Vec<String> = values
+                .iter()
+                .map(|(value, names)| match names.len() {
+                    1..=3 => format!("{value} ({})", names.join(", ")),
+                    n => format!("{value} ({n} recordings)"),
+                })
+                .collect();
+            out.push(format!("{path} differs between recordings: {}", words.join(", ")));
+        }
+    }
+    out
+}
+
+fn flatten(path: &str, value: &Value, out: &mut Vec<(String, String)>) {
+    match value {
+        Value::Object(all) if !all.is_empty() => {
+            for (key, value) in all {
+                flatten(&if path.is_empty() { key.clone() } else { format!("{path}.{key}") }, value, out);
+            }
+        }
+        other => out.push((path.to_owned(), other.to_string())),
+    }
+}
