@@ -2,7 +2,8 @@
 
 use crate::support::{aloft, expect, folder, json, repo};
 use aloft_effects::{Choice, EFFECTS, Effect, Scene};
-use serde_json::{Value, json as value};
+use aloft_pipeline::revision::{ModelEffect, Revisions};
+use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -22,16 +23,18 @@ fn numbers(parameters: &Value) -> Vec<(String, f64, f64)> {
 }
 
 /// A model as an older study may hold it: written past `effect add`.
-fn hold(workspace: &str, effect: &Value) {
-    let path = Path::new(workspace).join("model.json");
-    let mut all: Value = match fs::read_to_string(&path) {
-        Ok(text) => serde_json::from_str(&text).unwrap(),
-        Err(_) => value!({"revisions": [{"number": 0, "action": "start", "effects": []}]}),
-    };
-    let revisions = all["revisions"].as_array_mut().unwrap();
-    revisions.truncate(1);
-    revisions.push(value!({"number": 1, "action": "older study", "effects": [effect]}));
-    fs::write(&path, serde_json::to_string(&all).unwrap()).unwrap();
+fn hold(workspace: &str, effects: Vec<ModelEffect>) {
+    let workspace = Path::new(workspace);
+    let mut all = Revisions::load(workspace).unwrap();
+    all.revisions.truncate(1);
+    let older = all.next("older study".to_owned(), effects);
+    all.revisions.push(older);
+    all.save(workspace).unwrap();
+}
+
+fn effect(key: &str, trials: &[&str]) -> ModelEffect {
+    let trials = trials.iter().map(|t| (*t).to_owned()).collect();
+    ModelEffect { key: key.to_owned(), trials, ..ModelEffect::default() }
 }
 
 /// Every effect of the catalogue on its first and its last target.
@@ -58,6 +61,11 @@ fn find(workspace: &Path, name: &str) -> PathBuf {
     places.map(|e| e.unwrap().path().join(name)).find(|p| p.is_file()).expect("a result of calibrate")
 }
 
+/// A message without the frame that it is shown in.
+fn one_line(message: &str) -> String {
+    message.replace(['│', '×'], " ").split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
 /// Rounding only.
 const BOUND: f64 = 1e-9;
 
@@ -70,7 +78,7 @@ fn no_effect_moves_parameters_in_trials_that_it_does_not_touch() {
     let plain = numbers(&json(&["parameters", &demo, "--workspace", &ws, "--json"]));
     let (mut tried, mut worst) = (0, 0.0f64);
     for key in keys(&ws) {
-        hold(&ws, &value!({"key": key, "nonlinear": {}, "trials": ["a recording that nobody made"]}));
+        hold(&ws, vec![effect(&key, &["a recording that nobody made"])]);
         let ran = aloft(&["run", &demo, "--workspace", &ws]);
         let said = String::from_utf8_lossy(&ran.stderr).into_owned();
         assert!(ran.status.success(), "{key}: {said}");
@@ -106,7 +114,7 @@ fn effect_add_refuses_what_rows_cannot_show_and_changes_nothing() {
     let before = json(&["parameters", &human, "--workspace", &ws, "--json"]);
     let refused = |key: &str, reason: &str| {
         let (_, said) = expect(&["effect", "add", &human, key, "--workspace", &ws], 2);
-        let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+        let said = one_line(&said);
         assert!(said.contains(reason) && said.contains(key), "{key}: {said}");
         assert_eq!(before, json(&["parameters", &human, "--workspace", &ws, "--json"]), "{key} changed the results");
         let ladder = json(&["history", &human, "--workspace", &ws, "--json"]);
@@ -127,15 +135,11 @@ fn an_effect_is_not_added_twice_under_two_names() {
     expect(&["effect", "add", &demo, "quadratic_drag", "--workspace", &ws], 0);
     let before = json(&["parameters", &demo, "--workspace", &ws, "--json"]);
     let (_, said) = expect(&["effect", "add", &demo, "quadratic_drag[links]", "--workspace", &ws], 2);
-    let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+    let said = one_line(&said);
     assert!(said.contains("does the same as `quadratic_drag.drag_area`"), "{said}");
     assert_eq!(before, json(&["parameters", &demo, "--workspace", &ws, "--json"]));
     // a model that holds both all the same: one coefficient too many, and nothing absurd
-    let path = Path::new(&ws).join("model.json");
-    let mut all: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
-    let effects = all["revisions"][1]["effects"].as_array_mut().unwrap();
-    effects.push(value!({"key": "quadratic_drag[links]"}));
-    fs::write(&path, serde_json::to_string(&all).unwrap()).unwrap();
+    hold(&ws, vec![effect("quadratic_drag", &[]), effect("quadratic_drag[links]", &[])]);
     expect(&["run", &demo, "--workspace", &ws], 0);
     let found = json(&["parameters", &demo, "--workspace", &ws, "--json"]);
     let effects = found["effects"].as_array().unwrap();

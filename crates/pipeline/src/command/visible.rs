@@ -50,15 +50,18 @@ pub fn refuse_invisible(
     let visible = Visible::among(&factors, has_prior).map_err(|e| PipelineError::request(e.to_string()))?;
     let own: Vec<(&str, &Unseen)> = visible.unseen().filter(|(n, _)| names.iter().any(|own| own == n)).collect();
     let repeated = own.iter().find_map(|(name, why)| match why {
-        Unseen::Repeats(with) if with.iter().any(|w| !names.contains(w)) => Some((*name, *why)),
+        Unseen::Repeats(with) => {
+            let others: Vec<String> = with.iter().filter(|w| !names.contains(w)).cloned().collect();
+            (!others.is_empty()).then(|| (*name, Unseen::Repeats(others)))
+        }
         _ => None,
     });
     let (name, why) = match (repeated, own.first()) {
         (Some(found), _) => found,
-        (None, Some(first)) if own.len() == names.len() => *first,
+        (None, Some((name, why))) if own.len() == names.len() => (*name, (*why).clone()),
         _ => return Ok(()),
     };
-    let what = if names.len() == 1 { String::new() } else { format!(" of `{name}`") };
+    let what = if names.len() == 1 { String::new() } else { format!(" (`{name}`)") };
     let problem =
         format!("`{key}` is not added: the rows of {} do not determine it{what}: {}", rows(&factors), why.words());
     let hint = match why {
