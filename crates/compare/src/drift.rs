@@ -1,11 +1,11 @@
 //! How force plates drift, from what they read unloaded in one flight after the other.
 //!
 //! Amplifiers wander by some tenths of a newton in seconds. In a flight nothing touches a plate, so that its reading there is known; between
-//! and without flights it is not, and the wander is an error of the measurement that no model can explain. The wander is taken as a
-//! random walk of each plate, force and moment about its centre: the difference of the readings in two flights of a recording that are
-//! τ apart has variance `c τ + 2 n`, n the variance of one reading (white noise of the plates over the length of a flight). c is estimated
-//! over the recordings of a subject other than the one that is judged, all plates together and both horizontal axes together, since a few
-//! recordings show only a few differences.
+//! and without flights it is not, and the wander is an error of the measurement that no model can explain. Over the seconds of a recording
+//! each plate is taken to drift steadily, force and moment about its centre at a rate of its own: the difference of the readings in two
+//! flights of a recording that are τ apart has variance `s² τ² + 2 n`, n the variance of one reading (white noise of the plates over
+//! the length of a flight). s² is estimated over the recordings of a subject other than the one that is judged, all plates together
+//! and both horizontal axes together, since a few recordings show only a few differences.
 
 use nalgebra::{Vector3, Vector6};
 use rand_chacha::ChaCha8Rng;
@@ -25,14 +25,14 @@ pub struct TareReadings {
     pub length_s: f64,
 }
 
-/// Random walks of the plates, and when a recording shows them.
+/// Steady drift of the plates, and when a recording shows them unloaded.
 #[derive(Debug, Clone)]
 pub struct PlateDrift {
-    /// Variance of a walk a second: force (N²/s) and moment about the plate's centre ((N·m)²/s), world axes.
+    /// Variance of the rate: force ((N/s)²) and moment about the plate's centre ((N·m/s)²), world axes.
     rate: Vector6<f64>,
     /// Centres of the plates, m.
     centers: Vec<Vector3<f64>>,
-    /// Times at which this recording's plates were seen unloaded, s: the walks are known there.
+    /// Times at which this recording's plates were seen unloaded, s: the drift is known there.
     times_s: Vec<f64>,
 }
 
@@ -70,8 +70,8 @@ impl PlateDrift {
                     for i in 0..j {
                         let apart = readings.times_s[j] - readings.times_s[i];
                         let change = about(&(wrench[j] - wrench[i]), center);
-                        sum += (change.component_mul(&change) - noise) * apart;
-                        squares += apart * apart;
+                        sum += (change.component_mul(&change) - noise) * apart.powi(2);
+                        squares += apart.powi(4);
                     }
                 }
             }
@@ -87,28 +87,23 @@ impl PlateDrift {
         Some(Self { rate, centers, times_s })
     }
 
-    /// Variance of one plate's walk in one second, about its centre (N², (N·m)²).
-    pub fn variance_per_s(&self) -> Vector6<f64> {
+    /// Variance of one plate's rate of drift, about its centre ((N/s)², (N·m/s)²).
+    pub fn rate_variance(&self) -> Vector6<f64> {
         self.rate
     }
 
-    /// The sum of the plates' walks about the world origin at `n` frames, less straight lines between the times at which the recording shows
-    /// them (constants beyond).
+    /// The sum of the plates' drifts about the world origin at `n` frames, less what taring takes off: straight lines between the times at
+    /// which the recording shows the plates unloaded, constants beyond.
     pub(crate) fn draw(&self, n: usize, rate_hz: f64, rng: &mut ChaCha8Rng) -> Vec<Vector6<f64>> {
-        let step = self.rate.map(|r| (r / rate_hz).sqrt());
-        let mut at = Vector6::zeros();
-        let walk: Vec<Vector6<f64>> = (0..n)
-            .map(|_| {
-                for center in &self.centers {
-                    let own = step.map(|s| -> f64 {
-                        let normal: f64 = StandardNormal.sample(rng);
-                        s * normal
-                    });
-                    at += about(&own, &-center);
-                }
-                at
-            })
-            .collect();
+        let mut rate = Vector6::zeros();
+        for center in &self.centers {
+            let own = self.rate.map(|r| -> f64 {
+                let normal: f64 = StandardNormal.sample(rng);
+                r.sqrt() * normal
+            });
+            rate += about(&own, &-center);
+        }
+        let walk: Vec<Vector6<f64>> = (0..n).map(|f| rate * (f as f64 / rate_hz)).collect();
         let known: Vec<(f64, Vector6<f64>)> = self
             .times_s
             .iter()
@@ -135,7 +130,7 @@ mod tests {
     use rand::SeedableRng;
 
     #[test]
-    fn prop_a_walk_is_recovered_from_readings_and_vanishes_where_it_is_known() {
+    fn prop_a_drift_is_recovered_from_readings_and_vanishes_where_it_is_known() {
         let centers = [Vector3::new(0.3, 0.2, 0.0), Vector3::new(-0.3, 0.1, 0.01)];
         let rate = Vector6::new(0.02, 0.02, 0.05, 0.001, 0.001, 0.003);
         let one = |center| PlateDrift { rate, centers: vec![center], times_s: Vec::new() };
@@ -175,11 +170,14 @@ mod tests {
         let all: Vec<&TareReadings> = readings.iter().collect();
         let found = PlateDrift::of(&all, &density, vec![1.0, 4.0]).unwrap();
         for axis in 0..6 {
-            let ratio = found.variance_per_s()[axis] / rate[axis];
+            let ratio = found.rate_variance()[axis] / rate[axis];
             assert!((0.8..1.25).contains(&ratio), "axis {axis}: {ratio}");
         }
         let walk = found.draw(500, rate_hz, &mut rng);
-        assert!(walk[100].norm() < 1e-12 && walk[400].norm() < 1e-12 && walk[250].norm() > 0.0);
+        // a straight line is known between two readings, and not beyond
+        assert!(
+            walk[100].norm() < 1e-12 && walk[250].norm() < 1e-12 && walk[20].norm() > 1e-3 && walk[480].norm() > 1e-3
+        );
         assert!(PlateDrift::of(&[], &density, Vec::new()).is_none());
         assert!(PlateDrift::of(&[&TareReadings::default()], &density, Vec::new()).is_none());
     }
