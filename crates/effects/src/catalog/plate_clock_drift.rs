@@ -23,7 +23,7 @@ pub(super) static EFFECT: EffectDefinition = EffectDefinition {
 Two devices with their own clocks drift apart: the delay between plates and cameras grows with time.
 
 ## Equation
-True wrench = measured wrench + `rate` t d(measured)/dt, t since the session began (since the recording began where the session's time is unknown). Coefficient: `rate` (1); 50e-6 make 3 ms in a minute.
+True wrench = measured wrench + `rate` t d(measured)/dt, t since the session began (by dates in the files, else by the order and lengths of the recordings; then pauses are not counted and `rate` comes out too large in proportion). Coefficient: `rate` (1); 50e-6 make 3 ms in a minute.
 
 ## Identifiability
 With one short recording it is a constant delay; it needs impacts at different times of a long recording or session.
