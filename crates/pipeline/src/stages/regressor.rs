@@ -38,6 +38,7 @@ pub static STAGE: Stage = Stage {
     parameters: |study, _| {
         json!({"window_s": study.config.regressor.window_s, "weighting": study.config.regressor.weighting,
             "slow_noise": study.config.regressor.slow_noise, "marker_sd_m": study.config.ik.marker_sd_m, "margin_s": study.config.flight.margin_s, "filter": study.config.filter,
+            "contact": study.config.identify.contact,
             "effects": study.effects_parameters()})
     },
     run,
@@ -346,7 +347,8 @@ fn factors_beside(
     for stretch in &rows.stretches {
         let acting = Acting { measured: rows.wrench.as_deref(), effects: effects.as_ref() };
         let (model, motion) = (&subject.model, &rows.motion);
-        let by_weak = if with_tissue {
+        let used = stretch.kind == StretchKind::Flight || study.config.identify.contact;
+        let by_weak = if with_tissue && used {
             let tissue = Tissue::new(&subject.markers, study.config.ik.marker_sd_m);
             weak_factor_with_tissue(model, &base, &prior, motion, stretch, acting, &weak, noise.as_ref(), &tissue).map(
                 |(factor, found)| {
@@ -395,7 +397,8 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let entry = job.trial()?;
     let rows = TrialRows::load(job, &entry.name)?;
     let mut slides = Vec::new();
-    let person = job.study.object.is_none();
+    // identification alone uses them
+    let person = job.study.object.is_none() && entry.role == Role::Identify;
     let (factors, warnings) = factors_beside(job.study, &rows, &mut slides, person)?;
     let mut done = Done { warnings, ..Done::default() };
     save_factors(job.out, &factors)?;
