@@ -39,11 +39,12 @@ pub static STAGE: Stage = Stage {
         // when each recording was made, for effects that grow over the session
         Need::Every("import", &[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
     ],
-    parameters: |study, _| {
+    parameters: |study, trial| {
         let regressor = &study.config.regressor;
         json!({"window_s": key(&regressor.window_s), "weighting": key(&regressor.weighting), "slow_noise": key(&regressor.slow_noise),
             "marker_sd_m": key(&study.config.ik.marker_sd_m), "margin_s": key(&study.config.flight.margin_s),
-            "filter": key(&study.config.filter), "is_object": study.object.is_some(), "effects": study.effects_parameters()})
+            "filter": key(&study.config.filter), "contact": study.config.identify.contact, "is_object": study.object.is_some(),
+            "role": trial.map(|t| t.role.word()), "effects": study.effects_parameters()})
     },
     run,
 };
@@ -363,7 +364,8 @@ fn factors_beside(
     for stretch in &rows.stretches {
         let acting = Acting { measured: rows.wrench.as_deref(), effects: effects.as_ref() };
         let (model, motion) = (&subject.model, &rows.motion);
-        let by_weak = if with_tissue {
+        let used = stretch.kind == StretchKind::Flight || study.config.identify.contact;
+        let by_weak = if with_tissue && used {
             let tissue = Tissue::new(&subject.markers, study.config.ik.marker_sd_m);
             weak_factor_with_tissue(model, &base, &prior, motion, stretch, acting, &weak, noise.as_ref(), &tissue).map(
                 |(factor, found)| {
@@ -412,7 +414,8 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let entry = job.trial()?;
     let rows = TrialRows::load(job, &entry.name)?;
     let mut slides = Vec::new();
-    let person = job.study.object.is_none();
+    // identification alone uses them
+    let person = job.study.object.is_none() && entry.role == Role::Identify;
     let (factors, warnings) = factors_beside(job.study, &rows, &mut slides, person)?;
     let mut done = Done { warnings, ..Done::default() };
     save_factors(job.out, &factors)?;
