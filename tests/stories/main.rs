@@ -12,6 +12,7 @@ mod loop_on_people;
 mod one_stage_again;
 mod own_effect;
 mod report;
+mod right_results;
 mod several_effects;
 mod support;
 mod workflow;
