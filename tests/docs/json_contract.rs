@@ -16,7 +16,12 @@ const COMMANDS: &[(&str, &str, &str)] = &[
     ("status", "pipeline", "Status"),
     ("inspect", "pipeline", "Inspection"),
     ("summary", "pipeline", "Summary"),
+    ("verify", "pipeline", "Verified"),
 ];
+
+/// Commands that show results and say with `stale` which of these are not up to date.
+const WITH_STALE: [&str; 6] =
+    ["parameters", "compare", "compare --estimators", "compare --leave-one-out", "discover", "history"];
 
 /// The page.
 pub fn page() -> String {
@@ -28,6 +33,11 @@ pub fn page() -> String {
         let _ = write!(out, "\n## `aloft {command} --json`\n\n| key | type | meaning |\n|---|---|---|\n");
         let mut rows = Vec::new();
         walk(&items, (krate, &Uses::new()), name, "", &mut Vec::new(), &mut rows);
+        if WITH_STALE.contains(command) {
+            let doc = "Results that are not what the pipeline and the recordings would give now; empty where all are up to date.";
+            rows.push(("stale[]".into(), "object".into(), doc.into()));
+            walk(&items, ("pipeline", &Uses::new()), "NotCurrent", "stale[].", &mut Vec::new(), &mut rows);
+        }
         assert!(!rows.is_empty(), "{krate} has no structure `{name}`: correct COMMANDS in tests/docs/json_contract.rs");
         for (key, kind, doc) in rows {
             let _ = writeln!(out, "| `{key}` | {kind} | {} |", crate::generate::cell(&doc));

@@ -26,6 +26,8 @@ fn results(ws: &Path) -> BTreeMap<String, Vec<u8>> {
             if name.ends_with("manifest.json") {
                 let mut manifest: serde_json::Value =
                     serde_json::from_slice(&bytes).unwrap_or_else(|e| panic!("{name} is half-written: {e}"));
+                // and the hash over it
+                manifest["check"] = serde_json::Value::Null;
                 manifest["seconds"] = serde_json::Value::Null;
                 bytes = manifest.to_string().into_bytes();
             }

@@ -15,6 +15,7 @@ mod one_interval;
 mod one_stage_again;
 mod own_effect;
 mod report;
+mod right_results;
 mod settings;
 mod several_effects;
 mod support;
