@@ -15,7 +15,7 @@ const ACCEPTED: [(&str, &str, &str); 24] = [
     ("import.fill_gaps_s", "0", "no gap is filled"),
     ("import.rigid_fill_s", "0", "no gap is filled from the segment"),
     ("import.least_fraction", "0", "a truncated file is used as far as it goes"),
-    ("ik.weights.M", "0", "the marker is not used"),
+    ("ik.weights.L0_1", "0", "the marker is not used"),
     ("flight.margin_s", "0", "nothing is left out at the ends"),
     ("regressor.window_s", "0", "the stretch decides"),
     ("regressor.slow_noise", "0", "white noise alone"),
@@ -61,7 +61,7 @@ fn numbers(root: &Value, schema: &Value, path: &[String], out: &mut Vec<Vec<Stri
         numbers(root, property, &deeper(key), out);
     }
     if schema["additionalProperties"].is_object() {
-        numbers(root, &schema["additionalProperties"], &deeper("M"), out);
+        numbers(root, &schema["additionalProperties"], &deeper("L0_1"), out);
     }
     if schema["items"].is_object() {
         numbers(root, &schema["items"], &deeper("0"), out);

@@ -172,6 +172,16 @@ impl Study {
         let model = load_model(&config.model, &dir).map_err(|e| at("model", e))?;
         let marker_set: MarkerSet =
             catalog::load("markersets", &config.marker_set, &dir).map_err(|e| at("marker_set", e))?;
+        if let Some(unknown) = config.ik.weights.keys().find(|k| !marker_set.markers.iter().any(|m| m.label == **k)) {
+            let problem = format!("`ik.weights` names the marker `{unknown}`, which the marker set does not have");
+            return Err(error_at_key(
+                &file,
+                text,
+                "weights",
+                problem,
+                Some("see `aloft inspect FILE` for labels".to_owned()),
+            ));
+        }
         let object = match &config.object {
             Some(name) => Some(catalog::load("objects", name, &dir).map_err(|e| at("object", e))?),
             None => None,
