@@ -347,9 +347,10 @@ impl Workspace {
     pub fn lock(&self, patience: Duration) -> Result<WorkspaceLock, PipelineError> {
         let marker = self.root.join(MARKER);
         let own = |name: &std::ffi::OsStr| is_temporary(&name.to_string_lossy());
+        // the marker is looked for last: whoever makes the workspace at this moment puts it there before anything else
         if self.root.is_dir()
-            && !marker.is_file()
             && std::fs::read_dir(&self.root).is_ok_and(|d| d.flatten().any(|e| !own(&e.file_name())))
+            && !marker.is_file()
         {
             return Err(PipelineError::request_hint(
                 format!("{} is not empty and is not a workspace", self.root.display()),

@@ -36,7 +36,7 @@ pub struct Freshness {
 pub fn freshness(study: &Study) -> Result<Freshness, PipelineError> {
     let ws = Workspace::open(&study.workspace);
     let manifests = Manifests::read_and_examine(study, &ws, STAGES);
-    let mut stale = of_standings(study, &standings(study, &ws, &manifests)?);
+    let mut stale = of_standings(study, &ws, &standings(study, &ws, &manifests)?);
     if let Some(pending) = Revisions::load(&study.workspace)?.pending {
         stale.insert(
             0,
@@ -53,7 +53,8 @@ pub fn freshness(study: &Study) -> Result<Freshness, PipelineError> {
 }
 
 /// The same from standings that are known. A result whose trial failed, or that could not follow one that failed, is up to date.
-pub fn of_standings(study: &Study, standings: &Standings) -> Vec<NotCurrent> {
+pub fn of_standings(study: &Study, ws: &Workspace, standings: &Standings) -> Vec<NotCurrent> {
+    let is_left = |stage: &str, trial: &str| ws.manifest(stage, trial).is_some_and(|m| m.is_ok());
     let mut out: Vec<NotCurrent> = Vec::new();
     let mut behind: HashSet<(&str, &str)> = HashSet::new();
     for stage in STAGES {
@@ -69,6 +70,10 @@ pub fn of_standings(study: &Study, standings: &Standings) -> Vec<NotCurrent> {
                 (Standing::Missing, None) => ("missing", "never run".to_owned(), false),
                 (Standing::Stale(changes), None) => ("stale", changes.join("; "), false),
                 (Standing::Missing, Some((s, t))) => ("missing", follows_from(s, t), true),
+                // what was made before something in front of it failed
+                (Standing::Blocked(reason), None) if is_left(stage.name, trial) => {
+                    ("stale", format!("cannot be made any more: {reason}"), false)
+                }
                 (_, Some((s, t))) => ("stale", follows_from(s, t), true),
                 _ => continue,
             };

@@ -66,7 +66,7 @@ pub fn status(study: &Study) -> Result<Status, PipelineError> {
 pub fn grid(study: &Study, ws: &Workspace, manifests: &Manifests) -> Result<Status, PipelineError> {
     let standings = standings(study, ws, manifests)?;
     let behind: HashSet<(String, String)> =
-        of_standings(study, &standings).into_iter().map(|n| (n.stage, n.trial)).collect();
+        of_standings(study, ws, &standings).into_iter().map(|n| (n.stage, n.trial)).collect();
     let word = |stage: &'static str, trial: &str| {
         let key = (stage, trial.to_owned());
         match standings.get(&key) {

@@ -82,6 +82,10 @@ pub fn save_factors(dir: &Path, factors: &[(Stretch, Factor)]) -> Result<(), Pip
 /// Reads what the stage wrote for a trial: each stretch with its factor.
 pub fn load_factors(dir: &Path) -> Result<Vec<(Stretch, Factor)>, PipelineError> {
     let heads: Vec<FactorHead> = read_json(&dir.join("factors.json"))?;
+    if heads.is_empty() {
+        // a table without rows has no column to read
+        return Ok(Vec::new());
+    }
     let path = dir.join("factors.parquet");
     let values = Table::read(&path)?.into_columns().into_iter().next().map(|c| c.1).unwrap_or_default();
     let mut at = 0;
