@@ -360,7 +360,15 @@ fn prop_soft_tissue_widens_intervals_by_the_size_that_markers_show() {
             .map(|s| {
                 let acting = Acting::nothing();
                 weak_factor_with_tissue(
-                    &truth.model, &truth.base, &truth.phi, &motion, s, acting, &options, None, &tissue,
+                    &truth.model,
+                    &truth.base,
+                    &truth.phi,
+                    &motion,
+                    s,
+                    acting,
+                    &options,
+                    None,
+                    &tissue,
                 )
                 .unwrap()
                 .1
