@@ -66,7 +66,7 @@ fn prop_drawn_errors_move_poses_as_real_ones_do() {
         ("person, soft tissue", person(), 1e-4, 3e-3),
         ("person, both", person(), 5e-4, 2e-3),
     ] {
-        let (mut real, mut drawn, mut size) = (0.0, 0.0, 0.0);
+        let (mut real, mut drawn, mut size) = (0.0f64, 0.0f64, 0.0f64);
         for seed in 0..3 {
             let truth = motion(&subject, N, RATE_HZ, 0.4, 100 + seed);
             let mut made = trial(&subject, &truth, RATE_HZ, noise_m, 200 + seed);
