@@ -22,6 +22,10 @@ const STANDARD_MPS2: f64 = aloft_body::STANDARD_GRAVITY_MPS2;
 const EDGE_SHARE: f64 = 0.13;
 /// Share of a stretch between loads of plates that a flight has to fill to be confirmed by them.
 const CONFIRMED: f64 = 0.7;
+/// Free accelerations below this need the wider first bands, m/s².
+const WEAK_MPS2: f64 = 4.9;
+/// Usual error of a prior's acceleration in tumbling, m/s².
+const PRIOR_ERROR_MPS2: f64 = 1.5;
 /// Factor on the cut-off for weak accelerations.
 pub(crate) const SLOW: f64 = 0.4;
 /// Share of the free acceleration below which a body counts as supported.
@@ -35,6 +39,8 @@ const WEAK: f64 = 0.3;
 /// The same for plateaus that last longer than any on the ground with sharp edges, s (jumps where gravity is weak).
 const STEADY_AND_LONG: f64 = 0.25;
 const LONG_S: f64 = 1.0;
+/// The same before the fit of first moments, for stronger accelerations; [`STEADY`] must then hold after the fit.
+const STEADY_BEFORE_FIT: f64 = 0.3;
 /// The same where no plate is loaded in a stretch that plates bound.
 const STEADY_ON_PLATES: f64 = 0.35;
 /// Largest number of accelerations that are tried.
@@ -50,6 +56,8 @@ pub(crate) struct Search<'a> {
     pub shortest_alone: usize,
     /// Smallest acceleration that is sought, m/s².
     pub least_mps2: f64,
+    /// Whether the first moments are still those of the prior, and may be wrong by more than people's are.
+    pub before_fit: bool,
     /// Frames between a load and the next load of plates.
     pub between_loads: &'a [Range<usize>],
     /// Frames that may be flight (no plate loaded).
@@ -104,12 +112,15 @@ impl Acceleration {
     ) -> Vec<Range<usize>> {
         let size = free.norm();
         let least = options.least_band_mps2.min(size * 2.0 / 3.0 / 1.6);
-        let along = (options.vertical_band_g * size).max(least) * widen;
-        let across = (options.horizontal_band_g * size).max(least) * widen;
+        // A prior that is wrong by centimetres in a link that turns errs by metres a second squared wherever it is: the first, wide
+        // searches before the fit of first moments must let that pass where gravity is weak, too.
+        let wide = if size < WEAK_MPS2 { PRIOR_ERROR_MPS2 * (widen - 1.0) / 0.6 } else { 0.0 };
+        let along = (options.vertical_band_g * size).max(least) * widen + wide;
+        let across = (options.horizontal_band_g * size).max(least) * widen + wide;
         let falls = |frame: usize| {
             let off = self.mps2[frame] - free;
             if size == 0.0 {
-                return off.norm() < options.rest_band_mps2 * widen;
+                return off.norm() < options.rest_band_mps2 * widen + 2.0 * wide;
             }
             let parallel = off.dot(free) / size;
             parallel.abs() < along && (off - free * (parallel / size)).norm() < across
@@ -179,6 +190,7 @@ impl Acceleration {
                 true => (search.shortest, STEADY_ON_PLATES),
                 false if s.len() as f64 > LONG_S * self.rate_hz => (alone, STEADY_AND_LONG),
                 false if size < WEAK * search.stated_mps2 => (alone, STEADY_AND_WEAK),
+                false if search.before_fit => (alone, STEADY_BEFORE_FIT),
                 false => (alone, STEADY),
             };
             (shortest..=longest).contains(&s.len()) && self.spread(s) < steady && self.is_sharp(s, free)

@@ -99,31 +99,35 @@ pub(crate) fn search(
     let mut found = either(stated, is_weak(&stated))?;
     let allowed = |frame: usize| plates.is_none_or(|p| p.unloaded.get(frame).copied().unwrap_or(true));
     let least = options.least_free_g * size;
-    let wanted = |level: f64| Search {
+    let wanted = |level: f64, before_fit: bool| Search {
         stated_mps2: size,
         shortest: shortest_frames(motion.rate_hz, options),
         shortest_alone: ((options.min_free_duration_s / level * motion.rate_hz).round() as usize).max(6),
         least_mps2: least,
+        before_fit,
         between_loads: plates.map_or(&[], |p| &p.between_loads),
         allowed: &allowed,
     };
     let mut best = None;
-    for level in [1.0, SLOW] {
+    for (level, before_fit) in [(1.0, false), (SLOW, false), (1.0, true)] {
         let acceleration = Acceleration::of(&prior.position_m, motion, options, level)?;
-        let wanted = wanted(level);
+        let wanted = wanted(level, before_fit);
         if let Some((free, frames)) = acceleration.find(options, &wanted) {
-            best = Some((free, frames, acceleration.frames_at(&stated, options, &wanted)));
+            best = Some((free, frames, acceleration.frames_at(&stated, options, &wanted), before_fit));
             break;
         }
     }
-    if let Some((free, frames, as_stated)) = best {
+    if let Some((free, frames, as_stated, before_fit)) = best {
         let flights = &found.report.flights;
         let as_found = flights.iter().map(|f| f.frames().filter(|f| allowed(*f)).count()).sum::<usize>();
         let as_stated = as_stated.max(as_found);
         if (free - stated).norm() > RECENTRE * size && frames as f64 > CLEARLY_MORE * as_stated as f64 {
             let other = either(free, is_weak(&free))?;
             // the fit of first moments may not live on stretches of its own making
-            if !other.report.flights.is_empty() {
+            let strict = Acceleration::of(&other.com_m, motion, options, 1.0)?;
+            let holds = !before_fit
+                || strict.frames_at(&other.free_mps2, options, &wanted(1.0, false)) * 2 > other.report.flight_frames();
+            if !other.report.flights.is_empty() && holds {
                 found = other;
             }
         }

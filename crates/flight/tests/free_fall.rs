@@ -138,9 +138,9 @@ fn wrong(fault: &Fault, seed: u64, with_plate: bool) -> Option<String> {
     let (path, plate, truth) = jumps(fault, seed);
     let report = search(&path, with_plate.then_some(plate), fault.stated_rate_hz, fault.stated_gravity_mps2);
     let found: Vec<(usize, usize)> = report.flights.iter().map(|f| (f.start, f.end)).collect();
-    // edges within 25 ms of the file's time, 60 ms where a weak acceleration takes a lower cut-off
+    // edges within 25 ms of the file's time, 100 ms where a weak acceleration takes a lower cut-off
     let weak = fault.shown_mps2() < 0.5 * 9.81;
-    let near = (if weak { 0.060 } else { 0.025 } * fault.stated_rate_hz).ceil() as usize;
+    let near = (if weak { 0.100 } else { 0.025 } * fault.stated_rate_hz).ceil() as usize;
     let apart = |a: usize, b: usize| a.abs_diff(b) > near;
     if found.len() != truth.len() || found.iter().zip(&truth).any(|(f, t)| apart(f.0, t.0) || apart(f.1, t.1)) {
         return Some(format!("flights {found:?}, true {truth:?}"));

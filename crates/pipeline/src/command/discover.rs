@@ -198,13 +198,13 @@ fn found(
         .map_err(|e| PipelineError::request(e.to_string()))?;
     if found.candidates.iter().any(|c| c.effect == DRIFT && c.believed) {
         let calendar = Calendar::of(study, &Workspace::open(&study.workspace));
-        found.warnings.push(format!("`{DRIFT}` rests on the times of the session, from {}", calendar.words));
+        found.advice.push(format!("`{DRIFT}` rests on the times of the session, from {}", calendar.words));
     }
     // what flights say without any plate or model comes before any verdict: one fault of time or lengths shows in several effects
     if found.effects.iter().any(|e| ["gravity_scale", "plate_gain", "body_mass", "gravity_tilt"].contains(&e.as_str()))
         && let Some(words) = free_fall(study)?
     {
-        found.warnings.push(words);
+        found.advice.insert(0, words);
     }
     let answer = kept(study, made_from, found)?;
     seal::write_whole(&study.workspace.join("discovery.json"), &answer)?;
