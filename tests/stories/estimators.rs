@@ -57,7 +57,7 @@ fn estimators_of_the_demonstration_stand_side_by_side() {
     let prior = windows(find(&found, "calibrated", None, None));
     assert!(windows(chosen[0]).1 < 0.5 * prior.1, "{:?} {prior:?}", windows(chosen[0]));
     let (text, _) = expect(&words[..5], 0);
-    for word in ["calibrated", "landmarks", "null_vector", "mass_constrained *", "noise alone", "passed"] {
+    for word in ["calibrated", "landmarks", "null_vector", "mass_constrained *", "noise floor", "passed"] {
         assert!(text.contains(word), "{word} in\n{text}");
     }
     // two runs say the same

@@ -240,6 +240,12 @@ fn decide_layout(
         layout.n_channels = layout.n_channels.min(groups.merged_strings("ANALOG", "LABELS").len());
         warnings.push(Warning::new(WarningKind::Missing, format!("byte {start}: no frames")));
     }
+    if let Some(poses) = segment_poses(groups) {
+        let message = format!(
+            "ROTATION: {poses} segment poses a frame are not read; this reader holds points and analog channels"
+        );
+        warnings.push(Warning::new(WarningKind::Missing, message));
+    }
     warn_about_layout(header, groups, &layout, fit, start, by_header, by_trial, warnings);
 
     let by_trial_first = trial
@@ -251,6 +257,11 @@ fn decide_layout(
         warnings.push(Warning::new(WarningKind::Contradiction, message));
     }
     (layout, u32::try_from(first).unwrap_or(1).max(1))
+}
+
+/// Segment poses a frame of a markerless recording, which stand in a block of samples of their own (ROTATION:USED); none without such a block.
+pub(crate) fn segment_poses(groups: &Parameters) -> Option<usize> {
+    groups.get("ROTATION", "USED").and_then(|p| p.count()).filter(|n| *n > 0)
 }
 
 /// TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD, each two words, the lower first.

@@ -67,7 +67,7 @@ impl C3dFile {
     /// Types 1 to 4 as the format describes them; type 5 is its 6 × 8 calibration matrix times the eight channels. A
     /// baseline range in FORCE_PLATFORM:ZERO is taken off if it lies inside the recording and the plate is unloaded there.
     /// The sign is such that a loaded plate pushes up: the axis of the world nearest to the plate's normal is taken as
-    /// vertical, positive upwards unless POINT:Y_SCREEN says the contrary.
+    /// vertical, positive to the side on which the markers are, or where there are none, as POINT:Y_SCREEN says.
     ///
     /// # Errors
     /// [`C3dError::NoPlate`]; [`C3dError::Plate`] for types 6 and 7, missing channels, corners that span nothing.
@@ -96,7 +96,7 @@ impl C3dFile {
             )));
         }
 
-        let up = up_axis(self, &frame);
+        let up = up_axis(self, &frame, metres, &mut warn);
         let up_in_plate = frame.world_from_plate.transpose() * up;
         let mut origin_m = Vector3::from(plate.origin) * metres;
         if !origin_m.iter().all(|x| x.is_finite()) {
@@ -238,15 +238,51 @@ impl C3dFile {
     }
 }
 
-/// The world axis nearest to the plate's normal, pointing up.
-fn up_axis(file: &C3dFile, frame: &PlateFrame) -> Vector3<f64> {
+/// The world axis nearest to the plate's normal, pointing up: to the side of the plate on which the markers are. POINT:Y_SCREEN, which
+/// some programs write wrongly, counts only where markers do not tell.
+fn up_axis(file: &C3dFile, frame: &PlateFrame, metres: f64, warn: &mut impl FnMut(String)) -> Vector3<f64> {
     let normal = frame.world_from_plate.column(2).into_owned();
     let axis = normal.iamax();
     let screen = file.groups.get("POINT", "Y_SCREEN").and_then(|p| p.string()).unwrap_or_default();
-    let down = screen.eq_ignore_ascii_case(["-X", "-Y", "-Z"][axis]);
+    let stated_down = screen.eq_ignore_ascii_case(["-X", "-Y", "-Z"][axis]);
+    let down = match markers_above(file, frame, axis, metres) {
+        Some(above) => {
+            if above == stated_down {
+                let found = if above { "+" } else { "-" };
+                warn(format!(
+                    "POINT:Y_SCREEN `{screen}` contradicts the markers, which are on the {found}{} side of the plate; the markers count",
+                    ["X", "Y", "Z"][axis]
+                ));
+            }
+            !above
+        }
+        None => stated_down,
+    };
     let mut up = Vector3::zeros();
     up[axis] = if down { -1.0 } else { 1.0 };
     up
+}
+
+/// Whether the markers are on the positive side of the plate along a world axis; none where they do not tell.
+fn markers_above(file: &C3dFile, frame: &PlateFrame, axis: usize, metres: f64) -> Option<bool> {
+    /// A subject reaches farther from the plate than this, m.
+    const CLEAR_M: f64 = 0.2;
+    /// Frames that are looked at.
+    const FRAMES: usize = 50;
+    let step = (file.n_frames / FRAMES).max(1);
+    let mut heights: Vec<f64> = file
+        .points
+        .iter()
+        .flat_map(|p| p.xyz.iter().step_by(step))
+        .map(|xyz| (f64::from(xyz[axis]) - frame.centre[axis]) * metres)
+        .filter(|h| h.is_finite())
+        .collect();
+    if heights.is_empty() {
+        return None;
+    }
+    let middle = heights.len() / 2;
+    let median = *heights.select_nth_unstable_by(middle, f64::total_cmp).1;
+    (median.abs() > CLEAR_M).then_some(median > 0.0)
 }
 
 /// Whether the vertical force of a baseline can be the plate's own offset, given the range over the recording. A small

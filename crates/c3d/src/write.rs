@@ -11,6 +11,7 @@ use crate::{
     layout::Layout,
     number::{Dec, Intel, Mips},
     parameter_sync,
+    read::segment_poses,
     samples::{Floats, Integers, Quad, fourth_word},
 };
 
@@ -21,6 +22,14 @@ impl C3dFile {
     /// [`C3dError::Write`] where vectors differ in length, or something does not fit into the format: integers outside 16
     /// bits, more than 65,535 points, parameters of more than 255 blocks.
     pub fn to_bytes(&self) -> Result<Vec<u8>, C3dError> {
+        if let Some(poses) = segment_poses(&self.groups) {
+            return Err(C3dError::Write {
+                item: "ROTATION".to_owned(),
+                problem: format!(
+                    "the recording held {poses} segment poses a frame, which were not read and would be lost"
+                ),
+            });
+        }
         let layout = self.layout()?;
         let mut groups = parameter_sync::synchronised(self, &layout)?;
         // the place of the samples does not change the size of the section

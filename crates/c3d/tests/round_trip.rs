@@ -120,6 +120,11 @@ fn prop_recordings_survive() {
     let Some(folder) = shared_data("prop_recordings_survive") else { return };
     for path in c3d_files(&folder) {
         let bytes = std::fs::read(&path).unwrap();
+        let read = C3dFile::from_bytes(&bytes).unwrap();
+        if read.warnings.iter().any(|w| w.message.starts_with("ROTATION: ")) {
+            assert!(read.to_bytes().is_err(), "{}: a re-write would lose its segment poses", path.display());
+            continue;
+        }
         let first = assert_rewrites(&path.display().to_string(), &bytes);
         // samples bit by bit, wherever the second file puts them
         let written = first.to_bytes().unwrap();

@@ -25,6 +25,7 @@ pub struct Estimate {
     /// Name.
     pub name: String,
     /// Value.
+    #[serde(deserialize_with = "nullable")]
     pub value: f64,
     /// Standard error: over clusters (jackknife), or that of the joint fit with nonlinear parameters where that is larger. Null where it is not
     /// known, as of an estimate at its bound.
@@ -41,6 +42,7 @@ pub struct Estimate {
     pub at_bound: bool,
     /// By how much the standard error grows because nonlinear parameters were fitted as well; 1 where there are none.
     #[serde(default = "one")]
+    #[serde(deserialize_with = "nullable")]
     pub widening: f64,
     /// SI unit.
     pub unit: String,
@@ -60,6 +62,14 @@ fn nullable<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<f64, D:
     Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::NAN))
 }
 
+/// The same for a list of fixed length.
+fn nullable_all<'de, D: serde::Deserializer<'de>, const N: usize>(deserializer: D) -> Result<[f64; N], D::Error> {
+    let values = Vec::<Option<f64>>::deserialize(deserializer)?;
+    let found = values.len();
+    let values: Vec<f64> = values.into_iter().map(|v| v.unwrap_or(f64::NAN)).collect();
+    values.try_into().map_err(|_| serde::de::Error::invalid_length(found, &"a list of fixed length"))
+}
+
 fn nothing() -> f64 {
     f64::NAN
 }
@@ -74,8 +84,10 @@ pub struct Confusion {
     /// Identifier of the other.
     pub effect: String,
     /// Cosine of this effect's fitted signal with what the other can say, inertial parameters taken out.
+    #[serde(deserialize_with = "nullable")]
     pub cosine: f64,
     /// How often chance alone would put the other this far behind (or ahead); small means that the recordings tell them apart.
+    #[serde(deserialize_with = "nullable")]
     pub p_value: f64,
     /// What would separate them.
     pub separate_by: String,
@@ -97,12 +109,16 @@ pub struct Candidate {
     /// `flight` or `contact`: the rows on which it was judged.
     pub judged_on: String,
     /// Held-out error with the effect over that without, root mean squares.
+    #[serde(deserialize_with = "nullable")]
     pub held_out_ratio: f64,
     /// 95 % interval of the ratio over clusters.
+    #[serde(deserialize_with = "nullable_all")]
     pub ci95: [f64; 2],
     /// Share of resamples in which this effect came first.
+    #[serde(deserialize_with = "nullable")]
     pub chosen_share: f64,
     /// Share of sign-flipped data in which the best of the whole library did as well.
+    #[serde(deserialize_with = "nullable")]
     pub family_wise_p: f64,
     /// Linear unknowns.
     pub coefficients: Vec<Estimate>,
@@ -114,6 +130,7 @@ pub struct Candidate {
     pub confused_with: Vec<Confusion>,
     /// Size that would be found in four of five sessions like this one, in the unit of the first coefficient (length of the vector of
     /// coefficients of that unit).
+    #[serde(deserialize_with = "nullable")]
     pub minimum_detectable: f64,
     /// False when a coefficient lies at a bound that physics sets.
     pub plausible: bool,
@@ -131,6 +148,7 @@ pub struct Alternative {
     /// Effect with target.
     pub key: String,
     /// Held-out ratio of this target alone.
+    #[serde(deserialize_with = "nullable")]
     pub held_out_ratio: f64,
 }
 
@@ -140,8 +158,10 @@ pub struct Duel {
     /// The effect that errs more.
     pub effect: String,
     /// Held-out error of the best effect over that of this one, both fitted with the prior weighed as the best leaves it.
+    #[serde(deserialize_with = "nullable")]
     pub error_ratio: f64,
     /// How often chance (signs of the clusters' differences) would put this one so far behind.
+    #[serde(deserialize_with = "nullable")]
     pub p_value: f64,
     /// Mean and standard deviation of the same ratio's logarithm (of squares) when this effect is put into the recordings in other directions:
     /// what errors that repeat would give the best one if this were the truth. None where it was not needed.
@@ -161,13 +181,17 @@ pub struct Round {
     /// Keys of effects in the model before.
     pub model: Vec<String>,
     /// Held-out error of that model: root mean square of weak rows, N (moments over the weighting length of the rows).
+    #[serde(deserialize_with = "nullable")]
     pub held_out_error: f64,
     /// The same for forces alone, N, and moments alone, N·m; NaN where rows do not tell them apart.
+    #[serde(deserialize_with = "nullable_all")]
     pub held_out_parts: [f64; 2],
     /// A ratio below this is believed: the smaller of the limit for so many flights or trials and a quantile of the null distribution (1 %, from 12 of
     /// them on 5 %).
+    #[serde(deserialize_with = "nullable")]
     pub threshold: f64,
     /// Quantiles 1, 5, 50 % of the best ratio under flipped signs.
+    #[serde(deserialize_with = "nullable_all")]
     pub null_quantiles: [f64; 3],
     /// Flights or trials that count as evidence.
     pub clusters: usize,
@@ -210,10 +234,13 @@ pub struct Discovery {
     #[serde(default)]
     pub noise_floor_ci95: Option<[f64; 2]>,
     /// Held-out error of the model as it is, N, as the comparison takes it: force, and moment over a lever of 0.1 m.
+    #[serde(deserialize_with = "nullable")]
     pub held_out_error: f64,
     /// Held-out error with the effects found, N: the same, times what the effects leave of the rows' own error.
+    #[serde(deserialize_with = "nullable")]
     pub held_out_error_after: f64,
     /// The same as a share of the body's weight.
+    #[serde(deserialize_with = "nullable")]
     pub held_out_error_of_weight: f64,
     /// Ranking against the model as it is.
     pub candidates: Vec<Candidate>,
