@@ -121,7 +121,9 @@ fn effect_add_refuses_what_rows_cannot_show_and_changes_nothing() {
         assert!(ladder["revisions"].as_array().unwrap().iter().all(|r| r["effects"].as_array().unwrap().is_empty()));
     };
     // effects of the plates in flights: every one of them
-    for effect in ["plate_time_offset", "plate_gain", "plate_tare", "plate_rotation", "plate_origin"] {
+    for effect in
+        ["plate_time_offset", "plate_gain", "plate_tare[plate1]", "plate_rotation[plate1]", "plate_origin[plate2]"]
+    {
         refused(effect, "it does nothing in these recordings");
     }
 }

@@ -142,11 +142,14 @@ fn others(schema: &Value, root: &Value) -> Vec<Value> {
 const SECTIONS: [&str; 9] =
     ["import", "scale", "calibrate", "ik", "filter", "flight", "regressor", "identify", "compare"];
 
+/// What a case does to the settings.
+type Change = Box<dyn Fn(&mut serde_json::Map<String, Value>)>;
+
 #[test]
 fn every_setting_changed_in_turn_gives_what_a_fresh_run_gives() {
     let lab = Lab::new();
     let schema: Value = serde_json::from_str(&expect(&["schema"], 0).0).unwrap();
-    let mut changes: Vec<(String, Box<dyn Fn(&mut serde_json::Map<String, Value>)>)> = Vec::new();
+    let mut changes: Vec<(String, Change)> = Vec::new();
     let mut put = |section: &'static str, name: &str, value: Value| {
         let (key, words) = (name.to_owned(), format!("{section}.{name} = {value}"));
         let change = move |all: &mut serde_json::Map<String, Value>| {

@@ -134,6 +134,16 @@ fn joint_se(
     problem.covariance(wide, theta).diagonal().iter().enumerate().map(se).collect()
 }
 
+/// What a fold, left out, gives for an effect with nonlinear parameters.
+struct FittedFold {
+    theta: DVector<f64>,
+    nonlinear: Vec<f64>,
+    gain: f64,
+    error: f64,
+    /// Gram matrix of the columns and their derivatives, parameters of the body taken out.
+    s: DMatrix<f64>,
+}
+
 /// By how much the standard errors of the first `k` unknowns grow because the others are unknown too, from the Gram matrix of all.
 fn widening(joint: &DMatrix<f64>, k: usize) -> Vec<f64> {
     /// A coefficient that the others make up for completely.
@@ -180,7 +190,7 @@ pub(crate) fn score_fitted<'a>(session: &Session<'_>, problem: &Problem, variant
     let joint_se = joint_se(problem, &parameters, &wide, &at.theta);
     let (joint, _) = problem.reduce_all(&wide);
     let widening = widening(&joint, k);
-    let folds: Vec<(DVector<f64>, Vec<f64>, f64, f64, DMatrix<f64>)> = (0..problem.folds.len())
+    let folds: Vec<FittedFold> = (0..problem.folds.len())
         .into_par_iter()
         .map(|g| {
             let common = problem.reduce_fold(g, &wide);
@@ -197,7 +207,7 @@ pub(crate) fn score_fitted<'a>(session: &Session<'_>, problem: &Problem, variant
                 }
             }
             let error = (&problem.folds[g].test - test * &theta).norm_squared();
-            (theta, p, gain, error, common.s)
+            FittedFold { theta, nonlinear: p, gain, error, s: common.s }
         })
         .collect();
     let mut out = Scored {
@@ -208,16 +218,16 @@ pub(crate) fn score_fitted<'a>(session: &Session<'_>, problem: &Problem, variant
         fold_gain: Vec::new(),
         fold_error: Vec::new(),
         joint_se,
-        freedom: fold_freedom(&joint, folds.iter().map(|f| &f.4)),
+        freedom: fold_freedom(&joint, folds.iter().map(|f| &f.s)),
         widening,
         s,
         variant,
     };
-    for (theta, p, gain, error, _) in folds {
-        out.fold_theta.push(theta);
-        out.fold_nonlinear.push(p);
-        out.fold_gain.push(gain);
-        out.fold_error.push(error);
+    for fold in folds {
+        out.fold_theta.push(fold.theta);
+        out.fold_nonlinear.push(fold.nonlinear);
+        out.fold_gain.push(fold.gain);
+        out.fold_error.push(fold.error);
     }
     Some(out)
 }

@@ -91,6 +91,14 @@ impl<'a> Choice<'a> {
         });
         match target {
             Some(target) => Ok(Self::new(found, target, scene)),
+            None if wanted.is_empty() => Err(EffectsError::NoTarget {
+                effect: found.id().to_owned(),
+                known: targets
+                    .iter()
+                    .map(|t| format!("`{}[{}]`", found.id(), t.label(scene)))
+                    .collect::<Vec<_>>()
+                    .join(", "),
+            }),
             None => Err(EffectsError::Target {
                 effect: found.id().to_owned(),
                 target: wanted.to_owned(),

@@ -12,6 +12,14 @@ pub enum EffectsError {
         #[doc(hidden)]
         known: String,
     },
+    /// The effect needs a target, and none is given.
+    #[error("`{effect}` needs a target: {known}")]
+    NoTarget {
+        #[doc(hidden)]
+        effect: String,
+        #[doc(hidden)]
+        known: String,
+    },
     /// The effect does not act on this target.
     #[error("`{effect}` cannot act on `{target}`; it can act on {known}")]
     Target {

@@ -89,7 +89,12 @@ pub fn read(bytes: Vec<u8>) -> PolarsResult<DataFrame> {
             }
             chunks.extend(column_iter_to_arrays(pages, types, field.clone(), None)?.0);
         }
-        let series = Series::try_from((field, chunks))?;
+        // a table without rows has no row group
+        let series = if chunks.is_empty() {
+            Series::new_empty(field.name.clone(), &DataType::from_arrow_field(field))
+        } else {
+            Series::try_from((field, chunks))?
+        };
         columns.push(series.rechunk().into());
     }
     DataFrame::new(metadata.num_rows, columns)

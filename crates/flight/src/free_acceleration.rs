@@ -171,10 +171,7 @@ impl Acceleration {
             look(&mut (start - reach..start).rev())
         };
         let after = look(&mut (stretch.end..stretch.end + reach));
-        match (before, after) {
-            (Some(false), _) | (_, Some(false)) | (None, None) => false,
-            _ => true,
-        }
+        !matches!((before, after), (Some(false), _) | (_, Some(false)) | (None, None))
     }
 
     /// Frames in stretches of this free acceleration that are steady, long enough, and have sharp edges.

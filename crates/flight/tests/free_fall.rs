@@ -156,7 +156,7 @@ fn wrong(fault: &Fault, seed: u64, with_plate: bool) -> Option<String> {
     }
     let differs = (ratio - 1.0).abs() > 0.03;
     let leans = fault.tilt_deg > 2.0;
-    if fall.differs != (differs || leans) && !(fault.tilt_deg > 1.0 && !leans) {
+    if (leans || fault.tilt_deg <= 1.0) && fall.differs != (differs || leans) {
         return Some(format!("differs: {}, ratio {own:.4} {ci95:.4?}, tilt {:?}", fall.differs, fall.tilt_deg));
     }
     let value = |cause: Cause| fall.explanations.iter().find(|e| e.cause == cause).map_or(f64::NAN, |e| e.value);
@@ -181,7 +181,10 @@ fn wrong(fault: &Fault, seed: u64, with_plate: bool) -> Option<String> {
         .into_iter()
         // where two faults act on the ratio, neither alone has its value
         .filter(|(cause, ..)| !several || *cause == Cause::Vertical)
-        .find(|(cause, x, share)| !((value(*cause) / x - 1.0).abs() < *share))
+        .find(|(cause, x, share)| {
+            let off = (value(*cause) / x - 1.0).abs();
+            off.is_nan() || off >= *share
+        })
         .map(|(cause, x, _)| format!("{cause:?} {} for {x}, of {:?}", value(cause), fall.explanations))
 }
 

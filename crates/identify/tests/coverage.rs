@@ -2,7 +2,7 @@
 //! memory; base parameters, links and effect coefficients are counted apart.
 //!
 //! `ALOFT_COVERAGE_DRAWS=200` makes more sets than a test run, `ALOFT_COVERAGE_SEED` begins elsewhere, `ALOFT_IDENTIFY_DATA` names longer recordings.
-#![allow(clippy::unwrap_used, reason = "tests")]
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests that print what they measured")]
 
 #[path = "../../regressor/tests/common/mod.rs"]
 mod common;

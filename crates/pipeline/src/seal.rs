@@ -30,7 +30,11 @@ fn unsealed(bytes: &[u8]) -> Result<String, String> {
     let cut = "its end is missing";
     let hash = rest.get(..DIGITS).ok_or(cut)?;
     let rest = rest.get(DIGITS..).and_then(|r| r.strip_prefix('"')).ok_or(cut)?;
-    let body = format!("{{{}", rest.strip_prefix(',').unwrap_or(rest));
+    let body = match rest.strip_prefix(',') {
+        Some(rest) => format!("{{{rest}"),
+        None if rest == "}" => "{}".to_owned(),
+        None => return Err("its content does not fit its hash".to_owned()),
+    };
     if blake3::hash(body.as_bytes()).to_hex().as_str() != hash {
         return Err("its content does not fit its hash".to_owned());
     }

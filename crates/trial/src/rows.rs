@@ -181,7 +181,7 @@ fn by_time(of: Source<'_>, rows: &[Stamp], rounding: f64) -> Result<Vec<usize>, 
     let mut places = vec![0];
     for (i, d) in steps_s.iter().enumerate() {
         let k = (d / step_s).round().max(1.0);
-        if !(k < 1e9) || (d - k * step_s).abs() > JITTER * step_s + 2.0 * rounding {
+        if k.is_nan() || k >= 1e9 || (d - k * step_s).abs() > JITTER * step_s + 2.0 * rounding {
             return Err(uneven(i + 1));
         }
         places.push(places[i] + k as usize);

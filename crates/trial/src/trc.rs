@@ -194,7 +194,7 @@ fn read_row(
         return Err(broken(index, extra, &format!("{width} columns")));
     }
     let held = cells.len().min(width);
-    if held < width && (held - 2) % 3 != 0 {
+    if held < width && !(held - 2).is_multiple_of(3) {
         return Err(broken(index, &format!("{held} columns"), &format!("{width} columns")));
     }
     let mut points = Vec::with_capacity(labels.len());

@@ -52,7 +52,7 @@ pub fn refuse_invisible(
     let repeated = own.iter().find_map(|(name, why)| match why {
         Unseen::Repeats(with) => {
             let others: Vec<String> = with.iter().filter(|w| !names.contains(w)).cloned().collect();
-            (!others.is_empty()).then(|| (*name, Unseen::Repeats(others)))
+            (!others.is_empty()).then_some((*name, Unseen::Repeats(others)))
         }
         _ => None,
     });
