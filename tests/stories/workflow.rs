@@ -98,6 +98,9 @@ fn jobs_side_by_side_give_the_numbers_of_one_run() {
     for part in ["rule import:", "rule regressor:", "rule merge:", "rule identify:", "rule verdict:", "--shared"] {
         assert!(text.contains(part), "the Snakefile lacks `{part}`");
     }
+    // a workspace that the workflow begins states the same format as one that the program begins
+    let marker = fs::read_to_string(dir.path().join("shared/ALOFT_WORKSPACE.txt")).unwrap();
+    assert!(text.contains(&serde_json::json!(marker).to_string()), "{marker}");
     // written again over itself, never over what is not its own
     call("workflow", "shared", &["--out", &file], 0);
     fs::write(&file, "all: thesis.pdf\n").unwrap();

@@ -19,7 +19,7 @@ pub const MARKER: &str = "ALOFT_WORKSPACE.txt";
 pub const FORMAT: u32 = 2;
 
 /// Text of the marker.
-fn marker_text() -> String {
+pub fn marker_text() -> String {
     format!("Results of aloft. Everything here can be made again from the recordings.\nformat {FORMAT}\n")
 }
 

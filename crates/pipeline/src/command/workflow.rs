@@ -15,7 +15,7 @@ use crate::merge;
 use crate::quote;
 use crate::stages::STAGES;
 use crate::study::{Role, Study, TrialEntry};
-use crate::workspace::{MARKER, WHOLE_STUDY, Workspace, write_json_whole, write_whole};
+use crate::workspace::{MARKER, WHOLE_STUDY, Workspace, marker_text, write_json_whole, write_whole};
 use aloft_export::names;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -266,7 +266,7 @@ if Path(PIPELINE).read_bytes() != PLAN["pipeline_text"].encode("utf-8"):
 # a new folder of results says what it is before Snakemake puts marks into it
 WORKSPACE.mkdir(parents=True, exist_ok=True)
 if not any(WORKSPACE.iterdir()):
-    (WORKSPACE / {marker}).write_text("Results of aloft. Everything here can be made again from the recordings.\n")
+    (WORKSPACE / {marker}).write_text({marker_text})
 
 
 def plain(path):
@@ -339,6 +339,7 @@ rule verdict:
 
 "#,
         marker = python(MARKER),
+        marker_text = python(&marker_text()),
         fan_in = merge::FAN_IN,
     );
     for stage in STAGES {
