@@ -47,6 +47,7 @@ fn verdict(d: &Discovery) -> String {
             format!("nothing missing among what could be tried (not tried: {})", left.join(", "))
         }
         Verdict::NothingMissing => "nothing missing".to_owned(),
+        Verdict::Unexplained => "unexplained".to_owned(),
         Verdict::NotDetectable => {
             let below = d.candidates.iter().find(|c| !c.placebo).map_or(String::new(), |c| {
                 let unit = c.coefficients.first().map_or("", |e| e.unit.as_str());

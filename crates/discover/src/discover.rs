@@ -2,6 +2,7 @@
 
 use crate::addition::addition;
 use crate::candidate::Variant;
+use crate::floor::Standing;
 use crate::judge::{
     Rival, alternatives, chosen_shares, confusions, is_trivial, judge, limit, limit_by_number, minimum_detectable,
     parts, plausible, rivals,
@@ -282,7 +283,16 @@ pub fn discover(
         warnings: session.warnings.clone(),
         not_tried: left_out,
     };
-    out.words = words::answer(&out);
+    // the worst place against its floor: an error that no effect explains there is no "nothing missing"
+    let far = [words::domain(Domain::Flight), words::domain(Domain::Contact)]
+        .into_iter()
+        .zip(&session.standing)
+        .filter_map(|(place, s)| s.filter(Standing::is_far).map(|s| (place, s)))
+        .max_by(|a, b| a.1.times_floor().total_cmp(&b.1.times_floor()));
+    if out.verdict == Verdict::NothingMissing && far.is_some() {
+        out.verdict = Verdict::Unexplained;
+    }
+    out.words = words::answer(&out, far);
     out.advice = words::advice(&out);
     Ok(out)
 }

@@ -26,6 +26,19 @@ pub struct Standing {
     pub noise_floor_ci95: Option<[f64; 2]>,
 }
 
+impl Standing {
+    /// Error over floor.
+    pub(crate) fn times_floor(&self) -> f64 {
+        self.held_out_error / self.noise_floor
+    }
+
+    /// Above three times the floor, and above the interval of what a perfect model leaves.
+    pub(crate) fn is_far(&self) -> bool {
+        let most = self.noise_floor_ci95.map_or(0.0, |ci| ci[1]).max(3.0 * self.noise_floor);
+        self.noise_floor > 0.0 && most.is_finite() && self.held_out_error > most
+    }
+}
+
 /// Mean square of the weighted rows' error from white noise, force and moment; `None` where it cannot be estimated.
 pub(crate) fn white_noise(
     body: &Body<'_>,

@@ -5,7 +5,7 @@ use crate::not_tried::NotTried;
 use aloft_effects::{EffectKind, Target};
 use serde::{Deserialize, Serialize};
 
-/// The four answers.
+/// The five answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -13,8 +13,10 @@ pub enum Verdict {
     Supported,
     /// One of several effects is missing; these recordings cannot tell which.
     OneOf,
-    /// The model explains what the recordings can show.
+    /// The model explains what the recordings can show: its held-out error stands at the noise floor or near it.
     NothingMissing,
+    /// The held-out error stands far above the noise floor, and no effect of the catalogue explains it.
+    Unexplained,
     /// The recordings are too few or too noisy to tell.
     NotDetectable,
 }

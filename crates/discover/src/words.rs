@@ -1,5 +1,6 @@
 //! The answer in words.
 
+use crate::floor::Standing;
 use crate::problem::Domain;
 use crate::result::{Candidate, Discovery, Verdict};
 use aloft_effects::EffectKind;
@@ -95,7 +96,21 @@ fn disbelief(best: &Candidate, limit: f64, candidates: &[Candidate]) -> String {
     }
 }
 
-pub(crate) fn answer(d: &Discovery) -> String {
+/// The answer in words; `far` is the place where the model stands farthest above the noise floor, where it does.
+pub(crate) fn answer(d: &Discovery, far: Option<(&str, Standing)>) -> String {
+    if let (Verdict::Unexplained, Some((place, standing))) = (d.verdict, far) {
+        let nearest = d.candidates.iter().find(|c| !c.placebo).map_or(String::new(), |c| {
+            format!("; the best candidate, `{}`, leaves {:.1} % of the error", c.key, 100.0 * c.held_out_ratio)
+        });
+        let left: String = d.not_tried.iter().map(|n| format!("; {n}")).collect();
+        return format!(
+            "unexplained: in {place} the held-out error ({:.3} N) is {:.1} times the noise floor ({:.3} N), and no effect of the catalogue explains \
+             it{nearest}{left}",
+            standing.held_out_error,
+            standing.times_floor(),
+            standing.noise_floor
+        );
+    }
     let said: Vec<&str> = d
         .rounds
         .iter()
@@ -155,19 +170,14 @@ pub(crate) fn advice(d: &Discovery) -> Vec<String> {
         }
         Verdict::NotDetectable if d.candidates.iter().all(|c| c.placebo) => {}
         Verdict::NotDetectable => out.push("record at least five flights in at least two trials".to_owned()),
-        Verdict::NothingMissing => {
-            // twice the floor, and beyond its interval: a perfect model would leave as much in fewer than one of forty sets
-            let most = d.noise_floor_ci95.map_or(0.0, |ci| ci[1]).max(2.0 * d.noise_floor);
-            if d.noise_floor.is_finite() && d.held_out_error > most {
-                out.push(format!(
-                    "the error ({:.2} N) is {:.1} times what a perfect model would leave ({:.2} N), and no effect of the catalogue explains it: \
-                     wrong joint centres, or soft tissue that moves all markers of a segment together; calibrate on more motion",
-                    d.held_out_error,
-                    d.held_out_error / d.noise_floor,
-                    d.noise_floor
-                ));
-            }
+        Verdict::Unexplained => {
+            out.push(
+                "an effect of your own (`effects: {define: …}`) can be ranked beside the catalogue; wrong joint centres, a wrong prior of a link, or soft \
+                 tissue of a person that moves all markers of a segment together leave such an error, too"
+                    .to_owned(),
+            );
         }
+        Verdict::NothingMissing => {}
         Verdict::Supported => {}
     }
     out

@@ -56,6 +56,7 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
 pub fn verdict_light(v: Verdict) -> Light {
     match v {
         Verdict::NothingMissing => Light::Good,
+        Verdict::Unexplained => Light::Poor,
         Verdict::Supported | Verdict::OneOf => Light::Fair,
         Verdict::NotDetectable => Light::Neutral,
     }
@@ -64,6 +65,7 @@ pub fn verdict_light(v: Verdict) -> Light {
 fn verdict_word(v: Verdict) -> &'static str {
     match v {
         Verdict::NothingMissing => "nothing missing",
+        Verdict::Unexplained => "unexplained",
         Verdict::Supported => "supported",
         Verdict::OneOf => "one of several",
         Verdict::NotDetectable => "not detectable",

@@ -261,6 +261,7 @@ fn subjects(rows: &[Row]) -> Table {
     let verdict = |r: &Row| match &r.verdict {
         None => "not asked".to_owned(),
         Some((Verdict::NothingMissing, _)) => "nothing".to_owned(),
+        Some((Verdict::Unexplained, _)) => "unexplained".to_owned(),
         Some((Verdict::NotDetectable, _)) => "cannot tell".to_owned(),
         Some((Verdict::Supported, e)) => e.clone(),
         Some((Verdict::OneOf, e)) => format!("one of {e}"),
@@ -411,6 +412,7 @@ fn effects(rows: &[Row]) -> Option<Section> {
         let Some((verdict, effects)) = &r.verdict else { continue };
         let key = match verdict {
             Verdict::NothingMissing => "nothing missing".to_owned(),
+            Verdict::Unexplained => "unexplained".to_owned(),
             Verdict::NotDetectable => "cannot tell".to_owned(),
             Verdict::Supported => effects.clone(),
             Verdict::OneOf => format!("one of {effects}"),

@@ -98,6 +98,7 @@ fn cards(story: &Story<'_>) -> Vec<Card> {
     if let Some(d) = story.discovery() {
         let (value, light) = match d.verdict {
             Verdict::NothingMissing => ("nothing".to_owned(), Light::Good),
+            Verdict::Unexplained => ("unexplained".to_owned(), Light::Poor),
             Verdict::Supported => (d.effects.join(", "), Light::Fair),
             Verdict::OneOf => (format!("one of {}", d.effects.len()), Light::Fair),
             Verdict::NotDetectable => ("cannot tell".to_owned(), Light::Neutral),
