@@ -8,7 +8,7 @@ use super::story::{Story, TrialStory};
 use super::words::{card, maybe, number};
 use crate::command::compare::{errors_of, judged_on, mean};
 use crate::command::freshness::Freshness;
-use aloft_discover::Verdict;
+use aloft_discover::{Discovery, Verdict};
 use aloft_report::{Block, Card, Cell, Chapter, Light, Section, Table};
 
 /// The first chapter.
@@ -107,16 +107,21 @@ fn cards(story: &Story<'_>) -> Vec<Card> {
             0 => "plain model".to_owned(),
             _ => format!("model holds {}", r.effects.join(", ")),
         });
-        let added = !d.effects.is_empty()
-            && story
-                .history
-                .revisions
-                .last()
-                .is_some_and(|r| d.effects.iter().all(|e| r.effects.iter().any(|x| x.starts_with(e.as_str()))));
+        let added = was_added(story, d);
         let light = if added { Light::Good } else { light };
         cards.push(card(if added { "Was missing, now added" } else { "Missing from the model" }, value, held, light));
     }
     cards
+}
+
+/// True when the model holds by now what an earlier answer named.
+fn was_added(story: &Story<'_>, d: &Discovery) -> bool {
+    let holds = |effects: &[String], id: &String| effects.iter().any(|key| key.split('[').next() == Some(id));
+    let last = story.history.revisions.last();
+    last.is_some_and(|r| match d.verdict {
+        Verdict::OneOf => d.effects.iter().any(|e| holds(&r.effects, e)),
+        _ => !d.effects.is_empty() && d.effects.iter().all(|e| holds(&r.effects, e)),
+    })
 }
 
 /// Says what on this page is not what the pipeline and the recordings would give now.
@@ -151,10 +156,12 @@ fn remarks(story: &Story<'_>) -> Vec<Block> {
         }
     }
     if let Some(d) = story.discovery() {
-        blocks.push(Block::remark(
-            verdict_light(d.verdict),
-            format!("Missing from the model? {}.", d.words.trim_end_matches('.')),
-        ));
+        blocks.push(if was_added(story, d) {
+            let now = story.history.revisions.last().map_or(String::new(), |r| r.effects.join(", "));
+            Block::remark(Light::Neutral, format!("The model now holds {now}, which the last `discover` found to be missing; ask it again for what remains."))
+        } else {
+            Block::remark(verdict_light(d.verdict), format!("Missing from the model? {}.", d.words.trim_end_matches('.')))
+        });
     }
     blocks
 }
