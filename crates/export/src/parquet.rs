@@ -61,7 +61,7 @@ pub fn write(
     Ok(())
 }
 
-/// Reads a frame from the bytes of a Parquet file with flat columns, as [`write`] makes it.
+/// Reads a frame from the bytes of a Parquet file with flat columns, as [`write()`] makes it.
 ///
 /// # Errors
 /// What polars' decoder refuses.

@@ -27,7 +27,7 @@ const LEAST_REST_S: f64 = 0.15;
 /// Finds the flights of a trial with whatever it has: plates, motion (with model and prior inertias), or both.
 ///
 /// # Errors
-/// The method asks for what the trial lacks, or [`from_motion`] fails.
+/// The method asks for what the trial lacks, or `from_motion` fails.
 pub fn find_flights(
     trial: &Trial,
     motion: Option<(&Model, &[Phi], &Motion)>,

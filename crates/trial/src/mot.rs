@@ -1,7 +1,7 @@
 //! MOT and STO tables, and ground reaction forces in them, to [`Plate`]s (still in source axes).
 //!
 //! Both header styles are read: `key=value` lines and the older `name …`, `datacolumns …`; the table starts after `endheader`
-//! with a line of labels. Stated counts and times are held against what is there ([`crate::rows`]): missing rows become missing samples, and a
+//! with a line of labels. Stated counts and times are held against what is there (`crate::rows`): missing rows become missing samples, and a
 //! table that breaks off or is out of order is told at its line. Forces act at a point p and come with a free moment T: the moment about the world origin is p × F + T.
 
 use crate::rows::{Clock, Ending, Source, Stamp, clock, decimals, ending};

@@ -1,6 +1,6 @@
 //! `report`: the page that tells the story of a study to someone who was not there.
 //!
-//! One file a chapter. [`story`] reads the workspace once; [`lights`] judges; the chapters choose what to say.
+//! One file a chapter. `story` reads the workspace once; `lights` judges; the chapters choose what to say.
 
 mod anthropometry;
 mod calibration;
@@ -46,7 +46,7 @@ pub fn write(study: &Study, out: Option<&Path>) -> Result<PathBuf, PipelineError
     Ok(path)
 }
 
-/// Builds the page of a study of several subjects and writes it; the subjects' own pages are written by [`write`].
+/// Builds the page of a study of several subjects and writes it; the subjects' own pages are written by [`write()`].
 pub fn write_group(
     title: &str,
     members: &[Member<'_>],
