@@ -131,7 +131,7 @@ impl State {
 }
 
 /// Twist of a unit rate of one of a joint's velocities, in link axes: linear, angular.
-fn axis_of(kind: &JointKind, k: usize) -> (Vector3<f64>, Vector3<f64>) {
+pub(crate) fn axis_of(kind: &JointKind, k: usize) -> (Vector3<f64>, Vector3<f64>) {
     let unit = |k: usize| {
         let mut e = Vector3::zeros();
         e[k] = 1.0;

@@ -39,6 +39,7 @@
 
 pub mod base_parameters;
 pub mod batch;
+mod displaced;
 mod dynamics;
 mod error;
 mod formula;

@@ -9,13 +9,14 @@
 //! The size of the slides comes from the markers, not from the rows: each realisation predicts a marker residual, and the residuals of the
 //! recording, less their white noise, say by how much to scale it.
 
-use crate::body_windows::moments;
-use crate::weak::{WeakRows, run_velocities};
+use crate::weak::{CENTRAL, WeakRows, run_velocities, valid_runs};
 use crate::{RegressorError, Stretch};
+use aloft_body::inertia::steiner;
 use aloft_body::{JointKind, Model, ModelMarker, Motion, Phi, State};
 use faer::Mat;
-use nalgebra::{DMatrix, DVector, Quaternion, SMatrix, Vector3};
+use nalgebra::{DMatrix, Quaternion, Vector3};
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// What the realisations are made of.
 #[derive(Debug, Clone, Copy)]
@@ -49,8 +50,6 @@ pub struct Slides {
     pub observed: f64,
 }
 
-/// A step that is small against a body and large against rounding, m/rad.
-const STEP: f64 = 1e-3;
 /// Frames that the mean posture of a trial is taken from.
 const POSTURES: usize = 200;
 /// Coordinates that move the markers by less than this lever (m per rad) count as not seen.
@@ -69,54 +68,43 @@ pub(crate) fn slide_rows(
     let first = rows.centers.iter().min().map_or(0, |c| c - half - 1);
     let end = rows.centers.iter().max().map_or(0, |c| c + half + 2).min(motion.n_frames());
     let skin = Skin::new(model, motion, tissue);
-    let n_markers = skin.markers.len();
-    let nv = model.nv;
+    let draws = tissue.draws;
     let mut state = State::new(model);
-    // how the coordinates of each frame follow the slides, and what residual stays
-    let mut follows: Vec<DMatrix<f64>> = Vec::with_capacity(end - first);
+    state.forward_position(model, motion.q((first + end) / 2));
+    let fixed = state.center_of_mass(prior).1;
+    // how the coordinates of each frame follow the slides (coordinate × realisation), and what residual stays
+    let mut follows = vec![0.0; (end - first) * model.nv * draws];
     let (mut predicted, mut observed) = (0.0, 0.0);
-    let mut jacobian = DMatrix::zeros(3, nv);
-    let mut all = DMatrix::zeros(3 * n_markers, nv);
-    for frame in first..end {
+    let mut solver = FollowSolver::new(model, &skin);
+    for (frame, follow) in (first..end).zip(follows.chunks_exact_mut(model.nv * draws)) {
         if !motion.is_valid(frame) {
-            follows.push(DMatrix::zeros(nv, tissue.draws));
             continue;
         }
         state.forward_position(model, motion.q(frame));
-        for (i, (marker, _)) in skin.markers.iter().enumerate() {
-            state.point_jacobian(model, marker.link, &marker.position_m, &mut jacobian);
-            all.rows_mut(3 * i, 3).copy_from(&jacobian);
-        }
-        let shifts = skin.shifts(model, motion.q(frame), &state);
-        let mut normal = all.tr_mul(&all);
-        for i in 0..nv {
-            normal[(i, i)] += UNSEEN_LEVER_M * UNSEEN_LEVER_M;
-        }
-        let factor = normal.cholesky().ok_or_else(|| RegressorError::Numeric {
-            trial: stretch.trial.clone(),
-            stretch: stretch.index,
-            problem: format!("frame {frame}: the markers leave the coordinates undetermined"),
+        let left = solver.solve(model, &mut state, &skin, motion.q(frame), &fixed, follow).ok_or_else(|| {
+            RegressorError::Numeric {
+                trial: stretch.trial.clone(),
+                stretch: stretch.index,
+                problem: format!("frame {frame}: the markers leave the coordinates undetermined"),
+            }
         })?;
-        let follow = factor.solve(&all.tr_mul(&shifts));
-        predicted += (&shifts - &all * &follow).norm_squared() / tissue.draws.max(1) as f64;
-        follows.push(follow);
+        predicted += left / draws.max(1) as f64;
         let n = motion.marker_labels.len();
         let residuals = motion.residual_m.get(frame * n..(frame + 1) * n).unwrap_or_default();
         let seen = residuals.iter().filter(|r| r.is_finite()).count();
         if seen > 0 {
             let squares: f64 = residuals.iter().filter(|r| r.is_finite()).map(|r| r * r).sum();
-            let white = tissue.marker_sd_m * tissue.marker_sd_m * (3.0 * seen as f64 - nv as f64).max(0.0);
+            let white = tissue.marker_sd_m * tissue.marker_sd_m * (3.0 * seen as f64 - model.nv as f64).max(0.0);
             observed += squares - white;
         }
     }
-    let mut out = Mat::zeros(6 * rows.centers.len(), tissue.draws);
-    let plain = Momenta::of(model, prior, motion, first, end, None);
-    for draw in 0..tissue.draws {
-        let moved = Momenta::of(model, prior, motion, first, end, Some((&follows, draw))).less(&plain);
-        for (w, &center) in rows.centers.iter().enumerate() {
-            let sums = moved.window(rows, w, center - half - first, &model.gravity_mps2, motion.rate_hz);
-            for axis in 0..6 {
-                out[(6 * w + axis, draw)] = sums[axis] / STEP;
+    let changes = Changes::of(model, prior, motion, first..end, &follows, fixed, draws);
+    let mut out = Mat::zeros(6 * rows.centers.len(), draws);
+    for (w, &center) in rows.centers.iter().enumerate() {
+        let sums = changes.window(rows, w, center - half - first, &model.gravity_mps2, motion.rate_hz);
+        for (axis, row) in sums.chunks_exact(draws).enumerate() {
+            for (draw, value) in row.iter().enumerate() {
+                out[(6 * w + axis, draw)] = *value;
             }
         }
     }
@@ -128,8 +116,8 @@ struct Skin<'a> {
     markers: Vec<(&'a ModelMarker, Vec<usize>)>,
     /// Mean rotation vector of each link's joint over the trial, rad.
     mean: Vec<Vector3<f64>>,
-    /// Entries of B by marker: rows 3 × realisations, columns 3 × joints.
-    entries: Vec<DMatrix<f64>>,
+    /// Entries of B by marker: angle × axis × realisation.
+    entries: Vec<Vec<f64>>,
     draws: usize,
 }
 
@@ -159,30 +147,177 @@ impl<'a> Skin<'a> {
             })
             .collect();
         let mut normal = Normal(0x00a1_0f7d_5eed);
+        let draws = tissue.draws;
         let entries = markers
             .iter()
-            .map(|(_, joints)| DMatrix::from_fn(3 * tissue.draws, 3 * joints.len(), |_, _| normal.draw()))
+            .map(|(_, joints)| {
+                let mut entries = vec![0.0; 3 * joints.len() * 3 * draws];
+                for of_angle in entries.chunks_exact_mut((3 * draws).max(1)) {
+                    for draw in 0..draws {
+                        for axis in 0..3 {
+                            of_angle[axis * draws + draw] = normal.draw();
+                        }
+                    }
+                }
+                entries
+            })
             .collect();
-        Self { markers, mean, entries, draws: tissue.draws }
+        Self { markers, mean, entries, draws }
     }
 
-    /// Slides of all markers in one posture, world: 3 markers × realisations, m for 1 m/rad.
-    fn shifts(&self, model: &Model, q: &[f64], state: &State) -> DMatrix<f64> {
-        let mut out = DMatrix::zeros(3 * self.markers.len(), self.draws);
-        for (i, ((marker, joints), entries)) in self.markers.iter().zip(&self.entries).enumerate() {
-            let bent: Vec<f64> = joints
-                .iter()
-                .flat_map(|&l| (angles(model, l, q) - self.mean[l]).iter().copied().collect::<Vec<_>>())
-                .collect();
-            let local = entries * DVector::from_vec(bent);
-            let rotation = state.world_from_link[marker.link].rotation;
-            for draw in 0..self.draws {
-                let shift = rotation * Vector3::from(local.fixed_rows::<3>(3 * draw).into_owned());
-                out.fixed_view_mut::<3, 1>(3 * i, draw).copy_from(&shift);
+    /// Slides of one marker in its link's axes, axis × realisation, m for 1 m/rad.
+    fn local(&self, marker: usize, angles: &[Vector3<f64>], out: &mut [f64]) {
+        out.fill(0.0);
+        let bent = self.markers[marker].1.iter().flat_map(|&l| (0..3).map(move |axis| (l, axis)));
+        let entries = self.entries[marker].chunks_exact((3 * self.draws).max(1));
+        for ((l, axis), of_angle) in bent.zip(entries) {
+            add_scaled(out, angles[l][axis] - self.mean[l][axis], of_angle);
+        }
+    }
+}
+
+/// `out += factor × values`.
+fn add_scaled(out: &mut [f64], factor: f64, values: &[f64]) {
+    for (o, v) in out.iter_mut().zip(values) {
+        *o += factor * v;
+    }
+}
+
+/// Least-squares inverse kinematics to first order, for all realisations at once: `(JᵀJ + ε) f = Jᵀ s`.
+///
+/// A marker is a unit mass for `JᵀJ`, which is then the joint-space inertia matrix, and a force on its link for `Jᵀ s`. Both come from the
+/// tree, without the Jacobian of each marker.
+struct FollowSolver {
+    draws: usize,
+    /// Unit masses at the markers of each link, link axes.
+    masses: Vec<Phi>,
+    normal: DMatrix<f64>,
+    /// Sum of forces at the markers of each link and what it carries, with their moment: (force, moment) × axis × realisation.
+    wrenches: Vec<Vec<f64>>,
+    local: Vec<f64>,
+    world: Vec<f64>,
+    angles: Vec<Vector3<f64>>,
+}
+
+impl FollowSolver {
+    fn new(model: &Model, skin: &Skin<'_>) -> Self {
+        let mut masses = vec![Phi::zeros(); model.n_links()];
+        for (marker, _) in &skin.markers {
+            let place = marker.position_m;
+            masses[marker.link] += aloft_body::inertia::phi_from_parts(1.0, &place, &steiner(&place));
+        }
+        Self {
+            draws: skin.draws,
+            masses,
+            normal: DMatrix::zeros(model.nv, model.nv),
+            wrenches: vec![vec![0.0; 6 * skin.draws]; model.n_links()],
+            local: vec![0.0; 3 * skin.draws],
+            world: vec![0.0; 3 * skin.draws],
+            angles: vec![Vector3::zeros(); model.n_links()],
+        }
+    }
+
+    /// Fills `follow` (coordinate × realisation, for slides of 1 m/rad) and returns the sum of squares of the residuals that stay. None where
+    /// the markers leave a coordinate undetermined. Needs poses in `state`.
+    fn solve(
+        &mut self,
+        model: &Model,
+        state: &mut State,
+        skin: &Skin<'_>,
+        q: &[f64],
+        fixed: &Vector3<f64>,
+        follow: &mut [f64],
+    ) -> Option<f64> {
+        let draws = self.draws;
+        for (l, angle) in self.angles.iter_mut().enumerate() {
+            *angle = angles(model, l, q);
+        }
+        self.wrenches.iter_mut().for_each(|w| w.fill(0.0));
+        let mut slides = 0.0;
+        for (i, (marker, _)) in skin.markers.iter().enumerate() {
+            skin.local(i, &self.angles, &mut self.local);
+            slides += self.local.iter().map(|x| x * x).sum::<f64>();
+            let rotation = state.rotation(marker.link);
+            let arm = state.point_in_world(marker.link, &marker.position_m) - fixed;
+            self.world.fill(0.0);
+            let wrench = &mut self.wrenches[marker.link];
+            for axis in 0..3 {
+                let world = &mut self.world[axis * draws..][..draws];
+                for from in 0..3 {
+                    add_scaled(world, rotation[(axis, from)], &self.local[from * draws..][..draws]);
+                }
+                add_scaled(&mut wrench[axis * draws..][..draws], 1.0, world);
+            }
+            for axis in 0..3 {
+                let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
+                let moment = &mut wrench[(3 + axis) * draws..][..draws];
+                add_scaled(moment, arm[next], &self.world[last * draws..][..draws]);
+                add_scaled(moment, -arm[last], &self.world[next * draws..][..draws]);
             }
         }
-        out
+        for l in (1..model.n_links()).rev() {
+            let Some(parent) = model.links[l].parent else { continue };
+            let (before, rest) = self.wrenches.split_at_mut(l);
+            add_scaled(&mut before[parent], 1.0, &rest[0]);
+        }
+        let twists = state.joint_twists(model, fixed);
+        for (l, link) in model.links.iter().enumerate() {
+            for k in link.joint.v_offset..link.joint.v_offset + link.joint.kind.nv() {
+                let row = &mut follow[k * draws..][..draws];
+                row.fill(0.0);
+                for (component, of_wrench) in twists[k].iter().zip(self.wrenches[l].chunks_exact(draws.max(1))) {
+                    add_scaled(row, *component, of_wrench);
+                }
+            }
+        }
+        state.mass_matrix(model, &self.masses, &mut self.normal);
+        for k in 0..model.nv {
+            self.normal[(k, k)] += UNSEEN_LEVER_M * UNSEEN_LEVER_M;
+        }
+        let right = follow.to_vec();
+        solve_tree(&mut self.normal, follow, draws)?;
+        // |s − J f|² with the normal equations put in
+        let explained: f64 = follow.iter().zip(&right).map(|(f, g)| f * g).sum();
+        let ridge: f64 = follow.iter().map(|f| f * f).sum::<f64>() * UNSEEN_LEVER_M * UNSEEN_LEVER_M;
+        Some((slides - explained - ridge).max(0.0))
     }
+}
+
+/// Solves `H x = g` in place for `draws` right-hand sides (coordinate × realisation). H is factored as `LᵀL` from the leaves of the tree to its
+/// root, which leaves the zeros between branches in place (Featherstone 2008, section 6.5). None where H is not positive definite.
+fn solve_tree(h: &mut DMatrix<f64>, g: &mut [f64], draws: usize) -> Option<()> {
+    let n = h.nrows();
+    for k in (0..n).rev() {
+        let pivot = h[(k, k)];
+        if !(pivot > 0.0 && pivot.is_finite()) {
+            return None;
+        }
+        let root = pivot.sqrt();
+        h[(k, k)] = root;
+        let before: Vec<(usize, f64)> = (0..k).filter(|i| h[(k, *i)] != 0.0).map(|i| (i, h[(k, i)] / root)).collect();
+        for (at, (i, left)) in before.iter().enumerate() {
+            h[(k, *i)] = *left;
+            for (j, right) in &before[..=at] {
+                h[(*i, *j)] -= left * right;
+            }
+        }
+        let (above, own) = g.split_at_mut(k * draws);
+        let own = &mut own[..draws];
+        own.iter_mut().for_each(|x| *x /= root);
+        for (i, left) in before {
+            add_scaled(&mut above[i * draws..][..draws], -left, own);
+        }
+    }
+    for k in 0..n {
+        let (above, own) = g.split_at_mut(k * draws);
+        let own = &mut own[..draws];
+        for i in (0..k).filter(|i| h[(k, *i)] != 0.0) {
+            add_scaled(own, -h[(k, i)], &above[i * draws..][..draws]);
+        }
+        let root = h[(k, k)];
+        own.iter_mut().for_each(|x| *x /= root);
+    }
+    Some(())
 }
 
 /// Rotation vector of a link's joint, rad; zero for joints that do not turn.
@@ -199,90 +334,90 @@ fn angles(model: &Model, link: usize, q: &[f64]) -> Vector3<f64> {
     }
 }
 
-/// First moment, momentum and angular momentum of the prior body about one fixed point, frame by frame.
-struct Momenta {
-    series: Vec<SMatrix<f64, 9, 1>>,
+/// Changes of the prior body's first moment, momentum and angular momentum about one fixed point, frame by frame, for slides of 1 m/rad.
+struct Changes {
+    /// Frame × (first moment, momentum, angular momentum) × axis × realisation.
+    series: Vec<f64>,
     fixed: Vector3<f64>,
+    draws: usize,
 }
 
-impl Momenta {
-    /// Of the frames `first .. end`, every coordinate moved as it follows a realisation.
+impl Changes {
+    /// Of some frames whose coordinates follow the slides by `follows` (frame × coordinate × realisation).
     fn of(
         model: &Model,
         prior: &[Phi],
         motion: &Motion,
-        first: usize,
-        end: usize,
-        slide: Option<(&[DMatrix<f64>], usize)>,
+        frames: Range<usize>,
+        follows: &[f64],
+        fixed: Vector3<f64>,
+        draws: usize,
     ) -> Self {
+        let n = frames.len();
+        let size = model.nv * draws;
+        let mut series = vec![0.0; n * 9 * draws];
         let mut state = State::new(model);
-        state.forward_position(model, motion.q((first + end) / 2));
-        let fixed = state.center_of_mass(prior).1;
-        let mut q = motion.q[first * model.nq..end * model.nq].to_vec();
-        if let Some((follows, draw)) = slide {
-            for (i, (to, follow)) in q.chunks_exact_mut(model.nq).zip(follows).enumerate() {
-                let step: Vec<f64> = follow.column(draw).iter().map(|x| STEP * x).collect();
-                model.integrate(motion.q(first + i), &step, to);
-            }
-        }
-        let own = Motion {
-            trial: String::new(),
-            rate_hz: motion.rate_hz,
-            nq: model.nq,
-            nv: model.nv,
-            q,
-            ..Motion::default()
-        };
-        let n = end - first;
-        let mut series = vec![SMatrix::zeros(); n];
-        let mut start = 0;
-        for i in 0..=n {
-            if i < n && motion.is_valid(first + i) {
-                continue;
-            }
-            if i > start {
-                let velocities = run_velocities(model, &own, start, i);
-                for (v, f) in velocities.chunks_exact(model.nv).zip(start..i) {
-                    state.forward_velocity(model, own.q(f), v);
-                    series[f] = moments(&state, prior, &fixed);
+        let mut rates = vec![0.0; size];
+        for (start, stop) in valid_runs(frames.start, frames.end, |f| motion.is_valid(f)) {
+            let velocities = run_velocities(model, motion, start, stop);
+            for (frame, v) in (start..stop).zip(velocities.chunks_exact(model.nv)) {
+                let at = frame - frames.start;
+                let reach = (frame - start).min(stop - 1 - frame).min(CENTRAL.len() - 1);
+                rates.fill(0.0);
+                for (k, weight) in CENTRAL[reach].iter().enumerate() {
+                    let c = weight * motion.rate_hz;
+                    add_scaled(&mut rates, c, &follows[(at + k + 1) * size..][..size]);
+                    add_scaled(&mut rates, -c, &follows[(at - k - 1) * size..][..size]);
+                }
+                state.forward_velocity(model, motion.q(frame), v);
+                let (by_displacement, by_rate) = state.momentum_change(model, prior, &fixed);
+                let out = &mut series[at * 9 * draws..][..9 * draws];
+                for k in 0..model.nv {
+                    let follow = &follows[at * size + k * draws..][..draws];
+                    let rate = &rates[k * draws..][..draws];
+                    for axis in 0..3 {
+                        add_scaled(&mut out[axis * draws..][..draws], by_rate[k][axis], follow);
+                    }
+                    for axis in 0..6 {
+                        let out = &mut out[(3 + axis) * draws..][..draws];
+                        let (own, moving) = (by_displacement[k][axis], by_rate[k][axis]);
+                        for ((o, f), r) in out.iter_mut().zip(follow).zip(rate) {
+                            *o += own * f + moving * r;
+                        }
+                    }
                 }
             }
-            start = i + 1;
         }
-        Self { series, fixed }
+        Self { series, fixed, draws }
     }
 
-    fn less(&self, other: &Self) -> Self {
-        Self { series: self.series.iter().zip(&other.series).map(|(a, b)| a - b).collect(), fixed: self.fixed }
-    }
-
-    /// The six sums of a window that begins at frame `begin` of the series (see `weak::window_weights`).
-    fn window(
-        &self,
-        rows: &WeakRows,
-        w: usize,
-        begin: usize,
-        gravity: &Vector3<f64>,
-        rate_hz: f64,
-    ) -> SMatrix<f64, 6, 1> {
-        let mut out = SMatrix::zeros();
+    /// The six sums (× realisation) of a window that begins at frame `begin` of the series (see `weak::window_weights`).
+    fn window(&self, rows: &WeakRows, w: usize, begin: usize, gravity: &Vector3<f64>, rate_hz: f64) -> Vec<f64> {
+        let draws = self.draws;
+        let mut out = vec![0.0; 6 * draws];
         let path = &rows.origin[w];
         for (i, origin) in path.iter().enumerate() {
-            let at = &self.series[begin + i];
-            let (first, linear, angular): (Vector3<f64>, Vector3<f64>, Vector3<f64>) =
-                (at.fixed_rows::<3>(0).into(), at.fixed_rows::<3>(3).into(), at.fixed_rows::<3>(6).into());
+            let at = &self.series[(begin + i) * 9 * draws..][..9 * draws];
+            let part = |k: usize| &at[k * draws..][..draws];
             let d = origin.position - self.fixed;
-            let (psi_dot, psi_ddot) = (rows.test.psi_dot[i], rows.test.psi_ddot[i]);
-            let about = angular - d.cross(&linear) + origin.velocity.cross(&first);
+            let (psi, psi_dot, psi_ddot) = (rows.test.psi[i], rows.test.psi_dot[i], rows.test.psi_ddot[i]);
             // the path is a polynomial of third degree at most, whose second difference is exact; at its ends ψ is zero
             let inside = i.checked_sub(1).and_then(|j| Some((path.get(j)?, path.get(i + 1)?)));
-            let turn = inside.map_or_else(Vector3::zeros, |(a, b)| {
-                let fall = gravity - (a.position - origin.position * 2.0 + b.position) * (rate_hz * rate_hz);
-                fall.cross(&first) * rows.test.psi[i]
+            let fall = inside.map_or_else(Vector3::zeros, |(a, b)| {
+                (gravity - (a.position - origin.position * 2.0 + b.position) * (rate_hz * rate_hz)) * psi
             });
+            // turn × first moment − ψ̇ (angular − d × momentum + velocity × first moment)
+            let turn = fall - origin.velocity * psi_dot;
+            let lever = d * psi_dot;
             for axis in 0..3 {
-                out[axis] += psi_ddot * first[axis];
-                out[3 + axis] += turn[axis] - psi_dot * about[axis];
+                let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
+                add_scaled(&mut out[axis * draws..][..draws], psi_ddot, part(axis));
+                let moment = &mut out[(3 + axis) * draws..][..draws];
+                add_scaled(moment, turn[next], part(last));
+                add_scaled(moment, -turn[last], part(next));
+                add_scaled(moment, lever[next], part(3 + last));
+                add_scaled(moment, -lever[last], part(3 + next));
+                add_scaled(moment, -psi_dot, part(6 + axis));
             }
         }
         out
@@ -303,5 +438,170 @@ impl Normal {
     fn draw(&mut self) -> f64 {
         let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
         radius * (std::f64::consts::TAU * self.uniform()).cos()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body_windows::moments;
+    use crate::weak::weak_rows;
+    use crate::{Acting, WeakOptions};
+    use aloft_body::{BaseParameters, JointSpec, LinkInertia, LinkSpec, ModelSpec};
+    use nalgebra::{Matrix3, SMatrix};
+
+    const STEP: f64 = 1e-5;
+
+    fn body() -> (Model, Vec<Phi>, Vec<ModelMarker>, Motion) {
+        let link = |name: &str, parent: Option<&str>, joint| LinkSpec {
+            name: name.into(),
+            parent: parent.map(Into::into),
+            joint,
+            position_m: [0.1, 0.2, -0.1],
+            rpy_rad: [0.3, 0.0, -0.2],
+            inertia: None,
+        };
+        let links = vec![
+            link("a", None, JointSpec::Free),
+            link("b", Some("a"), JointSpec::Spherical),
+            link("c", Some("b"), JointSpec::Revolute([0.6, 0.0, 0.8])),
+            link("d", Some("a"), JointSpec::Prismatic([0.0, 1.0, 0.0])),
+        ];
+        let model = Model::from_spec(&ModelSpec { name: "all joints".into(), links }).unwrap();
+        let phi = (0..4)
+            .map(|l| {
+                let l = f64::from(l);
+                LinkInertia {
+                    mass_kg: 4.0 - l,
+                    com_m: Vector3::new(0.05, 0.02 * l, -0.1),
+                    inertia_com_kgm2: Matrix3::from_diagonal(&Vector3::new(0.05, 0.04, 0.03)),
+                }
+                .to_phi()
+            })
+            .collect();
+        let markers = (0..16)
+            .map(|i| {
+                let at = i as f64;
+                ModelMarker {
+                    label: format!("m{i}"),
+                    link: i / 4,
+                    position_m: Vector3::new(0.2 * (1.7 * at).sin(), 0.2 * (2.9 * at).cos(), 0.2 * (0.8 * at).sin()),
+                    weight: 1.0,
+                }
+            })
+            .collect();
+        let mut q = Vec::new();
+        for i in 0..120 {
+            let t = f64::from(i) / 200.0;
+            let dv: Vec<f64> =
+                (0..model.nv).map(|k| 0.4 * ((3.0 + 0.4 * k as f64) * t + 1.3 * k as f64).sin()).collect();
+            let mut frame = model.neutral();
+            model.integrate(&model.neutral(), &dv, &mut frame);
+            q.extend(frame);
+        }
+        let motion = Motion { rate_hz: 200.0, nq: model.nq, nv: model.nv, q, ..Motion::default() };
+        (model, phi, markers, motion)
+    }
+
+    /// Momenta of the body about `fixed`, with every coordinate moved by `shift` (frame × coordinate).
+    fn series(
+        model: &Model,
+        phi: &[Phi],
+        motion: &Motion,
+        fixed: &Vector3<f64>,
+        shift: &[f64],
+    ) -> Vec<SMatrix<f64, 9, 1>> {
+        let mut moved = motion.clone();
+        for (frame, to) in moved.q.chunks_exact_mut(model.nq).enumerate() {
+            model.integrate(motion.q(frame), &shift[frame * model.nv..][..model.nv], to);
+        }
+        let velocities = run_velocities(model, &moved, 0, motion.n_frames());
+        let mut state = State::new(model);
+        (0..motion.n_frames())
+            .map(|frame| {
+                state.forward_velocity(model, moved.q(frame), &velocities[frame * model.nv..][..model.nv]);
+                moments(&state, phi, fixed)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn slides_of_the_rows_are_the_limit_of_finite_differences() {
+        let (model, phi, markers, motion) = body();
+        let base = BaseParameters::of(&model);
+        let n = motion.n_frames();
+        let stretch = Stretch::flight("t", 0, 0, n);
+        let rows =
+            weak_rows(&model, &base, &phi, &motion, &stretch, Acting::default(), &WeakOptions::default()).unwrap();
+        let tissue = Tissue { markers: &markers, marker_sd_m: 5e-4, draws: 3 };
+        let (found, predicted, _) = slide_rows(&model, &phi, &motion, &stretch, &rows, &tissue).unwrap();
+        let skin = Skin::new(&model, &motion, &tissue);
+        let mut state = State::new(&model);
+        let mut expected_residual = 0.0;
+        let mut follows = vec![vec![0.0; n * model.nv]; tissue.draws];
+        let half = rows.test.half;
+        let first = rows.centers.iter().min().unwrap() - half - 1;
+        let end = (rows.centers.iter().max().unwrap() + half + 2).min(n);
+        for frame in 0..n {
+            let q = motion.q(frame);
+            state.forward_position(&model, q);
+            let bent: Vec<Vector3<f64>> = (0..model.n_links()).map(|l| angles(&model, l, q)).collect();
+            let mut all = DMatrix::zeros(3 * markers.len(), model.nv);
+            let mut shifts = DMatrix::zeros(3 * markers.len(), tissue.draws);
+            let mut jacobian = DMatrix::zeros(3, model.nv);
+            let mut local = vec![0.0; 3 * tissue.draws];
+            for (i, marker) in markers.iter().enumerate() {
+                state.point_jacobian(&model, marker.link, &marker.position_m, &mut jacobian);
+                all.rows_mut(3 * i, 3).copy_from(&jacobian);
+                skin.local(i, &bent, &mut local);
+                for draw in 0..tissue.draws {
+                    let slide = Vector3::from_fn(|axis, _| local[axis * tissue.draws + draw]);
+                    shifts.fixed_view_mut::<3, 1>(3 * i, draw).copy_from(&(state.rotation(marker.link) * slide));
+                }
+            }
+            let mut normal = all.tr_mul(&all);
+            (0..model.nv).for_each(|i| normal[(i, i)] += UNSEEN_LEVER_M * UNSEEN_LEVER_M);
+            let follow = normal.cholesky().unwrap().solve(&all.tr_mul(&shifts));
+            if (first..end).contains(&frame) {
+                expected_residual += (&shifts - &all * &follow).norm_squared() / tissue.draws as f64;
+            }
+            for (draw, f) in follows.iter_mut().enumerate() {
+                f[frame * model.nv..][..model.nv].copy_from_slice(follow.column(draw).as_slice());
+            }
+        }
+        assert!((predicted / expected_residual - 1.0).abs() < 1e-6, "{predicted} {expected_residual}");
+        state.forward_position(&model, motion.q((first + end) / 2));
+        let fixed = state.center_of_mass(&phi).1;
+        for (draw, follow) in follows.iter().enumerate() {
+            let side = |sign: f64| {
+                let shift: Vec<f64> = follow.iter().map(|x| sign * STEP * x).collect();
+                series(&model, &phi, &motion, &fixed, &shift)
+            };
+            let changes: Vec<_> = side(1.0).iter().zip(side(-1.0)).map(|(a, b)| (a - b) / (2.0 * STEP)).collect();
+            for (w, center) in rows.centers.iter().enumerate() {
+                let path = &rows.origin[w];
+                let mut sums = [0.0; 6];
+                for (i, origin) in path.iter().enumerate() {
+                    let at = &changes[center - half + i];
+                    let part = |k: usize| Vector3::new(at[3 * k], at[3 * k + 1], at[3 * k + 2]);
+                    let about = part(2) - (origin.position - fixed).cross(&part(1)) + origin.velocity.cross(&part(0));
+                    let inside = i.checked_sub(1).and_then(|j| Some((path.get(j)?, path.get(i + 1)?)));
+                    let fall = inside.map_or_else(Vector3::zeros, |(a, b)| {
+                        model.gravity_mps2
+                            - (a.position - origin.position * 2.0 + b.position) * motion.rate_hz * motion.rate_hz
+                    });
+                    let moment = fall.cross(&part(0)) * rows.test.psi[i] - about * rows.test.psi_dot[i];
+                    for axis in 0..3 {
+                        sums[axis] += rows.test.psi_ddot[i] * part(0)[axis];
+                        sums[3 + axis] += moment[axis];
+                    }
+                }
+                let scale = sums.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
+                for (axis, expected) in sums.iter().enumerate() {
+                    let got = found[(6 * w + axis, draw)];
+                    assert!((got - expected).abs() < 1e-4 * scale, "window {w} axis {axis}: {got} {expected}");
+                }
+            }
+        }
     }
 }
