@@ -1,16 +1,16 @@
 //! Runs the stages of a study: what is stale, in order, trials side by side; a failure never stops the others. Subjects and
 //! sessions go side by side, too: all their trials share one pool of threads.
 
-use crate::disk;
-use crate::error::{PipelineError, StageFailure};
 use crate::graph::{self, Job, Manifests, Stage, Standing};
 use crate::lanes::Lanes;
 pub use crate::progress::{Plan, Progress, Silent};
-use crate::revision::Revisions;
 use crate::stages::STAGES;
-use crate::studies::StudySet;
-use crate::study::{Study, StudyId, TrialEntry};
-use crate::workspace::{Manifest, Outcome, WHOLE_STUDY, Workspace, WorkspaceLock};
+use aloft_study::revision::Revisions;
+use aloft_study::studies::StudySet;
+use aloft_study::study::{Study, StudyId, TrialEntry};
+use aloft_workspace::disk;
+use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::workspace::{Manifest, Outcome, WHOLE_STUDY, Workspace, WorkspaceLock};
 use globset::{Glob, GlobSet, GlobSetBuilder};
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -161,7 +161,8 @@ fn stage_range(selection: &Selection) -> Result<(usize, usize), PipelineError> {
     Ok((from, until))
 }
 
-pub(crate) fn trial_filter(studies: &[&Study], patterns: &[String]) -> Result<Option<GlobSet>, PipelineError> {
+/// Trials that the patterns name, over all studies; none where no pattern is given. A pattern that matches nothing is an error.
+pub fn trial_filter(studies: &[&Study], patterns: &[String]) -> Result<Option<GlobSet>, PipelineError> {
     if patterns.is_empty() {
         return Ok(None);
     }
