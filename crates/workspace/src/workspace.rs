@@ -5,7 +5,7 @@ use crate::disk::{self, Owned, abandoned, is_temporary};
 use crate::error::{PipelineError, StageFailure};
 use crate::seal;
 use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fs::{File, TryLockError};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
@@ -242,6 +242,13 @@ impl Drop for Scratch {
         let _ = std::fs::remove_dir_all(&self.path);
         let _ = std::fs::remove_file(&self.owner.path);
     }
+}
+
+/// A result with its manifest, not visible to readers yet; removed when dropped.
+#[derive(Debug)]
+pub struct Complete {
+    scratch: Scratch,
+    manifest: Manifest,
 }
 
 /// A workspace that another version of the program made; nothing is read from it or written to it.
@@ -488,34 +495,86 @@ impl Workspace {
         Ok(scratch)
     }
 
-    /// Writes the manifest beside the tables, waits until all are on the disk, and renames the folder into place.
-    pub fn commit(&self, scratch: Scratch, mut manifest: Manifest) -> Result<Manifest, PipelineError> {
+    /// Writes the manifest beside the tables. Nothing is visible to readers yet.
+    pub fn complete(&self, scratch: Scratch, mut manifest: Manifest) -> Result<Complete, PipelineError> {
         manifest.files = stamps(&scratch)?;
         manifest.output = hash_of(&manifest.files);
         seal::write(&scratch.join(MANIFEST), &manifest)?;
-        for name in manifest.files.keys().map(String::as_str).chain([MANIFEST]) {
-            disk::sync(&scratch.join(name))?;
+        Ok(Complete { scratch, manifest })
+    }
+
+    /// Writes the manifest beside the tables, waits until all are on the disk, and renames the folder into place.
+    pub fn commit(&self, scratch: Scratch, manifest: Manifest) -> Result<Manifest, PipelineError> {
+        let placed = self.place_all(vec![self.complete(scratch, manifest)?], disk::SYNCS);
+        let (manifest, done) =
+            placed.into_iter().next().ok_or_else(|| PipelineError::request("nothing was written"))?;
+        done.map(|()| manifest)
+    }
+
+    /// Puts results into their places, in this order: the content of all files is on the disk, so many at a time, then the names in
+    /// their folders, then the folders are renamed, then the new names are on the disk, then what was replaced is removed. A result with
+    /// which something goes wrong does not keep the others from their places.
+    pub fn place_all(&self, batch: Vec<Complete>, at_once: usize) -> Vec<(Manifest, Result<(), PipelineError>)> {
+        let mut done: Vec<Result<Option<PathBuf>, PipelineError>> = batch.iter().map(|_| Ok(None)).collect();
+        let files = batch.iter().enumerate().flat_map(|(i, result)| {
+            let names = result.manifest.files.keys().map(String::as_str).chain([MANIFEST]);
+            names.map(move |name| (i, result.scratch.join(name)))
+        });
+        wait_for(files, at_once, &mut done);
+        if cfg!(unix) {
+            let folders = batch.iter().map(|result| result.scratch.to_path_buf()).enumerate();
+            wait_for(folders, at_once, &mut done);
         }
-        disk::sync_folder(&scratch)?;
+        for (result, done) in batch.iter().zip(&mut done).filter(|(_, done)| done.is_ok()) {
+            *done = self.rename_into_place(result);
+        }
+        let stages: BTreeSet<&str> = batch.iter().map(|result| result.manifest.stage.as_str()).collect();
+        for stage in stages {
+            let of_stage = batch.iter().zip(&mut done).filter(|(r, done)| r.manifest.stage == stage && done.is_ok());
+            let mut of_stage = of_stage.map(|(_, done)| done).peekable();
+            if of_stage.peek().is_some()
+                && let Err(e) = disk::sync_folder(&self.root.join(stage))
+            {
+                // the old results stay among the temporary folders until the next run clears up
+                of_stage.for_each(|done| *done = Err(PipelineError::request(e.to_string())));
+            }
+        }
+        let mut out = Vec::with_capacity(batch.len());
+        for (Complete { manifest, scratch }, done) in batch.into_iter().zip(done) {
+            let done = done.and_then(|old| old.map_or(Ok(()), |old| disk::remove_dir_all(&old)));
+            drop(scratch);
+            if done.is_ok() {
+                // what was just written was hashed as it lies there
+                let key = (manifest.stage.clone(), manifest.trial.clone());
+                self.examined.lock().unwrap_or_else(PoisonError::into_inner).insert(key, Vec::new());
+            }
+            out.push((manifest, done));
+        }
+        out
+    }
+
+    /// Gives where the result that stood there before is now.
+    fn rename_into_place(&self, result: &Complete) -> Result<Option<PathBuf>, PipelineError> {
+        let Complete { manifest, scratch } = result;
         let place = self.place(&manifest.stage, &manifest.trial);
         let parent = self.root.join(&manifest.stage);
-        disk::create_dir_all(&parent)?;
-        if place.exists() {
-            let mut old = scratch.as_os_str().to_owned();
-            old.push(OLD);
-            let old = PathBuf::from(old);
-            disk::rename(&place, &old)?;
-            disk::rename(&scratch, &place)?;
-            disk::sync_folder(&parent)?;
-            disk::remove_dir_all(&old)?;
-        } else {
-            disk::rename(&scratch, &place)?;
-            disk::sync_folder(&parent)?;
+        if !parent.is_dir() {
+            disk::create_dir_all(&parent)?;
+            disk::sync_folder(&self.root)?;
         }
-        // what was just written was hashed as it lies there
-        let key = (manifest.stage.clone(), manifest.trial.clone());
-        self.examined.lock().unwrap_or_else(PoisonError::into_inner).insert(key, Vec::new());
-        Ok(manifest)
+        if !place.exists() {
+            return disk::rename(scratch, &place).map(|()| None);
+        }
+        let mut old = scratch.as_os_str().to_owned();
+        old.push(OLD);
+        let old = PathBuf::from(old);
+        disk::rename(&place, &old)?;
+        if let Err(e) = disk::rename(scratch, &place) {
+            // the next run does it where this does not succeed either
+            let _ = disk::rename(&old, &place);
+            return Err(e);
+        }
+        Ok(Some(old))
     }
 
     /// Content hash of a recording; read again only when the file system says that it may have changed: by size, time, time of change, or
@@ -561,6 +620,16 @@ const SCRATCH: &str = ".tmp";
 
 /// Says what a result was made from and what belongs to it.
 const MANIFEST: &str = "manifest.json";
+
+/// Waits until files or folders of results, each with the number of its result, are on the disk; the first error of a result counts.
+fn wait_for<T>(paths: impl Iterator<Item = (usize, PathBuf)>, at_once: usize, done: &mut [Result<T, PipelineError>]) {
+    let (of, paths): (Vec<usize>, Vec<PathBuf>) = paths.filter(|(i, _)| done[*i].is_ok()).unzip();
+    for (i, answer) in of.into_iter().zip(disk::sync_each(&paths, at_once)) {
+        if let (Err(e), Ok(_)) = (answer, &done[i]) {
+            done[i] = Err(e);
+        }
+    }
+}
 
 /// Compares a result's folder with its manifest.
 fn examine(place: &Path) -> Vec<String> {
@@ -702,6 +771,52 @@ mod tests {
         assert!(live.is_dir() && file.path().is_file());
         drop((live, file));
         assert_eq!(std::fs::read_dir(ws.root().join(SCRATCH)).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn prop_a_result_that_cannot_be_placed_leaves_what_stood_there_and_the_others_go_on() {
+        let names = ["a", "b", "c", "d"];
+        for (broken, way) in (0..names.len()).flat_map(|i| [(i, "file"), (i, "folder"), (i, "place")]) {
+            let dir = tempfile::tempdir().unwrap();
+            let ws = Workspace::open(&dir.path().join("ws"));
+            let lock = ws.lock(Duration::ZERO).unwrap();
+            let make = |name: &str, seconds: f64| {
+                let scratch = ws.scratch("ik", name).unwrap();
+                disk::write(&scratch.join("x.json"), seconds.to_string().as_bytes()).unwrap();
+                ws.complete(scratch, manifest(name, seconds)).unwrap()
+            };
+            assert!(ws.place_all(Vec::new(), 8).is_empty());
+            let first = ws.place_all(names.map(|n| make(n, 1.0)).into(), 8);
+            assert!(first.iter().all(|(_, done)| done.is_ok()));
+            let batch = names.map(|n| make(n, 2.0));
+            let scratch = batch[broken].scratch.to_path_buf();
+            match way {
+                "file" => std::fs::remove_file(scratch.join("x.json")).unwrap(),
+                "folder" => std::fs::remove_dir_all(&scratch).unwrap(),
+                // the new folder cannot be renamed onto a file that comes there in between
+                _ => {
+                    std::fs::remove_dir_all(ws.place("ik", names[broken])).unwrap();
+                    #[cfg(unix)]
+                    std::os::unix::fs::symlink(dir.path().join("gone"), ws.place("ik", names[broken])).unwrap();
+                    #[cfg(not(unix))]
+                    continue;
+                }
+            }
+            let done = ws.place_all(batch.into(), 8);
+            for (i, (m, done)) in done.iter().enumerate() {
+                assert_eq!((m.trial.as_str(), done.is_err()), (names[i], i == broken), "{way} {broken}");
+                let now = Workspace::open(ws.root());
+                let stands = now.manifest("ik", names[i]).map(|m| m.seconds);
+                let wanted = if i != broken { Some(2.0) } else { Some(1.0).filter(|_| way != "place") };
+                assert_eq!(stands, wanted, "{way} {broken} {i}");
+                assert!(stands.is_none() || now.damage("ik", names[i]).is_empty());
+                if let Err(e) = done {
+                    assert!(e.to_string().contains(&scratch.display().to_string()), "{e}");
+                }
+            }
+            drop(lock);
+            assert_eq!(std::fs::read_dir(ws.root().join(SCRATCH)).unwrap().count(), 0, "{way} {broken}");
+        }
     }
 
     #[test]
