@@ -224,7 +224,7 @@ def skeleton(study, folder):
         x, y = place([sum(p[a] for p in head) / 4 for a in range(3)])
         d.line([joints["NECK"], (x, y)], "#465563", 5)
         d.disc(x, y, 13, "#465563")
-        for name in {k.split(" ")[1] for k in row if k.startswith("marker ")}:
+        for name in sorted({k.split(" ")[1] for k in row if k.startswith("marker ")}):
             p = vector(row, f"marker {name}")
             if p[0] == p[0]:
                 d.disc(*place(p), 2.2, ORANGE)
@@ -310,7 +310,7 @@ def residual_map(before, after):
              ("time_in_flight", "part of the flight")]
     d = Drawing(960, 622)
     d.text(28, 34, "Where the error lies: residual map of the demonstration", 18, weight="bold")
-    d.text(28, 55, "Mean absolute error over weak windows in flight, as a multiple of the noise floor of the same windows; axes of the base link", 12.5, SOFT)
+    d.text(28, 55, "Mean absolute error over weak windows in flight, as a multiple of the noise floor of the same windows; world axes, z up", 12.5, SOFT)
     axes = ["force x", "force y", "force z", "moment x", "moment y", "moment z"]
     cell, tall, top = 53, 25, 118
     for n, (title, comparison) in enumerate((("start: no effect", before), ("with quadratic_drag", after))):
