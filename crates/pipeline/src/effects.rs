@@ -116,7 +116,7 @@ impl KnownEffects {
 
     /// All of them, the catalogue first.
     pub fn all(&self) -> Vec<&dyn Effect> {
-        let built_in = EFFECTS.iter().map(|e| *e as &dyn Effect);
+        let built_in = EFFECTS.iter().copied();
         built_in.chain(self.formulas.iter().map(|f| f as &dyn Effect)).collect()
     }
 

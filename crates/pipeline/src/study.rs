@@ -242,8 +242,7 @@ impl Study {
         let bytes: Vec<u8> = self.plain_base.iter().flat_map(|x| x.to_le_bytes()).collect();
         let mut out = serde_json::json!({"model": crate::graph::key(&self.effects), "own": crate::graph::key(&own),
             "about": blake3::hash(&bytes).to_hex().to_string()});
-        // the only effect that asks when in the session a recording was made
-        if self.effects.iter().any(|e| e.id() == crate::stages::regressor::DRIFT) {
+        if self.effects.iter().any(|e| crate::stages::regressor::asks_session_time(e.id())) {
             out["recording_order"] = serde_json::json!(self.facts.recordings);
         }
         out

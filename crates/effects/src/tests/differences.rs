@@ -55,10 +55,10 @@ fn prop_columns_change_with_their_parameters_as_differences_say() {
     let fixture = Fixture::new(true);
     fixture.with(|series| {
         for effect in EFFECTS.iter().filter(|e| e.wrench.is_some()) {
-            for target in (effect.targets)(&fixture.scene) {
-                let parameters = (effect.nonlinear)(&fixture.scene, target);
+            for target in effect.targets(&fixture.scene) {
+                let parameters = effect.nonlinear(&fixture.scene, target);
                 let Some(start) =
-                    (effect.starts)(&fixture.scene, target).into_iter().nth(if effect.id == "wind" { 1 } else { 0 })
+                    effect.starts(&fixture.scene, target).into_iter().nth(if effect.id() == "wind" { 1 } else { 0 })
                 else {
                     continue;
                 };
@@ -78,7 +78,12 @@ fn prop_columns_change_with_their_parameters_as_differences_say() {
                             error += (a - b).norm();
                         }
                     }
-                    assert!(error <= 0.05 * size + 1e-12, "{} {target:?} {}: {error:e} of {size:e}", effect.id, q.name);
+                    assert!(
+                        error <= 0.05 * size + 1e-12,
+                        "{} {target:?} {}: {error:e} of {size:e}",
+                        effect.id(),
+                        q.name
+                    );
                 }
             }
         }

@@ -121,7 +121,7 @@ fn prop_drag_written_as_a_formula_has_the_columns_of_the_catalogue() {
     let (body, links) = (read("air_drag.yaml"), read("my_drag.yaml"));
     let (body, links) = (body.compile(&fixture.scene).unwrap(), links.compile(&fixture.scene).unwrap());
     let drag = effect("quadratic_drag").unwrap();
-    let centres = (drag.starts)(&fixture.scene, Target::EveryLink).remove(0);
+    let centres = drag.starts(&fixture.scene, Target::EveryLink).remove(0);
     fixture.with(|series| {
         let pairs = [
             (fixture.columns(series, &body, Target::Body, &[]), fixture.columns(series, drag, Target::Body, &[])),

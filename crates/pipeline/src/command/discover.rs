@@ -6,7 +6,7 @@ use crate::error::PipelineError;
 use crate::revision::{ModelEffect, Revisions};
 use crate::seal;
 use crate::session::Calendar;
-use crate::stages::regressor::{DRIFT, TrialRows};
+use crate::stages::regressor::{TrialRows, asks_session_time};
 use crate::study::Study;
 use crate::workspace::{WHOLE_STUDY, Workspace, read_json};
 use aloft_body::{BaseParameters, Subject};
@@ -196,12 +196,13 @@ fn found(
     }
     let mut found = rank(&bench.session, &bench.effects, &bench.accepted, options)
         .map_err(|e| PipelineError::request(e.to_string()))?;
-    if found.candidates.iter().any(|c| c.effect == DRIFT && c.believed) {
+    if let Some(c) = found.candidates.iter().find(|c| asks_session_time(&c.effect) && c.believed) {
         let calendar = Calendar::of(study, &Workspace::open(&study.workspace));
-        found.advice.push(format!("`{DRIFT}` rests on the times of the session, from {}", calendar.words));
+        found.advice.push(format!("`{}` rests on the times of the session, from {}", c.effect, calendar.words));
     }
     // what flights say without any plate or model comes before any verdict: one fault of time or lengths shows in several effects
-    if found.effects.iter().any(|e| ["gravity_scale", "plate_gain", "body_mass", "gravity_tilt"].contains(&e.as_str()))
+    let shows = |id: &String| aloft_effects::effect(id).is_ok_and(|e| e.about().shows_in_free_fall);
+    if found.effects.iter().any(shows)
         && let Some(words) = free_fall(study)?
     {
         found.advice.insert(0, words);

@@ -49,8 +49,10 @@ pub static STAGE: Stage = Stage {
     run,
 };
 
-/// The effect that asks when in the session a recording was made.
-pub const DRIFT: &str = "plate_clock_drift";
+/// True for an effect that asks when in the session a recording was made.
+pub fn asks_session_time(id: &str) -> bool {
+    aloft_effects::effect(id).is_ok_and(|e| e.about().uses_session_time)
+}
 
 #[derive(Serialize, Deserialize)]
 struct FactorHead {
@@ -433,7 +435,9 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         done.note("session_time_s", rows.session_time_s);
         done.note("session_time_source", json!(calendar.source));
         // a remark only where results depend on it
-        if calendar.source == SessionSource::OrderAndLengths && job.study.effects.iter().any(|e| e.id() == DRIFT) {
+        if calendar.source == SessionSource::OrderAndLengths
+            && job.study.effects.iter().any(|e| asks_session_time(e.id()))
+        {
             done.warnings.push(format!("times of the session: {}", calendar.words));
         }
     }
