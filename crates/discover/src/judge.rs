@@ -317,3 +317,26 @@ fn duel(session: &Session<'_>, problem: &Problem, a: &Rival<'_>, b: &Rival<'_>, 
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The catalogue's faults of kinematics are named in a first round only; faults of plates have a limit of their own.
+    #[test]
+    fn belief_has_a_limit_for_each_family() {
+        let options = DiscoverOptions::default();
+        let mut seen = [0; 3];
+        for effect in aloft_effects::EFFECTS {
+            let found = [true, false].map(|first| limit(*effect, first, &options));
+            let (family, expected) = match effect.about().family {
+                Family::Forces => (0, [options.belief; 2]),
+                Family::Kinematics => (1, [options.belief_kinematics, 0.0]),
+                Family::Plates => (2, [options.belief_plates; 2]),
+            };
+            assert_eq!(found, expected, "{}", effect.id());
+            seen[family] += 1;
+        }
+        assert_eq!(seen, [15, 5, 7]);
+    }
+}
