@@ -225,7 +225,7 @@ fn effects(pages: &mut Pages) {
     index += "# Effects\n\nWhat a model may be missing. `aloft effect list` and `aloft effect show NAME` print the same; formulas of your own stand in `configs/effects/`.\n\n| effect | what | kind | acts | coefficients |\n|---|---|---|---|---|\n";
     let examples = Examples::built_in().unwrap();
     let person = &examples.person;
-    for effect in EFFECTS {
+    for effect in EFFECTS.iter().copied() {
         let kind = match effect.kind() {
             EffectKind::Physics => "physics",
             EffectKind::Artefact => "artefact",
