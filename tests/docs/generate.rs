@@ -3,8 +3,8 @@
 use crate::json_contract;
 use crate::source::{self, Item, Items, markdown, module_doc, snake};
 use crate::{AGAIN, aloft, docs, root, updating};
+use aloft_analysis::unknowns::{self, Examples, unit};
 use aloft_effects::{EFFECTS, EffectKind, Target};
-use aloft_pipeline::command::unknowns::{self, Examples, unit};
 use aloft_pipeline::graph::{Need, Scope};
 use aloft_pipeline::stages::STAGES;
 use std::collections::BTreeMap;
@@ -136,7 +136,7 @@ fn keys(schema: &serde_json::Value, section: &serde_json::Value) -> String {
 }
 
 fn pipeline(schema: &serde_json::Value) -> String {
-    let mut out = from("the structures in crates/pipeline/src/config.rs");
+    let mut out = from("the structures in crates/study/src/config.rs");
     out += "# Pipeline files\n\nEvery key that a pipeline (YAML) may have. Unknown keys are errors that point at their line. `aloft schema` prints the JSON schema for editors. \
         Each section belongs to the stage of the same name, so that a changed value makes just that stage, and what follows from it, run again.\n\n## The file\n\n";
     out += &keys(schema, schema);
@@ -212,12 +212,12 @@ fn stages(schema: &serde_json::Value, pages: &mut Pages) {
     pages.insert("reference/stages/README.md".into(), index);
 }
 
-fn demo_study() -> aloft_pipeline::study::Study {
-    let overrides = aloft_pipeline::study::Overrides {
+fn demo_study() -> aloft_study::study::Study {
+    let overrides = aloft_study::study::Overrides {
         workspace: Some(root().join("no-such-workspace")),
-        ..aloft_pipeline::study::Overrides::default()
+        ..aloft_study::study::Overrides::default()
     };
-    aloft_pipeline::study::Study::open(&root().join("pipelines/demo.yaml"), &overrides).unwrap()
+    aloft_study::study::Study::open(&root().join("pipelines/demo.yaml"), &overrides).unwrap()
 }
 
 fn effects(pages: &mut Pages) {
@@ -333,7 +333,7 @@ fn quality() -> String {
     let mut out = from("the closed lists of reasons in the code");
     out += "# Quality reasons\n\nWhat tables, `--json` and reports say about a recording, from closed lists. A reason never stops other trials. What to do about each: [How to record](../recording.md) and [Troubleshooting](../troubleshooting.md).\n";
     out += "\n## Summary\n\nReasons in the table that ends a run (`aloft summary`, `summary.csv`). `failed`: there is no result; `warning`: results may suffer; `ok`: good to know.\n\n| reason | weight | meaning | what to do |\n|---|---|---|---|\n";
-    for r in aloft_pipeline::qc::QcReason::ALL {
+    for r in aloft_workspace::qc::QcReason::ALL {
         let _ =
             writeln!(out, "| `{}` | {} | {} | {} |", r.code(), r.level().word(), cell(r.meaning()), cell(r.advice()));
     }

@@ -2,7 +2,7 @@
 
 use crate::support::{aloft, expect, folder, json, repo};
 use aloft_effects::{Choice, EFFECTS, Scene};
-use aloft_pipeline::revision::{ModelEffect, Revisions};
+use aloft_study::revision::{ModelEffect, Revisions};
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};

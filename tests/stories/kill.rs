@@ -200,3 +200,40 @@ fn the_second_of_two_runs_says_who_holds_the_workspace_or_waits() {
         .unwrap();
     assert!(status.status.success());
 }
+
+/// Breaks where it is told of a task that was done: for a plain run that is the thread that puts results into their places.
+struct Breaks;
+
+impl aloft_pipeline::progress::Progress for Breaks {
+    fn stage(&self, _: &aloft_pipeline::study::StudyId, _: &'static str, _: usize, _: usize) {}
+    fn task(&self, _: &aloft_pipeline::study::StudyId, _: &aloft_pipeline::runner::TaskReport) {
+        panic!("a defect");
+    }
+}
+
+#[test]
+fn a_defect_beside_the_work_ends_the_run_and_leaves_whole_results() {
+    use aloft_pipeline::runner::{self, Selection};
+    use aloft_pipeline::study::{Overrides, Study};
+    let dir = folder();
+    let data = lab("fixtures/scenarios/chain_small.yaml", dir.path());
+    // more results than may wait
+    for i in 10..90 {
+        fs::copy(data.join("throws_01.c3d"), data.join(format!("throws_{i}.c3d"))).unwrap();
+    }
+    let ws = dir.path().join("ws");
+    let places = Overrides { data: Some(data), workspace: Some(ws.clone()), ..Overrides::default() };
+    let study = Study::open(Path::new(&repo("pipelines/chain.yaml")), &places).unwrap();
+    let selection = Selection { until: Some("import".into()), ..Selection::default() };
+    let error = runner::run(&study, &selection, &Breaks).unwrap_err().to_string();
+    assert!(error.contains("an internal error"), "{error}");
+    let placed = results(&ws).keys().filter(|n| is_a_result(n)).count();
+    assert!((1..80).contains(&placed), "{placed}");
+    // in a run that shares the workspace it is a thread of the work itself
+    let shared = Selection { shared: true, ..selection.clone() };
+    assert!(std::panic::catch_unwind(|| runner::run(&study, &shared, &Breaks)).is_err());
+    let placed = results(&ws).keys().filter(|n| is_a_result(n)).count();
+    let report = runner::run(&study, &selection, &runner::Silent).unwrap();
+    assert_eq!((report.up_to_date(), report.has_trouble()), (placed, false));
+    assert!(fs::read_dir(ws.join(".tmp")).unwrap().next().is_none());
+}

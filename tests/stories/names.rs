@@ -104,7 +104,7 @@ fn hostile_names_go_through_every_command() {
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(1), "{line}\n{said}");
         let failed: Vec<&str> = said.lines().filter(|l| l.starts_with("failed: ")).collect();
-        let shown = aloft_pipeline::quote::visible(name);
+        let shown = aloft_study::quote::visible(name);
         assert!(failed.len() == 1 && failed[0].starts_with(&format!("failed: import {shown}: ")), "{line}\n{said}");
         assert!(said.contains(&format!("again: {line}\n")), "{said}");
         repeated.insert(name.to_owned());
@@ -143,8 +143,7 @@ fn hostile_names_go_through_every_command() {
     expect(&["workflow", &demo, "--workspace", &elsewhere, "--out", &plain.display().to_string()], 0);
     assert_eq!(code, fs::read_to_string(&plain).unwrap(), "the code depends on the study");
     let plan: serde_json::Value =
-        serde_json::from_str(&fs::read_to_string(aloft_pipeline::command::workflow::plan_path(&snakefile)).unwrap())
-            .unwrap();
+        serde_json::from_str(&fs::read_to_string(aloft_analysis::workflow::plan_path(&snakefile)).unwrap()).unwrap();
     let trials = plan["studies"]["names"]["trials"].as_object().unwrap();
     assert_eq!(trials.len(), 2 * HOSTILE.len() + 2);
     // what a job of each trial types runs that trial alone
@@ -160,7 +159,7 @@ fn hostile_names_go_through_every_command() {
     let table = aloft(&["check", &written.display().to_string()]).stdout;
     let table = String::from_utf8_lossy(&table).into_owned();
     for name in HOSTILE {
-        let shown = aloft_pipeline::quote::visible(name);
+        let shown = aloft_study::quote::visible(name);
         assert!(table.lines().any(|l| l.starts_with(&shown)), "{name:?} is lost:\n{table}");
     }
     nothing_was_executed(dir.path());

@@ -97,7 +97,7 @@ pub enum AnglesArg {
 /// Formats and examples.
 fn export_help() -> String {
     let mut text = "Formats:\n".to_owned();
-    for format in aloft_pipeline::command::export::formats() {
+    for format in aloft_analysis::export::formats() {
         text.push_str(&format!("  {:<8} {}; {}\n", format.name, format.title, format.readers));
     }
     text + "\nExamples:\n  aloft export P.yaml --to out/s01\n  aloft export P.yaml --format osim,trc,mot --trial 'jump*'\n  aloft export P.yaml --angles isb --to out/s01_isb"

@@ -5,18 +5,18 @@ use crate::each::{broken, each, each_result, fail, heading, notice};
 use crate::progress::{Bars, Counted};
 use crate::render::{command, note, out, table};
 use crate::{Success, findings, residuals, show, show_estimators, workflow};
-use aloft_pipeline::command::freshness::{Freshness, freshness};
-use aloft_pipeline::command::{
-    assess, check, compare, discover, effect, estimators, export, init, inspect, parameters, report, simulate, status,
-    summary, verify,
+use aloft_analysis::freshness::{Freshness, freshness};
+use aloft_analysis::{
+    assess, check, compare, discover, effect, estimators, export, init, inspect, parameters, simulate, status, summary,
+    verify,
 };
-use aloft_pipeline::config::{Angles, Rows};
-use aloft_pipeline::error::PipelineError;
 use aloft_pipeline::graph::Standing;
-use aloft_pipeline::quote::{self, visible};
 use aloft_pipeline::runner::{self, BatchReport, Ended, RunReport, Selection};
-use aloft_pipeline::studies::StudySet;
-use aloft_pipeline::study::{Overrides, Study, StudyId};
+use aloft_study::config::{Angles, Rows};
+use aloft_study::quote::{self, visible};
+use aloft_study::studies::StudySet;
+use aloft_study::study::{Overrides, Study, StudyId};
+use aloft_workspace::error::PipelineError;
 use clap::CommandFactory;
 
 /// Why a command stopped.
@@ -172,7 +172,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             let set = open_all(&pipeline)?;
             // a page over the whole study only where the whole study was asked for
             if set.several && target.is_none() && pipeline.subject.is_empty() && pipeline.session.is_empty() {
-                let done = report::write_set(&set)?;
+                let done = aloft_report::write_set(&set)?;
                 for page in &done.pages {
                     out(page.display())?;
                 }
@@ -196,7 +196,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
                 )
                 .into());
             }
-            let write = |study: &Study| report::write(study, target.as_deref()).map(|path| Written { path });
+            let write = |study: &Study| aloft_report::write(study, target.as_deref()).map(|path| Written { path });
             each_result(&pipeline, strict, false, &[], write, |done| out(done.path.display()))
         }
         Command::Export { pipeline, strict, to, format, trial, angles } => {
@@ -238,7 +238,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             Ok(Success::Full)
         }
         Command::Schema => {
-            json(&aloft_pipeline::config_schema())?;
+            json(&aloft_study::config_schema())?;
             Ok(Success::Full)
         }
         Command::Completions { shell } => {

@@ -4,11 +4,11 @@ use crate::Success;
 use crate::args::{PipelineArgs, StrictArgs};
 use crate::commands::{Stop, json, open_all};
 use crate::render::{note, out};
-use aloft_pipeline::command::freshness::{Freshness, NotCurrent, freshness};
-use aloft_pipeline::error::PipelineError;
-use aloft_pipeline::quote::visible;
-use aloft_pipeline::studies::StudySet;
-use aloft_pipeline::study::{Study, StudyId};
+use aloft_analysis::freshness::{Freshness, NotCurrent, freshness};
+use aloft_study::quote::visible;
+use aloft_study::studies::StudySet;
+use aloft_study::study::{Study, StudyId};
+use aloft_workspace::error::PipelineError;
 use serde::Serialize;
 use std::cell::Cell;
 
@@ -144,7 +144,7 @@ pub fn broken(set: &StudySet) -> bool {
 }
 
 /// Says which subject or session failed, and what to do about it.
-pub fn fail(id: &StudyId, failure: &aloft_pipeline::error::StageFailure) {
+pub fn fail(id: &StudyId, failure: &aloft_workspace::error::StageFailure) {
     note(format!("failed: {id}: {}", failure.problem));
     if let Some(hint) = &failure.hint {
         note(format!("  hint: {hint}"));

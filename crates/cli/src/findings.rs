@@ -3,10 +3,10 @@
 use crate::args::PipelineArgs;
 use crate::commands::{Stop, words_of};
 use crate::render::{half, out, plus_minus, significant, table};
+use aloft_analysis::effect::{EffectLine, History};
 use aloft_discover::{Candidate, Discovery, SelfTest, Verdict};
 use aloft_effects::EffectKind;
-use aloft_pipeline::command::effect::{EffectLine, History};
-use aloft_pipeline::quote;
+use aloft_study::quote;
 use comfy_table::CellAlignment;
 
 /// The catalogue of effects.

@@ -1,8 +1,8 @@
 //! Tables and messages for people. Data goes to stdout, messages to stderr.
 
 use crate::commands::Stop;
-use aloft_pipeline::command::parameters::half_of;
-use aloft_pipeline::quote::visible;
+use aloft_analysis::parameters::half_of;
+use aloft_study::quote::visible;
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use std::io::Write;
 

@@ -4,8 +4,8 @@ use crate::args::ByArg;
 use crate::commands::Stop;
 use crate::render::{out, significant, table};
 use crate::show::{brief, three};
+use aloft_analysis::compare::ComparisonView;
 use aloft_compare::{Group, GroupedBy, SegmentShare};
-use aloft_pipeline::command::compare::ComparisonView;
 use comfy_table::CellAlignment;
 
 const ALL: [ByArg; 10] = [

@@ -2,9 +2,9 @@
 
 use crate::commands::Stop;
 use crate::render::{half, out, plus_minus, significant, table};
+use aloft_analysis::compare::{ComparisonView, errors_of, judged_on, mean};
+use aloft_analysis::parameters::ParametersView;
 use aloft_compare::Comparison;
-use aloft_pipeline::command::compare::{ComparisonView, errors_of, judged_on, mean};
-use aloft_pipeline::command::parameters::ParametersView;
 
 pub(crate) fn three(v: &[f64; 3]) -> String {
     v.iter().map(|x| significant(*x, 3)).collect::<Vec<_>>().join(" ")

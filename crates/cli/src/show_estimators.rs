@@ -2,9 +2,9 @@
 
 use crate::commands::Stop;
 use crate::render::{out, significant, table};
-use aloft_pipeline::command::assess::Assessment;
-use aloft_pipeline::command::compare::{CalibrationView, ImpulseMassView};
-use aloft_pipeline::command::estimators::{ErrorsBrief, EstimatorsView, LeaveOneOutView};
+use aloft_analysis::assess::Assessment;
+use aloft_analysis::compare::{CalibrationView, ImpulseMassView};
+use aloft_analysis::estimators::{ErrorsBrief, EstimatorsView, LeaveOneOutView};
 
 fn number(value: Option<f64>) -> String {
     value.map_or("–".to_owned(), |x| significant(x, 3))

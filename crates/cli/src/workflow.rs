@@ -5,9 +5,9 @@ use crate::args::PipelineArgs;
 use crate::commands::{Stop, open_all};
 use crate::each::broken;
 use crate::render::{command, note};
-use aloft_pipeline::command::workflow::{Call, Member, plan_path, verdict, write};
-use aloft_pipeline::quote;
-use aloft_pipeline::studies::StudySet;
+use aloft_analysis::workflow::{Call, Member, plan_path, verdict, write};
+use aloft_study::quote;
+use aloft_study::studies::StudySet;
 use std::path::Path;
 
 /// `--data` and `--workspace` as they were given.

@@ -4,7 +4,7 @@
 #![allow(missing_docs, reason = "criterion makes the functions")]
 
 use aloft_pipeline::runner::{Selection, Silent, run};
-use aloft_pipeline::study::{Overrides, Study};
+use aloft_study::study::{Overrides, Study};
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::path::Path;
 

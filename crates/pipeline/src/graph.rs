@@ -1,11 +1,13 @@
 //! The stage graph: what each stage reads, which parameters it sees, and which tasks a study consists of.
 
-use crate::error::{PipelineError, StageFailure};
 use crate::stages::STAGES;
-use crate::study::{Role, Study, TrialEntry};
-use crate::workspace::{Manifest, ROLE, WHOLE_STUDY, Workspace};
+use aloft_body::{Motion, Subject};
+use aloft_study::study::{Role, Study, TrialEntry};
+use aloft_trial::Trial;
+use aloft_workspace::artifact::{load_motion, load_trial};
+use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::workspace::{Manifest, ROLE, WHOLE_STUDY, Workspace, read_json};
 use rayon::prelude::*;
-use serde::Serialize;
 use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
@@ -81,47 +83,6 @@ impl Stage {
     }
 }
 
-/// A parameter as it stands in a manifest. Different values are different keys: NaN, the infinities and −0 have words of their own,
-/// where JSON has `null` or `-0.0` that equals zero.
-pub fn key(value: &impl Serialize) -> Value {
-    // YAML knows the numbers that JSON does not
-    serde_yaml::to_value(value).map_or_else(|e| Value::String(format!("cannot be written: {e}")), of_yaml)
-}
-
-fn of_yaml(value: serde_yaml::Value) -> Value {
-    use serde_yaml::Value as Yaml;
-    match value {
-        Yaml::Null => Value::Null,
-        Yaml::Bool(b) => Value::Bool(b),
-        Yaml::String(s) => Value::String(s),
-        Yaml::Sequence(all) => Value::Array(all.into_iter().map(of_yaml).collect()),
-        Yaml::Number(n) => {
-            let whole = n.as_u64().map(Value::from).or_else(|| n.as_i64().map(Value::from));
-            whole.unwrap_or_else(|| of_float(n.as_f64().unwrap_or(f64::NAN)))
-        }
-        Yaml::Mapping(all) => Value::Object(
-            all.into_iter()
-                .map(|(k, v)| {
-                    let name = match k {
-                        Yaml::String(s) => s,
-                        other => of_yaml(other).to_string(),
-                    };
-                    (name, of_yaml(v))
-                })
-                .collect(),
-        ),
-        Yaml::Tagged(tagged) => Value::Object([(tagged.tag.to_string(), of_yaml(tagged.value))].into_iter().collect()),
-    }
-}
-
-fn of_float(x: f64) -> Value {
-    if x.is_finite() && (x != 0.0 || x.is_sign_positive()) {
-        Value::from(x)
-    } else {
-        Value::Object([("float".to_owned(), Value::String(format!("{x:?}")))].into_iter().collect())
-    }
-}
-
 /// All that a stage's function may use.
 #[derive(Debug)]
 pub struct Job<'a> {
@@ -145,6 +106,21 @@ impl Job<'_> {
     /// The trial; an error for stages without one (which would be a defect of the stage's definition).
     pub fn trial(&self) -> Result<&TrialEntry, StageFailure> {
         self.trial.ok_or_else(|| StageFailure::new("the stage was called without a trial"))
+    }
+}
+
+impl Job<'_> {
+    /// The imported recording of a trial.
+    pub fn load_trial(&self, trial: &str) -> Result<Trial, StageFailure> {
+        Ok(load_trial(&self.workspace.place("import", trial))?)
+    }
+    /// The motion that a stage gave for a trial.
+    pub fn load_motion(&self, stage: &str, trial: &str) -> Result<Motion, StageFailure> {
+        Ok(load_motion(&self.workspace.place(stage, trial))?)
+    }
+    /// The subject as a study-wide stage left it.
+    pub fn load_subject(&self, stage: &str) -> Result<Subject, StageFailure> {
+        Ok(read_json(&self.workspace.place(stage, WHOLE_STUDY).join("subject.json"))?)
     }
 }
 
@@ -355,38 +331,8 @@ pub fn standing(
         return Standing::Stale(changes);
     }
     match &m.outcome {
-        crate::workspace::Outcome::Failed(f) => Standing::Failed(f.clone()),
-        crate::workspace::Outcome::Ok if m.warnings.is_empty() => Standing::Ok,
-        crate::workspace::Outcome::Ok => Standing::Warning,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use serde_json::json;
-
-    #[test]
-    fn prop_different_numbers_are_different_keys() {
-        let all: [Option<f64>; 9] = [
-            None,
-            Some(f64::NAN),
-            Some(f64::INFINITY),
-            Some(f64::NEG_INFINITY),
-            Some(0.0),
-            Some(-0.0),
-            Some(1.0),
-            Some(0.1),
-            Some(0.1 + f64::EPSILON / 8.0),
-        ];
-        for (i, a) in all.iter().enumerate() {
-            for (j, b) in all.iter().enumerate() {
-                assert_eq!(key(a) == key(b), i == j, "{a:?} and {b:?}");
-                // and through the file
-                let back: Value = serde_json::from_str(&key(a).to_string()).unwrap_or_default();
-                assert_eq!(back == key(b), i == j, "{a:?} and {b:?}");
-            }
-        }
-        assert_eq!(key(&json!({"a": [1, -2, true, "x", null, 2.5]})), json!({"a": [1, -2, true, "x", null, 2.5]}));
+        aloft_workspace::workspace::Outcome::Failed(f) => Standing::Failed(f.clone()),
+        aloft_workspace::workspace::Outcome::Ok if m.warnings.is_empty() => Standing::Ok,
+        aloft_workspace::workspace::Outcome::Ok => Standing::Warning,
     }
 }

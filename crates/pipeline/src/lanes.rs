@@ -13,15 +13,21 @@ pub struct Lanes {
     threads: usize,
     free: Mutex<Vec<ThreadPool>>,
     freed: Condvar,
+    studies: usize,
 }
 
 impl Lanes {
-    /// As many as rayon has threads.
-    pub fn new() -> Self {
+    /// As many as rayon has threads, for so many studies at a time.
+    pub fn new(studies: usize) -> Self {
         let threads = rayon::current_num_threads();
         let pools: Vec<ThreadPool> =
             (0..threads).filter_map(|_| ThreadPoolBuilder::new().num_threads(1).build().ok()).collect();
-        Self { threads: pools.len(), free: Mutex::new(pools), freed: Condvar::new() }
+        Self { threads: pools.len(), free: Mutex::new(pools), freed: Condvar::new(), studies: studies.max(1) }
+    }
+
+    /// What one study has of something of which all studies together have so many: one at least.
+    pub fn share(&self, of_all: usize) -> usize {
+        (of_all / self.studies).max(1)
     }
 
     /// Calls `work` for every item; results in the order of the items. Fewer items than threads share all threads instead.
@@ -72,7 +78,7 @@ mod tests {
     #[test]
     fn prop_no_more_at_once_than_threads_and_in_order() {
         let pool = ThreadPoolBuilder::new().num_threads(3).build();
-        let lanes = pool.map(|p| p.install(Lanes::new)).unwrap_or_else(|_| Lanes::new());
+        let lanes = pool.map(|p| p.install(|| Lanes::new(2))).unwrap_or_else(|_| Lanes::new(2));
         let (now, most) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let items: Vec<usize> = (0..60).collect();
         let work = |i: &usize| {
@@ -90,5 +96,6 @@ mod tests {
         });
         assert!(most.load(Ordering::SeqCst) <= 3);
         assert_eq!(lanes.each(&items[..2], |i| *i), [0, 1]);
+        assert_eq!([64, 3, 1, 0].map(|all| lanes.share(all)), [32, 1, 1, 1]);
     }
 }

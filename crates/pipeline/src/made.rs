@@ -1,12 +1,12 @@
 //! How the results in a workspace were made: settings out of their manifests, for every sentence that says so.
 
-use crate::config::PipelineConfig;
-use crate::facts::Facts;
 use crate::graph::Scope;
-use crate::revision::ModelEffect;
 use crate::stages::STAGES;
-use crate::study::Study;
-use crate::workspace::{Manifest, WHOLE_STUDY, Workspace};
+use aloft_study::config::PipelineConfig;
+use aloft_study::facts::Facts;
+use aloft_study::revision::ModelEffect;
+use aloft_study::study::Study;
+use aloft_workspace::workspace::{Manifest, WHOLE_STUDY, Workspace};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -36,50 +36,48 @@ fn put<T>(place: &mut T, found: Option<T>) {
     }
 }
 
-impl Study {
-    /// The study with the settings that its results were made with, where they differ from those that stand in the pipeline now. Recordings,
-    /// names and places are those of now.
-    pub fn as_made(&self) -> Self {
-        let ws = Workspace::open(&self.workspace);
-        let of = |stage: &str| made(self, &ws, stage);
-        let mut out = self.clone();
-        let config: &mut PipelineConfig = &mut out.config;
-        let import = of("import");
-        put(&mut config.import, most(&import, "import"));
-        put(&mut out.marker_set, most(&import, "marker_set"));
-        let scale = of("scale");
-        put(&mut config.scale, most(&scale, "scale"));
-        put(&mut config.trials.static_frames, most(&scale, "static_frames"));
-        put(&mut out.model, most(&scale, "model"));
-        put(&mut out.object, most(&scale, "object"));
-        put(&mut out.anthropometry, most(&scale, "anthropometry"));
-        put(&mut out.facts, most::<Facts>(&scale, "facts"));
-        put(&mut config.calibrate, most(&of("calibrate"), "calibrate"));
-        put(&mut config.ik, most(&of("ik"), "ik"));
-        put(&mut config.filter, most(&of("filter"), "filter"));
-        put(&mut config.flight, most(&of("flight"), "flight"));
-        let regressor = of("regressor");
-        put(&mut config.flight.margin_s, most(&regressor, "margin_s"));
-        put(&mut config.regressor.window_s, most(&regressor, "window_s"));
-        put(&mut config.regressor.weighting, most(&regressor, "weighting"));
-        put(&mut config.regressor.slow_noise, most(&regressor, "slow_noise"));
-        if let Some(effects) = most(&regressor, "effects") {
-            out.effects = effects_of(&effects);
-        }
-        let identify = of("identify");
-        put(&mut config.identify, most(&identify, "identify"));
-        put(&mut config.regressor.rows, most(&identify, "rows"));
-        put(&mut config.compare, most(&of("compare"), "compare"));
-        for trial in &mut out.trials {
-            let Some(own) = &mut trial.settings else { continue };
-            let of = |stage: &str| ws.manifest(stage, &trial.name).filter(Manifest::is_ok);
-            let value = |stage: &str| of(stage)?.parameters.get(stage).cloned();
-            put(&mut own.import, value("import").and_then(|v| serde_json::from_value(v).ok()));
-            put(&mut own.ik, value("ik").and_then(|v| serde_json::from_value(v).ok()));
-            put(&mut own.flight, value("flight").and_then(|v| serde_json::from_value(v).ok()));
-        }
-        out
+/// The study with the settings that its results were made with, where they differ from those that stand in the pipeline now. Recordings,
+/// names and places are those of now.
+pub fn as_made(study: &Study) -> Study {
+    let ws = Workspace::open(&study.workspace);
+    let of = |stage: &str| made(study, &ws, stage);
+    let mut out = study.clone();
+    let config: &mut PipelineConfig = &mut out.config;
+    let import = of("import");
+    put(&mut config.import, most(&import, "import"));
+    put(&mut out.marker_set, most(&import, "marker_set"));
+    let scale = of("scale");
+    put(&mut config.scale, most(&scale, "scale"));
+    put(&mut config.trials.static_frames, most(&scale, "static_frames"));
+    put(&mut out.model, most(&scale, "model"));
+    put(&mut out.object, most(&scale, "object"));
+    put(&mut out.anthropometry, most(&scale, "anthropometry"));
+    put(&mut out.facts, most::<Facts>(&scale, "facts"));
+    put(&mut config.calibrate, most(&of("calibrate"), "calibrate"));
+    put(&mut config.ik, most(&of("ik"), "ik"));
+    put(&mut config.filter, most(&of("filter"), "filter"));
+    put(&mut config.flight, most(&of("flight"), "flight"));
+    let regressor = of("regressor");
+    put(&mut config.flight.margin_s, most(&regressor, "margin_s"));
+    put(&mut config.regressor.window_s, most(&regressor, "window_s"));
+    put(&mut config.regressor.weighting, most(&regressor, "weighting"));
+    put(&mut config.regressor.slow_noise, most(&regressor, "slow_noise"));
+    if let Some(effects) = most(&regressor, "effects") {
+        out.effects = effects_of(&effects);
     }
+    let identify = of("identify");
+    put(&mut config.identify, most(&identify, "identify"));
+    put(&mut config.regressor.rows, most(&identify, "rows"));
+    put(&mut config.compare, most(&of("compare"), "compare"));
+    for trial in &mut out.trials {
+        let Some(own) = &mut trial.settings else { continue };
+        let of = |stage: &str| ws.manifest(stage, &trial.name).filter(Manifest::is_ok);
+        let value = |stage: &str| of(stage)?.parameters.get(stage).cloned();
+        put(&mut own.import, value("import").and_then(|v| serde_json::from_value(v).ok()));
+        put(&mut own.ik, value("ik").and_then(|v| serde_json::from_value(v).ok()));
+        put(&mut own.flight, value("flight").and_then(|v| serde_json::from_value(v).ok()));
+    }
+    out
 }
 
 /// Effects of a model as they stand in a manifest.

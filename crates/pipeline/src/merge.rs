@@ -4,13 +4,13 @@
 //!
 //! Contact stretches are not in the tree: identification weighs them against the flights first.
 
-use crate::error::{PipelineError, StageFailure};
 use crate::graph::{Job, Manifests};
 use crate::stages::STAGES;
 use crate::stages::regressor::{load_factors, save_factors};
-use crate::study::{Role, Study};
-use crate::workspace::{Manifest, Outcome, Workspace};
 use aloft_regressor::{Factor, RowKind, Stretch, StretchKind};
+use aloft_study::study::{Role, Study};
+use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::workspace::{Manifest, Outcome, Workspace};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::time::Instant;

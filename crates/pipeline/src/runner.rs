@@ -1,21 +1,21 @@
 //! Runs the stages of a study: what is stale, in order, trials side by side; a failure never stops the others. Subjects and
 //! sessions go side by side, too: all their trials share one pool of threads.
 
-use crate::disk;
-use crate::error::{PipelineError, StageFailure};
 use crate::graph::{self, Job, Manifests, Stage, Standing};
 use crate::lanes::Lanes;
 pub use crate::progress::{Plan, Progress, Silent};
-use crate::revision::Revisions;
 use crate::stages::STAGES;
-use crate::studies::StudySet;
-use crate::study::{Study, StudyId, TrialEntry};
-use crate::workspace::{Manifest, Outcome, WHOLE_STUDY, Workspace, WorkspaceLock};
+use aloft_study::revision::Revisions;
+use aloft_study::studies::StudySet;
+use aloft_study::study::{Study, StudyId, TrialEntry};
+use aloft_workspace::disk;
+use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::workspace::{Complete, Manifest, Outcome, WHOLE_STUDY, Workspace, WorkspaceLock};
 use globset::{Glob, GlobSet, GlobSetBuilder};
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, mpsc};
 use std::time::{Duration, Instant};
 
 /// What to run.
@@ -82,6 +82,8 @@ pub struct RunReport {
     pub tasks: Vec<TaskReport>,
     /// What the run found in the workspace and mended, or left alone, in words.
     pub notes: Vec<String>,
+    /// What the disk did not take, in words: these tasks are among the failed ones, and leave what stood there before.
+    pub unwritten: Vec<String>,
     /// Wall time, s.
     pub seconds: f64,
 }
@@ -161,7 +163,8 @@ fn stage_range(selection: &Selection) -> Result<(usize, usize), PipelineError> {
     Ok((from, until))
 }
 
-pub(crate) fn trial_filter(studies: &[&Study], patterns: &[String]) -> Result<Option<GlobSet>, PipelineError> {
+/// Trials that the patterns name, over all studies; none where no pattern is given. A pattern that matches nothing is an error.
+pub fn trial_filter(studies: &[&Study], patterns: &[String]) -> Result<Option<GlobSet>, PipelineError> {
     if patterns.is_empty() {
         return Ok(None);
     }
@@ -225,19 +228,25 @@ pub fn run(study: &Study, selection: &Selection, progress: &dyn Progress) -> Res
     let range = stage_range(selection)?;
     let filter = trial_filter(&[study], &selection.trials)?;
     progress.begin(&plan(&[study], range, filter.as_ref()));
-    let done = run_study(study, range, filter.as_ref(), selection, &Lanes::new(), progress);
+    let done = run_study(study, range, filter.as_ref(), selection, &Lanes::new(1), progress);
     progress.end();
     done
 }
 
-/// Brings everything up to date for somebody who holds the workspace already; the study's effects are taken as they are.
+/// Brings everything up to date for somebody who holds the workspace already; the study's effects are taken as they are. A result that
+/// cannot be written is an error here: what is built on this run would be made from old ones.
 pub fn run_held(study: &Study, _held: &WorkspaceLock, progress: &dyn Progress) -> Result<RunReport, PipelineError> {
     let range = (0, STAGES.len());
     progress.begin(&plan(&[study], range, None));
     let workspace = Workspace::open(&study.workspace);
-    let done = run_stages(study, &workspace, range, None, &Selection::default(), &Lanes::new(), progress);
+    let done = run_stages(study, &workspace, range, None, &Selection::default(), &Lanes::new(1), progress);
     progress.end();
-    done
+    match done {
+        Ok(report) if !report.unwritten.is_empty() => {
+            Err(PipelineError::request_hint(report.unwritten.join("; "), TO_THE_DISK))
+        }
+        done => done,
+    }
 }
 
 /// Runs the selected stages of every member of a set. Their trials share the pool of threads; a member that cannot begin, or
@@ -262,7 +271,7 @@ pub fn run_all(set: &StudySet, selection: &Selection, progress: &dyn Progress) -
         members.iter().map(|_| Mutex::new(None)).collect();
     // one more study under way than threads keeps every thread busy while a study-wide stage runs on one
     let side_by_side = members.len().min(rayon::current_num_threads() + 1);
-    let lanes = Lanes::new();
+    let lanes = Lanes::new(side_by_side);
     std::thread::scope(|scope| {
         for _ in 0..side_by_side {
             scope.spawn(|| {
@@ -393,33 +402,125 @@ fn run_stages(
             }
         }
         progress.stage(&study.id, stage.name, line.len(), todo.len());
-        let results: Vec<Result<(Manifest, TaskReport), PipelineError>> = lanes.each(&todo, |task| {
-            let name = task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
-            let _alone = if selection.shared { Some(workspace.lock_task(stage.name, name)?) } else { None };
-            if selection.shared
-                && !selection.force
-                && let Some(done) = made_meanwhile(stage, task, study, workspace)
-            {
-                return Ok(done);
-            }
-            let (manifest, report) = run_task(stage, task, study, workspace)?;
-            progress.task(&study.id, &report);
-            Ok((manifest, report))
-        });
-        for result in results {
-            let (manifest, task) = result?;
+        for (manifest, task, unwritten) in run_tasks(stage, &todo, study, selection, workspace, lanes, progress)? {
             manifests.insert(manifest);
             line.push(task);
+            report.unwritten.extend(unwritten);
         }
         line.sort_by(|a, b| a.trial.cmp(&b.trial));
         report.tasks.extend(line);
     }
     // runs side by side would overwrite each other's list; each result's own manifest holds its hashes
-    if !selection.dry_run && !selection.shared {
-        workspace.save_input_hashes()?;
+    if !selection.dry_run
+        && !selection.shared
+        && let Err(e) = workspace.save_input_hashes()
+    {
+        report.notes.push(format!("the next run reads every recording again: {e}"));
     }
     report.seconds = started.elapsed().as_secs_f64();
     Ok(report)
+}
+
+/// What to do where the disk does not take a result.
+const TO_THE_DISK: &str = "make room on the disk or make it writable, and run again: what is done is kept";
+
+/// A task that ended: its manifest, its report, and why its result is not in its place, where it is not.
+type Done = (Manifest, TaskReport, Option<String>);
+
+/// Runs the tasks of a stage. Their results go to the disk beside the work on the next ones, all that wait at once.
+fn run_tasks(
+    stage: &'static Stage,
+    todo: &[Task<'_>],
+    study: &Study,
+    selection: &Selection,
+    workspace: &Workspace,
+    lanes: &Lanes,
+    progress: &dyn Progress,
+) -> Result<Vec<Done>, PipelineError> {
+    // each result that waits holds an open file, and systems allow as few as 256 of them
+    let at_once = lanes.share(32);
+    let syncs = lanes.share(disk::SYNCS);
+    let tell = |done: Done| {
+        progress.task(&study.id, &done.1);
+        done
+    };
+    let (hand_over, handed) = mpsc::sync_channel::<(Complete, TaskReport)>(at_once);
+    // it owns the receiver: should it panic, nobody waits for it
+    let place = move || {
+        let mut out = Vec::new();
+        // ends when every sender is gone
+        while let Ok(first) = handed.recv() {
+            let batch = std::iter::once(first).chain(handed.try_iter().take(at_once - 1));
+            let (batch, reports): (Vec<Complete>, Vec<TaskReport>) = batch.unzip();
+            let placed = workspace.place_all(batch, syncs).into_iter().zip(reports);
+            out.extend(placed.map(|((manifest, done), report)| tell(in_place(manifest, report, done))));
+        }
+        out
+    };
+    // none where the result was handed over
+    let one = |task: &Task<'_>,
+               hand_over: &mpsc::SyncSender<(Complete, TaskReport)>|
+     -> Result<Option<Done>, PipelineError> {
+        let name = task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
+        let _alone = if selection.shared { Some(workspace.lock_task(stage.name, name)?) } else { None };
+        if selection.shared
+            && !selection.force
+            && let Some((manifest, report)) = made_meanwhile(stage, task, study, workspace)
+        {
+            return Ok(Some((manifest, report, None)));
+        }
+        let (complete, report) = match run_task(stage, task, study, workspace) {
+            Ok(made) => made,
+            Err(e) => return Ok(Some(tell(not_made(stage, task, study, e)))),
+        };
+        if selection.shared {
+            // a job that shares the workspace holds the lock on its result until the result is in its place
+            let placed = workspace.place_all(vec![complete], syncs).into_iter().zip([report]);
+            return Ok(placed.map(|((manifest, done), report)| tell(in_place(manifest, report, done))).next());
+        }
+        hand_over.send((complete, report)).map_err(|_| stopped())?;
+        Ok(None)
+    };
+    std::thread::scope(|scope| {
+        // this thread uses none of rayon's: those may all wait for it
+        let placing = std::thread::Builder::new().spawn_scoped(scope, place);
+        let placing = placing.map_err(|e| PipelineError::request(format!("cannot begin a thread: {e}")))?;
+        let results: Vec<Result<Option<Done>, PipelineError>> = lanes.each(todo, |task| one(task, &hand_over));
+        drop(hand_over);
+        let mut out = placing.join().map_err(|_| stopped())?;
+        for result in results {
+            out.extend(result?);
+        }
+        Ok(out)
+    })
+}
+
+/// The thread that puts results into their places panicked.
+fn stopped() -> PipelineError {
+    PipelineError::request_hint(
+        "results could not be put into their places: an internal error",
+        "this is a defect of aloft, not of your data; please report it with the line above",
+    )
+}
+
+/// A task whose result was put into its place; one for which this went wrong has failed, also for what reads it in this run.
+fn in_place(mut manifest: Manifest, mut report: TaskReport, done: Result<(), PipelineError>) -> Done {
+    let Err(e) = done else { return (manifest, report, None) };
+    let problem = format!("the result could not be written: {e}");
+    let unwritten = format!("{} of {}: {problem}", manifest.stage, manifest.trial);
+    let failure = StageFailure::with_hint(problem, TO_THE_DISK);
+    manifest.outcome = Outcome::Failed(failure.clone());
+    report.ended = Ended::Failed(failure);
+    report.warnings.clear();
+    (manifest, report, Some(unwritten))
+}
+
+/// A task whose result could not be written at all.
+fn not_made(stage: &'static Stage, task: &Task<'_>, study: &Study, error: PipelineError) -> Done {
+    let manifest = empty_manifest(stage, task, study);
+    let trial = manifest.trial.clone();
+    let report = TaskReport { stage: stage.name, trial, ended: Ended::Ran, warnings: Vec::new(), seconds: 0.0 };
+    in_place(manifest, report, Err(error))
 }
 
 fn upstream_will_change(
@@ -527,12 +628,30 @@ fn unchanged_meanwhile(stage: &Stage, task: &Task<'_>, workspace: &Workspace) ->
     Ok(())
 }
 
+/// What is known of a result before it is made.
+fn empty_manifest(stage: &Stage, task: &Task<'_>, study: &Study) -> Manifest {
+    Manifest {
+        stage: stage.name.to_owned(),
+        trial: task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str()).to_owned(),
+        version: stage.version,
+        parameters: (stage.parameters)(study, task.trial),
+        inputs: task.inputs.hashes.clone(),
+        outcome: Outcome::Ok,
+        warnings: Vec::new(),
+        summary: BTreeMap::new(),
+        output: String::new(),
+        files: BTreeMap::new(),
+        seconds: 0.0,
+        program: env!("CARGO_PKG_VERSION").to_owned(),
+    }
+}
+
 fn run_task(
     stage: &'static Stage,
     task: &Task<'_>,
     study: &Study,
     workspace: &Workspace,
-) -> Result<(Manifest, TaskReport), PipelineError> {
+) -> Result<(Complete, TaskReport), PipelineError> {
     let name = task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
     let scratch = workspace.scratch(stage.name, name)?;
     let started = Instant::now();
@@ -560,24 +679,17 @@ fn run_task(
         }
     };
     let manifest = Manifest {
-        stage: stage.name.to_owned(),
-        trial: name.to_owned(),
-        version: stage.version,
-        parameters: (stage.parameters)(study, task.trial),
-        inputs: task.inputs.hashes.clone(),
         outcome: outcome.clone(),
         warnings: done.warnings.clone(),
         summary: done.summary,
-        output: String::new(),
-        files: BTreeMap::new(),
         seconds,
-        program: env!("CARGO_PKG_VERSION").to_owned(),
+        ..empty_manifest(stage, task, study)
     };
-    let manifest = workspace.commit(scratch, manifest)?;
+    let complete = workspace.complete(scratch, manifest)?;
     let ended = match outcome {
         Outcome::Ok => Ended::Ran,
         Outcome::Failed(f) => Ended::Failed(f),
     };
     let report = TaskReport { stage: stage.name, trial: name.to_owned(), ended, warnings: done.warnings, seconds };
-    Ok((manifest, report))
+    Ok((complete, report))
 }

@@ -1,9 +1,9 @@
 //! Every entry of the explicit slices conforms: stages, effects, built-in configurations; and the documents say so.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests fail by panicking")]
 
-use aloft_pipeline::catalog;
 use aloft_pipeline::graph::Need;
 use aloft_pipeline::stages::STAGES;
+use aloft_study::catalog;
 use std::path::Path;
 
 fn document(name: &str) -> String {
@@ -70,11 +70,8 @@ fn prop_every_shipped_pipeline_parses() {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         let text = std::fs::read_to_string(&path).unwrap();
-        aloft_pipeline::config::parse_yaml::<aloft_pipeline::config::PipelineConfig>(
-            &path.display().to_string(),
-            &text,
-        )
-        .unwrap();
+        aloft_study::config::parse_yaml::<aloft_study::config::PipelineConfig>(&path.display().to_string(), &text)
+            .unwrap();
         n += 1;
     }
     assert!(n >= 4);

@@ -5,21 +5,21 @@
 
 use aloft_body::{BaseParameters, Subject};
 use aloft_identify::{IdentifyOptions, LinkPrior, identify};
-use aloft_pipeline::artifact::load_motion;
 use aloft_pipeline::runner::{Selection, Silent, run};
-use aloft_pipeline::study::{Overrides, Study};
-use aloft_pipeline::workspace::{WHOLE_STUDY, Workspace};
 use aloft_regressor::{
     AccelerationOptions, Acting, CoordinateNoise, Factor, Noise, Stretch, WeakOptions, acceleration_factor, weak_factor,
 };
 use aloft_simulate::{Scenario, simulate};
+use aloft_study::study::{Overrides, Study};
+use aloft_workspace::artifact::load_motion;
+use aloft_workspace::workspace::{WHOLE_STUDY, Workspace};
 use std::path::Path;
 
 /// A laboratory with this gravity on disk, its pipeline run until the motion is filtered, and its truth.
 fn laboratory(gravity_mps2: f64, folder: &Path) -> (Study, serde_json::Value) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let text = std::fs::read_to_string(root.join("fixtures/scenarios/demo.yaml")).unwrap();
-    let mut scenario: Scenario = serde_yaml::from_str(&text).unwrap();
+    let mut scenario: Scenario = aloft_study::config::parse_yaml("scenario", &text).unwrap();
     scenario.hidden.clear();
     scenario.seed = 77;
     scenario.capture.gravity_mps2 = gravity_mps2;

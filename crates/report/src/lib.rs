@@ -1,19 +1,95 @@
-//! One self-contained page that tells the story: lights, text, tables, charts, a player for 3-D recordings. Works offline.
+//! `report`: the page that tells the story of a study to someone who was not there.
 //!
-//! The page is generic on purpose: what is told, and in which order, is decided where the results are known (`pipeline`);
-//! how it looks is decided here. A [`Page`] has [`Chapter`]s, of which the reader sees one at a time; a chapter has
-//! [`Section`]s of [`Block`]s. Numbers travel inside the page, packed ([`pack`]), and are drawn when they come into view:
-//! a page of many recordings opens at once. Every table and figure saves its numbers as CSV.
+//! One file a chapter. `story` reads the workspace once; `lights` judges; the chapters choose what to say.
 
-mod figure;
-pub mod pack;
-mod page;
-mod player;
-mod render;
-mod table;
+mod anthropometry;
+mod calibration;
+mod candidates;
+mod discovery;
+mod filtering;
+mod flights;
+mod group;
+mod kinematics;
+mod ladder;
+mod lights;
+mod methods;
+mod overview;
+mod parameters;
+mod prediction;
+mod residuals;
+mod series;
+mod set;
+mod skeleton;
+mod story;
+mod trial;
+mod words;
 
-pub use figure::{Band, Columns, Dots, Figure, HeatMap, Line, Panel, Series, Shade, Words};
-pub use page::{Block, Card, Chapter, Light, Page, Section};
-pub use player::{Animation, Arrows};
-pub use render::{ReportError, render};
-pub use table::{Cell, Table};
+use aloft_page::{Chapter, Page, render};
+use aloft_study::study::Study;
+use aloft_workspace::error::PipelineError;
+pub use group::{Absent, Member};
+use rayon::prelude::*;
+pub use set::{SetReport, write_set};
+use std::path::{Path, PathBuf};
+use story::Story;
+
+/// Heading of the chapters about the whole study.
+const STUDY: &str = "Study";
+/// Heading of the chapters about one recording each.
+const RECORDINGS: &str = "Recordings";
+
+/// Builds the page and writes it; returns where.
+pub fn write(study: &Study, out: Option<&Path>) -> Result<PathBuf, PipelineError> {
+    let html = render(&page(study)?).map_err(|e| PipelineError::request(e.to_string()))?;
+    let path = out.map_or_else(|| study.workspace.join("report.html"), Path::to_path_buf);
+    aloft_workspace::workspace::write_whole(&path, html.as_bytes())?;
+    Ok(path)
+}
+
+/// Builds the page of a study of several subjects and writes it; the subjects' own pages are written by [`write()`].
+pub fn write_group(
+    title: &str,
+    members: &[Member<'_>],
+    absent: &[Absent],
+    out: &Path,
+) -> Result<PathBuf, PipelineError> {
+    let html = render(&group::page(title, members, absent)?).map_err(|e| PipelineError::request(e.to_string()))?;
+    aloft_workspace::workspace::write_whole(out, html.as_bytes())?;
+    Ok(out.to_path_buf())
+}
+
+fn page(now: &Study) -> Result<Page, PipelineError> {
+    let study = &aloft_pipeline::made::as_made(now);
+    let story = Story::read(study, now)?;
+    let mut chapters = vec![overview::chapter(&story)];
+    chapters.extend(prediction::chapter(&story));
+    chapters.push(discovery::chapter(&story));
+    chapters.extend(parameters::chapter(&story));
+    chapters.push(kinematics::chapter(&story));
+    chapters.push(methods::chapter(&story));
+    let shown: Vec<_> = story.trials.iter().filter(|t| t.entry.role.is_dynamic() || !t.failures.is_empty()).collect();
+    let recordings: Vec<Chapter> = shown.par_iter().map(|t| trial::chapter(&story, t)).collect();
+    chapters.extend(recordings);
+    let person = &study.facts.person;
+    let flights = story.found.as_ref().map_or(0, |f| f.parameters.n_stretches);
+    let mut facts = vec![study.config.name.clone()];
+    if words::short(&person.name) != person.name {
+        facts.push(person.name.clone());
+    }
+    facts.push(words::count(study.included().count(), "recording"));
+    facts.push(words::count(flights, "flight"));
+    facts.push(format!("mass {} kg", person.mass_kg));
+    facts.extend(person.height_m.map(|h| format!("height {h} m")));
+    let sources = &study.facts.sources;
+    Ok(Page {
+        title: format!("{}: mass properties from flight", words::short(&person.name)),
+        subtitle: facts.join(" · "),
+        chapters,
+        footer: vec![format!(
+            "aloft {} · pipeline {} · facts from {} · every number of a figure or table: its CSV button; full rate: the Parquet tables of the workspace",
+            env!("CARGO_PKG_VERSION"),
+            study.config.name,
+            if sources.is_empty() { "the pipeline".to_owned() } else { sources.join(" and ") }
+        )],
+    })
+}

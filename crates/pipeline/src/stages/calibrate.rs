@@ -3,16 +3,17 @@
 //! Recordings held out for comparison take no part, unless `calibrate: {validation: true}` brings them back: their markers would shape the
 //! geometry that they are meant to judge.
 
-use crate::artifact::{load_markers, trial_length};
-use crate::config::Switch;
-use crate::error::StageFailure;
-use crate::graph::{Done, Job, Need, Scope, Stage, key};
+use crate::graph::{Done, Job, Need, Scope, Stage};
 use crate::stages::scale::{load_locked, save_subject};
-use crate::study::Role;
-use crate::workspace::{WHOLE_STUDY, read_json, write_json};
 use aloft_body::Subject;
 use aloft_ik::{CalibrateOptions, Calibration, Clip, IkError, IkOptions, calibrate_clips, shares};
 use aloft_scale::{JointUncertainty, StaticAnatomy, attach_prior};
+use aloft_study::config::Switch;
+use aloft_study::study::Role;
+use aloft_workspace::artifact::{load_markers, trial_length};
+use aloft_workspace::error::StageFailure;
+use aloft_workspace::key::key;
+use aloft_workspace::workspace::{WHOLE_STUDY, read_json, write_json};
 use rayon::prelude::*;
 use serde_json::json;
 

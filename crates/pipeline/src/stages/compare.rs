@@ -1,16 +1,10 @@
 //! `compare`: predicted against measured wrench on held-out motion; the residual wrench in flight.
 
-use crate::artifact::{load_markers, plate_centers, trial_rate};
-use crate::config::Rows;
-use crate::error::StageFailure;
-use crate::graph::{Done, Job, Need, Scope, Stage, key};
+use crate::graph::{Done, Job, Need, Scope, Stage};
 use crate::stages::filter::low_pass;
 use crate::stages::identify::{Predicting, identify_from, training_factors};
 use crate::stages::ik::fit_options;
 use crate::stages::regressor::{TrialRows, effect_columns};
-use crate::study::{Role, Study};
-use crate::table::Table;
-use crate::workspace::{WHOLE_STUDY, read_json, write_json};
 use aloft_body::{BaseParameters, Motion, Subject};
 use aloft_compare::{
     Body, Candidate, CompareError, CompareOptions, Comparison, Filtering, Measured, Noise, NoiseFloor, PlateDrift,
@@ -20,6 +14,13 @@ use aloft_flight::{PlateTare, TareSource};
 use aloft_identify::{Estimator, Parameters};
 use aloft_ik::{MarkerErrors, smooth};
 use aloft_regressor::{EffectColumns, Factor, Stretch};
+use aloft_study::config::Rows;
+use aloft_study::study::{Role, Study};
+use aloft_workspace::artifact::{load_markers, plate_centers, trial_rate};
+use aloft_workspace::error::StageFailure;
+use aloft_workspace::key::key;
+use aloft_workspace::table::Table;
+use aloft_workspace::workspace::{WHOLE_STUDY, read_json, write_json};
 use nalgebra::{DVector, Vector3, Vector6};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

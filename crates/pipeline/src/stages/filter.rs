@@ -1,14 +1,15 @@
 //! `filter`: joint coordinates through the zero-phase low-pass, with velocities and accelerations on the manifold.
 
-use crate::artifact::save_motion;
-use crate::config::Correction;
-use crate::error::StageFailure;
-use crate::graph::{Done, Job, Need, Scope, Stage, key};
-use crate::study::{Role, Study};
-use crate::workspace::write_json;
+use crate::graph::{Done, Job, Need, Scope, Stage};
 use aloft_ik::smooth;
 use aloft_signal::residual_analysis::{default_cutoffs, residual_analysis};
 use aloft_signal::{CutoffCorrection, LowPass};
+use aloft_study::config::Correction;
+use aloft_study::study::{Role, Study};
+use aloft_workspace::artifact::save_motion;
+use aloft_workspace::error::StageFailure;
+use aloft_workspace::key::key;
+use aloft_workspace::workspace::write_json;
 use serde_json::json;
 
 /// The stage.

@@ -1,18 +1,19 @@
 //! `flight`: the intervals in which no external force acts, and what the plates read when nothing stands on them.
 
-use crate::artifact::load_trial_without_points;
-use crate::config::FlightSource;
-use crate::error::StageFailure;
-use crate::graph::{Done, Job, Need, Scope, Stage, key};
-use crate::qc::QcReason;
-use crate::study::Role;
-use crate::workspace::{read_json, write_json};
+use crate::graph::{Done, Job, Need, Scope, Stage};
 use aloft_body::{Motion, Subject};
 use aloft_flight::{
     FlightMethod, FlightOptions, FlightReport, ImpulseMass, PlateTare, TareSource, apply_tare, find_flights,
     impulse_masses, plate_wrench_at_marker_rate, tare, total_wrench,
 };
+use aloft_study::config::FlightSource;
+use aloft_study::study::Role;
 use aloft_trial::Trial;
+use aloft_workspace::artifact::load_trial_without_points;
+use aloft_workspace::error::StageFailure;
+use aloft_workspace::key::key;
+use aloft_workspace::qc::QcReason;
+use aloft_workspace::workspace::{read_json, write_json};
 use serde_json::json;
 
 /// The stage.

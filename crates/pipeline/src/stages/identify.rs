@@ -1,17 +1,18 @@
 //! `identify`: base parameters from the factors of all flights, with weak rows and with the paper's beside them.
 
-use crate::config::{Estimator as Choice, Rows};
-use crate::error::StageFailure;
-use crate::graph::{Done, Job, Need, Scope, Stage, key};
+use crate::graph::{Done, Job, Need, Scope, Stage};
 use crate::merge;
 use crate::stages::regressor::{load_factors, load_slides, row_kind};
-use crate::study::{Role, Study};
-use crate::workspace::{WHOLE_STUDY, read_json, write_json};
 use aloft_body::{BaseParameters, Subject};
 use aloft_identify::{
     ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, Prior, identify_with_slides, point_estimate,
 };
 use aloft_regressor::{Factor, RowKind, Slides, Stretch, StretchKind, leave_group_out};
+use aloft_study::config::{Estimator as Choice, Rows};
+use aloft_study::study::{Role, Study};
+use aloft_workspace::error::StageFailure;
+use aloft_workspace::key::key;
+use aloft_workspace::workspace::{WHOLE_STUDY, read_json, write_json};
 use nalgebra::DVector;
 use serde_json::json;
 use std::collections::HashMap;

@@ -1,14 +1,15 @@
 //! `ik`: markers to joint motion, frame by frame; a bad frame is marked, never fatal.
 
-use crate::artifact::save_motion;
-use crate::error::StageFailure;
-use crate::graph::{Done, Job, Need, Scope, Stage, key};
-use crate::qc::QcReason;
+use crate::graph::{Done, Job, Need, Scope, Stage};
 use crate::stages::scale::load_locked;
-use crate::study::Role;
-use crate::workspace::write_json;
 use aloft_body::{Motion, Subject};
 use aloft_ik::{IkOptions, IkReport, smooth, solve};
+use aloft_study::study::Role;
+use aloft_workspace::artifact::save_motion;
+use aloft_workspace::error::StageFailure;
+use aloft_workspace::key::key;
+use aloft_workspace::qc::QcReason;
+use aloft_workspace::workspace::write_json;
 use serde_json::json;
 
 /// The stage.

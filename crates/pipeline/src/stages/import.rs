@@ -1,17 +1,18 @@
 //! `import`: one recording to a [`Trial`] in SI and the world frame, labels canonical, short gaps filled, artefacts found.
 
-use crate::artifact::save_trial;
-use crate::config::Vertical;
-use crate::error::{PipelineError, StageFailure};
-use crate::graph::{Done, Job, Need, Scope, Stage, key};
-use crate::qc::QcReason;
-use crate::quote;
-use crate::study::{Role, Study, TrialEntry, bids_beside};
-use crate::workspace::write_json;
+use crate::graph::{Done, Job, Need, Scope, Stage};
+use aloft_study::config::Vertical;
+use aloft_study::quote;
+use aloft_study::study::{Role, Study, TrialEntry, bids_beside};
 use aloft_trial::{
     ArtefactOptions, BidsMotion, GapOptions, ImportOptions, QualityOptions, Severity, Trial, TrialQuality, UpAxis,
 };
 use aloft_trial::{MarkerSetMatch, apply_marker_set, assess, fill_gaps, find_artefacts};
+use aloft_workspace::artifact::save_trial;
+use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::key::key;
+use aloft_workspace::qc::QcReason;
+use aloft_workspace::workspace::write_json;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -83,7 +84,7 @@ pub fn read_file(
         let mot = forces.map(text).transpose()?;
         return Trial::from_trc_mot(name, &trc, mot.as_deref(), options).map_err(label);
     }
-    if crate::study::is_bids(file) {
+    if aloft_study::study::is_bids(file) {
         return read_bids(name, file, options);
     }
     let bytes = std::fs::read(file).map_err(PipelineError::io("read", file))?;
@@ -97,11 +98,11 @@ fn read_bids(name: &str, file: &std::path::Path, options: &ImportOptions) -> Res
     let files = bids_beside(file);
     let ending = |end: &str| files.iter().find(|f| f.to_string_lossy().ends_with(end));
     let json = |end: &str| -> Result<serde_json::Value, PipelineError> {
-        ending(end).map_or(Ok(serde_json::Value::Null), |p| crate::workspace::read_json(p))
+        ending(end).map_or(Ok(serde_json::Value::Null), |p| aloft_workspace::workspace::read_json(p))
     };
     let Some(channels) = ending("_channels.tsv") else {
         return Err(StageFailure::with_hint(
-            format!("{}: there is no {}_channels.tsv beside it", file.display(), crate::study::stem_of(file)),
+            format!("{}: there is no {}_channels.tsv beside it", file.display(), aloft_study::study::stem_of(file)),
             "BIDS-Motion keeps the names of the columns in that file: export it, too",
         )
         .because(QcReason::UnreadableFile));

@@ -1,14 +1,14 @@
 //! What `scale` and `calibrate` do for objects: link frames as markers define them, joints found from motion.
 
-use crate::config::Switch;
-use crate::error::StageFailure;
 use crate::graph::{Done, Job};
 use crate::stages::calibrate::may_teach;
 use crate::stages::scale::save_subject;
-use crate::study::Role;
-use crate::workspace::write_json;
 use aloft_scale::{ObjectInput, ObjectOptions, ObjectSpec, ScaledObject, scale_object};
+use aloft_study::config::Switch;
+use aloft_study::study::Role;
 use aloft_trial::Trial;
+use aloft_workspace::error::StageFailure;
+use aloft_workspace::workspace::write_json;
 
 fn specification(job: &Job<'_>) -> Result<ObjectSpec, StageFailure> {
     let mut spec = job.study.object.clone().ok_or_else(|| StageFailure::new("the pipeline names no object"))?;

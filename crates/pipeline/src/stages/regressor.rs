@@ -1,14 +1,7 @@
 //! `regressor`: one triangular factor a flight and a contact stretch, from weak rows and from the paper's rows.
 
-use crate::config::{Rows, Weighting};
-use crate::effects::KnownEffects;
-use crate::error::{PipelineError, StageFailure};
-use crate::graph::{Done, Job, Need, Scope, Stage, key};
-use crate::session::Calendar;
+use crate::graph::{Done, Job, Need, Scope, Stage};
 use crate::stages::filter::low_pass;
-use crate::study::{Role, Study};
-use crate::table::Table;
-use crate::workspace::{read_json, write_json};
 use aloft_body::{BaseParameters, Motion, Subject};
 use aloft_effects::{PlateSeries, Scene, Span, TrialMotion, columns_about};
 use aloft_flight::{FlightReport, plate_wrench_at_marker_rate, total_wrench};
@@ -17,7 +10,15 @@ use aloft_regressor::{
     AccelerationOptions, Acting, Columns, CoordinateNoise, EffectColumns, Factor, Noise, RegressorError, RowKind,
     Slides, Stretch, StretchKind, Tissue, WeakOptions, acceleration_factor, weak_factor, weak_factor_with_tissue,
 };
+use aloft_study::config::{Rows, Weighting};
+use aloft_study::effects::KnownEffects;
+use aloft_study::session::{Calendar, asks_session_time};
+use aloft_study::study::{Role, Study};
 use aloft_trial::{SessionSource, Trial};
+use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::key::key;
+use aloft_workspace::table::Table;
+use aloft_workspace::workspace::{read_json, write_json};
 use nalgebra::{DMatrix, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -48,11 +49,6 @@ pub static STAGE: Stage = Stage {
     },
     run,
 };
-
-/// True for an effect that asks when in the session a recording was made.
-pub fn asks_session_time(id: &str) -> bool {
-    aloft_effects::effect(id).is_ok_and(|e| e.about().uses_session_time)
-}
 
 #[derive(Serialize, Deserialize)]
 struct FactorHead {

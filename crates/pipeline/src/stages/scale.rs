@@ -1,11 +1,12 @@
 //! `scale`: the static trial to this body's own model, marker places and prior inertias.
 
-use crate::error::StageFailure;
-use crate::graph::{Done, Job, Need, Scope, Stage, key};
-use crate::study::{Role, Study};
-use crate::workspace::{WHOLE_STUDY, read_json, write_json};
+use crate::graph::{Done, Job, Need, Scope, Stage};
 use aloft_body::Subject;
 use aloft_scale::{HipMethod, PersonInput, ScaleOptions, Scaled, scale_person};
+use aloft_study::study::{Role, Study};
+use aloft_workspace::error::StageFailure;
+use aloft_workspace::key::key;
+use aloft_workspace::workspace::{WHOLE_STUDY, read_json, write_json};
 use serde_json::json;
 
 /// The stage.

@@ -1,0 +1,383 @@
+//! `parameters --assess`: how far the identified parameters may be trusted, by trials on the data at hand.
+//!
+//! Three questions, each answered by doing it: what would other window lengths have given; does the noise of the markers bias the
+//! estimate (SIMEX); which motion, recorded next, would improve the worst parameters most. Slower than identification itself, so it runs
+//! on request; the answer stays in the workspace and is shown with the parameters until they change.
+
+use crate::estimators::with_job;
+use aloft_body::{BaseParameters, Motion, Phi};
+use aloft_compare::noise_root;
+use aloft_identify::{
+    AdviceOptions, ClusterBy, Estimator, LinkPrior, MotionAdvice, Parameters, Prior, WindowChoice, add_noise,
+    choose_window, excitation_advice, point_estimate, simex,
+};
+use aloft_ik::smooth;
+use aloft_pipeline::graph::Job;
+use aloft_pipeline::stages::filter::low_pass;
+use aloft_pipeline::stages::identify::{estimator, identify_from};
+use aloft_pipeline::stages::regressor::{TrialRows, weak_options};
+use aloft_regressor::{
+    AccelerationOptions, Acting, CoordinateNoise, Factor, RegressorError, Stretch, StretchKind, WeakOptions,
+    acceleration_factor, weak_factor,
+};
+use aloft_study::config::Rows;
+use aloft_study::study::{Role, Study};
+use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::seal;
+use aloft_workspace::workspace::{WHOLE_STUDY, Workspace};
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// Window lengths that are tried, s; 0 is the default, by the length of each flight.
+const WINDOWS_S: [f64; 7] = [0.0, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4];
+/// Window of the rows on which all lengths are judged, s.
+const YARDSTICK_S: f64 = 0.25;
+/// Variances of added noise in units of what the data carry.
+const LEVELS: [f64; 4] = [0.0, 0.5, 1.0, 2.0];
+/// Draws of each level.
+const REPLICATES: usize = 6;
+/// At most so many flights take part in the trials of windows and noise, evenly taken: more do not change the answer.
+const MOST_FLIGHTS: usize = 24;
+/// Motions shown.
+const MOTIONS: usize = 6;
+
+/// What noise does to one parameter.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct NoiseBias {
+    /// Name.
+    pub name: String,
+    /// Estimate from the data as they are.
+    pub value: f64,
+    /// By how much noise has moved it.
+    pub bias: f64,
+    /// Standard error of that, from the spread among draws.
+    pub bias_se: f64,
+    /// Standard error of the parameter.
+    pub se: f64,
+    /// Unit.
+    pub unit: String,
+}
+
+/// Errors in variables for one kind of rows.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ErrorsInVariables {
+    /// `weak` or `paper`.
+    pub rows: String,
+    /// Estimator.
+    pub estimator: String,
+    /// Flights that took part.
+    pub flights: usize,
+    /// Added variances, in units of the data's own.
+    pub levels: Vec<f64>,
+    /// Draws of each level.
+    pub replicates: usize,
+    /// Largest bias of any parameter in its standard errors.
+    pub largest_in_se: f64,
+    /// Parameters whose bias exceeds half a standard error and is no chance (twice its own standard error).
+    pub biased: usize,
+    /// Every parameter but the mass.
+    pub parameters: Vec<NoiseBias>,
+    /// In words.
+    pub words: String,
+}
+
+/// The whole assessment.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Assessment {
+    /// Version of this structure.
+    pub version: u32,
+    /// Hash of the identification that it speaks of.
+    pub of: String,
+    /// Window lengths.
+    pub window: Option<WindowChoice>,
+    /// Errors in variables, weak rows first.
+    pub errors_in_variables: Vec<ErrorsInVariables>,
+    /// Kinds of motion, the most useful first.
+    pub motions: Vec<MotionAdvice>,
+    /// What could not be tried, and why.
+    pub notes: Vec<String>,
+}
+
+fn place(study: &Study) -> PathBuf {
+    study.workspace.join("assessment.json")
+}
+
+fn identification(ws: &Workspace) -> Option<String> {
+    ws.manifest("identify", WHOLE_STUDY).filter(|m| m.is_ok()).map(|m| m.output)
+}
+
+/// The assessment that lies in the workspace, if it speaks of the present parameters.
+pub fn stored(study: &Study) -> Result<Option<Assessment>, PipelineError> {
+    let ws = Workspace::open(&study.workspace);
+    let found: Option<Assessment> = seal::read_if_there(&place(study))?;
+    Ok(found.filter(|f| Some(&f.of) == identification(&ws).as_ref()))
+}
+
+/// One trial's material.
+struct Recorded {
+    rows: TrialRows,
+    flights: Vec<Stretch>,
+}
+
+/// What all trials share.
+struct Setting<'a> {
+    study: &'a Study,
+    recorded: &'a [Recorded],
+    base: BaseParameters,
+    phi: Vec<Phi>,
+    links: LinkPrior,
+    prior: Prior,
+    mass_kg: f64,
+}
+
+/// Tries window lengths, noise and motions; keeps the answer in the workspace.
+pub fn assess(study: &Study) -> Result<Assessment, PipelineError> {
+    let study = &aloft_pipeline::made::as_made(study);
+    let ws = Workspace::open(&study.workspace);
+    let of = identification(&ws).ok_or_else(|| {
+        PipelineError::request_hint(
+            format!("nothing was identified in {}", study.workspace.display()),
+            format!("run `aloft run {}` first", aloft_study::quote::path(&study.config_path)),
+        )
+    })?;
+    let found = with_job(study, |job| {
+        let recorded = load(job)?;
+        let Some(first) = recorded.first() else { return Err(StageFailure::new("no trial has a flight")) };
+        let subject = &first.rows.subject;
+        let base = BaseParameters::of(&subject.model);
+        let links = LinkPrior::of_subject(subject).map_err(|e| StageFailure::new(e.to_string()))?;
+        let setting = Setting {
+            study,
+            recorded: &recorded,
+            phi: subject.prior_phi(),
+            prior: links.base(&base).map_err(|e| StageFailure::new(e.to_string()))?,
+            mass_kg: subject.facts.mass_kg,
+            base,
+            links,
+        };
+        setting.assess(job, of.clone())
+    })?;
+    if identification(&Workspace::open(&study.workspace)).as_ref() != Some(&found.of) {
+        return Err(PipelineError::request("the results changed while they were assessed; assess them again"));
+    }
+    seal::write_whole(&place(study), &found)?;
+    Ok(found)
+}
+
+fn load(job: &Job<'_>) -> Result<Vec<Recorded>, StageFailure> {
+    let names: Vec<String> = job
+        .trials_of("regressor")
+        .into_iter()
+        .filter(|n| job.study.trial(n).is_some_and(|t| t.role == Role::Identify))
+        .collect();
+    let all: Vec<Recorded> = names
+        .par_iter()
+        .map(|name| {
+            let rows = TrialRows::load(job, name)?;
+            let flights = rows.stretches.iter().filter(|s| s.kind == StretchKind::Flight).cloned().collect();
+            Ok(Recorded { rows, flights })
+        })
+        .collect::<Result<_, StageFailure>>()?;
+    Ok(all.into_iter().filter(|r| !r.flights.is_empty()).collect())
+}
+
+/// Every k-th flight so that at most `MOST_FLIGHTS` are left.
+fn sample(recorded: &[Recorded]) -> Vec<(usize, Stretch)> {
+    let all: Vec<(usize, Stretch)> =
+        recorded.iter().enumerate().flat_map(|(i, r)| r.flights.iter().map(move |s| (i, s.clone()))).collect();
+    let step = all.len().div_ceil(MOST_FLIGHTS).max(1);
+    all.into_iter().step_by(step).collect()
+}
+
+fn stop(e: impl std::fmt::Display) -> StageFailure {
+    StageFailure::new(e.to_string())
+}
+
+impl Setting<'_> {
+    fn assess(&self, job: &Job<'_>, of: String) -> Result<Assessment, StageFailure> {
+        let flights = sample(self.recorded);
+        let mut notes = Vec::new();
+        let window = self.windows(&flights).unwrap_or_else(|f| {
+            notes.push(format!("window lengths: {}", f.problem));
+            None
+        });
+        let mut errors_in_variables = Vec::new();
+        match self.noise() {
+            Some(root) => {
+                for rows in Rows::ALL {
+                    let Some(parameters) = job.load_parameters(rows)? else { continue };
+                    match self.errors_in_variables(rows, &parameters, &flights, &root) {
+                        Ok(found) => errors_in_variables.push(found),
+                        Err(f) => notes.push(format!("errors in variables, {} rows: {}", rows.word(), f.problem)),
+                    }
+                }
+            }
+            None => notes.push("errors in variables: too few frames to see the markers' noise".to_owned()),
+        }
+        let motions = self.motions().unwrap_or_else(|f| {
+            notes.push(format!("motions to add: {}", f.problem));
+            Vec::new()
+        });
+        Ok(Assessment { version: 1, of, window, errors_in_variables, motions, notes })
+    }
+
+    fn base_prior(&self) -> Option<&Prior> {
+        self.study.object.is_none().then_some(&self.prior)
+    }
+
+    fn weak(&self, flights: &[(usize, Stretch)], options: &WeakOptions) -> Result<Vec<Factor>, StageFailure> {
+        flights
+            .par_iter()
+            .map(|(i, s)| self.weak_rows(&self.recorded[*i].rows.motion, s, options))
+            .collect::<Result<_, _>>()
+            .map_err(stop)
+    }
+
+    fn weak_rows(&self, motion: &Motion, flight: &Stretch, options: &WeakOptions) -> Result<Factor, RegressorError> {
+        let model = &self.recorded[0].rows.subject.model;
+        weak_factor(model, &self.base, &self.phi, motion, flight, Acting::nothing(), options, None)
+    }
+
+    fn windows(&self, flights: &[(usize, Stretch)]) -> Result<Option<WindowChoice>, StageFailure> {
+        let of = |window_s: f64| {
+            let options = WeakOptions { window_s: (window_s > 0.0).then_some(window_s), ..WeakOptions::default() };
+            self.weak(flights, &options)
+        };
+        let candidates: Vec<(f64, Vec<Factor>)> =
+            WINDOWS_S.iter().map(|w| Ok((*w, of(*w)?))).collect::<Result<_, StageFailure>>()?;
+        choose_window(&candidates, &of(YARDSTICK_S)?, self.mass_kg, self.base_prior(), ClusterBy::Stretch)
+            .map(Some)
+            .map_err(stop)
+    }
+
+    /// The markers' noise in joint coordinates, from the recording that shows it in most frames.
+    fn noise(&self) -> Option<DMatrix<f64>> {
+        let longest = self.recorded.iter().max_by_key(|r| r.rows.motion.n_frames())?;
+        noise_root(&longest.rows.subject.model, &longest.rows.filtered, &longest.rows.motion)
+    }
+
+    fn errors_in_variables(
+        &self,
+        rows: Rows,
+        parameters: &Parameters,
+        flights: &[(usize, Stretch)],
+        root: &DMatrix<f64>,
+    ) -> Result<ErrorsInVariables, StageFailure> {
+        let model = &self.recorded[0].rows.subject.model;
+        let chosen = match estimator(self.study, rows) {
+            Estimator::Regularised { .. } => Estimator::Regularised { weight: Some(parameters.prior_weight.max(1.0)) },
+            other => other,
+        };
+        let weak = weak_options(self.study);
+        let acceleration =
+            AccelerationOptions { margin_s: self.study.config.flight.margin_s, ..AccelerationOptions::default() };
+        let filter = low_pass(self.study);
+        let noise = CoordinateNoise::Root(root);
+        let found = simex(&LEVELS, REPLICATES, |level, replicate| {
+            let mut factors = Vec::with_capacity(flights.len());
+            for (i, recorded) in self.recorded.iter().enumerate() {
+                let own: Vec<&Stretch> = flights.iter().filter(|(j, _)| *j == i).map(|(_, s)| s).collect();
+                if own.is_empty() {
+                    continue;
+                }
+                let seed = ((replicate as u64) << 32) | i as u64;
+                let clean = &recorded.rows.motion;
+                let noisy = if level > 0.0 { &add_noise(model, clean, &noise, level.sqrt(), seed)? } else { clean };
+                if rows == Rows::Weak {
+                    for s in own {
+                        factors.push(self.weak_rows(noisy, s, &weak)?);
+                    }
+                } else {
+                    let filtered = smooth(model, noisy, Some(filter))
+                        .map_err(|e| aloft_identify::IdentifyError::Numeric(e.to_string()))?;
+                    for s in own {
+                        match acceleration_factor(model, &self.base, &filtered, s, Acting::nothing(), &acceleration) {
+                            Err(RegressorError::TooShort { .. }) => {}
+                            other => factors.push(other?),
+                        }
+                    }
+                }
+            }
+            point_estimate(&Factor::merge(&factors)?, self.mass_kg, self.base_prior(), chosen)
+        })
+        .map_err(stop)?;
+        let biases: Vec<NoiseBias> = parameters
+            .base
+            .iter()
+            .enumerate()
+            .skip(1)
+            .map(|(i, b)| NoiseBias {
+                name: b.name.clone(),
+                value: found.naive[i],
+                bias: found.bias[i],
+                bias_se: found.extrapolation_se[i],
+                se: b.se,
+                unit: b.unit.clone(),
+            })
+            .collect();
+        let in_se = |b: &NoiseBias| b.bias.abs() / b.se;
+        let worst = biases.iter().filter(|b| in_se(b).is_finite()).max_by(|a, b| in_se(a).total_cmp(&in_se(b)));
+        let (largest_in_se, name) = worst.map_or((f64::NAN, ""), |b| (in_se(b), b.name.as_str()));
+        let biased = biases.iter().filter(|b| in_se(b) > 0.5 && b.bias.abs() > 2.0 * b.bias_se).count();
+        let words = format!(
+            "noise of the markers moves {} rows' parameters by at most {largest_in_se:.2} standard errors ({name}); {}",
+            rows.word(),
+            match biased {
+                0 => "no parameter by more than half of one".to_owned(),
+                n => format!("{n} of {} by more than half of one", biases.len()),
+            }
+        );
+        Ok(ErrorsInVariables {
+            rows: rows.word().to_owned(),
+            estimator: chosen.name().to_owned(),
+            flights: flights.len(),
+            levels: LEVELS.to_vec(),
+            replicates: REPLICATES,
+            largest_in_se,
+            biased,
+            parameters: biases,
+            words,
+        })
+    }
+
+    fn motions(&self) -> Result<Vec<MotionAdvice>, StageFailure> {
+        let every: Vec<(usize, Stretch)> =
+            self.recorded.iter().enumerate().flat_map(|(i, r)| r.flights.iter().map(move |s| (i, s.clone()))).collect();
+        let weak = weak_options(self.study);
+        let factors = self.weak(&every, &weak)?;
+        let Some(first) = self.recorded.first() else { return Ok(Vec::new()) };
+        let subject = &first.rows.subject;
+        let pairs: Vec<(Stretch, Factor)> = every.iter().map(|(_, s)| s.clone()).zip(factors.clone()).collect();
+        let found = identify_from(self.study, subject, &pairs, estimator(self.study, Rows::Weak), 0)?;
+        // the posture in the middle of the middle flight
+        let (i, flight) = &every[every.len() / 2];
+        let motion = &self.recorded[*i].rows.motion;
+        let frames = flight.first_frame..flight.end_frame;
+        let middle = (frames.start + frames.end) / 2;
+        let posture = frames
+            .filter(|f| motion.is_valid(*f))
+            .min_by_key(|f| f.abs_diff(middle))
+            .map(|f| motion.q(f))
+            .ok_or_else(|| StageFailure::new("no frame of the middle flight was solved"))?;
+        let durations =
+            every.iter().map(|(i, s)| (s.end_frame - s.first_frame) as f64 / self.recorded[*i].rows.motion.rate_hz);
+        let flight_s = durations.sum::<f64>() / every.len() as f64;
+        let options = AdviceOptions { flight_s, rate_hz: motion.rate_hz.min(200.0), ..AdviceOptions::default() };
+        let mut advice = excitation_advice(
+            &subject.model,
+            &self.base,
+            &factors,
+            self.mass_kg,
+            &self.links,
+            posture,
+            found.row_sd,
+            &weak,
+            &options,
+        )
+        .map_err(stop)?;
+        advice.truncate(MOTIONS);
+        Ok(advice)
+    }
+}

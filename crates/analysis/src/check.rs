@@ -1,0 +1,144 @@
+//! `check`: configuration, labels and files; changes nothing.
+
+use aloft_pipeline::stages::filter::low_pass;
+use aloft_pipeline::stages::import::{abridged, holds_enough, read_recording};
+use aloft_study::study::{Role, Study};
+use aloft_trial::{QualityOptions, Severity, apply_marker_set, assess};
+use aloft_workspace::error::PipelineError;
+use rayon::prelude::*;
+use serde::Serialize;
+
+/// What was found.
+#[derive(Debug, Clone, Serialize)]
+pub struct Check {
+    /// One row a recording.
+    pub trials: Vec<CheckRow>,
+    /// About the study as a whole.
+    pub remarks: Vec<String>,
+}
+
+/// One recording.
+#[derive(Debug, Clone, Serialize)]
+pub struct CheckRow {
+    /// Trial.
+    pub name: String,
+    /// Its part, or `excluded`.
+    pub role: String,
+    /// Frames.
+    pub frames: Option<usize>,
+    /// Rate, Hz.
+    pub rate_hz: Option<f64>,
+    /// Markers of the set that were found, of all.
+    pub markers: String,
+    /// Plates.
+    pub plates: Option<usize>,
+    /// True when the recording cannot be used.
+    pub broken: bool,
+    /// In words.
+    pub remarks: Vec<String>,
+}
+
+/// Reads every recording and says what is missing.
+pub fn check(study: &Study) -> Result<Check, PipelineError> {
+    let trials: Vec<CheckRow> = study
+        .trials
+        .par_iter()
+        .map(|entry| {
+            let mut row = CheckRow {
+                name: entry.name.clone(),
+                role: entry.role.word().to_owned(),
+                frames: None,
+                rate_hz: None,
+                markers: String::new(),
+                plates: None,
+                broken: false,
+                remarks: Vec::new(),
+            };
+            if let Some(reason) = &entry.excluded {
+                row.role = "excluded".to_owned();
+                row.remarks.push(format!("excluded: {reason}"));
+                return row;
+            }
+            let mut trial = match read_recording(study, entry) {
+                Ok(trial) => trial,
+                Err(failure) => {
+                    row.broken = true;
+                    row.remarks.push(failure.problem);
+                    return row;
+                }
+            };
+            if let Err(failure) = holds_enough(study, entry, &trial) {
+                row.broken = true;
+                row.remarks.push(failure.problem);
+                return row;
+            }
+            let matched = apply_marker_set(&mut trial, &study.marker_set, &study.import_of(Some(entry)).aliases);
+            let quality = assess(&trial, Some(&matched), &[], &[], &QualityOptions::default());
+            row.frames = Some(trial.markers.n_frames);
+            row.rate_hz = Some(trial.markers.rate_hz);
+            row.markers = format!("{}/{}", matched.present.len(), matched.present.len() + matched.missing.len());
+            row.plates = Some(trial.plates.len());
+            row.broken =
+                matched.present.is_empty() || quality.reasons.iter().any(|r| r.severity() == Severity::Unusable);
+            if entry.role.is_dynamic()
+                && let Err(e) = low_pass(study).describe(trial.markers.rate_hz)
+            {
+                row.broken = true;
+                row.remarks.push(format!("`filter`: {e}"));
+            }
+            row.remarks.extend(trial.warnings.iter().cloned());
+            row.remarks
+                .extend(quality.reasons.iter().filter(|r| r.severity() != Severity::Note).map(ToString::to_string));
+            if !matched.unknown.is_empty() {
+                row.remarks.push(format!("labels that the set does not know: {}", abridged(&matched.unknown)));
+            }
+            row
+        })
+        .collect();
+    let mut remarks = Vec::new();
+    let count = |role: Role| study.included().filter(|t| t.role == role).count();
+    if count(Role::Static) == 0 && study.config.trials.static_frames.is_none() {
+        remarks.push("no static trial: name frames of a dynamic trial under `trials: {static_frames: …}`".to_owned());
+    }
+    let statics = trials.iter().filter(|t| t.role == Role::Static.word()).count();
+    if statics > 0 && trials.iter().filter(|t| t.role == Role::Static.word()).all(|t| t.broken) {
+        remarks.push("no static trial can be used: the subject's model cannot be made".to_owned());
+    }
+    if !study.unmatched.is_empty() {
+        let names: Vec<String> = study.unmatched.iter().map(|p| p.display().to_string()).collect();
+        remarks.push(format!(
+            "{} recordings match no pattern of `trials` and are not used: {}",
+            names.len(),
+            abridged(&names)
+        ));
+    }
+    for e in &study.config.trials.exclude {
+        if !study.trials.iter().any(|t| t.excluded.as_ref() == Some(&e.reason)) {
+            remarks.push(format!("the exclusion of `{}` ({}) matches no trial", e.trial, e.reason));
+        }
+    }
+    if count(Role::Validate) == 0 && study.object.is_none() {
+        remarks.push(
+            "no trial is held out for comparison; each trial will be compared with parameters from the others"
+                .to_owned(),
+        );
+    }
+    if count(Role::Identify) == 0 {
+        remarks.push("no trial to identify from: see `trials: {identify: …}`".to_owned());
+    }
+    if study.object.is_none() {
+        if study.facts.person.sex.is_none() {
+            remarks.push("the subject's sex is not known: the mean of both sexes' tables is used".to_owned());
+        }
+        if study.facts.person.height_m.is_none() {
+            remarks.push("the subject's stature is not known: segment lengths come from the markers alone".to_owned());
+        }
+    }
+    for t in study
+        .included()
+        .filter(|t| t.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("trc")) && t.forces.is_none())
+    {
+        remarks.push(format!("{}: no force file beside it; see `trials: {{forces: …}}`", t.name));
+    }
+    Ok(Check { trials, remarks })
+}

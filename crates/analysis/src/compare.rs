@@ -1,0 +1,197 @@
+//! `compare`: model against measurement, from what the stage left; and the table of estimators.
+
+use aloft_compare::{Comparison, ModelComparison};
+use aloft_flight::ImpulseMass;
+use aloft_identify::{Parameters, Sigma};
+use aloft_ik::CalibrationReport;
+use aloft_pipeline::stages::flight::gravity_error_percent;
+use aloft_pipeline::stages::identify::file_name;
+use aloft_study::study::Study;
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
+use serde::Serialize;
+
+/// The comparison as `--json` shows it.
+#[derive(Debug, Clone, Serialize)]
+pub struct ComparisonView {
+    /// Version of this structure.
+    pub version: u32,
+    /// Who.
+    pub subject: String,
+    /// The comparison: `held_out`, `flight`, `trials`, `beside`, `noise_floor`, `words` …
+    #[serde(flatten)]
+    pub comparison: Comparison,
+    /// About the parameters that were compared.
+    pub parameters: ParametersBrief,
+    /// Kinematics: marker RMS and flights a trial.
+    pub kinematics: Vec<KinematicsRow>,
+    /// Landmark against calibrated geometry; none for objects and where nothing was calibrated.
+    pub calibration: Option<CalibrationView>,
+    /// The body weighed by the plates' impulse from flight to flight; none without such contacts.
+    pub impulse_mass: Option<ImpulseMassView>,
+}
+
+/// The mass that the plates' impulse from flight to flight says, beside the stated one.
+#[derive(Debug, Clone, Serialize)]
+pub struct ImpulseMassView {
+    /// Median over contacts, kg.
+    pub mass_kg: f64,
+    /// Smallest and largest, kg.
+    pub range_kg: [f64; 2],
+    /// Contacts between two flights.
+    pub contacts: usize,
+    /// What the pipeline was told, kg.
+    pub stated_kg: f64,
+    /// Where both disagree: what to look at.
+    pub doubt: Option<String>,
+}
+
+/// What calibration of the geometry moved and gained.
+#[derive(Debug, Clone, Serialize)]
+pub struct CalibrationView {
+    /// Whether the calibrated geometry is used (`calibrate: {enabled: auto}` keeps it when held-out marker error falls).
+    pub used: bool,
+    /// Marker RMS of frames that took no part in the calibration: landmarks, calibrated; m.
+    pub held_out_rms_m: [f64; 2],
+    /// Joints and markers, landmarks against calibration.
+    pub report: CalibrationReport,
+}
+
+/// About the parameters.
+#[derive(Debug, Clone, Serialize)]
+pub struct ParametersBrief {
+    /// Rows.
+    pub rows: &'static str,
+    /// σ_{N−1}/σ_N.
+    pub sigma_ratio: f64,
+    /// Singular values.
+    pub sigma: Sigma,
+    /// Flights that took part.
+    pub flights: usize,
+}
+
+/// One trial's kinematics.
+#[derive(Debug, Clone, Serialize)]
+pub struct KinematicsRow {
+    /// Trial.
+    pub trial: String,
+    /// Its part.
+    pub role: &'static str,
+    /// Root mean square marker error, mm.
+    pub marker_rms_mm: Option<f64>,
+    /// Flights.
+    pub flights: Option<u64>,
+    /// Mean vertical acceleration of the prior's centre of mass in flight over −g, minus one, percent.
+    pub gravity_error_percent: Option<f64>,
+}
+
+/// Reads what `compare` left.
+pub fn compare(study: &Study) -> Result<ComparisonView, PipelineError> {
+    let study = &aloft_pipeline::made::as_made(study);
+    let ws = Workspace::open(&study.workspace);
+    let path = ws.place("compare", WHOLE_STUDY).join("comparison.json");
+    if !path.is_file() {
+        return Err(PipelineError::request_hint(
+            format!("nothing was compared in {}", study.workspace.display()),
+            format!("run `aloft run {}` first", aloft_study::quote::path(&study.config_path)),
+        ));
+    }
+    let comparison: Comparison = read_json(&path)?;
+    let rows = study.config.regressor.rows;
+    let parameters: Parameters = read_json(&ws.place("identify", WHOLE_STUDY).join(file_name(rows)))?;
+    Ok(ComparisonView {
+        version: 1,
+        subject: study.facts.person.name.clone(),
+        parameters: ParametersBrief {
+            rows: rows.word(),
+            sigma_ratio: parameters.sigma.ratio,
+            sigma: parameters.sigma,
+            flights: parameters.n_stretches,
+        },
+        kinematics: kinematics(study, &ws),
+        calibration: calibration(&ws),
+        impulse_mass: impulse_mass(study, &ws),
+        comparison,
+    })
+}
+
+/// Masses from further apart than this share of the body's are doubted.
+const MASS_DOUBT: f64 = 0.02;
+
+/// Mass by impulse over all trials with plates and at least two flights.
+pub fn impulse_mass(study: &Study, ws: &Workspace) -> Option<ImpulseMassView> {
+    let mut masses: Vec<f64> = study
+        .included()
+        .filter(|t| t.role.is_dynamic())
+        .filter_map(|t| read_json::<Vec<ImpulseMass>>(&ws.place("flight", &t.name).join("impulse_mass.json")).ok())
+        .flatten()
+        .map(|m| m.mass_kg)
+        .collect();
+    masses.sort_by(f64::total_cmp);
+    let (first, last) = (*masses.first()?, *masses.last()?);
+    let middle = masses.len() / 2;
+    let mass_kg = if masses.len() % 2 == 1 { masses[middle] } else { 0.5 * (masses[middle - 1] + masses[middle]) };
+    let stated_kg = study.facts.person.mass_kg;
+    let off = mass_kg / stated_kg - 1.0;
+    let doubt = (masses.len() >= 3 && off.abs() > MASS_DOUBT).then(|| {
+        format!(
+            "{:+.1} % of the stated {stated_kg:.2} kg: the stated mass, the plates' gain or their tare at rest is wrong (or a \
+             foot was beside the plates)",
+            100.0 * off
+        )
+    });
+    Some(ImpulseMassView { mass_kg, range_kg: [first, last], contacts: masses.len(), stated_kg, doubt })
+}
+
+/// The calibration's report with the decision that followed.
+pub fn calibration(ws: &Workspace) -> Option<CalibrationView> {
+    let report: CalibrationReport = read_json(&ws.place("calibrate", WHOLE_STUDY).join("report.json")).ok()?;
+    let used = ws.manifest("calibrate", WHOLE_STUDY)?.summary.get("used")?.as_bool()?;
+    Some(CalibrationView { used, held_out_rms_m: [report.held_out_rms_before_m, report.held_out_rms_after_m], report })
+}
+
+/// Marker error, flights and the free-fall check of every dynamic trial.
+pub fn kinematics(study: &Study, ws: &Workspace) -> Vec<KinematicsRow> {
+    study
+        .included()
+        .filter(|t| t.role.is_dynamic())
+        .map(|t| {
+            let flights: Option<aloft_flight::FlightReport> =
+                read_json(&ws.place("flight", &t.name).join("flights.json")).ok();
+            let ik = ws.manifest("ik", &t.name);
+            let gravity_error_percent =
+                flights.as_ref().and_then(|r| gravity_error_percent(r, study.facts.gravity_mps2));
+            KinematicsRow {
+                trial: t.name.clone(),
+                role: t.role.word(),
+                marker_rms_mm: ik.and_then(|m| m.summary.get("marker_rms_mm").and_then(serde_json::Value::as_f64)),
+                flights: flights.map(|r| r.flights.len() as u64),
+                gravity_error_percent,
+            }
+        })
+        .collect()
+}
+
+/// What the error of a model is taken over, best first: held-out contact, else flight.
+pub fn judged_on(c: &Comparison) -> &'static str {
+    if c.first.held_out.frames > 0 { "held-out contact" } else { "held-out flight" }
+}
+
+/// Force (N) and moment (N·m) on frames, force and moment over weak windows, by axis.
+pub type ErrorsByAxis = ([f64; 3], [f64; 3], [f64; 3], [f64; 3]);
+
+/// Mean absolute error of a model on what it is judged on: frames (N, N·m by axis) and weak windows.
+pub fn errors_of(model: &ModelComparison) -> ErrorsByAxis {
+    if model.held_out.frames > 0 {
+        let (f, w) = (&model.held_out, &model.held_out_weak);
+        (f.force_n.mae, f.moment_nm.mae, w.force_n.mae, w.moment_nm.mae)
+    } else {
+        let (f, w) = (&model.flight_wrench, &model.flight_weak);
+        (f.force_n.mae, f.moment_nm.mae, w.force_n.mae, w.moment_nm.mae)
+    }
+}
+
+/// The mean over axes.
+pub fn mean(v: &[f64; 3]) -> f64 {
+    v.iter().sum::<f64>() / 3.0
+}

@@ -1,0 +1,304 @@
+//! `discover`: which effect is missing, from the motion and the flights that the stages left; and how well that works on these recordings.
+
+use crate::estimators::with_job;
+use aloft_body::{BaseParameters, Subject};
+use aloft_compare::Comparison;
+use aloft_discover::{
+    Body, DiscoverOptions, Discovery, SelfTest, SelfTestOptions, SelfTestProgress, Session, Standing, TrialInput,
+    discover as rank, scene_of,
+};
+use aloft_effects::{Choice, Effect};
+use aloft_flight::FlightReport;
+use aloft_identify::{LinkPrior, Prior};
+use aloft_pipeline::stages::regressor::TrialRows;
+use aloft_regressor::WeakOptions;
+use aloft_study::effects::KnownEffects;
+use aloft_study::revision::{ModelEffect, Revisions};
+use aloft_study::session::{Calendar, asks_session_time};
+use aloft_study::study::Study;
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::seal;
+use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// The volume in which the body moved, to which columns of some effects refer; kept beside a discovery for `effect add`.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+pub struct Volume {
+    /// Middle, world, m.
+    pub middle_m: [f64; 3],
+    /// Standard deviation of the body's places about it, m.
+    pub reach_m: f64,
+}
+
+/// An answer that is kept in the workspace, with what it speaks of.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Kept<T> {
+    /// Hash of the results that were looked at ([`looked_at`]).
+    pub made_from: String,
+    /// The answer.
+    #[serde(flatten)]
+    pub answer: T,
+}
+
+/// Hash of the results that a ranking looks at: subject, motion, flights and plates of every trial. Effects of the model do not count.
+pub fn looked_at(study: &Study) -> String {
+    let ws = Workspace::open(&study.workspace);
+    let mut hasher = blake3::Hasher::new();
+    let mut add = |stage: &str, trial: &str| {
+        let output = ws.manifest(stage, trial).map(|m| m.output).unwrap_or_default();
+        hasher.update(format!("{stage}/{trial} {output}\n").as_bytes());
+    };
+    add("calibrate", WHOLE_STUDY);
+    for trial in study.included().filter(|t| t.role.is_dynamic()) {
+        for stage in ["import", "ik", "filter", "flight"] {
+            add(stage, &trial.name);
+        }
+    }
+    hasher.finalize().to_hex().to_string()
+}
+
+/// Wraps an answer, unless the results changed while it was sought.
+fn kept<T>(study: &Study, made_from: String, answer: T) -> Result<Kept<T>, PipelineError> {
+    if looked_at(study) != made_from {
+        return Err(PipelineError::request_hint(
+            format!("the results in {} changed while they were looked at", study.workspace.display()),
+            "ask again when no run changes them",
+        ));
+    }
+    Ok(Kept { made_from, answer })
+}
+
+/// What the stages left of a study, ready to be ranked.
+pub struct Evidence {
+    rows: Vec<TrialRows>,
+    groups: Vec<Option<String>>,
+    subject: Subject,
+    base: BaseParameters,
+    phi: Vec<aloft_body::Phi>,
+    prior: Option<Prior>,
+    plate_centers_m: Vec<Vector3<f64>>,
+    weak: WeakOptions,
+}
+
+/// What a ranking needs: the evidence as a session, the effects that are tried, those that the model holds.
+pub struct Bench<'a> {
+    /// Rows and columns.
+    pub session: Session<'a>,
+    /// Effects, the user's own last.
+    pub effects: Vec<&'a dyn Effect>,
+    /// Effects of the model.
+    pub accepted: Vec<Choice<'a>>,
+}
+
+impl Evidence {
+    /// Loads what the stages left.
+    pub fn load(study: &Study) -> Result<Self, PipelineError> {
+        let (subject, names, rows) = with_job(study, |job| {
+            let subject = job.load_subject("calibrate")?;
+            let names = job.trials_of("regressor");
+            let load = |name: &String| TrialRows::load_for(job, name, &subject);
+            let rows = names.par_iter().map(load).collect::<Result<Vec<_>, _>>()?;
+            Ok((subject, names, rows))
+        })?;
+        let groups = names.iter().map(|name| study.trial(name).and_then(|t| t.group.clone())).collect();
+        let base = BaseParameters::of(&subject.model);
+        let wrong = |e: &dyn std::fmt::Display| PipelineError::request(e.to_string());
+        let phi = subject.prior_phi();
+        let prior = if study.object.is_some() {
+            None
+        } else {
+            let links = LinkPrior::of_subject(&subject).map_err(|e| wrong(&e))?;
+            Some(links.base(&base).map_err(|e| wrong(&e))?)
+        };
+        let plate_centers_m =
+            rows.iter().map(|r| r.plate_centers_m.clone()).find(|c| !c.is_empty()).unwrap_or_default();
+        let window = study.config.regressor.window_s;
+        let weak = WeakOptions { window_s: (window > 0.0).then_some(window), ..WeakOptions::default() };
+        Ok(Self { rows, groups, subject, base, phi, prior, plate_centers_m, weak })
+    }
+
+    fn body(&self) -> Body<'_> {
+        Body {
+            model: &self.subject.model,
+            base: &self.base,
+            phi: &self.phi,
+            prior: self.prior.as_ref(),
+            mass_kg: self.subject.facts.mass_kg,
+            plate_centers_m: &self.plate_centers_m,
+        }
+    }
+
+    /// Calls `with` on the session of these recordings with all effects that the study knows.
+    pub fn with<T>(
+        &self,
+        study: &Study,
+        with: impl FnOnce(&Bench<'_>) -> Result<T, PipelineError>,
+    ) -> Result<T, PipelineError> {
+        let body = self.body();
+        let trials: Vec<TrialInput<'_>> = self
+            .rows
+            .iter()
+            .zip(&self.groups)
+            .map(|(r, group)| TrialInput {
+                motion: &r.motion,
+                stretches: &r.stretches,
+                measured: r.wrench.as_deref(),
+                plates: &r.plates,
+                group: group.as_deref(),
+                session_time_s: r.session_time_s,
+            })
+            .collect();
+        let scene = scene_of(&body, &trials);
+        let session =
+            Session::new(&body, &scene, &trials, &self.weak).map_err(|e| PipelineError::request(e.to_string()))?;
+        let known = KnownEffects::of(&study.own_effects, &scene)?;
+        let accepted = study.effects.iter().map(|e| known.choice(&scene, e)).collect::<Result<Vec<_>, _>>()?;
+        let session = session.with_standing(standing(study, "flight"), standing(study, "contact"));
+        with(&Bench { session, effects: known.all(), accepted })
+    }
+}
+
+/// What the comparison found in flight or in contact; none where none was made.
+fn standing(study: &Study, place: &str) -> Option<Standing> {
+    let folder = Workspace::open(&study.workspace).place("compare", WHOLE_STUDY);
+    let comparison = read_json::<Comparison>(&folder.join("comparison.json")).ok()?;
+    let against = comparison.against_floor.iter().find(|a| a.judged_on == place)?;
+    let floor = against.floor?;
+    Some(Standing {
+        held_out_error: against.held_out_error,
+        noise_floor: floor.noise_floor,
+        noise_floor_ci95: floor.ci95,
+    })
+}
+
+/// Ranks the catalogue and the study's own effects against the present model; keeps the answer beside the results for `effect add` and
+/// `report`.
+pub fn discover(study: &Study, options: &DiscoverOptions) -> Result<Discovery, PipelineError> {
+    let made_from = looked_at(study);
+    Evidence::load(study)?.with(study, |bench| found(study, bench, options, made_from))
+}
+
+fn found(
+    study: &Study,
+    bench: &Bench<'_>,
+    options: &DiscoverOptions,
+    made_from: String,
+) -> Result<Discovery, PipelineError> {
+    let ids: Vec<&str> = bench.effects.iter().map(|e| e.id()).collect();
+    if let Some(unknown) = options.only.iter().chain(&options.without).find(|n| !ids.contains(&n.as_str())) {
+        return Err(PipelineError::request_hint(
+            format!("there is no effect `{unknown}`"),
+            format!("there are {}", ids.join(", ")),
+        ));
+    }
+    let mut found = rank(&bench.session, &bench.effects, &bench.accepted, options)
+        .map_err(|e| PipelineError::request(e.to_string()))?;
+    if let Some(c) = found.candidates.iter().find(|c| asks_session_time(&c.effect) && c.believed) {
+        let calendar = Calendar::of(study, &Workspace::open(&study.workspace));
+        found.advice.push(format!("`{}` rests on the times of the session, from {}", c.effect, calendar.words));
+    }
+    // what flights say without any plate or model comes before any verdict: one fault of time or lengths shows in several effects
+    let shows = |id: &String| aloft_effects::effect(id).is_ok_and(|e| e.about().shows_in_free_fall);
+    if found.effects.iter().any(shows)
+        && let Some(words) = free_fall(study)?
+    {
+        found.advice.insert(0, words);
+    }
+    let answer = kept(study, made_from, found)?;
+    seal::write_whole(&study.workspace.join("discovery.json"), &answer)?;
+    // the answer to each revision of the model stays, so that the report can tell the story from its beginning
+    let revision = Revisions::load(&study.workspace)?.revisions.len().saturating_sub(1);
+    let place = answer_of(study, revision);
+    if let Some(folder) = place.parent() {
+        aloft_workspace::disk::create_dir_all(folder)?;
+    }
+    seal::write_whole(&place, &answer)?;
+    let scene = bench.session.scene();
+    let volume = Volume { middle_m: scene.volume_center_m.into(), reach_m: scene.volume_reach_m };
+    seal::write_whole(&study.workspace.join("discovery_volume.json"), &volume)?;
+    Ok(answer.answer)
+}
+
+/// What the stage `flight` says about the free acceleration, where it differs from the stated gravity in most trials with flights.
+fn free_fall(study: &Study) -> Result<Option<String>, PipelineError> {
+    let workspace = Workspace::open(&study.workspace);
+    let (mut trials, mut words) = (0, Vec::new());
+    for trial in study.included() {
+        let path = workspace.place("flight", &trial.name).join("flights.json");
+        if !path.is_file() {
+            continue;
+        }
+        if let Some(fall) = read_json::<FlightReport>(&path)?.free_fall {
+            trials += 1;
+            words.extend(fall.warning());
+        }
+    }
+    let (differing, first) = (words.len(), words.into_iter().next());
+    Ok(first.filter(|_| 2 * differing > trials).map(|first| {
+        format!(
+            "{differing} of {trials} trials with flights: {first}. Mend this first: \
+             `gravity_scale`, `body_mass` and a gain of all plates of the same size are then one fault, not several"
+        )
+    }))
+}
+
+/// Refuses an effect of the user's own whose law gives no numbers on these recordings; nothing could be computed with it.
+pub fn refuse_without_numbers(study: &Study, effect: &ModelEffect) -> Result<(), PipelineError> {
+    if !study.own_effects.iter().any(|o| o.spec.id == effect.id()) {
+        return Ok(());
+    }
+    Evidence::load(study)?.with(study, |bench| {
+        let choice = KnownEffects::of(&study.own_effects, bench.session.scene())?;
+        let choice = choice.choice(bench.session.scene(), effect)?;
+        match bench.session.without_numbers(&choice) {
+            Some(why) => Err(PipelineError::request_hint(
+                format!("`{}` cannot be added: {why}", effect.key),
+                "correct its formulas, so that they hold wherever they act",
+            )),
+            None => Ok(()),
+        }
+    })
+}
+
+/// Where the answer to a revision of the model is kept.
+pub fn answer_of(study: &Study, revision: usize) -> PathBuf {
+    study.workspace.join("discoveries").join(format!("revision_{revision}.json"))
+}
+
+/// How often effects injected into these recordings come out under their name.
+#[derive(Debug, Clone, Serialize)]
+pub struct SelfTested {
+    /// Version of this structure.
+    pub version: u32,
+    /// Who.
+    pub subject: String,
+    /// The table.
+    pub self_test: SelfTest,
+}
+
+/// Injects effects of known size into the study's recordings and looks for them; the answer is kept beside the results.
+pub fn self_test(
+    study: &Study,
+    options: &DiscoverOptions,
+    told: &(dyn Fn(usize, usize) + Sync),
+) -> Result<SelfTested, PipelineError> {
+    let made_from = looked_at(study);
+    Evidence::load(study)?.with(study, |bench| {
+        let options = SelfTestOptions { discover: options.clone(), ..SelfTestOptions::default() };
+        let each = |p: &SelfTestProgress<'_>| told(p.done, p.of);
+        let table = aloft_discover::self_test(&bench.session, &bench.effects, &bench.accepted, &options, &each)
+            .map_err(|e| PipelineError::request(e.to_string()))?;
+        let out = SelfTested { version: 1, subject: study.facts.person.name.clone(), self_test: table };
+        let answer = kept(study, made_from, out)?;
+        seal::write_whole(&study.workspace.join("self_test.json"), &answer)?;
+        Ok(answer.answer)
+    })
+}
+
+/// Options for some effects only, or without some.
+pub fn options(only: Vec<String>, without: Vec<String>) -> DiscoverOptions {
+    DiscoverOptions { only, without, ..DiscoverOptions::default() }
+}

@@ -1,0 +1,317 @@
+//! `effect list | show | add | remove`: what a model can hold, and the revisions that change it.
+
+use crate::compare::compare;
+use crate::discover::{Kept, Volume, looked_at};
+pub use crate::history::{History, HistoryCoefficient, HistoryRow, history, reached};
+use crate::unknowns::{self, Examples};
+use crate::visible::refuse_invisible;
+use aloft_body::Subject;
+use aloft_discover::Discovery;
+use aloft_effects::{ActsIn, EFFECTS, EffectKind, FormulaEffect, Scene};
+use aloft_pipeline::runner::{Ended, Progress, RunReport, TaskReport, run_held};
+use aloft_study::catalog;
+use aloft_study::config::{PipelineConfig, parse_yaml};
+use aloft_study::effects::{KnownEffects, OwnEffect, own_effects};
+use aloft_study::revision::{ModelEffect, Revision, Revisions};
+use aloft_study::study::Study;
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::seal;
+use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::Duration;
+
+/// One effect of the list.
+#[derive(Debug, Clone, Serialize)]
+pub struct EffectLine {
+    /// Identifier.
+    pub id: String,
+    /// A few words.
+    pub title: String,
+    /// Physics or artefact.
+    pub kind: EffectKind,
+    /// Where it acts.
+    pub acts: ActsIn,
+    /// `catalogue`, the file of an effect of one's own, or `example`: a built-in file that a pipeline can name.
+    pub from: String,
+}
+
+/// The catalogue, and what a pipeline defines or names; without a pipeline the built-in examples.
+pub fn list(pipeline: Option<&Path>) -> Result<Vec<EffectLine>, PipelineError> {
+    let mut out: Vec<EffectLine> = EFFECTS
+        .iter()
+        .map(|e| EffectLine {
+            id: e.id().to_owned(),
+            title: e.title().to_owned(),
+            kind: e.kind(),
+            acts: e.acts(),
+            from: "catalogue".to_owned(),
+        })
+        .collect();
+    let line = |f: &FormulaEffect, from: String| EffectLine {
+        id: f.id.clone(),
+        title: f.title.clone(),
+        kind: f.kind,
+        acts: f.acts,
+        from,
+    };
+    match pipeline {
+        Some(path) => out.extend(own_of(path)?.iter().map(|o| line(&o.spec, o.origin.clone()))),
+        None => {
+            for name in catalog::names("effects") {
+                out.push(line(
+                    &OwnEffect::read(&name, Path::new(""))?.spec,
+                    format!("example: effects.files: [{name}]"),
+                ));
+            }
+        }
+    }
+    Ok(out)
+}
+
+fn own_of(path: &Path) -> Result<Vec<OwnEffect>, PipelineError> {
+    let text = std::fs::read_to_string(path).map_err(PipelineError::io("read", path))?;
+    let file = path.display().to_string();
+    let config: PipelineConfig = parse_yaml(&file, &text)?;
+    own_effects(&config, &file, &text, path.parent().unwrap_or(Path::new("")))
+}
+
+/// One effect's documentation, as Markdown.
+#[derive(Debug, Clone, Serialize)]
+pub struct EffectPage {
+    /// Identifier.
+    pub id: String,
+    /// A few words.
+    pub title: String,
+    /// Markdown.
+    pub documentation: String,
+}
+
+/// One effect's documentation with its coefficients, units and bounds: of the catalogue, of a pipeline's own, or of a built-in example.
+pub fn show(id: &str, pipeline: Option<&Path>) -> Result<EffectPage, PipelineError> {
+    if let Some(e) = EFFECTS.iter().copied().find(|e| e.id() == id) {
+        let table = unknowns::table(e, &Examples::built_in()?);
+        let documentation = format!("{}\n\n{}", e.about().documentation.trim(), table.trim_end());
+        return Ok(EffectPage { id: id.to_owned(), title: e.title().to_owned(), documentation });
+    }
+    let own = match pipeline {
+        Some(path) => own_of(path)?,
+        None => {
+            let names = catalog::names("effects");
+            names.iter().map(|n| OwnEffect::read(n, Path::new(""))).collect::<Result<_, _>>()?
+        }
+    };
+    own.iter().find(|o| o.spec.id == id).map(|o| page(&o.spec, &o.origin)).ok_or_else(|| {
+        let known: Vec<&str> = EFFECTS.iter().map(|e| e.id()).chain(own.iter().map(|o| o.spec.id.as_str())).collect();
+        PipelineError::request_hint(
+            format!("there is no effect `{id}`"),
+            format!("there are {}; for effects that a pipeline defines, name the pipeline behind it", known.join(", ")),
+        )
+    })
+}
+
+fn page(f: &FormulaEffect, origin: &str) -> EffectPage {
+    let mut lines = vec![f.documentation.trim().to_owned(), String::new(), format!("## As written in {origin}")];
+    let mut law = |place: &str, link: &str, force: &Option<[String; 3]>, moment: &Option<[String; 3]>| {
+        for (what, unit, of) in [("force", "N", force), ("moment", "N·m", moment)] {
+            if let Some(of) = of {
+                lines.push(format!("{place}{what} on `{link}`, {unit}: ({})", of.join(",  ")));
+            }
+        }
+    };
+    if let Some(point) = &f.point {
+        law("", &point.link, &f.force, &f.moment);
+    }
+    for (i, p) in f.parts.iter().enumerate() {
+        law(&format!("part {}: ", i + 1), &p.point.link, &p.force, &p.moment);
+    }
+    for c in &f.coefficients {
+        let bound = |b: Option<f64>| b.map_or("–".to_owned(), |x| x.to_string());
+        lines.push(format!("coefficient `{}`, {}, from {} to {}", c.name, c.unit, bound(c.lower), bound(c.upper)));
+    }
+    for p in &f.parameters {
+        lines.push(format!("parameter `{}`, {}, from {} to {}", p.name, p.unit, p.lower, p.upper));
+    }
+    for c in &f.constants {
+        lines.push(format!("constant `{}` = {} {}", c.name, c.value, c.unit));
+    }
+    EffectPage { id: f.id.clone(), title: f.title.clone(), documentation: lines.join("\n").trim().to_owned() }
+}
+
+fn scene(study: &Study) -> Result<Scene, PipelineError> {
+    let ws = Workspace::open(&study.workspace);
+    let subject: Subject = read_json(&ws.place("calibrate", WHOLE_STUDY).join("subject.json"))?;
+    let mut centers = Vec::new();
+    for t in study.included() {
+        let plates = aloft_workspace::artifact::plate_centers(&ws.place("import", &t.name)).unwrap_or_default();
+        if !plates.is_empty() {
+            centers = plates;
+            break;
+        }
+    }
+    Ok(Scene::new(&subject.model, &subject.prior_phi(), &centers))
+}
+
+/// Adds an effect: a new revision, and what depends on it again. The workspace is held for the whole of it; `wait` waits for another
+/// process that holds it.
+pub fn add(
+    study: &Study,
+    key: &str,
+    set: &[(String, f64)],
+    wait: bool,
+    progress: &dyn Progress,
+) -> Result<(RunReport, History), PipelineError> {
+    change(study, wait, progress, |study, all, notes| {
+        let mut scene = scene(study)?;
+        let mut effects = all.effects();
+        let found: Option<Kept<Discovery>> = seal::read_if_there(&study.workspace.join("discovery.json"))?;
+        let suggestion = found.as_ref().and_then(|d| suggestion(&d.answer, key));
+        if suggestion.is_some() && found.as_ref().is_some_and(|d| d.made_from != looked_at(study)) {
+            notes.push(format!("the values of {key} come from a `discover` on other results; ask it again to be sure"));
+        }
+        let volume: Option<Volume> = seal::read_if_there(&study.workspace.join("discovery_volume.json"))?;
+        if let Some(v) = &volume {
+            (scene.volume_center_m, scene.volume_reach_m) = (v.middle_m.into(), v.reach_m);
+        }
+        let mut chosen = suggestion.unwrap_or_else(|| ModelEffect { key: key.to_owned(), ..ModelEffect::default() });
+        chosen.volume_m = volume.map(|v| (v.middle_m, v.reach_m));
+        chosen.nonlinear.extend(set.iter().cloned());
+        if !set.is_empty() {
+            // parameters that somebody states are not fitted
+            chosen.widening.clear();
+        }
+        let known = KnownEffects::of(&study.own_effects, &scene)?;
+        let choice = known.choice(&scene, &chosen)?;
+        chosen.key = choice.key(&scene);
+        if effects.iter().any(|e| e.key == chosen.key) {
+            return Err(PipelineError::request_hint(
+                format!("the model holds `{}` already", chosen.key),
+                "see `aloft history`; remove it first to change it",
+            ));
+        }
+        crate::discover::refuse_without_numbers(study, &chosen)?;
+        let action = format!("add {}", chosen.key);
+        effects.push(chosen);
+        refuse_invisible(study, &effects, &choice, &scene)?;
+        Ok(all.next(action, effects))
+    })
+}
+
+/// What the last discovery says of an effect: its key with target, its nonlinear parameters, its trials. A key with a target asks for that
+/// target, and takes over only what was found for it.
+fn suggestion(d: &Discovery, key: &str) -> Option<ModelEffect> {
+    let values = |n: &[aloft_discover::Estimate]| -> BTreeMap<String, f64> {
+        n.iter().map(|e| (e.name.clone(), e.value)).collect()
+    };
+    let made = |key: &str, nonlinear, coefficients: &[aloft_discover::Estimate], trials: &[String]| ModelEffect {
+        key: key.to_owned(),
+        nonlinear,
+        trials: trials.to_vec(),
+        widening: coefficients.iter().filter(|e| e.widening > 1.0).map(|e| (e.name.clone(), e.widening)).collect(),
+        volume_m: None,
+    };
+    let of_found = |f: &&aloft_discover::Found| f.key == key || f.effect == key;
+    let of_candidate = |c: &&aloft_discover::Candidate| c.key == key || c.effect == key;
+    d.found.iter().find(of_found).map(|f| made(&f.key, values(&f.nonlinear), &f.coefficients, &f.trials)).or_else(
+        || {
+            let found = d.candidates.iter().find(of_candidate);
+            found.map(|c| made(&c.key, values(&c.nonlinear), &c.coefficients, &c.trials))
+        },
+    )
+}
+
+/// Takes an effect out: a new revision without it.
+pub fn remove(
+    study: &Study,
+    key: &str,
+    wait: bool,
+    progress: &dyn Progress,
+) -> Result<(RunReport, History), PipelineError> {
+    change(study, wait, progress, |_, all, _| {
+        let mut effects = all.effects();
+        let before = effects.len();
+        effects.retain(|e| e.key != key && e.id() != key);
+        if effects.len() == before {
+            let held: Vec<&str> = effects.iter().map(|e| e.key.as_str()).collect();
+            return Err(PipelineError::request_hint(
+                format!("the model holds no `{key}`"),
+                if held.is_empty() { "it holds no effect".to_owned() } else { format!("it holds {}", held.join(", ")) },
+            ));
+        }
+        Ok(all.next(format!("remove {key}"), effects))
+    })
+}
+
+/// One transaction over the model, its results and its history. `model.json` is its record: the revision stands there as pending while
+/// its results are made, and becomes the model with what it reached in the one write that ends the transaction. Wherever this is cut short,
+/// the model is the one before, and results that are ahead of it are stale by their manifests.
+fn change(
+    study: &Study,
+    wait: bool,
+    progress: &dyn Progress,
+    decide: impl Fn(&Study, &Revisions, &mut Vec<String>) -> Result<Revision, PipelineError>,
+) -> Result<(RunReport, History), PipelineError> {
+    let ws = Workspace::open(&study.workspace);
+    let lock = ws.lock(if wait { Duration::MAX } else { Duration::ZERO })?;
+    let mut notes = Vec::new();
+    // the model as it is now that nobody else can change it
+    let mut all = Revisions::load(&study.workspace)?;
+    if let Some(cut) = all.pending.take() {
+        notes.push(format!("`effect {}` was interrupted; the model is the one before it", cut.action));
+    }
+    let present = study.refreshed()?;
+    let before = run_held(&present, &lock, progress)?;
+    notes.extend(before.notes.iter().cloned());
+    if before.ran() > 0 {
+        notes.push(format!("the present model's results were not up to date: {} were made again first", before.ran()));
+    }
+    if let Some(problem) = no_comparison(&before) {
+        all.save(&study.workspace)?;
+        return Err(problem);
+    }
+    let now = reached(&present, &compare(&present)?)?;
+    if let Some(last) = all.revisions.last_mut() {
+        last.reached = Some(now);
+    }
+    let decided = decide(&present, &all, &mut notes);
+    if decided.is_err() {
+        all.save(&study.workspace)?;
+    }
+    let mut next = decided?;
+    all.pending = Some(next.clone());
+    all.save(&study.workspace)?;
+    let with = Study { effects: next.effects.clone(), plain_base: all.plain_base(), ..present.clone() };
+    let done = run_held(&with, &lock, progress).and_then(|report| match no_comparison(&report) {
+        None => Ok(report),
+        Some(problem) => Err(problem),
+    });
+    all.pending = None;
+    let mut report = match done {
+        Ok(report) => report,
+        Err(error) => {
+            all.save(&study.workspace)?;
+            run_held(&present, &lock, progress)?;
+            return Err(error);
+        }
+    };
+    next.reached = Some(reached(&with, &compare(&with)?)?);
+    all.revisions.push(next);
+    all.save(&study.workspace)?;
+    report.notes.splice(0..0, notes);
+    drop(lock);
+    Ok((report, history(&study.refreshed()?)?))
+}
+
+/// Why a model has no comparison after a run, where it has none.
+fn no_comparison(report: &RunReport) -> Option<PipelineError> {
+    let bad = |t: &&TaskReport| matches!(t.ended, Ended::Failed(_) | Ended::Blocked(_));
+    report.tasks.iter().filter(|t| t.stage == "compare").find(bad)?;
+    let whole = |t: &&TaskReport| t.trial == WHOLE_STUDY;
+    let failed = report.failures().find(|(t, _)| whole(t)).or_else(|| report.failures().next());
+    let (what, hint) = failed.map_or_else(
+        || ("there is nothing to compare".to_owned(), None),
+        |(t, f)| (format!("{} failed: {}", t.stage, f.problem), f.hint.clone()),
+    );
+    Some(PipelineError::Request { problem: format!("the model is as it was: {what}"), hint })
+}

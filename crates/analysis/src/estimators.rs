@@ -1,0 +1,507 @@
+//! `compare --estimators` and `compare --leave-one-out`: the same held-out motion, predicted by every way of identifying.
+//!
+//! Both read what the stages left (motion, flights, plates, factors) and change nothing. The table of estimators repeats inverse
+//! kinematics with the landmarks' geometry where the pipeline calibrated, so that the gain of calibration stands beside that of rows and estimators.
+
+use crate::compare::mean;
+use aloft_body::{BaseParameters, Subject};
+use aloft_compare::{Candidate, Comparison, ModelComparison, NoiseFloor, WindowErrors, WrenchErrors};
+use aloft_identify::{ColumnScaling, Estimator, Gate, KindBalance, Parameters};
+use aloft_ik::smooth;
+use aloft_pipeline::graph::Job;
+use aloft_pipeline::stages::compare::{
+    ComparedTrial, Floor, HeldOut, compare_models, has_validation, load_trials, without_each_trial,
+};
+use aloft_pipeline::stages::filter::low_pass;
+use aloft_pipeline::stages::identify::{estimator as default_estimator, identify_from};
+use aloft_pipeline::stages::ik::track;
+use aloft_pipeline::stages::regressor::{TrialRows, factors_of, load_factors, row_kind};
+use aloft_regressor::{Factor, Stretch, StretchKind};
+use aloft_study::config::Rows;
+use aloft_study::study::{Role, Study};
+use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
+use nalgebra::DVector;
+use rayon::prelude::*;
+use serde::Serialize;
+
+/// Mean absolute errors of a wrench: predicted less measured.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct ErrorsBrief {
+    /// Frames, or windows.
+    pub count: usize,
+    /// Force by axis, N.
+    pub force_n: [Option<f64>; 3],
+    /// Moment by axis, N·m.
+    pub moment_nm: [Option<f64>; 3],
+    /// Mean over axes, N.
+    pub force_mean_n: Option<f64>,
+    /// Mean over axes, N·m.
+    pub moment_mean_nm: Option<f64>,
+}
+
+impl ErrorsBrief {
+    fn new(count: usize, force_n: [f64; 3], moment_nm: [f64; 3]) -> Self {
+        let finite = |x: f64| x.is_finite().then_some(x);
+        Self {
+            count,
+            force_n: force_n.map(finite),
+            moment_nm: moment_nm.map(finite),
+            force_mean_n: finite(mean(&force_n)),
+            moment_mean_nm: finite(mean(&moment_nm)),
+        }
+    }
+}
+
+impl From<&WrenchErrors> for ErrorsBrief {
+    /// Root axes, about the root origin.
+    fn from(e: &WrenchErrors) -> Self {
+        Self::new(e.frames, e.force_n.mae, e.moment_nm.mae)
+    }
+}
+
+impl From<&WindowErrors> for ErrorsBrief {
+    fn from(e: &WindowErrors) -> Self {
+        Self::new(e.windows, e.force_n.mae, e.moment_nm.mae)
+    }
+}
+
+/// One way of identifying and what it predicts.
+#[derive(Debug, Clone, Serialize)]
+pub struct EstimatorRow {
+    /// `calibrated` or `landmarks`; `as scaled` where the pipeline does not calibrate.
+    pub geometry: &'static str,
+    /// `weak` or `paper`; none for the prior.
+    pub rows: Option<&'static str>,
+    /// `null_vector`, `mass_constrained`, `regularised`; none for the prior.
+    pub estimator: Option<&'static str>,
+    /// True for the pipeline's own choice.
+    pub chosen: bool,
+    /// Errors on frames.
+    pub frames: Option<ErrorsBrief>,
+    /// Errors over weak windows.
+    pub windows: Option<ErrorsBrief>,
+    /// Errors on frames with the constant offset of plates that were never unloaded still in them; none where all were tared.
+    pub frames_as_measured: Option<ErrorsBrief>,
+    /// σ_{N−1}/σ_N of the flights' rows.
+    pub sigma_ratio: Option<f64>,
+    /// Whether the numbers may be shown as identified, and why not.
+    pub gate: Option<Gate>,
+    /// Weight of the prior.
+    pub prior_weight: Option<f64>,
+    /// Why there are no figures.
+    pub failed: Option<String>,
+}
+
+/// The table of estimators.
+#[derive(Debug, Clone, Serialize)]
+pub struct EstimatorsView {
+    /// Version of this structure.
+    pub version: u32,
+    /// Who.
+    pub subject: String,
+    /// `held-out contact` or `held-out flight`.
+    pub judged_on: &'static str,
+    /// Which trials the errors are from and why these are held out.
+    pub held_out: String,
+    /// Length of the windows, s.
+    pub window_s: f64,
+    /// Rows, the best geometry first.
+    pub table: Vec<EstimatorRow>,
+    /// Noise floor on frames.
+    pub noise_frames: Option<ErrorsBrief>,
+    /// The same over windows.
+    pub noise_windows: Option<ErrorsBrief>,
+    /// What should be known when reading the table.
+    pub notes: Vec<String>,
+}
+
+fn refuse_damaged(ws: &Workspace, stage: &str, trial: &str) -> Result<(), PipelineError> {
+    let problem = ws.damage(stage, trial).into_iter().next();
+    problem.map_or(Ok(()), |problem| Err(PipelineError::Damaged { path: ws.place(stage, trial), problem }))
+}
+
+/// Calls `work` with a job that reads the workspace of a study that has rows.
+pub(crate) fn with_job<T>(
+    study: &Study,
+    work: impl FnOnce(&Job<'_>) -> Result<T, StageFailure>,
+) -> Result<T, PipelineError> {
+    // what is computed on results goes on with the settings that they were made with
+    let study = &aloft_pipeline::made::as_made(study);
+    let ws = Workspace::open(&study.workspace);
+    for trial in study.included() {
+        for stage in ["import", "ik", "filter", "flight", "regressor"] {
+            refuse_damaged(&ws, stage, &trial.name)?;
+        }
+    }
+    for stage in ["scale", "calibrate", "identify"] {
+        refuse_damaged(&ws, stage, WHOLE_STUDY)?;
+    }
+    let ready: Vec<(String, String)> = study
+        .included()
+        .filter(|t| t.role.is_dynamic() && ws.manifest("regressor", &t.name).is_some_and(|m| m.is_ok()))
+        .map(|t| ("regressor".to_owned(), t.name.clone()))
+        .collect();
+    if ready.is_empty() {
+        return Err(PipelineError::request_hint(
+            format!("no trial in {} has rows", study.workspace.display()),
+            format!("run `aloft run {}` first", aloft_study::quote::path(&study.config_path)),
+        ));
+    }
+    let out = ws.place("identify", WHOLE_STUDY);
+    let job = Job { study, trial: None, workspace: &ws, inputs: &ready, out: &out };
+    work(&job).map_err(|f| PipelineError::Request { problem: f.problem, hint: f.hint })
+}
+
+/// Rows × estimators × geometry, on the same held-out motion.
+pub fn estimators(study: &Study) -> Result<EstimatorsView, PipelineError> {
+    let study = &aloft_pipeline::made::as_made(study);
+    with_job(study, |job| {
+        let subject = job.load_subject("calibrate")?;
+        let trials = load_trials(job)?;
+        let factors = all_factors(job)?;
+        let landmarks = landmarks(job, &subject)?;
+        let validated = has_validation(&trials);
+        let geometry = if landmarks.is_some() { "calibrated" } else { "as scaled" };
+        let (mut table, comparison) = of_geometry(job, geometry, &subject, &trials, &factors, true)?;
+        let mut notes = Vec::new();
+        match landmarks {
+            Some(l) => table.extend(of_geometry(job, "landmarks", &l.0, &l.1, &l.2, false)?.0),
+            None => notes.push("the geometry was not calibrated: there is no other one to compare with".to_owned()),
+        }
+        if trials.iter().any(|t| t.untared && (t.role == Role::Validate || !validated)) {
+            notes.push(
+                "plates that were never unloaded: a constant wrench of each recording is taken off, for each model its own; \
+                 `frames_as_measured` (JSON) has the errors with it"
+                    .to_owned(),
+            );
+        }
+        let floor = comparison.noise_floor.as_ref();
+        let contact = comparison.first.held_out.frames > 0;
+        Ok(EstimatorsView {
+            version: 1,
+            subject: study.facts.person.name.clone(),
+            judged_on: crate::compare::judged_on(&comparison),
+            held_out: held_out_words(&trials, validated),
+            window_s: study.config.compare.window_s,
+            table,
+            noise_frames: floor.map(|f| if contact { (&f.contact).into() } else { (&f.flight).into() }),
+            noise_windows: floor.map(|f| if contact { (&f.contact_weak).into() } else { (&f.flight_weak).into() }),
+            notes,
+        })
+    })
+}
+
+fn held_out_words(trials: &[ComparedTrial], validated: bool) -> String {
+    if validated {
+        let names: Vec<&str> = trials.iter().filter(|t| t.role == Role::Validate).map(|t| t.name.as_str()).collect();
+        format!("{}, which took no part in identification", names.join(", "))
+    } else {
+        "every trial in turn, predicted from all others".to_owned()
+    }
+}
+
+/// Factors of every dynamic trial, both kinds of rows.
+fn all_factors(job: &Job<'_>) -> Result<Vec<(Stretch, Factor)>, StageFailure> {
+    let mut out = Vec::new();
+    for name in job.trials_of("regressor") {
+        out.extend(load_factors(&job.workspace.place("regressor", &name))?);
+    }
+    Ok(out)
+}
+
+type Tracked = (Subject, Vec<ComparedTrial>, Vec<(Stretch, Factor)>);
+
+/// Motion and factors with the landmarks' geometry; none where the pipeline uses it anyway.
+fn landmarks(job: &Job<'_>, used: &Subject) -> Result<Option<Tracked>, StageFailure> {
+    let subject = job.load_subject("scale")?;
+    if subject.model == used.model && subject.markers == used.markers {
+        return Ok(None);
+    }
+    let filter = low_pass(job.study);
+    let each: Vec<(ComparedTrial, Vec<(Stretch, Factor)>)> = job
+        .trials_of("regressor")
+        .par_iter()
+        .map(|name| {
+            let (with_weights, motion, _) = track(job, subject.clone(), name)?;
+            let filtered =
+                smooth(&with_weights.model, &motion, Some(filter)).map_err(|e| StageFailure::new(e.to_string()))?;
+            let rows = TrialRows::of(job, name, subject.clone(), motion, filtered)?;
+            let factors = factors_of(job.study, &rows)?.0;
+            Ok((ComparedTrial::of(job, name, rows)?, factors))
+        })
+        .collect::<Result<_, StageFailure>>()?;
+    let (trials, factors): (Vec<_>, Vec<_>) = each.into_iter().unzip();
+    Ok(Some((subject, trials, factors.into_iter().flatten().collect())))
+}
+
+fn is_training(study: &Study, stretch: &Stretch, contact: bool) -> bool {
+    study.trial(&stretch.trial).is_some_and(|t| t.role == Role::Identify)
+        && (contact || stretch.kind != StretchKind::Contact)
+}
+
+/// Every estimator from every kind of rows, and the prior, with one geometry.
+/// The floor that the stage `compare` found.
+fn known_floor(job: &Job<'_>) -> Option<NoiseFloor> {
+    let place = job.workspace.place("compare", WHOLE_STUDY).join("comparison.json");
+    read_json::<Comparison>(&place).ok()?.noise_floor
+}
+
+fn of_geometry(
+    job: &Job<'_>,
+    geometry: &'static str,
+    subject: &Subject,
+    trials: &[ComparedTrial],
+    factors: &[(Stretch, Factor)],
+    noise: bool,
+) -> Result<(Vec<EstimatorRow>, Comparison), StageFailure> {
+    let study = job.study;
+    let validated = has_validation(trials);
+    let weight = (study.config.identify.prior_weight > 0.0).then_some(study.config.identify.prior_weight);
+    let estimators = [
+        Estimator::Regularised { weight },
+        Estimator::MassConstrained,
+        Estimator::NullVector(ColumnScaling::default()),
+    ];
+    let ways: Vec<(Rows, &'static str, Estimator)> =
+        Rows::ALL.iter().flat_map(|r| estimators.iter().map(|e| (*r, e.name(), *e))).collect();
+    let found: Vec<Result<(Parameters, Candidate), StageFailure>> = ways
+        .par_iter()
+        .map(|(rows, _, estimator)| {
+            let own: Vec<(Stretch, Factor)> = factors
+                .iter()
+                .filter(|(s, f)| f.rows == row_kind(*rows) && is_training(study, s, study.config.identify.contact))
+                .cloned()
+                .collect();
+            if own.is_empty() {
+                return Err(StageFailure::new(format!("no flight gave {} rows", rows.word())));
+            }
+            let parameters = identify_from(study, subject, &own, *estimator, 0)?;
+            let all = parameters.base_values();
+            let effects = parameters.coefficients();
+            let candidate = if validated {
+                Candidate::base("", all)
+            } else {
+                Candidate::per_trial("", without_each_trial(study, subject, trials, &own, *estimator, &all)?.0)
+            };
+            Ok((parameters, candidate.with_effects(effects)))
+        })
+        .collect();
+    let base = BaseParameters::of(&subject.model);
+    // the prior comes first: it always exists
+    let mut candidates = vec![Candidate::links("prior", &base, &subject.prior_phi())];
+    candidates.extend(found.iter().filter_map(|f| f.as_ref().ok().map(|(_, c)| c.clone())));
+    // the floor is that of the pipeline's own comparison: one number wherever it stands
+    let known = if noise { known_floor(job) } else { None };
+    let floor = known.as_ref().map_or(Floor::Drawn(0, None), Floor::Known);
+    let (comparison, _) = compare_models(study, subject, trials, &candidates, HeldOut::Validation, None, floor)?;
+    let chosen = study.config.regressor.rows;
+    let own_way = default_estimator(study, chosen).name();
+    let mut models = comparison.models().collect::<Vec<_>>().into_iter();
+    let prior = models.next().map(|m| row(geometry, None, None, false, m));
+    let mut table = Vec::new();
+    for ((rows, name, _), result) in ways.iter().zip(&found) {
+        let is_chosen = noise && *rows == chosen && *name == own_way;
+        match result {
+            Ok((parameters, _)) => {
+                let Some(model) = models.next() else { continue };
+                let mut line = row(geometry, Some(rows.word()), Some(name), is_chosen, model);
+                line.sigma_ratio = Some(parameters.sigma.ratio).filter(|r| r.is_finite());
+                line.gate = Some(parameters.gate.clone());
+                line.prior_weight = (parameters.prior_weight > 0.0).then_some(parameters.prior_weight);
+                table.push(line);
+            }
+            Err(failure) => table.push(EstimatorRow {
+                failed: Some(failure.problem.clone()),
+                ..EstimatorRow::empty(geometry, Some(rows.word()), Some(name), is_chosen)
+            }),
+        }
+    }
+    table.extend(prior);
+    Ok((table, comparison))
+}
+
+impl EstimatorRow {
+    fn empty(
+        geometry: &'static str,
+        rows: Option<&'static str>,
+        estimator: Option<&'static str>,
+        chosen: bool,
+    ) -> Self {
+        Self {
+            geometry,
+            rows,
+            estimator,
+            chosen,
+            frames: None,
+            windows: None,
+            frames_as_measured: None,
+            sigma_ratio: None,
+            gate: None,
+            prior_weight: None,
+            failed: None,
+        }
+    }
+}
+
+fn row(
+    geometry: &'static str,
+    rows: Option<&'static str>,
+    estimator: Option<&'static str>,
+    chosen: bool,
+    model: &ModelComparison,
+) -> EstimatorRow {
+    let mut out = EstimatorRow::empty(geometry, rows, estimator, chosen);
+    if model.held_out.frames > 0 {
+        out.frames = Some((&model.held_out).into());
+        out.windows = Some((&model.held_out_weak).into());
+        let untared = model.trials.iter().any(|t| t.held_out_contact && t.offset.is_some());
+        out.frames_as_measured = untared.then(|| (&model.held_out_as_measured).into());
+    } else {
+        out.frames = Some((&model.flight_wrench).into());
+        out.windows = Some((&model.flight_weak).into());
+    }
+    out
+}
+
+/// One trial, left out, predicted by one model.
+#[derive(Debug, Clone, Serialize)]
+pub struct LeftOutTrial {
+    /// Trial; `all` for the mean over frames of all trials.
+    pub trial: String,
+    /// Its part in the pipeline.
+    pub role: &'static str,
+    /// Errors on contact frames; none without plates.
+    pub contact: Option<ErrorsBrief>,
+    /// Errors over weak windows in contact.
+    pub contact_windows: Option<ErrorsBrief>,
+    /// Errors on flight frames, where nothing should act.
+    pub flight: Option<ErrorsBrief>,
+    /// Errors over weak windows in flight.
+    pub flight_windows: Option<ErrorsBrief>,
+}
+
+/// One model of the leave-one-trial-out table.
+#[derive(Debug, Clone, Serialize)]
+pub struct LeftOutModel {
+    /// `prior`, `flights`, `contact`, `flights and contact`.
+    pub model: &'static str,
+    /// How contact was weighted against flights with all trials in.
+    pub balance: Option<KindBalance>,
+    /// Why there are no figures.
+    pub failed: Option<String>,
+    /// Trial by trial; the last is the mean over all.
+    pub trials: Vec<LeftOutTrial>,
+}
+
+/// The leave-one-trial-out table.
+#[derive(Debug, Clone, Serialize)]
+pub struct LeaveOneOutView {
+    /// Version of this structure.
+    pub version: u32,
+    /// Who.
+    pub subject: String,
+    /// What takes part.
+    pub words: String,
+    /// Models.
+    pub models: Vec<LeftOutModel>,
+}
+
+/// Each dynamic trial predicted from all others: by the prior, from flights, from contact, from both; from stored factors.
+pub fn leave_one_out(study: &Study) -> Result<LeaveOneOutView, PipelineError> {
+    let study = &aloft_pipeline::made::as_made(study);
+    with_job(study, |job| {
+        let subject = job.load_subject("calibrate")?;
+        let trials = load_trials(job)?;
+        let rows = study.config.regressor.rows;
+        let factors: Vec<(Stretch, Factor)> =
+            all_factors(job)?.into_iter().filter(|(_, f)| f.rows == row_kind(rows)).collect();
+        let base = BaseParameters::of(&subject.model);
+        let prior = base.regroup(&subject.prior_phi());
+        let estimator = default_estimator(study, rows);
+        type Takes = fn(StretchKind) -> bool;
+        let ways: [(&'static str, Takes); 3] = [
+            ("flights", |k| k != StretchKind::Contact),
+            ("contact", |k| k == StretchKind::Contact),
+            ("flights and contact", |_| true),
+        ];
+        type Found = (Option<KindBalance>, Vec<DVector<f64>>, Vec<(String, f64)>);
+        let found: Vec<(&'static str, Result<Found, StageFailure>)> = ways
+            .par_iter()
+            .map(|(name, wanted)| {
+                let own: Vec<(Stretch, Factor)> = factors.iter().filter(|(s, _)| wanted(s.kind)).cloned().collect();
+                if own.is_empty() {
+                    return (*name, Err(StageFailure::new("no such stretch was recorded")));
+                }
+                let result = identify_from(study, &subject, &own, estimator, 0).and_then(|all| {
+                    let each = without_each_trial(study, &subject, &trials, &own, estimator, &all.base_values())?.0;
+                    let effects = all.coefficients();
+                    Ok((all.contact, each, effects))
+                });
+                (*name, result)
+            })
+            .collect();
+        let mut candidates = vec![Candidate::base("prior", prior)];
+        for (name, result) in &found {
+            if let Ok((_, each, effects)) = result {
+                candidates.push(Candidate::per_trial(*name, each.clone()).with_effects(effects.clone()));
+            }
+        }
+        let (comparison, _) =
+            compare_models(study, &subject, &trials, &candidates, HeldOut::EveryTrial, None, Floor::Drawn(0, None))?;
+        let mut models = comparison.models().collect::<Vec<_>>().into_iter();
+        let mut out: Vec<LeftOutModel> = models
+            .next()
+            .map(|m| LeftOutModel { model: "prior", balance: None, failed: None, trials: left_out(study, m) })
+            .into_iter()
+            .collect();
+        for (name, result) in found {
+            match result {
+                Ok((balance, _, _)) => {
+                    if let Some(m) = models.next() {
+                        out.push(LeftOutModel { model: name, balance, failed: None, trials: left_out(study, m) });
+                    }
+                }
+                Err(f) => {
+                    out.push(LeftOutModel { model: name, balance: None, failed: Some(f.problem), trials: Vec::new() });
+                }
+            }
+        }
+        Ok(LeaveOneOutView {
+            version: 1,
+            subject: study.facts.person.name.clone(),
+            words: format!(
+                "each of {} trials predicted from all others, those that the pipeline holds out included; {} rows, {}",
+                trials.len(),
+                rows.word(),
+                estimator.name()
+            ),
+            models: out,
+        })
+    })
+}
+
+fn left_out(study: &Study, model: &ModelComparison) -> Vec<LeftOutTrial> {
+    let some = |e: ErrorsBrief| (e.count > 0).then_some(e);
+    let mut out: Vec<LeftOutTrial> = model
+        .trials
+        .iter()
+        .map(|t| LeftOutTrial {
+            trial: t.trial.clone(),
+            role: study.trial(&t.trial).map_or("", |e| e.role.word()),
+            contact: some((&t.contact).into()),
+            contact_windows: some((&t.contact_weak).into()),
+            flight: some((&t.flight).into()),
+            flight_windows: some((&t.flight_weak).into()),
+        })
+        .collect();
+    out.push(LeftOutTrial {
+        trial: "all".to_owned(),
+        role: "",
+        contact: some((&model.held_out).into()),
+        contact_windows: some((&model.held_out_weak).into()),
+        flight: some((&model.flight_wrench).into()),
+        flight_windows: some((&model.flight_weak).into()),
+    });
+    out
+}

@@ -1,0 +1,184 @@
+//! From a workspace to what the formats take.
+
+use crate::parameters::parameters;
+use aloft_body::{LinkInertia, Subject};
+use aloft_compare::measured_wrench;
+use aloft_export::{Convention, InertiaSource, PlateAtFrames, SourceFile, SubjectExport, TrialExport};
+use aloft_flight::{Flight, FlightReport, PlateTare, apply_tare};
+use aloft_pipeline::runner::trial_filter;
+use aloft_pipeline::stages::STAGES;
+use aloft_pipeline::stages::filter::low_pass;
+use aloft_study::quote;
+use aloft_study::study::{Study, TrialEntry};
+use aloft_workspace::artifact::{load_motion, load_trial};
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
+
+/// Program and version, for headers.
+pub fn program() -> String {
+    format!("aloft {}", env!("CARGO_PKG_VERSION"))
+}
+
+/// The subject with the best inertias that there are.
+pub(super) fn subject(study: &Study, ws: &Workspace, convention: Convention) -> Result<SubjectExport, PipelineError> {
+    let place = ws.place("calibrate", WHOLE_STUDY).join("subject.json");
+    if !place.is_file() {
+        return Err(PipelineError::request_hint(
+            format!("there is no model in {} yet", study.workspace.display()),
+            format!("run `aloft run {}` first", quote::path(&study.config_path)),
+        ));
+    }
+    let subject: Subject = read_json(&place)?;
+    let (links, source) = inertias(study, &subject);
+    let locked = read_json(&ws.place("scale", WHOLE_STUDY).join("locked.json"))?;
+    let mut made = SubjectExport::new(subject, links, source, convention, locked, &program())
+        .map_err(|e| PipelineError::request(e.to_string()))?;
+    made.of_study = [study.id.subject.clone(), study.id.session.clone()];
+    Ok(made)
+}
+
+fn inertias(study: &Study, subject: &Subject) -> (Vec<LinkInertia>, InertiaSource) {
+    let prior = |reason: String| (subject.prior.clone(), InertiaSource::Prior { reason });
+    let found = match parameters(study, None) {
+        Ok(found) => found,
+        Err(e) => return prior(e.to_string()),
+    };
+    let gate = &found.parameters.gate;
+    if !gate.passed {
+        return prior(format!("the identification was not accepted ({})", gate.reasons.join("; ")));
+    }
+    if found.parameters.links.len() != subject.model.n_links() {
+        return prior("the identification gave base parameters but no links".to_owned());
+    }
+    let links = found.parameters.links.iter().map(aloft_identify::LinkEstimate::inertia).collect();
+    let named = |l: &aloft_identify::LinkEstimate| {
+        Some(l.from.from_table()).filter(|values| !values.is_empty()).map(|values| format!("{}: {values}", l.name))
+    };
+    let from_table = found.parameters.links.iter().filter_map(named).collect();
+    let (rows, remarks) = (found.rows_used.to_owned(), gate.reasons.clone());
+    (links, InertiaSource::Identified { rows, remarks, from_table })
+}
+
+/// Trials to export.
+pub(super) fn entries<'s>(study: &'s Study, patterns: &[String]) -> Result<Vec<&'s TrialEntry>, PipelineError> {
+    let filter = trial_filter(&[study], patterns)?;
+    Ok(study.included().filter(|t| filter.as_ref().is_none_or(|f| f.is_match(&t.name))).collect())
+}
+
+/// One trial, or why it cannot be exported.
+pub(super) fn trial(
+    study: &Study,
+    ws: &Workspace,
+    subject: &SubjectExport,
+    entry: &TrialEntry,
+) -> Result<Result<TrialExport, String>, PipelineError> {
+    let name = &entry.name;
+    let is_ok = |stage: &str| ws.manifest(stage, name).is_some_and(|m| m.is_ok());
+    if !is_ok("import") {
+        return Ok(Err("it was not imported; see `aloft status`".to_owned()));
+    }
+    let mut trial = load_trial(&ws.place("import", name))?;
+    let motion = |stage: &str| is_ok(stage).then(|| load_motion(&ws.place(stage, name))).transpose();
+    let (solved, filtered) = (motion("ik")?, motion("filter")?);
+    let mut flights = Vec::new();
+    if is_ok("flight") {
+        let folder = ws.place("flight", name);
+        let tares: Vec<PlateTare> = read_json(&folder.join("tare.json"))?;
+        apply_tare(&mut trial, &tares);
+        let report: FlightReport = read_json(&folder.join("flights.json"))?;
+        flights = report.flights.iter().map(Flight::frames).collect();
+    }
+    let (rate_hz, n_frames) = (trial.markers.rate_hz, trial.markers.n_frames);
+    let mut plates = Vec::new();
+    for plate in &trial.plates {
+        match measured_wrench(name, std::slice::from_ref(plate), rate_hz, n_frames, Some(low_pass(study))) {
+            Ok(measured) => plates.push(PlateAtFrames { name: plate.name.clone(), wrench: measured.filtered }),
+            Err(e) => return Ok(Err(e.to_string())),
+        }
+    }
+    let is_c3d = entry.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d"));
+    let c3d =
+        if is_c3d { Some(std::fs::read(&entry.file).map_err(PipelineError::io("read", &entry.file))?) } else { None };
+    let file = entry.file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let mut out = TrialExport {
+        name: name.clone(),
+        role: entry.role.word().to_owned(),
+        trial,
+        motion: solved,
+        filtered,
+        flights,
+        plates,
+        source: SourceFile { name: file, c3d },
+        solved: None,
+        smooth: None,
+        forces: None,
+    };
+    Ok(out.prepare(subject).map(|()| out).map_err(|e| e.to_string()))
+}
+
+/// What a reader of a trial's files should know.
+pub(super) fn trial_remarks(subject: &SubjectExport, trial: &TrialExport) -> Vec<String> {
+    let mut out = Vec::new();
+    let Some(series) = &trial.smooth else { return out };
+    for (joint, frames) in &series.near_gimbal_lock {
+        let link = &subject.subject.model.links[*joint].name;
+        out.push(format!(
+            "{}: {frames} of {} frames of `{link}` are nearer than 5° to gimbal lock: its angles are right, their rates and forces mean little there \
+             (`orientation` in the tables has no such places)",
+            trial.name, series.n_frames
+        ));
+    }
+    let missing = (0..series.n_frames).filter(|f| series.values.get(f * series.n).is_none_or(|v| v.is_nan())).count();
+    if missing > 0 {
+        out.push(format!("{}: {missing} of {} frames could not be solved (NaN)", trial.name, series.n_frames));
+    }
+    out
+}
+
+/// Hash of everything that the files are made from.
+pub(super) fn state(study: &Study, ws: &Workspace, subject: &SubjectExport) -> Result<String, PipelineError> {
+    let mut hasher = blake3::Hasher::new();
+    let mut add = |text: &str| {
+        hasher.update(&(text.len() as u64).to_le_bytes());
+        hasher.update(text.as_bytes());
+    };
+    add(&program());
+    add(subject.coordinates.convention.word());
+    add(&study.config_text);
+    for stage in STAGES {
+        for task in stage.tasks(study) {
+            let name = task.map_or(WHOLE_STUDY, |t| &t.name);
+            add(stage.name);
+            add(name);
+            add(&ws.manifest(stage.name, name).map(|m| m.output).unwrap_or_default());
+        }
+    }
+    Ok(hasher.finalize().to_hex().to_string())
+}
+
+/// Recordings with their hashes, relative to the data folder.
+pub(super) fn recordings(study: &Study, ws: &Workspace) -> Result<Vec<(String, String)>, PipelineError> {
+    let mut out = Vec::new();
+    for path in study.included().flat_map(|t| std::iter::once(&t.file).chain(&t.forces)) {
+        let relative = path.strip_prefix(&study.data).unwrap_or(path);
+        let name = relative.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect::<Vec<_>>();
+        out.push((name.join("/"), ws.input_hash(path)?));
+    }
+    Ok(out)
+}
+
+/// Stages with version and the pipeline's section of the same name.
+pub(super) fn stages(study: &Study, ws: &Workspace) -> Vec<(String, u32, String)> {
+    let sections = serde_json::to_value(&study.config).unwrap_or_default();
+    STAGES
+        .iter()
+        .filter_map(|stage| {
+            let ran = stage
+                .tasks(study)
+                .into_iter()
+                .find_map(|t| ws.manifest(stage.name, t.map_or(WHOLE_STUDY, |t| &t.name)));
+            let parameters = sections.get(stage.name).map(ToString::to_string).unwrap_or_else(|| "{}".to_owned());
+            ran.map(|m| (stage.name.to_owned(), m.version, parameters))
+        })
+        .collect()
+}

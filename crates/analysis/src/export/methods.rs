@@ -1,0 +1,185 @@
+//! The methods paragraph: what was done, with the figures of this study, ready to paste into a paper.
+
+use crate::compare::compare;
+use crate::parameters::parameters;
+use aloft_export::{InertiaSource, SubjectExport};
+use aloft_flight::FlightReport;
+use aloft_pipeline::stages::filter::low_pass;
+use aloft_study::study::Study;
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
+use std::collections::BTreeSet;
+
+/// Mean and standard deviation, for text.
+fn mean_sd(values: &[f64], decimals: usize) -> String {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    if values.len() < 2 {
+        return format!("{mean:.decimals$}");
+    }
+    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    format!("{mean:.decimals$} ± {:.decimals$}", variance.sqrt())
+}
+
+fn listed(values: &BTreeSet<String>) -> String {
+    values.iter().cloned().collect::<Vec<_>>().join(" and ")
+}
+
+/// The paragraph.
+pub(super) fn paragraph(study: &Study, ws: &Workspace, subject: &SubjectExport) -> Result<String, PipelineError> {
+    let mut t = recordings(study, ws, subject);
+    t.push_str(&kinematics(study, ws, subject)?);
+    t.push_str(&identification(study, ws, subject)?);
+    for difference in aloft_pipeline::made::differences(study, ws) {
+        t.push_str(&format!(" {difference}."));
+    }
+    t.push_str(&format!(
+        " Angles in the exported files follow the convention `{}`.",
+        subject.coordinates.convention.word()
+    ));
+    Ok(t)
+}
+
+fn recordings(study: &Study, ws: &Workspace, subject: &SubjectExport) -> String {
+    let (mut rates, mut plates, mut frames) = (BTreeSet::new(), 0, 0);
+    let mut trials = 0;
+    for trial in study.included().filter(|t| t.role.is_dynamic()) {
+        let Some(m) = ws.manifest("import", &trial.name).filter(|m| m.is_ok()) else { continue };
+        trials += 1;
+        let number = |key: &str| m.summary.get(key).and_then(serde_json::Value::as_f64);
+        rates.extend(number("rate_hz").map(|r| format!("{r}")));
+        plates = plates.max(number("plates").unwrap_or(0.0) as usize);
+        frames += number("frames").unwrap_or(0.0) as usize;
+    }
+    let with = match plates {
+        0 => "no force plates".to_owned(),
+        1 => "one force plate".to_owned(),
+        n => format!("{n} force plates"),
+    };
+    format!(
+        "{trials} dynamic trials ({frames} frames at {} Hz) of {} markers were recorded with {with}. Marker trajectories were brought to SI units and one world frame \
+         with Z up; gaps of up to {} s were filled by cubic curves and of up to {} s from the other markers of the segment.",
+        listed(&rates),
+        subject.subject.markers.len(),
+        study.config.import.fill_gaps_s,
+        study.config.import.rigid_fill_s
+    )
+}
+
+fn kinematics(study: &Study, ws: &Workspace, subject: &SubjectExport) -> Result<String, PipelineError> {
+    let model = &subject.subject.model;
+    let degrees = model.nv.saturating_sub(6);
+    let mut t = if study.object.is_some() {
+        format!(
+            " A model of {} links and {degrees} joint degrees of freedom followed the object's description; its hinges were found from motion.",
+            model.n_links()
+        )
+    } else {
+        format!(
+            " A model of {} links and {degrees} joint degrees of freedom was scaled to the static trial (hip joint centres after {}; inertial prior: {}).",
+            model.n_links(),
+            study.config.scale.hip,
+            study.anthropometry.title
+        )
+    };
+    let calibrated = ws.manifest("calibrate", WHOLE_STUDY);
+    let figure = |key: &str| calibrated.as_ref().and_then(|m| m.summary.get(key)).cloned();
+    if figure("used").is_some_and(|v| v == true) {
+        t.push_str(
+            " Joint centres, hinge axes and marker places were refined over the dynamic trials on markers alone",
+        );
+        if let (Some(before), Some(after)) =
+            (figure("rms_before_mm").and_then(|v| v.as_f64()), figure("rms_after_mm").and_then(|v| v.as_f64()))
+        {
+            t.push_str(&format!(" (held-out marker error {before:.1} to {after:.1} mm RMS)"));
+        }
+        t.push('.');
+    }
+    let (mut rms, mut durations, mut rates) = (Vec::new(), Vec::new(), BTreeSet::new());
+    for trial in study.included().filter(|t| t.role.is_dynamic()) {
+        if let Some(value) = ws.manifest("ik", &trial.name).and_then(|m| m.summary.get("marker_rms_mm")?.as_f64()) {
+            rms.push(value);
+        }
+        let path = ws.place("flight", &trial.name).join("flights.json");
+        if path.is_file() {
+            let report: FlightReport = read_json(&path)?;
+            durations.extend(report.flights.iter().map(|f| f.duration_s(report.rate_hz)));
+            rates.insert((report.rate_hz * 1e3).round() as u64);
+        }
+    }
+    t.push_str(" Joint coordinates were found frame by frame by weighted non-linear least squares");
+    if !rms.is_empty() {
+        t.push_str(&format!(" (marker RMS {} mm over trials)", mean_sd(&rms, 1)));
+    }
+    let spec = low_pass(study);
+    t.push_str(&format!(
+        " and filtered forward and backward with a Butterworth low-pass (order {} a pass, {} Hz",
+        spec.order, spec.cutoff_hz
+    ));
+    if let Some(facts) = rates.first().and_then(|r| spec.describe(*r as f64 / 1e3).ok()) {
+        t.push_str(&format!("; effective order {}, −3 dB at {:.2} Hz", facts.effective_order, facts.true_minus3db_hz));
+    }
+    let has_plates = study.included().any(|t| {
+        let imported = ws.manifest("import", &t.name);
+        imported.and_then(|m| m.summary.get("plates")?.as_u64()).is_some_and(|n| n > 0)
+    });
+    t.push_str(if has_plates { "); plate forces went through the same filter." } else { ")." });
+    if !durations.is_empty() {
+        t.push_str(&format!(
+            " {} flights of {} s, in which gravity alone acts, were found from {}.",
+            durations.len(),
+            mean_sd(&durations, 2),
+            if has_plates { "plates and motion" } else { "motion" }
+        ));
+    }
+    Ok(t)
+}
+
+fn identification(study: &Study, ws: &Workspace, subject: &SubjectExport) -> Result<String, PipelineError> {
+    let mut t = String::new();
+    if let Ok(found) = parameters(study, None) {
+        let p = &found.parameters;
+        t.push_str(&format!(
+            " Base parameters ({}) were identified from {} flights of {} trials with {} rows ({} estimator), after Ayusawa, Venture and Nakamura (2010); \
+             the body mass of {} kg fixed the scale, and σ(N−1)/σ(N) was {:.1}.",
+            p.base.len(),
+            p.n_stretches,
+            p.n_trials,
+            if found.rows_used == "weak" { "weak-form momentum" } else { "acceleration" },
+            p.estimator.name().replace('_', " "),
+            p.mass_kg,
+            p.sigma.ratio
+        ));
+        if !p.effects.is_empty() {
+            let names: BTreeSet<String> = study.effects.iter().map(|e| e.key.clone()).collect();
+            t.push_str(&format!(" The model includes {}.", listed(&names)));
+        }
+    }
+    t.push_str(match &subject.source {
+        InertiaSource::Identified { .. } => {
+            " Links were made physically consistent (positive definite pseudo-inertia) and are the inertias of the exported models."
+        }
+        InertiaSource::Prior { .. } => " The exported models carry the inertias of the prior.",
+    });
+    if ws.place("compare", WHOLE_STUDY).join("comparison.json").is_file() {
+        let comparison = compare(study)?.comparison;
+        let (held, flight) = (&comparison.first.held_out, &comparison.first.flight);
+        if held.frames > 0 {
+            t.push_str(&format!(
+                " On held-out contact ({} frames) the mean absolute error of the predicted wrench was {:.1} N and {:.2} N·m (mean of axes).",
+                held.frames,
+                held.force_n.mean_mae(),
+                held.moment_nm.mean_mae()
+            ));
+        }
+        if flight.frames > 0 {
+            let rms = |v: &[f64; 3]| (v.iter().map(|x| x * x).sum::<f64>() / 3.0).sqrt();
+            t.push_str(&format!(
+                " In flight the residual at the root was {:.2} N and {:.2} N·m (root mean square of axes).",
+                rms(&flight.residual_force_n.rms),
+                rms(&flight.residual_moment_nm.rms)
+            ));
+        }
+    }
+    Ok(t)
+}

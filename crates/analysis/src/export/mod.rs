@@ -1,0 +1,230 @@
+//! `export`: what a laboratory takes home. Formats are in the crate `aloft-export`; here a study is gathered and files are written.
+
+mod folder;
+mod gather;
+mod methods;
+
+use crate::freshness::{Freshness, freshness};
+use crate::status::status;
+use aloft_export::readme::{Making, readme};
+use aloft_export::{Convention, Format, OutFile, SubjectExport, names};
+use aloft_study::config::Angles;
+use aloft_study::study::{Study, StudyId, TrialEntry, fold};
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::workspace::Workspace;
+use folder::{Folder, Kept};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+pub use gather::program;
+
+/// What to export.
+#[derive(Debug, Clone, Default)]
+pub struct ExportOptions {
+    /// Folder; `export` in the workspace where not given.
+    pub to: Option<PathBuf>,
+    /// Formats by name; all where empty.
+    pub formats: Vec<String>,
+    /// Patterns of trial names; all where empty.
+    pub trials: Vec<String>,
+    /// Joint angles instead of the pipeline's.
+    pub angles: Option<Angles>,
+}
+
+/// What an export did.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
+pub struct Exported {
+    /// The folder.
+    pub folder: PathBuf,
+    /// Files that are new.
+    pub added: usize,
+    /// Files that have another content than before.
+    pub changed: usize,
+    /// Files that are as they were.
+    pub unchanged: usize,
+    /// Files of an earlier export that no longer belong to it.
+    pub removed: usize,
+    /// What to keep in mind.
+    pub remarks: Vec<String>,
+    /// What could not be written: trial (or format) and reason.
+    pub failures: Vec<(String, String)>,
+}
+
+/// The formats, for help and tables.
+pub fn formats() -> &'static [&'static Format] {
+    aloft_export::FORMATS
+}
+
+fn convention_of(angles: Angles) -> Convention {
+    match angles {
+        Angles::Model => Convention::Model,
+        Angles::Isb => Convention::Isb,
+    }
+}
+
+/// Writes the export. A folder that holds anything else is refused; files of an earlier export are replaced only while they are as the
+/// export left them.
+///
+/// # Errors
+/// Nothing was run yet; a format or trial that does not exist; a folder with other content; a file that cannot be written.
+pub fn export(now: &Study, options: &ExportOptions) -> Result<Exported, PipelineError> {
+    let freshness = freshness(now)?;
+    freshness.refuse_damaged(now, &[])?;
+    let study = &aloft_pipeline::made::as_made(now);
+    let formats = Format::choose(&options.formats)
+        .map_err(|e| PipelineError::request_hint(e.to_string(), "see `aloft export --help`"))?;
+    let ws = Workspace::open(&study.workspace);
+    let convention = convention_of(options.angles.unwrap_or(study.config.export.angles));
+    let subject = gather::subject(study, &ws, convention)?;
+    let entries = gather::entries(study, &options.trials)?;
+    let target = options.to.clone().unwrap_or_else(|| study.workspace.join("export"));
+    let state = gather::state(study, &ws, &subject)?;
+    let folder = Folder::prepare(&target, &state)?;
+
+    let mut done = Exported { folder: target, remarks: remarks(now, &freshness)?, ..Exported::default() };
+    let mut files: Vec<Kept> = Vec::new();
+    for format in &formats {
+        let Some(write) = format.subject else { continue };
+        match write(&subject) {
+            Ok(out) => files.extend(folder.stage(out)?),
+            Err(e) => done.failures.push((format.name.to_owned(), e.to_string())),
+        }
+    }
+    let results: Vec<TrialFiles> =
+        entries.par_iter().map(|e| one_trial(study, &ws, &subject, e, &formats, &folder)).collect::<Result<_, _>>()?;
+    for trial in results {
+        files.extend(trial.files);
+        done.remarks.extend(trial.remarks);
+        done.failures.extend(trial.failures);
+    }
+    describe(study, &ws, &subject, &folder, &mut files, &mut done)?;
+    paths_are_distinct(&files)?;
+    let partial = !options.formats.is_empty() || !options.trials.is_empty();
+    folder.commit(files, partial, &mut done)?;
+    Ok(done)
+}
+
+/// Where a subject's or session's export lies below the folder of a whole study's.
+pub fn place_of(to: &Path, id: &StudyId) -> PathBuf {
+    [&id.subject, &id.session].into_iter().flatten().fold(to.to_path_buf(), |path, part| path.join(names::file(part)))
+}
+
+/// Two files of an export never share a place, also where upper and lower case are one; nothing was put in place yet.
+fn paths_are_distinct(files: &[Kept]) -> Result<(), PipelineError> {
+    let mut seen: BTreeMap<String, &Kept> = BTreeMap::new();
+    for file in files {
+        if let Some(other) = seen.insert(fold(&file.path), file) {
+            return Err(PipelineError::request_hint(
+                format!("{} ({}) and {} ({}) would be one file", other.path, other.what, file.path, file.what),
+                "nothing was written; rename one of the recordings",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// What came of one trial.
+#[derive(Debug, Default)]
+struct TrialFiles {
+    files: Vec<Kept>,
+    remarks: Vec<String>,
+    failures: Vec<(String, String)>,
+}
+
+/// Gathers one trial and writes it in every format.
+fn one_trial(
+    study: &Study,
+    ws: &Workspace,
+    subject: &SubjectExport,
+    entry: &TrialEntry,
+    formats: &[&Format],
+    folder: &Folder,
+) -> Result<TrialFiles, PipelineError> {
+    let mut done = TrialFiles::default();
+    let trial = match gather::trial(study, ws, subject, entry)? {
+        Ok(trial) => trial,
+        Err(reason) => {
+            done.failures.push((entry.name.clone(), reason));
+            return Ok(done);
+        }
+    };
+    for format in formats {
+        let Some(write) = format.trial else { continue };
+        match write(subject, &trial) {
+            Ok(out) => done.files.extend(folder.stage(out)?),
+            Err(e) => done.failures.push((format!("{} {}", format.name, entry.name), e.to_string())),
+        }
+    }
+    done.remarks = gather::trial_remarks(subject, &trial);
+    Ok(done)
+}
+
+/// README, pipeline and the list of everything.
+fn describe(
+    study: &Study,
+    ws: &Workspace,
+    subject: &SubjectExport,
+    folder: &Folder,
+    files: &mut Vec<Kept>,
+    done: &mut Exported,
+) -> Result<(), PipelineError> {
+    let methods = methods::paragraph(study, ws, subject)?;
+    let making = Making {
+        program: program(),
+        pipeline: study.config.name.clone(),
+        pipeline_hash: blake3::hash(study.config_text.as_bytes()).to_hex().to_string(),
+        recordings: gather::recordings(study, ws)?,
+        stages: gather::stages(study, ws),
+        remarks: done
+            .remarks
+            .iter()
+            .cloned()
+            .chain(done.failures.iter().map(|(what, why)| format!("not written: {what}: {why}")))
+            .collect(),
+        methods: methods.clone(),
+    };
+    let text = |path: &str, text: String, what: &str| OutFile::text(path.to_owned(), text, what);
+    files.extend(folder.stage(vec![
+        text("pipeline.yaml", study.config_text.clone(), "the pipeline as it stood when exported"),
+        text("methods.txt", format!("{methods}\n"), "paragraph for a paper, with the figures of this study"),
+    ])?);
+    // what an earlier export of the same results left stays, and stands in the README, too
+    let mut listed: BTreeMap<String, String> =
+        folder.earlier().map(|(path, what)| (path.to_owned(), what.to_owned())).collect();
+    listed.extend(files.iter().map(|f| (f.path.clone(), f.what.clone())));
+    listed.remove("README.md");
+    let listed: Vec<OutFile> =
+        listed.into_iter().map(|(path, what)| OutFile { path, bytes: Vec::new(), what }).collect();
+    files.extend(folder.stage(vec![text("README.md", readme(subject, &listed, &making), "this page")])?);
+    Ok(())
+}
+
+/// What is not up to date, failed or was left out.
+fn remarks(study: &Study, freshness: &Freshness) -> Result<Vec<String>, PipelineError> {
+    let mut out = Vec::new();
+    if !freshness.is_current() {
+        out.push(format!(
+            "not up to date when exported: {}; `aloft run` brings results up to date",
+            freshness.words().join("; ")
+        ));
+        out.push(
+            "pipeline.yaml is the pipeline as it stood when exported; methods.txt tells how the results were made"
+                .to_owned(),
+        );
+    }
+    let found = status(study)?;
+    for word in ["failed", "blocked"] {
+        let rows: Vec<&str> =
+            found.rows.iter().filter(|r| r.cells.iter().any(|c| c == word)).map(|r| r.trial.as_str()).collect();
+        if !rows.is_empty() {
+            out.push(format!("{word} when exported: {}", rows.join(", ")));
+        }
+    }
+    for trial in study.trials.iter() {
+        if let Some(reason) = &trial.excluded {
+            out.push(format!("{} is excluded: {reason}", trial.name));
+        }
+    }
+    Ok(out)
+}

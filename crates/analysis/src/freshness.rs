@@ -1,0 +1,155 @@
+//! Whether the results that a command shows are those of the pipeline and the recordings as they are now.
+
+use crate::status::{Standings, inputs_of, standings};
+use aloft_pipeline::graph::{Manifests, Standing};
+use aloft_pipeline::stages::STAGES;
+use aloft_study::revision::Revisions;
+use aloft_study::study::Study;
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::workspace::{WHOLE_STUDY, Workspace};
+use serde::Serialize;
+use std::collections::HashSet;
+
+/// A result that is not what the pipeline and the recordings would give now.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct NotCurrent {
+    /// Stage, or `model` for a change of the model's effects that was interrupted.
+    pub stage: String,
+    /// Trial, or `_study` for a stage that runs once.
+    pub trial: String,
+    /// `stale`: made from something else than what is there now; `missing`: never made; `damaged`: its files are not what was written.
+    pub state: String,
+    /// Why.
+    pub because: String,
+    /// True where it is stale only because something before it is.
+    pub follows: bool,
+}
+
+/// All such results of a study.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Freshness {
+    /// In the order of the stages.
+    pub stale: Vec<NotCurrent>,
+}
+
+/// Looks at every result, with every file compared with its hash.
+pub fn freshness(study: &Study) -> Result<Freshness, PipelineError> {
+    let ws = Workspace::open(&study.workspace);
+    let manifests = Manifests::read_and_examine(study, &ws, STAGES);
+    let mut stale = of_standings(study, &ws, &standings(study, &ws, &manifests)?);
+    if let Some(pending) = Revisions::load(&study.workspace)?.pending {
+        stale.insert(
+            0,
+            NotCurrent {
+                stage: "model".to_owned(),
+                trial: WHOLE_STUDY.to_owned(),
+                state: "stale".to_owned(),
+                because: format!("`effect {}` has not ended (it runs, or was interrupted)", pending.action),
+                follows: false,
+            },
+        );
+    }
+    Ok(Freshness { stale })
+}
+
+/// The same from standings that are known. A result whose trial failed, or that could not follow one that failed, is up to date.
+pub fn of_standings(study: &Study, ws: &Workspace, standings: &Standings) -> Vec<NotCurrent> {
+    let is_left = |stage: &str, trial: &str| ws.manifest(stage, trial).is_some_and(|m| m.is_ok());
+    let mut out: Vec<NotCurrent> = Vec::new();
+    let mut behind: HashSet<(&str, &str)> = HashSet::new();
+    for stage in STAGES {
+        for task in stage.tasks(study) {
+            let trial = task.map_or(WHOLE_STUDY, |t| t.name.as_str());
+            let Some(standing) = standings.get(&(stage.name, trial.to_owned())) else { continue };
+            let above = inputs_of(stage, task, study)
+                .into_iter()
+                .map(|(s, t)| (s.name, t.map_or(WHOLE_STUDY, |t| t.name.as_str())))
+                .find(|above| behind.contains(above));
+            let (state, because, follows) = match (standing, above) {
+                (Standing::Damaged(problems), _) => ("damaged", problems.join("; "), false),
+                (Standing::Missing, None) => ("missing", "never run".to_owned(), false),
+                (Standing::Stale(changes), None) => ("stale", changes.join("; "), false),
+                (Standing::Missing, Some((s, t))) => ("missing", follows_from(s, t), true),
+                // what was made before something in front of it failed
+                (Standing::Blocked(reason), None) if is_left(stage.name, trial) => {
+                    ("stale", format!("cannot be made any more: {reason}"), false)
+                }
+                (_, Some((s, t))) => ("stale", follows_from(s, t), true),
+                _ => continue,
+            };
+            behind.insert((stage.name, trial));
+            out.push(NotCurrent {
+                stage: stage.name.to_owned(),
+                trial: trial.to_owned(),
+                state: state.to_owned(),
+                because,
+                follows,
+            });
+        }
+    }
+    out
+}
+
+fn follows_from(stage: &str, trial: &str) -> String {
+    if trial == WHOLE_STUDY {
+        format!("`{stage}` is not up to date")
+    } else {
+        format!("`{stage}` of {trial} is not up to date")
+    }
+}
+
+/// Lines that a notice has at most.
+const LINES: usize = 4;
+
+impl Freshness {
+    /// True when everything is up to date.
+    pub fn is_current(&self) -> bool {
+        self.stale.is_empty()
+    }
+
+    /// A short notice: what is not up to date by itself, and how much follows from it.
+    pub fn words(&self) -> Vec<String> {
+        let mut groups: Vec<(&NotCurrent, Vec<&str>)> = Vec::new();
+        for one in self.stale.iter().filter(|n| !n.follows) {
+            match groups
+                .iter_mut()
+                .find(|(g, _)| (&g.stage, &g.state, &g.because) == (&one.stage, &one.state, &one.because))
+            {
+                Some((_, trials)) => trials.push(&one.trial),
+                None => groups.push((one, vec![&one.trial])),
+            }
+        }
+        let mut out: Vec<String> = groups
+            .iter()
+            .take(LINES)
+            .map(|(one, trials)| {
+                let whose = match trials.as_slice() {
+                    [WHOLE_STUDY] => String::new(),
+                    few if few.len() <= 3 => format!(" of {}", few.join(", ")),
+                    many => format!(" of {} trials", many.len()),
+                };
+                format!("{}: {}{whose}: {}", one.state, one.stage, one.because)
+            })
+            .collect();
+        if groups.len() > LINES {
+            out.push(format!("… and {} more reasons; see `aloft explain`", groups.len() - LINES));
+        }
+        let following = self.stale.iter().filter(|n| n.follows).count();
+        if following > 0 {
+            let s = if following == 1 { "result follows from it" } else { "results follow from these" };
+            out.push(format!("{following} later {s}"));
+        }
+        out
+    }
+
+    /// Refuses to show what is damaged: results of these stages, or of all where none is named.
+    pub fn refuse_damaged(&self, study: &Study, stages: &[&str]) -> Result<(), PipelineError> {
+        let read = |n: &&NotCurrent| n.state == "damaged" && (stages.is_empty() || stages.contains(&n.stage.as_str()));
+        let Some(one) = self.stale.iter().find(read) else { return Ok(()) };
+        let ws = Workspace::open(&study.workspace);
+        Err(PipelineError::request_hint(
+            format!("{} is damaged: {}", ws.place(&one.stage, &one.trial).display(), one.because),
+            format!("`aloft run {}` makes it again", study.config_path.display()),
+        ))
+    }
+}

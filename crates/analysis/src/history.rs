@@ -1,0 +1,291 @@
+//! `history`: the ladder of a model's revisions, and what each reached.
+
+use crate::compare::{ComparisonView, compare};
+use aloft_effects::ActsIn;
+use aloft_identify::Parameters;
+use aloft_pipeline::made::{compared_effects, made_with};
+use aloft_pipeline::stages::identify::file_name;
+use aloft_study::revision::{Judged, ModelEffect, Reached, ReachedCoefficient, Revision, Revisions};
+use aloft_study::study::Study;
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
+use serde::Serialize;
+
+/// The ladder as `history --json` shows it.
+#[derive(Debug, Clone, Serialize)]
+pub struct History {
+    /// Version of this structure.
+    pub version: u32,
+    /// Who.
+    pub subject: String,
+    /// Revisions, oldest first.
+    pub revisions: Vec<HistoryRow>,
+}
+
+/// One rung.
+#[derive(Debug, Clone, Serialize)]
+pub struct HistoryRow {
+    /// Number.
+    pub revision: usize,
+    /// What made it.
+    pub action: String,
+    /// Effects of the model.
+    pub effects: Vec<String>,
+    /// Held-out error over weak windows where the effect acts (`judged_on`), N: force root mean square, moments over a lever of 0.1 m.
+    pub held_out_error: Option<f64>,
+    /// The same for the revision before.
+    pub held_out_error_before: Option<f64>,
+    /// The noise floor, N: the held-out error that a perfect model would leave, drawn from the errors of the markers and the plates.
+    pub noise_floor: Option<f64>,
+    /// 95 % interval of the floor, N: where the error of a perfect model falls.
+    pub noise_floor_ci95: Option<[f64; 2]>,
+    /// Held-out error over noise floor.
+    pub times_floor: Option<f64>,
+    /// True where the held-out error is not above the floor's interval.
+    pub at_floor: Option<bool>,
+    /// Share of the mean square error that noise does not explain.
+    pub explainable: Option<f64>,
+    /// What the held-out error is taken on: `held-out flight` or `held-out contact`.
+    pub judged_on: Option<String>,
+    /// In flight, N.
+    pub flight: Option<Judged>,
+    /// In held-out contact, N.
+    pub contact: Option<Judged>,
+    /// Error in flight, N.
+    pub flight_error: Option<f64>,
+    /// σ_{N−1}/σ_N.
+    pub sigma_ratio: Option<f64>,
+    /// Marker error, mean over trials, mm.
+    pub marker_rms_mm: Option<f64>,
+    /// The same for the revision before.
+    pub marker_rms_before_mm: Option<f64>,
+    /// Coefficients.
+    pub coefficients: Vec<HistoryCoefficient>,
+    /// Largest change of a base parameter against the revision before: name and change.
+    pub largest_change: Option<(String, f64)>,
+    /// Change of every base parameter against the revision before: name and change.
+    pub base_change: Vec<(String, f64)>,
+    /// Set when the gain is void, with the reason.
+    pub void: Option<String>,
+}
+
+/// One coefficient with its interval.
+#[derive(Debug, Clone, Serialize)]
+pub struct HistoryCoefficient {
+    /// Name.
+    pub name: String,
+    /// Value.
+    pub value: f64,
+    /// Standard error.
+    pub se: f64,
+    /// 95 % interval, that of `parameters`; none where the standard error is not known.
+    pub ci95: Option<[f64; 2]>,
+}
+
+/// Reads the revisions, with what the present one reached.
+pub fn history(study: &Study) -> Result<History, PipelineError> {
+    let mut all = Revisions::load(&study.workspace)?;
+    let ws = Workspace::open(&study.workspace);
+    // results of another model are not this revision's: it keeps what was noted when it was made
+    if let Some(last) = all.revisions.last_mut()
+        && made_for(&ws, &last.effects)
+    {
+        last.reached = Some(reached(study, &compare(study)?)?);
+    }
+    let acts = |e: &ModelEffect| acts_in(study, e);
+    let rows = (0..all.revisions.len()).map(|i| row(&all.revisions, i, &acts)).collect();
+    Ok(History { version: 1, subject: study.facts.person.name.clone(), revisions: rows })
+}
+
+/// True when the comparison in a workspace is that of a model with these effects, and of the parameters that lie beside it.
+fn made_for(ws: &Workspace, effects: &[ModelEffect]) -> bool {
+    let Some(compared) = ws.manifest("compare", WHOLE_STUDY) else { return false };
+    let same = |(input, hash): (&String, &String)| {
+        input.split_once('/').is_none_or(|(stage, trial)| ws.manifest(stage, trial).is_some_and(|m| m.output == *hash))
+    };
+    compared_effects(ws).is_some_and(|e| e == effects) && compared.inputs.iter().all(same)
+}
+
+fn acts_in(study: &Study, effect: &ModelEffect) -> ActsIn {
+    let own = study.own_effects.iter().find(|o| o.spec.id == effect.id()).map(|o| o.spec.acts);
+    own.or_else(|| aloft_effects::effect(effect.id()).ok().map(|e| e.acts())).unwrap_or(ActsIn::Both)
+}
+
+/// Where a revision is judged: where the effects act that it changed, in flight if they act in both. The first is judged where the
+/// second is.
+fn judged(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) -> Option<bool> {
+    let (a, b) = match i {
+        0 => (revisions.first()?, revisions.get(1)?),
+        _ => (&revisions[i - 1], &revisions[i]),
+    };
+    let changed =
+        a.effects.iter().filter(|e| !b.effects.contains(e)).chain(b.effects.iter().filter(|e| !a.effects.contains(e)));
+    let kinds: Vec<ActsIn> = changed.map(acts).collect();
+    (!kinds.is_empty()).then(|| kinds.iter().any(|k| k.in_flight()))
+}
+
+/// Marker error may grow by this much before a gain is void.
+const WORSE_MARKERS: f64 = 1.02;
+
+fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) -> HistoryRow {
+    let r = &revisions[i];
+    let now = r.reached.as_ref();
+    let old = i.checked_sub(1).and_then(|j| revisions[j].reached.as_ref());
+    let in_flight = judged(revisions, i, acts);
+    let pick = |reached: &Reached| match in_flight {
+        Some(true) => reached.flight.or(reached.contact),
+        Some(false) => reached.contact.or(reached.flight),
+        None => reached.flight.or(reached.contact),
+    };
+    let on_flight = |reached: &Reached| match in_flight {
+        Some(false) => reached.contact.is_none(),
+        _ => reached.flight.is_some(),
+    };
+    let base_change: Vec<(String, f64)> = now
+        .zip(old)
+        .map(|(n, o)| n.base.iter().zip(&o.base).map(|(a, b)| (a.0.clone(), a.1 - b.1)).collect())
+        .unwrap_or_default();
+    let largest_change = base_change.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).cloned();
+    let void = now.zip(old).and_then(|(n, o)| {
+        if n.made_with != o.made_with {
+            return Some(format!(
+                "void: made with other settings or recordings than revision {}, so their errors cannot be compared",
+                i - 1
+            ));
+        }
+        (n.marker_rms_mm > WORSE_MARKERS * o.marker_rms_mm).then(|| {
+            format!(
+                "void: marker error grew from {:.2} to {:.2} mm, so the kinematics moved to please the forces",
+                o.marker_rms_mm, n.marker_rms_mm
+            )
+        })
+    });
+    let here = now.and_then(pick);
+    HistoryRow {
+        revision: r.number,
+        action: r.action.clone(),
+        effects: r.effects.iter().map(|e| e.key.clone()).collect(),
+        held_out_error: here.map(|j| j.error_n),
+        held_out_error_before: old.and_then(pick).map(|j| j.error_n),
+        noise_floor: here.and_then(|j| j.noise_n),
+        noise_floor_ci95: here.and_then(|j| j.noise_ci95),
+        times_floor: here.and_then(|j| j.times_floor()),
+        at_floor: here.and_then(|j| j.at_floor()),
+        explainable: here.and_then(|j| j.explainable()),
+        judged_on: now.map(|n| if on_flight(n) { "held-out flight".into() } else { "held-out contact".into() }),
+        flight: now.and_then(|n| n.flight),
+        contact: now.and_then(|n| n.contact),
+        flight_error: now.and_then(|n| n.flight).map(|j| j.error_n),
+        sigma_ratio: now.map(|n| n.sigma_ratio),
+        marker_rms_mm: now.map(|n| n.marker_rms_mm),
+        marker_rms_before_mm: old.map(|n| n.marker_rms_mm),
+        coefficients: now
+            .map(|n| {
+                let of = |c: &ReachedCoefficient| HistoryCoefficient {
+                    name: c.name.clone(),
+                    value: c.value,
+                    se: c.se,
+                    ci95: c.ci95,
+                };
+                n.coefficients.iter().map(of).collect()
+            })
+            .unwrap_or_default(),
+        largest_change,
+        base_change,
+        void,
+    }
+}
+
+/// What the present results reach.
+pub fn reached(study: &Study, view: &ComparisonView) -> Result<Reached, PipelineError> {
+    let study = &aloft_pipeline::made::as_made(study);
+    let c = &view.comparison;
+    let ws = Workspace::open(&study.workspace);
+    let parameters: Parameters =
+        read_json(&ws.place("identify", WHOLE_STUDY).join(file_name(study.config.regressor.rows)))?;
+    let rms: Vec<f64> = view.kinematics.iter().filter_map(|k| k.marker_rms_mm).collect();
+    let of = |place: &str| {
+        c.against_floor.iter().find(|a| a.judged_on == place).map(|a| Judged {
+            error_n: a.held_out_error,
+            noise_n: a.floor.map(|f| f.noise_floor),
+            noise_ci95: a.floor.and_then(|f| f.ci95),
+        })
+    };
+    Ok(Reached {
+        from: ws.manifest("compare", WHOLE_STUDY).map(|m| m.output).unwrap_or_default(),
+        made_with: made_with(study, &ws),
+        flight: of("flight"),
+        contact: of("contact"),
+        sigma_ratio: view.parameters.sigma_ratio,
+        marker_rms_mm: rms.iter().sum::<f64>() / rms.len().max(1) as f64,
+        // what the rows do not determine has no number to show
+        coefficients: parameters
+            .effects
+            .iter()
+            .filter(|e| e.not_determined.is_none())
+            .map(|e| ReachedCoefficient { name: e.name.clone(), value: e.value, se: e.se, ci95: e.ci95 })
+            .collect(),
+        base: parameters.base.iter().map(|b| (b.name.clone(), b.value)).collect(),
+    })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests fail by panicking")]
+mod tests {
+    use super::*;
+
+    fn reached(flight_n: f64, contact_n: f64, marker_rms_mm: f64) -> Reached {
+        let judged = |error_n| Some(Judged { error_n, noise_n: Some(1.0), noise_ci95: Some([0.8, 1.3]) });
+        Reached {
+            from: String::new(),
+            made_with: String::new(),
+            flight: judged(flight_n),
+            contact: judged(contact_n),
+            sigma_ratio: 30.0,
+            marker_rms_mm,
+            coefficients: vec![ReachedCoefficient {
+                name: "drag.area".into(),
+                value: 0.02,
+                se: 0.001,
+                ci95: Some([0.018, 0.022]),
+            }],
+            base: vec![("M".into(), 60.0), ("MCx".into(), 0.01 * flight_n)],
+        }
+    }
+
+    fn revisions(second: Reached, key: &str) -> Vec<Revision> {
+        let revision = |number, effects, reached| Revision { number, action: String::new(), effects, reached };
+        let effect = ModelEffect { key: key.to_owned(), ..ModelEffect::default() };
+        vec![revision(0, Vec::new(), Some(reached(4.0, 6.0, 1.2))), revision(1, vec![effect], Some(second))]
+    }
+
+    fn acts(effect: &ModelEffect) -> ActsIn {
+        aloft_effects::effect(effect.id()).map(|e| e.acts()).unwrap()
+    }
+
+    #[test]
+    fn prop_a_revision_is_judged_where_its_effect_acts() {
+        for (key, place, before, now) in [
+            ("quadratic_drag", "held-out flight", 4.0, 2.0),
+            ("residual_contact[foot_l]", "held-out flight", 4.0, 2.0),
+            ("plate_tare[plate1]", "held-out contact", 6.0, 3.0),
+        ] {
+            let all = revisions(reached(2.0, 3.0, 1.2), key);
+            let (first, second) = (row(&all, 0, &acts), row(&all, 1, &acts));
+            assert_eq!(second.judged_on.as_deref(), Some(place), "{key}");
+            assert_eq!((second.held_out_error_before, second.held_out_error), (Some(before), Some(now)));
+            assert_eq!((first.held_out_error, first.judged_on.as_deref()), (Some(before), Some(place)));
+            assert!((second.explainable.unwrap() - (1.0 - 1.0 / now.powi(2))).abs() < 1e-12);
+            assert_eq!(second.largest_change.as_ref().map(|c| c.0.as_str()), Some("MCx"));
+        }
+    }
+
+    #[test]
+    fn prop_a_gain_that_comes_with_worse_markers_is_void() {
+        let good = row(&revisions(reached(2.0, 3.0, 1.21), "tether"), 1, &acts);
+        assert!(good.void.is_none());
+        let bad = row(&revisions(reached(2.0, 3.0, 1.5), "tether"), 1, &acts);
+        assert!(bad.void.unwrap().contains("1.20 to 1.50 mm"));
+        assert_eq!((bad.marker_rms_before_mm, bad.marker_rms_mm), (Some(1.2), Some(1.5)));
+    }
+}

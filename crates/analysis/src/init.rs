@@ -1,0 +1,383 @@
+//! `init`: looks at a folder of recordings and writes a commented pipeline for it. Nothing is overwritten.
+
+use aloft_pipeline::stages::import::read_file;
+use aloft_study::catalog;
+use aloft_study::quote;
+use aloft_study::studies::guess_subjects;
+use aloft_study::study::{bids_beside, is_bids, recordings_below, stem_of};
+use aloft_trial::{ImportOptions, MarkerSet, Trial, recognise};
+use aloft_workspace::error::PipelineError;
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+struct Seen {
+    relative: String,
+    stem: String,
+    trial: Trial,
+    /// Unit of lengths as the file states it.
+    unit: String,
+}
+
+/// How recordings are sorted into folders.
+struct Layout {
+    /// Subject folders, relative to the folder; none for one subject.
+    subjects: Vec<String>,
+    /// Names of session folders below them; none where there are none.
+    sessions: Vec<String>,
+}
+
+/// Recordings that are read before the rest is taken to be alike.
+const LOOKED_AT: usize = 60;
+
+/// Looks, decides, writes; returns the path written.
+pub fn init(folder: &Path, out: Option<&Path>) -> Result<PathBuf, PipelineError> {
+    let target = out.map_or_else(|| PathBuf::from("aloft.yaml"), Path::to_path_buf);
+    if target.exists() {
+        return Err(PipelineError::request_hint(
+            format!("{} is there already", target.display()),
+            "give another name with --out; nothing is overwritten",
+        ));
+    }
+    if !folder.is_dir() {
+        return Err(PipelineError::request(format!("{} is not a folder", folder.display())));
+    }
+    let layout = layout(folder)?;
+    let files = recordings_below(folder)?;
+    let (seen, broken) = look(folder, &layout, &files);
+    if seen.is_empty() {
+        return Err(PipelineError::request_hint(
+            format!("{}: no recording could be read ({} files tried)", folder.display(), broken.len()),
+            broken.first().cloned().unwrap_or_else(|| "expected .c3d or .trc files".to_owned()),
+        ));
+    }
+    let text = write(folder, &target, &layout, files.len(), &seen, &broken)?;
+    aloft_workspace::workspace::write_whole(&target, text.as_bytes())?;
+    Ok(target)
+}
+
+fn layout(folder: &Path) -> Result<Layout, PipelineError> {
+    let name = |p: &PathBuf| p.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let subjects = guess_subjects(folder)?;
+    let mut sessions: Vec<String> = Vec::new();
+    for subject in &subjects {
+        let inside: Vec<String> = std::fs::read_dir(subject)
+            .map_err(PipelineError::io("list", subject))?
+            .filter_map(|e| e.ok().map(|e| e.path()))
+            .filter(|p| p.is_dir())
+            .map(|p| name(&p))
+            .filter(|n| n.starts_with("ses-"))
+            .collect();
+        if inside.is_empty() {
+            sessions.extend(guess_subjects(subject)?.iter().map(name));
+        } else {
+            sessions.extend(inside);
+        }
+    }
+    sessions.sort();
+    sessions.dedup();
+    Ok(Layout { subjects: subjects.iter().map(name).collect(), sessions })
+}
+
+/// One pattern for names that differ by a number at their end, or the names themselves.
+fn folder_patterns(names: &[String]) -> Vec<String> {
+    let bare = |n: &String| n.trim_end_matches(|c: char| c.is_ascii_digit()).to_owned();
+    let mut patterns: Vec<String> = names.iter().map(bare).collect();
+    patterns.sort();
+    patterns.dedup();
+    if patterns.len() == 1 && patterns.iter().all(|p| !p.is_empty()) && names.len() > 1 {
+        patterns.iter().map(|p| format!("{}*", quote::pattern(p))).collect()
+    } else {
+        names.iter().map(|n| quote::pattern(n)).collect()
+    }
+}
+
+/// The pattern of all recordings that are called like this one: its BIDS task, or its name without the number at the end.
+fn name_pattern(stem: &str) -> String {
+    if let Some(task) = stem.split('_').find(|p| p.starts_with("task-")) {
+        return format!("**/*{}*", quote::pattern(task));
+    }
+    let base = stem.trim_end_matches(|c: char| c.is_ascii_digit());
+    format!("**/{}*", quote::pattern(if base.is_empty() { stem } else { base }))
+}
+
+fn look(folder: &Path, layout: &Layout, files: &[PathBuf]) -> (Vec<Seen>, Vec<String>) {
+    // of many subjects, the first recordings of each kind and subject
+    let share = if layout.subjects.is_empty() { usize::MAX } else { LOOKED_AT.div_ceil(layout.subjects.len()).max(12) };
+    let mut taken: BTreeMap<String, usize> = BTreeMap::new();
+    let mut chosen: Vec<&PathBuf> = Vec::new();
+    for file in files {
+        let group = file.components().next().map(|c| c.as_os_str().to_string_lossy().into_owned()).unwrap_or_default();
+        // of names that differ by a number, two are enough to know the rest
+        let kind = name_pattern(&stem_of(file));
+        let n = taken.entry(format!("{group}/{kind}")).or_default();
+        *n += 1;
+        if layout.subjects.is_empty() || (*n <= 2 && chosen.len() < share * layout.subjects.len()) {
+            chosen.push(file);
+        }
+    }
+    let looked: Vec<Result<Seen, String>> = chosen
+        .par_iter()
+        .map(|relative| {
+            let path = folder.join(relative);
+            let stem = stem_of(&path);
+            let trial = read_file(&stem, &path, None, &ImportOptions::default()).map_err(|f| f.problem)?;
+            let parts: Vec<_> = relative.components().map(|c| c.as_os_str().to_string_lossy()).collect();
+            Ok(Seen { relative: parts.join("/"), stem, unit: stated_unit(&path), trial })
+        })
+        .collect();
+    let mut seen = Vec::new();
+    let mut broken = Vec::new();
+    for one in looked {
+        match one {
+            Ok(s) => seen.push(s),
+            Err(problem) => broken.push(problem),
+        }
+    }
+    (seen, broken)
+}
+
+/// The unit of lengths that a file states: POINT:UNITS of C3D, `Units` of TRC.
+fn stated_unit(path: &Path) -> String {
+    if is_bids(path) {
+        let channels = bids_beside(path).into_iter().find(|p| p.to_string_lossy().ends_with("_channels.tsv"));
+        let text = channels.and_then(|p| std::fs::read_to_string(p).ok()).unwrap_or_default();
+        let at = text.lines().next().and_then(|h| h.split('\t').position(|c| c.trim() == "units"));
+        let position = text.lines().find(|l| l.split('\t').any(|c| c.trim() == "POS"));
+        return position
+            .zip(at)
+            .and_then(|(l, i)| l.split('\t').nth(i))
+            .map(|u| u.trim().to_owned())
+            .unwrap_or_default();
+    }
+    let Ok(bytes) = std::fs::read(path) else { return String::new() };
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d")) {
+        return aloft_c3d::C3dFile::from_bytes(&bytes).map(|f| f.point_unit.trim().to_owned()).unwrap_or_default();
+    }
+    let text = String::from_utf8_lossy(&bytes);
+    let mut lines = text.lines().skip(1);
+    let (keys, values) = (lines.next().unwrap_or_default(), lines.next().unwrap_or_default());
+    let place = keys.split('\t').position(|k| k.trim() == "Units");
+    place.and_then(|i| values.split('\t').nth(i)).map(|u| u.trim().to_owned()).unwrap_or_default()
+}
+
+/// Which axis of the recording points up.
+fn up_axis(trial: &Trial) -> String {
+    let up = trial.world_from_source.inverse() * Vector3::z();
+    let (i, value) = up.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).unwrap_or((2, &1.0));
+    format!("{}{}", if *value < 0.0 { "-" } else { "" }, ["X", "Y", "Z"].get(i).unwrap_or(&"Z"))
+}
+
+/// How many of the recordings have each value, in words.
+fn shares(values: impl Iterator<Item = String>) -> String {
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    for v in values {
+        *counts.entry(v).or_default() += 1;
+    }
+    match counts.len() {
+        1 => counts.into_keys().collect(),
+        _ => counts.iter().map(|(v, n)| format!("{v} ({n} recordings)")).collect::<Vec<_>>().join(", "),
+    }
+}
+
+/// Standing still: the median marker moves less than 2 cm about its mean.
+fn is_still(trial: &Trial) -> bool {
+    let mut spreads: Vec<f64> = trial
+        .markers
+        .trajectories
+        .iter()
+        .filter_map(|t| {
+            let valid: Vec<&Vector3<f64>> = t.iter().filter(|p| p.x.is_finite()).collect();
+            let n = valid.len() as f64;
+            (n > 10.0).then(|| {
+                let mean = valid.iter().fold(Vector3::zeros(), |a, p| a + **p) / n;
+                (valid.iter().map(|p| (**p - mean).norm_squared()).sum::<f64>() / n).sqrt()
+            })
+        })
+        .collect();
+    spreads.sort_by(f64::total_cmp);
+    spreads.get(spreads.len() / 2).is_some_and(|s| *s < 0.02)
+}
+
+/// Recordings of one part: by name for one subject, by pattern for several.
+fn list(names: &[&Seen], layout: &Layout) -> String {
+    let mut quoted: Vec<String> = names
+        .iter()
+        .map(|s| {
+            if layout.subjects.is_empty() {
+                quote::yaml_quoted(&quote::pattern(&s.relative))
+            } else {
+                let ending = if is_bids(Path::new(&s.relative)) {
+                    "_motion.tsv".to_owned()
+                } else {
+                    format!(".{}", s.relative.rsplit('.').next().unwrap_or("c3d"))
+                };
+                quote::yaml_quoted(&format!("{}{ending}", name_pattern(&s.stem)))
+            }
+        })
+        .collect();
+    quoted.sort();
+    quoted.dedup();
+    format!("[{}]", quoted.join(", "))
+}
+
+fn write(
+    folder: &Path,
+    target: &Path,
+    layout: &Layout,
+    n_files: usize,
+    seen: &[Seen],
+    broken: &[String],
+) -> Result<String, PipelineError> {
+    let sets: Vec<MarkerSet> = catalog::all("markersets")?;
+    let mut totals: Vec<(&MarkerSet, f64)> = sets
+        .iter()
+        .map(|set| {
+            let sum: f64 = seen
+                .iter()
+                .map(|s| recognise(&s.trial, &sets).into_iter().find(|(n, _)| n == &set.name).map_or(0.0, |(_, v)| v))
+                .sum();
+            (set, sum / seen.len() as f64)
+        })
+        .collect();
+    totals.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let best = totals.first();
+    let (set, fit) = best.map_or(("plug-in-gait-35", 0.0), |(s, f)| (s.name.as_str(), *f));
+    let model = best.map_or("human34", |(s, _)| s.model.as_str());
+    let is_object = model == "two_link";
+    let lower = |s: &Seen| s.stem.to_lowercase();
+    let calibration: Vec<&Seen> = seen.iter().filter(|s| lower(s).contains("calib")).collect();
+    let mut statics: Vec<&Seen> =
+        seen.iter().filter(|s| lower(s).contains("static") || lower(s).contains("cal_pose")).collect();
+    if statics.is_empty() {
+        statics = seen.iter().filter(|s| is_still(&s.trial) && !lower(s).contains("calib")).collect();
+    }
+    let is = |group: &[&Seen], s: &Seen| group.iter().any(|g| g.relative == s.relative);
+    let rest: Vec<&Seen> = seen.iter().filter(|s| !is(&statics, s) && !is(&calibration, s)).collect();
+    let held = ["exercise", "squat", "gait", "walk", "valid"];
+    let mut validate: Vec<&Seen> = rest.iter().copied().filter(|s| held.iter().any(|h| lower(s).contains(h))).collect();
+    let mut identify: Vec<&Seen> = rest.iter().copied().filter(|s| !is(&validate, s)).collect();
+    if identify.is_empty() {
+        std::mem::swap(&mut identify, &mut validate);
+    }
+    let plates = seen.iter().map(|s| s.trial.plates.len()).max().unwrap_or(0);
+    let rates: std::collections::BTreeSet<String> =
+        seen.iter().map(|s| format!("{}", s.trial.markers.rate_hz)).collect();
+    let data = data_path(folder, target);
+    let name = folder
+        .canonicalize()
+        .ok()
+        .and_then(|p| p.file_name().map(|n| n.to_string_lossy().into_owned()))
+        .unwrap_or_else(|| "study".to_owned());
+    let has_facts = ["subject.yaml", "object.yaml", "participants.tsv"].iter().find(|f| folder.join(f).is_file());
+    let own_facts = layout.subjects.iter().all(|s| folder.join(s).join("subject.yaml").is_file());
+    let mut t = String::new();
+    let mut line = |s: String| {
+        let _ = writeln!(t, "{s}");
+    };
+    line("# Written by `aloft init`. Look through it, then:".to_owned());
+    let path = quote::visible(&quote::path(target));
+    line(format!("#   aloft check {path}\n#   aloft run {path}"));
+    line(format!("name: {}", name.replace(|c: char| !c.is_alphanumeric() && c != '-' && c != '_', "_")));
+    line(format!("data: {}", quote::yaml(&data)));
+    line(format!(
+        "# {n_files} recordings at {} Hz; up to {plates} force plates",
+        rates.into_iter().collect::<Vec<_>>().join(", "),
+    ));
+    line(format!(
+        "# lengths in {}; upward: {}",
+        shares(seen.iter().map(|s| if s.unit.is_empty() {
+            "no stated unit (read as mm)".to_owned()
+        } else {
+            quote::visible(&s.unit)
+        })),
+        shares(seen.iter().map(|s| up_axis(&s.trial)))
+    ));
+    if !layout.subjects.is_empty() {
+        let names = quote::visible(&aloft_pipeline::stages::import::abridged(&layout.subjects));
+        line(format!("# {} subjects: {names}", layout.subjects.len()));
+        line("subjects:".to_owned());
+        line(format!("  folders: {}", yaml_list(&folder_patterns(&layout.subjects))));
+        if layout.sessions.is_empty() {
+            line("  sessions: []          # each subject is one session".to_owned());
+        } else {
+            line(format!("  sessions: {}", yaml_list(&folder_patterns(&layout.sessions))));
+        }
+        line("  # exclude: [{subject: NAME, reason: withdrew}]".to_owned());
+        line("# what differs for some subjects, sessions or trials:".to_owned());
+        line("# overrides:\n#   - {subject: NAME, set: {filter: {cutoff_hz: 8.0}}}\n#   - {subject: NAME, trial: NAME, set: {import: {repair: true}}}".to_owned());
+    }
+    line(format!("model: {model}"));
+    if fit > 0.5 {
+        line(format!("marker_set: {set}      # fits {:.0} %", fit * 100.0));
+    } else {
+        line(format!(
+            "marker_set: {set}      # fits only {:.0} %: choose another ({}) or map labels below",
+            fit * 100.0,
+            catalog::names("markersets").join(", ")
+        ));
+    }
+    if is_object {
+        line("object: two_link_chain   # how markers define the link frames".to_owned());
+    }
+    match has_facts {
+        _ if !layout.subjects.is_empty() && own_facts => {
+            line("# name, sex, height and mass come from each subject's subject.yaml".to_owned());
+        }
+        None if !layout.subjects.is_empty() => {
+            line(format!(
+                "# body masses are not known: put {} beside the subjects' folders,",
+                quote::visible(&folder.join("participants.tsv").display().to_string())
+            ));
+            line("# with the columns (between tabs) participant_id, sex, height (m), mass (kg)".to_owned());
+        }
+        Some(file) => line(format!("# name, sex, height and mass come from {file} beside the recordings")),
+        None if is_object => line("subject:\n  mass_kg:              # from a scale: fill in".to_owned()),
+        None => line("subject:\n  sex:                  # F or M\n  height_m:             # stature, m\n  mass_kg:              # from a scale, kg: fill in".to_owned()),
+    }
+    line("trials:".to_owned());
+    line(format!("  static: {}", list(&statics, layout)));
+    line(format!("  calibration: {}", list(&calibration, layout)));
+    line(format!("  identify: {}      # motion to identify from", list(&identify, layout)));
+    line(format!("  validate: {}      # held out for comparison", list(&validate, layout)));
+    if statics.is_empty()
+        && layout.subjects.is_empty()
+        && let Some(first) = rest.first()
+    {
+        line(format!(
+            "  # no static trial was found: quiet frames of a dynamic trial can serve\n  static_frames: {{trial: {}, first: 1, last: 30}}",
+            quote::yaml(&first.stem)
+        ));
+    }
+    if !broken.is_empty() {
+        line("  # could not be read:".to_owned());
+        for b in broken {
+            line(format!("  #   {}", quote::visible(b)));
+        }
+    }
+    line("import:".to_owned());
+    line("  up_axis: auto         # x, y, z: the vertical of the recordings".to_owned());
+    line("  fill_gaps_s: 0.1      # longest gap that is filled, s".to_owned());
+    line("  # aliases: {MyLabel: LASI}".to_owned());
+    line("filter: {order: 3, cutoff_hz: 10.0}   # per pass; two passes".to_owned());
+    Ok(t)
+}
+
+fn yaml_list(names: &[String]) -> String {
+    format!("[{}]", names.iter().map(|n| quote::yaml_quoted(n)).collect::<Vec<_>>().join(", "))
+}
+
+/// The folder relative to the pipeline file where that is a plain path, absolute otherwise.
+fn data_path(folder: &Path, target: &Path) -> String {
+    let absolute = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
+    let base =
+        target.parent().filter(|p| !p.as_os_str().is_empty()).map_or_else(|| PathBuf::from("."), Path::to_path_buf);
+    let base = base.canonicalize().unwrap_or(base);
+    match absolute.strip_prefix(&base) {
+        Ok(relative) if relative.as_os_str().is_empty() => ".".to_owned(),
+        Ok(relative) => relative.to_string_lossy().into_owned(),
+        Err(_) => absolute.to_string_lossy().into_owned(),
+    }
+}

@@ -1,0 +1,21 @@
+//! What the commands beside `run` tell: plain data, rendered by the binary.
+
+pub mod assess;
+pub mod check;
+pub mod compare;
+pub mod discover;
+pub mod effect;
+pub mod estimators;
+pub mod export;
+pub mod freshness;
+pub mod history;
+pub mod init;
+pub mod inspect;
+pub mod parameters;
+pub mod simulate;
+pub mod status;
+pub mod summary;
+pub mod unknowns;
+pub mod verify;
+pub mod visible;
+pub mod workflow;

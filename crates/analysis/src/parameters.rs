@@ -1,0 +1,48 @@
+//! `parameters`: what was identified, with intervals and the prior beside it.
+
+use crate::assess::{self, Assessment};
+use aloft_identify::Parameters;
+pub use aloft_identify::half_of;
+use aloft_pipeline::stages::identify::file_name;
+use aloft_study::config::Rows;
+use aloft_study::study::Study;
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
+use serde::Serialize;
+
+/// The parameters with a version of the structure.
+#[derive(Debug, Clone, Serialize)]
+pub struct ParametersView {
+    /// Version of this structure.
+    pub version: u32,
+    /// Who.
+    pub subject: String,
+    /// Rows: `weak` or `paper`.
+    pub rows_used: &'static str,
+    /// The parameters.
+    #[serde(flatten)]
+    pub parameters: Parameters,
+    /// Window lengths, errors in variables, motions to add: what `--assess` found for these parameters; none where it was not asked for.
+    pub assessment: Option<Assessment>,
+}
+
+/// Reads what `identify` left.
+pub fn parameters(study: &Study, rows: Option<Rows>) -> Result<ParametersView, PipelineError> {
+    let study = &aloft_pipeline::made::as_made(study);
+    let rows = rows.unwrap_or(study.config.regressor.rows);
+    let path = Workspace::open(&study.workspace).place("identify", WHOLE_STUDY).join(file_name(rows));
+    if !path.is_file() {
+        return Err(PipelineError::request_hint(
+            format!("nothing was identified from {} rows in {}", rows.word(), study.workspace.display()),
+            format!("run `aloft run {}` first", aloft_study::quote::path(&study.config_path)),
+        ));
+    }
+    let parameters: Parameters = read_json(&path)?;
+    Ok(ParametersView {
+        version: 1,
+        subject: study.facts.person.name.clone(),
+        rows_used: rows.word(),
+        parameters,
+        assessment: assess::stored(study)?,
+    })
+}

@@ -1,0 +1,227 @@
+//! `status` and `explain`: how every stage of every trial stands, and why.
+
+use crate::freshness::of_standings;
+use aloft_pipeline::graph::{self, Manifests, Need, Stage, Standing};
+use aloft_pipeline::runner::stage_index;
+use aloft_pipeline::stages::STAGES;
+use aloft_study::study::{Study, TrialEntry};
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::workspace::{Manifest, WHOLE_STUDY, Workspace};
+use serde::Serialize;
+use std::collections::{BTreeSet, HashMap, HashSet};
+
+/// The grid of trials and stages.
+#[derive(Debug, Clone, Serialize)]
+pub struct Status {
+    /// Version of this structure.
+    pub version: u32,
+    /// Stage names, in order.
+    pub stages: Vec<&'static str>,
+    /// One row a trial, and one for the whole study.
+    pub rows: Vec<StatusRow>,
+}
+
+/// One row of the grid.
+#[derive(Debug, Clone, Serialize)]
+pub struct StatusRow {
+    /// Trial, or [`WHOLE_STUDY`].
+    pub trial: String,
+    /// Its part.
+    pub role: String,
+    /// One word a stage: `ok`, `warning`, `stale`, `damaged`, `failed`, `blocked`, `missing`, `excluded`, or empty where the stage does not apply.
+    pub cells: Vec<String>,
+}
+
+/// A task's standing with what lies behind it.
+#[derive(Debug, Clone)]
+pub struct Explanation {
+    /// The standing.
+    pub standing: Standing,
+    /// The last result's manifest.
+    pub manifest: Option<Manifest>,
+    /// What stands before it and is not up to date, with the reason, in words: it changes this result, too, once it runs.
+    pub before: Vec<String>,
+}
+
+fn stand(
+    stage: &Stage,
+    trial: Option<&TrialEntry>,
+    study: &Study,
+    ws: &Workspace,
+    manifests: &Manifests,
+) -> Result<Standing, PipelineError> {
+    let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
+    let inputs = graph::inputs(stage, trial, study, ws, manifests)?;
+    Ok(graph::standing(stage, trial, study, &inputs, manifests.get(stage.name, name)))
+}
+
+/// The grid. A stage below a stale one is stale, too.
+pub fn status(study: &Study) -> Result<Status, PipelineError> {
+    let ws = Workspace::open(&study.workspace);
+    let manifests = Manifests::read_and_examine(study, &ws, STAGES);
+    grid(study, &ws, &manifests)
+}
+
+/// The same from manifests that were read before.
+pub fn grid(study: &Study, ws: &Workspace, manifests: &Manifests) -> Result<Status, PipelineError> {
+    let standings = standings(study, ws, manifests)?;
+    let behind: HashSet<(String, String)> =
+        of_standings(study, ws, &standings).into_iter().map(|n| (n.stage, n.trial)).collect();
+    let word = |stage: &'static str, trial: &str| {
+        let key = (stage, trial.to_owned());
+        match standings.get(&key) {
+            None => String::new(),
+            Some(s) if s.is_current() && behind.contains(&(stage.to_owned(), key.1)) => "stale".to_owned(),
+            Some(s) => s.word().to_owned(),
+        }
+    };
+    let mut rows: Vec<StatusRow> = study
+        .trials
+        .iter()
+        .map(|trial| {
+            let excluded = trial.excluded.is_some();
+            let cell = |s: &&Stage| if excluded { "excluded".to_owned() } else { word(s.name, &trial.name) };
+            let cells = STAGES.iter().map(cell).collect();
+            StatusRow { trial: trial.name.clone(), role: trial.role.word().to_owned(), cells }
+        })
+        .collect();
+    let cells = STAGES.iter().map(|s| word(s.name, WHOLE_STUDY)).collect();
+    rows.push(StatusRow { trial: WHOLE_STUDY.to_owned(), role: "study".to_owned(), cells });
+    Ok(Status { version: 1, stages: STAGES.iter().map(|s| s.name).collect(), rows })
+}
+
+/// Why one result stands as it does.
+pub fn explain(study: &Study, trial: &str, stage: &str) -> Result<Explanation, PipelineError> {
+    let stage = STAGES[stage_index(stage)?];
+    let ws = Workspace::open(&study.workspace);
+    let manifests = Manifests::read_and_examine(study, &ws, STAGES);
+    let task = stage.tasks(study).into_iter().find(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()) == trial);
+    let Some(task) = task else {
+        let names: Vec<&str> =
+            stage.tasks(study).into_iter().map(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str())).collect();
+        return Err(PipelineError::request_hint(
+            format!("stage {} does not run for `{trial}`", stage.name),
+            format!("it runs for {}", names.join(", ")),
+        ));
+    };
+    let standings = standings(study, &ws, &manifests)?;
+    Ok(explanation(stage, task, study, &manifests, &standings))
+}
+
+/// How every task stands, by stage and trial.
+pub type Standings = HashMap<(&'static str, String), Standing>;
+
+pub(crate) fn standings(study: &Study, ws: &Workspace, manifests: &Manifests) -> Result<Standings, PipelineError> {
+    let mut all = HashMap::new();
+    for stage in STAGES {
+        for task in stage.tasks(study) {
+            let name = task.map_or(WHOLE_STUDY, |t| t.name.as_str()).to_owned();
+            all.insert((stage.name, name), stand(stage, task, study, ws, manifests)?);
+        }
+    }
+    Ok(all)
+}
+
+/// Everything that is not up to date, stage by stage: `(stage, trial, why)`. One trial (with what is made of it), or all.
+pub fn explain_all(
+    study: &Study,
+    trial: Option<&str>,
+) -> Result<Vec<(&'static str, String, Explanation)>, PipelineError> {
+    if let Some(name) = trial.filter(|n| *n != WHOLE_STUDY && study.trial(n).is_none()) {
+        let names: Vec<&str> = study.trials.iter().map(|t| t.name.as_str()).collect();
+        return Err(PipelineError::request_hint(
+            format!("there is no trial `{name}`"),
+            format!("the trials are {}", names.join(", ")),
+        ));
+    }
+    let ws = Workspace::open(&study.workspace);
+    let manifests = Manifests::read_and_examine(study, &ws, STAGES);
+    let standings = standings(study, &ws, &manifests)?;
+    let mut all = Vec::new();
+    for stage in STAGES {
+        for task in stage.tasks(study) {
+            let name = task.map_or(WHOLE_STUDY, |t| t.name.as_str());
+            if trial.is_some_and(|t| t != name) {
+                continue;
+            }
+            let found = explanation(stage, task, study, &manifests, &standings);
+            if !found.standing.is_current() || !found.before.is_empty() {
+                all.push((stage.name, name.to_owned(), found));
+            }
+        }
+    }
+    Ok(all)
+}
+
+fn explanation(
+    stage: &Stage,
+    task: Option<&TrialEntry>,
+    study: &Study,
+    manifests: &Manifests,
+    standings: &Standings,
+) -> Explanation {
+    let name = task.map_or(WHOLE_STUDY, |t| t.name.as_str());
+    let of = |stage: &Stage, name: &str| standings.get(&(stage.name, name.to_owned())).cloned();
+    let mut before = Vec::new();
+    let mut seen = BTreeSet::from([(stage.name, name.to_owned())]);
+    let mut open = inputs_of(stage, task, study);
+    while let Some((above, task)) = open.pop() {
+        let above_name = task.map_or(WHOLE_STUDY, |t| t.name.as_str());
+        if !seen.insert((above.name, above_name.to_owned())) {
+            continue;
+        }
+        let because = match of(above, above_name) {
+            Some(Standing::Missing) => Some("has never run".to_owned()),
+            Some(Standing::Stale(changes)) => Some(changes.join("; ")),
+            Some(Standing::Damaged(problems)) => Some(format!("is damaged: {}", problems.join("; "))),
+            _ => None,
+        };
+        if let Some(because) = because {
+            let of_whom = if task.is_some() { format!(" of {above_name}") } else { String::new() };
+            before.push(format!("`{}`{of_whom}: {because}", above.name));
+        }
+        open.extend(inputs_of(above, task, study));
+    }
+    before.sort();
+    // many trials, one reason: the first few tell
+    if before.len() > 4 {
+        let more = before.len() - 3;
+        before.truncate(3);
+        before.push(format!("… and {more} more before it"));
+    }
+    Explanation {
+        standing: of(stage, name).unwrap_or(Standing::Missing),
+        manifest: manifests.get(stage.name, name).cloned(),
+        before,
+    }
+}
+
+/// The tasks whose results a task reads.
+pub(crate) fn inputs_of<'s>(
+    stage: &Stage,
+    task: Option<&'s TrialEntry>,
+    study: &'s Study,
+) -> Vec<(&'static Stage, Option<&'s TrialEntry>)> {
+    let named = |name: &str| STAGES.iter().copied().find(|s| s.name == name);
+    let mut found = Vec::new();
+    for need in stage.needs {
+        match need {
+            Need::Recording => {}
+            Need::Same(name) => found.extend(named(name).map(|s| (s, task))),
+            Need::Once(name) => found.extend(named(name).map(|s| (s, None))),
+            Need::Every(name, roles) => {
+                if let Some(s) = named(name) {
+                    found.extend(study.included().filter(|t| roles.contains(&t.role)).map(|t| (s, Some(t))));
+                }
+            }
+            Need::EveryOrStaticFrames(name, roles) => {
+                let still = study.config.trials.static_frames.as_ref().map(|f| f.trial.as_str());
+                let takes = |t: &&TrialEntry| roles.contains(&t.role) || still == Some(t.name.as_str());
+                if let Some(s) = named(name) {
+                    found.extend(study.included().filter(takes).map(|t| (s, Some(t))));
+                }
+            }
+        }
+    }
+    found
+}

@@ -1,0 +1,467 @@
+//! `summary`: one row a trial over all subjects and sessions, with reasons of quality control out of a closed list.
+
+use crate::freshness::{NotCurrent, freshness};
+use aloft_pipeline::graph::{Manifests, Scope};
+use aloft_pipeline::stages::STAGES;
+use aloft_regressor::weak::force_scale_n;
+use aloft_study::quote::{self, visible};
+use aloft_study::studies::StudySet;
+use aloft_study::study::{Role, Study, StudyId, TrialEntry};
+use aloft_workspace::disk::{self, Temporary};
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::qc::{QcLevel, QcReason};
+use aloft_workspace::table::{write_csv, write_frame};
+use aloft_workspace::workspace::{Manifest, Outcome, WHOLE_STUDY, Workspace};
+use polars::prelude::{Column, DataFrame, PolarsError};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Marker error above which a trial is named, mm (RMS over markers and frames).
+const IK_LIMIT_MM: f64 = 20.0;
+/// Scaling error above which a session is named, mm.
+const SCALING_LIMIT_MM: f64 = 10.0;
+/// Deviation of the fall from g that is named, percent.
+const FREE_FALL_LIMIT_PERCENT: f64 = 10.0;
+/// Share of body weight above which the comparison is named (Hicks et al., J. Biomech. Eng. 137, 2015, section 4).
+const COMPARISON_LIMIT: f64 = 0.05;
+
+/// The table of all trials.
+#[derive(Debug, Clone, Serialize)]
+pub struct Summary {
+    /// Version of this structure.
+    pub version: u32,
+    /// One row a trial; and one for each subject or session of which no trial can be named.
+    pub rows: Vec<SummaryRow>,
+    /// What each reason that occurs means, and what to do about it.
+    pub reasons: Vec<ReasonText>,
+    /// Results that are not what the pipeline and the recordings would give now.
+    pub stale: Vec<StaleOf>,
+}
+
+/// Such a result and whose it is.
+#[derive(Debug, Clone, Serialize)]
+pub struct StaleOf {
+    /// Subject.
+    pub subject: Option<String>,
+    /// Session.
+    pub session: Option<String>,
+    /// The result.
+    #[serde(flatten)]
+    pub result: NotCurrent,
+}
+
+/// A reason in words.
+#[derive(Debug, Clone, Serialize)]
+pub struct ReasonText {
+    /// The word in the table.
+    pub reason: &'static str,
+    /// How many rows have it.
+    pub trials: usize,
+    /// What it means.
+    pub meaning: &'static str,
+    /// What to do about it.
+    pub advice: &'static str,
+}
+
+/// One trial. Figures are none where the stage that gives them has no result.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct SummaryRow {
+    /// Subject.
+    pub subject: String,
+    /// Session.
+    pub session: Option<String>,
+    /// Trial, or `_study` for a subject that cannot be worked on.
+    pub trial: String,
+    /// Its part.
+    pub role: String,
+    /// `ok`, `warning`, `failed`, `excluded`.
+    pub qc: String,
+    /// Reasons, gravest first: words of [`QcReason`].
+    pub reasons: Vec<QcReason>,
+    /// Length, s.
+    pub duration_s: Option<f64>,
+    /// Markers of the set that were found.
+    pub markers: Option<u64>,
+    /// Markers of the set that are missing.
+    pub missing_markers: Option<u64>,
+    /// Gaps of all markers, as measured.
+    pub gaps: Option<u64>,
+    /// The longest of them, s.
+    pub longest_gap_s: Option<f64>,
+    /// Root mean square distance of the static trial's markers from rigid segments, mm (one figure a session).
+    pub scaling_error_mm: Option<f64>,
+    /// Root mean square marker error of inverse kinematics, mm.
+    pub ik_error_mm: Option<f64>,
+    /// Frames without a posture.
+    pub unsolved_frames: Option<u64>,
+    /// Flights.
+    pub flights: Option<u64>,
+    /// Time in flight, s.
+    pub flight_s: Option<f64>,
+    /// Mean acceleration of the centre of mass in flight against g, percent.
+    pub free_fall_error_percent: Option<f64>,
+    /// σ_{N−1}/σ_N of the session's flights (one figure a session).
+    pub sigma_ratio: Option<f64>,
+    /// Model against plates: mean absolute force error in contact, N.
+    pub contact_force_n: Option<f64>,
+    /// The same for moments, N·m.
+    pub contact_moment_nm: Option<f64>,
+    /// Model in flight: mean absolute residual force, N.
+    pub flight_force_n: Option<f64>,
+    /// The same for moments, N·m.
+    pub flight_moment_nm: Option<f64>,
+    /// What happened, in words, where something failed or was left out.
+    pub message: Option<String>,
+    /// What to do about it.
+    pub hint: Option<String>,
+    /// The command that repeats just this trial, where something failed.
+    pub again: Option<String>,
+}
+
+/// The command that repeats just one trial (or one session's study-wide stages), for a shell; `words` name pipeline and folders.
+pub fn again(words: &str, id: &StudyId, trial: &str) -> String {
+    let mut chosen = Vec::new();
+    let trial = (trial != WHOLE_STUDY).then(|| trial.to_owned());
+    for (flag, name) in [("subject", &id.subject), ("session", &id.session), ("trial", &trial)] {
+        chosen.extend(name.iter().flat_map(|n| quote::option(flag, &quote::pattern(n))));
+    }
+    let chosen = quote::line(chosen);
+    format!("aloft run {words}{}{chosen}", if chosen.is_empty() { "" } else { " " })
+}
+
+/// Gathers the table from what the stages left; `words` name pipeline and folders in the commands that repeat a trial.
+pub fn summary(set: &StudySet, words: &str) -> Result<Summary, PipelineError> {
+    let (mut rows, mut stale) = (Vec::new(), Vec::new());
+    for study in &set.members {
+        rows.extend(rows_of(study, words)?);
+        let (subject, session) = (&study.id.subject, &study.id.session);
+        stale.extend(freshness(study)?.stale.into_iter().map(|result| StaleOf {
+            subject: subject.clone(),
+            session: session.clone(),
+            result,
+        }));
+    }
+    for b in &set.broken {
+        rows.push(SummaryRow {
+            subject: b.id.subject.clone().unwrap_or_default(),
+            session: b.id.session.clone(),
+            trial: WHOLE_STUDY.to_owned(),
+            reasons: vec![QcReason::SubjectUnknown],
+            message: Some(b.failure.problem.clone()),
+            hint: b.failure.hint.clone(),
+            again: Some(again(words, &b.id, WHOLE_STUDY)),
+            ..SummaryRow::default()
+        });
+    }
+    for (id, reason) in &set.excluded {
+        rows.push(SummaryRow {
+            subject: id.subject.clone().unwrap_or_default(),
+            session: id.session.clone(),
+            trial: WHOLE_STUDY.to_owned(),
+            reasons: vec![QcReason::Excluded],
+            message: Some(reason.clone()),
+            ..SummaryRow::default()
+        });
+    }
+    for row in &mut rows {
+        row.reasons.sort();
+        row.reasons.dedup();
+        row.qc = row.reasons.iter().map(|r| r.level()).max().unwrap_or(QcLevel::Ok).word().to_owned();
+    }
+    rows.sort_by(|a, b| (&a.subject, &a.session, &a.trial).cmp(&(&b.subject, &b.session, &b.trial)));
+    let reasons = QcReason::ALL
+        .iter()
+        .map(|r| (r, rows.iter().filter(|row| row.reasons.contains(r)).count()))
+        .filter(|(_, n)| *n > 0)
+        .map(|(r, trials)| ReasonText { reason: r.code(), trials, meaning: r.meaning(), advice: r.advice() })
+        .collect();
+    Ok(Summary { version: 1, rows, reasons, stale })
+}
+
+fn rows_of(study: &Study, words: &str) -> Result<Vec<SummaryRow>, PipelineError> {
+    let ws = Workspace::open(&study.workspace);
+    let manifests = Manifests::read_and_examine(study, &ws, STAGES);
+    let made = aloft_pipeline::made::as_made(study);
+    let grid = super::status::grid(study, &ws, &manifests)?;
+    // a stage of the whole session that failed leaves its trials without what follows
+    let failed_study = STAGES.iter().filter(|s| s.scope == Scope::Study).find_map(|s| {
+        manifests.get(s.name, WHOLE_STUDY).and_then(|m| match &m.outcome {
+            Outcome::Failed(f) => Some((s.name, f.clone())),
+            Outcome::Ok => None,
+        })
+    });
+    let name = study.id.subject.clone().unwrap_or_else(|| study.facts.person.name.clone());
+    study
+        .trials
+        .iter()
+        .zip(&grid.rows)
+        .map(|(trial, cells)| {
+            let mut row = SummaryRow {
+                subject: name.clone(),
+                session: study.id.session.clone(),
+                trial: trial.name.clone(),
+                role: trial.role.word().to_owned(),
+                ..SummaryRow::default()
+            };
+            if let Some(reason) = &trial.excluded {
+                row.reasons.push(QcReason::Excluded);
+                row.message = Some(reason.clone());
+                return Ok(row);
+            }
+            figures(&mut row, &made, trial, &manifests);
+            let is = |word: &str| cells.cells.iter().any(|c| c == word);
+            let own = STAGES.iter().find_map(|s| match manifests.get(s.name, &trial.name).map(|m| &m.outcome) {
+                Some(Outcome::Failed(f)) if is("failed") => Some((s.name, f)),
+                _ => None,
+            });
+            if let Some((stage, failure)) = own {
+                row.reasons.push(failure.reason.unwrap_or(match stage {
+                    "import" => QcReason::UnreadableFile,
+                    "ik" => QcReason::IkFailed,
+                    _ => QcReason::StageFailed,
+                }));
+                row.message = Some(format!("{stage}: {}", failure.problem));
+                row.hint.clone_from(&failure.hint);
+                row.again = Some(again(words, &study.id, &trial.name));
+            } else if is("blocked") {
+                let (stage, failure) = failed_study.clone().unzip();
+                row.reasons.push(if stage == Some("scale") { QcReason::ScalingFailed } else { QcReason::Blocked });
+                if let (Some(stage), Some(failure)) = (stage, failure) {
+                    row.message = Some(format!("{stage}: {}", failure.problem));
+                    row.hint = failure.hint;
+                }
+                row.again = Some(again(words, &study.id, WHOLE_STUDY));
+            } else if is("stale") || is("missing") || is("damaged") {
+                row.reasons.push(QcReason::NotRun);
+            }
+            Ok(row)
+        })
+        .collect()
+}
+
+fn number(m: Option<&Manifest>, key: &str) -> Option<f64> {
+    m.and_then(|m| m.summary.get(key)).and_then(serde_json::Value::as_f64)
+}
+
+fn count(m: Option<&Manifest>, key: &str) -> Option<u64> {
+    m.and_then(|m| m.summary.get(key)).and_then(serde_json::Value::as_u64)
+}
+
+/// Figures of one trial and the reasons that follow from them.
+fn figures(row: &mut SummaryRow, study: &Study, trial: &TrialEntry, manifests: &Manifests) {
+    let own = |stage: &str| manifests.get(stage, &trial.name).filter(|m| m.is_ok());
+    let once = |stage: &str| manifests.get(stage, WHOLE_STUDY).filter(|m| m.is_ok());
+    let import = own("import");
+    row.duration_s = number(import, "duration_s");
+    row.markers = count(import, "markers");
+    row.missing_markers = count(import, "missing_markers");
+    row.gaps = count(import, "gaps");
+    row.longest_gap_s = number(import, "longest_gap_s");
+    for list in [import, own("flight")].into_iter().flatten().filter_map(|m| m.summary.get("qc")) {
+        row.reasons.extend(serde_json::from_value::<Vec<QcReason>>(list.clone()).unwrap_or_default());
+    }
+    row.scaling_error_mm = number(once("scale"), "scaling_error_mm");
+    if trial.role == Role::Static && row.scaling_error_mm.is_some_and(|e| e > SCALING_LIMIT_MM) {
+        row.reasons.push(QcReason::ScalingErrorLarge);
+    }
+    let ik = own("ik");
+    row.ik_error_mm = number(ik, "marker_rms_mm");
+    row.unsolved_frames = count(ik, "unsolved_frames");
+    if row.ik_error_mm.is_some_and(|e| e > IK_LIMIT_MM) {
+        row.reasons.push(QcReason::IkErrorLarge);
+    }
+    if row.unsolved_frames.is_some_and(|n| n > 0) {
+        row.reasons.push(QcReason::UnsolvedFrames);
+    }
+    if !trial.role.is_dynamic() {
+        return;
+    }
+    let flight = own("flight");
+    row.flights = count(flight, "flights");
+    row.flight_s = number(flight, "flight_s");
+    row.free_fall_error_percent = number(flight, "gravity_error_percent");
+    if row.free_fall_error_percent.is_some_and(|e| e.abs() > FREE_FALL_LIMIT_PERCENT) {
+        row.reasons.push(QcReason::FreeFallOff);
+    }
+    let rows = study.config.regressor.rows.word();
+    let identify = once("identify");
+    row.sigma_ratio = number(identify, &format!("sigma_ratio_{rows}"));
+    if identify.is_some_and(|m| m.summary.get("gate_passed") == Some(&serde_json::Value::Bool(false))) {
+        row.reasons.push(QcReason::WeaklyIdentified);
+    }
+    let errors = once("compare").and_then(|m| m.summary.get("trials")).and_then(|t| t.get(&trial.name));
+    let error = |phase: &str, what: &str| errors?.get(phase)?.get(what)?.as_f64();
+    row.contact_force_n = error("contact", "force_n");
+    row.contact_moment_nm = error("contact", "moment_nm");
+    row.flight_force_n = error("flight", "force_n");
+    row.flight_moment_nm = error("flight", "moment_nm");
+    let weight = force_scale_n(study.facts.person.mass_kg, study.facts.gravity_mps2);
+    if [row.contact_force_n, row.flight_force_n].iter().flatten().any(|e| *e > COMPARISON_LIMIT * weight) {
+        row.reasons.push(QcReason::ComparisonLarge);
+    }
+    // remarks that no reason of the list covers; import, ik and flight have reasons of their own
+    let covered = |stage: &str| matches!(stage, "import" | "ik" | "flight");
+    let remarks = STAGES.iter().any(|s| {
+        matches!(s.scope, Scope::Trial(_)) && !covered(s.name) && own(s.name).is_some_and(|m| !m.warnings.is_empty())
+    });
+    if remarks {
+        row.reasons.push(QcReason::Remarks);
+    }
+}
+
+impl Summary {
+    /// The table as a polars frame: one column a field; reasons separated by `;`.
+    pub fn to_frame(&self) -> Result<DataFrame, PolarsError> {
+        let text = |f: fn(&SummaryRow) -> Option<String>, name: &str| {
+            Column::new(name.into(), self.rows.iter().map(f).collect::<Vec<Option<String>>>())
+        };
+        let float = |f: fn(&SummaryRow) -> Option<f64>, name: &str| {
+            Column::new(name.into(), self.rows.iter().map(f).collect::<Vec<Option<f64>>>())
+        };
+        let whole = |f: fn(&SummaryRow) -> Option<u64>, name: &str| {
+            Column::new(name.into(), self.rows.iter().map(f).map(|n| n.map(|n| n as i64)).collect::<Vec<Option<i64>>>())
+        };
+        DataFrame::new(
+            self.rows.len(),
+            vec![
+                text(|r| Some(r.subject.clone()), "subject"),
+                text(|r| r.session.clone(), "session"),
+                text(|r| Some(r.trial.clone()), "trial"),
+                text(|r| Some(r.role.clone()), "role"),
+                text(|r| Some(r.qc.clone()), "qc"),
+                text(|r| Some(codes(&r.reasons, ";")), "reasons"),
+                float(|r| r.duration_s, "duration_s"),
+                whole(|r| r.markers, "markers"),
+                whole(|r| r.missing_markers, "missing_markers"),
+                whole(|r| r.gaps, "gaps"),
+                float(|r| r.longest_gap_s, "longest_gap_s"),
+                float(|r| r.scaling_error_mm, "scaling_error_mm"),
+                float(|r| r.ik_error_mm, "ik_error_mm"),
+                whole(|r| r.unsolved_frames, "unsolved_frames"),
+                whole(|r| r.flights, "flights"),
+                float(|r| r.flight_s, "flight_s"),
+                float(|r| r.free_fall_error_percent, "free_fall_error_percent"),
+                float(|r| r.sigma_ratio, "sigma_ratio"),
+                float(|r| r.contact_force_n, "contact_force_n"),
+                float(|r| r.contact_moment_nm, "contact_moment_nm"),
+                float(|r| r.flight_force_n, "flight_force_n"),
+                float(|r| r.flight_moment_nm, "flight_moment_nm"),
+                text(|r| r.message.clone(), "message"),
+                text(|r| r.hint.clone(), "hint"),
+                text(|r| r.again.clone(), "again"),
+            ],
+        )
+    }
+
+    /// Writes `summary.csv`, `summary.parquet` and `summary.txt`, each whole or not at all; returns the CSV's path.
+    pub fn write(&self, folder: &Path) -> Result<PathBuf, PipelineError> {
+        let path = folder.join("summary.csv");
+        let wrong = |e: PolarsError| PipelineError::Table { path: path.clone(), problem: e.to_string() };
+        let mut frame = self.to_frame().map_err(wrong)?;
+        for (name, write) in
+            [("summary.csv", write_csv as fn(&mut DataFrame, &Path) -> _), ("summary.parquet", write_frame)]
+        {
+            let new = Temporary::beside(&folder.join(name))?;
+            disk::step();
+            write(&mut frame, new.path())?;
+            new.place()?;
+        }
+        aloft_workspace::workspace::write_whole(
+            &folder.join("summary.txt"),
+            format!("{}\n", self.to_text()).as_bytes(),
+        )?;
+        Ok(path)
+    }
+
+    /// The table for people, with what its reasons mean below it.
+    pub fn to_text(&self) -> String {
+        let several = self.rows.iter().any(|r| r.session.is_some());
+        let mut header = vec!["subject"];
+        if several {
+            header.push("session");
+        }
+        header.extend([
+            "trial",
+            "role",
+            "markers",
+            "gaps",
+            "scaling mm",
+            "IK mm",
+            "flights",
+            "fall %",
+            "σ ratio",
+            "contact N",
+            "N·m",
+            "flight N",
+            "qc",
+            "reasons",
+        ]);
+        let mut table: Vec<Vec<String>> = vec![header.into_iter().map(str::to_owned).collect()];
+        for r in &self.rows {
+            let mut cells = vec![visible(&r.subject)];
+            if several {
+                cells.push(visible(r.session.as_deref().unwrap_or_default()));
+            }
+            let markers = match (r.markers, r.missing_markers) {
+                (Some(m), Some(n)) => format!("{m}/{}", m + n),
+                _ => "–".to_owned(),
+            };
+            cells.extend([
+                visible(&r.trial),
+                r.role.clone(),
+                markers,
+                r.gaps.map_or("–".to_owned(), |n| n.to_string()),
+                fixed(r.scaling_error_mm, 1),
+                fixed(r.ik_error_mm, 1),
+                r.flights.map_or("–".to_owned(), |n| n.to_string()),
+                fixed(r.free_fall_error_percent, 1),
+                fixed(r.sigma_ratio, 1),
+                fixed(r.contact_force_n, 1),
+                fixed(r.contact_moment_nm, 1),
+                fixed(r.flight_force_n, 1),
+                r.qc.clone(),
+                codes(&r.reasons, " "),
+            ]);
+            table.push(cells);
+        }
+        let columns = table[0].len();
+        let width = |c: usize| table.iter().map(|row| row.get(c).map_or(0, |s| s.chars().count())).max().unwrap_or(0);
+        let widths: Vec<usize> = (0..columns).map(width).collect();
+        let left = |c: usize| c < columns - 12 || c >= columns - 2;
+        let mut lines: Vec<String> = table
+            .iter()
+            .map(|row| {
+                let cells: Vec<String> = row
+                    .iter()
+                    .enumerate()
+                    .map(|(c, s)| {
+                        let pad = " ".repeat(widths[c].saturating_sub(s.chars().count()));
+                        if left(c) { format!("{s}{pad}") } else { format!("{pad}{s}") }
+                    })
+                    .collect();
+                cells.join("  ").trim_end().to_owned()
+            })
+            .collect();
+        let n = |word: &str| self.rows.iter().filter(|r| r.qc == word).count();
+        lines.push(format!(
+            "{} trials: {} ok, {} with warnings, {} failed, {} excluded",
+            self.rows.len(),
+            n("ok"),
+            n("warning"),
+            n("failed"),
+            n("excluded")
+        ));
+        for r in &self.reasons {
+            lines.push(format!("  {} ({}): {} {}", r.reason, r.trials, r.meaning, r.advice));
+        }
+        lines.join("\n")
+    }
+}
+
+fn codes(reasons: &[QcReason], between: &str) -> String {
+    reasons.iter().map(|r| r.code()).collect::<Vec<_>>().join(between)
+}
+
+fn fixed(value: Option<f64>, decimals: usize) -> String {
+    value.filter(|v| v.is_finite()).map_or("–".to_owned(), |v| format!("{v:.decimals$}"))
+}

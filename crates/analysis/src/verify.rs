@@ -1,0 +1,146 @@
+//! `verify`: every file of a workspace compared with the hash under which it was written.
+
+use crate::freshness::{NotCurrent, freshness};
+use aloft_pipeline::stages::STAGES;
+use aloft_study::study::Study;
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::seal;
+use aloft_workspace::workspace::{Manifest, WHOLE_STUDY, Workspace};
+use rayon::prelude::*;
+use serde::Serialize;
+use std::path::Path;
+
+/// What `verify` found.
+#[derive(Debug, Clone, Serialize)]
+pub struct Verified {
+    /// Version of this structure.
+    pub version: u32,
+    /// The folder.
+    pub workspace: String,
+    /// Results that were looked at.
+    pub results: usize,
+    /// Files of them and beside them.
+    pub files: usize,
+    /// Their size.
+    pub bytes: u64,
+    /// Files that are not what was written.
+    pub damaged: Vec<Damage>,
+    /// Results of recordings or stages that the study no longer has, `stage/trial`; nothing reads them.
+    pub unused: Vec<String>,
+    /// Results that are not what the pipeline and the recordings would give now.
+    pub stale: Vec<NotCurrent>,
+}
+
+/// A damaged result or file.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Damage {
+    /// Folder of a result, or file, relative to the workspace.
+    pub place: String,
+    /// What is wrong with it.
+    pub problems: Vec<String>,
+    /// What makes it again.
+    pub mend: String,
+}
+
+/// Files that commands keep beside the results of stages, and the command that writes them again.
+const KEPT: [(&str, &str); 6] = [
+    ("model.json", "put back a copy, or delete the file and add the effects again"),
+    ("discovery.json", "`aloft discover`"),
+    ("discovery_volume.json", "`aloft discover`"),
+    ("self_test.json", "`aloft discover --self-test`"),
+    ("assessment.json", "`aloft parameters --assess`"),
+    ("inputs.json", "`aloft run`"),
+];
+
+/// Looks at everything in a study's workspace; changes nothing.
+///
+/// # Errors
+/// Another version's workspace; a folder that cannot be listed.
+pub fn verify(study: &Study) -> Result<Verified, PipelineError> {
+    let ws = Workspace::open(&study.workspace);
+    let mut out = Verified {
+        version: 1,
+        workspace: study.workspace.display().to_string(),
+        results: 0,
+        files: 0,
+        bytes: 0,
+        damaged: Vec::new(),
+        unused: Vec::new(),
+        stale: Vec::new(),
+    };
+    let folders = STAGES.iter().map(|s| s.name).chain(["merge"]);
+    let found: Vec<(&str, String)> =
+        folders.flat_map(|stage| folders_in(&ws.root().join(stage)).into_iter().map(move |t| (stage, t))).collect();
+    let damage: Vec<Vec<String>> = found.par_iter().map(|(stage, trial)| ws.damage(stage, trial)).collect();
+    for ((stage, trial), problems) in found.iter().zip(damage) {
+        let place = format!("{stage}/{trial}");
+        out.results += 1;
+        if let Some(m) = ws.manifest(stage, trial) {
+            out.files += m.files.len() + 1;
+            out.bytes += m.files.values().map(|f| f.bytes).sum::<u64>();
+        }
+        if !is_used(study, stage, trial) {
+            out.unused.push(place.clone());
+        }
+        if !problems.is_empty() {
+            let mend = if *stage == "merge" { "`aloft merge`" } else { "`aloft run`" };
+            out.damaged.push(Damage { place, problems, mend: mend.to_owned() });
+        }
+    }
+    let answers = folders_and_files(&ws.root().join("discoveries"))
+        .into_iter()
+        .filter(|n| n.ends_with(".json") && !n.starts_with('.'))
+        .map(|n| (format!("discoveries/{n}"), "`aloft discover`"));
+    let kept = KEPT.iter().map(|(name, mend)| ((*name).to_owned(), *mend));
+    for (name, mend) in kept.chain(answers) {
+        let path = ws.root().join(&name);
+        if !path.exists() {
+            continue;
+        }
+        out.files += 1;
+        out.bytes += std::fs::metadata(&path).map_or(0, |m| m.len());
+        if let Err(e) = seal::read::<serde_json::Value>(&path) {
+            let problem = match e {
+                PipelineError::Damaged { problem, .. } => problem,
+                other => other.to_string(),
+            };
+            out.damaged.push(Damage { place: name, problems: vec![problem], mend: mend.to_owned() });
+        }
+    }
+    out.stale = freshness(study)?.stale;
+    // a result whose folder is gone is not there to be compared, but something was made from it
+    for one in out.stale.iter().filter(|n| n.state == "missing" && n.stage != "model") {
+        let key = format!("{}/{}", one.stage, one.trial);
+        let manifests = found.iter().filter_map(|(s, t)| ws.manifest(s, t));
+        if manifests.into_iter().any(|m: Manifest| m.inputs.contains_key(&key)) {
+            out.damaged.push(Damage {
+                place: key,
+                problems: vec!["it is missing, and other results were made from it".to_owned()],
+                mend: "`aloft run`".to_owned(),
+            });
+        }
+    }
+    Ok(out)
+}
+
+fn is_used(study: &Study, stage: &str, trial: &str) -> bool {
+    match STAGES.iter().find(|s| s.name == stage) {
+        None => true,
+        Some(s) => s.tasks(study).into_iter().any(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()) == trial),
+    }
+}
+
+fn folders_and_files(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> = std::fs::read_dir(folder)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .map(|e| e.file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+fn folders_in(folder: &Path) -> Vec<String> {
+    folders_and_files(folder).into_iter().filter(|n| folder.join(n).is_dir()).collect()
+}

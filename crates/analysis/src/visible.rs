@@ -1,0 +1,91 @@
+//! What `effect add` asks before it changes anything: can the recordings of identification determine the effect at all?
+
+use crate::estimators::with_job;
+use aloft_effects::{ActsIn, Choice, Scene};
+use aloft_identify::{Estimator, Unseen, Visible};
+use aloft_pipeline::stages::identify::estimator;
+use aloft_pipeline::stages::regressor::{TrialRows, factors_of, row_kind};
+use aloft_regressor::{Factor, StretchKind};
+use aloft_study::revision::ModelEffect;
+use aloft_study::study::{Role, Study};
+use aloft_workspace::error::{PipelineError, StageFailure};
+use rayon::prelude::*;
+
+/// Trials that a message names at most.
+const NAMED: usize = 4;
+
+/// Refuses the last of `effects` where the rows of identification determine none of its coefficients, or where it repeats another effect of
+/// the model; `choice` is the same effect bound to `scene`. Effects of which some coefficients are determined are let through: `parameters` says which are not.
+pub fn refuse_invisible(
+    study: &Study,
+    effects: &[ModelEffect],
+    choice: &Choice<'_>,
+    scene: &Scene,
+) -> Result<(), PipelineError> {
+    let (key, names) = (choice.key(scene), choice.names(scene));
+    let contact = study.config.identify.contact;
+    let own_estimator = estimator(study, study.config.regressor.rows);
+    let model = Study { effects: effects.to_vec(), ..study.clone() };
+    let factors = with_job(&model, |job| {
+        let kind = row_kind(model.config.regressor.rows);
+        let trials: Vec<String> = job
+            .trials_of("regressor")
+            .into_iter()
+            .filter(|n| model.trial(n).is_some_and(|t| t.role == Role::Identify))
+            .collect();
+        let each: Vec<Vec<Factor>> = trials
+            .par_iter()
+            .map(|name| {
+                let (factors, _) = factors_of(&model, &TrialRows::load(job, name)?)?;
+                let used = |f: &Factor| f.rows == kind && (contact || f.kind == StretchKind::Flight);
+                Ok(factors.into_iter().map(|(_, f)| f).filter(used).collect())
+            })
+            .collect::<Result<_, StageFailure>>()?;
+        Ok(each.concat())
+    })?;
+    if factors.is_empty() {
+        return Ok(());
+    }
+    let has_prior = matches!(own_estimator, Estimator::Regularised { .. });
+    let visible = Visible::among(&factors, has_prior).map_err(|e| PipelineError::request(e.to_string()))?;
+    let own: Vec<(&str, &Unseen)> = visible.unseen().filter(|(n, _)| names.iter().any(|own| own == n)).collect();
+    let repeated = own.iter().find_map(|(name, why)| match why {
+        Unseen::Repeats(with) => {
+            let others: Vec<String> = with.iter().filter(|w| !names.contains(w)).cloned().collect();
+            (!others.is_empty()).then_some((*name, Unseen::Repeats(others)))
+        }
+        _ => None,
+    });
+    let (name, why) = match (repeated, own.first()) {
+        (Some(found), _) => found,
+        (None, Some((name, why))) if own.len() == names.len() => (*name, (*why).clone()),
+        _ => return Ok(()),
+    };
+    let what = if names.len() == 1 { String::new() } else { format!(" (`{name}`)") };
+    let problem =
+        format!("`{key}` is not added: the rows of {} do not determine it{what}: {}", rows(&factors), why.words());
+    let hint = match why {
+        Unseen::Zero if !contact && choice.effect.acts() == ActsIn::Contact => {
+            "an effect of the plates needs contact in identification: set `identify: {contact: true}`"
+        }
+        Unseen::Zero => "record motion in which it acts",
+        Unseen::Repeats(_) => "take the other effect out first: see `aloft history` and `aloft effect remove`",
+        Unseen::Body(_) => {
+            "record trials with it and trials without it, so that the body's parameters cannot take its place"
+        }
+        Unseen::TooFewRows => "record more flights, or identify with a prior",
+    };
+    Err(PipelineError::request_hint(problem, hint))
+}
+
+/// The rows in words: trials, flights, contact stretches.
+fn rows(factors: &[Factor]) -> String {
+    let mut trials: Vec<&str> = factors.iter().map(|f| f.trial.as_str()).collect();
+    trials.dedup();
+    let contacts = factors.iter().filter(|f| f.kind == StretchKind::Contact).count();
+    let named = trials.iter().take(NAMED).map(|t| format!("`{t}`")).collect::<Vec<_>>().join(", ");
+    let more = trials.len().saturating_sub(NAMED);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    let contacts = if contacts > 0 { format!(", {contacts} contact stretches") } else { ", no contact".to_owned() };
+    format!("{named}{more} ({} flights{contacts})", factors.iter().filter(|f| f.kind != StretchKind::Contact).count())
+}

@@ -1,0 +1,438 @@
+//! `workflow`: the stage graph as a Snakefile. Each stage of each trial is a job on one shared folder of results; factors merge in a tree;
+//! the same file runs on the cores of one machine and through Snakemake's executors on a cluster.
+//!
+//! The Snakefile is the same for every study. Everything that a user named stands in a JSON file beside it (`Snakefile.json`), which is read as
+//! data: names of recordings, subjects and folders may hold anything. Marks of finished jobs carry names in the spelling of exported files
+//! ([`aloft_export::names::file`]), in which no two names are the same.
+//!
+//! Snakemake decides by times which jobs to start, the jobs decide by content what there is to do: a job whose result is up to date ends
+//! at once. A trial that cannot be used is recorded as such, its jobs end well, and the study goes on without it; the last job of the
+//! workflow names it and fails. A job that was killed leaves no mark and runs again with the next call.
+
+use aloft_export::names;
+use aloft_pipeline::graph::{self, Manifests, Need, Scope, Stage, Standing};
+use aloft_pipeline::merge;
+use aloft_pipeline::stages::STAGES;
+use aloft_study::quote;
+use aloft_study::study::{Role, Study, TrialEntry};
+use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::workspace::{MARKER, WHOLE_STUDY, Workspace, marker_text, write_json_whole, write_whole};
+use serde_json::{Value, json};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// One subject's session of a workflow.
+#[derive(Debug)]
+pub struct Member<'a> {
+    /// Its recordings.
+    pub study: &'a Study,
+}
+
+impl Member<'_> {
+    /// Name in paths: `sub-01~ses-1`, or the study's name where there is one only. Parts hold no `~`.
+    fn key(&self) -> String {
+        let id = &self.study.id;
+        let parts: Vec<String> = [&id.subject, &id.session].into_iter().flatten().map(|n| names::file(n)).collect();
+        if parts.is_empty() { names::file(&self.study.config.name) } else { parts.join("~") }
+    }
+
+    /// Words that choose it on the command line.
+    fn words(&self) -> Vec<String> {
+        let id = &self.study.id;
+        [("subject", &id.subject), ("session", &id.session)]
+            .into_iter()
+            .flat_map(|(flag, name)| name.iter().flat_map(move |n| quote::option(flag, &quote::pattern(n))))
+            .collect()
+    }
+}
+
+/// How jobs call the program.
+#[derive(Debug)]
+pub struct Call {
+    /// The pipeline file as the user gave it.
+    pub pipeline: PathBuf,
+    /// `--data` and `--workspace` as the user gave them.
+    pub words: Vec<String>,
+    /// `--subject` and `--session` as the user gave them: the verdict is on these.
+    pub chosen: Vec<String>,
+    /// Folder of results of the whole study.
+    pub workspace: PathBuf,
+}
+
+/// Roles that a stage runs for; none for a stage of the whole study.
+fn roles(stage: &Stage) -> Option<&'static [Role]> {
+    match stage.scope {
+        Scope::Trial(roles) => Some(roles),
+        Scope::Study => None,
+    }
+}
+
+/// First stage of the last run of stages that are made trial by trial before a study-wide one: those go to the cluster as one job a trial.
+fn group(stage: &Stage) -> Option<String> {
+    roles(stage)?;
+    let at = STAGES.iter().position(|s| s.name == stage.name)?;
+    let first = STAGES[..=at].iter().rposition(|s| roles(s).is_none()).map_or(0, |i| i + 1);
+    STAGES.get(first).map(|s| format!("from_{}", s.name))
+}
+
+/// What a job of a stage depends on beside files: its version and the parameters that it sees, as a short hash.
+fn seen(stage: &Stage, study: &Study) -> String {
+    let parameters: Vec<Value> = stage.tasks(study).into_iter().map(|t| (stage.parameters)(study, t)).collect();
+    let text = json!([stage.version, parameters]).to_string();
+    blake3::hash(text.as_bytes()).to_hex()[..12].to_owned()
+}
+
+/// Results that no other stage reads, `stage/trial`: where these are there, all are.
+fn ends(study: &Study) -> Vec<String> {
+    let read = |name: &str, trial: Option<&TrialEntry>| {
+        let plays = |roles: &[Role]| trial.is_some_and(|t| roles.contains(&t.role));
+        STAGES.iter().any(|by| {
+            by.needs.iter().any(|need| match need {
+                Need::Recording => false,
+                Need::Once(n) => *n == name,
+                Need::Same(n) => *n == name && roles(by).is_some_and(plays),
+                Need::Every(n, of) | Need::EveryOrStaticFrames(n, of) => *n == name && plays(of),
+            })
+        })
+    };
+    let all = STAGES.iter().flat_map(|s| s.tasks(study).into_iter().map(|t| (s.name, t)));
+    all.filter(|(name, t)| !read(name, *t))
+        .map(|(name, t)| format!("{name}/{}", t.map_or(WHOLE_STUDY.to_owned(), |t| names::file(&t.name))))
+        .collect()
+}
+
+fn plan(member: &Member<'_>) -> Value {
+    let study = member.study;
+    let trials: serde_json::Map<String, Value> = study
+        .included()
+        .map(|t| {
+            let files: Vec<String> =
+                std::iter::once(&t.file).chain(&t.forces).chain(&t.beside).map(|p| p.display().to_string()).collect();
+            let choice = quote::option("trial", &quote::pattern(&t.name));
+            (names::file(&t.name), json!({"role": t.role.word(), "files": files, "choice": choice}))
+        })
+        .collect();
+    let hashes: serde_json::Map<String, Value> =
+        STAGES.iter().map(|s| (s.name.to_owned(), json!(seen(s, study)))).collect();
+    let identify: Vec<String> =
+        study.included().filter(|t| t.role == Role::Identify).map(|t| names::file(&t.name)).collect();
+    json!({
+        "words": member.words(),
+        "trials": trials,
+        "identify": identify,
+        "static_frames": study.config.trials.static_frames.as_ref().map(|f| names::file(&f.trial)),
+        "seen": hashes,
+        "merge": merge::Tree::of(study).levels(),
+        "ends": ends(study),
+    })
+}
+
+/// A string as Python reads it: JSON strings are Python strings.
+fn python(text: &str) -> String {
+    Value::String(text.to_owned()).to_string()
+}
+
+fn words_of_roles(roles: &[Role]) -> String {
+    let all: Vec<String> = roles.iter().map(|r| python(r.word())).collect();
+    format!("[{}]", all.join(", "))
+}
+
+/// Inputs of a stage's rule, one line each.
+fn inputs(stage: &Stage) -> Vec<String> {
+    let mut out = Vec::new();
+    for need in stage.needs {
+        match need {
+            Need::Recording => out.push("recordings".to_owned()),
+            Need::Same(name) => out.push(format!("MARKS + \"/{{study}}/{name}/{{trial}}.done\"")),
+            Need::Once(name) => out.push(format!("MARKS + \"/{{study}}/{name}/_study.done\"")),
+            // what stands behind the root of the merge tree need not be named one by one
+            Need::Every("regressor", _) if stage.name == "identify" => out.push("root_of_merges".to_owned()),
+            Need::Every(..) if stage.needs.contains(&Need::Once("identify")) => {
+                if let Need::Every("regressor", roles) = need {
+                    out.push(format!("every(\"regressor\", {})", words_of_roles(roles)));
+                }
+            }
+            Need::Every(name, roles) | Need::EveryOrStaticFrames(name, roles) => {
+                out.push(format!("every({}, {})", python(name), words_of_roles(roles)));
+            }
+        }
+    }
+    out
+}
+
+fn rule(stage: &Stage) -> String {
+    let mut out = String::new();
+    let whole = roles(stage).is_none();
+    let trial = if whole { "_study" } else { "{trial}" };
+    let choice = if whole { "" } else { " {params.choice:q}" };
+    let _ = writeln!(out, "rule {}:", stage.name);
+    let _ = writeln!(out, "    input:");
+    for input in inputs(stage) {
+        let _ = writeln!(out, "        {input},");
+    }
+    let _ = writeln!(out, "    output:\n        touch(MARKS + \"/{{study}}/{}/{trial}.done\"),", stage.name);
+    let _ = writeln!(out, "    log:\n        MARKS + \"/{{study}}/{}/{trial}.log\",", stage.name);
+    let _ = writeln!(out, "    params:");
+    let _ = writeln!(out, "        words=lambda w: STUDIES[w.study][\"words\"],");
+    if !whole {
+        let _ = writeln!(out, "        choice=lambda w: STUDIES[w.study][\"trials\"][w.trial][\"choice\"],");
+    }
+    if stage.needs.contains(&Need::Recording) {
+        let _ = writeln!(out, "        stamps=stamps,");
+    }
+    let _ = writeln!(out, "        seen=lambda w: STUDIES[w.study][\"seen\"][{}],", python(stage.name));
+    if let Some(group) = group(stage) {
+        let _ = writeln!(out, "    group:\n        {}", python(&group));
+    }
+    let threads = if whole { "THREADS" } else { "1" };
+    let _ = writeln!(out, "    threads: {threads}");
+    let _ = writeln!(
+        out,
+        "    shell:\n        \"{{ALOFT}} run {{PIPELINE:q}} {{FOLDERS:q}} {{params.words:q}} --only {}{choice} --shared -j {{threads}} > {{log:q}} 2>&1 || test $? -eq 1\"\n",
+        stage.name
+    );
+    out
+}
+
+/// Mark of the verdict: one for each choice of subjects, so that files for different ones can share a folder of results.
+fn verdict_name(chosen: &[String]) -> String {
+    if chosen.is_empty() {
+        return "verdict".to_owned();
+    }
+    let hash = blake3::hash(json!(chosen).to_string().as_bytes()).to_hex();
+    format!("verdict_{}", &hash[..8])
+}
+
+/// What the Snakefile reads: everything that has a name.
+pub fn plan_of(members: &[Member<'_>], call: &Call) -> Result<Value, PipelineError> {
+    let text = std::fs::read_to_string(&call.pipeline).map_err(PipelineError::io("read", &call.pipeline))?;
+    let workspace = call.workspace.display().to_string();
+    if workspace.contains(|c: char| "{}<>".contains(c) || c.is_control()) {
+        return Err(PipelineError::request_hint(
+            format!(
+                "{}: Snakemake reads braces, angle brackets and line breaks in a folder of results as its own",
+                quote::visible(&workspace)
+            ),
+            "give --workspace a folder without them",
+        ));
+    }
+    let studies: serde_json::Map<String, Value> = members.iter().map(|m| (m.key(), plan(m))).collect();
+    Ok(json!({
+        "written_by": WRITTEN_BY,
+        "pipeline": quote::argument(&call.pipeline),
+        "pipeline_text": text,
+        "folders": call.words,
+        "chosen": call.chosen,
+        "verdict": verdict_name(&call.chosen),
+        "workspace": workspace,
+        "studies": studies,
+    }))
+}
+
+/// How our files begin, and what the plan says of itself.
+const WRITTEN_BY: &str = "Written by `aloft workflow";
+
+/// The Snakefile, the same for every study.
+pub fn snakefile() -> String {
+    let mut out = String::new();
+    let _ = write!(
+        out,
+        r#"# {WRITTEN_BY}`, with the file of the same name and the ending `.json` beside it, which holds the study: names are data. Keep both together, and
+# write them again when recordings come or go, or when the pipeline changes.
+#
+#   snakemake -s Snakefile --cores 8 --keep-going               on the cores of this machine
+#   snakemake -s Snakefile --jobs 100 --keep-going --executor slurm --default-resources mem_mb=1000 runtime=10
+#
+# Each stage of each trial is a job on the shared folder of results; stages of one trial travel to a cluster together (groups). A trial that
+# cannot be used is recorded and left out; the last job, `verdict`, names it and fails. Killed jobs run again with the next call.
+import json
+from pathlib import Path
+
+from snakemake.exceptions import WorkflowError
+
+PLAN = json.loads(Path(workflow.snakefile + ".json").read_text(encoding="utf-8"))
+ALOFT = config.get("aloft", "aloft")  # --config aloft=/path/to/aloft
+THREADS = int(config.get("threads", 2))  # of jobs for a whole study
+PIPELINE = PLAN["pipeline"]
+FOLDERS = PLAN["folders"]
+CHOSEN = PLAN["chosen"]  # subjects and sessions of this file, all where empty
+STUDIES = PLAN["studies"]
+WORKSPACE = Path(PLAN["workspace"])
+MARKS = (WORKSPACE / ".workflow").as_posix()
+
+if Path(PIPELINE).read_bytes() != PLAN["pipeline_text"].encode("utf-8"):
+    raise WorkflowError("the pipeline changed: write this file again with `aloft workflow`")
+
+# a new folder of results says what it is before Snakemake puts marks into it
+WORKSPACE.mkdir(parents=True, exist_ok=True)
+if not any(WORKSPACE.iterdir()):
+    (WORKSPACE / {marker}).write_text({marker_text})
+
+
+def plain(path):
+    """Names that Snakemake takes as they are; braces or angle brackets it would read as its own."""
+    return path == path.strip() and all(c.isalnum() or c in "_-./ " for c in path)
+
+
+def recordings(w):
+    """Files of a trial whose changes Snakemake sees by their times."""
+    return [f for f in STUDIES[w.study]["trials"][w.trial]["files"] if plain(f)]
+
+
+def stamps(w):
+    """Size and time of files that cannot be named as inputs: a job runs again when these change."""
+    odd = [Path(f) for f in STUDIES[w.study]["trials"][w.trial]["files"] if not plain(f)]
+    return [f"{{f.stat().st_size}} {{f.stat().st_mtime_ns}}" for f in odd if f.exists()]
+
+
+def every_end(w):
+    """Marks of all results that no other stage reads."""
+    return [f"{{MARKS}}/{{key}}/{{end}}.done" for key, study in STUDIES.items() for end in study["ends"]]
+
+
+def every(stage, roles):
+    """Marks of a stage for all trials that play one of the roles."""
+
+    def of(w):
+        study = STUDIES[w.study]
+        names = [n for n, t in study["trials"].items() if t["role"] in roles or n == study["static_frames"] and stage == "import"]
+        return [f"{{MARKS}}/{{w.study}}/{{stage}}/{{n}}.done" for n in names]
+
+    return of
+
+
+def merge_node(w):
+    """What a node of the tree merges: trials at the first level, nodes of the level below above it."""
+    study, level, index = STUDIES[w.study], int(w.level), int(w.index)
+    first, last = index * {fan_in}, (index + 1) * {fan_in}
+    if level > 1:
+        below = study["merge"][level - 2]
+        return [f"{{MARKS}}/{{w.study}}/merge/{{level - 1}}-{{i}}.done" for i in range(first, min(last, below))]
+    return [f"{{MARKS}}/{{w.study}}/regressor/{{n}}.done" for n in study["identify"][first:last]]
+
+
+def root_of_merges(w):
+    """The top of the tree."""
+    levels = len(STUDIES[w.study]["merge"])
+    return [f"{{MARKS}}/{{w.study}}/merge/{{levels}}-0.done"] if levels else []
+
+
+wildcard_constraints:
+    study="[^/]+",
+    trial="[^/]+",
+    level="[0-9]+",
+    index="[0-9]+",
+
+
+localrules:
+    verdict,
+
+
+rule verdict:
+    input:
+        every_end,
+    output:
+        touch(MARKS + "/" + PLAN["verdict"] + ".done"),
+    shell:
+        "{{ALOFT}} workflow {{PIPELINE:q}} {{FOLDERS:q}} {{CHOSEN:q}} --verdict"
+
+
+"#,
+        marker = python(MARKER),
+        marker_text = python(&marker_text()),
+        fan_in = merge::FAN_IN,
+    );
+    for stage in STAGES {
+        out.push_str(&rule(stage));
+        out.push('\n');
+        if stage.name == "regressor" {
+            out.push_str(MERGE_RULE);
+            out.push('\n');
+        }
+    }
+    out.trim_end().to_owned() + "\n"
+}
+
+const MERGE_RULE: &str = r#"rule merge:
+    input:
+        merge_node,
+    output:
+        touch(MARKS + "/{study}/merge/{level}-{index}.done"),
+    log:
+        MARKS + "/{study}/merge/{level}-{index}.log",
+    params:
+        words=lambda w: STUDIES[w.study]["words"],
+        seen=lambda w: STUDIES[w.study]["seen"]["identify"],
+    threads: 1
+    shell:
+        "{ALOFT} merge {PIPELINE:q} {FOLDERS:q} {params.words:q} --node {wildcards.level}-{wildcards.index} > {log:q} 2>&1 || test $? -eq 1"
+
+"#;
+
+/// Where the study of a Snakefile stands.
+pub fn plan_path(snakefile: &Path) -> PathBuf {
+    let mut name = snakefile.as_os_str().to_owned();
+    name.push(".json");
+    PathBuf::from(name)
+}
+
+/// Writes the Snakefile and its study; nothing else that a user placed is overwritten.
+pub fn write(members: &[Member<'_>], call: &Call, out: &Path) -> Result<(), PipelineError> {
+    let plan = plan_of(members, call)?;
+    let beside = plan_path(out);
+    for path in [out, beside.as_path()] {
+        let ours = |old: &[u8]| {
+            let text = String::from_utf8_lossy(old);
+            let json = || serde_json::from_str::<Value>(&text).is_ok_and(|v| v["written_by"] == WRITTEN_BY);
+            text.starts_with(&format!("# {WRITTEN_BY}")) || json()
+        };
+        if path.exists() && !std::fs::read(path).is_ok_and(|old| ours(&old)) {
+            return Err(PipelineError::request_hint(
+                format!("{} is there already, and not by this command", path.display()),
+                "give another name with --out; nothing is overwritten",
+            ));
+        }
+    }
+    write_json_whole(&beside, &plan)?;
+    write_whole(out, snakefile().as_bytes())
+}
+
+/// A result that a finished workflow does not have.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lacking {
+    /// Stage.
+    pub stage: &'static str,
+    /// Trial, or [`WHOLE_STUDY`].
+    pub trial: String,
+    /// Why; a hint where there is one.
+    pub failure: StageFailure,
+    /// False where it only could not follow something else that failed.
+    pub first: bool,
+}
+
+/// Every result of a study that is not there or not up to date, those that failed by themselves first.
+pub fn verdict(study: &Study) -> Result<Vec<Lacking>, PipelineError> {
+    let workspace = Workspace::open(&study.workspace);
+    let manifests = Manifests::read_and_examine(study, &workspace, STAGES);
+    let mut out = Vec::new();
+    for stage in STAGES {
+        for trial in stage.tasks(study) {
+            let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
+            let inputs = graph::inputs(stage, trial, study, &workspace, &manifests)?;
+            let (failure, first) = match graph::standing(stage, trial, study, &inputs, manifests.get(stage.name, name))
+            {
+                Standing::Ok | Standing::Warning => continue,
+                Standing::Failed(failure) => (failure, true),
+                Standing::Missing => (StageFailure::new("has not run"), true),
+                Standing::Stale(changes) => (StageFailure::new(format!("is stale: {}", changes.join("; "))), true),
+                Standing::Damaged(problems) => {
+                    (StageFailure::new(format!("is damaged: {}", problems.join("; "))), true)
+                }
+                Standing::Blocked(reason) => (StageFailure::new(reason), false),
+            };
+            out.push(Lacking { stage: stage.name, trial: name.to_owned(), failure, first });
+        }
+    }
+    out.sort_by_key(|l| !l.first);
+    Ok(out)
+}

@@ -1,0 +1,137 @@
+//! The story of what is missing: verdict, ranking, look-alikes, ladder, what to record next.
+
+use super::STUDY;
+use super::candidates;
+use super::ladder;
+use super::story::Story;
+use super::words::{card, number};
+use aloft_discover::{Discovery, Verdict};
+use aloft_page::{Block, Chapter, Light, Section};
+
+/// The chapter.
+pub fn chapter(story: &Story<'_>) -> Chapter {
+    let mut sections = Vec::new();
+    let last = story.discoveries.len();
+    for (i, (revision, d)) in story.discoveries.iter().enumerate() {
+        let older = d.made_from != story.looked_at;
+        let d = &d.answer;
+        sections.push(answer(story, *revision, d, last > 1, older));
+        if i + 1 == last || last <= 2 {
+            sections.push(candidates::ranking(d, &format!("-{revision}")));
+        }
+    }
+    sections.extend(ladder::section(story));
+    if let Some(d) = story.discovery() {
+        if !d.advice.is_empty() {
+            sections.push(Section::new(
+                "next",
+                "What to record next",
+                "Motions that would tell apart what these recordings cannot, the most useful first.",
+                vec![Block::List { items: d.advice.clone() }],
+            ));
+        }
+        let left: Vec<String> = d.warnings.iter().cloned().chain(d.not_tried.iter().map(ToString::to_string)).collect();
+        if !left.is_empty() {
+            let blocks = vec![Block::List { items: left }];
+            sections.push(Section::new("left-out", "Left out, and why", "", blocks));
+        }
+    }
+    if story.discoveries.is_empty() {
+        let p = aloft_study::quote::path(&story.study.config_path);
+        sections.insert(
+            0,
+            Section::new(
+                "missing",
+                "Not asked yet",
+                "`discover` refits the mass parameters together with each physical effect and each measurement artefact, and judges them on recordings that took no part.",
+                vec![Block::Commands { lines: vec![format!("aloft discover {p}"), format!("aloft report {p}")] }],
+            ),
+        );
+    }
+    let light = story.discovery().map_or(Light::Neutral, |d| verdict_light(d.verdict));
+    Chapter { id: "discovery".into(), title: "What is missing".into(), group: STUDY.into(), light, sections }
+}
+
+/// How a verdict is shown.
+pub fn verdict_light(v: Verdict) -> Light {
+    match v {
+        Verdict::NothingMissing => Light::Good,
+        Verdict::Unexplained => Light::Poor,
+        Verdict::Supported | Verdict::OneOf => Light::Fair,
+        Verdict::NotDetectable => Light::Neutral,
+    }
+}
+
+fn verdict_word(v: Verdict) -> &'static str {
+    match v {
+        Verdict::NothingMissing => "nothing missing",
+        Verdict::Unexplained => "unexplained",
+        Verdict::Supported => "supported",
+        Verdict::OneOf => "one of several",
+        Verdict::NotDetectable => "not detectable",
+    }
+}
+
+/// The answer against one revision of the model.
+fn answer(story: &Story<'_>, revision: usize, d: &Discovery, several: bool, older: bool) -> Section {
+    let held = story.history.revisions.get(revision).map(|r| r.effects.join(", ")).filter(|e| !e.is_empty());
+    let model = held.map_or_else(|| "the plain model".to_owned(), |e| format!("the model with {e}"));
+    let mut blocks = vec![Block::remark(verdict_light(d.verdict), d.words.clone())];
+    if older {
+        let text = "Not up to date: `discover` looked at other results than those of this page. Ask it again.";
+        blocks.insert(0, Block::remark(Light::Poor, text));
+    }
+    let share = 100.0 * d.held_out_error_of_weight;
+    let mut cards = vec![
+        card("Verdict", verdict_word(d.verdict).to_owned(), d.effects.join(", "), verdict_light(d.verdict)),
+        card(
+            "Held-out error",
+            format!("{} N", number(d.held_out_error)),
+            format!("{share:.2} % of the weight"),
+            Light::Neutral,
+        ),
+    ];
+    if !d.found.is_empty() {
+        let names: Vec<&str> = d.found.iter().map(|f| f.key.as_str()).collect();
+        cards.push(card(
+            "With what was found",
+            format!("{} N", number(d.held_out_error_after)),
+            format!("with {}", names.join(", ")),
+            Light::Neutral,
+        ));
+    }
+    cards.push(card(
+        "Noise floor",
+        format!("{} N", number(d.noise_floor)),
+        "what a perfect model would leave",
+        Light::Neutral,
+    ));
+    blocks.push(Block::Cards { cards });
+    if let Some(r) = d.rounds.first() {
+        let (share, chance) = r.by_chance();
+        blocks.push(Block::text(format!(
+            "Judged {} on {} groups of rows (recordings, or flights where recordings are few), each held out in its turn. With the signs of the \
+             residuals flipped at random, the best of the whole catalogue came below a ratio of {} in {:.0} % of the cases: only a ratio below {} is \
+             believed.",
+            if r.judged_on == "flight" { "in flight" } else { "in contact" },
+            r.clusters,
+            number(chance),
+            100.0 * share,
+            number(r.threshold)
+        )));
+    }
+    if d.rounds.len() > 1 {
+        let items = d.rounds.iter().enumerate().map(|(i, r)| {
+            let with = if r.model.is_empty() { "plain".to_owned() } else { format!("with {}", r.model.join(", ")) };
+            format!("Round {} ({}, {with}): {}", i + 1, r.judged_on, r.words)
+        });
+        blocks.push(Block::List { items: items.collect() });
+    }
+    let title = if several { format!("Revision {revision}: asked of {model}") } else { "The verdict".to_owned() };
+    Section::new(
+        format!("missing-{revision}"),
+        &title,
+        "Each effect was refitted together with the mass parameters and judged on recordings that took no part.",
+        blocks,
+    )
+}

@@ -1,0 +1,469 @@
+//! The page of a study of several subjects: a row a subject, lights, distributions over the group, links to the subjects' pages.
+
+use super::story::Story;
+use super::words::{anchor, card, count, maybe, number, with_half};
+use super::{STUDY, lights};
+use aloft_analysis::compare::{errors_of, mean};
+use aloft_discover::Verdict;
+use aloft_page::{Block, Cell, Chapter, Columns, Dots, Figure, HeatMap, Light, Line, Page, Section, Table, Words};
+use aloft_study::study::Study;
+use aloft_workspace::error::PipelineError;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// A subject or session of the study.
+pub struct Member<'a> {
+    /// Name in the study.
+    pub name: String,
+    /// Its own study.
+    pub study: &'a Study,
+    /// Where its page lies, relative to this one; empty where it has none.
+    pub link: String,
+}
+
+/// A subject that has no results, and why.
+pub struct Absent {
+    /// Name in the study.
+    pub name: String,
+    /// Why.
+    pub reason: String,
+    /// True where it was left out on purpose.
+    pub on_purpose: bool,
+}
+
+/// A recording: name, judgement, marker error (mm), flights, reasons.
+type TrialLine = (String, Light, Option<f64>, Option<usize>, String);
+
+/// What the group's page keeps of a subject: figures only, so that hundreds fit into memory.
+struct Row {
+    name: String,
+    link: String,
+    light: Light,
+    recordings: usize,
+    remarks: String,
+    flights: Option<usize>,
+    marker_rms_mm: Option<f64>,
+    fall_percent: Option<f64>,
+    gap: Option<f64>,
+    trusted: Option<bool>,
+    /// Force and moment error of the identified model and of the prior.
+    force: [Option<f64>; 2],
+    moment: [Option<f64>; 2],
+    verdict: Option<(Verdict, String)>,
+    /// Share of the body mass of each link: identified and prior.
+    shares: Vec<(String, f64, f64)>,
+    /// Mean error of each marker over recordings, mm.
+    markers: BTreeMap<String, f64>,
+    /// Name, judgement, marker error, flights, first remark.
+    trials: Vec<TrialLine>,
+    failure: Option<String>,
+}
+
+/// Builds the page.
+///
+/// # Errors
+/// None of the subjects has results.
+pub fn page(title: &str, members: &[Member<'_>], absent: &[Absent]) -> Result<Page, PipelineError> {
+    let rows: Vec<Row> = members.par_iter().map(row).collect();
+    if rows.iter().all(|r| r.failure.is_some()) {
+        return Err(PipelineError::request_hint("no subject of the study has results", "run `aloft run` first"));
+    }
+    let mut chapters = vec![overview(&rows, absent)];
+    chapters.push(distributions(&rows));
+    chapters.push(recordings(&rows));
+    let n: usize = rows.iter().map(|r| r.recordings).sum();
+    Ok(Page {
+        title: format!("{title}: mass properties from flight"),
+        subtitle: format!(
+            "{} · {} · one page a subject, linked below",
+            count(rows.len(), "subject"),
+            count(n, "recording")
+        ),
+        chapters,
+        footer: vec![format!("aloft {}", env!("CARGO_PKG_VERSION"))],
+    })
+}
+
+fn row(m: &Member<'_>) -> Row {
+    let mut out = Row {
+        name: m.name.clone(),
+        link: m.link.clone(),
+        light: Light::Poor,
+        recordings: m.study.included().count(),
+        remarks: String::new(),
+        flights: None,
+        marker_rms_mm: None,
+        fall_percent: None,
+        gap: None,
+        trusted: None,
+        force: [None; 2],
+        moment: [None; 2],
+        verdict: None,
+        shares: Vec::new(),
+        markers: BTreeMap::new(),
+        trials: Vec::new(),
+        failure: None,
+    };
+    let made = aloft_pipeline::made::as_made(&m.study);
+    let story = match Story::read(&made, m.study) {
+        Ok(story) => story,
+        Err(e) => {
+            out.failure = Some(e.to_string());
+            out.link.clear();
+            return out;
+        }
+    };
+    (out.light, out.remarks) = lights::recordings(&story);
+    if !story.freshness.is_current() {
+        out.light = Light::Poor;
+        out.remarks = format!("not up to date ({}); {}", story.freshness.words().join("; "), out.remarks);
+    }
+    let average = |v: Vec<f64>| (!v.is_empty()).then(|| v.iter().sum::<f64>() / v.len() as f64);
+    out.marker_rms_mm = average(story.dynamic().filter_map(|t| t.kinematics.as_ref()?.marker_rms_mm).collect());
+    let fall = story.dynamic().filter_map(|t| t.kinematics.as_ref()?.gravity_error_percent.map(f64::abs));
+    out.fall_percent = average(fall.collect());
+    if let Some(found) = &story.found {
+        let p = &found.parameters;
+        out.flights = Some(p.n_stretches);
+        out.gap = Some(p.sigma.ratio);
+        out.trusted = Some(p.gate.passed);
+        out.shares = p
+            .links
+            .iter()
+            .map(|l| (l.name.clone(), 100.0 * l.mass_kg / p.mass_kg, 100.0 * l.prior.mass_kg / p.mass_kg))
+            .collect();
+        if !p.gate.passed {
+            out.light = out.light.max(Light::Fair);
+        }
+    }
+    if let Some(view) = &story.comparison {
+        let c = &view.comparison;
+        let own = errors_of(&c.first);
+        let prior = c.beside.iter().find(|m| m.model == "prior").map(errors_of);
+        out.force = [Some(mean(&own.0)), prior.map(|p| mean(&p.0))];
+        out.moment = [Some(mean(&own.1)), prior.map(|p| mean(&p.1))];
+    } else {
+        out.light = Light::Poor;
+    }
+    out.verdict = story.discovery().map(|d| (d.verdict, d.effects.join(", ")));
+    for t in story.dynamic() {
+        let Some(motion) = &t.motion else { continue };
+        let n = motion.marker_labels.len();
+        for (i, label) in motion.marker_labels.iter().enumerate() {
+            let own: Vec<f64> =
+                motion.residual_m.iter().skip(i).step_by(n).filter(|r| r.is_finite()).copied().collect();
+            if !own.is_empty() {
+                let rms = 1e3 * (own.iter().map(|r| r * r).sum::<f64>() / own.len() as f64).sqrt();
+                // mean over recordings, taken at the end
+                *out.markers.entry(label.clone()).or_default() += rms;
+            }
+        }
+    }
+    let solved = story.dynamic().filter(|t| t.motion.is_some()).count().max(1) as f64;
+    out.markers.values_mut().for_each(|v| *v /= solved);
+    out.trials = story
+        .trials
+        .iter()
+        .map(|t| {
+            let first = lights::remarks(t).into_iter().next().map_or(String::new(), |r| r.1);
+            let remark = t.entry.excluded.as_ref().map_or(first, |e| format!("excluded: {e}"));
+            (
+                t.entry.name.clone(),
+                lights::trial(t),
+                t.kinematics.as_ref().and_then(|k| k.marker_rms_mm),
+                t.n_flights(),
+                remark,
+            )
+        })
+        .collect();
+    out
+}
+
+fn spread(values: &[f64]) -> (f64, f64) {
+    let n = values.len() as f64;
+    let m = values.iter().sum::<f64>() / n;
+    (m, (values.iter().map(|v| (v - m).powi(2)).sum::<f64>() / (n - 1.0)).sqrt())
+}
+
+/// `mean ± SD` of what there is.
+fn mean_sd(values: impl Iterator<Item = Option<f64>>) -> String {
+    let values: Vec<f64> = values.flatten().filter(|v| v.is_finite()).collect();
+    match values.len() {
+        0 => "–".to_owned(),
+        1 => number(values[0]),
+        _ => {
+            let (m, sd) = spread(&values);
+            with_half(m, sd)
+        }
+    }
+}
+
+fn overview(rows: &[Row], absent: &[Absent]) -> Chapter {
+    let of = |l: Light| rows.iter().filter(|r| r.light == l).count();
+    let light = if of(Light::Poor) > 0 {
+        if 2 * of(Light::Poor) > rows.len() { Light::Poor } else { Light::Fair }
+    } else if of(Light::Fair) > 0 {
+        Light::Fair
+    } else {
+        Light::Good
+    };
+    let trusted = rows.iter().filter(|r| r.trusted == Some(true)).count();
+    let flights: usize = rows.iter().filter_map(|r| r.flights).sum();
+    let cards = vec![
+        card(
+            "Subjects",
+            rows.len().to_string(),
+            format!("{} good, {} fair, {} poor", of(Light::Good), of(Light::Fair), of(Light::Poor)),
+            light,
+        ),
+        card(
+            "Determined by their motion",
+            format!("{trusted} of {}", rows.len()),
+            "subjects whose parameters pass the gate",
+            Light::Neutral,
+        ),
+        card("Flights", flights.to_string(), "over all subjects", Light::Neutral),
+        card(
+            "Marker error, RMS",
+            format!("{} mm", mean_sd(rows.iter().map(|r| r.marker_rms_mm))),
+            "mean ± SD over subjects",
+            Light::Neutral,
+        ),
+        card(
+            "Force error",
+            format!("{} N", mean_sd(rows.iter().map(|r| r.force[0]))),
+            format!("prior {} N", mean_sd(rows.iter().map(|r| r.force[1]))),
+            Light::Neutral,
+        ),
+        card(
+            "Moment error",
+            format!("{} N·m", mean_sd(rows.iter().map(|r| r.moment[0]))),
+            format!("prior {} N·m", mean_sd(rows.iter().map(|r| r.moment[1]))),
+            Light::Neutral,
+        ),
+    ];
+    let mut blocks = vec![Block::Cards { cards }, subjects(rows).into()];
+    let failed = rows.iter().filter_map(|r| Some((r.name.clone(), r.failure.clone()?)));
+    let lost: Vec<(String, String, bool)> = failed
+        .map(|(n, f)| (n, f, false))
+        .chain(absent.iter().map(|a| (a.name.clone(), a.reason.clone(), a.on_purpose)))
+        .collect();
+    for (name, reason, on_purpose) in lost {
+        let light = if on_purpose { Light::Neutral } else { Light::Poor };
+        let what = if on_purpose { "left out" } else { "no results" };
+        blocks.push(Block::remark(light, format!("{name}: {what}: {reason}")));
+    }
+    let sections = vec![Section::new("subjects", "Subjects", "A name leads to the subject's own page.", blocks)];
+    Chapter { id: "overview".into(), title: "Overview".into(), group: STUDY.into(), light, sections }
+}
+
+fn subjects(rows: &[Row]) -> Table {
+    let verdict = |r: &Row| match &r.verdict {
+        None => "not asked".to_owned(),
+        Some((Verdict::NothingMissing, _)) => "nothing".to_owned(),
+        Some((Verdict::Unexplained, _)) => "unexplained".to_owned(),
+        Some((Verdict::NotDetectable, _)) => "cannot tell".to_owned(),
+        Some((Verdict::Supported, e)) => e.clone(),
+        Some((Verdict::OneOf, e)) => format!("one of {e}"),
+    };
+    let of_prior = |v: &[Option<f64>; 2]| match v {
+        [Some(own), Some(prior)] if *prior > 0.0 => format!("{:.0}", 100.0 * own / prior),
+        _ => "–".to_owned(),
+    };
+    let cells = |r: &Row| -> Vec<Cell> {
+        vec![
+            Cell::from(r.name.clone()).to(r.link.clone()),
+            Cell::light(r.light, r.remarks.clone()),
+            r.recordings.to_string().into(),
+            r.flights.map_or("–".into(), |n| n.to_string().into()),
+            maybe(r.marker_rms_mm).into(),
+            maybe(r.fall_percent).into(),
+            maybe(r.gap).into(),
+            maybe(r.force[0]).into(),
+            of_prior(&r.force).into(),
+            maybe(r.moment[0]).into(),
+            of_prior(&r.moment).into(),
+            verdict(r).into(),
+        ]
+    };
+    Table::new(
+        "Subjects",
+        "Marker error and free fall are means over recordings; errors of the identified model are mean absolute errors on motion that was held out, \
+         beside them as a share of what the anthropometric prior leaves.",
+        &[
+            "subject",
+            "recordings judged",
+            "recordings",
+            "flights",
+            "marker RMS, mm",
+            "fall against g, %",
+            "σ_N−1 / σ_N",
+            "force error, N",
+            "of prior's, %",
+            "moment error, N·m",
+            "of prior's, %",
+            "missing",
+        ],
+        rows.iter().map(cells).collect(),
+    )
+}
+
+fn distributions(rows: &[Row]) -> Chapter {
+    let names: Vec<String> = rows.iter().map(|r| r.name.clone()).collect();
+    let values =
+        |get: &dyn Fn(&Row) -> Option<f64>| rows.iter().map(|r| get(r).unwrap_or(f64::NAN)).collect::<Vec<f64>>();
+    let both = |title: &str, unit: &str, get: &dyn Fn(&Row) -> [Option<f64>; 2]| {
+        let kinds = [Dots::new("identified", values(&|r| get(r)[0])), Dots::new("prior", values(&|r| get(r)[1]))];
+        let words = Words::new(
+            title,
+            "Each subject's identified model beside the anthropometric prior, on held-out motion. Left is better.",
+        );
+        Block::from(Figure::dots(words, unit, &names, &kinds, &[]))
+    };
+    let mut sections = vec![Section::new(
+        "errors",
+        "Prediction",
+        "Does identification help every subject, or some only?",
+        vec![
+            both("Force error by subject", "mean absolute error, N", &|r| r.force),
+            both("Moment error by subject", "mean absolute error, N·m", &|r| r.moment),
+        ],
+    )];
+    let gap = Words::new(
+        "Singular-value gap by subject",
+        "How clearly each subject's motion shows the parameters: 20 is clear, below 3 nothing is shown.",
+    );
+    let lines = [3.0, 20.0].map(|at| Line { at, upright: true, label: number(at) });
+    let figure = Figure::dots(gap, "σ_N−1 / σ_N", &names, &[Dots::new("", values(&|r| r.gap))], &lines);
+    sections.push(Section::new("gaps", "Excitation", "", vec![figure.into()]));
+    sections.extend(segments(rows));
+    sections.extend(markers(rows));
+    sections.extend(effects(rows));
+    Chapter { id: "group".into(), title: "Over the group".into(), group: STUDY.into(), light: Light::Neutral, sections }
+}
+
+/// Shares of the body mass: mean and standard deviation over subjects.
+fn segments(rows: &[Row]) -> Option<Section> {
+    let mut names: Vec<&str> = Vec::new();
+    for (name, _, _) in rows.iter().flat_map(|r| &r.shares) {
+        if !names.contains(&name.as_str()) {
+            names.push(name);
+        }
+    }
+    if names.is_empty() {
+        return None;
+    }
+    let over = |which: usize| -> (Vec<f64>, Vec<f64>) {
+        let of = |name: &str| {
+            let all = rows.iter().flat_map(|r| &r.shares).filter(|s| s.0 == name);
+            spread(&all.map(|s| if which == 0 { s.1 } else { s.2 }).collect::<Vec<_>>())
+        };
+        names.iter().map(|n| of(n)).unzip()
+    };
+    let ((own, own_sd), (prior, prior_sd)) = (over(0), over(1));
+    let kinds =
+        [Dots::with_half("identified, mean ± SD", own, &own_sd), Dots::with_half("prior, mean ± SD", prior, &prior_sd)];
+    let labels: Vec<String> = names.iter().map(|n| n.replace('_', " ")).collect();
+    let words = Words::new(
+        "Mass of each segment as a share of the body",
+        "Over subjects. A group that lies to one side of the prior differs from the people whom the tables describe.",
+    );
+    let figure = Figure::dots(words, "share of the body mass, %", &labels, &kinds, &[]);
+    Some(Section::new("segment-masses", "Segments", "", vec![figure.into()]))
+}
+
+/// Marker error by subject.
+fn markers(rows: &[Row]) -> Option<Section> {
+    let mut worst: BTreeMap<&str, f64> = BTreeMap::new();
+    for (label, mm) in rows.iter().flat_map(|r| &r.markers) {
+        let entry = worst.entry(label).or_insert(0.0);
+        *entry = entry.max(*mm);
+    }
+    if worst.is_empty() {
+        return None;
+    }
+    let mut labels: Vec<&str> = worst.keys().copied().collect();
+    labels.sort_by(|a, b| worst[b].total_cmp(&worst[a]));
+    let map = HeatMap {
+        x_title: "subject".into(),
+        x: Columns::Names(rows.iter().map(|r| r.name.clone()).collect()),
+        y: labels.iter().map(|l| (*l).to_owned()).collect(),
+        z: labels
+            .iter()
+            .map(|l| rows.iter().map(|r| r.markers.get(*l).copied().unwrap_or(f64::NAN)).collect())
+            .collect(),
+        unit: "RMS, mm".into(),
+        step: 0.01,
+        top: None,
+        values: None,
+    };
+    let words = Words::new(
+        "Distance of each marker from the model",
+        "Mean over recordings of the root mean square, the worst marker on top. A dark row is a marker that everybody wears badly; a dark column, a \
+         session in which something went wrong.",
+    );
+    Some(Section::new("group-markers", "Markers", "", vec![Figure::heat_map(words, &map).into()]))
+}
+
+/// Which effects were named, and for whom.
+fn effects(rows: &[Row]) -> Option<Section> {
+    let mut named: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for r in rows {
+        let Some((verdict, effects)) = &r.verdict else { continue };
+        let key = match verdict {
+            Verdict::NothingMissing => "nothing missing".to_owned(),
+            Verdict::Unexplained => "unexplained".to_owned(),
+            Verdict::NotDetectable => "cannot tell".to_owned(),
+            Verdict::Supported => effects.clone(),
+            Verdict::OneOf => format!("one of {effects}"),
+        };
+        named.entry(key).or_default().push(r.name.clone());
+    }
+    let table = |named: BTreeMap<String, Vec<String>>| {
+        let rows = named.into_iter().map(|(k, who)| vec![k, who.len().to_string(), who.join(", ")]).collect();
+        Table::new(
+            "Answers of discover",
+            "An effect that is missing for all subjects is the laboratory's; for one, the subject's or the session's.",
+            &["answer", "subjects", "who"],
+            rows,
+        )
+    };
+    (!named.is_empty()).then(|| Section::new("group-effects", "What is missing", "", vec![table(named).into()]))
+}
+
+/// Every recording of every subject.
+fn recordings(rows: &[Row]) -> Chapter {
+    let sections = rows
+        .iter()
+        .filter(|r| !r.trials.is_empty())
+        .map(|r| {
+            let cells = r
+                .trials
+                .iter()
+                .map(|(name, light, rms, flights, remark)| {
+                    vec![
+                        Cell::from(name.clone()),
+                        Cell::light(*light, ""),
+                        maybe(*rms).into(),
+                        flights.map_or("–".into(), |n| n.to_string().into()),
+                        Cell::from(remark.clone()),
+                    ]
+                })
+                .collect();
+            let table = Table::new(
+                &r.name,
+                "",
+                &["recording", "judgement", "marker RMS, mm", "flights", "first remark"],
+                cells,
+            );
+            Section::new(anchor("subject", &r.name), &r.name, "", vec![table.into()])
+        })
+        .collect();
+    Chapter {
+        id: "recordings".into(),
+        title: "All recordings".into(),
+        group: STUDY.into(),
+        light: Light::Neutral,
+        sections,
+    }
+}

@@ -1,0 +1,72 @@
+//! How well the model follows the markers, what calibration gained, what happens in flight, and which cut-off suits.
+
+use super::story::Story;
+use super::{STUDY, calibration, filtering, flights, lights};
+use aloft_page::{Block, Chapter, Columns, Figure, HeatMap, Light, Section, Words};
+
+/// The chapter.
+pub fn chapter(story: &Story<'_>) -> Chapter {
+    let rms: Vec<f64> = story.dynamic().filter_map(|t| t.kinematics.as_ref()?.marker_rms_mm).collect();
+    let light = lights::marker_rms(rms.iter().sum::<f64>() / rms.len() as f64);
+    let mut sections = Vec::new();
+    sections.extend(markers(story));
+    sections.extend(calibration::section(story));
+    sections.extend(flights::section(story));
+    sections.extend(filtering::section(story));
+    if sections.is_empty() {
+        let text = "No recording was brought through inverse kinematics.";
+        sections.push(Section::new("markers", "Markers", "", vec![Block::remark(Light::Poor, text)]));
+    }
+    Chapter { id: "kinematics".into(), title: "Kinematics".into(), group: STUDY.into(), light, sections }
+}
+
+/// Error of each marker in each recording.
+fn markers(story: &Story<'_>) -> Option<Section> {
+    let solved: Vec<_> = story.dynamic().filter_map(|t| Some((t, t.motion.as_ref()?))).collect();
+    let mut labels: Vec<String> = Vec::new();
+    for (_, motion) in &solved {
+        for label in &motion.marker_labels {
+            if !labels.contains(label) {
+                labels.push(label.clone());
+            }
+        }
+    }
+    if labels.is_empty() {
+        return None;
+    }
+    let rms = |motion: &aloft_body::Motion, label: &str| {
+        let n = motion.marker_labels.len();
+        let Some(i) = motion.marker_labels.iter().position(|l| l == label) else { return f64::NAN };
+        let (mut sum, mut count) = (0.0, 0usize);
+        for r in motion.residual_m.iter().skip(i).step_by(n).filter(|r| r.is_finite()) {
+            sum += r * r;
+            count += 1;
+        }
+        if count == 0 { f64::NAN } else { 1e3 * (sum / count as f64).sqrt() }
+    };
+    let mut rows: Vec<(String, Vec<f64>)> =
+        labels.iter().map(|l| (l.clone(), solved.iter().map(|(_, m)| rms(m, l)).collect())).collect();
+    let worst = |r: &[f64]| r.iter().filter(|v| v.is_finite()).fold(0.0_f64, |a, b| a.max(*b));
+    rows.sort_by(|a, b| worst(&b.1).total_cmp(&worst(&a.1)));
+    let map = HeatMap {
+        x_title: "recording".into(),
+        x: Columns::Names(solved.iter().map(|(t, _)| t.entry.name.clone()).collect()),
+        y: rows.iter().map(|r| r.0.clone()).collect(),
+        z: rows.into_iter().map(|r| r.1).collect(),
+        unit: "RMS, mm".into(),
+        step: 0.01,
+        top: None,
+        values: None,
+    };
+    let words = Words::new(
+        "Distance of each marker from the model",
+        "Root mean square over the recording, the worst marker on top. A dark row is a marker on soft tissue, or placed wrongly in the static \
+         trial; a dark column is a recording in which something went wrong.",
+    );
+    Some(Section::new(
+        "markers",
+        "Markers",
+        "The distance between where a marker was seen and where the model has it.",
+        vec![Figure::heat_map(words, &map).into()],
+    ))
+}

@@ -1,0 +1,111 @@
+//! Judgements: limits from the field's practice, one place for all of them.
+
+use super::story::{Story, TrialStory};
+use super::words::number;
+use aloft_page::Light;
+use aloft_study::study::Role;
+
+/// Marker error, RMS, mm: 20 mm is the usual limit of inverse kinematics (OpenSim's best practices).
+pub fn marker_rms(mm: f64) -> Light {
+    Light::below(mm, 10.0, 20.0)
+}
+
+/// Acceleration of the centre of mass in flight against g, percent: tables alone reach one or two.
+pub fn free_fall(percent: f64) -> Light {
+    Light::below(percent.abs(), 3.0, 10.0)
+}
+
+/// Marker samples never measured, percent.
+pub fn missing(percent: f64) -> Light {
+    Light::below(percent, 5.0, 20.0)
+}
+
+/// Singular-value gap σ_N−1/σ_N.
+pub fn gap(ratio: f64) -> Light {
+    if !ratio.is_finite() {
+        Light::Neutral
+    } else if ratio >= 20.0 {
+        Light::Good
+    } else if ratio >= 3.0 {
+        Light::Fair
+    } else {
+        Light::Poor
+    }
+}
+
+/// An error beside that of the prior on the same frames.
+pub fn beside(own: f64, prior: Option<f64>) -> Light {
+    match prior {
+        Some(p) if own < 0.95 * p => Light::Good,
+        Some(p) if own > 1.05 * p => Light::Poor,
+        Some(_) => Light::Fair,
+        None => Light::Neutral,
+    }
+}
+
+/// What there is to say against a recording, the gravest first.
+pub fn remarks(t: &TrialStory<'_>) -> Vec<(Light, String)> {
+    let mut out: Vec<(Light, String)> = Vec::new();
+    for (stage, f) in &t.failures {
+        let hint = f.hint.as_ref().map_or(String::new(), |h| format!(" Hint: {h}."));
+        out.push((Light::Poor, format!("{stage} failed: {}.{hint}", f.problem.trim_end_matches('.'))));
+    }
+    if let Some(k) = &t.kinematics {
+        if let Some(mm) = k.marker_rms_mm
+            && marker_rms(mm) != Light::Good
+        {
+            out.push((marker_rms(mm), format!("marker error {} mm (usual limit 20 mm)", number(mm))));
+        }
+        if let Some(g) = k.gravity_error_percent
+            && free_fall(g) != Light::Good
+        {
+            let text =
+                format!("in flight the centre of mass falls with g {g:+.1} %: flight edges, mass model or frame rate");
+            out.push((free_fall(g), text));
+        }
+    }
+    if let Some(p) = t.missing_percent()
+        && missing(p) != Light::Good
+    {
+        out.push((missing(p), format!("{p:.0} % of the marker samples are missing")));
+    }
+    // plates that were never unloaded cannot be tared: worth saying, but no fault of the recording
+    let weight = |w: &str| if w.ends_with("not tared") { Light::Neutral } else { Light::Fair };
+    out.extend(t.warnings.iter().map(|w| (weight(w), w.clone())));
+    if t.entry.role == Role::Identify && t.n_flights() == Some(0) && !out.iter().any(|r| r.1.contains("no flight")) {
+        out.push((Light::Fair, "no flight found".to_owned()));
+    }
+    out.sort_by_key(|r| std::cmp::Reverse(r.0));
+    out
+}
+
+/// Judgement of one recording.
+pub fn trial(t: &TrialStory<'_>) -> Light {
+    if t.entry.excluded.is_some() || t.import.is_none() {
+        return Light::Neutral;
+    }
+    remarks(t).iter().map(|r| r.0).max().unwrap_or(Light::Good).max(Light::Good)
+}
+
+/// Judgement of all recordings together, and how many of each kind there are.
+pub fn recordings(story: &Story<'_>) -> (Light, String) {
+    let used: Vec<Light> = story.trials.iter().filter(|t| t.entry.excluded.is_none()).map(trial).collect();
+    let of = |l: Light| used.iter().filter(|u| **u == l).count();
+    let excluded = story.trials.len() - used.len();
+    let mut parts: Vec<String> = [Light::Good, Light::Fair, Light::Poor]
+        .into_iter()
+        .filter(|l| of(*l) > 0)
+        .map(|l| format!("{} {}", of(l), l.word()))
+        .collect();
+    if excluded > 0 {
+        parts.push(format!("{excluded} excluded"));
+    }
+    let light = if of(Light::Poor) > 0 {
+        if of(Light::Poor) * 2 > used.len() { Light::Poor } else { Light::Fair }
+    } else if of(Light::Fair) > 0 {
+        Light::Fair
+    } else {
+        Light::Good
+    };
+    (light, parts.join(", "))
+}

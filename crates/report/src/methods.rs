@@ -1,0 +1,121 @@
+//! A paragraph to paste, where the numbers come from, and commands to go on.
+
+use super::STUDY;
+use super::story::Story;
+use aloft_page::{Block, Chapter, Light, Section, Table};
+use aloft_pipeline::stages::STAGES;
+use aloft_workspace::workspace::WHOLE_STUDY;
+
+/// The chapter.
+pub fn chapter(story: &Story<'_>) -> Chapter {
+    let p = aloft_study::quote::path(&story.study.config_path);
+    let commands = vec![
+        format!("aloft compare {p}            # where the model fails"),
+        format!("aloft discover {p}           # which effect is missing"),
+        format!("aloft parameters {p}         # every number with its interval"),
+        format!("aloft status {p}             # what is done, stale or failed"),
+        format!("aloft run {p} --from ik      # again from one stage on"),
+    ];
+    let sections = vec![
+        Section::new("paragraph", "A paragraph to paste", "", vec![Block::Copy { text: paragraph(story) }]),
+        Section::new(
+            "provenance",
+            "Where the numbers come from",
+            "Version of each stage's code, how many results it gave, how long it took, and the parameters that it saw.",
+            vec![provenance(story).into()],
+        ),
+        Section::new("go-on", "How to go on", "", vec![Block::Commands { lines: commands }]),
+    ];
+    Chapter { id: "methods".into(), title: "Methods".into(), group: STUDY.into(), light: Light::Neutral, sections }
+}
+
+fn paragraph(story: &Story<'_>) -> String {
+    let study = story.study;
+    let f = &study.config.filter;
+    let mut text = format!(
+        "Marker trajectories were brought to SI units and one world frame with Z up; gaps up to {} s were filled. ",
+        study.config.import.fill_gaps_s
+    );
+    text.push_str(&if study.object.is_some() {
+        "Link frames follow the object description; the hinge was found from motion and refined over all recordings. ".to_owned()
+    } else {
+        format!(
+            "A model of {} links was scaled to the static trial (hip centres after {}, inertial prior: {}) and its joint centres, hinge axes and \
+             marker places were refined over the dynamic trials on markers alone. ",
+            study.model.links.len(),
+            capital(&study.config.scale.hip),
+            study.anthropometry.title
+        )
+    });
+    text.push_str(&format!(
+        "Joint coordinates were found frame by frame by weighted non-linear least squares and, for frame-wise comparison, filtered forward and \
+         backward (Butterworth, order {} a pass, {} Hz). ",
+        f.order, f.cutoff_hz
+    ));
+    if let Some(found) = &story.found {
+        let p = &found.parameters;
+        text.push_str(&format!(
+            "Base parameters were identified from {} flights with {} rows ({}), after Ayusawa, Venture and Nakamura (2010); the body mass of {} kg \
+             fixed the scale. ",
+            p.n_stretches,
+            found.rows_used,
+            p.estimator.name().replace('_', " "),
+            study.facts.person.mass_kg
+        ));
+        if !p.effects.is_empty() {
+            let names: Vec<&str> = p.effects.iter().map(|e| e.name.as_str()).collect();
+            text.push_str(&format!("Fitted with them: {}. ", names.join(", ")));
+        }
+    }
+    for difference in aloft_pipeline::made::differences(study, &story.ws) {
+        text.push_str(&format!("{difference}. "));
+    }
+    text.push_str(&format!("Software: aloft {}.", programs(story)));
+    text
+}
+
+/// Versions of the program that made the results.
+fn programs(story: &Story<'_>) -> String {
+    let made = STAGES.iter().flat_map(|stage| {
+        let names = stage.tasks(story.study).into_iter().map(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()));
+        names.filter_map(|n| Some(story.ws.manifest(stage.name, n)?.program)).collect::<Vec<_>>()
+    });
+    made.collect::<std::collections::BTreeSet<String>>().into_iter().collect::<Vec<_>>().join(" and ")
+}
+
+/// What each stage saw.
+fn provenance(story: &Story<'_>) -> Table {
+    let rows = STAGES
+        .iter()
+        .filter_map(|stage| {
+            let tasks = stage.tasks(story.study);
+            let manifests: Vec<_> = tasks
+                .iter()
+                .filter_map(|t| story.ws.manifest(stage.name, t.map_or(WHOLE_STUDY, |t| t.name.as_str())))
+                .collect();
+            let first = manifests.first()?;
+            let seconds: f64 = manifests.iter().map(|m| m.seconds).sum();
+            let ok = manifests.iter().filter(|m| m.is_ok()).count();
+            Some(vec![
+                stage.name.to_owned(),
+                first.version.to_string(),
+                format!("{ok} of {}", tasks.len()),
+                format!("{seconds:.2}"),
+                blake3::hash(first.parameters.to_string().as_bytes()).to_hex()[..12].to_owned(),
+                stage.gives.to_owned(),
+            ])
+        })
+        .collect();
+    Table::new(
+        "Stages",
+        "The hash is that of the parameters that the stage saw: equal hashes, equal settings.",
+        &["stage", "version", "results", "time, s", "settings", "gives"],
+        rows,
+    )
+}
+
+/// The name of an author as written.
+fn capital(name: &str) -> String {
+    let mut letters = name.chars();
+    letters.next().map_or(String::new(), |c| c.to_uppercase().chain(letters).collect())
+}

@@ -1,0 +1,137 @@
+//! Measured against predicted wrench, model by model and recording by recording.
+
+use super::story::Story;
+use super::words::{number, three};
+use super::{STUDY, residuals, series};
+use aloft_analysis::compare::{ComparisonView, errors_of, judged_on, mean};
+use aloft_page::{Block, Cell, Chapter, Section, Table};
+
+/// The chapter; none where nothing was compared.
+pub fn chapter(story: &Story<'_>) -> Option<Chapter> {
+    let view = story.comparison.as_ref()?;
+    let c = &view.comparison;
+    let mut sections = vec![curves(story, view)];
+    sections.extend(residuals::sections(c));
+    sections.push(by_trial(story, view));
+    Some(Chapter {
+        id: "prediction".into(),
+        title: "Measured against predicted".into(),
+        group: STUDY.into(),
+        light: Default::default(),
+        sections,
+    })
+}
+
+/// Curves of one held-out recording, and the models side by side.
+fn curves(story: &Story<'_>, view: &ComparisonView) -> Section {
+    let c = &view.comparison;
+    let held = |t: &&aloft_compare::TrialComparison| t.held_out_contact && t.contact.frames > 0;
+    let example = c.first.trials.iter().find(held).or_else(|| c.first.trials.first());
+    let mut blocks = Vec::new();
+    let figure = example
+        .and_then(|e| story.trials.iter().find(|t| t.entry.name == e.trial))
+        .and_then(|t| series::wrench(story, t));
+    blocks.extend(figure.map(Block::from));
+    blocks.push(model_table(view).into());
+    let f = &c.first.flight;
+    if f.frames > 0 {
+        blocks.push(Block::text(format!(
+            "In flight nothing acts: what the identified model still asks for there has a root mean square of {} N and {} N·m over {} frames.",
+            three(&f.residual_force_n.rms),
+            three(&f.residual_moment_nm.rms),
+            f.frames
+        )));
+    }
+    Section::new(
+        "wrench",
+        "The wrench",
+        "What the identified body needs from outside for the motion that the cameras saw, beside what plates measured and what the \
+         anthropometric prior asks for. The curves of each recording stand in its own chapter.",
+        blocks,
+    )
+}
+
+/// Every model on the same frames of the same motion.
+pub fn model_table(view: &ComparisonView) -> Table {
+    let c = &view.comparison;
+    let mut rows: Vec<Vec<String>> = c
+        .models()
+        .map(|m| {
+            let (f, n, wf, wn) = errors_of(m);
+            vec![m.model.clone(), three(&f), three(&n), number(mean(&wf)), number(mean(&wn))]
+        })
+        .collect();
+    if let Some(floor) = &c.noise_floor {
+        let (frames, windows) = if c.first.held_out.frames > 0 {
+            (&floor.contact, &floor.contact_weak)
+        } else {
+            (&floor.flight, &floor.flight_weak)
+        };
+        rows.push(vec![
+            "noise floor".into(),
+            three(&frames.force_n.mae),
+            three(&frames.moment_nm.mae),
+            number(mean(&windows.force_n.mae)),
+            number(mean(&windows.moment_nm.mae)),
+        ]);
+    }
+    Table::new(
+        &format!("Mean absolute error on {}", judged_on(c)),
+        &format!(
+            "Root axes. Frame by frame, and over windows of {} s, where noise averages out and the model shows. The noise floor is what a perfect model would leave.",
+            c.options.window_s
+        ),
+        &["model", "force x y z, N", "moment x y z, N·m", "windows: force, N", "windows: moment, N·m"],
+        rows,
+    )
+}
+
+/// Recording by recording.
+fn by_trial(story: &Story<'_>, view: &ComparisonView) -> Section {
+    let rows = view
+        .comparison
+        .first
+        .trials
+        .iter()
+        .map(|t| {
+            let link = story
+                .trials
+                .iter()
+                .find(|s| s.entry.name == t.trial)
+                .map_or(String::new(), |s| format!("#{}", s.anchor()));
+            let size = |frames: usize, v: f64| if frames > 0 { number(v) } else { "–".to_owned() };
+            let held = match (t.held_out_contact, t.held_out_flight) {
+                (true, true) => "contact and flight",
+                (true, false) => "contact",
+                (false, true) => "flight",
+                (false, false) => "nothing",
+            };
+            vec![
+                Cell::from(t.trial.clone()).to(link),
+                held.into(),
+                t.contact.frames.to_string().into(),
+                size(t.contact.frames, t.contact.force_n.mean_mae()).into(),
+                size(t.contact.frames, t.contact.moment_nm.mean_mae()).into(),
+                t.flight.frames.to_string().into(),
+                size(t.flight.frames, t.flight.force_n.mean_mae()).into(),
+                size(t.flight.frames, t.flight.moment_nm.mean_mae()).into(),
+            ]
+        })
+        .collect();
+    let table = Table::new(
+        "Error by recording",
+        "Mean absolute error of the identified model, mean of the axes.",
+        &[
+            "recording",
+            "held out",
+            "contact frames",
+            "contact: force, N",
+            "contact: moment, N·m",
+            "flight frames",
+            "flight: force, N",
+            "flight: moment, N·m",
+        ],
+        rows,
+    );
+    Section::new("by-recording", "Recording by recording", "", vec![table.into()])
+}

@@ -1,0 +1,49 @@
+//! The pages of a study of several: one a subject and session, and one over all of them.
+
+use super::group::{Absent, Member};
+use aloft_study::studies::StudySet;
+use aloft_study::study::StudyId;
+use aloft_workspace::error::PipelineError;
+use std::path::PathBuf;
+
+/// What was written, and what could not be.
+#[derive(Debug)]
+pub struct SetReport {
+    /// Pages, that of the whole study first.
+    pub pages: Vec<PathBuf>,
+    /// Subjects and sessions without a page, and why.
+    pub failed: Vec<(StudyId, PipelineError)>,
+}
+
+/// Writes the page of every subject and session into its workspace, and `report.html` of the study into the study's.
+///
+/// # Errors
+/// No subject has results; the study's page cannot be written.
+pub fn write_set(set: &StudySet) -> Result<SetReport, PipelineError> {
+    let (mut pages, mut failed, mut members) = (Vec::new(), Vec::new(), Vec::new());
+    for study in &set.members {
+        let link = match super::write(study, None) {
+            Ok(path) => {
+                let relative = path.strip_prefix(&set.workspace).unwrap_or(&path);
+                let parts: Vec<String> =
+                    relative.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect();
+                pages.push(path);
+                parts.join("/")
+            }
+            Err(e) => {
+                failed.push((study.id.clone(), e));
+                String::new()
+            }
+        };
+        members.push(Member { name: study.id.to_string(), study, link });
+    }
+    let broken = set.broken.iter().map(|b| (&b.id, b.failure.problem.clone(), false));
+    let excluded = set.excluded.iter().map(|(id, why)| (id, why.clone(), true));
+    let absent: Vec<Absent> = broken
+        .chain(excluded)
+        .map(|(id, reason, on_purpose)| Absent { name: id.to_string(), reason, on_purpose })
+        .collect();
+    let whole = set.workspace.join("report.html");
+    pages.insert(0, super::write_group(&set.pipeline.config.name, &members, &absent, &whole)?);
+    Ok(SetReport { pages, failed })
+}

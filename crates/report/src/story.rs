@@ -1,0 +1,195 @@
+//! Everything that the page tells of, read once.
+
+use aloft_analysis::compare::{ComparisonView, KinematicsRow, compare, kinematics};
+use aloft_analysis::discover::{Kept, answer_of, looked_at};
+use aloft_analysis::freshness::{Freshness, freshness};
+use aloft_analysis::history::{History, history};
+use aloft_analysis::parameters::{ParametersView, parameters};
+use aloft_body::{Motion, Subject};
+use aloft_discover::Discovery;
+use aloft_flight::FlightReport;
+use aloft_pipeline::stages::STAGES;
+use aloft_pipeline::stages::import::ImportRecord;
+use aloft_signal::residual_analysis::ResidualAnalysis;
+use aloft_study::study::{Study, TrialEntry};
+use aloft_workspace::artifact::load_motion;
+use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::seal;
+use aloft_workspace::table::Table;
+use aloft_workspace::workspace::{Manifest, Outcome, WHOLE_STUDY, Workspace, read_json};
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// A study as the page sees it. What a stage did not reach is missing, never an error: the page says so.
+pub struct Story<'a> {
+    /// The study.
+    pub study: &'a Study,
+    /// Its results.
+    pub ws: Workspace,
+    /// Recordings, in the study's order.
+    pub trials: Vec<TrialStory<'a>>,
+    /// The model after calibration.
+    pub subject: Option<Subject>,
+    /// Model against measurement.
+    pub comparison: Option<ComparisonView>,
+    /// What was identified.
+    pub found: Option<ParametersView>,
+    /// What `discover` said of each revision of the model, oldest first: number of the revision and the answer.
+    pub discoveries: Vec<(usize, Kept<Discovery>)>,
+    /// Hash of the results that `discover` would look at.
+    pub looked_at: String,
+    /// Revisions of the model.
+    pub history: History,
+    /// Results that are not up to date.
+    pub freshness: Freshness,
+    /// Failures of stages over the whole study.
+    pub failures: Vec<(&'static str, StageFailure)>,
+}
+
+/// One recording.
+pub struct TrialStory<'a> {
+    /// What it is.
+    pub entry: &'a TrialEntry,
+    /// The import's figures.
+    pub import: Option<Manifest>,
+    /// Quality of the recording.
+    pub quality: Option<ImportRecord>,
+    /// Marker error, flights, free fall.
+    pub kinematics: Option<KinematicsRow>,
+    /// Joint motion as found; none where it was not solved.
+    pub motion: Option<Motion>,
+    /// Flights.
+    pub flights: Option<FlightReport>,
+    /// What each cut-off would take away.
+    pub analysis: Option<ResidualAnalysis>,
+    /// Measured and predicted wrench by column.
+    pub series: Option<HashMap<String, Vec<f64>>>,
+    /// Stages that failed.
+    pub failures: Vec<(&'static str, StageFailure)>,
+    /// What stages remarked.
+    pub warnings: Vec<String>,
+}
+
+impl<'a> Story<'a> {
+    /// Reads a workspace: `study` as its results were made, `now` as it stands.
+    ///
+    /// # Errors
+    /// Nothing was run in it; a file in it is damaged.
+    pub fn read(study: &'a Study, now: &Study) -> Result<Self, PipelineError> {
+        let ws = Workspace::open(&study.workspace);
+        if !study.trials.iter().any(|t| ws.manifest("import", &t.name).is_some()) {
+            return Err(PipelineError::request_hint(
+                format!("nothing was run in {}", study.workspace.display()),
+                format!("run `aloft run {}` first", aloft_study::quote::path(&study.config_path)),
+            ));
+        }
+        let freshness = freshness(now)?;
+        freshness.refuse_damaged(study, &[])?;
+        let rows = kinematics(study, &ws);
+        let trials = study.trials.par_iter().map(|entry| TrialStory::read(&ws, entry, &rows)).collect();
+        let failures = STAGES
+            .iter()
+            .filter_map(|s| match ws.manifest(s.name, WHOLE_STUDY)?.outcome {
+                Outcome::Failed(f) => Some((s.name, f)),
+                Outcome::Ok => None,
+            })
+            .collect();
+        Ok(Self {
+            trials,
+            failures,
+            freshness,
+            subject: read_json(&ws.place("calibrate", WHOLE_STUDY).join("subject.json")).ok(),
+            comparison: compare(study).ok(),
+            found: parameters(study, None).ok(),
+            discoveries: discoveries(study)?,
+            looked_at: looked_at(study),
+            history: history(study)?,
+            study,
+            ws,
+        })
+    }
+
+    /// Recordings whose motion is analysed and that were not left out.
+    pub fn dynamic(&self) -> impl Iterator<Item = &TrialStory<'a>> {
+        self.trials.iter().filter(|t| t.entry.role.is_dynamic() && t.entry.excluded.is_none())
+    }
+
+    /// How many recordings share the page's room.
+    pub fn n_dynamic(&self) -> usize {
+        self.dynamic().count().max(1)
+    }
+
+    /// The last answer of `discover`.
+    pub fn discovery(&self) -> Option<&Discovery> {
+        self.discoveries.last().map(|d| &d.1.answer)
+    }
+}
+
+/// Answers kept for each revision of the model, else the last one alone.
+fn discoveries(study: &Study) -> Result<Vec<(usize, Kept<Discovery>)>, PipelineError> {
+    let revisions = aloft_study::revision::Revisions::load(&study.workspace)?.revisions.len();
+    let mut all: Vec<(usize, Kept<Discovery>)> = Vec::new();
+    for n in 0..revisions {
+        all.extend(seal::read_if_there(&answer_of(study, n))?.map(|answer| (n, answer)));
+    }
+    if all.is_empty()
+        && let Some(last) = seal::read_if_there(&study.workspace.join("discovery.json"))?
+    {
+        all.push((revisions.saturating_sub(1), last));
+    }
+    Ok(all)
+}
+
+impl<'a> TrialStory<'a> {
+    fn read(ws: &Workspace, entry: &'a TrialEntry, rows: &[KinematicsRow]) -> Self {
+        let name = entry.name.as_str();
+        let (mut failures, mut warnings) = (Vec::new(), Vec::new());
+        for stage in STAGES {
+            let Some(m) = ws.manifest(stage.name, name) else { continue };
+            warnings.extend(m.warnings);
+            if let Outcome::Failed(f) = m.outcome {
+                failures.push((stage.name, f));
+            }
+        }
+        let series = ws.place("compare", WHOLE_STUDY).join(format!("series_{name}.parquet"));
+        Self {
+            entry,
+            import: ws.manifest("import", name),
+            quality: read_json(&ws.place("import", name).join("quality.json")).ok(),
+            kinematics: rows.iter().find(|k| k.trial == name).cloned(),
+            motion: load_motion(&ws.place("ik", name)).ok(),
+            flights: read_json(&ws.place("flight", name).join("flights.json")).ok(),
+            analysis: read_json(&ws.place("filter", name).join("residual_analysis.json")).ok(),
+            series: Table::read(&series).ok().map(Table::into_map),
+            failures,
+            warnings,
+        }
+    }
+
+    /// The chapter about it.
+    pub fn anchor(&self) -> String {
+        super::words::anchor("trial", &self.entry.name)
+    }
+
+    /// A figure that the import noted.
+    pub fn noted(&self, key: &str) -> Option<f64> {
+        self.import.as_ref()?.summary.get(key)?.as_f64()
+    }
+
+    /// Length, s.
+    pub fn duration_s(&self) -> Option<f64> {
+        Some(self.noted("frames")? / self.noted("rate_hz")?)
+    }
+
+    /// Marker samples that were never measured, percent.
+    pub fn missing_percent(&self) -> Option<f64> {
+        let markers = &self.quality.as_ref()?.quality.markers;
+        let present: f64 = markers.iter().map(|m| m.present_fraction).sum();
+        (!markers.is_empty()).then(|| 100.0 * (1.0 - present / markers.len() as f64))
+    }
+
+    /// Number of flights.
+    pub fn n_flights(&self) -> Option<usize> {
+        self.flights.as_ref().map(|f| f.flights.len())
+    }
+}

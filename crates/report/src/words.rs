@@ -1,0 +1,101 @@
+//! Numbers and names as text.
+
+use aloft_identify::half_of;
+use aloft_page::{Card, Light};
+
+/// A number with as many digits as a reader wants; a dash where it is missing.
+pub fn number(x: f64) -> String {
+    if !x.is_finite() {
+        return "–".to_owned();
+    }
+    let a = x.abs();
+    if a >= 100.0 {
+        format!("{x:.0}")
+    } else if a >= 10.0 {
+        format!("{x:.1}")
+    } else if a >= 0.1 {
+        format!("{x:.2}")
+    } else if a >= 0.001 {
+        format!("{x:.4}")
+    } else if a == 0.0 {
+        "0".to_owned()
+    } else {
+        format!("{x:.2e}")
+    }
+}
+
+/// The number, where there is one.
+pub fn maybe(x: Option<f64>) -> String {
+    x.map_or_else(|| "–".to_owned(), number)
+}
+
+/// Three components.
+pub fn three(v: &[f64; 3]) -> String {
+    v.iter().map(|x| number(*x)).collect::<Vec<_>>().join("  ")
+}
+
+/// Value and half of its 95 % interval, where it has one.
+pub fn plus_minus(value: f64, ci95: Option<[f64; 2]>) -> String {
+    half_of(ci95).map_or_else(|| number(value), |half| with_half(value, half))
+}
+
+/// Value and half of an interval about it; what rounding alone makes of equal values is none.
+pub fn with_half(value: f64, half: f64) -> String {
+    let half = if half.abs() < 1e-9 * value.abs() { 0.0 } else { half };
+    format!("{} ± {}", number(value), number(half))
+}
+
+/// A unit as people write it: `m^2` becomes m², `N*s/m` N·s/m; `1` is none.
+pub fn unit(u: &str) -> String {
+    if u == "1" { String::new() } else { u.replace("^2", "²").replace("^3", "³").replace('*', "·") }
+}
+
+/// `1 flight`, `2 flights`.
+pub fn count(n: usize, one: &str) -> String {
+    if n == 1 { format!("1 {one}") } else { format!("{n} {one}s") }
+}
+
+/// An identifier that may stand in a link: letters, digits and hyphens.
+pub fn anchor(prefix: &str, name: &str) -> String {
+    let clean: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect();
+    format!("{prefix}-{clean}")
+}
+
+/// A name short enough for a heading: up to its first comma or bracket, and no longer than a line.
+pub fn short(name: &str) -> String {
+    let head = name.split([',', '(', ';']).next().unwrap_or(name).trim();
+    if head.chars().count() <= 48 {
+        head.to_owned()
+    } else {
+        format!("{}…", head.chars().take(47).collect::<String>())
+    }
+}
+
+/// A figure of merit.
+pub fn card(label: &str, value: String, note: impl Into<String>, light: Light) -> Card {
+    Card { label: label.to_owned(), value, note: note.into(), light }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headings_are_short_and_anchors_are_clean() {
+        assert_eq!(short("two-link chain, one hinge with bearings"), "two-link chain");
+        assert_eq!(short(&"x".repeat(80)).chars().count(), 48);
+        assert_eq!(anchor("trial", "s01/jump 1"), "trial-s01-jump-1");
+    }
+
+    #[test]
+    fn units_are_written_as_people_write_them() {
+        assert_eq!([unit("N*s^2/m"), unit("1")], ["N·s²/m", ""]);
+    }
+
+    #[test]
+    fn missing_numbers_are_dashes() {
+        assert_eq!(number(f64::NAN), "–");
+        assert_eq!(plus_minus(1.0, None), "1.00");
+        assert_eq!(plus_minus(1.0, Some([0.9, 1.1])), "1.00 ± 0.10");
+    }
+}

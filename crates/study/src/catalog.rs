@@ -1,0 +1,67 @@
+//! Where names like `human34` or `de_leva` become data: a file beside the pipeline, or the set built into the binary.
+
+use crate::config::parse_yaml;
+use aloft_workspace::error::PipelineError;
+use include_dir::{Dir, include_dir};
+use serde::de::DeserializeOwned;
+use std::path::{Path, PathBuf};
+
+static BUILT_IN: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../../configs");
+
+/// The text of a configuration and where it came from.
+#[derive(Debug, Clone)]
+pub struct Source {
+    /// A path, or `built in: models/human34.yaml`.
+    pub origin: String,
+    /// The text.
+    pub text: String,
+}
+
+/// Names of the built-in configurations of one kind (`models`, `markersets`, `anthropometry`, `objects`, `scenarios`).
+pub fn names(kind: &str) -> Vec<String> {
+    let mut names: Vec<String> = BUILT_IN
+        .get_dir(kind)
+        .map(|d| d.files().filter_map(|f| f.path().file_stem()).map(|s| s.to_string_lossy().into_owned()).collect())
+        .unwrap_or_default();
+    names.sort();
+    names
+}
+
+/// Finds `name` of a `kind`: a path relative to the pipeline, then `../configs/<kind>/<name>.yaml` beside it, then the built-in set.
+pub fn find(kind: &str, name: &str, pipeline_dir: &Path) -> Result<Source, PipelineError> {
+    let looks_like_path = name.contains(['/', '\\', '.']);
+    let mut candidates: Vec<PathBuf> = Vec::new();
+    if looks_like_path {
+        candidates.push(pipeline_dir.join(name));
+    } else {
+        candidates.push(pipeline_dir.join(format!("../configs/{kind}/{name}.yaml")));
+    }
+    for path in candidates {
+        if path.is_file() {
+            let text = std::fs::read_to_string(&path).map_err(PipelineError::io("read", &path))?;
+            return Ok(Source { origin: path.display().to_string(), text });
+        }
+    }
+    if let Some(file) = BUILT_IN.get_file(format!("{kind}/{name}.yaml")) {
+        return Ok(Source {
+            origin: format!("built in: {kind}/{name}.yaml"),
+            text: file.contents_utf8().unwrap_or_default().to_owned(),
+        });
+    }
+    Err(PipelineError::request_hint(
+        format!("no {} called `{name}`", kind.trim_end_matches('s')),
+        format!("known are {}; or give a path ending in .yaml", names(kind).join(", ")),
+    ))
+}
+
+/// [`find`] and parse.
+pub fn load<T: DeserializeOwned>(kind: &str, name: &str, pipeline_dir: &Path) -> Result<T, PipelineError> {
+    let source = find(kind, name, pipeline_dir)?;
+    parse_yaml(&source.origin, &source.text)
+}
+
+/// Every built-in configuration of a kind, parsed.
+pub fn all<T: DeserializeOwned>(kind: &str) -> Result<Vec<T>, PipelineError> {
+    let nowhere = Path::new("");
+    names(kind).iter().map(|n| load(kind, n, nowhere)).collect()
+}

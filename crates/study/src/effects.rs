@@ -1,0 +1,132 @@
+//! The effects that a study knows: the catalogue, and those that its pipeline defines or names.
+
+use crate::catalog;
+use crate::config::PipelineConfig;
+use crate::place::{error_at, find, inside};
+use crate::ranges;
+use crate::revision::ModelEffect;
+use aloft_body::{Model, ModelSpec, Phi};
+use aloft_effects::{Choice, CompiledFormula, EFFECTS, Effect, EffectsError, FormulaEffect, Scene};
+use aloft_workspace::error::PipelineError;
+use std::path::Path;
+
+/// An effect that somebody wrote, and where it stands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OwnEffect {
+    /// What it says.
+    pub spec: FormulaEffect,
+    /// File, as the user knows it.
+    pub origin: String,
+    /// Text of the file.
+    text: String,
+    /// Path of the effect in the file: empty for a file of its own.
+    path: String,
+}
+
+impl OwnEffect {
+    /// A file that holds one effect: a name in `configs/effects/` or a path.
+    pub fn read(name: &str, dir: &Path) -> Result<Self, PipelineError> {
+        let source = catalog::find("effects", name, dir)?;
+        let spec = ranges::parse(&source.origin, &source.text)?;
+        Ok(Self { spec, origin: source.origin, text: source.text, path: String::new() })
+    }
+
+    /// Reads its formulas; what is wrong is shown at its character.
+    pub fn compile(&self, scene: &Scene) -> Result<CompiledFormula, PipelineError> {
+        self.spec.compile(scene).map_err(|e| self.shown(&e))
+    }
+
+    fn shown(&self, error: &EffectsError) -> PipelineError {
+        let path = |place: &str| if self.path.is_empty() { place.to_owned() } else { format!("{}.{place}", self.path) };
+        let (at, problem) = match error {
+            EffectsError::Formula(f) => {
+                let at = find(&self.text, &path(&f.entry)).map(|s| (inside(&self.text, s, &f.formula, f.position), 1));
+                (at, format!("effect `{}`, {}: {}", f.effect, f.entry, f.problem))
+            }
+            EffectsError::Place { place, .. } => {
+                let at = find(&self.text, &path(place));
+                let length =
+                    |at: usize| self.text[at..].find(['\n', ',', '}', ']']).unwrap_or(self.text.len() - at).max(1);
+                (at.map(|a| (a, length(a))), error.to_string())
+            }
+            other => (None, other.to_string()),
+        };
+        error_at(&self.origin, &self.text, at, &problem, Some("see `aloft effect show sail` for an example".to_owned()))
+    }
+}
+
+/// Effects that the pipeline defines or names, each with its own identifier.
+pub fn own_effects(
+    config: &PipelineConfig,
+    file: &str,
+    text: &str,
+    dir: &Path,
+) -> Result<Vec<OwnEffect>, PipelineError> {
+    let mut own: Vec<OwnEffect> = Vec::new();
+    let add = |own: &mut Vec<OwnEffect>, one: OwnEffect, place: String| {
+        if let Some(first) = own.iter().find(|o| o.spec.id == one.spec.id) {
+            let problem =
+                format!("two effects have the identifier `{}`; the first is in {}", one.spec.id, first.origin);
+            return Err(error_at(file, text, find(text, &place).map(|at| (at, 1)), &problem, None));
+        }
+        own.push(one);
+        Ok(())
+    };
+    for (i, name) in config.effects.files.iter().enumerate() {
+        let place = format!("effects.files[{i}]");
+        let one = OwnEffect::read(name, dir).map_err(|e| match e {
+            PipelineError::Request { problem, hint } => {
+                error_at(file, text, find(text, &place).map(|at| (at, name.len())), &problem, hint)
+            }
+            other => other,
+        })?;
+        add(&mut own, one, place)?;
+    }
+    for (i, spec) in config.effects.define.iter().enumerate() {
+        let path = format!("effects.define[{i}]");
+        let one = OwnEffect { spec: spec.clone(), origin: file.to_owned(), text: text.to_owned(), path: path.clone() };
+        add(&mut own, one, format!("{path}.id"))?;
+    }
+    Ok(own)
+}
+
+/// Tries the formulas on the bare model, so that a wrong one is told before anything runs.
+pub fn check_formulas(own: &[OwnEffect], model: &ModelSpec) -> Result<(), PipelineError> {
+    if own.is_empty() {
+        return Ok(());
+    }
+    // a model that cannot be built is told of elsewhere
+    let Ok(model) = Model::from_spec(model) else { return Ok(()) };
+    let phi = vec![Phi::zeros(); model.n_links()];
+    let scene = Scene::new(&model, &phi, &[]);
+    own.iter().try_for_each(|o| o.compile(&scene).map(|_| ()))
+}
+
+/// The effects of a study bound to a body: what rankings and models choose from.
+#[derive(Debug)]
+pub struct KnownEffects {
+    formulas: Vec<CompiledFormula>,
+}
+
+impl KnownEffects {
+    /// Compiles the study's own effects for a body.
+    pub fn of(own: &[OwnEffect], scene: &Scene) -> Result<Self, PipelineError> {
+        Ok(Self { formulas: own.iter().map(|o| o.compile(scene)).collect::<Result<_, _>>()? })
+    }
+
+    /// All of them, the catalogue first.
+    pub fn all(&self) -> Vec<&dyn Effect> {
+        let built_in = EFFECTS.iter().copied();
+        built_in.chain(self.formulas.iter().map(|f| f as &dyn Effect)).collect()
+    }
+
+    /// An effect of a model, bound to a scene.
+    pub fn choice(&self, scene: &Scene, effect: &ModelEffect) -> Result<Choice<'_>, PipelineError> {
+        let fail = |e: EffectsError| PipelineError::request(e.to_string());
+        let mut choice = Choice::among(&effect.key, scene, &self.all()).map_err(fail)?;
+        for (name, value) in &effect.nonlinear {
+            choice.set(scene, name, *value).map_err(fail)?;
+        }
+        Ok(choice.in_trials(&effect.trials))
+    }
+}

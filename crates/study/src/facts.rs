@@ -1,0 +1,362 @@
+//! Who moved: facts about the subject or object, from the pipeline or from what the laboratory wrote down beside the recordings.
+
+use crate::config::{GRAVITY_MPS2, HEIGHT_M, MASS_KG, PipelineConfig, SubjectConfig, error_at_key};
+use crate::place::{error_at, find};
+use crate::quote;
+use crate::ranges;
+use crate::study::StudyId;
+use aloft_body::{PersonFacts, Sex};
+use aloft_workspace::error::PipelineError;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Facts about the subject or object with the laboratory's gravity.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Facts {
+    /// Name, sex, height, mass.
+    pub person: PersonFacts,
+    /// Magnitude of gravity, m/s².
+    pub gravity_mps2: f64,
+    /// Where each fact was found, for the report.
+    pub sources: Vec<String>,
+    /// Recordings in the order in which the laboratory lists them (`trials: [{file: …}, …]`), without endings; empty where it does not.
+    #[serde(default)]
+    pub recordings: Vec<String>,
+}
+
+/// Where facts may lie.
+#[derive(Debug)]
+pub(crate) struct FactPlaces<'a> {
+    /// Folder of the recordings.
+    pub data: &'a Path,
+    /// The subject's folder, in a study of several.
+    pub subject_folder: Option<&'a Path>,
+    /// The whole study's folder.
+    pub root: &'a Path,
+    /// Whose.
+    pub id: &'a StudyId,
+}
+
+/// What `subject.yaml` or `object.yaml` beside the recordings may say; other keys are the laboratory's own business. Ranges are those of the
+/// pipeline's settings of the same kind.
+#[derive(Debug, Default, Clone, Deserialize, JsonSchema)]
+struct FactsFile {
+    name: Option<String>,
+    sex: Option<String>,
+    /// Stature, m.
+    #[schemars(range(min = HEIGHT_M.0, max = HEIGHT_M.1))]
+    height_m: Option<f64>,
+    /// Mass from a scale, kg.
+    #[schemars(range(min = MASS_KG.0, max = MASS_KG.1))]
+    mass_kg: Option<f64>,
+    /// Mass from a scale, kg.
+    #[schemars(range(min = MASS_KG.0, max = MASS_KG.1))]
+    total_mass_kg: Option<f64>,
+    /// Magnitude of gravity, m/s².
+    #[serde(alias = "gravity_mps2")]
+    #[schemars(range(min = GRAVITY_MPS2.0, max = GRAVITY_MPS2.1))]
+    gravity_m_s2: Option<f64>,
+    lab: Option<LabFacts>,
+    /// Recordings, as a list of names or of entries with `file`; any other shape is the laboratory's own business.
+    #[schemars(with = "serde_json::Value")]
+    trials: Option<serde_yaml::Value>,
+}
+
+#[derive(Debug, Default, Clone, Deserialize, JsonSchema)]
+struct LabFacts {
+    /// Vector or magnitude, m/s²; checked where it is read.
+    #[schemars(with = "serde_json::Value")]
+    gravity: Option<serde_yaml::Value>,
+}
+
+impl LabFacts {
+    /// Magnitude of gravity, m/s², or what is wrong with it.
+    fn gravity_mps2(&self) -> Result<Option<f64>, String> {
+        use serde_yaml::Value;
+        let number = |v: &Value| match v {
+            Value::Number(n) => n.as_f64().filter(|x| x.is_finite()),
+            _ => None,
+        };
+        let size = match &self.gravity {
+            None | Some(Value::Null) => return Ok(None),
+            Some(Value::Sequence(v)) if v.len() == 3 => {
+                v.iter().map(number).collect::<Option<Vec<f64>>>().map(|g| g.iter().map(|x| x * x).sum::<f64>().sqrt())
+            }
+            Some(other) => number(other).map(f64::abs),
+        };
+        let (low, high) = GRAVITY_MPS2;
+        match size {
+            Some(g) if (low..=high).contains(&g) => Ok(Some(g)),
+            _ => Err(format!(
+                "`lab.gravity` is {}, expected three numbers or one, of a magnitude from {low} to {high} m/s²",
+                serde_yaml::to_string(&self.gravity).unwrap_or_default().trim().replace('\n', " ")
+            )),
+        }
+    }
+}
+
+impl FactsFile {
+    /// What is not known here is taken from `other`.
+    fn or(self, other: Self) -> Self {
+        Self {
+            name: self.name.or(other.name),
+            sex: self.sex.or(other.sex),
+            height_m: self.height_m.or(other.height_m),
+            mass_kg: self.mass_kg.or(other.mass_kg),
+            total_mass_kg: self.total_mass_kg.or(other.total_mass_kg),
+            gravity_m_s2: self.gravity_m_s2.or(other.gravity_m_s2),
+            lab: self.lab.or(other.lab),
+            trials: self.trials.or(other.trials),
+        }
+    }
+}
+
+/// Facts that lie beside the recordings, the nearest first: the session's file, its row in the subject's `sessions.tsv`, the
+/// subject's file, the laboratory's file of that subject, its row in `participants.tsv`.
+fn beside(at: &FactPlaces<'_>) -> Result<(FactsFile, Vec<String>), PipelineError> {
+    let mut found = Vec::new();
+    found.extend(facts_file(at.data)?);
+    if let (Some(folder), Some(subject)) = (at.subject_folder, &at.id.subject) {
+        if let Some(session) = &at.id.session {
+            for name in ["sessions.tsv".to_owned(), format!("{subject}_sessions.tsv")] {
+                found.extend(row_of(&folder.join(&name), "session_id", session)?.map(|f| (f, name)));
+            }
+            found.extend(facts_file(folder)?);
+        }
+        for name in [format!("{subject}.yaml"), format!("subjects/{subject}.yaml")] {
+            found.extend(one_file(&at.root.join(&name))?.map(|f| (f, name)));
+        }
+        let row = row_of(&at.root.join(PARTICIPANTS), "participant_id", subject)?;
+        found.extend(row.map(|f| (f, PARTICIPANTS.to_owned())));
+    } else if found.is_empty() {
+        found.extend(participants(at.data)?.map(|f| (f, PARTICIPANTS.to_owned())));
+        // one subject's folder out of a study
+        if let (true, Ok(folder)) = (found.is_empty(), at.data.canonicalize())
+            && let (Some(parent), Some(name)) = (folder.parent(), folder.file_name())
+        {
+            let row = row_of(&parent.join(PARTICIPANTS), "participant_id", &name.to_string_lossy())?;
+            found.extend(row.map(|f| (f, PARTICIPANTS.to_owned())));
+        }
+    }
+    let sources = found.iter().map(|f| f.1.clone()).collect();
+    Ok((found.into_iter().fold(FactsFile::default(), |facts, (more, _)| facts.or(more)), sources))
+}
+
+fn facts_file(folder: &Path) -> Result<Option<(FactsFile, String)>, PipelineError> {
+    for name in ["subject.yaml", "subject.yml", "object.yaml", "object.yml"] {
+        if let Some(facts) = one_file(&folder.join(name))? {
+            return Ok(Some((facts, name.to_owned())));
+        }
+    }
+    Ok(None)
+}
+
+fn one_file(path: &Path) -> Result<Option<FactsFile>, PipelineError> {
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let text = std::fs::read_to_string(path).map_err(PipelineError::io("read", path))?;
+    let name = path.display().to_string();
+    // `gravity_mps2`, as the pipeline calls it, has the range of `gravity_m_s2`
+    let facts: FactsFile = ranges::parse(&name, &text)?;
+    let again = facts.gravity_m_s2.filter(|g| !(GRAVITY_MPS2.0..=GRAVITY_MPS2.1).contains(g));
+    let (key, wrong) = match (facts.lab.as_ref().map(LabFacts::gravity_mps2), again) {
+        (_, Some(g)) => (
+            "gravity_mps2",
+            Some(format!("`gravity_mps2` is {g}, expected a number from {} to {}", GRAVITY_MPS2.0, GRAVITY_MPS2.1)),
+        ),
+        (Some(Err(problem)), _) => ("lab.gravity", Some(problem)),
+        _ => ("", None),
+    };
+    match wrong {
+        Some(problem) => Err(error_at(&name, &text, find(&text, key).map(|at| (at, 1)), &problem, None)),
+        None => Ok(Some(facts)),
+    }
+}
+
+/// Finds the facts; an error where the mass is not known.
+pub(crate) fn find_facts(
+    config: &PipelineConfig,
+    at: &FactPlaces<'_>,
+    file: &str,
+    text: &str,
+) -> Result<Facts, PipelineError> {
+    let (facts, mut sources) = beside(at)?;
+    let s = &config.subject;
+    if s != &SubjectConfig::default() {
+        sources.push("the pipeline".to_owned());
+    }
+    let gravity_in_lab = facts.lab.as_ref().and_then(|l| l.gravity_mps2().ok().flatten());
+    let mass_kg = s.mass_kg.or(facts.mass_kg).or(facts.total_mass_kg).ok_or_else(|| {
+        error_at_key(
+            file,
+            text,
+            "subject",
+            match &at.id.subject {
+                None => "the body mass is not known: neither the pipeline nor a file beside the recordings states it".to_owned(),
+                Some(s) => format!("the body mass of {s} is not known: neither participants.tsv nor a subject.yaml states it"),
+            },
+            Some(match &at.id.subject {
+                None => "add `subject: {mass_kg: …}` to the pipeline, or put a subject.yaml with mass_kg beside the recordings"
+                    .to_owned(),
+                Some(s) => format!(
+                    "give participants.tsv a column `mass` (kg), or put `mass_kg: …` into {}",
+                    at.subject_folder.unwrap_or(at.root).join("subject.yaml").display()
+                ) + &format!(
+                    ", or add `overrides: [{{subject: {}, set: {{subject: {{mass_kg: …}}}}}}]`",
+                    quote::yaml(&quote::pattern(s))
+                ),
+            }),
+        )
+    })?;
+    let sex = match s.sex.clone().or(facts.sex).as_deref().map(str::to_ascii_lowercase).as_deref() {
+        Some("f" | "female") => Some(Sex::Female),
+        Some("m" | "male") => Some(Sex::Male),
+        Some("" | "n/a") | None => None,
+        Some(other) => {
+            return Err(error_at_key(file, text, "sex", format!("sex is `{other}`, expected F or M"), None));
+        }
+    };
+    Ok(Facts {
+        person: PersonFacts {
+            name: s
+                .name
+                .clone()
+                .or(facts.name)
+                .or_else(|| at.id.subject.clone())
+                .unwrap_or_else(|| config.name.clone()),
+            sex,
+            height_m: s.height_m.or(facts.height_m),
+            mass_kg,
+        },
+        gravity_mps2: s
+            .gravity_mps2
+            .or(facts.gravity_m_s2)
+            .or(gravity_in_lab)
+            .unwrap_or(aloft_body::STANDARD_GRAVITY_MPS2),
+        sources,
+        recordings: facts.trials.as_ref().map(listed).unwrap_or_default(),
+    })
+}
+
+/// Names of recordings in a list, without endings.
+fn listed(trials: &serde_yaml::Value) -> Vec<String> {
+    let name = |entry: &serde_yaml::Value| {
+        let file = entry.as_str().or_else(|| entry.get("file")?.as_str())?;
+        Some(crate::study::stem_of(Path::new(file)))
+    };
+    trials.as_sequence().map(|list| list.iter().filter_map(name).collect()).unwrap_or_default()
+}
+
+/// Name of the table of participants (BIDS).
+pub const PARTICIPANTS: &str = "participants.tsv";
+
+/// A table with tabs between its columns.
+struct Tsv {
+    path: PathBuf,
+    header: Vec<String>,
+    /// Rows with their lines in the file, counted from 1.
+    rows: Vec<(usize, Vec<String>)>,
+}
+
+impl Tsv {
+    fn read(path: &Path) -> Result<Option<Self>, PipelineError> {
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let bytes = std::fs::read(path).map_err(PipelineError::io("read", path))?;
+        let text = String::from_utf8_lossy(&bytes);
+        let cells = |l: &str| l.split('\t').map(|c| c.trim().trim_matches('"').to_owned()).collect::<Vec<String>>();
+        let mut lines = text.trim_start_matches('\u{feff}').lines();
+        let header = cells(lines.next().unwrap_or_default());
+        let rows = lines.enumerate().filter(|(_, l)| !l.trim().is_empty()).map(|(i, l)| (i + 2, cells(l))).collect();
+        Ok(Some(Self { path: path.to_path_buf(), header, rows }))
+    }
+
+    fn get<'t>(&self, row: &'t [String], names: &[&str]) -> Option<&'t str> {
+        let column = self.header.iter().position(|h| names.contains(&h.to_ascii_lowercase().as_str()))?;
+        row.get(column).map(String::as_str).filter(|v| !v.is_empty() && !v.eq_ignore_ascii_case("n/a"))
+    }
+
+    fn row(&self, key: &str, name: &str) -> Option<&(usize, Vec<String>)> {
+        self.rows.iter().find(|(_, r)| self.get(r, &[key]).is_some_and(|v| same_name(v, name)))
+    }
+
+    /// The number under the first of these columns that there is; `unit` is the size of its unit for each value.
+    fn number(
+        &self,
+        (line, row): &(usize, Vec<String>),
+        names: &[&str],
+        (low, high): (f64, f64),
+        unit: impl Fn(f64) -> f64,
+    ) -> Result<Option<f64>, PipelineError> {
+        let Some(cell) = self.get(row, names) else { return Ok(None) };
+        let number = cell.replace(',', ".").parse::<f64>().ok().map(|x| x * unit(x));
+        match number.filter(|x| (low..=high).contains(x)) {
+            Some(x) => Ok(Some(x)),
+            None => Err(PipelineError::request_hint(
+                format!(
+                    "{}: line {line}: `{}` is `{cell}`, expected a number from {low} to {high} or n/a",
+                    self.path.display(),
+                    names.iter().find(|n| self.header.iter().any(|h| h.eq_ignore_ascii_case(n))).unwrap_or(&"value")
+                ),
+                "correct the table; stature in m (or cm, above 3), mass in kg",
+            )),
+        }
+    }
+
+    fn facts(&self, row: &(usize, Vec<String>), key: &str) -> Result<FactsFile, PipelineError> {
+        // nobody is three metres tall: larger numbers are centimetres
+        let metres = |h: f64| if h > 3.0 { 0.01 } else { 1.0 };
+        let height = match self.number(row, &["height", "height_m", "stature"], HEIGHT_M, metres)? {
+            Some(height) => Some(height),
+            None => self.number(row, &["height_cm"], HEIGHT_M, |_| 0.01)?,
+        };
+        Ok(FactsFile {
+            name: (key == "participant_id").then(|| self.get(&row.1, &[key]).map(str::to_owned)).flatten(),
+            sex: self.get(&row.1, &["sex"]).map(str::to_owned),
+            height_m: height,
+            mass_kg: self.number(row, &["mass", "mass_kg", "weight", "weight_kg", "body_mass"], MASS_KG, |_| 1.0)?,
+            ..FactsFile::default()
+        })
+    }
+}
+
+/// `sub-01` and `01` are the same.
+fn same_name(a: &str, b: &str) -> bool {
+    let bare = |s: &str| s.strip_prefix("sub-").or_else(|| s.strip_prefix("ses-")).unwrap_or(s).to_owned();
+    a == b || bare(a) == bare(b)
+}
+
+/// The facts in a table's row of that name.
+fn row_of(path: &Path, key: &str, name: &str) -> Result<Option<FactsFile>, PipelineError> {
+    let table = Tsv::read(path)?;
+    table.and_then(|t| t.row(key, name).map(|r| t.facts(r, key))).transpose()
+}
+
+/// Identifiers of a folder's `participants.tsv`, in order; none without such a table.
+pub(crate) fn participant_ids(folder: &Path) -> Result<Vec<String>, PipelineError> {
+    let table = Tsv::read(&folder.join(PARTICIPANTS))?;
+    Ok(table
+        .map(|t| t.rows.iter().filter_map(|(_, r)| t.get(r, &["participant_id"]).map(str::to_owned)).collect())
+        .unwrap_or_default())
+}
+
+/// The row of `participants.tsv` (BIDS) for this folder: the one whose `participant_id` names the folder, or the only one.
+fn participants(data: &Path) -> Result<Option<FactsFile>, PipelineError> {
+    let path = data.join(PARTICIPANTS);
+    let Some(table) = Tsv::read(&path)? else { return Ok(None) };
+    let folder = data.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let row = table.row("participant_id", &folder).or(match table.rows.as_slice() {
+        [only] => Some(only),
+        _ => None,
+    });
+    let Some(row) = row else {
+        return Err(PipelineError::request_hint(
+            format!("{}: {} participants and none is called `{folder}`", path.display(), table.rows.len()),
+            "name the subject in the pipeline, or keep each participant's recordings in a folder of that name",
+        ));
+    };
+    table.facts(row, "participant_id").map(Some)
+}

@@ -1,0 +1,22 @@
+//! A pipeline file bound to recordings.
+//!
+//! A [`studies::StudySet`] is a pipeline file with a folder of recordings; each subject and session in it is a [`study::Study`]: its
+//! configuration with everything inherited, its trials and their roles, the facts about the subject, and the effects of the model's revision.
+
+pub mod catalog;
+pub mod config;
+pub mod effects;
+pub mod facts;
+pub mod inherit;
+pub mod place;
+pub mod quote;
+pub mod ranges;
+pub mod revision;
+pub mod session;
+pub mod studies;
+pub mod study;
+
+/// JSON schema of pipeline files.
+pub fn config_schema() -> schemars::Schema {
+    schemars::schema_for!(config::PipelineConfig)
+}

@@ -1,0 +1,232 @@
+//! Numbers within their ranges, told where they stand.
+//!
+//! The ranges are those of the JSON schema, which is made from the types in [`crate::config`]: one declaration serves `aloft schema`, `aloft check`
+//! and `aloft run`. A value is held against its range before anything is computed from it.
+
+use crate::config::{not_yaml, parse_yaml};
+use crate::place::{error_at, find};
+use aloft_workspace::error::PipelineError;
+use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
+use serde_json::Value as Json;
+use serde_yaml::Value;
+
+/// A value that cannot be: where it stands, what is wrong, what it is for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outside {
+    /// Path of keys, for example `overrides[1].set.filter.cutoff_hz`.
+    pub path: String,
+    /// The value and its range.
+    pub problem: String,
+    /// Description of the setting.
+    pub hint: Option<String>,
+}
+
+/// Parses YAML and holds every number against its range.
+///
+/// # Errors
+/// Points at the place of what cannot be.
+pub fn parse<T: DeserializeOwned + JsonSchema>(file: &str, text: &str) -> Result<T, PipelineError> {
+    let value: Value = serde_yaml::from_str(text).map_err(|error| not_yaml(file, text, &error))?;
+    match outside::<T>(&value) {
+        Some(o) => Err(shown(file, text, &o)),
+        None => parse_yaml(file, text),
+    }
+}
+
+/// The first value that lies outside of its range, or is no number where one is asked for.
+pub fn outside<T: JsonSchema>(value: &Value) -> Option<Outside> {
+    let schema = schemars::schema_for!(T).to_value();
+    Walk { root: &schema }.at(&schema, value, &mut String::new())
+}
+
+/// Refuses NaN and infinite numbers anywhere in a YAML text.
+pub fn finite(file: &str, text: &str) -> Result<(), PipelineError> {
+    let Ok(value) = serde_yaml::from_str::<Value>(text) else { return Ok(()) };
+    match not_finite(&value, &mut String::new()) {
+        Some(o) => Err(shown(file, text, &o)),
+        None => Ok(()),
+    }
+}
+
+fn shown(file: &str, text: &str, o: &Outside) -> PipelineError {
+    let at = find(text, &o.path).map(|at| (at, text[at..].find(['\n', ',', '}', ']']).unwrap_or(1).max(1)));
+    error_at(file, text, at, &o.problem, o.hint.clone())
+}
+
+fn step<T>(path: &mut String, with: &str, inside: impl FnOnce(&mut String) -> Option<T>) -> Option<T> {
+    let before = path.len();
+    if !with.starts_with('[') && before > 0 {
+        path.push('.');
+    }
+    path.push_str(with);
+    let out = inside(path);
+    if out.is_none() {
+        path.truncate(before);
+    }
+    out
+}
+
+/// The number of a YAML value; NaN for one that is too great to be written.
+fn number(value: &Value) -> Option<f64> {
+    match value {
+        Value::Number(n) => n.as_f64(),
+        _ => None,
+    }
+}
+
+fn not_finite(value: &Value, path: &mut String) -> Option<Outside> {
+    match value {
+        Value::Number(_) => number(value).filter(|x| !x.is_finite()).map(|x| Outside {
+            path: path.clone(),
+            problem: format!("`{path}` is {x}, which is no number to compute with"),
+            hint: Some("give a finite number, or leave the setting out".to_owned()),
+        }),
+        Value::Sequence(list) => {
+            list.iter().enumerate().find_map(|(i, v)| step(path, &format!("[{i}]"), |p| not_finite(v, p)))
+        }
+        Value::Mapping(map) => {
+            map.iter().find_map(|(k, v)| step(path, k.as_str().unwrap_or_default(), |p| not_finite(v, p)))
+        }
+        Value::Tagged(t) => not_finite(&t.value, path),
+        _ => None,
+    }
+}
+
+struct Walk<'s> {
+    root: &'s Json,
+}
+
+impl Walk<'_> {
+    fn at(&self, schema: &Json, value: &Value, path: &mut String) -> Option<Outside> {
+        if let Some(place) = schema.get("$ref").and_then(Json::as_str) {
+            let target = self.root.pointer(place.trim_start_matches('#'))?;
+            if let Some(o) = self.at(target, value, path) {
+                return Some(o);
+            }
+        }
+        for key in ["anyOf", "allOf", "oneOf"] {
+            let branches = schema.get(key).and_then(Json::as_array);
+            if let Some(o) = branches.into_iter().flatten().find_map(|branch| self.at(branch, value, path)) {
+                return Some(o);
+            }
+        }
+        match value {
+            Value::Mapping(map) => map.iter().find_map(|(key, inner)| {
+                let key = key.as_str()?;
+                let own =
+                    schema.get("properties").and_then(|p| p.get(key)).or_else(|| schema.get("additionalProperties"))?;
+                step(path, key, |p| self.at(own, inner, p))
+            }),
+            Value::Sequence(list) => {
+                let items = schema.get("items")?;
+                list.iter().enumerate().find_map(|(i, v)| step(path, &format!("[{i}]"), |p| self.at(items, v, p)))
+            }
+            Value::Tagged(t) => self.at(schema, &t.value, path),
+            Value::Null => None,
+            _ => Self::scalar(schema, value, path),
+        }
+    }
+
+    /// A single value against a schema that asks for a number.
+    fn scalar(schema: &Json, value: &Value, path: &str) -> Option<Outside> {
+        let whole = wants(schema)?;
+        let limit = |key: &str| schema.get(key).and_then(Json::as_f64);
+        let (low, high) = (limit("minimum"), limit("maximum"));
+        let inside = |x: f64| {
+            x.is_finite() && low.is_none_or(|l| x >= l) && high.is_none_or(|h| x <= h) && !(whole && x.fract() != 0.0)
+        };
+        if number(value).is_some_and(inside) {
+            return None;
+        }
+        let found = match value {
+            Value::String(s) => format!("`{s}`"),
+            Value::Bool(b) => b.to_string(),
+            other => number(other).map_or_else(|| "no number".to_owned(), shortest),
+        };
+        let kind = if whole { "a whole number" } else { "a number" };
+        let range = match (low, high) {
+            (Some(l), Some(h)) => format!("{kind} from {} to {}", shortest(l), shortest(h)),
+            (Some(l), None) => format!("{kind} from {} on", shortest(l)),
+            (None, Some(h)) => format!("{kind} up to {}", shortest(h)),
+            (None, None) => kind.to_owned(),
+        };
+        Some(Outside {
+            path: path.to_owned(),
+            problem: format!("`{path}` is {found}, expected {range}"),
+            hint: schema.get("description").and_then(Json::as_str).map(str::to_owned),
+        })
+    }
+}
+
+/// A number without a row of zeros.
+fn shortest(x: f64) -> String {
+    if x != 0.0 && x.is_finite() && !(1e-4..1e7).contains(&x.abs()) { format!("{x:e}") } else { format!("{x}") }
+}
+
+/// Whether a schema asks for a number and nothing else (null aside), and whether for a whole one.
+fn wants(schema: &Json) -> Option<bool> {
+    let words: Vec<&str> = match schema.get("type")? {
+        Json::String(s) => vec![s],
+        Json::Array(all) => all.iter().filter_map(Json::as_str).filter(|w| *w != "null").collect(),
+        _ => return None,
+    };
+    match words.as_slice() {
+        ["integer"] => Some(true),
+        ["number"] => Some(false),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests fail by panicking")]
+mod tests {
+    use super::*;
+    use crate::config::PipelineConfig;
+
+    const BASE: &str = "name: x\nmodel: human34\nmarker_set: plug-in-gait-35\n";
+
+    fn say(more: &str) -> String {
+        parse::<PipelineConfig>("p.yaml", &format!("{BASE}{more}")).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn unit_a_value_outside_is_told_with_line_and_range() {
+        assert_eq!(
+            say("filter:\n  cutoff_hz: -1\n"),
+            "p.yaml: line 5: `filter.cutoff_hz` is -1, expected a number from 0.1 to 1000"
+        );
+        assert!(
+            say("filter: {order: 2.5}\n")
+                .contains("line 4: `filter.order` is 2.5, expected a whole number from 1 to 12")
+        );
+        assert!(
+            say("subject:\n  gravity_mps2: abc\n")
+                .contains("line 5: `subject.gravity_mps2` is `abc`, expected a number")
+        );
+        assert!(say("subject: {mass_kg: .nan}\n").contains("`subject.mass_kg` is NaN"));
+        assert!(say("ik: {weights: {LASI: .inf}}\n").contains("`ik.weights.LASI` is inf"));
+        let over = "overrides:\n- {subject: a, set: {filter: {cutoff_hz: 5.0}}}\n- {subject: b, set: {flight: {threshold_n: -20}}}\n";
+        assert!(say(over).contains("line 6: `overrides[1].set.flight.threshold_n` is -20"), "{}", say(over));
+        assert!(parse::<PipelineConfig>("p.yaml", BASE).is_ok());
+    }
+
+    #[test]
+    fn prop_every_numeric_setting_has_a_range() {
+        fn visit(schema: &Json, path: &str, n: &mut usize) {
+            if wants(schema).is_some() {
+                *n += 1;
+                let bounds = [&schema["minimum"], &schema["maximum"]].map(Json::as_f64);
+                assert!(bounds[0].is_some() && bounds[1].is_some() && bounds[0] < bounds[1], "{path}: {schema}");
+            }
+            match schema {
+                Json::Object(map) => map.iter().for_each(|(k, v)| visit(v, &format!("{path}/{k}"), n)),
+                Json::Array(list) => list.iter().enumerate().for_each(|(i, v)| visit(v, &format!("{path}/{i}"), n)),
+                _ => {}
+            }
+        }
+        let mut n = 0;
+        visit(&crate::config_schema().to_value(), "", &mut n);
+        assert!(n >= 30, "{n}");
+    }
+}

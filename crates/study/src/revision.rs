@@ -1,0 +1,188 @@
+//! Revisions of a model: which effects it holds. Each `effect add` or `remove` writes a new one; the old stay.
+
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::seal;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// An effect in a model.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct ModelEffect {
+    /// Identifier with target, for example `tether` or `flywheel[torso]`.
+    pub key: String,
+    /// Values of its nonlinear parameters.
+    #[serde(default)]
+    pub nonlinear: BTreeMap<String, f64>,
+    /// Trials in which it acts (a payload that some of them carry); all where empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub trials: Vec<String>,
+    /// By how much the standard error of each coefficient grows because the nonlinear parameters were fitted to the same recordings.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub widening: BTreeMap<String, f64>,
+    /// Middle and reach of the volume that its columns refer to, m, where the discovery that found it had one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub volume_m: Option<([f64; 3], f64)>,
+}
+
+impl ModelEffect {
+    /// The effect's identifier, without its target.
+    pub fn id(&self) -> &str {
+        self.key.split('[').next().unwrap_or(&self.key)
+    }
+}
+
+/// What a revision reached.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Reached {
+    /// Hash of the comparison that says so.
+    #[serde(default)]
+    pub from: String,
+    /// Hash of the settings and recordings that it was made from, without the effects: errors of revisions that differ in it cannot be
+    /// compared.
+    #[serde(default)]
+    pub made_with: String,
+    /// In flight: held-out error over weak windows, N (force root mean square, with moments over a lever of 0.1 m), and what noise alone
+    /// makes of it. None without flights.
+    #[serde(default)]
+    pub flight: Option<Judged>,
+    /// The same in held-out contact.
+    #[serde(default)]
+    pub contact: Option<Judged>,
+    /// σ_{N−1}/σ_N.
+    pub sigma_ratio: f64,
+    /// Marker RMS, mean over trials, mm.
+    pub marker_rms_mm: f64,
+    /// Coefficients with their intervals.
+    pub coefficients: Vec<ReachedCoefficient>,
+    /// Base parameters, to see what an effect changes.
+    pub base: Vec<(String, f64)>,
+}
+
+/// A coefficient of an effect, as identification gave it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(from = "StoredCoefficient")]
+pub struct ReachedCoefficient {
+    /// Name.
+    pub name: String,
+    /// Value.
+    pub value: f64,
+    /// Standard error.
+    pub se: f64,
+    /// 95 % interval; none where the standard error is not known, and in models written before intervals were kept.
+    pub ci95: Option<[f64; 2]>,
+}
+
+/// Earlier models kept name, value and standard error.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum StoredCoefficient {
+    Whole { name: String, value: f64, se: Option<f64>, ci95: Option<[f64; 2]> },
+    Earlier(String, f64, Option<f64>),
+}
+
+impl From<StoredCoefficient> for ReachedCoefficient {
+    fn from(stored: StoredCoefficient) -> Self {
+        let (name, value, se, ci95) = match stored {
+            StoredCoefficient::Whole { name, value, se, ci95 } => (name, value, se, ci95),
+            StoredCoefficient::Earlier(name, value, se) => (name, value, se, None),
+        };
+        Self { name, value, se: se.unwrap_or(f64::NAN), ci95 }
+    }
+}
+
+/// A held-out error over weak windows, and the noise floor: what a perfect model would leave.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Judged {
+    /// Error, N.
+    pub error_n: f64,
+    /// The noise floor, N; none where it is not known.
+    pub noise_n: Option<f64>,
+    /// 95 % interval of the floor, N: where the error of a perfect model falls.
+    #[serde(default)]
+    pub noise_ci95: Option<[f64; 2]>,
+}
+
+impl Judged {
+    /// Error over floor.
+    pub fn times_floor(&self) -> Option<f64> {
+        self.noise_n.map(|n| self.error_n / n).filter(|t| t.is_finite())
+    }
+    /// True where a perfect model could have left as much.
+    pub fn at_floor(&self) -> Option<bool> {
+        self.noise_ci95.map(|[_, most]| self.error_n <= most)
+    }
+    /// Share of the mean square that noise does not explain.
+    pub fn explainable(&self) -> Option<f64> {
+        let noise = self.noise_n?;
+        (self.error_n > 0.0).then(|| (1.0 - (noise / self.error_n).powi(2)).max(0.0))
+    }
+}
+
+/// One revision.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Revision {
+    /// Number, from 0 (the plain model).
+    pub number: usize,
+    /// What made it: `start`, `add drag`, `remove drag`.
+    pub action: String,
+    /// Effects of the model.
+    pub effects: Vec<ModelEffect>,
+    /// What it reached, once it was run.
+    pub reached: Option<Reached>,
+}
+
+/// All revisions of a workspace; the last is the present one.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Revisions {
+    /// In order.
+    pub revisions: Vec<Revision>,
+    /// The revision that `effect add` or `effect remove` is making: it counts once its results are there. One that stands here while nobody
+    /// holds the workspace was interrupted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pending: Option<Revision>,
+}
+
+impl Default for Revisions {
+    fn default() -> Self {
+        let first = Revision { number: 0, action: "start".into(), effects: Vec::new(), reached: None };
+        Self { revisions: vec![first], pending: None }
+    }
+}
+
+impl Revisions {
+    /// Reads `model.json` of a workspace; the plain model where there is none.
+    pub fn load(workspace: &Path) -> Result<Self, PipelineError> {
+        let path = workspace.join("model.json");
+        let read = seal::read_if_there::<Self>(&path).map_err(|e| match e {
+            PipelineError::Damaged { path, problem } => PipelineError::request_hint(
+                format!("{} is damaged: {problem}", path.display()),
+                "put back a copy of it; without the file the model is the plain one, and its effects can be added again",
+            ),
+            other => other,
+        });
+        let Some(all) = read? else { return Ok(Self::default()) };
+        if all.revisions.is_empty() { Ok(Self::default()) } else { Ok(all) }
+    }
+
+    /// Writes it, whole or not at all.
+    pub fn save(&self, workspace: &Path) -> Result<(), PipelineError> {
+        seal::write_whole(&workspace.join("model.json"), self)
+    }
+
+    /// Effects of the present revision.
+    pub fn effects(&self) -> Vec<ModelEffect> {
+        self.revisions.last().map(|r| r.effects.clone()).unwrap_or_default()
+    }
+
+    /// Base parameters of the plain model, with which columns of effects place the body's centre of mass; empty before it was identified.
+    pub fn plain_base(&self) -> Vec<f64> {
+        let reached = self.revisions.first().and_then(|r| r.reached.as_ref());
+        reached.map(|r| r.base.iter().map(|b| b.1).collect()).unwrap_or_default()
+    }
+
+    /// The revision that would follow.
+    pub fn next(&self, action: String, effects: Vec<ModelEffect>) -> Revision {
+        Revision { number: self.revisions.len(), action, effects, reached: None }
+    }
+}

@@ -1,0 +1,93 @@
+//! Where in the session each recording of a study lies, for effects that grow over it.
+
+use crate::study::{Role, Study};
+use aloft_trial::{SessionRecording, SessionSource, session_times};
+use aloft_workspace::artifact::session_recording;
+use aloft_workspace::workspace::Workspace;
+use std::collections::BTreeMap;
+
+/// True for an effect that asks when in the session a recording was made.
+pub fn asks_session_time(id: &str) -> bool {
+    aloft_effects::effect(id).is_ok_and(|e| e.about().uses_session_time)
+}
+
+/// Times of a study's recordings.
+#[derive(Debug, Clone)]
+pub struct Calendar {
+    /// Start of each recording since the first one of the session, s.
+    start_s: BTreeMap<String, f64>,
+    /// Where the times come from.
+    pub source: SessionSource,
+    /// The same in words.
+    pub words: String,
+}
+
+impl Calendar {
+    /// From what `import` left of each recording; those that it could not read are left out.
+    ///
+    /// Where no file tells a time, the order is that of the laboratory's list beside the recordings, else that of a usual session: static,
+    /// calibration, then the others by name, numbers in names by their value.
+    pub fn of(study: &Study, workspace: &Workspace) -> Self {
+        let listed = &study.facts.recordings;
+        let mut trials: Vec<_> = study.included().collect();
+        trials.sort_by_key(|t| {
+            let place = listed.iter().position(|l| *l == t.name).unwrap_or(usize::MAX);
+            let part = match t.role {
+                Role::Static => 0,
+                Role::Calibration => 1,
+                _ => 2,
+            };
+            (place, part, natural(&t.name))
+        });
+        let recordings: Vec<SessionRecording> = trials
+            .iter()
+            .filter_map(|t| {
+                let needed = matches!(t.role, Role::Identify | Role::Validate);
+                session_recording(&workspace.place("import", &t.name), needed).ok()
+            })
+            .collect();
+        let times = session_times(&recordings);
+        let order = match times.source {
+            SessionSource::OrderAndLengths if listed.is_empty() => "; the order is that of the names",
+            SessionSource::OrderAndLengths => "; the order is that of the list beside the recordings",
+            _ => "",
+        };
+        Self {
+            start_s: recordings.into_iter().map(|r| r.name).zip(times.start_s).collect(),
+            source: times.source,
+            words: times.words + order,
+        }
+    }
+
+    /// Seconds from the start of the session to the first frame of a recording; 0 where unknown.
+    pub fn start_s(&self, trial: &str) -> f64 {
+        self.start_s.get(trial).copied().filter(|t| t.is_finite()).unwrap_or(0.0)
+    }
+}
+
+/// A name with its numbers by value, so that `jump2` comes before `jump10`.
+fn natural(name: &str) -> Vec<(u64, String)> {
+    let mut parts: Vec<(u64, String)> = Vec::new();
+    let mut rest = name;
+    while !rest.is_empty() {
+        let digits = rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len());
+        let (number, after) = rest.split_at(digits);
+        let letters = after.find(|c: char| c.is_ascii_digit()).unwrap_or(after.len());
+        let (word, remaining) = after.split_at(letters);
+        parts.push((number.parse().unwrap_or(0), word.to_owned()));
+        rest = remaining;
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::natural;
+
+    #[test]
+    fn prop_numbers_sort_by_value() {
+        let mut names = ["jump10", "jump2", "jump1", "exercise01", "10", "9", "a"];
+        names.sort_by_key(|n| natural(n));
+        assert_eq!(names, ["a", "exercise01", "jump1", "jump2", "jump10", "9", "10"]);
+    }
+}

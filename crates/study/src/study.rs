@@ -1,0 +1,507 @@
+//! A pipeline bound to the recordings of one subject (one session of it): which there are, what part each plays, and who moved.
+
+use crate::catalog;
+use crate::config::{FlightConfig, IkConfig, ImportConfig, PipelineConfig, error_at_key};
+use crate::effects::{OwnEffect, check_formulas, own_effects};
+use crate::facts::{FactPlaces, Facts, find_facts};
+use crate::inherit::{PipelineFile, TrialSettings, Whose};
+use crate::quote;
+use crate::studies::StudySet;
+use aloft_body::ModelSpec;
+use aloft_scale::ObjectSpec;
+use aloft_trial::MarkerSet;
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::workspace::WHOLE_STUDY;
+use globset::{GlobBuilder, GlobMatcher, GlobSet, GlobSetBuilder};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// The part that a recording plays.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// Standing still.
+    Static,
+    /// Functional calibration.
+    Calibration,
+    /// Motion to identify from.
+    Identify,
+    /// Held out for comparison.
+    Validate,
+}
+
+impl Role {
+    /// The word that users see.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Static => "static",
+            Self::Calibration => "calibration",
+            Self::Identify => "identify",
+            Self::Validate => "validate",
+        }
+    }
+    /// True for trials whose motion is analysed.
+    pub fn is_dynamic(self) -> bool {
+        matches!(self, Self::Identify | Self::Validate)
+    }
+}
+
+/// One recording of the study.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrialEntry {
+    /// Name, unique in the study: the file's stem, with folders where stems repeat.
+    pub name: String,
+    /// Its part.
+    pub role: Role,
+    /// C3D or TRC file.
+    pub file: PathBuf,
+    /// MOT file with forces, for TRC.
+    pub forces: Option<PathBuf>,
+    /// Group of recordings that it belongs to (`trials.groups`), where one is named.
+    pub group: Option<String>,
+    /// Files that describe the recording: channels and metadata of BIDS-Motion.
+    pub beside: Vec<PathBuf>,
+    /// Why it is left out, where it is.
+    pub excluded: Option<String>,
+    /// Settings of its own, where they differ from the session's.
+    pub settings: Option<TrialSettings>,
+}
+
+/// Which subject's which session a study is; both are none for a pipeline of one subject.
+#[derive(Debug, Clone, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct StudyId {
+    /// Subject.
+    pub subject: Option<String>,
+    /// Session.
+    pub session: Option<String>,
+}
+
+impl std::fmt::Display for StudyId {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let parts: Vec<&str> = [&self.subject, &self.session].into_iter().flatten().map(String::as_str).collect();
+        f.write_str(&parts.join(" "))
+    }
+}
+
+/// A pipeline bound to the recordings of one subject and session.
+#[derive(Debug, Clone)]
+pub struct Study {
+    /// Which subject and session, in a study of several.
+    pub id: StudyId,
+    /// The configuration.
+    pub config: PipelineConfig,
+    /// Where it was read from.
+    pub config_path: PathBuf,
+    /// Its text, for messages.
+    pub config_text: String,
+    /// Folder of recordings.
+    pub data: PathBuf,
+    /// Folder of results.
+    pub workspace: PathBuf,
+    /// Recordings, sorted by name.
+    pub trials: Vec<TrialEntry>,
+    /// Recordings that match no pattern, relative to the data folder.
+    pub unmatched: Vec<PathBuf>,
+    /// Who moved.
+    pub facts: Facts,
+    /// The model.
+    pub model: ModelSpec,
+    /// The marker set.
+    pub marker_set: MarkerSet,
+    /// The object description, for things that are not people.
+    pub object: Option<ObjectSpec>,
+    /// Effects of the model's present revision.
+    pub effects: Vec<crate::revision::ModelEffect>,
+    /// Base parameters of the plain model, with which columns of effects place the centre of mass; empty before they are known.
+    pub plain_base: Vec<f64>,
+    /// Effects that the pipeline defines or names beside the catalogue.
+    pub own_effects: Vec<OwnEffect>,
+    /// The anthropometric tables (unused for objects).
+    pub anthropometry: aloft_scale::Anthropometry,
+}
+
+/// What the command line may replace.
+#[derive(Debug, Clone, Default)]
+pub struct Overrides {
+    /// `--data`.
+    pub data: Option<PathBuf>,
+    /// `--workspace`.
+    pub workspace: Option<PathBuf>,
+    /// `--subject`: names or patterns; all where empty.
+    pub subjects: Vec<String>,
+    /// `--session`: names or patterns; all where empty.
+    pub sessions: Vec<String>,
+}
+
+/// Where one study of a set lies.
+#[derive(Debug)]
+pub(crate) struct Place<'a> {
+    pub id: StudyId,
+    /// Folder of its recordings.
+    pub data: PathBuf,
+    /// Folder of its results.
+    pub workspace: PathBuf,
+    /// The subject's folder, in a study of several.
+    pub subject_folder: Option<PathBuf>,
+    /// The whole study's folder of recordings.
+    pub root: &'a Path,
+}
+
+impl Study {
+    /// Reads the pipeline file, finds the recordings and the subject's facts. For a study of several subjects this is an error
+    /// unless the overrides leave just one; see [`StudySet::open`].
+    pub fn open(path: &Path, overrides: &Overrides) -> Result<Self, PipelineError> {
+        StudySet::open(path, overrides)?.only()
+    }
+
+    /// Binds a checked pipeline to one place.
+    pub(crate) fn bind(pipeline: &PipelineFile, place: Place<'_>) -> Result<Self, PipelineError> {
+        let (file, text, dir) = (pipeline.name(), &pipeline.text, pipeline.folder());
+        let whose = Whose {
+            subject: place.id.subject.as_deref(),
+            session: place.id.session.as_deref(),
+            subject_folder: place.subject_folder.as_deref().or(Some(&place.data)),
+            session_folder: Some(&place.data),
+        };
+        let config = pipeline.session_config(whose)?;
+        let at = |key: &str, e: PipelineError| match e {
+            PipelineError::Request { problem, hint } => error_at_key(&file, text, key, problem, hint),
+            other => other,
+        };
+        let model = load_model(&config.model, &dir).map_err(|e| at("model", e))?;
+        let marker_set: MarkerSet =
+            catalog::load("markersets", &config.marker_set, &dir).map_err(|e| at("marker_set", e))?;
+        if let Some(unknown) = config.ik.weights.keys().find(|k| !marker_set.markers.iter().any(|m| m.label == **k)) {
+            let problem = format!("`ik.weights` names the marker `{unknown}`, which the marker set does not have");
+            return Err(error_at_key(
+                &file,
+                text,
+                "weights",
+                problem,
+                Some("see `aloft inspect FILE` for labels".to_owned()),
+            ));
+        }
+        let object = match &config.object {
+            Some(name) => Some(catalog::load("objects", name, &dir).map_err(|e| at("object", e))?),
+            None => None,
+        };
+        let anthropometry =
+            catalog::load("anthropometry", &config.scale.anthropometry, &dir).map_err(|e| at("anthropometry", e))?;
+        let (mut trials, unmatched) = find_trials(&config, &place.data, &file, text)?;
+        for trial in &mut trials {
+            trial.settings = pipeline.trial_settings(&config, whose, &trial.name)?;
+        }
+        let facts = find_facts(
+            &config,
+            &FactPlaces {
+                data: &place.data,
+                subject_folder: place.subject_folder.as_deref(),
+                root: place.root,
+                id: &place.id,
+            },
+            &file,
+            text,
+        )?;
+        let own_effects = own_effects(&config, &file, text, &dir)?;
+        check_formulas(&own_effects, &model)?;
+        aloft_workspace::workspace::refuse_other_format(&place.workspace)?;
+        let revisions = crate::revision::Revisions::load(&place.workspace)?;
+        let (effects, plain_base) = (revisions.effects(), revisions.plain_base());
+        Ok(Self {
+            id: place.id,
+            effects,
+            plain_base,
+            own_effects,
+            config,
+            config_path: pipeline.path.clone(),
+            config_text: text.clone(),
+            data: place.data,
+            workspace: place.workspace,
+            trials,
+            unmatched,
+            facts,
+            model,
+            marker_set,
+            object,
+            anthropometry,
+        })
+    }
+
+    /// What the columns of the model's effects are made from, for the stages that make them.
+    pub fn effects_parameters(&self) -> serde_json::Value {
+        if self.effects.is_empty() {
+            return serde_json::Value::Array(Vec::new());
+        }
+        let own: Vec<&aloft_effects::FormulaEffect> = self
+            .own_effects
+            .iter()
+            .filter(|o| self.effects.iter().any(|e| e.id() == o.spec.id))
+            .map(|o| &o.spec)
+            .collect();
+        let bytes: Vec<u8> = self.plain_base.iter().flat_map(|x| x.to_le_bytes()).collect();
+        let mut out = serde_json::json!({"model": aloft_workspace::key::key(&self.effects), "own": aloft_workspace::key::key(&own),
+            "about": blake3::hash(&bytes).to_hex().to_string()});
+        if self.effects.iter().any(|e| crate::session::asks_session_time(e.id())) {
+            out["recording_order"] = serde_json::json!(self.facts.recordings);
+        }
+        out
+    }
+
+    /// The same study with the effects of the model's latest revision.
+    pub fn refreshed(&self) -> Result<Self, PipelineError> {
+        let revisions = crate::revision::Revisions::load(&self.workspace)?;
+        Ok(Self { effects: revisions.effects(), plain_base: revisions.plain_base(), ..self.clone() })
+    }
+
+    /// How a trial (or the session, for none) is read.
+    pub fn import_of<'s>(&'s self, trial: Option<&'s TrialEntry>) -> &'s ImportConfig {
+        trial.and_then(|t| t.settings.as_ref()).map_or(&self.config.import, |s| &s.import)
+    }
+
+    /// Inverse kinematics of a trial.
+    pub fn ik_of<'s>(&'s self, trial: Option<&'s TrialEntry>) -> &'s IkConfig {
+        trial.and_then(|t| t.settings.as_ref()).map_or(&self.config.ik, |s| &s.ik)
+    }
+
+    /// Search for flights in a trial.
+    pub fn flight_of<'s>(&'s self, trial: Option<&'s TrialEntry>) -> &'s FlightConfig {
+        trial.and_then(|t| t.settings.as_ref()).map_or(&self.config.flight, |s| &s.flight)
+    }
+
+    /// A trial by name.
+    pub fn trial(&self, name: &str) -> Option<&TrialEntry> {
+        self.trials.iter().find(|t| t.name == name)
+    }
+
+    /// Trials that are not excluded.
+    pub fn included(&self) -> impl Iterator<Item = &TrialEntry> {
+        self.trials.iter().filter(|t| t.excluded.is_none())
+    }
+
+    /// Gravity in the world frame, m/s².
+    pub fn gravity(&self) -> nalgebra::Vector3<f64> {
+        nalgebra::Vector3::new(0.0, 0.0, -self.facts.gravity_mps2)
+    }
+}
+
+fn load_model(name: &str, dir: &Path) -> Result<ModelSpec, PipelineError> {
+    if name.to_ascii_lowercase().ends_with(".urdf") {
+        let path = dir.join(name);
+        let text = std::fs::read_to_string(&path).map_err(PipelineError::io("read", &path))?;
+        return ModelSpec::from_urdf(&text).map_err(|e| PipelineError::request(format!("{}: {e}", path.display())));
+    }
+    catalog::load("models", name, dir)
+}
+
+fn not_a_pattern(p: &str, e: &globset::Error, key: &str, file: &str, text: &str) -> PipelineError {
+    error_at_key(
+        file,
+        text,
+        key,
+        format!("`{p}` is not a file pattern: {}", e.kind()),
+        Some("use *, ? and ** as in a shell".to_owned()),
+    )
+}
+
+/// A pattern of the pipeline, compiled; an error points at `key`.
+pub(crate) fn pattern(p: &str, key: &str, file: &str, text: &str) -> Result<GlobMatcher, PipelineError> {
+    let glob = GlobBuilder::new(p).literal_separator(true).build();
+    glob.map(|g| g.compile_matcher()).map_err(|e| not_a_pattern(p, &e, key, file, text))
+}
+
+fn globs(patterns: &[String], key: &str, file: &str, text: &str) -> Result<GlobSet, PipelineError> {
+    let mut builder = GlobSetBuilder::new();
+    for p in patterns {
+        let glob = GlobBuilder::new(p).literal_separator(true).build();
+        builder.add(glob.map_err(|e| not_a_pattern(p, &e, key, file, text))?);
+    }
+    builder.build().map_err(|e| not_a_pattern("", &e, key, file, text))
+}
+
+/// True for files that hold a recording, by their extension.
+pub fn is_recording(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d") || e.eq_ignore_ascii_case("trc")) || is_bids(path)
+}
+
+/// Ending of the numbers of a BIDS-Motion recording.
+const BIDS_MOTION: &str = "_motion.tsv";
+
+/// True for the numbers of a BIDS-Motion recording.
+pub fn is_bids(path: &Path) -> bool {
+    path.file_name().is_some_and(|n| n.to_string_lossy().ends_with(BIDS_MOTION))
+}
+
+/// Files that describe a BIDS-Motion recording, those that are there: channels, their frame, metadata.
+pub fn bids_beside(path: &Path) -> Vec<PathBuf> {
+    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let Some(stem) = name.strip_suffix(BIDS_MOTION) else { return Vec::new() };
+    let mut beside: Vec<PathBuf> = ["channels.tsv", "channels.json", "motion.json"]
+        .iter()
+        .map(|end| path.with_file_name(format!("{stem}_{end}")))
+        .filter(|p| p.is_file())
+        .collect();
+    // `sub-01_ses-02_scans.tsv`, a folder above the recordings, says when each was made
+    let entities: Vec<&str> = stem.split('_').take_while(|e| e.starts_with("sub-") || e.starts_with("ses-")).collect();
+    if let (false, Some(folder)) = (entities.is_empty(), path.parent()) {
+        let scans = format!("{}_scans.tsv", entities.join("_"));
+        beside.extend(folder.ancestors().take(2).map(|f| f.join(&scans)).find(|p| p.is_file()));
+    }
+    beside
+}
+
+/// The name of a recording without its ending.
+pub fn stem_of(path: &Path) -> String {
+    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    match name.strip_suffix(BIDS_MOTION) {
+        Some(stem) => stem.to_owned(),
+        None => path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default(),
+    }
+}
+
+/// Recordings below a folder, relative to it, in order of names. Results (workspaces, exports, `derivatives`) and hidden folders
+/// are not looked into. Links to files count: data sets of DataLad or git-annex consist of them.
+pub fn recordings_below(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
+    let mut found = Vec::new();
+    let walk = walkdir::WalkDir::new(folder).sort_by_file_name().into_iter().filter_entry(|e| {
+        let name = e.file_name().to_string_lossy();
+        e.depth() == 0
+            || !e.file_type().is_dir()
+            || !(name.starts_with('.')
+                || name == "derivatives"
+                || e.path().join(aloft_workspace::workspace::MARKER).is_file())
+    });
+    for entry in walk {
+        let entry = entry.map_err(|e| PipelineError::Io {
+            action: "list",
+            path: folder.to_path_buf(),
+            source: e.into_io_error().unwrap_or_else(|| std::io::Error::other("a loop of links")),
+        })?;
+        if is_recording(entry.path()) && entry.path().is_file() {
+            found.push(entry.path().strip_prefix(folder).unwrap_or(entry.path()).to_path_buf());
+        }
+    }
+    Ok(found)
+}
+
+fn find_trials(
+    config: &PipelineConfig,
+    data: &Path,
+    file: &str,
+    text: &str,
+) -> Result<(Vec<TrialEntry>, Vec<PathBuf>), PipelineError> {
+    let t = &config.trials;
+    let roles = [
+        (Role::Static, globs(&t.r#static, "static", file, text)?),
+        (Role::Calibration, globs(&t.calibration, "calibration", file, text)?),
+        (Role::Validate, globs(&t.validate, "validate", file, text)?),
+        (Role::Identify, globs(&t.identify, "identify", file, text)?),
+    ];
+    let mut found: Vec<(PathBuf, Role)> = Vec::new();
+    let mut unmatched = Vec::new();
+    for relative in recordings_below(data)? {
+        match roles.iter().find(|(_, set)| set.is_match(&relative)) {
+            Some((role, _)) => found.push((relative, *role)),
+            None => unmatched.push(relative),
+        }
+    }
+    let stem = stem_of;
+    let mut stems: BTreeMap<String, usize> = BTreeMap::new();
+    for (relative, _) in &found {
+        *stems.entry(fold(&stem(relative))).or_default() += 1;
+    }
+    let mut trials = Vec::new();
+    for (relative, role) in &found {
+        let short = stem(relative);
+        let name = if stems.get(&fold(&short)) == Some(&1) {
+            short
+        } else {
+            relative.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect::<Vec<_>>().join("-")
+        };
+        let path = data.join(relative);
+        let forces = if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("trc")) {
+            let folder = path.parent().unwrap_or(data);
+            t.forces.iter().map(|f| folder.join(f.replace("{trial}", &stem(relative)))).find(|p| p.is_file())
+        } else {
+            None
+        };
+        let beside = bids_beside(&path);
+        trials.push(TrialEntry {
+            name,
+            role: *role,
+            file: path,
+            forces,
+            group: None,
+            beside,
+            excluded: None,
+            settings: None,
+        });
+    }
+    for exclusion in &t.exclude {
+        let set = globs(std::slice::from_ref(&exclusion.trial), "exclude", file, text)?;
+        for trial in trials.iter_mut().filter(|t| set.is_match(&t.name)) {
+            trial.excluded = Some(exclusion.reason.clone());
+        }
+    }
+    for (group, patterns) in &t.groups {
+        let set = globs(patterns, "groups", file, text)?;
+        for (trial, (relative, _)) in trials.iter_mut().zip(&found) {
+            if !set.is_match(relative) && !set.is_match(&trial.name) {
+                continue;
+            }
+            if let Some(other) = &trial.group {
+                let problem = format!("{} is in the groups `{other}` and `{group}`", trial.name);
+                return Err(error_at_key(file, text, group, problem, Some("a recording has one group".to_owned())));
+            }
+            trial.group = Some(group.clone());
+        }
+        if !found.is_empty() && !trials.iter().any(|t| t.group.as_ref() == Some(group)) {
+            let problem = format!("no recording is in the group `{group}`");
+            return Err(error_at_key(
+                file,
+                text,
+                group,
+                problem,
+                Some(format!("its patterns are {}", patterns.join(", "))),
+            ));
+        }
+    }
+    if trials.is_empty() {
+        return Err(PipelineError::request_hint(
+            format!("{}: no recording matches the pipeline's `trials`", data.display()),
+            "expected .c3d or .trc files; see `trials` in the pipeline",
+        ));
+    }
+    trials.sort_by(|a, b| a.name.cmp(&b.name));
+    names_are_usable(&trials, data)?;
+    Ok((trials, unmatched))
+}
+
+/// A name as file systems see it that do not tell `Jump` from `jump`.
+pub fn fold(name: &str) -> String {
+    name.to_lowercase()
+}
+
+/// Each recording that takes part has results and exported files of its own: its name must be a folder's name, and no other's, also where
+/// upper and lower case are one. Told before anything is read or written.
+fn names_are_usable(trials: &[TrialEntry], data: &Path) -> Result<(), PipelineError> {
+    let shown = |t: &TrialEntry| quote::visible(&t.file.strip_prefix(data).unwrap_or(&t.file).display().to_string());
+    let mut seen: BTreeMap<String, &TrialEntry> = BTreeMap::new();
+    for trial in trials.iter().filter(|t| t.excluded.is_none()) {
+        if matches!(trial.name.as_str(), "" | "." | ".." | WHOLE_STUDY) || trial.name.contains(['/', '\0']) {
+            return Err(PipelineError::request_hint(
+                format!("{}: `{}` cannot name a recording's results", shown(trial), quote::visible(&trial.name)),
+                "rename the file, or leave it out with the patterns under `trials`",
+            ));
+        }
+        if let Some(other) = seen.insert(fold(&trial.name), trial) {
+            let (a, b) = (quote::visible(&other.name), quote::visible(&trial.name));
+            let both = if a == b { format!("are both called `{a}`") } else { format!("are called `{a}` and `{b}`") };
+            return Err(PipelineError::request_hint(
+                format!("{} and {} {both}: results of one would replace the other's", shown(other), shown(trial)),
+                "rename one of the files or folders (upper and lower case count as the same), or leave one out with the patterns under `trials`",
+            ));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,14 @@
+//! Results on disk: where they lie, what they were made from, who may write, and whether they are still what was written.
+//!
+//! A [`workspace::Workspace`] holds one folder for each stage and trial, with tables and a [`workspace::Manifest`]. This crate knows no stage by
+//! its name and reads no configuration.
+
+pub mod artifact;
+pub mod disk;
+pub mod error;
+pub mod key;
+pub mod qc;
+pub mod seal;
+pub mod sharing;
+pub mod table;
+pub mod workspace;
