@@ -225,44 +225,47 @@ fn effects(pages: &mut Pages) {
     index += "# Effects\n\nWhat a model may be missing. `aloft effect list` and `aloft effect show NAME` print the same; formulas of your own stand in `configs/effects/`.\n\n| effect | what | kind | acts | coefficients |\n|---|---|---|---|---|\n";
     let examples = Examples::built_in().unwrap();
     let person = &examples.person;
-    for effect in EFFECTS {
-        let kind = match effect.kind {
+    for effect in EFFECTS.iter().copied() {
+        let kind = match effect.kind() {
             EffectKind::Physics => "physics",
             EffectKind::Artefact => "artefact",
         };
-        let acts = match (effect.acts.in_flight(), effect.acts.in_contact()) {
+        let acts = match (effect.acts().in_flight(), effect.acts().in_contact()) {
             (true, true) => "in flight and contact",
             (true, false) => "in flight",
             _ => "in contact",
         };
-        let targets = (effect.targets)(person);
+        let targets = effect.targets(person);
         let first = targets.first().copied().unwrap_or(Target::Body);
         let names: Vec<String> =
-            (effect.coefficients)(person, first).iter().map(|c| format!("`{}` {}", c.name, unit(&c.unit))).collect();
+            effect.coefficients(person, first).iter().map(|c| format!("`{}` {}", c.name, unit(&c.unit))).collect();
         let _ = writeln!(
             index,
             "| [`{0}`]({0}.md) | {1} | {kind} | {acts} | {2} |",
-            effect.id,
-            effect.title,
+            effect.id(),
+            effect.title(),
             names.join(", ")
         );
-        let mut page = from(&format!("crates/effects/src/catalog/{}.rs", effect.id));
-        let _ = writeln!(page, "# `{}`: {}\n\n{} that acts {acts}.", effect.id, effect.title, capital(kind));
-        if !effect.class.is_empty() {
-            let _ =
-                writeln!(page, "Recordings of one kind cannot tell it from others of the class *{}*.", effect.class);
+        let mut page = from(&format!("crates/effects/src/catalog/{}.rs", effect.id()));
+        let _ = writeln!(page, "# `{}`: {}\n\n{} that acts {acts}.", effect.id(), effect.title(), capital(kind));
+        if !effect.about().class.is_empty() {
+            let _ = writeln!(
+                page,
+                "Recordings of one kind cannot tell it from others of the class *{}*.",
+                effect.about().class
+            );
         }
-        if !effect.contains.is_empty() {
-            let inner: Vec<String> = effect.contains.iter().map(|c| format!("[`{c}`]({c}.md)")).collect();
+        if !effect.about().contains.is_empty() {
+            let inner: Vec<String> = effect.about().contains.iter().map(|c| format!("[`{c}`]({c}.md)")).collect();
             let _ = writeln!(page, "It contains {}, so it counts only where it does better.", inner.join(", "));
         }
-        if effect.by_group {
+        if effect.about().by_group {
             page += "It shows only as a difference between groups of trials.\n";
         }
-        let lines: Vec<&str> = effect.documentation.trim().lines().collect();
+        let lines: Vec<&str> = effect.about().documentation.trim().lines().collect();
         let _ = writeln!(page, "\n{}\n", markdown(&lines, 1));
         page += &unknowns::table(effect, &examples);
-        pages.insert(format!("reference/effects/{}.md", effect.id), page);
+        pages.insert(format!("reference/effects/{}.md", effect.id()), page);
     }
     pages.insert("reference/effects/README.md".into(), index);
 }
@@ -454,11 +457,11 @@ fn prop_every_stage_effect_and_format_has_its_page() {
         }
     }
     for effect in EFFECTS {
-        let page = &pages[&format!("reference/effects/{}.md", effect.id)];
+        let page = &pages[&format!("reference/effects/{}.md", effect.id())];
         for heading in ["## Physics", "## Equation", "## Identifiability", "## References", "## Coefficients"] {
-            assert!(page.contains(heading), "{} lacks {heading}", effect.id);
+            assert!(page.contains(heading), "{} lacks {heading}", effect.id());
         }
-        assert!(page.contains("linearly |"), "{} has no coefficient", effect.id);
+        assert!(page.contains("linearly |"), "{} has no coefficient", effect.id());
     }
     assert!(pages["reference/pipeline.md"].contains("| `cutoff_hz` |"));
     assert!(pages["reference/messages.md"].matches("\n| `").count() > 50);

@@ -1,7 +1,7 @@
 //! Effects that the recordings cannot show: refused by `effect add`, and without any number where an older study holds them.
 
 use crate::support::{aloft, expect, folder, json, repo};
-use aloft_effects::{Choice, EFFECTS, Effect, Scene};
+use aloft_effects::{Choice, EFFECTS, Scene};
 use aloft_study::revision::{ModelEffect, Revisions};
 use serde_json::Value;
 use std::fs;

@@ -107,3 +107,45 @@ fn prop_every_crate_has_its_caption() {
         assert!(text.contains(&format!("| `{crate_name}` |")), "ARCHITECTURE.md has no caption for {crate_name}");
     }
 }
+
+/// Rust sources of a folder, with their names.
+fn sources(folder: &Path) -> Vec<(String, String)> {
+    let mut out = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            out.extend(sources(&path));
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            out.push((path.display().to_string(), std::fs::read_to_string(&path).unwrap()));
+        }
+    }
+    out
+}
+
+/// Discovery asks effects what they are (`About`, `ParameterKind`): it holds no effect's name, and guesses nothing from the names of
+/// effects or of their unknowns.
+#[test]
+fn discovery_knows_no_effect_by_its_name() {
+    let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates");
+    let catalogue = sources(&crates.join("effects/src/catalog"));
+    let ids: Vec<&str> = catalogue
+        .iter()
+        .map(|(file, _)| Path::new(file).file_stem().unwrap().to_str().unwrap())
+        .filter(|stem| *stem != "mod")
+        .collect();
+    assert!(ids.len() >= 27 && ids.contains(&"soft_tissue"), "{ids:?}");
+    let discover = sources(&crates.join("discover/src"));
+    assert!(discover.len() > 15);
+    for (file, text) in &discover {
+        for (i, code) in text.lines().enumerate().filter(|(_, l)| !l.trim_start().starts_with("//")) {
+            let word = |c: char| c.is_ascii_alphanumeric() || c == '_';
+            let found = code.split(|c| !word(c)).find(|w| ids.contains(w));
+            assert!(found.is_none(), "{file}:{} names the effect `{}`", i + 1, found.unwrap_or_default());
+        }
+        for guess in ["strip_suffix", "strip_prefix", "ends_with", "starts_with", ".contains(\"", ".find(\"", "split("]
+        {
+            let at = text.lines().position(|l| l.contains(guess));
+            assert!(at.is_none(), "{file}:{} takes a name apart (`{guess}`)", at.unwrap_or(0) + 1);
+        }
+    }
+}

@@ -12,10 +12,9 @@ use aloft_flight::FlightReport;
 use aloft_identify::{LinkPrior, Prior};
 use aloft_pipeline::stages::regressor::TrialRows;
 use aloft_regressor::WeakOptions;
-use aloft_study::effects::DRIFT;
 use aloft_study::effects::KnownEffects;
 use aloft_study::revision::{ModelEffect, Revisions};
-use aloft_study::session::Calendar;
+use aloft_study::session::{Calendar, asks_session_time};
 use aloft_study::study::Study;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::seal;
@@ -198,12 +197,13 @@ fn found(
     }
     let mut found = rank(&bench.session, &bench.effects, &bench.accepted, options)
         .map_err(|e| PipelineError::request(e.to_string()))?;
-    if found.candidates.iter().any(|c| c.effect == DRIFT && c.believed) {
+    if let Some(c) = found.candidates.iter().find(|c| asks_session_time(&c.effect) && c.believed) {
         let calendar = Calendar::of(study, &Workspace::open(&study.workspace));
-        found.advice.push(format!("`{DRIFT}` rests on the times of the session, from {}", calendar.words));
+        found.advice.push(format!("`{}` rests on the times of the session, from {}", c.effect, calendar.words));
     }
     // what flights say without any plate or model comes before any verdict: one fault of time or lengths shows in several effects
-    if found.effects.iter().any(|e| ["gravity_scale", "plate_gain", "body_mass", "gravity_tilt"].contains(&e.as_str()))
+    let shows = |id: &String| aloft_effects::effect(id).is_ok_and(|e| e.about().shows_in_free_fall);
+    if found.effects.iter().any(shows)
         && let Some(words) = free_fall(study)?
     {
         found.advice.insert(0, words);

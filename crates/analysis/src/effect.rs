@@ -42,10 +42,10 @@ pub fn list(pipeline: Option<&Path>) -> Result<Vec<EffectLine>, PipelineError> {
     let mut out: Vec<EffectLine> = EFFECTS
         .iter()
         .map(|e| EffectLine {
-            id: e.id.to_owned(),
-            title: e.title.to_owned(),
-            kind: e.kind,
-            acts: e.acts,
+            id: e.id().to_owned(),
+            title: e.title().to_owned(),
+            kind: e.kind(),
+            acts: e.acts(),
             from: "catalogue".to_owned(),
         })
         .collect();
@@ -90,10 +90,10 @@ pub struct EffectPage {
 
 /// One effect's documentation with its coefficients, units and bounds: of the catalogue, of a pipeline's own, or of a built-in example.
 pub fn show(id: &str, pipeline: Option<&Path>) -> Result<EffectPage, PipelineError> {
-    if let Some(e) = EFFECTS.iter().find(|e| e.id == id) {
-        let documentation =
-            format!("{}\n\n{}", e.documentation.trim(), unknowns::table(e, &Examples::built_in()?).trim_end());
-        return Ok(EffectPage { id: id.to_owned(), title: e.title.to_owned(), documentation });
+    if let Some(e) = EFFECTS.iter().copied().find(|e| e.id() == id) {
+        let table = unknowns::table(e, &Examples::built_in()?);
+        let documentation = format!("{}\n\n{}", e.about().documentation.trim(), table.trim_end());
+        return Ok(EffectPage { id: id.to_owned(), title: e.title().to_owned(), documentation });
     }
     let own = match pipeline {
         Some(path) => own_of(path)?,
@@ -103,7 +103,7 @@ pub fn show(id: &str, pipeline: Option<&Path>) -> Result<EffectPage, PipelineErr
         }
     };
     own.iter().find(|o| o.spec.id == id).map(|o| page(&o.spec, &o.origin)).ok_or_else(|| {
-        let known: Vec<&str> = EFFECTS.iter().map(|e| e.id).chain(own.iter().map(|o| o.spec.id.as_str())).collect();
+        let known: Vec<&str> = EFFECTS.iter().map(|e| e.id()).chain(own.iter().map(|o| o.spec.id.as_str())).collect();
         PipelineError::request_hint(
             format!("there is no effect `{id}`"),
             format!("there are {}; for effects that a pipeline defines, name the pipeline behind it", known.join(", ")),

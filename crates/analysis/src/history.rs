@@ -108,7 +108,7 @@ fn made_for(ws: &Workspace, effects: &[ModelEffect]) -> bool {
 
 fn acts_in(study: &Study, effect: &ModelEffect) -> ActsIn {
     let own = study.own_effects.iter().find(|o| o.spec.id == effect.id()).map(|o| o.spec.acts);
-    own.or_else(|| aloft_effects::effect(effect.id()).ok().map(|e| e.acts)).unwrap_or(ActsIn::Both)
+    own.or_else(|| aloft_effects::effect(effect.id()).ok().map(|e| e.acts())).unwrap_or(ActsIn::Both)
 }
 
 /// Where a revision is judged: where the effects act that it changed, in flight if they act in both. The first is judged where the
@@ -260,7 +260,7 @@ mod tests {
     }
 
     fn acts(effect: &ModelEffect) -> ActsIn {
-        aloft_effects::effect(effect.id()).map(|e| e.acts).unwrap()
+        aloft_effects::effect(effect.id()).map(|e| e.acts()).unwrap()
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! What an effect of the catalogue leaves to be found: coefficients and parameters with units and bounds, for readers.
 
 use aloft_body::{Model, ModelSpec, Phi};
-use aloft_effects::{EffectDefinition, Scene, Target};
+use aloft_effects::{Effect, ParameterKind, Scene, Target};
 use aloft_study::catalog;
 use aloft_workspace::error::PipelineError;
 use nalgebra::Vector3;
@@ -41,12 +41,12 @@ fn scene(name: &str, plates: usize) -> Result<Scene, PipelineError> {
 }
 
 /// Markdown: a row for every coefficient and parameter, why some have no bound, and how to add the effect.
-pub fn table(effect: &EffectDefinition, examples: &Examples) -> String {
+pub fn table(effect: &dyn Effect, examples: &Examples) -> String {
     let mut out = "## Coefficients\n\n| on | name | unit | bounds | enters |\n|---|---|---|---|---|\n".to_owned();
     let mut seen: Vec<&str> = Vec::new();
     let mut keys: Vec<String> = Vec::new();
     for scene in [&examples.person, &examples.chain] {
-        let targets = (effect.targets)(scene);
+        let targets = effect.targets(scene);
         for target in &targets {
             let words = on(*target);
             if seen.contains(&words) {
@@ -54,21 +54,22 @@ pub fn table(effect: &EffectDefinition, examples: &Examples) -> String {
             }
             seen.push(words);
             let label = target.label(scene);
-            keys.push(if label.is_empty() { effect.id.to_owned() } else { format!("{}[{label}]", effect.id) });
+            keys.push(if label.is_empty() { effect.id().to_owned() } else { format!("{}[{label}]", effect.id()) });
             let mut row = |name: &str, of: &str, bounds: &str, enters: &str| {
                 let _ = writeln!(out, "| {words} | `{name}` | {} | {bounds} | {enters} |", unit(of));
             };
-            for c in (effect.coefficients)(scene, *target) {
+            for c in effect.coefficients(scene, *target) {
                 row(&c.name, &c.unit, &bounds(c.lower, c.upper), "linearly");
             }
-            for p in (effect.nonlinear)(scene, *target) {
-                let about = if p.name.contains("point") || p.name.contains("centre") { " (example)" } else { "" };
+            for p in effect.nonlinear(scene, *target) {
+                // where a link is held or pushed is bounded about a place of this example's link
+                let about = if matches!(p.kind, ParameterKind::PointOnLink(_)) { " (example)" } else { "" };
                 row(&p.name, &p.unit, &format!("{}{about}", bounds(p.lower, p.upper)), "nonlinearly");
             }
         }
     }
-    if !effect.unbounded.is_empty() {
-        let _ = write!(out, "\nWhere a bound is missing: {}.\n", effect.unbounded);
+    if !effect.about().unbounded.is_empty() {
+        let _ = write!(out, "\nWhere a bound is missing: {}.\n", effect.about().unbounded);
     }
     let keys: Vec<String> = keys.iter().map(|k| format!("`aloft effect add P.yaml '{k}'`")).collect();
     let _ = write!(out, "\nAdd it: {}.\n", keys.join(", or "));

@@ -79,7 +79,7 @@ const PAIR: f64 = 0.93;
 
 /// All effects of the catalogue.
 pub fn catalogue() -> Vec<&'static dyn Effect> {
-    aloft_effects::EFFECTS.iter().map(|e| *e as &dyn Effect).collect()
+    aloft_effects::EFFECTS.to_vec()
 }
 
 /// Which effect is missing? Ranks `effects` against the model that already holds `accepted`, adds what is believed, and goes on until nothing is.
@@ -166,8 +166,8 @@ pub fn discover(
                     let usable: Vec<bool> = scores
                         .iter()
                         .map(|s| {
-                            let more = s.effect.contains().contains(&rival.id());
-                            !s.placebo && !more && !named(s.effect.id()) && limit(s.effect.id(), false, options) > 0.0
+                            let more = s.effect.about().contains.contains(&rival.id());
+                            !s.placebo && !more && !named(s.effect.id()) && limit(s.effect, false, options) > 0.0
                         })
                         .collect();
                     let refit = Refit { accepted, kept: &kept, found: &found, options };
@@ -293,7 +293,7 @@ pub fn discover(
         out.verdict = Verdict::Unexplained;
     }
     out.words = words::answer(&out, far);
-    out.advice = words::advice(&out);
+    out.advice = words::advice(&out, effects);
     Ok(out)
 }
 
@@ -357,7 +357,7 @@ fn run_round<'a>(
             let beaten = null.iter().filter(|n| **n <= ratio).count();
             let believed = !score.placebo
                 && plausible
-                && ratio < threshold.min(limit(score.effect.id(), already.is_empty(), options))
+                && ratio < threshold.min(limit(score.effect, already.is_empty(), options))
                 && ci95[1] < 1.0
                 && score.mean_square(problem) < placebo
                 && !is_trivial(session, problem, score.mean_square(problem));
@@ -366,7 +366,7 @@ fn run_round<'a>(
                 key: key_of(session, best),
                 target: best.variant.target,
                 kind: score.effect.kind(),
-                class: score.effect.class().to_owned(),
+                class: score.effect.about().class.to_owned(),
                 judged_on: words::domain(problem.domain).to_owned(),
                 held_out_ratio: ratio,
                 ci95,
@@ -390,8 +390,11 @@ fn run_round<'a>(
     if candidates.iter().all(|c| c.placebo) {
         verdict = Verdict::NotDetectable;
     }
-    let words =
-        words::round(verdict, &effects, &candidates, threshold, |c| limit(&c.effect, already.is_empty(), options), few);
+    let limit_of = |c: &Candidate| {
+        let effect = scores.iter().find(|s| s.effect.id() == c.effect).map(|s| s.effect);
+        effect.map_or(options.belief, |e| limit(e, already.is_empty(), options))
+    };
+    let words = words::round(verdict, &effects, &candidates, threshold, limit_of, few);
     let round = Round {
         judged_on: words::domain(problem.domain).to_owned(),
         model,

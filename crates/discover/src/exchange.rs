@@ -11,6 +11,7 @@ use crate::nonlinear::{improve, score_fitted};
 use crate::problem::Problem;
 use crate::rank::FULL_STEPS;
 use crate::session::Session;
+use aloft_effects::ParameterKind;
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -97,8 +98,8 @@ fn energy(problem: &Problem, columns: &[DMatrix<f64>], theta: &DVector<f64>) -> 
     theta.dot(&(s * theta))
 }
 
-/// The effect in another direction: vectors of the world turned about the vertical, vectors of a link in other signs; `None` for an effect that
-/// has no direction.
+/// The effect in another direction: places and vectors of the world turned about the vertical (places about that through the middle of the
+/// volume), vectors of a link about its z axis; `None` for an effect that has no direction.
 fn turned<'a>(session: &Session<'_>, b: &Scored<'a>, draw: usize) -> Option<(Variant<'a>, DVector<f64>)> {
     let mut variant = b.variant.clone();
     let mut theta = b.theta.clone();
@@ -106,30 +107,21 @@ fn turned<'a>(session: &Session<'_>, b: &Scored<'a>, draw: usize) -> Option<(Var
     let turn = |x: f64, y: f64| (cos * x - sin * y, sin * x + cos * y);
     let mut changed = false;
     let center = session.scene.volume_center_m;
-    let names: Vec<String> =
-        variant.effect.nonlinear(session.scene, variant.target).into_iter().map(|p| p.name).collect();
-    for i in 0..names.len() {
-        let Some(stem) = names[i].strip_suffix("_x") else { continue };
-        let place = matches!(stem, "anchor" | "pulley");
-        if (place || stem == "wind") && i + 1 < names.len() {
-            let (cx, cy) = if place { (center.x, center.y) } else { (0.0, 0.0) };
-            let (x, y) = turn(variant.nonlinear[i] - cx, variant.nonlinear[i + 1] - cy);
-            (variant.nonlinear[i], variant.nonlinear[i + 1]) = (x + cx, y + cy);
-            changed = true;
-        }
+    for (i, parameter) in variant.effect.nonlinear(session.scene, variant.target).iter().enumerate() {
+        let (cx, cy) = match parameter.kind {
+            ParameterKind::PointInWorld(0) => (center.x, center.y),
+            ParameterKind::VectorInWorld(0) => (0.0, 0.0),
+            _ => continue,
+        };
+        let (x, y) = turn(variant.nonlinear[i] - cx, variant.nonlinear[i + 1] - cy);
+        (variant.nonlinear[i], variant.nonlinear[i + 1]) = (x + cx, y + cy);
+        changed = true;
     }
-    let names: Vec<String> = variant.coefficients.iter().map(|c| c.name.clone()).collect();
-    for i in 0..names.len() {
-        let Some(stem) = names[i].strip_suffix("_x") else { continue };
-        if names.get(i + 1).is_some_and(|n| *n == format!("{stem}_y")) {
+    for (i, coefficient) in variant.coefficients.iter().enumerate() {
+        if coefficient.kind.begins_vector(variant.coefficients.get(i + 1).map(|next| next.kind)) {
             (theta[i], theta[i + 1]) = turn(theta[i], theta[i + 1]);
             changed = true;
         }
-    }
-    // two horizontal components without a common stem (a tilt)
-    if !changed && theta.len() == 2 && variant.coefficients.iter().all(|c| c.lower < 0.0) {
-        (theta[0], theta[1]) = turn(theta[0], theta[1]);
-        changed = true;
     }
     changed.then_some((variant, theta))
 }

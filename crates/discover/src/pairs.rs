@@ -31,7 +31,7 @@ pub(crate) fn better_pair<'a>(
 ) -> Option<(Scored<'a>, Scored<'a>, f64)> {
     let parts: Vec<(usize, Variant<'a>, Vec<DMatrix<f64>>)> = (0..scores.len())
         .into_par_iter()
-        .filter(|&i| i != best && usable[i] && !scores[i].effect.by_group())
+        .filter(|&i| i != best && usable[i] && !scores[i].effect.about().by_group)
         .flat_map_iter(|i| {
             let mut order: Vec<&Scored<'a>> = scores[i].scored.iter().filter(|s| s.gain > 0.0).collect();
             order.sort_by(|a, b| b.gain.total_cmp(&a.gain));
@@ -66,7 +66,10 @@ pub(crate) fn better_pair<'a>(
         .filter(|&(a, b)| {
             let (x, y) = (scores[parts[a].0].effect, scores[parts[b].0].effect);
             let unknowns = parts[a].1.unknowns() + parts[b].1.unknowns();
-            x.id() != y.id() && unknowns <= most && !x.contains().contains(&y.id()) && !y.contains().contains(&x.id())
+            x.id() != y.id()
+                && unknowns <= most
+                && !x.about().contains.contains(&y.id())
+                && !y.about().contains.contains(&x.id())
         })
         .collect();
     let mut gains: Vec<(f64, usize, usize)> = pairs

@@ -1,6 +1,6 @@
 //! Effects that nature does not have. One that wins shows that something other than the named effects is at work.
 
-use aloft_effects::{ActsIn, Coefficient, Columns, Effect, EffectKind, Scene, Series, Target};
+use aloft_effects::{About, Coefficient, Columns, Effect, EffectKind, Scene, Series, Target};
 use nalgebra::Vector3;
 
 /// A placebo.
@@ -18,32 +18,27 @@ pub(crate) static PLACEBOS: [Placebo; 4] =
     [Placebo::ReversedDrag, Placebo::ReversedFlywheel, Placebo::Spring(0), Placebo::Spring(1)];
 
 impl Effect for Placebo {
-    fn id(&self) -> &str {
-        match self {
+    fn about(&self) -> About<'_> {
+        let id = match self {
             Self::ReversedDrag => "placebo_reversed_drag",
             Self::ReversedFlywheel => "placebo_reversed_flywheel",
             Self::Spring(0) => "placebo_spring_1",
             Self::Spring(_) => "placebo_spring_2",
+        };
+        About {
+            id,
+            title: "placebo",
+            kind: EffectKind::Artefact,
+            documentation: "An effect that does not exist; none should win.",
+            ..About::PLAIN
         }
-    }
-    fn title(&self) -> &str {
-        "placebo"
-    }
-    fn kind(&self) -> EffectKind {
-        EffectKind::Artefact
-    }
-    fn acts(&self) -> ActsIn {
-        ActsIn::Both
-    }
-    fn documentation(&self) -> &str {
-        "An effect that does not exist; none should win."
     }
     fn targets(&self, _: &Scene) -> Vec<Target> {
         vec![Target::Body]
     }
     fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
         match self {
-            Self::ReversedFlywheel => Coefficient::vector("momentum", "N*m*s"),
+            Self::ReversedFlywheel => Coefficient::vector_on_link("momentum", "N*m*s", f64::INFINITY),
             _ => vec![Coefficient::free("size", "1")],
         }
     }

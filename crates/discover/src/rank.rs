@@ -178,7 +178,7 @@ fn screen<'a>(session: &Session<'_>, problem: &Problem, effect: &'a dyn Effect, 
             .filter_map(|i| {
                 let mut variant = Variant::new(session, effect, target, starts[i].clone());
                 let mut columns = variant.columns(session, problem)?;
-                if effect.by_group() {
+                if effect.about().by_group {
                     variant.group = group(session, problem, &columns)?;
                     columns = variant.columns(session, problem)?;
                 }

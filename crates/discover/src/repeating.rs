@@ -14,7 +14,7 @@ use crate::problem::{Domain, Problem};
 use crate::rank::OVERLAP;
 use crate::result::Estimate;
 use crate::session::Session;
-use aloft_effects::Effect;
+use aloft_effects::{EFFECTS, Effect, Target};
 use aloft_identify::satterthwaite;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -22,14 +22,13 @@ use rayon::prelude::*;
 /// Values of τ²/σ² that are tried: a factor 2 apart.
 const GRID: std::ops::Range<i32> = -20..60;
 
-/// Columns of markers that slide on every link, by block; `None` where no joint turns or stored rows are all there is.
+/// Columns of the errors that repeat (markers that slide on every link), by block; `None` where no joint turns or stored rows are all there is.
 fn slides(session: &Session<'_>, domain: Domain) -> Option<Vec<DMatrix<f64>>> {
-    let effect: &dyn Effect = aloft_effects::effect("soft_tissue").ok()?;
-    let of_links: Vec<Vec<DMatrix<f64>>> = effect
-        .targets(session.scene)
-        .into_par_iter()
-        .filter_map(|target| session.columns(effect, target, &[], domain))
-        .collect();
+    let repeating = EFFECTS.iter().copied().filter(|e| e.about().repeats);
+    let all: Vec<(&dyn Effect, Target)> =
+        repeating.flat_map(|e| e.targets(session.scene).into_iter().map(move |target| (e, target))).collect();
+    let of_links: Vec<Vec<DMatrix<f64>>> =
+        all.into_par_iter().filter_map(|(effect, target)| session.columns(effect, target, &[], domain)).collect();
     let width: usize = of_links.iter().map(|c| c[0].ncols()).sum();
     (width > 0).then(|| {
         (0..session.blocks.len())

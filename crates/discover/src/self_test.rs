@@ -126,7 +126,7 @@ pub fn self_test(
     for (index, candidate) in ranked.candidates.iter().enumerate().filter(|(_, c)| !c.placebo && wanted(c)) {
         let Some(effect) = catalogue.iter().copied().find(|e| e.id() == candidate.effect) else { continue };
         let key = &candidate.key;
-        if effect.by_group() && candidate.trials.is_empty() {
+        if effect.about().by_group && candidate.trials.is_empty() {
             left_out.push(format!("`{key}` shows only between groups of trials"));
         } else if !(candidate.minimum_detectable.is_finite() && candidate.minimum_detectable > 0.0) {
             left_out.push(format!("`{key}` has no size that these recordings could show"));

@@ -338,7 +338,7 @@ impl<'a> Session<'a> {
     /// names no trials acts in the groups but the first.
     pub(crate) fn columns_of(&self, choice: &aloft_effects::Choice<'_>, domain: Domain) -> Option<Vec<DMatrix<f64>>> {
         let mut columns = self.columns(choice.effect, choice.target, &choice.nonlinear, domain)?;
-        let by_group = if choice.trials.is_empty() && choice.effect.by_group() { self.loaded() } else { None };
+        let by_group = if choice.trials.is_empty() && choice.effect.about().by_group { self.loaded() } else { None };
         for (block, c) in self.blocks.iter().zip(&mut columns) {
             let acts = by_group.as_ref().map_or_else(|| choice.acts_in(&self.trials[block.trial]), |g| g[block.trial]);
             if !acts {

@@ -3,7 +3,7 @@
 use crate::floor::Standing;
 use crate::problem::Domain;
 use crate::result::{Candidate, Discovery, Verdict};
-use aloft_effects::EffectKind;
+use aloft_effects::{About, Effect, EffectKind};
 use aloft_identify::half_of;
 
 pub(crate) fn domain(domain: Domain) -> &'static str {
@@ -128,40 +128,19 @@ pub(crate) fn answer(d: &Discovery, far: Option<(&str, Standing)>) -> String {
     text
 }
 
-/// The recording that tells two effects apart.
-pub(crate) fn separate(a: &str, b: &str) -> &'static str {
-    let pair = |x: &str, y: &str| (a == x && b == y) || (a == y && b == x);
-    let any = |x: &str| a == x || b == x;
-    if pair("quadratic_drag", "linear_drag") {
-        "throws or jumps at speeds that differ threefold"
-    } else if any("gravity_scale") {
-        "a dropped ball of known fall, a clock pulse, a calibrated wand, the weight on a plate"
-    } else if any("gravity_tilt") {
-        "a second orientation of the laboratory axes (turn the calibration frame), or a plumb line"
-    } else if any("wind") {
-        "motion with and against the wind at several speeds"
-    } else if any("tether") || any("crane") || any("constant_force") {
-        "the same motion at other places of the volume, and turned by a right angle"
-    } else if any("flywheel") || any("rotor") {
-        "spins in both senses about several axes"
-    } else if any("payload") {
-        "trials with and without the load"
-    } else if any("wobbling_mass") || any("soft_tissue") || any("filter_attenuation") {
-        "a motion without impacts beside one with them, and markers on bone"
-    } else if a.starts_with("plate") || b.starts_with("plate") || any("body_mass") {
-        "standing still on each plate in turn with a certified weight"
-    } else {
-        "longer flights with spin in both senses and at several speeds"
-    }
+/// The recording that tells two of the ranked effects apart.
+fn told_apart_by(effects: &[&dyn Effect], a: &str, b: &str) -> String {
+    let about = |id: &str| effects.iter().find(|e| e.id() == id).map_or(About::PLAIN, |e| e.about());
+    about(a).told_apart_by(&about(b)).to_owned()
 }
 
-pub(crate) fn advice(d: &Discovery) -> Vec<String> {
+pub(crate) fn advice(d: &Discovery, effects: &[&dyn Effect]) -> Vec<String> {
     let mut out = Vec::new();
     match d.verdict {
         Verdict::OneOf => {
             for (i, a) in d.effects.iter().enumerate() {
                 for b in &d.effects[i + 1..] {
-                    let line = format!("`{a}` and `{b}` are told apart by {}", separate(a, b));
+                    let line = format!("`{a}` and `{b}` are told apart by {}", told_apart_by(effects, a, b));
                     if !out.contains(&line) {
                         out.push(line);
                     }

@@ -5,8 +5,13 @@
 #[path = "../../regressor/tests/common/mod.rs"]
 mod common;
 
+#[path = "added/compass.rs"]
+mod compass;
+
 use aloft_discover::*;
-use aloft_effects::{Choice, EffectKind, FormulaEffect, Scene, Span, TrialMotion, columns};
+use aloft_effects::{
+    Choice, EFFECTS, Effect, EffectKind, FormulaEffect, Scene, Separation, Span, TrialMotion, columns,
+};
 use aloft_regressor::{Acting, EffectColumns, Factor, WeakOptions, weak_factor};
 
 /// An effect, its coefficients, its nonlinear parameters.
@@ -206,6 +211,33 @@ fn prop_a_user_s_formula_is_ranked_like_the_catalogue() {
         // with the effect in the model nothing more is missing
         let after = discover(&session, &effects, &[choice], &options).unwrap();
         assert_eq!(after.verdict, Verdict::NothingMissing, "{}", after.words);
+    });
+}
+
+/// A new effect is one file and its name in the list: what it states there is all that discovery needs to find it and to speak of it.
+#[test]
+fn an_effect_added_in_one_file_is_found_like_the_others() {
+    let effects: Vec<&dyn Effect> = [EFFECTS, &[&compass::Compass]].concat();
+    let torque = [0.02, -0.01, 0.015];
+    lab().with(|scene, mut session| {
+        let choice = Choice::among("compass[link1]", scene, &effects).unwrap();
+        session.inject(&choice, &torque).unwrap();
+        let options = only(&["compass", "gravity_tilt", "rotational_drag", "flywheel", "thrust"]);
+        let d = discover(&session, &effects, &[], &options).unwrap();
+        assert_eq!((d.verdict, d.effects.as_slice()), (Verdict::Supported, &["compass".to_owned()][..]), "{}", d.words);
+        assert_eq!(d.found[0].key, "compass[link1]");
+        for (found, truth) in d.found[0].coefficients.iter().zip(torque) {
+            assert!(found.se > 0.0 && (found.value - truth).abs() < (4.0 * found.se).max(1e-3), "{found:?}, {truth}");
+        }
+        // what separates it from others is what its file says
+        let about = |id: &str| effects.iter().find(|e| e.id() == id).unwrap().about();
+        for (other, recording) in [
+            ("flywheel", "the same motion with the magnet taken out"),
+            ("thrust", Separation::TurnedLaboratory.words()),
+            ("gravity_scale", Separation::KnownFall.words()),
+        ] {
+            assert_eq!(about(other).told_apart_by(&about("compass")), recording);
+        }
     });
 }
 

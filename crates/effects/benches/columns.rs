@@ -40,13 +40,13 @@ fn effects(c: &mut Criterion) {
     let trial = TrialMotion { motion: &motion, spans: &spans, plates: &[], session_time_s: 0.0 };
     let mut group = c.benchmark_group("columns");
     for effect in EFFECTS.iter().copied() {
-        let targets = (effect.targets)(&scene);
+        let targets = effect.targets(&scene);
         let Some(target) = targets.into_iter().next() else { continue };
         let choices = [Choice::new(effect, target, &scene)];
         if columns(&scene, &trial, &choices).is_err() {
             continue;
         }
-        group.bench_function(effect.id, |b| b.iter(|| columns(&scene, &trial, &choices).is_ok()));
+        group.bench_function(effect.id(), |b| b.iter(|| columns(&scene, &trial, &choices).is_ok()));
     }
     group.finish();
 }

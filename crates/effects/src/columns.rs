@@ -2,6 +2,11 @@
 
 use nalgebra::{DMatrix, Vector3};
 
+/// Unit vector along axis `k`.
+pub(crate) fn axis(k: usize) -> Vector3<f64> {
+    Vector3::ith(k, 1.0)
+}
+
 /// 6 × k numbers a frame: world force (N per unit of the coefficient) and moment about the world origin (N·m per unit).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Columns {

@@ -4,11 +4,15 @@
 //! contact phase they ask how much of the effect the recording contains. This crate knows the physics only; `regressor` turns columns
 //! into rows, `discover` ranks them.
 //!
+//! All effects have one interface, [`Effect`]: those of the catalogue ([`EFFECTS`], one file each) and the formulas that users write in a
+//! pipeline or in a file ([`FormulaEffect`]). What an effect states about itself ([`About`], [`ParameterKind`]) is all that other crates
+//! know of it; none of them asks for an effect by its name. `docs/effects.md` shows how to add one.
+//!
 //! ```
 //! use aloft_effects::{EFFECTS, effect};
 //!
 //! assert_eq!(EFFECTS.len(), 27);
-//! println!("{}", effect("tether")?.documentation);
+//! println!("{}", effect("tether")?.about().documentation);
 //! # Ok::<(), aloft_effects::EffectsError>(())
 //! ```
 //!
@@ -29,10 +33,10 @@
 //! # }
 //! ```
 
+mod about;
 mod catalog;
 mod choice;
 mod columns;
-mod definition;
 mod displacement;
 mod effect;
 mod error;
@@ -40,15 +44,15 @@ mod formula;
 mod inertia;
 mod scene;
 mod series;
+mod target;
 #[cfg(test)]
 mod tests;
+mod unknown;
 
+pub use about::{About, ActsIn, EffectKind, Family, Separation};
 pub use catalog::EFFECTS;
 pub use choice::{Choice, WrenchColumns, columns, columns_about};
 pub use columns::Columns;
-pub use definition::{
-    ActsIn, Coefficient, EffectDefinition, EffectKind, InertiaLaw, NonlinearParameter, Target, WrenchLaw,
-};
 pub use effect::Effect;
 pub use error::{EffectsError, FormulaProblem};
 pub use formula::{
@@ -57,14 +61,16 @@ pub use formula::{
 };
 pub use scene::{AIR_DENSITY_KGPM3, Scene};
 pub use series::{EffectFrame, LinkFrame, PlateFrame, PlateSeries, Series, Span, TrialMotion};
+pub use target::Target;
+pub use unknown::{Coefficient, NonlinearParameter, ParameterKind, Values};
 
 /// An effect of the catalogue by its identifier.
 ///
 /// # Errors
 /// [`EffectsError::Unknown`] with the names that exist.
-pub fn effect(id: &str) -> Result<&'static EffectDefinition, EffectsError> {
-    EFFECTS.iter().copied().find(|e| e.id == id).ok_or_else(|| EffectsError::Unknown {
+pub fn effect(id: &str) -> Result<&'static dyn Effect, EffectsError> {
+    EFFECTS.iter().copied().find(|e| e.id() == id).ok_or_else(|| EffectsError::Unknown {
         name: id.to_owned(),
-        known: EFFECTS.iter().map(|e| e.id).collect::<Vec<_>>().join(", "),
+        known: EFFECTS.iter().map(|e| e.id()).collect::<Vec<_>>().join(", "),
     })
 }

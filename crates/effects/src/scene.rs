@@ -1,5 +1,6 @@
 //! What is the same in every frame: the body as the prior sees it, gravity, plates, the volume in which it moves.
 
+use crate::Target;
 use aloft_body::{LinkInertia, Model, Phi};
 use nalgebra::{SymmetricEigen, Vector3};
 
@@ -66,6 +67,11 @@ impl Scene {
     /// Magnitude of gravity, m/s².
     pub fn gravity(&self) -> f64 {
         self.model.gravity_mps2.norm()
+    }
+
+    /// Centre of mass of the target's link in its frame, m (of the root where the target names no link).
+    pub fn com_of(&self, target: Target) -> Vector3<f64> {
+        self.link_com_m.get(target.link()).copied().unwrap_or_else(Vector3::zeros)
     }
 
     /// φ of a point of unit mass at `point_m` of a link, as a stack over all links.

@@ -305,6 +305,10 @@ impl<'a> Series<'a> {
         let n = self.scene.model.n_links();
         &self.links[i * n..(i + 1) * n]
     }
+    /// All frames of the series with their indices, which are those of the columns.
+    pub fn instants(&self) -> impl Iterator<Item = (usize, EffectFrame<'_>)> {
+        (0..self.len()).map(|i| (i, self.frame(i)))
+    }
     /// Frame `i` of the series.
     pub fn frame(&self, i: usize) -> EffectFrame<'_> {
         let model = &self.scene.model;

@@ -81,7 +81,7 @@ fn prop_every_shipped_pipeline_parses() {
 fn prop_effects_are_documented_under_four_headings() {
     for effect in aloft_effects::EFFECTS {
         for heading in ["Physics", "Equation", "Identifiability", "References"] {
-            assert!(effect.documentation.contains(heading), "{} lacks {heading}", effect.id);
+            assert!(effect.about().documentation.contains(heading), "{} lacks {heading}", effect.id());
         }
     }
 }

@@ -104,9 +104,6 @@ pub fn check_formulas(own: &[OwnEffect], model: &ModelSpec) -> Result<(), Pipeli
     own.iter().try_for_each(|o| o.compile(&scene).map(|_| ()))
 }
 
-/// The effect that asks when in the session a recording was made.
-pub const DRIFT: &str = "plate_clock_drift";
-
 /// The effects of a model, with all that their columns are made from.
 #[derive(Debug, Clone, Default)]
 pub struct ModelEffects {
@@ -153,7 +150,7 @@ impl KnownEffects {
 
     /// All of them, the catalogue first.
     pub fn all(&self) -> Vec<&dyn Effect> {
-        let built_in = EFFECTS.iter().map(|e| *e as &dyn Effect);
+        let built_in = EFFECTS.iter().copied();
         built_in.chain(self.formulas.iter().map(|f| f as &dyn Effect)).collect()
     }
 

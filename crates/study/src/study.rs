@@ -234,8 +234,8 @@ impl Study {
         ModelEffects {
             own: self.own_effects.iter().filter(|o| used(&o.spec.id)).cloned().collect(),
             about: self.plain_base.clone(),
-            // the only effect that asks when in the session a recording was made
-            recordings: used(crate::effects::DRIFT).then(|| self.facts.recordings.clone()),
+            recordings: (self.effects.iter().any(|e| crate::session::asks_session_time(e.id())))
+                .then(|| self.facts.recordings.clone()),
             model: self.effects.clone(),
         }
     }

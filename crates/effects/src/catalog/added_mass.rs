@@ -1,26 +1,13 @@
 //! Inertia without weight: air or water that is carried along.
 
-use super::constant_force;
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
-use crate::{Columns, EffectFrame, Scene};
+use crate::{About, Coefficient, Columns, Effect, NonlinearParameter, Scene, Series, Target, Values};
 use aloft_body::Phi;
-use nalgebra::Vector3;
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "added_mass",
     title: "added mass (inertia without weight)",
-    kind: EffectKind::Physics,
-    acts: ActsIn::Both,
     class: "magnitude of gravity",
-    contains: &[],
-    by_group: false,
     unbounded: "a mass is not negative; in water, or under a parachute, it exceeds that of the body",
-    targets: def::links,
-    coefficients,
-    nonlinear: constant_force::nonlinear,
-    starts: constant_force::starts,
-    wrench: Some(WrenchLaw::Frame(law)),
-    inertia: Some(inertia),
     documentation: "\
 ## Physics
 A body that accelerates carries surrounding air or water along: inertia that weighs nothing. For limbs in air 0.1-0.5 % of the mass, for a parachute tens of kilograms.
@@ -34,17 +21,35 @@ The inertia is absorbed by the inertial parameters; what remains is the missing 
 ## References
 Lamb, Hydrodynamics (1932), ch. 6; own simulations.
 ",
+    ..About::PLAIN
 };
 
-fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
-    vec![Coefficient::positive("added_mass", "kg")]
-}
+pub(super) struct AddedMass;
 
-fn inertia(scene: &Scene, target: Target, p: &[f64]) -> Vec<Vec<Phi>> {
-    vec![scene.unit_mass_at(def::link_of(target), &Vector3::new(p[0], p[1], p[2]))]
-}
-
-fn law(f: &EffectFrame<'_>, target: Target, p: &[f64], out: &mut Columns, i: usize) {
-    let point = f.links[def::link_of(target)].point(&Vector3::new(p[0], p[1], p[2]));
-    out.force_at(i, 0, &-f.scene.model.gravity_mps2, &point);
+impl Effect for AddedMass {
+    fn about(&self) -> About<'_> {
+        ABOUT
+    }
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        Target::links(scene)
+    }
+    fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
+        vec![Coefficient::positive("added_mass", "kg")]
+    }
+    fn nonlinear(&self, scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
+        NonlinearParameter::point_of(scene, target)
+    }
+    fn starts(&self, scene: &Scene, target: Target) -> Vec<Vec<f64>> {
+        vec![scene.com_of(target).as_slice().to_vec()]
+    }
+    fn evaluate(&self, series: &Series<'_>, target: Target, nonlinear: &[f64], out: &mut Columns) {
+        let point_m = Values::new(nonlinear).vector();
+        for (i, f) in series.instants() {
+            let point = f.links[target.link()].point(&point_m);
+            out.force_at(i, 0, &-f.scene.model.gravity_mps2, &point);
+        }
+    }
+    fn inertia(&self, scene: &Scene, target: Target, nonlinear: &[f64]) -> Option<Vec<Vec<Phi>>> {
+        Some(vec![scene.unit_mass_at(target.link(), &Values::new(nonlinear).vector())])
+    }
 }

@@ -1,24 +1,17 @@
 //! A body mass that was stated wrongly.
 
-use crate::Scene;
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target};
+use crate::{About, ActsIn, Coefficient, Columns, Effect, EffectKind, Family, Scene, Separation, Series, Target};
 use aloft_body::Phi;
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "body_mass",
     title: "body mass stated wrongly",
     kind: EffectKind::Artefact,
     acts: ActsIn::Contact,
+    family: Family::Plates,
     class: "one gain for all plates",
-    contains: &[],
-    by_group: false,
-    unbounded: "",
-    targets,
-    coefficients,
-    nonlinear: def::none,
-    starts: def::one_start,
-    wrench: None,
-    inertia: Some(inertia),
+    separated_by: Separation::KnownWeight,
+    shows_in_free_fall: true,
     documentation: "\
 ## Physics
 The mass from the scale is wrong, or the subject wore something else that day. Flights fix the parameters only up to that mass; plates weigh the body anew.
@@ -32,16 +25,26 @@ Invisible in flight. On plates an exact alias of one gain for all plates. A cert
 ## References
 Own simulations (`docs/findings/labs.md`).
 ",
+    ..About::PLAIN
 };
 
-fn targets(scene: &Scene) -> Vec<Target> {
-    if scene.n_plates() > 0 { vec![Target::Body] } else { Vec::new() }
-}
+pub(super) struct BodyMass;
 
-fn coefficients(scene: &Scene, _: Target) -> Vec<Coefficient> {
-    vec![Coefficient::within("mass_error", "kg", -0.5 * scene.mass_kg, 0.5 * scene.mass_kg)]
-}
-
-fn inertia(scene: &Scene, _: Target, _: &[f64]) -> Vec<Vec<Phi>> {
-    vec![scene.phi.iter().map(|p| p / scene.mass_kg).collect()]
+impl Effect for BodyMass {
+    fn about(&self) -> About<'_> {
+        ABOUT
+    }
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        Target::body_on_plates(scene)
+    }
+    fn coefficients(&self, scene: &Scene, _: Target) -> Vec<Coefficient> {
+        vec![Coefficient::within("mass_error", "kg", -0.5 * scene.mass_kg, 0.5 * scene.mass_kg)]
+    }
+    fn has_wrench(&self) -> bool {
+        false
+    }
+    fn evaluate(&self, _: &Series<'_>, _: Target, _: &[f64], _: &mut Columns) {}
+    fn inertia(&self, scene: &Scene, _: Target, _: &[f64]) -> Option<Vec<Vec<Phi>>> {
+        Some(vec![scene.phi.iter().map(|p| p / scene.mass_kg).collect()])
+    }
 }

@@ -1,25 +1,15 @@
 //! A reconstruction that is bent across the capture volume.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
+use crate::columns::axis;
 use crate::displacement::add_columns;
-use crate::{Columns, Scene, Series};
+use crate::{About, Coefficient, Columns, Effect, EffectKind, Family, Scene, Series, Target};
 use nalgebra::Vector3;
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "camera_warp",
     title: "camera volume bent",
     kind: EffectKind::Artefact,
-    acts: ActsIn::Both,
-    class: "",
-    contains: &[],
-    by_group: false,
-    unbounded: "",
-    targets: def::body,
-    coefficients,
-    nonlinear: def::none,
-    starts: def::one_start,
-    wrench: Some(WrenchLaw::Series(law)),
-    inertia: None,
+    family: Family::Kinematics,
     documentation: "\
 ## Physics
 Lens distortion and an uneven calibration bend space by 1-5 mm across the volume: straight paths become curved, and flights show accelerations that depend on the place.
@@ -34,19 +24,36 @@ the bend brings a stretch, which is a gravity of another size and direction: fit
 ## References
 Chiari et al., Gait & Posture 21 (2005) 197-211; own simulations.
 ",
+    ..About::PLAIN
 };
 
-fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
-    ["radial", "along_x", "along_y", "along_z"].iter().map(|n| Coefficient::within(*n, "1/m", -0.1, 0.1)).collect()
-}
+/// Largest plausible bend, 1/m.
+const MOST: f64 = 0.1;
+/// First column of the bend along an axis; the column before it is radial.
+const ALONG: usize = 1;
 
-fn law(series: &Series<'_>, _: Target, _: &[f64], out: &mut Columns) {
-    let scene = series.scene;
-    add_columns(series, out, |f, column, link| {
-        let x: Vector3<f64> = f.links[link].point(&scene.link_com_m[link]) - scene.volume_center_m;
-        match column {
-            0 => x * x.norm(),
-            k => def::axis(k - 1) * x.norm_squared(),
-        }
-    });
+pub(super) struct CameraWarp;
+
+impl Effect for CameraWarp {
+    fn about(&self) -> About<'_> {
+        ABOUT
+    }
+    fn targets(&self, _: &Scene) -> Vec<Target> {
+        Target::body()
+    }
+    fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
+        let mut out = vec![Coefficient::within("radial", "1/m", -MOST, MOST)];
+        out.extend(Coefficient::vector_in_world("along", "1/m", MOST));
+        out
+    }
+    fn evaluate(&self, series: &Series<'_>, _: Target, _: &[f64], out: &mut Columns) {
+        let scene = series.scene;
+        add_columns(series, out, |f, column, link| {
+            let x: Vector3<f64> = f.links[link].point(&scene.link_com_m[link]) - scene.volume_center_m;
+            match column.checked_sub(ALONG) {
+                None => x * x.norm(),
+                Some(k) => axis(k) * x.norm_squared(),
+            }
+        });
+    }
 }

@@ -1,26 +1,14 @@
 //! A force that keeps its direction in the room.
 
-use crate::definition::{
-    self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, NonlinearParameter, Target, WrenchLaw,
-};
-use crate::{Columns, EffectFrame, Scene};
-use nalgebra::Vector3;
+use crate::columns::axis;
+use crate::{About, Coefficient, Columns, Effect, NonlinearParameter, Scene, Separation, Series, Target, Values};
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "constant_force",
     title: "constant force at a point of a link",
-    kind: EffectKind::Physics,
-    acts: ActsIn::Both,
     class: "tilt of gravity, wind",
-    contains: &[],
-    by_group: false,
+    separated_by: Separation::OtherPlaces,
     unbounded: "a pull may have any size and direction",
-    targets: def::links,
-    coefficients,
-    nonlinear,
-    starts,
-    wrench: Some(WrenchLaw::Frame(law)),
-    inertia: None,
     documentation: "\
 ## Physics
 Something pulls or pushes one point of the body with a force of constant size and direction in the room: a long rubber band, a weight over a distant pulley, a jet of air.
@@ -35,26 +23,34 @@ p along the force is undetermined. A second orientation of the laboratory axes, 
 ## References
 Own simulations (`docs/findings/labs.md`).
 ",
+    ..About::PLAIN
 };
 
-fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
-    Coefficient::vector("force", "N")
-}
+pub(super) struct ConstantForce;
 
-/// A point near the centre of mass of the target's link.
-pub(super) fn nonlinear(scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
-    NonlinearParameter::point("point", starts(scene, target)[0].as_slice().try_into().unwrap_or([0.0; 3]), 0.3)
-}
-
-/// The centre of mass itself.
-pub(super) fn starts(scene: &Scene, target: Target) -> Vec<Vec<f64>> {
-    let com = scene.link_com_m.get(def::link_of(target)).copied().unwrap_or_else(Vector3::zeros);
-    vec![com.as_slice().to_vec()]
-}
-
-fn law(f: &EffectFrame<'_>, target: Target, p: &[f64], out: &mut Columns, i: usize) {
-    let point = f.links[def::link_of(target)].point(&Vector3::new(p[0], p[1], p[2]));
-    for k in 0..3 {
-        out.force_at(i, k, &def::axis(k), &point);
+impl Effect for ConstantForce {
+    fn about(&self) -> About<'_> {
+        ABOUT
+    }
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        Target::links(scene)
+    }
+    fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
+        Coefficient::vector_in_world("force", "N", f64::INFINITY)
+    }
+    fn nonlinear(&self, scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
+        NonlinearParameter::point_of(scene, target)
+    }
+    fn starts(&self, scene: &Scene, target: Target) -> Vec<Vec<f64>> {
+        vec![scene.com_of(target).as_slice().to_vec()]
+    }
+    fn evaluate(&self, series: &Series<'_>, target: Target, nonlinear: &[f64], out: &mut Columns) {
+        let point_m = Values::new(nonlinear).vector();
+        for (i, f) in series.instants() {
+            let point = f.links[target.link()].point(&point_m);
+            for k in 0..3 {
+                out.force_at(i, k, &axis(k), &point);
+            }
+        }
     }
 }

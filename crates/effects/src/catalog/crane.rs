@@ -1,27 +1,13 @@
 //! A line of constant tension over a pulley: body-weight support.
 
-use super::{constant_force, tether};
-use crate::definition::{
-    self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, NonlinearParameter, Target, WrenchLaw,
-};
-use crate::{Columns, EffectFrame, Scene};
-use nalgebra::Vector3;
+use super::tether::anchors;
+use crate::{About, Coefficient, Columns, Effect, NonlinearParameter, Scene, Separation, Series, Target, Values};
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "crane",
     title: "crane or harness of constant tension",
-    kind: EffectKind::Physics,
-    acts: ActsIn::Both,
-    class: "",
-    contains: &[],
-    by_group: false,
+    separated_by: Separation::OtherPlaces,
     unbounded: "a rope pulls and never pushes; its tension follows from the counterweight",
-    targets: def::links,
-    coefficients,
-    nonlinear,
-    starts,
-    wrench: Some(WrenchLaw::Frame(law)),
-    inertia: None,
     documentation: "\
 ## Physics
 A harness hangs on a rope that a counterweight or a motor keeps at constant tension; the rope runs over a pulley in the room.
@@ -35,26 +21,37 @@ A distant pulley makes it a constant force (overhead: close to a change of gravi
 ## References
 Own simulations (`docs/findings/labs.md`).
 ",
+    ..About::PLAIN
 };
 
-fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
-    vec![Coefficient::positive("tension", "N")]
-}
+pub(super) struct Crane;
 
-fn nonlinear(scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
-    let c = scene.volume_center_m;
-    let mut out = NonlinearParameter::point("pulley", [c.x, c.y, c.z], 8.0);
-    out.extend(constant_force::nonlinear(scene, target));
-    out
-}
-
-fn starts(scene: &Scene, target: Target) -> Vec<Vec<f64>> {
-    let point = &constant_force::starts(scene, target)[0];
-    tether::anchors(scene).iter().map(|a| vec![a.x, a.y, a.z, point[0], point[1], point[2]]).collect()
-}
-
-fn law(f: &EffectFrame<'_>, target: Target, p: &[f64], out: &mut Columns, i: usize) {
-    let at = f.links[def::link_of(target)].point(&Vector3::new(p[3], p[4], p[5]));
-    let line = Vector3::new(p[0], p[1], p[2]) - at;
-    out.force_at(i, 0, &(line / line.norm().max(1e-9)), &at);
+impl Effect for Crane {
+    fn about(&self) -> About<'_> {
+        ABOUT
+    }
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        Target::links(scene)
+    }
+    fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
+        vec![Coefficient::positive("tension", "N")]
+    }
+    fn nonlinear(&self, scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
+        let mut out = NonlinearParameter::point_in_world("pulley", &scene.volume_center_m, 8.0);
+        out.extend(NonlinearParameter::point_of(scene, target));
+        out
+    }
+    fn starts(&self, scene: &Scene, target: Target) -> Vec<Vec<f64>> {
+        let attachment = scene.com_of(target);
+        anchors(scene).iter().map(|pulley| [pulley.as_slice(), attachment.as_slice()].concat()).collect()
+    }
+    fn evaluate(&self, series: &Series<'_>, target: Target, nonlinear: &[f64], out: &mut Columns) {
+        let mut values = Values::new(nonlinear);
+        let (pulley_m, attachment_m) = (values.vector(), values.vector());
+        for (i, f) in series.instants() {
+            let at = f.links[target.link()].point(&attachment_m);
+            let line = pulley_m - at;
+            out.force_at(i, 0, &(line / line.norm().max(1e-9)), &at);
+        }
+    }
 }

@@ -1,26 +1,17 @@
 //! A filter that took acceleration away.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
 use crate::displacement::{add_columns, add_turns};
-use crate::{Columns, EffectFrame, Scene, Series};
+use crate::{About, Coefficient, Columns, Effect, EffectFrame, EffectKind, Family, Scene, Separation, Series, Target};
 use aloft_body::JointKind;
 use nalgebra::Vector3;
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "filter_attenuation",
     title: "attenuation by a filter",
     kind: EffectKind::Artefact,
-    acts: ActsIn::Both,
-    class: "",
-    contains: &[],
-    by_group: false,
+    family: Family::Kinematics,
+    separated_by: Separation::Impacts,
     unbounded: "a filter takes acceleration away and adds none; how much follows from its cut-off, which is unknown",
-    targets: def::body,
-    coefficients,
-    nonlinear: def::none,
-    starts: def::one_start,
-    wrench: Some(WrenchLaw::Series(law)),
-    inertia: None,
     documentation: "\
 ## Physics
 Recordings that were smoothed before (in the laboratory's software, or with too low a cut-off) show accelerations that are too small, the more so the faster they change.
@@ -37,24 +28,34 @@ beside the inertial parameters. Wobbling mass and soft-tissue artefact live in t
 ## References
 Winter, Biomechanics and Motor Control of Human Movement (2009), ch. 3; own simulations.
 ",
+    ..About::PLAIN
 };
 
-fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
-    vec![Coefficient::positive("lag_squared", "s^2")]
-}
+pub(super) struct FilterAttenuation;
 
-fn law(series: &Series<'_>, _: Target, _: &[f64], out: &mut Columns) {
-    let n = series.scene.model.n_links();
-    // of every frame: how the links are seen turned, and how their centres of mass are seen displaced, per unit
-    let mut turns = Vec::with_capacity(series.len() * n);
-    let mut shifts = Vec::with_capacity(series.len() * n);
-    for i in 0..series.len() {
-        seen(&series.frame(i), &mut turns, &mut shifts);
+impl Effect for FilterAttenuation {
+    fn about(&self) -> About<'_> {
+        ABOUT
     }
-    let at = |f: &EffectFrame<'_>, link: usize| series.index_of(f.frame).map(|i| i * n + link);
-    let of = |all: &[Vector3<f64>], f: &EffectFrame<'_>, link| at(f, link).map_or_else(Vector3::zeros, |k| all[k]);
-    add_columns(series, out, |f, _, link| of(&shifts, f, link));
-    add_turns(series, 0, out, |f, link| of(&turns, f, link));
+    fn targets(&self, _: &Scene) -> Vec<Target> {
+        Target::body()
+    }
+    fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
+        vec![Coefficient::positive("lag_squared", "s^2")]
+    }
+    fn evaluate(&self, series: &Series<'_>, _: Target, _: &[f64], out: &mut Columns) {
+        let n = series.scene.model.n_links();
+        // of every frame: how the links are seen turned, and how their centres of mass are seen displaced, per unit
+        let mut turns = Vec::with_capacity(series.len() * n);
+        let mut shifts = Vec::with_capacity(series.len() * n);
+        for i in 0..series.len() {
+            seen(&series.frame(i), &mut turns, &mut shifts);
+        }
+        let at = |f: &EffectFrame<'_>, link: usize| series.index_of(f.frame).map(|i| i * n + link);
+        let of = |all: &[Vector3<f64>], f: &EffectFrame<'_>, link| at(f, link).map_or_else(Vector3::zeros, |k| all[k]);
+        add_columns(series, out, |f, _, link| of(&shifts, f, link));
+        add_turns(series, 0, out, |f, link| of(&turns, f, link));
+    }
 }
 
 /// Turns by the angular acceleration, as far as the joints let the links follow; displacements of a skeleton that keeps its lengths, its whole

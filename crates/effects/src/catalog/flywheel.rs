@@ -1,23 +1,12 @@
 //! A wheel that spins at constant speed inside a link.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
-use crate::{Columns, EffectFrame, Scene};
+use crate::{About, Coefficient, Columns, Effect, Scene, Separation, Series, Target};
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "flywheel",
     title: "flywheel of constant momentum",
-    kind: EffectKind::Physics,
-    acts: ActsIn::Both,
-    class: "",
-    contains: &[],
-    by_group: false,
+    separated_by: Separation::BothSenses,
     unbounded: "a wheel turns either way, at any rate",
-    targets: def::links,
-    coefficients,
-    nonlinear: def::none,
-    starts: def::one_start,
-    wrench: Some(WrenchLaw::Frame(law)),
-    inertia: None,
     documentation: "\
 ## Physics
 A wheel spins at constant speed about an axis fixed in a link. Turning the link turns its momentum, and the link feels the reaction: a moment across the angular velocity that does no work.
@@ -31,15 +20,27 @@ A wheel spins at constant speed about an axis fixed in a link. Turning the link 
 ## References
 Hughes, Spacecraft Attitude Dynamics (1986), ch. 3; own simulations.
 ",
+    ..About::PLAIN
 };
 
-fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
-    Coefficient::vector("momentum", "N*m*s")
-}
+pub(super) struct Flywheel;
 
-fn law(f: &EffectFrame<'_>, target: Target, _: &[f64], out: &mut Columns, i: usize) {
-    let link = &f.links[def::link_of(target)];
-    for k in 0..3 {
-        out.couple(i, k, &-link.omega.cross(&link.rotation.column(k).into_owned()));
+impl Effect for Flywheel {
+    fn about(&self) -> About<'_> {
+        ABOUT
+    }
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        Target::links(scene)
+    }
+    fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
+        Coefficient::vector_on_link("momentum", "N*m*s", f64::INFINITY)
+    }
+    fn evaluate(&self, series: &Series<'_>, target: Target, _: &[f64], out: &mut Columns) {
+        for (i, f) in series.instants() {
+            let link = &f.links[target.link()];
+            for k in 0..3 {
+                out.couple(i, k, &-link.omega.cross(&link.rotation.column(k).into_owned()));
+            }
+        }
     }
 }

@@ -1,23 +1,14 @@
 //! Gravity of another magnitude, or clock or ruler of another scale.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
-use crate::{Columns, EffectFrame, Scene};
+use crate::{About, Coefficient, Columns, Effect, EffectKind, Scene, Separation, Series, Target};
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "gravity_scale",
     title: "magnitude of gravity, frame rate or length scale",
     kind: EffectKind::Artefact,
-    acts: ActsIn::Both,
     class: "frame rate, length scale, buoyancy",
-    contains: &[],
-    by_group: false,
-    unbounded: "",
-    targets: def::body,
-    coefficients,
-    nonlinear: def::none,
-    starts: def::one_start,
-    wrench: Some(WrenchLaw::Frame(law)),
-    inertia: None,
+    separated_by: Separation::KnownFall,
+    shows_in_free_fall: true,
     documentation: "\
 ## Physics
 The free fall in the recordings is not the stated gravity: another latitude, a wrong frame rate in the header, a wand of another length, buoyancy.
@@ -33,12 +24,24 @@ Plate weight, a calibrated wand, a clock pulse or a dropped ball separate them. 
 ## References
 Own arithmetic and simulations (`cargo test -p aloft-effects`, `docs/findings/labs.md`).
 ",
+    ..About::PLAIN
 };
 
-fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
-    vec![Coefficient::within("gravity_excess", "1", -0.6, 0.6)]
-}
+pub(super) struct GravityScale;
 
-fn law(f: &EffectFrame<'_>, _: Target, _: &[f64], out: &mut Columns, i: usize) {
-    out.force_at(i, 0, &(f.scene.model.gravity_mps2 * f.scene.mass_kg), &f.com);
+impl Effect for GravityScale {
+    fn about(&self) -> About<'_> {
+        ABOUT
+    }
+    fn targets(&self, _: &Scene) -> Vec<Target> {
+        Target::body()
+    }
+    fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
+        vec![Coefficient::within("gravity_excess", "1", -0.6, 0.6)]
+    }
+    fn evaluate(&self, series: &Series<'_>, _: Target, _: &[f64], out: &mut Columns) {
+        for (i, f) in series.instants() {
+            out.force_at(i, 0, &(f.scene.model.gravity_mps2 * f.scene.mass_kg), &f.com);
+        }
+    }
 }

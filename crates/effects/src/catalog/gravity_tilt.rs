@@ -1,23 +1,15 @@
 //! Gravity that does not point along the room's vertical.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
-use crate::{Columns, EffectFrame, Scene};
+use crate::columns::axis;
+use crate::{About, Coefficient, Columns, Effect, EffectKind, Scene, Separation, Series, Target};
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "gravity_tilt",
     title: "gravity leans (capture volume not level)",
     kind: EffectKind::Artefact,
-    acts: ActsIn::Both,
     class: "steady wind, constant force near the centre of mass",
-    contains: &[],
-    by_group: false,
-    unbounded: "",
-    targets: def::body,
-    coefficients,
-    nonlinear: def::none,
-    starts: def::one_start,
-    wrench: Some(WrenchLaw::Frame(law)),
-    inertia: None,
+    separated_by: Separation::TurnedLaboratory,
+    shows_in_free_fall: true,
     documentation: "\
 ## Physics
 The calibration frame of the cameras was not level, so gravity has horizontal components in the capture frame: every flight drifts to the same side.
@@ -31,15 +23,27 @@ Visible to 95 % beside the inertial parameters. A steady wind and a constant for
 ## References
 Own simulations (`docs/findings/labs.md`).
 ",
+    ..About::PLAIN
 };
 
-fn coefficients(scene: &Scene, _: Target) -> Vec<Coefficient> {
-    let g = 0.2 * scene.gravity();
-    ["dg_x", "dg_y"].iter().map(|n| Coefficient::within(*n, "m/s^2", -g, g)).collect()
-}
+pub(super) struct GravityTilt;
 
-fn law(f: &EffectFrame<'_>, _: Target, _: &[f64], out: &mut Columns, i: usize) {
-    for k in 0..2 {
-        out.force_at(i, k, &(def::axis(k) * f.scene.mass_kg), &f.com);
+impl Effect for GravityTilt {
+    fn about(&self) -> About<'_> {
+        ABOUT
+    }
+    fn targets(&self, _: &Scene) -> Vec<Target> {
+        Target::body()
+    }
+    fn coefficients(&self, scene: &Scene, _: Target) -> Vec<Coefficient> {
+        // the vertical component is the matter of gravity's magnitude
+        Coefficient::vector_in_world("dg", "m/s^2", 0.2 * scene.gravity()).into_iter().take(2).collect()
+    }
+    fn evaluate(&self, series: &Series<'_>, _: Target, _: &[f64], out: &mut Columns) {
+        for (i, f) in series.instants() {
+            for k in 0..2 {
+                out.force_at(i, k, &(axis(k) * f.scene.mass_kg), &f.com);
+            }
+        }
     }
 }

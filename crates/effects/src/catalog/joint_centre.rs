@@ -1,25 +1,15 @@
 //! A joint centre in the wrong place.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
 use crate::displacement::add_columns;
-use crate::{Columns, Scene, Series};
+use crate::{About, Coefficient, Columns, Effect, EffectKind, Family, Scene, Series, Target};
 use nalgebra::Vector3;
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "joint_centre",
     title: "joint centre displaced",
     kind: EffectKind::Artefact,
-    acts: ActsIn::Both,
+    family: Family::Kinematics,
     class: "inertial parameters",
-    contains: &[],
-    by_group: false,
-    unbounded: "",
-    targets,
-    coefficients,
-    nonlinear: def::none,
-    starts: def::one_start,
-    wrench: Some(WrenchLaw::Series(law)),
-    inertia: None,
     documentation: "\
 ## Physics
 A joint centre sits some millimetres from where the model has it: the link and all that it carries are seen displaced by a vector fixed in the parent.
@@ -34,33 +24,39 @@ Look for it in marker residuals, functional calibration and the identified param
 ## References
 Harrington et al., J. Biomech. 40 (2007) 595-602; own simulations.
 ",
+    ..About::PLAIN
 };
 
-fn targets(scene: &Scene) -> Vec<Target> {
-    (1..scene.model.n_links()).map(Target::Link).collect()
-}
+pub(super) struct JointCentre;
 
-fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
-    ["x", "y", "z"].iter().map(|a| Coefficient::within(format!("offset_{a}"), "m", -0.1, 0.1)).collect()
-}
-
-fn law(series: &Series<'_>, target: Target, _: &[f64], out: &mut Columns) {
-    let links = &series.scene.model.links;
-    let moved = def::link_of(target);
-    let Some(parent) = links.get(moved).and_then(|l| l.parent) else { return };
-    let carried: Vec<bool> = (0..links.len())
-        .map(|i| {
-            let mut at = Some(i);
-            while let Some(k) = at {
-                if k == moved {
-                    return true;
+impl Effect for JointCentre {
+    fn about(&self) -> About<'_> {
+        ABOUT
+    }
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        (1..scene.model.n_links()).map(Target::Link).collect()
+    }
+    fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
+        Coefficient::vector_on_link("offset", "m", 0.1)
+    }
+    fn evaluate(&self, series: &Series<'_>, target: Target, _: &[f64], out: &mut Columns) {
+        let links = &series.scene.model.links;
+        let moved = target.link();
+        let Some(parent) = links.get(moved).and_then(|l| l.parent) else { return };
+        let carried: Vec<bool> = (0..links.len())
+            .map(|i| {
+                let mut at = Some(i);
+                while let Some(k) = at {
+                    if k == moved {
+                        return true;
+                    }
+                    at = links[k].parent;
                 }
-                at = links[k].parent;
-            }
-            false
-        })
-        .collect();
-    add_columns(series, out, |f, column, l| {
-        if carried[l] { f.links[parent].rotation.column(column).into_owned() } else { Vector3::zeros() }
-    });
+                false
+            })
+            .collect();
+        add_columns(series, out, |f, column, l| {
+            if carried[l] { f.links[parent].rotation.column(column).into_owned() } else { Vector3::zeros() }
+        });
+    }
 }

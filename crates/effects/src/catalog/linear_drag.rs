@@ -1,24 +1,12 @@
 //! Resistance in proportion to the speed.
 
-use super::quadratic_drag::{centre, centre_starts, centres};
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
-use crate::{Columns, EffectFrame, Scene};
+use super::quadratic_drag::{centre_starts, centres, centres_of};
+use crate::{About, Coefficient, Columns, Effect, NonlinearParameter, Scene, Series, Target};
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "linear_drag",
     title: "resistance, linear in speed",
-    kind: EffectKind::Physics,
-    acts: ActsIn::Both,
-    class: "",
-    contains: &[],
-    by_group: false,
     unbounded: "a resistance is not negative; how large it is depends on the fluid or the brake",
-    targets: def::body_or_links,
-    coefficients,
-    nonlinear: centres,
-    starts: centre_starts,
-    wrench: Some(WrenchLaw::Frame(law)),
-    inertia: None,
     documentation: "\
 ## Physics
 A viscous surrounding, a dragged cable or a brake resists in proportion to the velocity of each link. It always takes energy from the body.
@@ -33,24 +21,41 @@ Visible to 92-99 % beside the inertial parameters. Quadratic drag looks alike (c
 ## References
 Batchelor, An Introduction to Fluid Dynamics (1967), s. 4.9; own simulations.
 ",
+    ..About::PLAIN
 };
 
-fn coefficients(scene: &Scene, target: Target) -> Vec<Coefficient> {
-    match target {
-        Target::EveryLink => {
-            scene.model.links.iter().map(|l| Coefficient::positive(format!("resistance_{}", l.name), "N*s/m")).collect()
-        }
-        _ => vec![Coefficient::positive("resistance", "N*s/m")],
-    }
-}
+pub(super) struct LinearDrag;
 
-fn law(f: &EffectFrame<'_>, target: Target, p: &[f64], out: &mut Columns, i: usize) {
-    for (link, here) in f.links.iter().enumerate() {
-        let centre = centre(f, link, p);
-        let unit = -here.point_velocity(&centre);
+impl Effect for LinearDrag {
+    fn about(&self) -> About<'_> {
+        ABOUT
+    }
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        Target::body_or_links(scene)
+    }
+    fn coefficients(&self, scene: &Scene, target: Target) -> Vec<Coefficient> {
+        let of = |l: &aloft_body::Link| Coefficient::positive(format!("resistance_{}", l.name), "N*s/m");
         match target {
-            Target::EveryLink => out.force_at(i, link, &unit, &here.point(&centre)),
-            _ => out.force_at(i, 0, &(unit * f.scene.area_share[link]), &here.point(&centre)),
+            Target::EveryLink => scene.model.links.iter().map(of).collect(),
+            _ => vec![Coefficient::positive("resistance", "N*s/m")],
+        }
+    }
+    fn nonlinear(&self, scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
+        centres(scene, target)
+    }
+    fn starts(&self, scene: &Scene, target: Target) -> Vec<Vec<f64>> {
+        vec![centre_starts(scene, target)]
+    }
+    fn evaluate(&self, series: &Series<'_>, target: Target, nonlinear: &[f64], out: &mut Columns) {
+        let centres_m = centres_of(series.scene, nonlinear);
+        for (i, f) in series.instants() {
+            for (link, (here, centre)) in f.links.iter().zip(&centres_m).enumerate() {
+                let unit = -here.point_velocity(centre);
+                match target {
+                    Target::EveryLink => out.force_at(i, link, &unit, &here.point(centre)),
+                    _ => out.force_at(i, 0, &(unit * f.scene.area_share[link]), &here.point(centre)),
+                }
+            }
         }
     }
 }

@@ -1,6 +1,6 @@
-//! The catalogue: one file an effect, one line here.
+//! The catalogue: one file an effect, which states everything about it, and its name here.
 
-use crate::EffectDefinition;
+use crate::Effect;
 
 mod added_mass;
 mod body_mass;
@@ -31,32 +31,32 @@ mod wind;
 mod wobbling_mass;
 
 /// Every effect that comes with the program, physics first.
-pub static EFFECTS: &[&EffectDefinition] = &[
-    &quadratic_drag::EFFECT,
-    &linear_drag::EFFECT,
-    &rotational_drag::EFFECT,
-    &wind::EFFECT,
-    &constant_force::EFFECT,
-    &gravity_tilt::EFFECT,
-    &gravity_scale::EFFECT,
-    &tether::EFFECT,
-    &crane::EFFECT,
-    &flywheel::EFFECT,
-    &rotor::EFFECT,
-    &payload::EFFECT,
-    &wobbling_mass::EFFECT,
-    &added_mass::EFFECT,
-    &thrust::EFFECT,
-    &residual_contact::EFFECT,
-    &plate_time_offset::EFFECT,
-    &plate_clock_drift::EFFECT,
-    &plate_tare::EFFECT,
-    &plate_origin::EFFECT,
-    &plate_rotation::EFFECT,
-    &plate_gain::EFFECT,
-    &filter_attenuation::EFFECT,
-    &soft_tissue::EFFECT,
-    &joint_centre::EFFECT,
-    &camera_warp::EFFECT,
-    &body_mass::EFFECT,
+pub static EFFECTS: &[&dyn Effect] = &[
+    &quadratic_drag::QuadraticDrag,
+    &linear_drag::LinearDrag,
+    &rotational_drag::RotationalDrag,
+    &wind::Wind,
+    &constant_force::ConstantForce,
+    &gravity_tilt::GravityTilt,
+    &gravity_scale::GravityScale,
+    &tether::Tether,
+    &crane::Crane,
+    &flywheel::Flywheel,
+    &rotor::Rotor,
+    &payload::Payload,
+    &wobbling_mass::WobblingMass,
+    &added_mass::AddedMass,
+    &thrust::Thrust,
+    &residual_contact::ResidualContact,
+    &plate_time_offset::PlateTimeOffset,
+    &plate_clock_drift::PlateClockDrift,
+    &plate_tare::PlateTare,
+    &plate_origin::PlateOrigin,
+    &plate_rotation::PlateRotation,
+    &plate_gain::PlateGain,
+    &filter_attenuation::FilterAttenuation,
+    &soft_tissue::SoftTissue,
+    &joint_centre::JointCentre,
+    &camera_warp::CameraWarp,
+    &body_mass::BodyMass,
 ];

@@ -1,26 +1,14 @@
 //! Something carried on a link in some trials.
 
-use super::constant_force;
-use crate::Scene;
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target};
+use crate::{About, Coefficient, Columns, Effect, NonlinearParameter, Scene, Separation, Series, Target, Values};
 use aloft_body::Phi;
-use nalgebra::Vector3;
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "payload",
     title: "payload on a link in a group of trials",
-    kind: EffectKind::Physics,
-    acts: ActsIn::Both,
-    class: "",
-    contains: &[],
+    separated_by: Separation::WithAndWithoutLoad,
     by_group: true,
     unbounded: "negative where the body was weighed with the load",
-    targets: def::links,
-    coefficients,
-    nonlinear: constant_force::nonlinear,
-    starts: constant_force::starts,
-    wrench: None,
-    inertia: Some(inertia),
     documentation: "\
 ## Physics
 A weight, a vest, a bag or a tool rides on a link in some of the trials. Within those trials it is part of the body; between loaded and unloaded trials the inertial parameters differ.
@@ -34,12 +22,32 @@ Exactly absorbed by the inertial parameters unless there are loaded and unloaded
 ## References
 Own simulations (`docs/findings/labs.md`).
 ",
+    ..About::PLAIN
 };
 
-fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
-    vec![Coefficient::free("mass", "kg")]
-}
+pub(super) struct Payload;
 
-fn inertia(scene: &Scene, target: Target, p: &[f64]) -> Vec<Vec<Phi>> {
-    vec![scene.unit_mass_at(def::link_of(target), &Vector3::new(p[0], p[1], p[2]))]
+impl Effect for Payload {
+    fn about(&self) -> About<'_> {
+        ABOUT
+    }
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        Target::links(scene)
+    }
+    fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
+        vec![Coefficient::free("mass", "kg")]
+    }
+    fn nonlinear(&self, scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
+        NonlinearParameter::point_of(scene, target)
+    }
+    fn starts(&self, scene: &Scene, target: Target) -> Vec<Vec<f64>> {
+        vec![scene.com_of(target).as_slice().to_vec()]
+    }
+    fn has_wrench(&self) -> bool {
+        false
+    }
+    fn evaluate(&self, _: &Series<'_>, _: Target, _: &[f64], _: &mut Columns) {}
+    fn inertia(&self, scene: &Scene, target: Target, nonlinear: &[f64]) -> Option<Vec<Vec<Phi>>> {
+        Some(vec![scene.unit_mass_at(target.link(), &Values::new(nonlinear).vector())])
+    }
 }

@@ -1,23 +1,15 @@
 //! Plates whose clock runs faster or slower than that of the cameras.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
-use crate::{Columns, EffectFrame, Scene};
+use crate::{About, ActsIn, Coefficient, Columns, Effect, EffectKind, Family, Scene, Separation, Series, Target};
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "plate_clock_drift",
     title: "clock drift between plates and cameras",
     kind: EffectKind::Artefact,
     acts: ActsIn::Contact,
-    class: "",
-    contains: &[],
-    by_group: false,
-    unbounded: "",
-    targets,
-    coefficients,
-    nonlinear: def::none,
-    starts: def::one_start,
-    wrench: Some(WrenchLaw::Frame(law)),
-    inertia: None,
+    family: Family::Plates,
+    separated_by: Separation::KnownWeight,
+    uses_session_time: true,
     documentation: "\
 ## Physics
 Two devices with their own clocks drift apart: the delay between plates and cameras grows with time.
@@ -31,21 +23,26 @@ With one short recording it is a constant delay; it needs impacts at different t
 ## References
 Own arithmetic (`cargo test -p aloft-effects`).
 ",
+    ..About::PLAIN
 };
 
-fn targets(scene: &Scene) -> Vec<Target> {
-    if scene.n_plates() > 0 { vec![Target::Body] } else { Vec::new() }
-}
+pub(super) struct PlateClockDrift;
 
-fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
-    vec![Coefficient::within("rate", "1", -0.05, 0.05)]
-}
-
-fn law(f: &EffectFrame<'_>, _: Target, _: &[f64], out: &mut Columns, i: usize) {
-    if f.flight {
-        return;
+impl Effect for PlateClockDrift {
+    fn about(&self) -> About<'_> {
+        ABOUT
     }
-    for here in f.plates {
-        out.add(i, 0, &(here.force_rate * f.session_time_s), &(here.moment_rate * f.session_time_s));
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        Target::body_on_plates(scene)
+    }
+    fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
+        vec![Coefficient::within("rate", "1", -0.05, 0.05)]
+    }
+    fn evaluate(&self, series: &Series<'_>, _: Target, _: &[f64], out: &mut Columns) {
+        for (i, f) in series.instants().filter(|(_, f)| !f.flight) {
+            for here in f.plates {
+                out.add(i, 0, &(here.force_rate * f.session_time_s), &(here.moment_rate * f.session_time_s));
+            }
+        }
     }
 }

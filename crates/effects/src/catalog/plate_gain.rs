@@ -1,23 +1,19 @@
 //! A plate that reads too much or too little.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
-use crate::{Columns, EffectFrame, Scene};
+use crate::columns::axis;
+use crate::{
+    About, ActsIn, Coefficient, Columns, Effect, EffectFrame, EffectKind, Family, Scene, Separation, Series, Target,
+};
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "plate_gain",
     title: "gain of a plate",
     kind: EffectKind::Artefact,
     acts: ActsIn::Contact,
+    family: Family::Plates,
     class: "body mass, where all plates err alike",
-    contains: &[],
-    by_group: false,
-    unbounded: "",
-    targets: def::all_or_one_plate,
-    coefficients,
-    nonlinear: def::none,
-    starts: def::one_start,
-    wrench: Some(WrenchLaw::Frame(law)),
-    inertia: None,
+    separated_by: Separation::KnownWeight,
+    shows_in_free_fall: true,
     documentation: "\
 ## Physics
 An amplifier's gain is off, or sensitivities were typed in wrongly: the plate reads some per cent too much or too little.
@@ -32,35 +28,49 @@ One gain for all plates is an exact alias of a wrongly stated body mass; a singl
 ## References
 Own simulations (`docs/findings/labs.md`).
 ",
+    ..About::PLAIN
 };
 
-fn coefficients(_: &Scene, target: Target) -> Vec<Coefficient> {
-    let within = |n: &str| Coefficient::within(n, "1", -0.5, 0.5);
-    match target {
-        Target::Plate(_) => {
-            ["gain_fx", "gain_fy", "gain_fz", "gain_mx", "gain_my", "gain_mz"].iter().map(|n| within(n)).collect()
+/// First columns of the gains of one plate's components.
+const FORCE: usize = 0;
+const MOMENT: usize = 3;
+
+pub(super) struct PlateGain;
+
+impl Effect for PlateGain {
+    fn about(&self) -> About<'_> {
+        ABOUT
+    }
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        Target::all_or_one_plate(scene)
+    }
+    fn coefficients(&self, _: &Scene, target: Target) -> Vec<Coefficient> {
+        let within = |n: &str| Coefficient::within(n, "1", -0.5, 0.5);
+        match target {
+            Target::Plate(_) => ["gain_fx", "gain_fy", "gain_fz", "gain_mx", "gain_my", "gain_mz"].map(within).into(),
+            _ => vec![within("gain")],
         }
-        _ => vec![within("gain")],
+    }
+    fn evaluate(&self, series: &Series<'_>, target: Target, _: &[f64], out: &mut Columns) {
+        for (i, f) in series.instants().filter(|(_, f)| !f.flight) {
+            match target {
+                Target::Plate(plate) => one_plate(&f, plate, out, i),
+                _ => {
+                    for here in f.plates {
+                        out.add(i, 0, &here.force_n, &here.moment_nm);
+                    }
+                }
+            }
+        }
     }
 }
 
-fn law(f: &EffectFrame<'_>, target: Target, _: &[f64], out: &mut Columns, i: usize) {
-    if f.flight {
-        return;
-    }
-    match target {
-        Target::Plate(plate) => {
-            let (Some(here), Some(centre)) = (f.plates.get(plate), f.scene.plate_centers_m.get(plate)) else { return };
-            let about_centre = here.moment_nm - centre.cross(&here.force_n);
-            for k in 0..3 {
-                out.force_at(i, k, &(def::axis(k) * here.force_n[k]), centre);
-                out.couple(i, 3 + k, &(def::axis(k) * about_centre[k]));
-            }
-        }
-        _ => {
-            for here in f.plates {
-                out.add(i, 0, &here.force_n, &here.moment_nm);
-            }
-        }
+/// Every component of a plate on its own.
+fn one_plate(f: &EffectFrame<'_>, plate: usize, out: &mut Columns, i: usize) {
+    let (Some(here), Some(centre)) = (f.plates.get(plate), f.scene.plate_centers_m.get(plate)) else { return };
+    let about_centre = here.moment_nm - centre.cross(&here.force_n);
+    for k in 0..3 {
+        out.force_at(i, FORCE + k, &(axis(k) * here.force_n[k]), centre);
+        out.couple(i, MOMENT + k, &(axis(k) * about_centre[k]));
     }
 }

@@ -1,23 +1,15 @@
 //! A plate that lies elsewhere than the file says.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
-use crate::{Columns, EffectFrame, Scene};
+use crate::columns::axis;
+use crate::{About, ActsIn, Coefficient, Columns, Effect, EffectKind, Family, Scene, Separation, Series, Target};
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "plate_origin",
     title: "plate displaced",
     kind: EffectKind::Artefact,
     acts: ActsIn::Contact,
-    class: "",
-    contains: &[],
-    by_group: false,
-    unbounded: "",
-    targets: def::plates,
-    coefficients,
-    nonlinear: def::none,
-    starts: def::one_start,
-    wrench: Some(WrenchLaw::Frame(law)),
-    inertia: None,
+    family: Family::Plates,
+    separated_by: Separation::KnownWeight,
     documentation: "\
 ## Physics
 The corners of a plate were measured wrongly, or the plate was moved: its wrench is right but acts elsewhere. 5-10 mm make 10-20 N m at 2000 N.
@@ -31,19 +23,28 @@ A moment in proportion to the force, constant over trials. All plates shifted al
 ## References
 Own simulations (`docs/findings/labs.md`).
 ",
+    ..About::PLAIN
 };
 
-fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
-    ["x", "y", "z"].iter().map(|a| Coefficient::within(format!("shift_{a}"), "m", -0.5, 0.5)).collect()
-}
+pub(super) struct PlateOrigin;
 
-fn law(f: &EffectFrame<'_>, target: Target, _: &[f64], out: &mut Columns, i: usize) {
-    let Target::Plate(plate) = target else { return };
-    let Some(here) = f.plates.get(plate) else { return };
-    if f.flight {
-        return;
+impl Effect for PlateOrigin {
+    fn about(&self) -> About<'_> {
+        ABOUT
     }
-    for k in 0..3 {
-        out.couple(i, k, &def::axis(k).cross(&here.force_n));
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        Target::plates(scene)
+    }
+    fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
+        Coefficient::vector_in_world("shift", "m", 0.5)
+    }
+    fn evaluate(&self, series: &Series<'_>, target: Target, _: &[f64], out: &mut Columns) {
+        let Target::Plate(plate) = target else { return };
+        for (i, f) in series.instants().filter(|(_, f)| !f.flight) {
+            let Some(here) = f.plates.get(plate) else { continue };
+            for k in 0..3 {
+                out.couple(i, k, &axis(k).cross(&here.force_n));
+            }
+        }
     }
 }

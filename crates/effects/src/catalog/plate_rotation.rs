@@ -1,23 +1,15 @@
 //! A plate whose axes are turned.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
-use crate::{Columns, EffectFrame, Scene};
+use crate::columns::axis;
+use crate::{About, ActsIn, Coefficient, Columns, Effect, EffectKind, Family, Scene, Separation, Series, Target};
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "plate_rotation",
     title: "plate turned",
     kind: EffectKind::Artefact,
     acts: ActsIn::Contact,
-    class: "",
-    contains: &[],
-    by_group: false,
-    unbounded: "",
-    targets: def::plates,
-    coefficients,
-    nonlinear: def::none,
-    starts: def::one_start,
-    wrench: Some(WrenchLaw::Frame(law)),
-    inertia: None,
+    family: Family::Plates,
+    separated_by: Separation::KnownWeight,
     documentation: "\
 ## Physics
 The axes of a plate are turned against those of the cameras: one degree makes 35 N of false shear at 2000 N.
@@ -31,21 +23,32 @@ Shear in proportion to the vertical force. A tilt of gravity looks alike on all 
 ## References
 Own simulations (`docs/findings/labs.md`).
 ",
+    ..About::PLAIN
 };
 
-fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
-    ["x", "y", "z"].iter().map(|a| Coefficient::within(format!("turn_{a}"), "rad", -0.5, 0.5)).collect()
-}
+pub(super) struct PlateRotation;
 
-fn law(f: &EffectFrame<'_>, target: Target, _: &[f64], out: &mut Columns, i: usize) {
-    let Target::Plate(plate) = target else { return };
-    let (Some(here), Some(centre)) = (f.plates.get(plate), f.scene.plate_centers_m.get(plate)) else { return };
-    if f.flight {
-        return;
+impl Effect for PlateRotation {
+    fn about(&self) -> About<'_> {
+        ABOUT
     }
-    let about_centre = here.moment_nm - centre.cross(&here.force_n);
-    for k in 0..3 {
-        out.force_at(i, k, &def::axis(k).cross(&here.force_n), centre);
-        out.couple(i, k, &def::axis(k).cross(&about_centre));
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        Target::plates(scene)
+    }
+    fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
+        Coefficient::vector_in_world("turn", "rad", 0.5)
+    }
+    fn evaluate(&self, series: &Series<'_>, target: Target, _: &[f64], out: &mut Columns) {
+        let Target::Plate(plate) = target else { return };
+        for (i, f) in series.instants().filter(|(_, f)| !f.flight) {
+            let (Some(here), Some(centre)) = (f.plates.get(plate), f.scene.plate_centers_m.get(plate)) else {
+                continue;
+            };
+            let about_centre = here.moment_nm - centre.cross(&here.force_n);
+            for k in 0..3 {
+                out.force_at(i, k, &axis(k).cross(&here.force_n), centre);
+                out.couple(i, k, &axis(k).cross(&about_centre));
+            }
+        }
     }
 }

@@ -1,23 +1,16 @@
 //! A plate that reads something when nothing stands on it.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
-use crate::{Columns, EffectFrame, Scene};
+use crate::columns::axis;
+use crate::{About, ActsIn, Coefficient, Columns, Effect, EffectKind, Family, Scene, Separation, Series, Target};
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "plate_tare",
     title: "offset of a plate",
     kind: EffectKind::Artefact,
     acts: ActsIn::Contact,
-    class: "",
-    contains: &[],
-    by_group: false,
+    family: Family::Plates,
+    separated_by: Separation::KnownWeight,
     unbounded: "an amplifier may stand at any offset",
-    targets: def::plates,
-    coefficients,
-    nonlinear: def::none,
-    starts: def::one_start,
-    wrench: Some(WrenchLaw::Frame(law)),
-    inertia: None,
     documentation: "\
 ## Physics
 A plate was not zeroed, or has drifted since: a constant wrench is added to what it measures.
@@ -31,22 +24,35 @@ Constant in the room, but seen only on the plates: flights are free of it. In a 
 ## References
 Own simulations (`docs/findings/labs.md`).
 ",
+    ..About::PLAIN
 };
 
-fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
-    let mut out = Coefficient::vector("force", "N");
-    out.extend(Coefficient::vector("moment", "N*m"));
-    out
-}
+/// First columns of the force and of the moment.
+const FORCE: usize = 0;
+const MOMENT: usize = 3;
 
-fn law(f: &EffectFrame<'_>, target: Target, _: &[f64], out: &mut Columns, i: usize) {
-    let Target::Plate(plate) = target else { return };
-    let Some(centre) = f.scene.plate_centers_m.get(plate) else { return };
-    if f.flight || f.plates.is_empty() {
-        return;
+pub(super) struct PlateTare;
+
+impl Effect for PlateTare {
+    fn about(&self) -> About<'_> {
+        ABOUT
     }
-    for k in 0..3 {
-        out.force_at(i, k, &def::axis(k), centre);
-        out.couple(i, 3 + k, &def::axis(k));
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        Target::plates(scene)
+    }
+    fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
+        let mut out = Coefficient::vector_in_world("force", "N", f64::INFINITY);
+        out.extend(Coefficient::vector_in_world("moment", "N*m", f64::INFINITY));
+        out
+    }
+    fn evaluate(&self, series: &Series<'_>, target: Target, _: &[f64], out: &mut Columns) {
+        let Target::Plate(plate) = target else { return };
+        let Some(centre) = series.scene.plate_centers_m.get(plate) else { return };
+        for (i, _) in series.instants().filter(|(_, f)| !f.flight && !f.plates.is_empty()) {
+            for k in 0..3 {
+                out.force_at(i, FORCE + k, &axis(k), centre);
+                out.couple(i, MOMENT + k, &axis(k));
+            }
+        }
     }
 }

@@ -1,23 +1,14 @@
 //! Plates whose samples come late or early against the cameras.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
-use crate::{Columns, EffectFrame, Scene};
+use crate::{About, ActsIn, Coefficient, Columns, Effect, EffectKind, Family, Scene, Separation, Series, Target};
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "plate_time_offset",
     title: "time offset between plates and cameras",
     kind: EffectKind::Artefact,
     acts: ActsIn::Contact,
-    class: "",
-    contains: &[],
-    by_group: false,
-    unbounded: "",
-    targets: def::all_or_one_plate,
-    coefficients,
-    nonlinear: def::none,
-    starts: def::one_start,
-    wrench: Some(WrenchLaw::Frame(law)),
-    inertia: None,
+    family: Family::Plates,
+    separated_by: Separation::KnownWeight,
     documentation: "\
 ## Physics
 The plates' samples are stamped late (or early) against the frames of the cameras: a wrong trigger, a delay of an amplifier's filter. One frame at 100 Hz is 100-200 N at take-off.
@@ -31,17 +22,26 @@ Biphasic residuals in proportion to dF/dt at impacts. Quiet standing shows nothi
 ## References
 Own arithmetic (`cargo test -p aloft-effects`).
 ",
+    ..About::PLAIN
 };
 
-fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
-    vec![Coefficient::within("delay", "s", -0.2, 0.2)]
-}
+pub(super) struct PlateTimeOffset;
 
-fn law(f: &EffectFrame<'_>, target: Target, _: &[f64], out: &mut Columns, i: usize) {
-    if f.flight {
-        return;
+impl Effect for PlateTimeOffset {
+    fn about(&self) -> About<'_> {
+        ABOUT
     }
-    for (_, here) in f.plates.iter().enumerate().filter(|(p, _)| def::plate_in(target, *p)) {
-        out.add(i, 0, &here.force_rate, &here.moment_rate);
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        Target::all_or_one_plate(scene)
+    }
+    fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
+        vec![Coefficient::within("delay", "s", -0.2, 0.2)]
+    }
+    fn evaluate(&self, series: &Series<'_>, target: Target, _: &[f64], out: &mut Columns) {
+        for (i, f) in series.instants().filter(|(_, f)| !f.flight) {
+            for (_, here) in f.plates.iter().enumerate().filter(|(plate, _)| target.includes_plate(*plate)) {
+                out.add(i, 0, &here.force_rate, &here.moment_rate);
+            }
+        }
     }
 }

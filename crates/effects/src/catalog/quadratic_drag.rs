@@ -1,27 +1,14 @@
 //! Air resistance that grows with the square of the speed.
 
-use crate::definition::{
-    self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, NonlinearParameter, Target, WrenchLaw,
-};
 use crate::scene::AIR_DENSITY_KGPM3;
-use crate::{Columns, EffectFrame, Scene};
+use crate::{About, Coefficient, Columns, Effect, EffectFrame, NonlinearParameter, Scene, Series, Target, Values};
 use nalgebra::Vector3;
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "quadratic_drag",
     title: "air resistance, quadratic in speed",
-    kind: EffectKind::Physics,
-    acts: ActsIn::Both,
-    class: "",
-    contains: &[],
-    by_group: false,
+    told_from: &[("linear_drag", "throws or jumps at speeds that differ threefold")],
     unbounded: "an area is not negative, and clothing or a parachute make it any size; entries of the matrices of a shape have either sign",
-    targets: def::body_links_or_shape,
-    coefficients,
-    nonlinear: centres,
-    starts: centre_starts,
-    wrench: Some(WrenchLaw::Frame(law)),
-    inertia: None,
     documentation: "\
 ## Physics
 A body that moves through still air pushes it aside: the drag on each link opposes the velocity of its centre and grows with the square of the speed. \
@@ -41,70 +28,112 @@ Throws at two speeds tell drag from all of them. In ordinary jumps it is near th
 ## References
 Hoerner, Fluid-Dynamic Drag (1965), ch. 3; Todorov, Erez, Tassa, MuJoCo (2012), documentation, chapter Computation, fluid forces on an inertia box; own simulations (`docs/findings/labs.md`).
 ",
+    ..About::PLAIN
 };
-
-fn coefficients(scene: &Scene, target: Target) -> Vec<Coefficient> {
-    let links = || scene.model.links.iter().map(|l| &l.name);
-    match target {
-        Target::EveryLink => links().map(|l| Coefficient::positive(format!("drag_area_{l}"), "m^2")).collect(),
-        Target::Shape => links()
-            .flat_map(|l| {
-                let of = move |what: &str, unit: &str, n: usize| -> Vec<Coefficient> {
-                    ENTRIES[..n].iter().map(|e| Coefficient::free(format!("{what}_{l}_{}", e.2), unit)).collect()
-                };
-                [
-                    of("area", "m^2", 6),
-                    of("breadth", "m^2", 5),
-                    of("carried", "kg", 6),
-                    of("turning", "N*m*s^2/rad^2", 6),
-                ]
-                .concat()
-            })
-            .collect(),
-        _ => vec![Coefficient::positive("drag_area", "m^2")],
-    }
-}
 
 /// Entries of a symmetric matrix: row, column, name.
 const ENTRIES: [(usize, usize, &str); 6] =
     [(0, 0, "xx"), (1, 1, "yy"), (0, 1, "xy"), (0, 2, "xz"), (1, 2, "yz"), (2, 2, "zz")];
-/// Coefficients of a link's shape.
+/// Columns of a link's shape: six areas, and from here on five breadths, six of fluid carried along, six against turning.
+const BREADTH: usize = 6;
+const CARRIED: usize = 11;
+const TURNING: usize = 17;
 const PER_LINK: usize = 23;
 
-/// Centres of the links' areas, where each link has its own.
+pub(super) struct QuadraticDrag;
+
+impl Effect for QuadraticDrag {
+    fn about(&self) -> About<'_> {
+        ABOUT
+    }
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        Target::body_links_or_shape(scene)
+    }
+    fn coefficients(&self, scene: &Scene, target: Target) -> Vec<Coefficient> {
+        if target != Target::Shape {
+            return drag_areas(scene, target);
+        }
+        let of_link = |l: &aloft_body::Link| {
+            let of = |what: &str, unit: &str, n: usize| -> Vec<Coefficient> {
+                ENTRIES[..n].iter().map(|e| Coefficient::free(format!("{what}_{}_{}", l.name, e.2), unit)).collect()
+            };
+            [
+                of("area", "m^2", BREADTH),
+                of("breadth", "m^2", CARRIED - BREADTH),
+                of("carried", "kg", TURNING - CARRIED),
+                of("turning", "N*m*s^2/rad^2", PER_LINK - TURNING),
+            ]
+            .concat()
+        };
+        scene.model.links.iter().flat_map(of_link).collect()
+    }
+    fn nonlinear(&self, scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
+        centres(scene, target)
+    }
+    fn starts(&self, scene: &Scene, target: Target) -> Vec<Vec<f64>> {
+        vec![centre_starts(scene, target)]
+    }
+    fn evaluate(&self, series: &Series<'_>, target: Target, nonlinear: &[f64], out: &mut Columns) {
+        let centres_m = centres_of(series.scene, nonlinear);
+        for (i, f) in series.instants() {
+            match target {
+                Target::Shape => shape(&f, &centres_m, out, i),
+                _ => drag(&f, target, &Vector3::zeros(), &centres_m, out, i),
+            }
+        }
+    }
+}
+
+/// A drag area for the whole body, or one for every link.
+pub(super) fn drag_areas(scene: &Scene, target: Target) -> Vec<Coefficient> {
+    let of = |l: &aloft_body::Link| Coefficient::positive(format!("drag_area_{}", l.name), "m^2");
+    match target {
+        Target::EveryLink => scene.model.links.iter().map(of).collect(),
+        _ => vec![Coefficient::positive("drag_area", "m^2")],
+    }
+}
+
+/// Centres of the links' areas as unknowns, where each link has its own.
 pub(super) fn centres(scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
     if !matches!(target, Target::EveryLink | Target::Shape) {
         return Vec::new();
     }
     let of = |(link, com): (&aloft_body::Link, &Vector3<f64>)| {
-        NonlinearParameter::point(&format!("centre_{}", link.name), [com.x, com.y, com.z], 0.3)
+        NonlinearParameter::point_on_link(&format!("centre_{}", link.name), com, 0.3)
     };
     scene.model.links.iter().zip(&scene.link_com_m).flat_map(of).collect()
 }
 
-/// The links' centres of mass.
-pub(super) fn centre_starts(scene: &Scene, target: Target) -> Vec<Vec<f64>> {
-    let coms = || scene.link_com_m.iter().flat_map(|c| [c.x, c.y, c.z]).collect();
-    vec![if matches!(target, Target::EveryLink | Target::Shape) { coms() } else { Vec::new() }]
-}
-
-/// Centre of a link's area: given, or its centre of mass.
-pub(super) fn centre(f: &EffectFrame<'_>, link: usize, p: &[f64]) -> Vector3<f64> {
-    match p.get(3 * link..3 * link + 3) {
-        Some(c) => Vector3::new(c[0], c[1], c[2]),
-        None => f.scene.link_com_m[link],
+/// Where the search for the centres begins: at the links' centres of mass.
+pub(super) fn centre_starts(scene: &Scene, target: Target) -> Vec<f64> {
+    match target {
+        Target::EveryLink | Target::Shape => scene.link_com_m.iter().flat_map(|c| [c.x, c.y, c.z]).collect(),
+        _ => Vec::new(),
     }
 }
 
+/// Centres of the links' areas in their frames, m: as given, or the centres of mass.
+pub(super) fn centres_of(scene: &Scene, given: &[f64]) -> Vec<Vector3<f64>> {
+    let mut values = Values::new(given);
+    let enough = given.len() == 3 * scene.link_com_m.len();
+    scene.link_com_m.iter().map(|com| if enough { values.vector() } else { *com }).collect()
+}
+
 /// Drag on every link for one velocity of the air, a column for all or one a link.
-pub(super) fn drag(f: &EffectFrame<'_>, target: Target, air: &Vector3<f64>, p: &[f64], out: &mut Columns, i: usize) {
-    for (link, here) in f.links.iter().enumerate() {
-        let centre = centre(f, link, p);
-        let u = here.point_velocity(&centre) - air;
+pub(super) fn drag(
+    f: &EffectFrame<'_>,
+    target: Target,
+    air_mps: &Vector3<f64>,
+    centres_m: &[Vector3<f64>],
+    out: &mut Columns,
+    i: usize,
+) {
+    for (link, (here, centre)) in f.links.iter().zip(centres_m).enumerate() {
+        let u = here.point_velocity(centre) - air_mps;
         let unit = u * (-0.5 * AIR_DENSITY_KGPM3 * u.norm());
         match target {
-            Target::EveryLink => out.force_at(i, link, &unit, &here.point(&centre)),
-            _ => out.force_at(i, 0, &(unit * f.scene.area_share[link]), &here.point(&centre)),
+            Target::EveryLink => out.force_at(i, link, &unit, &here.point(centre)),
+            _ => out.force_at(i, 0, &(unit * f.scene.area_share[link]), &here.point(centre)),
         }
     }
 }
@@ -120,11 +149,10 @@ fn times(e: (usize, usize, &str), v: &Vector3<f64>) -> Vector3<f64> {
 }
 
 /// Drag, lift and carried fluid of links of any shape.
-fn shape(f: &EffectFrame<'_>, p: &[f64], out: &mut Columns, i: usize) {
-    for (link, here) in f.links.iter().enumerate() {
-        let centre = centre(f, link, p);
-        let (at, first) = (here.point(&centre), PER_LINK * link);
-        let u = here.rotation.tr_mul(&here.point_velocity(&centre));
+fn shape(f: &EffectFrame<'_>, centres_m: &[Vector3<f64>], out: &mut Columns, i: usize) {
+    for (link, (here, centre)) in f.links.iter().zip(centres_m).enumerate() {
+        let (at, first) = (here.point(centre), PER_LINK * link);
+        let u = here.rotation.tr_mul(&here.point_velocity(centre));
         let w = here.rotation.tr_mul(&here.omega);
         let (speed, spin) = (u.norm(), w.norm());
         let direction = u / speed.max(1e-9);
@@ -134,19 +162,12 @@ fn shape(f: &EffectFrame<'_>, p: &[f64], out: &mut Columns, i: usize) {
                 out.force_at(i, first + column, &(here.rotation * own), &at);
             };
             force(k, pressed * (-0.5 * AIR_DENSITY_KGPM3 * speed));
-            if k < 5 {
-                force(6 + k, u * (-0.5 * AIR_DENSITY_KGPM3 * direction.dot(&pressed)));
+            if BREADTH + k < CARRIED {
+                force(BREADTH + k, u * (-0.5 * AIR_DENSITY_KGPM3 * direction.dot(&pressed)));
             }
-            force(11 + k, pressed.cross(&w));
-            out.couple(i, first + 11 + k, &(here.rotation * pressed.cross(&u)));
-            out.couple(i, first + 17 + k, &(here.rotation * (times(e, &w) * -spin)));
+            force(CARRIED + k, pressed.cross(&w));
+            out.couple(i, first + CARRIED + k, &(here.rotation * pressed.cross(&u)));
+            out.couple(i, first + TURNING + k, &(here.rotation * (times(e, &w) * -spin)));
         }
     }
-}
-
-fn law(f: &EffectFrame<'_>, target: Target, p: &[f64], out: &mut Columns, i: usize) {
-    if target == Target::Shape {
-        return shape(f, p, out, i);
-    }
-    drag(f, target, &Vector3::zeros(), p, out, i);
 }

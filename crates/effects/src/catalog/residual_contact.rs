@@ -1,23 +1,14 @@
 //! Flights that begin before the last contact ended, or end after the first began.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
-use crate::{Columns, EffectFrame, Scene};
+use crate::columns::axis;
+use crate::{About, ActsIn, Coefficient, Columns, Effect, EffectKind, Family, Scene, Series, Target};
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "residual_contact",
     title: "contact left over at the edges of flights",
     kind: EffectKind::Artefact,
     acts: ActsIn::Flight,
-    class: "",
-    contains: &[],
-    by_group: false,
-    unbounded: "",
-    targets,
-    coefficients,
-    nonlinear: def::none,
-    starts: def::one_start,
-    wrench: Some(WrenchLaw::Frame(law)),
-    inertia: None,
+    family: Family::Kinematics,
     documentation: "\
 ## Physics
 A toe still touches the floor, or a hand the object, in the first or last frames of what is taken for a flight.
@@ -31,34 +22,44 @@ Only the edges show it, and windows of 0.1 s rather than the usual ones: weak ro
 ## References
 Own simulations (`docs/findings/labs.md`).
 ",
+    ..About::PLAIN
 };
 
+/// Time over which the load fades from the edge of a flight, s.
 const REACH_S: f64 = 0.04;
+/// First columns of the forces at the two edges.
+const START: usize = 0;
+const END: usize = 3;
 
-/// Links that carry no others.
-fn targets(scene: &Scene) -> Vec<Target> {
-    let links = &scene.model.links;
-    (0..links.len()).filter(|i| links.iter().all(|l| l.parent != Some(*i))).map(Target::Link).collect()
-}
+pub(super) struct ResidualContact;
 
-fn coefficients(scene: &Scene, _: Target) -> Vec<Coefficient> {
-    // landings load a foot with several body weights within the reach
-    let most = 10.0 * scene.mass_kg * scene.gravity();
-    let within = |p: &str, a: &str| Coefficient::within(format!("{p}_{a}"), "N", -most, most);
-    ["start_force", "end_force"].iter().flat_map(|p| ["x", "y", "z"].map(|a| within(p, a))).collect()
-}
-
-fn law(f: &EffectFrame<'_>, target: Target, _: &[f64], out: &mut Columns, i: usize) {
-    if !f.flight {
-        return;
+impl Effect for ResidualContact {
+    fn about(&self) -> About<'_> {
+        ABOUT
     }
-    let index = def::link_of(target);
-    let point = f.links[index].point(&f.scene.link_com_m[index]);
-    for (first, since) in [(0, f.since_start_s), (3, f.to_end_s)] {
-        let share = 1.0 - since / REACH_S;
-        if share > 0.0 {
-            for k in 0..3 {
-                out.force_at(i, first + k, &(def::axis(k) * share), &point);
+    /// Links that carry no others.
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        let links = &scene.model.links;
+        (0..links.len()).filter(|i| links.iter().all(|l| l.parent != Some(*i))).map(Target::Link).collect()
+    }
+    fn coefficients(&self, scene: &Scene, _: Target) -> Vec<Coefficient> {
+        // landings load a foot with several body weights within the reach
+        let most = 10.0 * scene.mass_kg * scene.gravity();
+        let mut out = Coefficient::vector_in_world("start_force", "N", most);
+        out.extend(Coefficient::vector_in_world("end_force", "N", most));
+        out
+    }
+    fn evaluate(&self, series: &Series<'_>, target: Target, _: &[f64], out: &mut Columns) {
+        let link = target.link();
+        for (i, f) in series.instants().filter(|(_, f)| f.flight) {
+            let point = f.links[link].point(&f.scene.link_com_m[link]);
+            for (first, from_edge_s) in [(START, f.since_start_s), (END, f.to_end_s)] {
+                let share = 1.0 - from_edge_s / REACH_S;
+                if share > 0.0 {
+                    for k in 0..3 {
+                        out.force_at(i, first + k, &(axis(k) * share), &point);
+                    }
+                }
             }
         }
     }

@@ -1,23 +1,11 @@
 //! Resistance against turning.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
-use crate::{Columns, EffectFrame, Scene};
+use crate::{About, Coefficient, Columns, Effect, Scene, Series, Target};
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "rotational_drag",
     title: "resistance against turning",
-    kind: EffectKind::Physics,
-    acts: ActsIn::Both,
-    class: "",
-    contains: &[],
-    by_group: false,
     unbounded: "a resistance is not negative; how large it is depends on the fluid",
-    targets: def::body_or_links,
-    coefficients,
-    nonlinear: def::none,
-    starts: def::one_start,
-    wrench: Some(WrenchLaw::Frame(law)),
-    inertia: None,
     documentation: "\
 ## Physics
 Air (or a fluid) resists the turning of each link by a moment against its angular velocity; no force comes with it.
@@ -31,23 +19,31 @@ Air (or a fluid) resists the turning of each link by a moment against its angula
 ## References
 Lamb, Hydrodynamics (1932), s. 334; own simulations.
 ",
+    ..About::PLAIN
 };
 
-fn coefficients(scene: &Scene, target: Target) -> Vec<Coefficient> {
-    match target {
-        Target::EveryLink => scene
-            .model
-            .links
-            .iter()
-            .map(|l| Coefficient::positive(format!("rotational_resistance_{}", l.name), "N*m*s/rad"))
-            .collect(),
-        _ => vec![Coefficient::positive("rotational_resistance", "N*m*s/rad")],
-    }
-}
+pub(super) struct RotationalDrag;
 
-fn law(f: &EffectFrame<'_>, target: Target, _: &[f64], out: &mut Columns, i: usize) {
-    for (link, here) in f.links.iter().enumerate() {
-        let column = if target == Target::EveryLink { link } else { 0 };
-        out.couple(i, column, &-here.omega);
+impl Effect for RotationalDrag {
+    fn about(&self) -> About<'_> {
+        ABOUT
+    }
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        Target::body_or_links(scene)
+    }
+    fn coefficients(&self, scene: &Scene, target: Target) -> Vec<Coefficient> {
+        let of = |l: &aloft_body::Link| Coefficient::positive(format!("rotational_resistance_{}", l.name), "N*m*s/rad");
+        match target {
+            Target::EveryLink => scene.model.links.iter().map(of).collect(),
+            _ => vec![Coefficient::positive("rotational_resistance", "N*m*s/rad")],
+        }
+    }
+    fn evaluate(&self, series: &Series<'_>, target: Target, _: &[f64], out: &mut Columns) {
+        for (i, f) in series.instants() {
+            for (link, here) in f.links.iter().enumerate() {
+                let column = if target == Target::EveryLink { link } else { 0 };
+                out.couple(i, column, &-here.omega);
+            }
+        }
     }
 }

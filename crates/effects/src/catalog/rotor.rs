@@ -1,27 +1,15 @@
 //! A wheel whose speed swings.
 
-use crate::definition::{
-    self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, NonlinearParameter, Target, WrenchLaw,
-};
-use crate::{Columns, EffectFrame, Scene};
+use crate::{About, Coefficient, Columns, Effect, NonlinearParameter, Scene, Separation, Series, Target, Values};
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "rotor",
     title: "rotor of changing speed",
-    kind: EffectKind::Physics,
-    acts: ActsIn::Both,
-    class: "",
     contains: &["flywheel"],
-    by_group: false,
+    separated_by: Separation::BothSenses,
     unbounded: "a wheel turns either way, at any rate",
-    targets: def::links,
-    coefficients,
-    nonlinear,
-    starts,
-    wrench: Some(WrenchLaw::Frame(law)),
-    inertia: None,
     documentation: "\
 ## Physics
 A motor turns a rotor inside a link faster and slower: beside the flywheel's moment across the angular velocity the link feels the reaction to the change of spin, even when it does not turn.
@@ -35,30 +23,49 @@ Contains the flywheel. The swing shows as a moment of one frequency in the link'
 ## References
 Hughes, Spacecraft Attitude Dynamics (1986), ch. 3; own simulations.
 ",
+    ..About::PLAIN
 };
 
-fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
-    ["momentum", "swing_sin", "swing_cos"].iter().flat_map(|p| Coefficient::vector(p, "N*m*s")).collect()
-}
+/// First columns of the constant momentum and of the two parts of its swing.
+const MOMENTUM: usize = 0;
+const SWING_SIN: usize = 3;
+const SWING_COS: usize = 6;
 
-fn nonlinear(_: &Scene, _: Target) -> Vec<NonlinearParameter> {
-    vec![NonlinearParameter::new("frequency", "Hz", 0.2, 12.0, 0.02)]
-}
+pub(super) struct Rotor;
 
-fn starts(_: &Scene, _: Target) -> Vec<Vec<f64>> {
-    // the clock runs through a whole recording, so neighbours a twentieth of a hertz apart are already out of step
-    (0..140).map(|k| vec![0.3 + 0.04 * f64::from(k)]).collect()
-}
-
-fn law(f: &EffectFrame<'_>, target: Target, p: &[f64], out: &mut Columns, i: usize) {
-    let link = &f.links[def::link_of(target)];
-    let rate = TAU * p[0];
-    let (sin, cos) = (rate * f.time_s).sin_cos();
-    for k in 0..3 {
-        let axis: Vector3<f64> = link.rotation.column(k).into_owned();
-        let across = -link.omega.cross(&axis);
-        out.couple(i, k, &across);
-        out.couple(i, 3 + k, &(across * sin - axis * (rate * cos)));
-        out.couple(i, 6 + k, &(across * cos + axis * (rate * sin)));
+impl Effect for Rotor {
+    fn about(&self) -> About<'_> {
+        ABOUT
+    }
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        Target::links(scene)
+    }
+    fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
+        ["momentum", "swing_sin", "swing_cos"]
+            .iter()
+            .flat_map(|p| Coefficient::vector_on_link(p, "N*m*s", f64::INFINITY))
+            .collect()
+    }
+    fn nonlinear(&self, _: &Scene, _: Target) -> Vec<NonlinearParameter> {
+        vec![NonlinearParameter::new("frequency", "Hz", 0.2, 12.0, 0.02)]
+    }
+    fn starts(&self, _: &Scene, _: Target) -> Vec<Vec<f64>> {
+        // the clock runs through a whole recording, so neighbours a twentieth of a hertz apart are already out of step
+        (0..140).map(|k| vec![0.3 + 0.04 * f64::from(k)]).collect()
+    }
+    fn evaluate(&self, series: &Series<'_>, target: Target, nonlinear: &[f64], out: &mut Columns) {
+        let frequency_hz = Values::new(nonlinear).scalar();
+        let rate = TAU * frequency_hz;
+        for (i, f) in series.instants() {
+            let link = &f.links[target.link()];
+            let (sin, cos) = (rate * f.time_s).sin_cos();
+            for k in 0..3 {
+                let axis: Vector3<f64> = link.rotation.column(k).into_owned();
+                let across = -link.omega.cross(&axis);
+                out.couple(i, MOMENTUM + k, &across);
+                out.couple(i, SWING_SIN + k, &(across * sin - axis * (rate * cos)));
+                out.couple(i, SWING_COS + k, &(across * cos + axis * (rate * sin)));
+            }
+        }
     }
 }

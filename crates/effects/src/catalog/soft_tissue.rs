@@ -1,26 +1,18 @@
 //! Markers that slide with the skin as a joint turns.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
 use crate::displacement::add_columns;
-use crate::{Columns, EffectFrame, Scene, Series};
+use crate::unknown::AXES;
+use crate::{About, Coefficient, Columns, Effect, EffectFrame, EffectKind, Family, Scene, Separation, Series, Target};
 use aloft_body::JointKind;
 use nalgebra::{Quaternion, Vector3};
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "soft_tissue",
     title: "soft-tissue artefact, linear in joint angles",
     kind: EffectKind::Artefact,
-    acts: ActsIn::Both,
-    class: "",
-    contains: &[],
-    by_group: false,
-    unbounded: "",
-    targets,
-    coefficients,
-    nonlinear: def::none,
-    starts: def::one_start,
-    wrench: Some(WrenchLaw::Series(law)),
-    inertia: None,
+    family: Family::Kinematics,
+    separated_by: Separation::Impacts,
+    repeats: true,
     documentation: "\
 ## Physics
 Skin and muscle move over the bone as a joint turns, and the markers with them: the link is seen displaced by an amount that follows the joint's angles. Thigh and shank: 10-20 mm.
@@ -35,32 +27,52 @@ Repeats from trial to trial like a force does, at the frequency of the motion it
 ## References
 Leardini et al., Gait & Posture 21 (2005) 212-225; Camomilla et al., J. Biomech. 62 (2017).
 ",
+    ..About::PLAIN
 };
 
-fn targets(scene: &Scene) -> Vec<Target> {
-    (1..scene.model.n_links())
-        .filter(|i| matches!(scene.model.links[*i].joint.kind, JointKind::Spherical | JointKind::Revolute(_)))
-        .map(Target::Link)
-        .collect()
+/// Largest plausible slide, m/rad.
+const MOST: f64 = 0.2;
+
+pub(super) struct SoftTissue;
+
+impl Effect for SoftTissue {
+    fn about(&self) -> About<'_> {
+        ABOUT
+    }
+    /// Links that a hinge or a ball joint turns.
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        (1..scene.model.n_links())
+            .filter(|i| matches!(scene.model.links[*i].joint.kind, JointKind::Spherical | JointKind::Revolute(_)))
+            .map(Target::Link)
+            .collect()
+    }
+    fn coefficients(&self, scene: &Scene, target: Target) -> Vec<Coefficient> {
+        let n = n_angles(scene, target);
+        if n == 1 {
+            return Coefficient::vector_on_link("slide", "m/rad", MOST);
+        }
+        // entries of a matrix have no direction of their own
+        let entry = |axis: &str, a: usize| Coefficient::within(format!("slide_{axis}_a{a}"), "m/rad", -MOST, MOST);
+        AXES.iter().flat_map(|axis| (1..=n).map(move |a| entry(axis, a))).collect()
+    }
+    fn evaluate(&self, series: &Series<'_>, target: Target, _: &[f64], out: &mut Columns) {
+        let link = target.link();
+        let n = n_angles(series.scene, target);
+        add_columns(series, out, |f, column, l| {
+            if l != link {
+                return Vector3::zeros();
+            }
+            f.links[l].rotation.column(column / n) * angle(f, link, column % n)
+        });
+    }
 }
 
+/// Angles on which the slide depends: three of a ball joint, one of a hinge.
 fn n_angles(scene: &Scene, target: Target) -> usize {
-    match scene.model.links.get(def::link_of(target)).map(|l| l.joint.kind) {
+    match scene.model.links.get(target.link()).map(|l| l.joint.kind) {
         Some(JointKind::Spherical) => 3,
         _ => 1,
     }
-}
-
-fn coefficients(scene: &Scene, target: Target) -> Vec<Coefficient> {
-    let n = n_angles(scene, target);
-    let mut out = Vec::new();
-    for axis in ["x", "y", "z"] {
-        for angle in 0..n {
-            let name = if n == 1 { format!("slide_{axis}") } else { format!("slide_{axis}_a{}", angle + 1) };
-            out.push(Coefficient::within(name, "m/rad", -0.2, 0.2));
-        }
-    }
-    out
 }
 
 /// Angle (or component of the rotation vector) of a link's joint.
@@ -75,15 +87,4 @@ fn angle(f: &EffectFrame<'_>, link: usize, k: usize) -> f64 {
         }
         _ => f.q[at],
     }
-}
-
-fn law(series: &Series<'_>, target: Target, _: &[f64], out: &mut Columns) {
-    let link = def::link_of(target);
-    let n = n_angles(series.scene, target);
-    add_columns(series, out, |f, column, l| {
-        if l != link {
-            return Vector3::zeros();
-        }
-        f.links[l].rotation.column(column / n) * angle(f, link, column % n)
-    });
 }

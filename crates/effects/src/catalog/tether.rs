@@ -1,27 +1,13 @@
 //! An elastic line to a fixed point of the room.
 
-use super::constant_force;
-use crate::definition::{
-    self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, NonlinearParameter, Target, WrenchLaw,
-};
-use crate::{Columns, EffectFrame, Scene};
+use crate::{About, Coefficient, Columns, Effect, NonlinearParameter, Scene, Separation, Series, Target, Values};
 use nalgebra::Vector3;
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "tether",
     title: "tether or bungee",
-    kind: EffectKind::Physics,
-    acts: ActsIn::Both,
-    class: "",
-    contains: &[],
-    by_group: false,
+    separated_by: Separation::OtherPlaces,
     unbounded: "a stiffness is not negative and has no largest value; a damping of zero has to be found as zero from both sides",
-    targets: def::links,
-    coefficients,
-    nonlinear,
-    starts,
-    wrench: Some(WrenchLaw::Frame(law)),
-    inertia: None,
     documentation: "\
 ## Physics
 An elastic line, safety rope or cable runs from a point of a link to an anchor in the room. It pulls towards the anchor when stretched and does nothing when slack.
@@ -37,18 +23,60 @@ by flights in several places. A very distant anchor makes it a constant force.
 ## References
 Own simulations (`docs/findings/labs.md`).
 ",
+    ..About::PLAIN
 };
 
-fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
-    vec![Coefficient::positive("stiffness", "N/m"), Coefficient::free("damping", "N*s/m")]
-}
+/// Columns.
+const STIFFNESS: usize = 0;
+const DAMPING: usize = 1;
 
-fn nonlinear(scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
-    let c = scene.volume_center_m;
-    let mut out = NonlinearParameter::point("anchor", [c.x, c.y, c.z], 8.0);
-    out.push(NonlinearParameter::new("rest_length", "m", 0.0, 8.0, 0.1));
-    out.extend(constant_force::nonlinear(scene, target));
-    out
+pub(super) struct Tether;
+
+impl Effect for Tether {
+    fn about(&self) -> About<'_> {
+        ABOUT
+    }
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        Target::links(scene)
+    }
+    fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
+        vec![Coefficient::positive("stiffness", "N/m"), Coefficient::free("damping", "N*s/m")]
+    }
+    fn nonlinear(&self, scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
+        let mut out = NonlinearParameter::point_in_world("anchor", &scene.volume_center_m, 8.0);
+        out.push(NonlinearParameter::new("rest_length", "m", 0.0, 8.0, 0.1));
+        out.extend(NonlinearParameter::point_of(scene, target));
+        out
+    }
+    fn starts(&self, scene: &Scene, target: Target) -> Vec<Vec<f64>> {
+        let attachment = scene.com_of(target);
+        anchors(scene)
+            .iter()
+            .flat_map(|anchor| {
+                let mean = (anchor - scene.volume_center_m).norm();
+                [0.0, 0.6 * mean, 0.95 * mean]
+                    .map(|rest_length| [anchor.as_slice(), &[rest_length], attachment.as_slice()].concat())
+            })
+            .collect()
+    }
+    fn evaluate(&self, series: &Series<'_>, target: Target, nonlinear: &[f64], out: &mut Columns) {
+        let mut values = Values::new(nonlinear);
+        let (anchor_m, rest_length_m, attachment_m) = (values.vector(), values.scalar(), values.vector());
+        for (i, f) in series.instants() {
+            let link = &f.links[target.link()];
+            let at = link.point(&attachment_m);
+            let line = anchor_m - at;
+            let distance = line.norm();
+            let stretch = distance - rest_length_m.max(0.0);
+            if stretch <= 0.0 || distance < 1e-9 {
+                continue;
+            }
+            let u = line / distance;
+            let lengthening = -u.dot(&link.point_velocity(&attachment_m));
+            out.force_at(i, STIFFNESS, &(u * stretch), &at);
+            out.force_at(i, DAMPING, &(u * lengthening), &at);
+        }
+    }
 }
 
 /// Anchors around the volume, at several heights and distances, slack and not.
@@ -64,31 +92,4 @@ pub(super) fn anchors(scene: &Scene) -> Vec<Vector3<f64>> {
         }
     }
     out
-}
-
-fn starts(scene: &Scene, target: Target) -> Vec<Vec<f64>> {
-    let point = &constant_force::starts(scene, target)[0];
-    anchors(scene)
-        .iter()
-        .flat_map(|a| {
-            let mean = (a - scene.volume_center_m).norm();
-            [0.0, 0.6 * mean, 0.95 * mean].map(|l0| vec![a.x, a.y, a.z, l0, point[0], point[1], point[2]])
-        })
-        .collect()
-}
-
-fn law(f: &EffectFrame<'_>, target: Target, p: &[f64], out: &mut Columns, i: usize) {
-    let point = Vector3::new(p[4], p[5], p[6]);
-    let link = &f.links[def::link_of(target)];
-    let at = link.point(&point);
-    let line = Vector3::new(p[0], p[1], p[2]) - at;
-    let distance = line.norm();
-    let stretch = distance - p[3].max(0.0);
-    if stretch <= 0.0 || distance < 1e-9 {
-        return;
-    }
-    let u = line / distance;
-    let lengthening = -u.dot(&link.point_velocity(&point));
-    out.force_at(i, 0, &(u * stretch), &at);
-    out.force_at(i, 1, &(u * lengthening), &at);
 }

@@ -1,24 +1,12 @@
 //! A force that turns with a link: jet, propeller, thruster.
 
-use crate::definition::{self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, Target, WrenchLaw};
-use crate::{Columns, EffectFrame, Scene};
+use crate::{About, Coefficient, Columns, Effect, Scene, Series, Target};
 use nalgebra::Vector3;
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "thrust",
     title: "thrust fixed in a link",
-    kind: EffectKind::Physics,
-    acts: ActsIn::Both,
-    class: "",
-    contains: &[],
-    by_group: false,
     unbounded: "a jet may push with any force along any line",
-    targets: def::links,
-    coefficients,
-    nonlinear: def::none,
-    starts: def::one_start,
-    wrench: Some(WrenchLaw::Frame(law)),
-    inertia: None,
     documentation: "\
 ## Physics
 A jet, a propeller or a thruster pushes with constant force along a direction fixed in a link, along a line anywhere in the link.
@@ -32,21 +20,37 @@ A jet, a propeller or a thruster pushes with constant force along a direction fi
 ## References
 Own simulations (`docs/findings/labs.md`).
 ",
+    ..About::PLAIN
 };
 
-fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
-    let mut out = Coefficient::vector("force", "N");
-    out.extend(Coefficient::vector("moment", "N*m"));
-    out
-}
+/// First columns of the force and of the moment.
+const FORCE: usize = 0;
+const MOMENT: usize = 3;
 
-fn law(f: &EffectFrame<'_>, target: Target, _: &[f64], out: &mut Columns, i: usize) {
-    let index = def::link_of(target);
-    let link = &f.links[index];
-    let point = link.point(&f.scene.link_com_m[index]);
-    for k in 0..3 {
-        let axis: Vector3<f64> = link.rotation.column(k).into_owned();
-        out.force_at(i, k, &axis, &point);
-        out.couple(i, 3 + k, &axis);
+pub(super) struct Thrust;
+
+impl Effect for Thrust {
+    fn about(&self) -> About<'_> {
+        ABOUT
+    }
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        Target::links(scene)
+    }
+    fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
+        let mut out = Coefficient::vector_on_link("force", "N", f64::INFINITY);
+        out.extend(Coefficient::vector_on_link("moment", "N*m", f64::INFINITY));
+        out
+    }
+    fn evaluate(&self, series: &Series<'_>, target: Target, _: &[f64], out: &mut Columns) {
+        let index = target.link();
+        for (i, f) in series.instants() {
+            let link = &f.links[index];
+            let point = link.point(&f.scene.link_com_m[index]);
+            for k in 0..3 {
+                let axis: Vector3<f64> = link.rotation.column(k).into_owned();
+                out.force_at(i, FORCE + k, &axis, &point);
+                out.couple(i, MOMENT + k, &axis);
+            }
+        }
     }
 }

@@ -1,26 +1,15 @@
 //! A part of a link's mass that hangs on springs: muscle and fat.
 
-use crate::definition::{
-    self as def, ActsIn, Coefficient, EffectDefinition, EffectKind, NonlinearParameter, Target, WrenchLaw,
+use crate::{
+    About, Coefficient, Columns, Effect, LinkFrame, NonlinearParameter, Scene, Separation, Series, Target, Values,
 };
-use crate::{Columns, LinkFrame, Scene, Series};
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 
-pub(super) static EFFECT: EffectDefinition = EffectDefinition {
+const ABOUT: About<'static> = About {
     id: "wobbling_mass",
     title: "wobbling mass",
-    kind: EffectKind::Physics,
-    acts: ActsIn::Both,
-    class: "",
-    contains: &[],
-    by_group: false,
-    targets: def::links,
-    coefficients,
-    nonlinear,
-    starts,
-    wrench: Some(WrenchLaw::Series(law)),
-    inertia: None,
+    separated_by: Separation::Impacts,
     unbounded: "a mass is not negative; its natural limit, the mass of the link, is itself unknown, and what hung before may ring in either sense",
     documentation: "\
 ## Physics
@@ -38,56 +27,75 @@ Differentiation blurs the moment of release, so that the mass is found 10-20 % t
 ## References
 Gruber et al., J. Biomech. 31 (1998) 433-444; own simulations.
 ",
+    ..About::PLAIN
 };
 
-fn coefficients(_: &Scene, _: Target) -> Vec<Coefficient> {
-    vec![Coefficient::positive("mass", "kg"), Coefficient::free("hanging", "kg"), Coefficient::free("turning", "kg")]
-}
+/// Columns.
+const MASS: usize = 0;
+const HANGING: usize = 1;
+const TURNING: usize = 2;
 
-fn nonlinear(scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
-    let mut out = vec![
-        NonlinearParameter::new("frequency", "Hz", 2.0, 20.0, 0.3),
-        NonlinearParameter::new("damping_ratio", "1", 0.02, 1.0, 0.05),
-    ];
-    out.extend(super::constant_force::nonlinear(scene, target));
-    out
-}
+pub(super) struct WobblingMass;
 
-fn starts(scene: &Scene, target: Target) -> Vec<Vec<f64>> {
-    let point = super::constant_force::starts(scene, target).concat();
-    [4.0, 6.0, 8.0, 11.0, 15.0].iter().map(|f| [&[*f, 0.2][..], &point].concat()).collect()
-}
-
-fn law(series: &Series<'_>, target: Target, p: &[f64], out: &mut Columns) {
-    let (w, zeta) = (TAU * p[0], p[1]);
-    let link = def::link_of(target);
-    let place = Vector3::new(p[2], p[3], p[4]);
-    let g = series.scene.model.gravity_mps2;
-    let fall = |links: &[LinkFrame]| g - links[link].point_acceleration(&place);
-    let omega = |links: &[LinkFrame]| links[link].omega;
-    for run in series.runs() {
-        let here = series.links(run.start);
-        let none = Vector3::zeros();
-        let mass = |x| Oscillator { x, v: none, w, zeta };
-        // driven from no offset where nothing is known of the time before, else through the frames that lead up to the stretch
-        let past: Vec<(Vector3<f64>, Vector3<f64>)> = series.lead_in(run.start).map(|l| (fall(l), omega(l))).collect();
-        let first = (fall(here), omega(here));
-        let mut driven = mass(past.first().map_or(none, |oldest| oldest.0 / (w * w)));
-        for (i, (field, turn)) in past.iter().enumerate() {
-            driven.advance(field, &past.get(i + 1).unwrap_or(&first).0, turn, series.rate_hz);
-        }
-        // let go from where it hung in gravity, and from where it was held in the first field
-        let (mut hung, mut turned) = (mass(g / (w * w)), mass(first.0 / (w * w)));
-        for i in run.clone() {
-            let (field, turn) = (fall(series.links(i)), omega(series.links(i)));
-            let point = series.links(i)[link].point(&place);
-            out.force_at(i, 0, &-driven.acceleration(&field, &turn), &point);
-            out.force_at(i, 1, &-hung.acceleration(&none, &turn), &point);
-            out.force_at(i, 2, &-turned.acceleration(&none, &turn), &point);
-            if i + 1 < run.end {
-                driven.advance(&field, &fall(series.links(i + 1)), &turn, series.rate_hz);
-                hung.advance(&none, &none, &turn, series.rate_hz);
-                turned.advance(&none, &none, &turn, series.rate_hz);
+impl Effect for WobblingMass {
+    fn about(&self) -> About<'_> {
+        ABOUT
+    }
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        Target::links(scene)
+    }
+    fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
+        vec![
+            Coefficient::positive("mass", "kg"),
+            Coefficient::free("hanging", "kg"),
+            Coefficient::free("turning", "kg"),
+        ]
+    }
+    fn nonlinear(&self, scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
+        let mut out = vec![
+            NonlinearParameter::new("frequency", "Hz", 2.0, 20.0, 0.3),
+            NonlinearParameter::new("damping_ratio", "1", 0.02, 1.0, 0.05),
+        ];
+        out.extend(NonlinearParameter::point_of(scene, target));
+        out
+    }
+    fn starts(&self, scene: &Scene, target: Target) -> Vec<Vec<f64>> {
+        let point = scene.com_of(target);
+        [4.0, 6.0, 8.0, 11.0, 15.0].iter().map(|f| [&[*f, 0.2], point.as_slice()].concat()).collect()
+    }
+    fn evaluate(&self, series: &Series<'_>, target: Target, nonlinear: &[f64], out: &mut Columns) {
+        let mut values = Values::new(nonlinear);
+        let (frequency_hz, damping_ratio, place_m) = (values.scalar(), values.scalar(), values.vector());
+        let (w, zeta) = (TAU * frequency_hz, damping_ratio);
+        let link = target.link();
+        let g = series.scene.model.gravity_mps2;
+        let fall = |links: &[LinkFrame]| g - links[link].point_acceleration(&place_m);
+        let omega = |links: &[LinkFrame]| links[link].omega;
+        for run in series.runs() {
+            let here = series.links(run.start);
+            let none = Vector3::zeros();
+            let mass = |x| Oscillator { x, v: none, w, zeta };
+            // driven from no offset where nothing is known of the time before, else through the frames that lead up to the stretch
+            let past: Vec<(Vector3<f64>, Vector3<f64>)> =
+                series.lead_in(run.start).map(|l| (fall(l), omega(l))).collect();
+            let first = (fall(here), omega(here));
+            let mut driven = mass(past.first().map_or(none, |oldest| oldest.0 / (w * w)));
+            for (i, (field, turn)) in past.iter().enumerate() {
+                driven.advance(field, &past.get(i + 1).unwrap_or(&first).0, turn, series.rate_hz);
+            }
+            // let go from where it hung in gravity, and from where it was held in the first field
+            let (mut hung, mut turned) = (mass(g / (w * w)), mass(first.0 / (w * w)));
+            for i in run.clone() {
+                let (field, turn) = (fall(series.links(i)), omega(series.links(i)));
+                let point = series.links(i)[link].point(&place_m);
+                out.force_at(i, MASS, &-driven.acceleration(&field, &turn), &point);
+                out.force_at(i, HANGING, &-hung.acceleration(&none, &turn), &point);
+                out.force_at(i, TURNING, &-turned.acceleration(&none, &turn), &point);
+                if i + 1 < run.end {
+                    driven.advance(&field, &fall(series.links(i + 1)), &turn, series.rate_hz);
+                    hung.advance(&none, &none, &turn, series.rate_hz);
+                    turned.advance(&none, &none, &turn, series.rate_hz);
+                }
             }
         }
     }

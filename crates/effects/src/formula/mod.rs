@@ -24,6 +24,10 @@
 //!
 //! Vectors are in world axes, or in the link's with `axes: link` (places always in the world); forces act at the point. A law on several
 //! links has `parts`, or one part with `link: all`, which acts on every link at that link's own point. Numbers with units are `constants`.
+//!
+//! Unknowns have a direction where their names say so: coefficients `c_x`, `c_y` (and `c_z`) in a row are the components of a vector,
+//! parameters `anchor_x` … or `pulley_x` … a place in the room, `wind_x` … a vector of the room. Discovery turns such an effect to other
+//! directions when it asks how far two effects can be told apart.
 
 mod law;
 mod parse;
@@ -36,7 +40,8 @@ pub use spec::{
 };
 
 use crate::{
-    ActsIn, Coefficient, Columns, Effect, EffectKind, EffectsError, NonlinearParameter, Scene, Series, Target,
+    About, ActsIn, Coefficient, Columns, Effect, EffectKind, EffectsError, NonlinearParameter, ParameterKind, Scene,
+    Series, Target,
 };
 use law::{Law, Source, Symbol};
 use nalgebra::Vector3;
@@ -122,6 +127,8 @@ impl FormulaEffect {
             let at = if self.force.is_some() { "force[0]" } else { "moment[0]" };
             return Err(self.wrong(at, "this law has no `point`: say on which link it acts"));
         }
+        let (mut coefficients, mut parameters) = (coefficients, parameters);
+        name_directions(&mut coefficients, &mut parameters, parts.iter().all(|p| p.axes == FormulaAxes::World));
         let sources = |s: &Source| parts.iter().flat_map(|p| &p.laws).flatten().any(|l| l.sources.contains(s));
         for s in symbols.iter().filter(|s| !matches!(s.source, Source::Constant(_))) {
             if !sources(&s.source) {
@@ -231,21 +238,54 @@ impl FormulaEffect {
     }
 }
 
+/// Gives the unknowns of a formula the directions that their names state.
+fn name_directions(coefficients: &mut [Coefficient], parameters: &mut [NonlinearParameter], in_world: bool) {
+    let of_axes: fn(usize) -> ParameterKind =
+        if in_world { ParameterKind::VectorInWorld } else { ParameterKind::VectorOnLink };
+    let names: Vec<String> = coefficients.iter().map(|c| c.name.clone()).collect();
+    for (at, n, _) in triples(&names) {
+        (0..n).for_each(|k| coefficients[at + k].kind = of_axes(k));
+    }
+    let names: Vec<String> = parameters.iter().map(|p| p.name.clone()).collect();
+    for (at, n, stem) in triples(&names) {
+        let kind: fn(usize) -> ParameterKind = match stem.as_str() {
+            "anchor" | "pulley" => ParameterKind::PointInWorld,
+            "wind" => ParameterKind::VectorInWorld,
+            _ => continue,
+        };
+        (0..n).for_each(|k| parameters[at + k].kind = kind(k));
+    }
+    let plain = |kind: ParameterKind| kind == ParameterKind::Scalar;
+    let directed = !(coefficients.iter().all(|c| plain(c.kind)) && parameters.iter().all(|p| plain(p.kind)));
+    // two coefficients of either sign and nothing with a direction: taken for the horizontal components of a vector
+    if let (false, [x, y]) = (directed, &mut coefficients[..])
+        && x.lower < 0.0
+        && y.lower < 0.0
+    {
+        (x.kind, y.kind) = (of_axes(0), of_axes(1));
+    }
+}
+
+/// Names `stem_x`, `stem_y` and perhaps `stem_z` in a row: the place of the first, how many, the stem.
+fn triples(names: &[String]) -> Vec<(usize, usize, String)> {
+    let of = |at: usize| {
+        let stem = names[at].strip_suffix("_x")?;
+        let is = |k: usize, axis: &str| names.get(at + k).is_some_and(|n| *n == format!("{stem}_{axis}"));
+        is(1, "y").then(|| (at, if is(2, "z") { 3 } else { 2 }, stem.to_owned()))
+    };
+    (0..names.len()).filter_map(of).collect()
+}
+
 impl Effect for CompiledFormula {
-    fn id(&self) -> &str {
-        &self.id
-    }
-    fn title(&self) -> &str {
-        &self.title
-    }
-    fn kind(&self) -> EffectKind {
-        self.kind
-    }
-    fn acts(&self) -> ActsIn {
-        self.acts
-    }
-    fn documentation(&self) -> &str {
-        &self.documentation
+    fn about(&self) -> About<'_> {
+        About {
+            id: &self.id,
+            title: &self.title,
+            kind: self.kind,
+            acts: self.acts,
+            documentation: &self.documentation,
+            ..About::PLAIN
+        }
     }
     fn targets(&self, _: &Scene) -> Vec<Target> {
         vec![Target::Body]

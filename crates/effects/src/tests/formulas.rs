@@ -92,6 +92,35 @@ fn prop_formulas_read_as_people_write() {
     });
 }
 
+/// Names give unknowns a direction: vectors among coefficients, known places and winds among parameters, and two coefficients of either
+/// sign where nothing else has one.
+#[test]
+fn names_of_a_formula_s_unknowns_give_them_a_direction() {
+    use ParameterKind::{PointInWorld, Scalar, VectorInWorld, VectorOnLink};
+    let fixture = Fixture::new(true);
+    let kinds = |text: &str| {
+        let effect: FormulaEffect = serde_json::from_str(text).unwrap();
+        let compiled = effect.compile(&fixture.scene).unwrap();
+        let linear = compiled.coefficients(&fixture.scene, Target::Body).iter().map(|c| c.kind).collect::<Vec<_>>();
+        let bent = compiled.nonlinear(&fixture.scene, Target::Body).iter().map(|p| p.kind).collect::<Vec<_>>();
+        (linear, bent)
+    };
+    let jet = r#"{"id": "jet", "axes": "link", "point": {"link": "arm"}, "force": ["f_x", "f_y", "f_z + k"],
+        "coefficients": [{"name": "f_x", "unit": "N"}, {"name": "f_y", "unit": "N"}, {"name": "f_z", "unit": "N"},
+                         {"name": "k", "unit": "N"}]}"#;
+    assert_eq!(kinds(jet).0, [VectorOnLink(0), VectorOnLink(1), VectorOnLink(2), Scalar]);
+    let spring = r#"{"id": "spring", "point": {"link": "arm"},
+        "force": ["k * (anchor_x - r_x)", "k * (anchor_y - r_y)", "-d * v_z"],
+        "coefficients": [{"name": "k", "unit": "N/m"}, {"name": "d", "unit": "N*s/m"}],
+        "parameters": [{"name": "anchor_x", "unit": "m", "lower": -1, "upper": 1},
+                       {"name": "anchor_y", "unit": "m", "lower": -1, "upper": 1}]}"#;
+    assert_eq!(kinds(spring), (vec![Scalar; 2], vec![PointInWorld(0), PointInWorld(1)]));
+    let lean = r#"{"id": "lean", "point": {"link": "base"}, "force": ["a", "b", "0"],
+        "coefficients": [{"name": "a", "unit": "N"}, {"name": "b", "unit": "N"}]}"#;
+    assert_eq!(kinds(lean).0, [VectorInWorld(0), VectorInWorld(1)]);
+    assert_eq!(kinds(&lean.replace(r#""unit": "N"}]"#, r#""unit": "N", "lower": 0}]"#)).0, [Scalar; 2]);
+}
+
 #[test]
 fn prop_the_example_configuration_compiles() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/effects");
@@ -121,7 +150,7 @@ fn prop_drag_written_as_a_formula_has_the_columns_of_the_catalogue() {
     let (body, links) = (read("air_drag.yaml"), read("my_drag.yaml"));
     let (body, links) = (body.compile(&fixture.scene).unwrap(), links.compile(&fixture.scene).unwrap());
     let drag = effect("quadratic_drag").unwrap();
-    let centres = (drag.starts)(&fixture.scene, Target::EveryLink).remove(0);
+    let centres = drag.starts(&fixture.scene, Target::EveryLink).remove(0);
     fixture.with(|series| {
         let pairs = [
             (fixture.columns(series, &body, Target::Body, &[]), fixture.columns(series, drag, Target::Body, &[])),

@@ -1,0 +1,161 @@
+//! What an effect states about itself: everything that others may want to know of it beside its law.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Whether nature or the measurement makes the effect.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum EffectKind {
+    /// A force that acted.
+    Physics,
+    /// A fault of the measurement or of its processing.
+    Artefact,
+}
+
+/// Where an effect acts, and so on which windows it is judged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ActsIn {
+    /// In the air only.
+    Flight,
+    /// On the plates only.
+    Contact,
+    /// Always.
+    Both,
+}
+
+impl ActsIn {
+    /// True when the effect is seen in flights.
+    pub fn in_flight(self) -> bool {
+        self != Self::Contact
+    }
+    /// True when the effect is seen in contact.
+    pub fn in_contact(self) -> bool {
+        self != Self::Flight
+    }
+}
+
+/// What an effect is a matter of. A ranking demands more of faults that every recording has to some degree.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Family {
+    /// Forces, masses and gravity.
+    Forces,
+    /// Where cameras, markers and the skeleton place the body, and when its flights begin and end.
+    Kinematics,
+    /// What force plates measure, and the scale that weighed the body.
+    Plates,
+}
+
+/// The further recording that tells an effect from others.
+///
+/// The order is one of precedence: where two effects name different recordings, the first of them in this list tells the two apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Separation {
+    /// A measure of time, length or weight that is known beforehand.
+    KnownFall,
+    /// Another orientation of the laboratory axes.
+    TurnedLaboratory,
+    /// Motion with and against a stream.
+    WithAndAgainst,
+    /// The same motion elsewhere.
+    OtherPlaces,
+    /// Spins in both senses.
+    BothSenses,
+    /// Trials with and without a load.
+    WithAndWithoutLoad,
+    /// Motions with and without impacts.
+    Impacts,
+    /// A known weight on each plate.
+    KnownWeight,
+    /// More of the same, for longer and faster.
+    LongerFlights,
+}
+
+impl Separation {
+    /// The recording in words, as in "they are told apart by …".
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::KnownFall => "a dropped ball of known fall, a clock pulse, a calibrated wand, the weight on a plate",
+            Self::TurnedLaboratory => {
+                "a second orientation of the laboratory axes (turn the calibration frame), or a plumb line"
+            }
+            Self::WithAndAgainst => "motion with and against the wind at several speeds",
+            Self::OtherPlaces => "the same motion at other places of the volume, and turned by a right angle",
+            Self::BothSenses => "spins in both senses about several axes",
+            Self::WithAndWithoutLoad => "trials with and without the load",
+            Self::Impacts => "a motion without impacts beside one with them, and markers on bone",
+            Self::KnownWeight => "standing still on each plate in turn with a certified weight",
+            Self::LongerFlights => "longer flights with spin in both senses and at several speeds",
+        }
+    }
+}
+
+/// Names and facts of an effect that do not depend on the body. Effects state what differs from [`About::PLAIN`].
+#[derive(Debug, Clone, Copy)]
+pub struct About<'a> {
+    /// Identifier in YAML and JSON.
+    pub id: &'a str,
+    /// A few words.
+    pub title: &'a str,
+    /// Physics or artefact.
+    pub kind: EffectKind,
+    /// Where it acts.
+    pub acts: ActsIn,
+    /// What it is a matter of.
+    pub family: Family,
+    /// Exact aliases: what it cannot be told from by any recording of the same kind; empty for none.
+    pub class: &'a str,
+    /// Effects of which this one is a generalisation: it contains them, so it only counts where it does better.
+    pub contains: &'a [&'a str],
+    /// The recording that tells it from most other effects.
+    pub separated_by: Separation,
+    /// Effects that another recording tells it from, and that recording in words. One of the two effects has to state it.
+    pub told_from: &'a [(&'a str, &'a str)],
+    /// True when it shows only as a difference between groups of trials.
+    pub by_group: bool,
+    /// True when it is the same in every trial of a person and of unknown size in all of them (linear, coefficients in one unit):
+    /// the intervals of other effects allow for it.
+    pub repeats: bool,
+    /// True when it depends on when in the session a recording was made.
+    pub uses_session_time: bool,
+    /// True when the free fall in flights alone, without plates or a model, shows the faults of time, length or weight that look
+    /// like it.
+    pub shows_in_free_fall: bool,
+    /// Why coefficients that lack a bound lack it; empty where each has two.
+    pub unbounded: &'a str,
+    /// Markdown with the headings Physics, Equation, Identifiability, References.
+    pub documentation: &'a str,
+}
+
+impl About<'_> {
+    /// A force that acts in flight and contact, with no aliases and nothing special.
+    pub const PLAIN: About<'static> = About {
+        id: "",
+        title: "",
+        kind: EffectKind::Physics,
+        acts: ActsIn::Both,
+        family: Family::Forces,
+        class: "",
+        contains: &[],
+        separated_by: Separation::LongerFlights,
+        told_from: &[],
+        by_group: false,
+        repeats: false,
+        uses_session_time: false,
+        shows_in_free_fall: false,
+        unbounded: "",
+        documentation: "",
+    };
+}
+
+impl<'a> About<'a> {
+    /// The recording that tells two effects apart, in words: what one of them states for this pair, else the recording of the two
+    /// that takes precedence.
+    pub fn told_apart_by(&self, other: &About<'a>) -> &'a str {
+        let stated = |a: &About<'a>, b: &About<'a>| a.told_from.iter().find(|t| t.0 == b.id).map(|t| t.1);
+        stated(self, other)
+            .or_else(|| stated(other, self))
+            .unwrap_or_else(|| self.separated_by.min(other.separated_by).words())
+    }
+}

@@ -1,0 +1,92 @@
+//! On what an effect acts, and the targets that effects commonly offer.
+
+use crate::Scene;
+use serde::{Deserialize, Serialize};
+
+/// On what an effect acts: one of the choices among which a ranking selects.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Target {
+    /// The whole body (or all plates) with one set of coefficients.
+    Body,
+    /// The whole body, a coefficient for every link.
+    EveryLink,
+    /// The whole body, coefficients for the shape of every link.
+    Shape,
+    /// One link, by index.
+    Link(usize),
+    /// One plate, by index.
+    Plate(usize),
+}
+
+impl Target {
+    /// Short name for columns and reports: nothing for the body, `links`, `shape`, a link's name, `plate1` …
+    pub fn label(&self, scene: &Scene) -> String {
+        match self {
+            Self::Body => String::new(),
+            Self::EveryLink => "links".to_owned(),
+            Self::Shape => "shape".to_owned(),
+            Self::Link(i) => scene.model.links.get(*i).map_or_else(|| format!("link{i}"), |l| l.name.clone()),
+            Self::Plate(i) => format!("plate{}", i + 1),
+        }
+    }
+
+    /// Index of its link; that of the root where it names none.
+    pub fn link(self) -> usize {
+        match self {
+            Self::Link(i) => i,
+            _ => 0,
+        }
+    }
+
+    /// True when a plate takes part in it.
+    pub fn includes_plate(self, plate: usize) -> bool {
+        match self {
+            Self::Plate(i) => i == plate,
+            _ => true,
+        }
+    }
+
+    /// The whole body.
+    pub fn body() -> Vec<Self> {
+        vec![Self::Body]
+    }
+
+    /// Every link.
+    pub fn links(scene: &Scene) -> Vec<Self> {
+        (0..scene.model.n_links()).map(Self::Link).collect()
+    }
+
+    /// The whole body, and a coefficient for each link where there are two or three.
+    pub fn body_or_links(scene: &Scene) -> Vec<Self> {
+        if (2..=3).contains(&scene.model.n_links()) { vec![Self::Body, Self::EveryLink] } else { vec![Self::Body] }
+    }
+
+    /// The same, and coefficients for the shape of each link where there are two or three.
+    pub fn body_links_or_shape(scene: &Scene) -> Vec<Self> {
+        let mut out = Self::body_or_links(scene);
+        if out.len() > 1 {
+            out.push(Self::Shape);
+        }
+        out
+    }
+
+    /// The whole body where it stands on plates; nothing without plates.
+    pub fn body_on_plates(scene: &Scene) -> Vec<Self> {
+        if scene.n_plates() > 0 { vec![Self::Body] } else { Vec::new() }
+    }
+
+    /// Every plate.
+    pub fn plates(scene: &Scene) -> Vec<Self> {
+        (0..scene.n_plates()).map(Self::Plate).collect()
+    }
+
+    /// All plates together, and each alone.
+    pub fn all_or_one_plate(scene: &Scene) -> Vec<Self> {
+        match scene.n_plates() {
+            0 => Vec::new(),
+            1 => vec![Self::Body],
+            n => std::iter::once(Self::Body).chain((0..n).map(Self::Plate)).collect(),
+        }
+    }
+}

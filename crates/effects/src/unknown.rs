@@ -1,0 +1,161 @@
+//! The unknowns of an effect: names, units, bounds, and what each number means in space.
+
+use crate::{Scene, Target};
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+/// What a number means in space, so that an effect can be turned into another direction without knowing it. Components 0, 1, 2 are
+/// x, y, z and stand in this order; a horizontal vector has the first two only.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum ParameterKind {
+    /// A number without direction.
+    #[default]
+    Scalar,
+    /// Component of a place in the room, m.
+    PointInWorld(usize),
+    /// Component of a vector in world axes.
+    VectorInWorld(usize),
+    /// Component of a place in the frame of a link, m.
+    PointOnLink(usize),
+    /// Component of a vector in the axes of a link.
+    VectorOnLink(usize),
+}
+
+impl ParameterKind {
+    /// True for the x component of a vector in any axes whose y component is the unknown `next`.
+    pub fn begins_vector(self, next: Option<Self>) -> bool {
+        matches!(
+            (self, next),
+            (Self::VectorInWorld(0), Some(Self::VectorInWorld(1)))
+                | (Self::VectorOnLink(0), Some(Self::VectorOnLink(1)))
+        )
+    }
+}
+
+/// Names of the components of a vector.
+pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// An unknown that the effect's wrench is proportional to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Coefficient {
+    /// Name.
+    pub name: String,
+    /// SI unit; `1` for none.
+    pub unit: String,
+    /// Smallest plausible value (physics may forbid a sign).
+    pub lower: f64,
+    /// Largest plausible value.
+    pub upper: f64,
+    /// What it means in space.
+    #[serde(skip)]
+    pub kind: ParameterKind,
+}
+
+impl Coefficient {
+    /// Any finite value.
+    pub fn free(name: impl Into<String>, unit: &str) -> Self {
+        Self::within(name, unit, f64::NEG_INFINITY, f64::INFINITY)
+    }
+    /// Zero or more.
+    pub fn positive(name: impl Into<String>, unit: &str) -> Self {
+        Self::within(name, unit, 0.0, f64::INFINITY)
+    }
+    /// A number without direction, within bounds.
+    pub fn within(name: impl Into<String>, unit: &str, lower: f64, upper: f64) -> Self {
+        Self { name: name.into(), unit: unit.to_owned(), lower, upper, kind: ParameterKind::Scalar }
+    }
+    /// Components `prefix_x`, `prefix_y`, `prefix_z` of a vector in world axes, each below `most` in size.
+    pub fn vector_in_world(prefix: &str, unit: &str, most: f64) -> Vec<Self> {
+        Self::vector(prefix, unit, most, ParameterKind::VectorInWorld)
+    }
+    /// The same in the axes of a link.
+    pub fn vector_on_link(prefix: &str, unit: &str, most: f64) -> Vec<Self> {
+        Self::vector(prefix, unit, most, ParameterKind::VectorOnLink)
+    }
+    fn vector(prefix: &str, unit: &str, most: f64, kind: fn(usize) -> ParameterKind) -> Vec<Self> {
+        let of = |(k, axis): (usize, &&str)| Self {
+            kind: kind(k),
+            ..Self::within(format!("{prefix}_{axis}"), unit, -most, most)
+        };
+        AXES.iter().enumerate().map(of).collect()
+    }
+}
+
+/// An unknown on which the columns themselves depend.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NonlinearParameter {
+    /// Name.
+    pub name: String,
+    /// SI unit; `1` for none.
+    pub unit: String,
+    /// Lower bound.
+    pub lower: f64,
+    /// Upper bound.
+    pub upper: f64,
+    /// Step of finite differences and unit of trust: a change that alters the columns noticeably.
+    pub scale: f64,
+    /// What it means in space.
+    #[serde(skip)]
+    pub kind: ParameterKind,
+}
+
+impl NonlinearParameter {
+    /// A number without direction, with its bounds.
+    pub fn new(name: impl Into<String>, unit: &str, lower: f64, upper: f64, scale: f64) -> Self {
+        Self { name: name.into(), unit: unit.to_owned(), lower, upper, scale, kind: ParameterKind::Scalar }
+    }
+    /// Components `prefix_x` … of a place in the room, m, each within `reach` of `center`.
+    pub fn point_in_world(prefix: &str, center: &Vector3<f64>, reach: f64) -> Vec<Self> {
+        Self::point(prefix, center, reach, ParameterKind::PointInWorld)
+    }
+    /// Components `prefix_x` … of a place in the frame of a link, m, each within `reach` of `center`.
+    pub fn point_on_link(prefix: &str, center: &Vector3<f64>, reach: f64) -> Vec<Self> {
+        Self::point(prefix, center, reach, ParameterKind::PointOnLink)
+    }
+    /// The place on the target's link where a force acts or a mass sits: `point_x` …, within 0.3 m of the link's centre of mass.
+    pub fn point_of(scene: &Scene, target: Target) -> Vec<Self> {
+        Self::point_on_link("point", &scene.com_of(target), 0.3)
+    }
+    /// Components `prefix_x` … of a vector in world axes, each below `most` in size.
+    pub fn vector_in_world(prefix: &str, unit: &str, most: f64, scale: f64) -> Vec<Self> {
+        let of = |(k, axis): (usize, &&str)| Self {
+            kind: ParameterKind::VectorInWorld(k),
+            ..Self::new(format!("{prefix}_{axis}"), unit, -most, most, scale)
+        };
+        AXES.iter().enumerate().map(of).collect()
+    }
+    fn point(prefix: &str, center: &Vector3<f64>, reach: f64, kind: fn(usize) -> ParameterKind) -> Vec<Self> {
+        let of = |(k, (axis, c)): (usize, (&&str, &f64))| Self {
+            kind: kind(k),
+            ..Self::new(format!("{prefix}_{axis}"), "m", c - reach, c + reach, 0.2 * reach.min(0.5))
+        };
+        AXES.iter().zip(center.iter()).enumerate().map(of).collect()
+    }
+}
+
+/// Values of nonlinear parameters, read in the order in which [`crate::Effect::nonlinear`] names them. A value that is not there is NaN.
+#[derive(Debug, Clone)]
+pub struct Values<'a> {
+    rest: &'a [f64],
+}
+
+impl<'a> Values<'a> {
+    /// From the first on.
+    pub fn new(values: &'a [f64]) -> Self {
+        Self { rest: values }
+    }
+    /// The next number.
+    pub fn scalar(&mut self) -> f64 {
+        let Some((first, rest)) = self.rest.split_first() else { return f64::NAN };
+        self.rest = rest;
+        *first
+    }
+    /// The next three numbers as a place or a vector.
+    pub fn vector(&mut self) -> Vector3<f64> {
+        Vector3::from_fn(|_, _| self.scalar())
+    }
+    /// All that were not read yet.
+    pub fn rest(self) -> &'a [f64] {
+        self.rest
+    }
+}
