@@ -8,7 +8,7 @@ use crate::from_motion::{Found, PlateEvidence, search, shortest_frames};
 use crate::from_plates::{Unloaded, centroid_fall, frames_in, unloaded_stretches};
 use crate::parabola::Parabola;
 use crate::{
-    EdgeSource, Flight, FlightError, FlightMethod, FlightOptions, FlightReport, FlightSource, Rejected,
+    EdgeSource, Flight, FlightError, FlightMethod, FlightOptions, FlightReport, FlightSource, FlightWarning, Rejected,
     RejectionReason, from_plates, plate_wrench_at_marker_rate, total_wrench,
 };
 use aloft_body::{Model, Motion, Phi};
@@ -67,7 +67,8 @@ pub fn find_flights(
         let clues = clues(trial, phi, motion, &path, &report, &bare)?;
         report.free_fall = FreeFall::of(&report.flights, &gravity, rate_hz, &bare, &clues);
     }
-    report.warnings.extend(report.free_fall.as_ref().and_then(FreeFall::warning));
+    let off = report.free_fall.as_ref().and_then(FreeFall::warning);
+    report.warnings.extend(off.map(|words| FlightWarning::FreeFall { words }));
     report.apply_margin(options.margin_frames, shortest_frames(rate_hz, options));
     Ok(report)
 }
@@ -227,10 +228,12 @@ fn join(
         }
         let early = flight.start + tolerance < frames.start || frames.end + tolerance < flight.end;
         if early {
-            report.warnings.push(format!(
-                "flight in frames {} to {}: motion says {} to {}, plates {} to {} ({shared} frames in common)",
-                joined.start, joined.end, flight.start, flight.end, frames.start, frames.end
-            ));
+            report.warnings.push(FlightWarning::EdgesDiffer {
+                joined: joined.frames(),
+                motion: flight.frames(),
+                plates: frames,
+                shared,
+            });
         }
         if joined.n_frames() >= shortest {
             report.flights.push(joined);
@@ -245,10 +248,7 @@ fn join(
         }
         let unsolved = flight.frames().filter(|&frame| frame >= motion.n_frames() || !motion.is_valid(frame)).count();
         if 3 * unsolved > flight.n_frames() {
-            report.warnings.push(format!(
-                "flight in frames {} to {}: told by the plates alone, {unsolved} frames of the motion are not solved",
-                flight.start, flight.end
-            ));
+            report.warnings.push(FlightWarning::Unsolved { frames: flight.frames(), unsolved });
             report.flights.push(flight.clone());
             continue;
         }
@@ -258,10 +258,7 @@ fn join(
             ((mean - free).norm() < UNSTEADY * free.norm()).then_some(mean)
         });
         if let Some(mean) = mean {
-            report.warnings.push(format!(
-                "flight in frames {} to {}: told by the plates alone, the motion is not steady in it",
-                flight.start, flight.end
-            ));
+            report.warnings.push(FlightWarning::Unsteady { frames: flight.frames() });
             report.flights.push(Flight { mean_acceleration_mps2: mean.into(), ..flight.clone() });
         } else {
             let vertical_mps2 = centroid_fall(trial, flight.start, flight.end).map_or(0.0, |c| c.acceleration_mps2.z);

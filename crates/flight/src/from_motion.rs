@@ -5,7 +5,10 @@ use crate::explain::Clues;
 use crate::free_acceleration::{Acceleration, SLOW, Search, haste, inner, longest_frames};
 use crate::free_fall::FreeFall;
 use crate::parabola::Parabola;
-use crate::{EdgeSource, Flight, FlightError, FlightOptions, FlightReport, FlightSource, Rejected, RejectionReason};
+use crate::{
+    EdgeSource, Flight, FlightError, FlightOptions, FlightReport, FlightSource, FlightWarning, Rejected,
+    RejectionReason,
+};
 use aloft_body::{Model, Motion, Phi, STANDARD_GRAVITY_MPS2};
 use nalgebra::Vector3;
 use std::ops::Range;
@@ -38,7 +41,8 @@ pub fn from_motion(
     let found = search(model, phi, motion, options, None)?;
     let mut report = found.report;
     report.free_fall = FreeFall::of(&report.flights, &model.gravity_mps2, motion.rate_hz, options, &Clues::default());
-    report.warnings.extend(report.free_fall.as_ref().and_then(FreeFall::warning));
+    let off = report.free_fall.as_ref().and_then(FreeFall::warning);
+    report.warnings.extend(off.map(|words| FlightWarning::FreeFall { words }));
     report.apply_margin(options.margin_frames, shortest_frames(motion.rate_hz, options));
     Ok(report)
 }

@@ -1,7 +1,7 @@
 //! Marker sets applied to recordings: labels become canonical, and what is missing or unknown is listed.
 
 use crate::options::split_prefix;
-use crate::{MarkerSet, Trial};
+use crate::{MarkerSet, Trial, WarningKind};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -157,7 +157,7 @@ pub fn apply_marker_set(
     }
     if !outcome.guessed.is_empty() {
         let pairs: Vec<String> = outcome.guessed.iter().map(|(from, to)| format!("`{from}` as `{to}`")).collect();
-        trial.warnings.push(format!("labels read by ignoring case and separators: {}", pairs.join(", ")));
+        trial.warn(WarningKind::Labels, format!("labels read by ignoring case and separators: {}", pairs.join(", ")));
     }
     outcome
 }

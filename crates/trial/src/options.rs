@@ -2,7 +2,7 @@
 
 use crate::rows::RATES_HZ;
 use crate::world::{rotate, up_axis_from_plates};
-use crate::{Trial, TrialError, UpAxis};
+use crate::{Trial, TrialError, UpAxis, Warning, WarningKind};
 use serde::{Deserialize, Serialize};
 
 /// How a recording is read.
@@ -48,7 +48,7 @@ pub(crate) fn split_prefix(label: &str) -> (&str, Option<&str>) {
 }
 
 /// Gives repeated labels a number (`RKNE`, `RKNE#2`) and says so. Both stay.
-pub(crate) fn disambiguate(labels: &mut [String], warnings: &mut Vec<String>) {
+pub(crate) fn disambiguate(labels: &mut [String], warnings: &mut Vec<Warning>) {
     let mut seen: std::collections::BTreeMap<String, usize> = std::collections::BTreeMap::new();
     let taken: std::collections::BTreeSet<String> = labels.iter().cloned().collect();
     for label in labels.iter_mut() {
@@ -68,7 +68,8 @@ pub(crate) fn disambiguate(labels: &mut [String], warnings: &mut Vec<String>) {
         seen.iter().filter(|(_, count)| **count > 1).map(|(label, count)| format!("`{label}` ({count})")).collect();
     if let Some(first) = repeated.first() {
         let more = if repeated.len() > 1 { format!(" and {} other labels", repeated.len() - 1) } else { String::new() };
-        warnings.push(format!("label {first}{more} repeated; all are kept, the later ones as `…#2`, `…#3`"));
+        let message = format!("label {first}{more} repeated; all are kept, the later ones as `…#2`, `…#3`");
+        warnings.push(Warning::new(WarningKind::Labels, message));
     }
 }
 
@@ -78,13 +79,16 @@ pub(crate) fn to_world(trial: &mut Trial, options: &ImportOptions, declared: Opt
     let told = up_axis_from_plates(trial).or(declared.map(|up| (up, "the file's screen axes")));
     let up = match (options.up_axis, told) {
         (Some(stated), Some((seen, by))) if stated != seen => {
-            trial.warnings.push(format!("up axis stated as {stated}, but {by} say {seen}; the stated one is used"));
+            trial.warn(
+                WarningKind::Axes,
+                format!("up axis stated as {stated}, but {by} say {seen}; the stated one is used"),
+            );
             stated
         }
         (Some(stated), _) => stated,
         (None, Some((seen, by))) => {
             if seen != habit {
-                trial.warnings.push(format!("up axis {seen}, told by {by}"));
+                trial.warn(WarningKind::Axes, format!("up axis {seen}, told by {by}"));
             }
             seen
         }

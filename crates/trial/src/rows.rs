@@ -3,7 +3,7 @@
 //! A text file is easily cut, sorted or edited, and each row says for itself when it was measured. So the time column, the frame numbers, the stated
 //! rate and the stated number of rows are held against each other. A missing row is a missing sample: it never changes the rate.
 
-use crate::TrialError;
+use crate::{TrialError, Warning, WarningKind};
 
 /// Rates outside of this are no sampling rates of a recording, Hz.
 pub(crate) const RATES_HZ: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
@@ -73,7 +73,7 @@ pub(crate) fn clock(
     of: Source<'_>,
     rows: &[Stamp],
     stated_hz: Option<f64>,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Warning>,
 ) -> Result<Clock, TrialError> {
     let (Some(first), Some(last)) = (rows.first(), rows.last()) else {
         return Ok(Clock { rate_hz: stated_hz.unwrap_or(f64::NAN), places: Vec::new(), n: 0 });
@@ -117,9 +117,12 @@ pub(crate) fn clock(
     let rate_hz = match stated_hz {
         Some(stated) if (measured_hz / stated - 1.0).abs() <= RATE_TOLERANCE => stated,
         Some(stated) => {
-            warnings.push(format!(
-                "{} states {stated} Hz but its times run at {measured_hz:.3} Hz; the times are used",
-                of.format
+            warnings.push(Warning::new(
+                WarningKind::Contradiction,
+                format!(
+                    "{} states {stated} Hz but its times run at {measured_hz:.3} Hz; the times are used",
+                    of.format
+                ),
             ));
             measured_hz
         }
@@ -129,12 +132,15 @@ pub(crate) fn clock(
         let step = rows[i].number.zip(rows[i - 1].number).map(|(a, b)| a - b);
         step.is_some_and(|s| s != (places[i] - places[i - 1]) as i64)
     }) {
-        warnings.push(format!(
-            "{} line {}: frame {} follows frame {}, but its time does not fit; the times are used",
-            of.format,
-            rows[odd].line,
-            rows[odd].number.unwrap_or_default(),
-            rows[odd - 1].number.unwrap_or_default()
+        warnings.push(Warning::new(
+            WarningKind::Contradiction,
+            format!(
+                "{} line {}: frame {} follows frame {}, but its time does not fit; the times are used",
+                of.format,
+                rows[odd].line,
+                rows[odd].number.unwrap_or_default(),
+                rows[odd - 1].number.unwrap_or_default()
+            ),
         ));
     }
     fill(of, rows, places, rate_hz, warnings)
@@ -203,7 +209,7 @@ fn fill(
     rows: &[Stamp],
     places: Vec<usize>,
     rate_hz: f64,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Warning>,
 ) -> Result<Clock, TrialError> {
     if !RATES_HZ.contains(&rate_hz) {
         return Err(TrialError::Rate { trial: of.trial.to_owned(), place: of.format, found: rate_hz });
@@ -221,9 +227,9 @@ fn fill(
                 "a row for each frame; export the recording again",
             ));
         }
-        warnings.push(format!(
-            "{}: {missing} frames are not in the file, the first {place}; they are kept as missing",
-            of.format
+        warnings.push(Warning::new(
+            WarningKind::Rows,
+            format!("{}: {missing} frames are not in the file, the first {place}; they are kept as missing", of.format),
         ));
     }
     Ok(Clock { rate_hz, places, n })

@@ -1,6 +1,6 @@
 //! One declared world frame: Z up, metres. Turns a source's vertical into Z, for everything in the recording at once.
 
-use crate::Trial;
+use crate::{Trial, WarningKind};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -165,12 +165,12 @@ pub(crate) fn rotate(trial: &mut Trial, up: UpAxis) {
             for value in &mut computed.values {
                 *value = world_from_source * *value;
             }
-        } else if computed.kind == "force" || computed.kind == "moment" {
+        } else if computed.is_vector() {
             own_axes += 1;
         }
     }
     if own_axes > 0 {
-        trial.warnings.push(format!(
+        trial.warn(WarningKind::Axes, format!(
             "{own_axes} computed forces and moments keep their own axes: the source does not say that they are in laboratory axes"
         ));
     }

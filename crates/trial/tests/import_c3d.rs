@@ -74,7 +74,7 @@ fn regress_chain_gaps_are_filled_from_the_link() {
 #[test]
 fn regress_jump_with_cut_labels() {
     let Some(mut trial) = read("real_landing/Sample_Jump2.c3d") else { return };
-    assert!(trial.warnings.iter().any(|w| w.contains("full names taken")), "{:?}", trial.warnings);
+    assert!(trial.warnings.iter().any(|w| w.message.contains("full names taken")), "{:?}", trial.warnings);
     assert!(trial.markers.index("R.Knee.Medial").is_some());
     let names: Vec<_> = trial.events.iter().map(|e| e.label.as_str()).collect();
     assert_eq!(names, ["Start", "Take-Off", "Landing", "End"]);

@@ -27,7 +27,7 @@ fn regress_trc_units_gaps_zeros_and_lost_frames() {
     assert_eq!(trial.markers.position(1, 0), None);
     assert_eq!(trial.markers.position(1, 2), None);
     assert!((trial.markers.position(1, 3).unwrap() - Vector3::new(0.01, -0.03, 0.02)).norm() < 1e-15);
-    assert!(trial.warnings.iter().any(|w| w.contains("1 frames are not in the file")), "{:?}", trial.warnings);
+    assert!(trial.warnings.iter().any(|w| w.message.contains("1 frames are not in the file")), "{:?}", trial.warnings);
 }
 
 #[test]

@@ -155,7 +155,7 @@ fn prop_labels_are_found_by_alias_prefix_and_letters() {
     assert_eq!(found.unknown, ["Stranger", "LTOE#2"]);
     assert_eq!(found.guessed.len(), 2);
     assert!(found.missing.contains(&"LASI".to_owned()));
-    assert!(trial.warnings.iter().any(|w| w.contains("`rfhd` as `RFHD`")), "{:?}", trial.warnings);
+    assert!(trial.warnings.iter().any(|w| w.message.contains("`rfhd` as `RFHD`")), "{:?}", trial.warnings);
 }
 
 #[test]

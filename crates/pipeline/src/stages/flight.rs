@@ -101,7 +101,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     if let Some(percent) = gravity_error_percent(&report, job.study.facts.gravity_mps2) {
         done.note("gravity_error_percent", percent);
     }
-    done.warnings.extend(report.warnings.iter().cloned());
+    done.warnings.extend(report.warnings.iter().map(ToString::to_string));
     let mut reasons = Vec::new();
     if let Some(fall) = &report.free_fall {
         done.note("free_fall_ratio", json!(fall.ratio));

@@ -137,7 +137,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let study = job.study;
     let mut trial = read_recording(study, entry)?;
     let import = study.import_of(Some(entry));
-    let held = held_fraction(&trial);
+    let held = trial.truncated();
     holds_enough(study, entry, &trial)?;
     let matched = apply_marker_set(&mut trial, &study.marker_set, &import.aliases);
     if matched.present.is_empty() {
@@ -188,7 +188,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let mut reasons: Vec<QcReason> =
         quality.reasons.iter().filter(|r| r.severity() != Severity::Note).map(QcReason::from).collect();
     reasons.extend(held.map(|_| QcReason::FramesLost));
-    reasons.extend(forces_held(&trial).map(|_| QcReason::PlateIncomplete));
+    reasons.extend(trial.forces_truncated().map(|_| QcReason::PlateIncomplete));
     reasons.sort();
     reasons.dedup();
     done.note("qc", json!(reasons));
@@ -201,7 +201,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         .map(|(_, t)| t.iter().filter(|p| !p.x.is_finite()).count())
         .sum();
     done.note("missing_samples", gaps_left);
-    done.warnings.extend(trial.warnings.iter().cloned());
+    done.warnings.extend(trial.warnings.iter().map(ToString::to_string));
     done.warnings.extend(quality.reasons.iter().filter(|r| r.severity() == Severity::Warning).map(ToString::to_string));
     write_json(&job.out.join("quality.json"), &ImportRecord { matched, fills, findings, quality })?;
     Ok(done)
@@ -209,8 +209,8 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
 
 /// A file that ends before the stated number of frames is used as far as it goes, unless it holds less than the pipeline's `least_fraction`.
 pub fn holds_enough(study: &Study, entry: &TrialEntry, trial: &Trial) -> Result<(), StageFailure> {
-    let recording = held_fraction(trial).map(|counts| (counts, &entry.file));
-    let forces = forces_held(trial).zip(entry.forces.as_ref());
+    let recording = trial.truncated().map(|counts| (counts, &entry.file));
+    let forces = trial.forces_truncated().zip(entry.forces.as_ref());
     for ((held, stated), file) in recording.into_iter().chain(forces) {
         if (held as f64) < study.import_of(Some(entry)).least_fraction * stated as f64 {
             return Err(StageFailure::with_hint(
@@ -221,21 +221,6 @@ pub fn holds_enough(study: &Study, entry: &TrialEntry, trial: &Trial) -> Result<
         }
     }
     Ok(())
-}
-
-/// Frames that a truncated file holds, and those that it states; none for a whole file. The reader says so in a warning.
-fn held_fraction(trial: &Trial) -> Option<(usize, usize)> {
-    let text = trial.warnings.iter().find_map(|w| w.strip_prefix("truncated: "))?;
-    let stated = text.split(' ').next()?.parse().ok()?;
-    Some((trial.markers.n_frames, stated))
-}
-
-/// The same of a file of forces.
-fn forces_held(trial: &Trial) -> Option<(usize, usize)> {
-    let text = trial.warnings.iter().find_map(|w| w.strip_prefix(aloft_trial::FORCES_TRUNCATED))?;
-    let stated = text.split(' ').next()?.parse().ok()?;
-    let held = text.split("ends in row ").nth(1)?.split(' ').next()?.parse().ok()?;
-    Some((held, stated))
 }
 
 /// The first few of many names.
