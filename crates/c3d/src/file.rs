@@ -176,10 +176,6 @@ impl C3dFile {
     pub fn point_index(&self, label: &str) -> Option<usize> {
         self.points.iter().position(|p| p.label == label)
     }
-    /// Index of a channel by its label as stored.
-    pub fn analog_index(&self, label: &str) -> Option<usize> {
-        self.analogs.iter().position(|a| a.label == label)
-    }
     /// Markers, computed points left out.
     pub fn markers(&self) -> impl Iterator<Item = &Point> {
         self.points.iter().filter(|p| p.kind == PointKind::Marker)

@@ -52,7 +52,7 @@ fn scalar(quantity: &'static str, name: &str, unit: &'static str, values: Vec<f6
 }
 
 /// Names of joint centres: `RHJC`, `LKJC` … as gait laboratories call them, `<link>_JC` for other models, `PELO` and so on for the root.
-pub fn joint_centre_name(link: &str, is_root: bool) -> String {
+pub(crate) fn joint_centre_name(link: &str, is_root: bool) -> String {
     let (stem, side) = match link.rsplit_once('_') {
         Some((stem, "r")) => (stem, "R"),
         Some((stem, "l")) => (stem, "L"),

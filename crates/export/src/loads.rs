@@ -37,7 +37,7 @@ pub(crate) fn parts(w: &Vector6<f64>) -> (Vector3<f64>, Vector3<f64>) {
 }
 
 /// Centre of pressure on the plane z = 0, m.
-pub fn center_of_pressure(wrench: &Vector6<f64>) -> Vector3<f64> {
+pub(crate) fn center_of_pressure(wrench: &Vector6<f64>) -> Vector3<f64> {
     Vector3::new(-wrench[4] / wrench[2], wrench[3] / wrench[2], 0.0)
 }
 

@@ -209,7 +209,7 @@ impl Clusters {
     }
 
     /// The unknowns themselves as functions of the rows' errors, m × m: see [`Clusters::spread`].
-    pub fn own_functions(&self) -> DMatrix<f64> {
+    pub(crate) fn own_functions(&self) -> DMatrix<f64> {
         self.inverse.transpose()
     }
 

@@ -80,11 +80,6 @@ impl TestFunction {
     pub fn time_s(&self, i: usize) -> f64 {
         (i as f64 - self.half as f64) * self.step_s
     }
-    /// `Σ ψ̈_a ψ̈_b / dt`, for two windows whose centres are `shift` frames apart: the covariance of their rows under white
-    /// position noise, 1/s³.
-    pub fn gram_of_second_derivative(&self, shift: usize) -> f64 {
-        self.psi_ddot.iter().skip(shift).zip(&self.psi_ddot).map(|(a, b)| a * b).sum::<f64>() / self.step_s
-    }
 }
 
 /// Adds `(1−τ²)^(power−2) Σ cⱼ τ^kⱼ` so that the moments `Σ w τ^k` take their exact values.
@@ -106,7 +101,7 @@ fn correct(weights: &mut [f64], taus: &[f64], power: i32, wanted: &[(i32, f64)])
 
 /// Centres of a family of windows over the frames `start .. end` of a run: as many as needed for steps of at most `hop` frames,
 /// spread evenly, the first and last touching the ends. Empty when the run is shorter than the window.
-pub fn window_centers(start: usize, end: usize, half: usize, hop: usize) -> Vec<usize> {
+pub(crate) fn window_centers(start: usize, end: usize, half: usize, hop: usize) -> Vec<usize> {
     let length = end.saturating_sub(start);
     if length < 2 * half + 1 {
         return Vec::new();

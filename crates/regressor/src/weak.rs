@@ -50,7 +50,7 @@ impl Default for WeakOptions {
 
 impl WeakOptions {
     /// Frames on each side of a window's centre for a stretch of `n_frames`.
-    pub fn half_window(&self, n_frames: usize, rate_hz: f64) -> usize {
+    pub(crate) fn half_window(&self, n_frames: usize, rate_hz: f64) -> usize {
         let duration_s = n_frames as f64 / rate_hz;
         let window_s = self.window_s.unwrap_or_else(|| (0.6 * duration_s).clamp(0.15, 0.4)).min(duration_s);
         let half = (window_s * rate_hz / 2.0).round() as usize;

@@ -73,7 +73,7 @@ pub struct ComputedPoint {
 
 impl ComputedPoint {
     /// True for forces and moments.
-    pub fn is_vector(&self) -> bool {
+    pub(crate) fn is_vector(&self) -> bool {
         matches!(self.kind, PointKind::Force | PointKind::Moment)
     }
     /// True for vectors in laboratory axes (ground reactions). Joint forces and moments are stored in the axes of a segment

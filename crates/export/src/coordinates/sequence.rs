@@ -42,7 +42,7 @@ impl Sequence {
     }
 
     /// True when the first axis is also the last.
-    pub fn is_proper_euler(&self) -> bool {
+    pub(crate) fn is_proper_euler(&self) -> bool {
         self.axes[0] == self.axes[2]
     }
 
@@ -105,7 +105,7 @@ impl Sequence {
     }
 
     /// The matrix J with `ω = J q̇`, ω in the axes of the moving link.
-    pub fn velocity_matrix(&self, angles: &[f64; 3]) -> Matrix3<f64> {
+    pub(crate) fn velocity_matrix(&self, angles: &[f64; 3]) -> Matrix3<f64> {
         let t = |k: usize| turn(self.axes[k], self.signs[k] * angles[k]).transpose();
         let last = t(2);
         Matrix3::from_columns(&[last * t(1) * self.axis(0), last * self.axis(1), self.axis(2)])

@@ -42,13 +42,6 @@ impl Job<'_> {
         apply_tare(&mut trial, &tares);
         Ok(trial)
     }
-    /// The imported recording with the tare of its plates taken off.
-    pub fn load_tared_trial(&self, name: &str) -> Result<Trial, StageFailure> {
-        let mut trial = self.load_trial(name)?;
-        let tares: Vec<PlateTare> = read_json(&self.workspace.place("flight", name).join("tare.json"))?;
-        apply_tare(&mut trial, &tares);
-        Ok(trial)
-    }
 }
 
 /// Standard deviation of the ratio between measured and stated free acceleration that flights of a trial share: people (masses out of a
