@@ -214,7 +214,7 @@ impl C3dBuilder {
 /// Six channels in plate axes about the sensor, from a wrench in world axes about the world origin.
 fn add_plate_channels(file: &mut C3dFile, index: usize, wrench: &PlateWrench) -> Result<(), C3dError> {
     let fail = |problem: String| C3dError::Write { item: format!("plate {}", index + 1), problem };
-    let metres = unit::metres(&file.point_unit).ok_or_else(|| fail(format!("point unit `{}`", file.point_unit)))?;
+    let metres = unit::metres_per(&file.point_unit).ok_or_else(|| fail(format!("point unit `{}`", file.point_unit)))?;
     let plate = &file.plates[index];
     let frame = plate.frame().ok_or_else(|| fail(format!("corners {:?} span no plate", plate.corners)))?;
     if wrench.force_n.len() != wrench.moment_nm.len() {

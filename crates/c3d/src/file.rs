@@ -193,6 +193,6 @@ impl C3dFile {
     }
     /// Metres in one point unit; `None` for a unit nobody knows.
     pub fn metres_per_point_unit(&self) -> Option<f64> {
-        crate::unit::metres(&self.point_unit)
+        crate::unit::metres_per(&self.point_unit)
     }
 }

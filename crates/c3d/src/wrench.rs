@@ -187,7 +187,7 @@ impl C3dFile {
             1 => {
                 // three forces, centre of pressure on the surface, free moment
                 reference_m = Vector3::zeros();
-                let length = unit::metres(unit_of(3)).unwrap_or(metres);
+                let length = unit::metres_per(unit_of(3)).unwrap_or(metres);
                 let torque = unit::newton_metres(unit_of(5)).unwrap_or(newtons * metres);
                 for i in 0..samples {
                     let force = Vector3::new(raw(0, i), raw(1, i), raw(2, i)) * newtons;

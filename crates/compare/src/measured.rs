@@ -97,12 +97,7 @@ fn noise_density(samples: &[f64], rate_hz: f64) -> [f64; 6] {
 
 /// Standard deviation of a normal distribution with this median absolute value; 0 without values.
 pub(crate) fn median_scale(absolute: &mut [f64]) -> f64 {
-    if absolute.is_empty() {
-        return 0.0;
-    }
-    let middle = absolute.len() / 2;
-    let (_, median, _) = absolute.select_nth_unstable_by(middle, f64::total_cmp);
-    *median / 0.674_489_750_196_081_7
+    aloft_signal::upper_median(absolute).map_or(0.0, |median| median / 0.674_489_750_196_081_7)
 }
 
 #[cfg(test)]

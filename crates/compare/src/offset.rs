@@ -111,11 +111,7 @@ impl OffsetSamples {
 
 /// Huber's estimate of location, scale from the median absolute deviation; values must be finite.
 fn huber_mean(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return f64::NAN;
-    }
-    let middle = values.len() / 2;
-    let median = *values.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let Some(median) = aloft_signal::upper_median(&mut values) else { return f64::NAN };
     let mut deviations: Vec<f64> = values.iter().map(|x| (x - median).abs()).collect();
     let limit = HUBER * median_scale(&mut deviations);
     if limit <= 0.0 || !limit.is_finite() {

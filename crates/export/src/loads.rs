@@ -6,6 +6,7 @@
 
 use crate::{PlateAtFrames, SubjectExport};
 use aloft_body::{Motion, State};
+use aloft_signal::runs_where;
 use nalgebra::{Vector3, Vector6};
 use std::ops::Range;
 
@@ -45,23 +46,6 @@ fn loaded(w: &Vector6<f64>) -> bool {
     w[2] > LOADED_N
 }
 
-/// Stretches of frames for which `is` holds.
-fn stretches(n: usize, is: impl Fn(usize) -> bool) -> Vec<Range<usize>> {
-    let mut out = Vec::new();
-    let mut start = None;
-    for f in 0..=n {
-        match (start, f < n && is(f)) {
-            (None, true) => start = Some(f),
-            (Some(s), false) => {
-                out.push(s..f);
-                start = None;
-            }
-            _ => {}
-        }
-    }
-    out
-}
-
 /// Links that can stand on plates.
 fn feet(subject: &SubjectExport) -> Vec<usize> {
     let links = &subject.subject.model.links;
@@ -85,7 +69,7 @@ pub fn assign(subject: &SubjectExport, motion: &Motion, plates: &[PlateAtFrames]
     let mut loads = Vec::new();
     for (number, plate) in plates.iter().enumerate() {
         let n = plate.wrench.len();
-        let episodes = stretches(n, |f| loaded(&plate.wrench[f]));
+        let episodes = runs_where(n, |f| loaded(&plate.wrench[f]));
         let owners: Vec<usize> = episodes
             .iter()
             .map(|episode| {
@@ -161,12 +145,5 @@ mod tests {
             assert!((l.point_m[0].cross(&force) + l.moment_nm[0] - moment).norm() < 1e-12);
         }
         assert_eq!(load("1".into(), "FP1", 2, &[w], &[3]).wrench[0], Vector6::zeros());
-    }
-
-    #[test]
-    fn prop_stretches_cover_what_holds() {
-        let on = [true, false, true, true, false, true];
-        assert_eq!(stretches(6, |f| on[f]), vec![0..1, 2..4, 5..6]);
-        assert!(stretches(0, |_| true).is_empty());
     }
 }

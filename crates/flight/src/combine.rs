@@ -12,6 +12,7 @@ use crate::{
     RejectionReason, from_plates, plate_wrench_at_marker_rate, total_wrench,
 };
 use aloft_body::{Model, Motion, Phi};
+use aloft_signal::upper_median;
 use aloft_trial::{Markers, Trial};
 use nalgebra::Vector3;
 
@@ -135,9 +136,7 @@ fn clues(
             .map(|(_, f)| f.z)
             .collect();
         if loads.len() as f64 > LEAST_REST_S * motion.rate_hz {
-            let middle = loads.len() / 2;
-            let median = *loads.select_nth_unstable_by(middle, f64::total_cmp).1;
-            out.rest_share = Some(median / (mass_kg * options.gravity_mps2));
+            out.rest_share = upper_median(&mut loads).map(|load| load / (mass_kg * options.gravity_mps2));
         }
     }
     if let Some(stature_m) = options.stature_m.filter(|s| *s > 0.0) {
@@ -155,10 +154,7 @@ fn clues(
             (heights.len() > needed.max(5)).then_some(reach[1] - reach[0])
         };
         let mut extents: Vec<f64> = (0..trial.markers.n_frames).filter_map(extent).collect();
-        if !extents.is_empty() {
-            let middle = extents.len() / 2;
-            out.extent_share = Some(*extents.select_nth_unstable_by(middle, f64::total_cmp).1 / stature_m);
-        }
+        out.extent_share = upper_median(&mut extents).map(|extent| extent / stature_m);
     }
     Ok(out)
 }

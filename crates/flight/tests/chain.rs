@@ -1,9 +1,10 @@
 //! The thrown chain: no plates, 30 throws, in hand between. Poses straight from the markers of each link.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests, not library code")]
 
+use aloft_body::rigid::fit_pose;
 use aloft_body::{JointSpec, LinkSpec, Model, ModelSpec, Motion, Phi};
 use aloft_flight::{FlightOptions, FlightReport, from_motion};
-use aloft_trial::{GapOptions, ImportOptions, Trial, fill_gaps, fit_pose};
+use aloft_trial::{GapOptions, ImportOptions, Trial, fill_gaps};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use std::path::Path;
 

@@ -326,22 +326,10 @@ pub(crate) fn check_base(model: &Model, base: &BaseParameters, trial: &str) -> R
     Ok(())
 }
 
-/// Runs of frames for which `good` holds, as half-open ranges.
+/// Runs of frames from `first` to before `end` for which `good` holds, as half-open ranges.
 pub(crate) fn valid_runs(first: usize, end: usize, good: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
-    let mut runs = Vec::new();
-    let mut begin = None;
-    for f in first..=end {
-        let ok = f < end && good(f);
-        match (begin, ok) {
-            (None, true) => begin = Some(f),
-            (Some(b), false) => {
-                runs.push((b, f));
-                begin = None;
-            }
-            _ => {}
-        }
-    }
-    runs
+    let runs = aloft_signal::runs_where(end.saturating_sub(first), |i| good(first + i));
+    runs.into_iter().map(|r| (first + r.start, first + r.end)).collect()
 }
 
 /// Rows of every frame of a run about one fixed point, that point, and the path of the prior's centre of mass.

@@ -78,7 +78,7 @@ impl StaticPose {
 
     /// Median over markers of the spread, m: the noise of a good static, centimetres when the body moved.
     pub fn typical_spread_m(&self) -> f64 {
-        median(&mut self.spread_m.clone())
+        median(self.spread_m.iter().copied())
     }
 }
 

@@ -1,11 +1,11 @@
 //! Sources to [`Trial`]: C3D, or TRC with MOT. Everything leaves in SI and in the world frame.
 
 use crate::mot::read_ground_reactions;
-use crate::options::{disambiguate, metres_per, require_content, split_prefix, to_world};
+use crate::options::{disambiguate, require_content, to_world};
 use crate::recorded;
 use crate::trc::read_trc;
 use crate::{ComputedPoint, Event, ImportOptions, Markers, Plate, Trial, TrialError, UpAxis, Warning, WarningKind};
-use aloft_c3d::{C3dFile, PointKind};
+use aloft_c3d::{C3dFile, PointKind, is_unlabelled, metres_per, split_subject, strip_subject};
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
 
@@ -105,8 +105,8 @@ fn read_points(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Re
     for &index in &markers {
         let point = &file.points[index];
         let stored = if use_descriptions { point.description.trim() } else { point.label.trim() };
-        let (bare, subject) = split_prefix(stored);
-        if bare.is_empty() || bare.starts_with('*') {
+        let (bare, subject) = split_subject(stored);
+        if is_unlabelled(bare) {
             unlabelled += 1;
             continue;
         }
@@ -147,7 +147,7 @@ fn read_points(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Re
 
     for point in file.points.iter().filter(|p| p.kind != PointKind::Marker) {
         trial.computed.push(ComputedPoint {
-            label: split_prefix(&point.label).0.to_owned(),
+            label: strip_subject(&point.label).to_owned(),
             kind: point.kind,
             unit: computed_unit(file, point.kind),
             values: point.xyz.iter().map(|p| Vector3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2]))).collect(),
@@ -242,7 +242,7 @@ fn read_plates(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) {
             }
         };
         trial.warnings.extend(wrench.warnings.iter().map(Warning::from));
-        let metres = metres_per(&file.point_unit).unwrap_or(1e-3);
+        let metres = file.metres_per_point_unit().unwrap_or(1e-3);
         let corners_m: Vec<_> = description.corners.iter().map(|c| Vector3::new(c[0], c[1], c[2]) * metres).collect();
         let known = corners_m.iter().any(|c| c.norm() > 0.0);
         if !known {

@@ -1,7 +1,7 @@
 //! Marker sets applied to recordings: labels become canonical, and what is missing or unknown is listed.
 
-use crate::options::split_prefix;
 use crate::{MarkerSet, Trial, WarningKind};
+use aloft_c3d::split_subject;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -80,7 +80,7 @@ impl Lookup {
         if let Some(found) = self.exact.get(label) {
             return Some(*found);
         }
-        let (bare, subject) = split_prefix(label);
+        let (bare, subject) = split_subject(label);
         if subject.is_some()
             && let Some((index, _)) = self.exact.get(bare)
         {

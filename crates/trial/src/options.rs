@@ -13,7 +13,7 @@ pub struct ImportOptions {
     pub up_axis: Option<UpAxis>,
     /// Cut `Subject:` from labels.
     pub strip_prefix: bool,
-    /// Length unit of the source where it states none or a wrong one (`mm`, `cm`, `m`, `in`, `ft`).
+    /// Length unit of the source where it states none or a wrong one (`mm`, `cm`, `dm`, `m`, `in`, `ft`).
     pub point_unit: Option<String>,
     /// Take full names from POINT:DESCRIPTIONS where labels were cut to four characters.
     pub full_names: bool,
@@ -24,26 +24,6 @@ pub struct ImportOptions {
 impl Default for ImportOptions {
     fn default() -> Self {
         Self { up_axis: None, strip_prefix: true, point_unit: None, full_names: true, zero_is_missing: true }
-    }
-}
-
-/// Metres per unit.
-pub(crate) fn metres_per(unit: &str) -> Option<f64> {
-    match unit.trim().trim_end_matches('.').to_ascii_lowercase().as_str() {
-        "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => Some(1e-3),
-        "cm" | "centimeter" | "centimeters" | "centimetre" | "centimetres" => Some(1e-2),
-        "m" | "meter" | "meters" | "metre" | "metres" => Some(1.0),
-        "in" | "inch" | "inches" => Some(0.0254),
-        "ft" | "foot" | "feet" => Some(0.3048),
-        _ => None,
-    }
-}
-
-/// Label without `Subject:`; the second value is the subject.
-pub(crate) fn split_prefix(label: &str) -> (&str, Option<&str>) {
-    match label.rsplit_once(':') {
-        Some((subject, rest)) if !rest.trim().is_empty() => (rest.trim(), Some(subject.trim())),
-        _ => (label.trim(), None),
     }
 }
 
@@ -95,20 +75,6 @@ pub(crate) fn to_world(trial: &mut Trial, options: &ImportOptions, declared: Opt
         (None, None) => habit,
     };
     rotate(trial, up);
-}
-
-/// A median of finite values; NaN if there are none. Reorders the slice.
-pub(crate) fn median(values: &mut [f64]) -> f64 {
-    if values.is_empty() {
-        return f64::NAN;
-    }
-    let middle = values.len() / 2;
-    let (_, &mut upper, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
-    if values.len() % 2 == 1 {
-        return upper;
-    }
-    let lower = values[..middle].iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    0.5 * (lower + upper)
 }
 
 /// The checks that every source must pass to become a trial.

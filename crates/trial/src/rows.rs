@@ -173,7 +173,7 @@ fn rounding_dominates(rounding: f64, length_s: f64) -> bool {
 /// Samples by time alone: every step is a whole multiple of the usual one.
 fn by_time(of: Source<'_>, rows: &[Stamp], rounding: f64) -> Result<Vec<usize>, TrialError> {
     let steps_s: Vec<f64> = rows.windows(2).map(|p| p[1].time_s - p[0].time_s).collect();
-    let median_s = crate::options::median(&mut steps_s.clone());
+    let median_s = aloft_signal::median(&mut steps_s.clone());
     // the mean of single steps knows the step better than one rounded step does
     let single: Vec<f64> = steps_s.iter().copied().filter(|d| (0.5..1.5).contains(&(d / median_s))).collect();
     let step_s = if single.is_empty() { median_s } else { single.iter().sum::<f64>() / single.len() as f64 };

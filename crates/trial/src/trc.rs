@@ -3,9 +3,10 @@
 //! The stated counts, the frame numbers and the times are held against what is there ([`crate::rows`]): missing rows become missing frames, and
 //! a table that breaks off, is shifted or out of order is told at its line.
 
-use crate::options::{disambiguate, metres_per, split_prefix};
+use crate::options::disambiguate;
 use crate::rows::{Ending, RATES_HZ, Source, Stamp, clock, decimals, ending};
 use crate::{ImportOptions, Markers, Trial, TrialError, Warning, WarningKind};
+use aloft_c3d::{metres_per, strip_subject};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
@@ -74,7 +75,7 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
     }
     if options.strip_prefix {
         for label in &mut labels {
-            *label = split_prefix(label).0.to_owned();
+            *label = strip_subject(label).to_owned();
         }
     }
     disambiguate(&mut labels, &mut trial.warnings);

@@ -18,10 +18,9 @@ const PIECE: usize = 16;
 /// Median length of a vector with three independent normal components of standard deviation 1.
 const MEDIAN_LENGTH: f64 = 1.538;
 
-/// Standard deviation a component of vectors with these lengths, by their median; 0 for none. Sorts.
+/// Standard deviation a component of vectors with these lengths, by their median; 0 for none. Reorders.
 fn typical_deviation(lengths: &mut [f64]) -> f64 {
-    lengths.sort_by(f64::total_cmp);
-    lengths.get(lengths.len() / 2).map_or(0.0, |median| median / MEDIAN_LENGTH)
+    aloft_signal::upper_median(lengths).map_or(0.0, |median| median / MEDIAN_LENGTH)
 }
 
 /// One frame with its posture.

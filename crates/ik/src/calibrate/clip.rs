@@ -59,9 +59,8 @@ impl Clip {
             whole.residual_m.extend(piece.residual_m);
         }
         let kept = gather(&self.trial, &problem, whole);
-        let mut sorted: Vec<f64> = kept.report.frame_rms_m.iter().copied().filter(|r| r.is_finite()).collect();
-        sorted.sort_by(f64::total_cmp);
-        let limit = 3.0 * sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN);
+        let mut errors_m: Vec<f64> = kept.report.frame_rms_m.iter().copied().filter(|r| r.is_finite()).collect();
+        let limit = 3.0 * aloft_signal::upper_median(&mut errors_m).unwrap_or(f64::NAN);
         let fits = |&(f, _): &(usize, bool)| kept.motion.is_valid(f) && kept.report.frame_rms_m[f] <= limit;
         let good: Vec<(usize, bool)> = self.chosen.iter().copied().filter(fits).collect();
         let frames: Vec<usize> = good.iter().map(|g| g.0).collect();

@@ -4,10 +4,11 @@ use super::links::{Links, error};
 use super::{ObjectInput, ObjectOptions};
 use crate::ScaleError;
 use crate::bundle::{Bundle, BundleFrame, BundleMarker};
-use crate::functional::{fit_pose, sara, score};
+use crate::functional::{sara, score};
 use crate::geometry::{apply_inverse, axes_z_x, pose};
 use crate::object_spec::ObjectJoint;
 use crate::statics::StaticPose;
+use aloft_body::rigid::fit_pose_of_seen;
 use aloft_body::{JointSpec, LinkSpec, Model, ModelSpec};
 use aloft_trial::Trial;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
@@ -100,7 +101,7 @@ pub(super) fn motion_frames(
             let poses: Option<Vec<Isometry3<f64>>> = (0..clouds.own.len())
                 .map(|l| {
                     let measured: Vec<Vector3<f64>> = clouds.own[l].iter().map(|&k| seen[k]).collect();
-                    fit_pose(&clouds.local[l], &measured).map(|(pose, _)| pose)
+                    fit_pose_of_seen(&clouds.local[l], &measured).map(|(pose, _)| pose)
                 })
                 .collect();
             if let Some(poses) = poses {
