@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_floats_survive_every_order() {
+    fn floats_survive_every_order() {
         let mut bits = 0x1234_5678_u32;
         for _ in 0..200_000 {
             bits = bits.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

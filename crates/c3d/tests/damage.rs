@@ -63,7 +63,7 @@ fn held(file: &C3dFile) -> usize {
 }
 
 #[test]
-fn prop_damage_never_panics_and_stays_small() {
+fn damage_never_panics_and_stays_small() {
     let originals: Vec<Vec<u8>> = fixtures().iter().map(|(_, f)| f.to_bytes().unwrap()).collect();
     let (mut read, mut refused, mut rewritten) = (0, 0, 0);
     for seed in 0..6000 {

@@ -216,7 +216,7 @@ fn plate_deviation(file: &C3dFile, index: usize, theirs: &Value) -> Option<Strin
 #[test]
 fn validate_against_foreign_readers() {
     let golden: Value = serde_json::from_slice(&std::fs::read(golden_folder().join("foreign.json")).unwrap()).unwrap();
-    let shared = shared_data("validate_against_foreign_readers (recordings)");
+    let shared = shared_data("");
     let mut unexplained = Vec::new();
     let mut counts: BTreeMap<(String, bool), usize> = BTreeMap::new();
     for (name, readers) in golden["files"].as_object().unwrap() {

@@ -42,7 +42,7 @@ fn assert_wrench(file: &C3dFile, expected: &PlateWrench, tolerance: f64) -> Vec<
 }
 
 #[test]
-fn prop_a_wrench_survives_channels_and_file() {
+fn a_wrench_survives_channels_and_file() {
     let wrench = standing(200);
     for corners in [CORNERS, [CORNERS[2], CORNERS[3], CORNERS[0], CORNERS[1]], CORNERS.map(|c| [c[2], c[0], c[1]])] {
         for unit in ["mm", "m"] {
@@ -120,7 +120,7 @@ fn regress_an_origin_above_the_surface_is_turned() {
 
 /// Types 1, 3 and 4 made from one wrench by hand, with plate axes x = −world y … as the corners say.
 #[test]
-fn validate_types_against_hand_made_channels() {
+fn types_against_hand_made_channels() {
     let wrench = standing(200);
     let reference = builder().plate(CORNERS, [0.0, 0.0, -40.0], wrench.clone()).build().unwrap();
     let frame = reference.plates[0].frame().unwrap();
@@ -226,7 +226,7 @@ fn regress_what_cannot_be_calibrated_says_so() {
 /// Plates of `subject_a` against the simulator's wrench: 1 N of noise on each of 6 force channels, and drift.
 #[test]
 fn validate_against_simulated_truth() {
-    let Some(folder) = shared_data("validate_against_simulated_truth") else { return };
+    let Some(folder) = shared_data("") else { return };
     let truth: serde_json::Value =
         serde_json::from_slice(&std::fs::read(golden_folder().join("plate_truth.json")).unwrap()).unwrap();
     for (trial, samples) in truth.as_object().unwrap() {
@@ -253,7 +253,7 @@ fn validate_against_simulated_truth() {
 /// Every calibrated plate of the recordings pushes up and keeps the centre of pressure on the plate while loaded.
 #[test]
 fn validate_recorded_plates_push_up_and_inside() {
-    let Some(folder) = shared_data("validate_recorded_plates_push_up_and_inside") else { return };
+    let Some(folder) = shared_data("") else { return };
     let (mut calibrated, mut refused, mut loaded_plates) = (0, 0, 0);
     for path in support::c3d_files(&folder) {
         let file = C3dFile::from_bytes(&std::fs::read(&path).unwrap()).unwrap();

@@ -206,7 +206,7 @@ fn regress_unknown_processor_is_guessed() {
 
 #[test]
 fn validate_every_recording_is_read() {
-    let Some(folder) = support::shared_data("validate_every_recording_is_read") else { return };
+    let Some(folder) = support::shared_data("") else { return };
     let files = support::c3d_files(&folder);
     let mut failed = Vec::new();
     for path in &files {

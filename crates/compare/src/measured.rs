@@ -108,7 +108,7 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
 
     #[test]
-    fn prop_slow_forces_and_their_noise_come_through() {
+    fn slow_forces_and_their_noise_come_through() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
         let slow = |t: f64| 300.0 + 100.0 * (6.0 * t).sin();
         let n = 3000;
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_a_filter_that_does_not_fit_names_the_plate() {
+    fn a_filter_that_does_not_fit_names_the_plate() {
         let plate = Plate { name: "FP2".into(), rate_hz: 15.0, ..Plate::default() };
         let filter = LowPass { order: 3, cutoff_hz: 10.0, correction: CutoffCorrection::None };
         let error = measured_wrench("jump01", &[plate], 10.0, 5, Some(filter)).unwrap_err();

@@ -8,7 +8,6 @@ use crate::{PlateAtFrames, SubjectExport};
 use aloft_body::{Motion, State};
 use aloft_signal::runs_where;
 use nalgebra::{Vector3, Vector6};
-use std::ops::Range;
 
 /// Below this vertical force a plate has no centre of pressure, N.
 pub const LOADED_N: f64 = 20.0;
@@ -137,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_point_and_free_moment_carry_the_whole_wrench() {
+    fn point_and_free_moment_carry_the_whole_wrench() {
         let w = Vector6::new(12.0, -30.0, 700.0, 80.0, -210.0, 6.0);
         for wrench in [w, Vector6::new(1.0, 2.0, 3.0, 0.1, 0.2, 0.3)] {
             let l = load("1".into(), "FP1", 3, &[wrench], &[3]);

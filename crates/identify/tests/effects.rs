@@ -137,7 +137,7 @@ fn models() -> Vec<Vec<Option<Hidden>>> {
 }
 
 #[test]
-fn prop_effects_that_rows_cannot_see_move_nothing() {
+fn effects_that_rows_cannot_see_move_nothing() {
     // rounding only: the figure is the largest over all cases, people with their prior included
     const BOUND: f64 = 1e-9;
     let mut worst = 0.0f64;
@@ -198,7 +198,7 @@ fn prop_effects_that_rows_cannot_see_move_nothing() {
 }
 
 #[test]
-fn prop_every_estimator_of_merged_rows_leaves_hidden_columns_out() {
+fn every_estimator_of_merged_rows_leaves_hidden_columns_out() {
     let truth = load("chain_a");
     let prior = prior(&truth);
     let base_prior = prior.base(&truth.base).unwrap();
@@ -243,7 +243,7 @@ fn prop_every_estimator_of_merged_rows_leaves_hidden_columns_out() {
 }
 
 #[test]
-fn prop_the_reason_names_what_a_column_repeats() {
+fn the_reason_names_what_a_column_repeats() {
     let truth = load("chain_p");
     for (model, expected) in [
         (vec![None, Some(Hidden::Zero)], Unseen::Zero),
@@ -266,7 +266,7 @@ fn prop_the_reason_names_what_a_column_repeats() {
 }
 
 #[test]
-fn prop_rows_of_a_locked_hinge_keep_the_effect() {
+fn rows_of_a_locked_hinge_keep_the_effect() {
     let truth = load("chain_p");
     let mut locked = truth.motion.clone();
     for q in locked.q.chunks_exact_mut(truth.model.nq) {

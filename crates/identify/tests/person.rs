@@ -117,7 +117,7 @@ fn validate_three_flights_and_a_prior_find_the_person() {
 }
 
 #[test]
-fn prop_links_are_consistent_keep_the_mass_and_the_base_parameters() {
+fn links_are_consistent_keep_the_mass_and_the_base_parameters() {
     let truth = load("subject_a");
     let prior = prior(&truth, 5);
     for soft_m in [0.0, 0.003] {
@@ -154,7 +154,7 @@ fn prop_links_are_consistent_keep_the_mass_and_the_base_parameters() {
 }
 
 #[test]
-fn prop_repeating_errors_widen_intervals_and_more_motion_narrows_them() {
+fn repeating_errors_widen_intervals_and_more_motion_narrows_them() {
     let truth = load("subject_a");
     let prior = prior(&truth, 6);
     let factors = weak_factors(&truth, &prior, 1, 0.0, true);
@@ -201,7 +201,7 @@ fn prop_repeating_errors_widen_intervals_and_more_motion_narrows_them() {
 }
 
 #[test]
-fn prop_advice_names_a_motion_that_helps() {
+fn advice_names_a_motion_that_helps() {
     let truth = load("subject_a");
     let prior = prior(&truth, 5);
     let factors = weak_factors(&truth, &prior, 1, 0.0, false);
@@ -234,7 +234,7 @@ fn prop_advice_names_a_motion_that_helps() {
 }
 
 #[test]
-fn prop_a_prior_states_the_spread_it_was_given() {
+fn a_prior_states_the_spread_it_was_given() {
     let truth = load("subject_a");
     let links: Vec<LinkInertia> = truth.phi.iter().map(LinkInertia::from_phi).collect();
     let sd = vec![PriorSd { mass_rel: 0.1, com_m: 0.01, radius_rel: 0.1 }; links.len()];

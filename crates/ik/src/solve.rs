@@ -421,7 +421,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn prop_a_tracked_frame_allocates_nothing() {
+    fn a_tracked_frame_allocates_nothing() {
         let (subject, trial) = person(120);
         let options = IkOptions::default();
         let problem = Problem::new(&subject, &options).unwrap();
@@ -439,7 +439,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn prop_without_deviations_all_else_is_the_same() {
+    fn without_deviations_all_else_is_the_same() {
         let (subject, mut trial) = person(80);
         // some gaps, so that bridges are built
         for f in 20..30 {
@@ -466,7 +466,7 @@ pub(crate) mod tests {
 
     /// A minimisation that foresees its end against one that goes on until steps vanish.
     #[test]
-    fn prop_foreseen_steps_would_not_have_mattered() {
+    fn foreseen_steps_would_not_have_mattered() {
         let (subject, mut trial) = person(60);
         shake(&mut trial);
         let fast = solve(&subject, &trial, &IkOptions::default()).unwrap();

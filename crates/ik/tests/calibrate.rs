@@ -87,7 +87,7 @@ fn trials(subject: &Subject, noise_m: f64) -> Vec<Trial> {
 }
 
 #[test]
-fn prop_wrong_joints_are_put_right() {
+fn wrong_joints_are_put_right() {
     let truth = person();
     let wrong = spoil(&truth, 0.010, 0.05, 1);
     // the static posture still has every marker in its place
@@ -121,7 +121,7 @@ fn prop_wrong_joints_are_put_right() {
 }
 
 #[test]
-fn prop_right_joints_stay() {
+fn right_joints_stay() {
     let truth = person();
     let trials = trials(&truth, 3e-4);
     let trials: Vec<&Trial> = trials.iter().collect();
@@ -130,7 +130,7 @@ fn prop_right_joints_stay() {
 }
 
 #[test]
-fn prop_chain_hinge_is_found() {
+fn chain_hinge_is_found() {
     let truth = chain();
     let wrong = spoil(&truth, 0.010, 0.1, 3);
     let trials = trials(&truth, 3e-4);
@@ -150,7 +150,7 @@ fn prop_chain_hinge_is_found() {
 }
 
 #[test]
-fn prop_same_calibration_at_any_number_of_threads() {
+fn same_calibration_at_any_number_of_threads() {
     let truth = person();
     let wrong = spoil(&truth, 0.005, 0.02, 4);
     let trials = trials(&truth, 1e-3);

@@ -116,7 +116,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_summation_by_parts_is_exact_for_polynomials() {
+    fn summation_by_parts_is_exact_for_polynomials() {
         for (half, power, rate) in [(4, 5, 100.0), (10, 5, 100.0), (39, 5, 200.0), (20, 3, 120.0), (15, 8, 60.0)] {
             let f = TestFunction::new(half, power, rate).unwrap();
             let t: Vec<f64> = (0..f.n_frames()).map(|i| f.time_s(i)).collect();
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_corrections_are_small() {
+    fn corrections_are_small() {
         let f = TestFunction::new(20, 5, 100.0).unwrap();
         let reach = f.length_s() / 2.0;
         for i in 0..f.n_frames() {
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_windows_touch_both_ends() {
+    fn windows_touch_both_ends() {
         let centers = window_centers(100, 160, 19, 10);
         assert_eq!(centers.first(), Some(&119));
         assert_eq!(centers.last(), Some(&140));
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_powers_and_lengths_that_cannot_be_are_refused() {
+    fn powers_and_lengths_that_cannot_be_are_refused() {
         assert!(TestFunction::new(20, 2, 100.0).is_err());
         assert!(TestFunction::new(3, 5, 100.0).is_err());
         assert!(TestFunction::new(20, 5, f64::NAN).is_err());

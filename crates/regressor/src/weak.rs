@@ -613,7 +613,7 @@ mod tests {
     use aloft_body::{JointSpec, LinkSpec, ModelSpec};
 
     #[test]
-    fn prop_velocities_of_a_run_are_those_of_its_frames() {
+    fn velocities_of_a_run_are_those_of_its_frames() {
         let link = |name: &str, parent: Option<&str>, joint| LinkSpec {
             name: name.into(),
             parent: parent.map(Into::into),

@@ -6,8 +6,8 @@
 //! The poses that go in ([`aloft_body::rigid::fit_pose_of_seen`]) must be of the same frames. Objects refine what comes out of here ([`crate::scale_object`]).
 
 use crate::ScaleError;
-use crate::geometry::{apply, unit};
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use crate::geometry::unit;
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Vector3};
 
 /// A centre of rotation seen from both segments.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -171,6 +171,8 @@ pub fn sara(parent: &[Isometry3<f64>], child: &[Isometry3<f64>]) -> Result<Funct
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::apply;
+    use nalgebra::{Translation3, UnitQuaternion};
 
     fn swing(i: usize) -> Isometry3<f64> {
         let t = i as f64 * 0.17;
@@ -181,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_score_finds_the_centre() {
+    fn score_finds_the_centre() {
         let (cp, cc) = (Vector3::new(0.05, -0.2, 0.1), Vector3::new(0.01, 0.3, -0.02));
         let parent: Vec<_> = (0..60).map(swing).collect();
         let child: Vec<_> = parent
@@ -203,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_sara_finds_the_axis_and_score_refuses_a_hinge() {
+    fn sara_finds_the_axis_and_score_refuses_a_hinge() {
         let axis = Vector3::new(0.2, 1.0, -0.4).normalize();
         let point = Vector3::new(0.05, 0.0, 0.1);
         let zero = UnitQuaternion::from_euler_angles(0.3, -0.2, 0.9);

@@ -87,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_frames_keep_their_first_axis_and_are_right_handed() {
+    fn frames_keep_their_first_axis_and_are_right_handed() {
         let a = Vector3::new(0.3, -2.0, 0.7);
         let b = Vector3::new(1.0, 0.2, -0.4);
         for (r, kept) in [
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_median_ignores_missing() {
+    fn median_ignores_missing() {
         assert_eq!(median([f64::NAN, 3.0, 1.0, 2.0].into_iter()), 2.0);
         assert!(median([f64::NAN].into_iter()).is_nan());
     }

@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_pelvis_axes_point_forward_up_and_right() {
+    fn pelvis_axes_point_forward_up_and_right() {
         let p = PelvisMarkers::from_landmarks(&landmarks(), "made").unwrap();
         let r = p.world_from_pelvis.rotation.to_rotation_matrix().into_inner();
         assert!((r.column(0) - Vector3::x()).norm() < 1e-12);
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_one_psis_or_a_sacrum_gives_the_same_axes() {
+    fn one_psis_or_a_sacrum_gives_the_same_axes() {
         let full = PelvisMarkers::from_landmarks(&landmarks(), "made").unwrap();
         let mut l = landmarks();
         l.positions.remove("psis_l");

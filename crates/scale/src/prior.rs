@@ -376,7 +376,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_merging_two_halves_of_a_bar_gives_the_bar() {
+    fn merging_two_halves_of_a_bar_gives_the_bar() {
         let half = |x: f64| LinkInertia {
             mass_kg: 1.0,
             com_m: Vector3::new(x, 0.0, 0.0),
@@ -388,7 +388,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_projection_is_idempotent_and_consistent() {
+    fn projection_is_idempotent_and_consistent() {
         let mut bad = LinkInertia {
             mass_kg: 1.0,
             com_m: Vector3::zeros(),

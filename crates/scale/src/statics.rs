@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_quiet_frames_leave_out_the_walk_to_the_place() {
+    fn quiet_frames_leave_out_the_walk_to_the_place() {
         let t = trial(|f| if f < 200 { 0.01 * (200 - f) as f64 } else { 0.0 }, 400);
         let pose = StaticPose::find(&t, None, &QuietOptions::default()).unwrap();
         assert!(pose.frames.iter().all(|&f| f >= 199), "{:?}", pose.frames.first());
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_named_frames_are_taken_as_they_are_and_checked() {
+    fn named_frames_are_taken_as_they_are_and_checked() {
         let t = trial(|f| f as f64, 10);
         let pose = StaticPose::find(&t, Some(&(2..5)), &QuietOptions::default()).unwrap();
         assert_eq!(pose.frames, vec![2, 3, 4]);

@@ -3,6 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail by panicking")]
 #![allow(clippy::print_stdout, reason = "tests say what they skip and what they measured")]
 
+#[path = "../../../tests/shared_data.rs"]
+mod shared_data;
+
 use aloft_body::State;
 use aloft_scale::{ObjectInput, ObjectOptions, ObjectSpec, ScaledObject, scale_object};
 use aloft_trial::{ImportOptions, Markers, Trial};
@@ -18,10 +21,7 @@ fn spec() -> ObjectSpec {
 }
 
 fn trial(set: &str, name: &str) -> Option<Trial> {
-    let Ok(bytes) = std::fs::read(root().join("../shared/data").join(set).join(format!("{name}.c3d"))) else {
-        println!("skipped: {set}/{name}.c3d is not beside the project");
-        return None;
-    };
+    let bytes = std::fs::read(shared_data::shared_data(&format!("{set}/{name}.c3d"))?).unwrap();
     Some(Trial::from_c3d(name, &bytes, &ImportOptions::default()).unwrap())
 }
 
@@ -47,7 +47,7 @@ struct Errors {
 }
 
 fn errors(found: &ScaledObject, set: &str) -> Errors {
-    let path = root().join("../shared/data").join(set).join("truth/truth.json");
+    let path = shared_data::shared_data(&format!("{set}/truth/truth.json")).unwrap();
     let truth: Truth = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
     let joint = &found.subject.model.links[1].joint.parent_from_joint;
     let r = Matrix3::from_fn(|i, j| truth.hinge.r[i][j]);
@@ -127,7 +127,7 @@ fn validate_the_chains_geometry_against_the_simulators_truth() {
 }
 
 #[test]
-fn prop_a_specification_that_contradicts_itself_is_refused_with_its_link() {
+fn a_specification_that_contradicts_itself_is_refused_with_its_link() {
     let still = Trial::default();
     let refuse = |change: &dyn Fn(&mut ObjectSpec)| {
         let mut s = spec();
@@ -148,7 +148,7 @@ fn prop_a_specification_that_contradicts_itself_is_refused_with_its_link() {
 
 /// A base, an arm on a hinge and a tip on a ball, without noise: everything comes back to the rounding of the solver.
 #[test]
-fn prop_a_made_object_with_hinge_and_ball_is_recovered_exactly() {
+fn a_made_object_with_hinge_and_ball_is_recovered_exactly() {
     let text = "
 name: made
 total_mass_kg: 2.0

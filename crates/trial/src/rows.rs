@@ -281,7 +281,7 @@ mod tests {
     const OF: Source<'static> = Source { trial: "t", format: "TRC" };
 
     #[test]
-    fn prop_missing_rows_never_change_the_rate() {
+    fn missing_rows_never_change_the_rate() {
         for (rate, digits) in
             [(100.0, 2), (100.0, 3), (120.0, 3), (240.0, 3), (300.0, 3), (1000.0, 3), (59.94, 4), (200.0, 8)]
         {
@@ -311,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_times_that_are_no_clock_are_refused_at_their_line() {
+    fn times_that_are_no_clock_are_refused_at_their_line() {
         let even: Vec<f64> = (0..200).map(|i| f64::from(i) / 100.0).collect();
         let say = |times: &[f64]| clock(OF, &stamps(times, 4, None), None, &mut Vec::new()).unwrap_err().to_string();
         let mut swapped = even.clone();

@@ -184,7 +184,7 @@ mod tests {
     const ALL: [UpAxis; 6] = [UpAxis::X, UpAxis::Y, UpAxis::Z, UpAxis::NegX, UpAxis::NegY, UpAxis::NegZ];
 
     #[test]
-    fn prop_every_up_axis_is_a_proper_rotation_to_z() {
+    fn every_up_axis_is_a_proper_rotation_to_z() {
         for up in ALL {
             let r = up.world_from_source();
             assert_eq!(r.matrix().determinant(), 1.0, "{up}");
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_y_up_keeps_forward_and_turns_right_into_minus_left() {
+    fn y_up_keeps_forward_and_turns_right_into_minus_left() {
         let r = UpAxis::Y.world_from_source();
         assert_eq!(r * Vector3::x(), Vector3::x());
         assert_eq!(r * Vector3::z(), -Vector3::y());

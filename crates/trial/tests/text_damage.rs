@@ -179,7 +179,7 @@ impl Count {
 }
 
 #[test]
-fn prop_files_cut_at_any_place_are_told() {
+fn files_cut_at_any_place_are_told() {
     let mut of_markers = Count::default();
     let mut of_forces = Count::default();
     for style in [Style::Fixed, Style::Shortest] {
@@ -306,7 +306,7 @@ fn edit(lines: &mut Vec<String>, first: usize, columns: usize, random: &mut Rand
 }
 
 #[test]
-fn prop_files_edited_at_random_are_told() {
+fn files_edited_at_random_are_told() {
     let (mut of_markers, mut of_forces) = (Count::default(), Count::default());
     for seed in 0..6000 {
         let mut random = Random(seed * 7919 + 13);

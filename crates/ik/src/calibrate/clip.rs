@@ -157,7 +157,7 @@ mod tests {
     use nalgebra::Vector3;
 
     #[test]
-    fn prop_cut_frames_are_tracked_as_in_the_whole_recording() {
+    fn cut_frames_are_tracked_as_in_the_whole_recording() {
         let (subject, mut trial) = person(400);
         shake(&mut trial);
         trial.markers.trajectories[7][100..130].fill(Vector3::repeat(f64::NAN));
