@@ -19,7 +19,8 @@ pub enum Estimator {
     /// Least squares with the body mass held.
     MassConstrained,
     /// Least squares with the body mass held, drawn to the prior.
-    Regularised {
+    #[serde(rename = "regularised", alias = "regularized")]
+    Regularized {
         /// Weight λ of the prior; nothing: chosen by leave-one-cluster-out error.
         #[serde(default)]
         weight: Option<f64>,
@@ -32,7 +33,7 @@ impl Estimator {
         match self {
             Self::NullVector(_) => "null_vector",
             Self::MassConstrained => "mass_constrained",
-            Self::Regularised { .. } => "regularised",
+            Self::Regularized { .. } => "regularised",
         }
     }
 }

@@ -229,10 +229,10 @@ fn the_gate_refuses_what_is_not_determined() {
     assert!(!found.parameters.gate.passed && found.parameters.gate.reasons[0].contains("σ"));
     assert!(identify(&truth.model, &truth.base, &[], truth.mass(), None, &strict).is_err());
     assert!(identify(&truth.model, &truth.base, &factors, -1.0, None, &IdentifyOptions::default()).is_err());
-    let regularised =
-        IdentifyOptions { estimator: Estimator::Regularised { weight: None }, ..IdentifyOptions::default() };
+    let regularized =
+        IdentifyOptions { estimator: Estimator::Regularized { weight: None }, ..IdentifyOptions::default() };
     assert!(matches!(
-        identify(&truth.model, &truth.base, &factors, truth.mass(), None, &regularised),
+        identify(&truth.model, &truth.base, &factors, truth.mass(), None, &regularized),
         Err(IdentifyError::Option { .. })
     ));
 }

@@ -149,9 +149,9 @@ impl Drive for SoftFriction<'_> {
         let y: Vec<f64> = q.iter().chain(v).copied().collect();
         let mut free = ForwardDynamics::new(self.plant, &[true, true]);
         let a0 = free.accelerations(&self.viscous, t, &y).expect("free").0[6];
-        let regularised = hinge_mobility(self.plant, q) + self.softness * (1.0 - 0.9) / 0.9;
+        let regularized = hinge_mobility(self.plant, q) + self.softness * (1.0 - 0.9) / 0.9;
         let rate = 2.0 / (0.95 * 0.02);
-        tau[6] += (-(rate * v[6] + a0) / regularised).clamp(-self.friction, self.friction);
+        tau[6] += (-(rate * v[6] + a0) / regularized).clamp(-self.friction, self.friction);
     }
 }
 

@@ -83,7 +83,7 @@ fn same_scenario_same_bytes() {
 }
 
 #[test]
-fn flights_are_free_and_their_centre_of_mass_falls() {
+fn flights_are_free_and_their_center_of_mass_falls() {
     for scenario in [small_chain(), small_human()] {
         let lab = simulate(&scenario).expect("lab");
         let model = &lab.body.model;

@@ -25,7 +25,7 @@ pub struct MarkerSetMatch {
 }
 
 /// Letters and digits only, lower case.
-fn normalised(label: &str) -> String {
+fn normalized(label: &str) -> String {
     label.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
 }
 
@@ -58,7 +58,7 @@ impl Lookup {
                 }
                 // Two markers with the same letters cannot be told apart loosely.
                 loose
-                    .entry(normalised(label))
+                    .entry(normalized(label))
                     .and_modify(|known| {
                         if *known != Some(index) {
                             *known = None;
@@ -86,7 +86,7 @@ impl Lookup {
         {
             return Some((*index, Sureness::WithoutPrefix));
         }
-        let key = normalised(bare);
+        let key = normalized(bare);
         if key.is_empty() || bare.contains('#') {
             return None;
         }

@@ -57,7 +57,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         .map_err(|e| StageFailure::new(format!("scale/report.json: {e}")))?;
     let options = CalibrateOptions {
         frames: config.frames,
-        joint_sd_m: joints.iter().map(|j| (j.link.clone(), j.centre_sd_m)).collect(),
+        joint_sd_m: joints.iter().map(|j| (j.link.clone(), j.center_sd_m)).collect(),
         axis_sd_rad: joints.iter().filter_map(|j| j.axis_sd_rad.map(|sd| (j.link.clone(), sd))).collect(),
         ik: IkOptions { locked: load_locked(job)?, ..IkOptions::default() },
         ..CalibrateOptions::default()

@@ -53,9 +53,9 @@ pub fn estimator(study: &Study, rows: Rows) -> Estimator {
     match (config.estimator, rows) {
         (Choice::NullVector, _) | (Choice::Auto, Rows::Paper) => Estimator::NullVector(ColumnScaling::default()),
         (Choice::MassConstrained, _) => Estimator::MassConstrained,
-        (Choice::Regularized, _) => Estimator::Regularised { weight },
+        (Choice::Regularized, _) => Estimator::Regularized { weight },
         (Choice::Auto, Rows::Weak) if study.object.is_some() => Estimator::MassConstrained,
-        (Choice::Auto, Rows::Weak) => Estimator::Regularised { weight },
+        (Choice::Auto, Rows::Weak) => Estimator::Regularized { weight },
     }
 }
 
@@ -128,7 +128,7 @@ impl Predicting {
     pub fn like(subject: &Subject, parameters: &Parameters) -> Result<Self, StageFailure> {
         let fail = |e: aloft_identify::IdentifyError| StageFailure::new(e.to_string());
         let prior = match parameters.estimator {
-            Estimator::Regularised { .. } => {
+            Estimator::Regularized { .. } => {
                 let base = BaseParameters::of(&subject.model);
                 Some(LinkPrior::of_subject(subject).map_err(fail)?.base(&base).map_err(fail)?)
             }
