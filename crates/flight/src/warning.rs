@@ -87,7 +87,6 @@ impl From<String> for FlightWarning {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 mod tests {
-    use super::*;
     use crate::{FlightReport, PlateTare, TareSource};
 
     #[test]

@@ -9,7 +9,6 @@ use aloft_body::{JointSpec, LinkSpec, Model, ModelSpec, Motion, Phi};
 use aloft_flight::{FlightOptions, FlightReport, from_motion};
 use aloft_trial::{GapOptions, ImportOptions, Trial, fill_gaps};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
-use std::path::Path;
 
 const LINK0: [[f64; 3]; 5] =
     [[0.0, 0.0, 0.0], [0.0, 0.235, 0.0], [0.0, 0.105, 0.055], [0.048, 0.17, 0.02], [-0.045, 0.06, -0.018]];

@@ -9,7 +9,6 @@ use aloft_body::{JointSpec, LinkSpec, Model, ModelSpec, Motion, Phi};
 use aloft_flight::{Cause, FlightOptions, FlightReport, find_flights, from_motion};
 use aloft_trial::{ImportOptions, Markers, Plate, Trial};
 use nalgebra::{Rotation3, Vector3};
-use std::path::{Path, PathBuf};
 
 const MASS_KG: f64 = 60.0;
 

@@ -6,7 +6,6 @@ mod shared_data;
 
 use aloft_trial::{ImportOptions, Trial, TrialError, UpAxis};
 use nalgebra::Vector3;
-use std::path::Path;
 
 const TRC: &str = "PathFileType\t4\t(X/Y/Z)\tx.trc\n\
 DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n\

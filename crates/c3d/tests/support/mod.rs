@@ -6,6 +6,7 @@
 
 #[path = "../../../../tests/shared_data.rs"]
 mod shared;
+#[allow(unused_imports, reason = "each test file uses its part")]
 pub use shared::shared_data;
 
 use std::path::{Path, PathBuf};
