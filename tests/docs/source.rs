@@ -103,7 +103,7 @@ pub struct Field {
 pub enum Item {
     /// Fields in order.
     Struct(Vec<Field>),
-    /// Variants in order: name, documentation; and whether serde writes them in snake case.
+    /// Variants in order: name (that of serde, where it is renamed), documentation; and whether serde writes them in snake case.
     Enum(Vec<(String, String)>, bool),
 }
 
@@ -207,13 +207,16 @@ fn fields(body: &[&str]) -> Vec<Field> {
 
 fn variants(body: &[&str]) -> Vec<(String, String)> {
     let mut out = Vec::new();
-    let mut doc = Vec::new();
+    let (mut doc, mut renamed) = (Vec::new(), None);
     for line in body {
         let inner = line.strip_prefix("    ").unwrap_or(line);
         if let Some(d) = inner.strip_prefix("///") {
             doc.push(d.trim());
+        } else if let Some(rest) = inner.strip_prefix("#[serde(rename = \"") {
+            renamed = rest.split('"').next().map(str::to_owned);
         } else if inner.starts_with(char::is_uppercase) {
-            let name = inner.chars().take_while(|c| c.is_alphanumeric()).collect();
+            let own = || inner.chars().take_while(|c| c.is_alphanumeric()).collect();
+            let name = renamed.take().unwrap_or_else(own);
             out.push((name, without_code_links(&std::mem::take(&mut doc).join(" "))));
         }
     }

@@ -264,7 +264,7 @@ impl Setting<'_> {
     ) -> Result<ErrorsInVariables, StageFailure> {
         let model = &self.recorded[0].rows.subject.model;
         let chosen = match estimator(&identify::Params::of(self.study), rows) {
-            Estimator::Regularised { .. } => Estimator::Regularised { weight: Some(parameters.prior_weight.max(1.0)) },
+            Estimator::Regularized { .. } => Estimator::Regularized { weight: Some(parameters.prior_weight.max(1.0)) },
             other => other,
         };
         let weak = weak_options(self.study.config.regressor.window_s);

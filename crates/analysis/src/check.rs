@@ -87,7 +87,7 @@ pub fn check(study: &Study) -> Result<Check, PipelineError> {
                 row.broken = true;
                 row.remarks.push(format!("`filter`: {e}"));
             }
-            row.remarks.extend(trial.warnings.iter().cloned());
+            row.remarks.extend(trial.warnings.iter().map(ToString::to_string));
             row.remarks
                 .extend(quality.reasons.iter().filter(|r| r.severity() != Severity::Note).map(ToString::to_string));
             if !matched.unknown.is_empty() {

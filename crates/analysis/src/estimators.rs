@@ -226,7 +226,7 @@ fn of_geometry(
     let validated = has_validation(trials);
     let weight = (study.config.identify.prior_weight > 0.0).then_some(study.config.identify.prior_weight);
     let estimators = [
-        Estimator::Regularised { weight },
+        Estimator::Regularized { weight },
         Estimator::MassConstrained,
         Estimator::NullVector(ColumnScaling::default()),
     ];

@@ -79,7 +79,7 @@ pub fn inspect(file: &Path) -> Result<Inspection, PipelineError> {
     };
     let quality = assess(&trial, None, &[], &[], &QualityOptions::default());
     let sets: Vec<MarkerSet> = catalog::all("markersets")?;
-    let mut warnings = trial.warnings.clone();
+    let mut warnings: Vec<String> = trial.warnings.iter().map(ToString::to_string).collect();
     warnings.extend(quality.reasons.iter().map(ToString::to_string));
     Ok(Inspection {
         version: 1,

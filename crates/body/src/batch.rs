@@ -450,7 +450,7 @@ mod tests {
     use crate::ModelSpec;
 
     #[test]
-    fn prop_every_instruction_set_gives_the_same_numbers() {
+    fn every_instruction_set_gives_the_same_numbers() {
         let spec: ModelSpec = serde_yaml::from_str(include_str!("../../../configs/models/human34.yaml")).unwrap();
         let mut model = Model::from_spec(&spec).unwrap();
         for (i, link) in model.links.iter_mut().enumerate().skip(1) {

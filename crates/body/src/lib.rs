@@ -47,6 +47,7 @@ pub mod inertia;
 pub mod model;
 pub mod motion;
 mod regressor;
+pub mod rigid;
 pub mod rotation;
 mod spec;
 pub mod state;

@@ -41,7 +41,7 @@ pub fn quaternion_log(q: &Quaternion<f64>) -> Vector3<f64> {
 }
 
 /// Of `q` and `−q` (the same rotation) the one on the side of `reference`: makes series of quaternions sign-continuous.
-pub fn quaternion_near(q: &Quaternion<f64>, reference: &Quaternion<f64>) -> Quaternion<f64> {
+pub(crate) fn quaternion_near(q: &Quaternion<f64>, reference: &Quaternion<f64>) -> Quaternion<f64> {
     if q.coords.dot(&reference.coords) < 0.0 { -q } else { *q }
 }
 

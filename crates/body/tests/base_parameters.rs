@@ -279,7 +279,7 @@ fn evaluate(text: &str, model: &Model, phi: &[Phi], definitions: &[(&str, &str)]
 }
 
 #[test]
-fn prop_formulas_say_what_is_computed() {
+fn formulas_say_what_is_computed() {
     let mut models = vec![human()];
     for seed in 0..200 {
         let mut random = Random(seed);

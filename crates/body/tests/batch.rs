@@ -73,7 +73,7 @@ proptest! {
 }
 
 #[test]
-fn prop_a_batch_gives_the_rows_of_each_frame_of_a_person() {
+fn a_batch_gives_the_rows_of_each_frame_of_a_person() {
     let mut random = Random(5);
     for _ in 0..20 {
         compare(&human(), &mut random);
@@ -81,7 +81,7 @@ fn prop_a_batch_gives_the_rows_of_each_frame_of_a_person() {
 }
 
 #[test]
-fn prop_a_frame_gives_the_same_numbers_in_any_lane() {
+fn a_frame_gives_the_same_numbers_in_any_lane() {
     let model = human();
     let base = BaseParameters::of(&model);
     let mut random = Random(11);

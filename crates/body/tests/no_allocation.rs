@@ -52,7 +52,7 @@ fn count(model: &Model) -> u64 {
 }
 
 #[test]
-fn prop_no_allocation_in_a_frame() {
+fn no_allocation_in_a_frame() {
     assert_eq!(count(&human()), 0);
     assert_eq!(count(&Random(3).tree(12)), 0);
     assert!(allocation_counter::measure(|| drop(State::new(&human()))).count_total > 0, "the counter counts");

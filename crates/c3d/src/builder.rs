@@ -199,7 +199,7 @@ impl C3dBuilder {
             return Err(fail(&format!("channel {}", odd.label), problem));
         }
         let layout = file.layout()?;
-        file.groups = parameter_sync::synchronised(&file, &layout)?;
+        file.groups = parameter_sync::synchronized(&file, &layout)?;
         // the standard groups first, as most files have them
         let standard = ["POINT", "ANALOG", "FORCE_PLATFORM", "EVENT_CONTEXT", "EVENT", "TRIAL"];
         let groups = &mut file.groups.groups;
@@ -214,14 +214,14 @@ impl C3dBuilder {
 /// Six channels in plate axes about the sensor, from a wrench in world axes about the world origin.
 fn add_plate_channels(file: &mut C3dFile, index: usize, wrench: &PlateWrench) -> Result<(), C3dError> {
     let fail = |problem: String| C3dError::Write { item: format!("plate {}", index + 1), problem };
-    let metres = unit::metres(&file.point_unit).ok_or_else(|| fail(format!("point unit `{}`", file.point_unit)))?;
+    let metres = unit::metres_per(&file.point_unit).ok_or_else(|| fail(format!("point unit `{}`", file.point_unit)))?;
     let plate = &file.plates[index];
     let frame = plate.frame().ok_or_else(|| fail(format!("corners {:?} span no plate", plate.corners)))?;
     if wrench.force_n.len() != wrench.moment_nm.len() {
         return Err(fail(format!("{} forces, {} moments", wrench.force_n.len(), wrench.moment_nm.len())));
     }
     let plate_from_world = frame.world_from_plate.transpose();
-    let sensor_in_world = (frame.centre - frame.world_from_plate * Vector3::from(plate.origin)) * metres;
+    let sensor_in_world = (frame.center - frame.world_from_plate * Vector3::from(plate.origin)) * metres;
     let mut channels: [Vec<f64>; 6] = std::array::from_fn(|_| Vec::with_capacity(wrench.force_n.len()));
     for (force, moment) in wrench.force_n.iter().zip(&wrench.moment_nm) {
         let (force, moment) = (Vector3::from(*force), Vector3::from(*moment));

@@ -78,8 +78,13 @@ pub enum C3dError {
 pub enum WarningKind {
     /// Header and parameters contradict each other; the message says which was taken.
     Contradiction,
-    /// The file ends early; the frames that it holds were read.
-    Truncated,
+    /// The file ends before the frames that it declares; those that it holds were read.
+    Truncated {
+        /// Frames in the file.
+        held: usize,
+        /// Frames declared.
+        stated: usize,
+    },
     /// Something that a reader needs is missing; the message says what was taken instead.
     Missing,
     /// Labels: duplicates, cut names, fewer labels than columns.

@@ -176,10 +176,6 @@ impl C3dFile {
     pub fn point_index(&self, label: &str) -> Option<usize> {
         self.points.iter().position(|p| p.label == label)
     }
-    /// Index of a channel by its label as stored.
-    pub fn analog_index(&self, label: &str) -> Option<usize> {
-        self.analogs.iter().position(|a| a.label == label)
-    }
     /// Markers, computed points left out.
     pub fn markers(&self) -> impl Iterator<Item = &Point> {
         self.points.iter().filter(|p| p.kind == PointKind::Marker)
@@ -197,6 +193,6 @@ impl C3dFile {
     }
     /// Metres in one point unit; `None` for a unit nobody knows.
     pub fn metres_per_point_unit(&self) -> Option<f64> {
-        crate::unit::metres(&self.point_unit)
+        crate::unit::metres_per(&self.point_unit)
     }
 }

@@ -74,5 +74,6 @@ pub use file::{Analog, C3dFile, FileEvent, PlateDescription, PlateWrench, Point,
 pub use header::HeaderEvent;
 pub use number::{ByteOrder, Storage};
 pub use parameters::{Group, Parameter, Parameters, Values};
-pub use text::{Text, is_unlabelled, strip_subject};
+pub use text::{Text, is_unlabelled, split_subject, strip_subject};
+pub use unit::metres_per;
 pub use wrench::PlateFrame;

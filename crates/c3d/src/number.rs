@@ -18,7 +18,7 @@ pub enum ByteOrder {
 
 impl ByteOrder {
     /// From the processor byte of the parameter section.
-    pub fn from_processor(byte: u8) -> Option<Self> {
+    pub(crate) fn from_processor(byte: u8) -> Option<Self> {
         match byte {
             84 => Some(Self::Intel),
             85 => Some(Self::Dec),
@@ -50,14 +50,14 @@ impl ByteOrder {
         }
     }
     /// Encodes an unsigned word.
-    pub fn u16_bytes(self, value: u16) -> [u8; 2] {
+    pub(crate) fn u16_bytes(self, value: u16) -> [u8; 2] {
         match self {
             Self::Intel | Self::Dec => value.to_le_bytes(),
             Self::Mips => value.to_be_bytes(),
         }
     }
     /// Encodes a float. DEC has neither infinities nor NaN: they become the largest number of the sign, and zero.
-    pub fn f32_bytes(self, value: f32) -> [u8; 4] {
+    pub(crate) fn f32_bytes(self, value: f32) -> [u8; 4] {
         match self {
             Self::Intel => value.to_le_bytes(),
             Self::Mips => value.to_be_bytes(),
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_floats_survive_every_order() {
+    fn floats_survive_every_order() {
         let mut bits = 0x1234_5678_u32;
         for _ in 0..200_000 {
             bits = bits.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

@@ -12,7 +12,7 @@ use crate::{
 };
 
 /// The parameters that belong to the file as it is now.
-pub(crate) fn synchronised(file: &C3dFile, layout: &Layout) -> Result<Parameters, C3dError> {
+pub(crate) fn synchronized(file: &C3dFile, layout: &Layout) -> Result<Parameters, C3dError> {
     let mut groups = file.groups.clone();
     sync_points(file, layout, &mut groups)?;
     sync_trial(file, &mut groups);

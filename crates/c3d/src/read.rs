@@ -293,7 +293,7 @@ fn warn_about_layout(
         Fit::Truncated { stated } => {
             let place = start + n * layout.frame_bytes();
             let message = format!("truncated: {stated} frames stated, the file ends in frame {} (byte {place})", n + 1);
-            warnings.push(Warning::new(WarningKind::Truncated, message));
+            warnings.push(Warning::new(WarningKind::Truncated { held: n, stated }, message));
             return;
         }
     }

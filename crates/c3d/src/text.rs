@@ -51,21 +51,24 @@ fn trim(bytes: &[u8]) -> &[u8] {
     &bytes[start..end]
 }
 
-/// A label without its subject: `Anna:LASI` becomes `LASI`.
-pub fn strip_subject(label: &str) -> &str {
+/// A label without its subject, and the subject: `Anna:LASI` is `LASI` of `Anna`. Both without blanks around them.
+pub fn split_subject(label: &str) -> (&str, Option<&str>) {
     match label.rsplit_once(':') {
-        Some((_, rest)) if !rest.trim().is_empty() => rest.trim_start(),
-        _ => label,
+        Some((subject, rest)) if !rest.trim().is_empty() => (rest.trim(), Some(subject.trim())),
+        _ => (label.trim(), None),
     }
 }
 
-/// Whether a label is one that software gives to trajectories nobody named: empty, `*12`, `U12`, `C_12`.
+/// A label without its subject: `Anna:LASI` becomes `LASI`.
+pub fn strip_subject(label: &str) -> &str {
+    split_subject(label).0
+}
+
+/// Whether a trajectory was never named: its label is empty or `*12`. Programs write `U12` or `C_7` for such trajectories, too,
+/// but laboratories use the same names for markers of clusters; those are kept, because a lost marker is worse than a spare one.
 pub fn is_unlabelled(label: &str) -> bool {
-    let label = strip_subject(label.trim());
-    let number = |rest: &str| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit());
-    label.is_empty()
-        || label.starts_with('*')
-        || ["U", "C_", "U_"].iter().any(|p| label.strip_prefix(p).is_some_and(number))
+    let label = strip_subject(label);
+    label.is_empty() || label.starts_with('*')
 }
 
 #[cfg(test)]
@@ -85,13 +88,12 @@ mod tests {
         assert_eq!(strip_subject("Anna:LASI"), "LASI");
         assert_eq!(strip_subject("LASI"), "LASI");
         assert_eq!(strip_subject("Anna:"), "Anna:");
-        assert!(
-            is_unlabelled("*12")
-                && is_unlabelled("")
-                && is_unlabelled("Anna:*3")
-                && is_unlabelled("C_7")
-                && is_unlabelled("U12")
-        );
-        assert!(!is_unlabelled("C7") && !is_unlabelled("LASI") && !is_unlabelled("UPA"));
+        assert_eq!(split_subject(" Anna : LASI "), ("LASI", Some("Anna")));
+        assert_eq!(split_subject("Lab:Anna:LASI"), ("LASI", Some("Lab:Anna")));
+        assert_eq!(split_subject(" LASI "), ("LASI", None));
+        assert!(is_unlabelled("*12") && is_unlabelled(" ") && is_unlabelled("Anna:*3"));
+        for named in ["C7", "LASI", "UPA", "U12", "C_7"] {
+            assert!(!is_unlabelled(named), "{named}");
+        }
     }
 }

@@ -1,8 +1,9 @@
 //! Units as files spell them.
 
-/// Metres in a length unit, by its usual spellings.
-pub(crate) fn metres(unit: &str) -> Option<f64> {
-    match unit.trim().to_ascii_lowercase().as_str() {
+/// Metres in a length unit, by its usual spellings in any case, with or without a full stop (`mm`, `Meters`, `in.`); none for
+/// a unit nobody knows. Every reader of recordings uses this list.
+pub fn metres_per(unit: &str) -> Option<f64> {
+    match unit.trim().trim_end_matches('.').to_ascii_lowercase().as_str() {
         "m" | "meter" | "meters" | "metre" | "metres" => Some(1.0),
         "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => Some(1e-3),
         "cm" | "centimeter" | "centimeters" | "centimetre" | "centimetres" => Some(1e-2),
@@ -29,7 +30,7 @@ pub(crate) fn newton_metres(unit: &str) -> Option<f64> {
     let plain: String = unit.chars().filter(|c| c.is_ascii_alphabetic()).collect::<String>().to_ascii_lowercase();
     for force in ["newtons", "newton", "nt", "kn", "n", "lbf", "lbs", "lb"] {
         if let Some(length) = plain.strip_prefix(force)
-            && let (Some(f), Some(l)) = (newtons(force), metres(length))
+            && let (Some(f), Some(l)) = (newtons(force), metres_per(length))
         {
             return Some(f * l);
         }
@@ -48,7 +49,12 @@ mod tests {
 
     #[test]
     fn regress_spellings() {
-        assert_eq!(metres(" mm"), Some(1e-3));
+        for (unit, metres) in
+            [(" mm", 1e-3), ("MM.", 1e-3), ("dm", 1e-1), ("Metres", 1.0), ("in.", 0.0254), ("feet", 0.3048)]
+        {
+            assert_eq!(metres_per(unit), Some(metres), "{unit}");
+        }
+        assert_eq!((metres_per(""), metres_per("deg")), (None, None));
         assert_eq!(newton_metres("Nmm"), Some(1e-3));
         assert_eq!(newton_metres("N.mm"), Some(1e-3));
         assert_eq!(newton_metres("N*m"), Some(1.0));

@@ -23,7 +23,7 @@ pub struct PlateFrame {
     /// Columns: plate x, y, z in world axes. Orthonormal, right-handed.
     pub world_from_plate: Matrix3<f64>,
     /// Centre of the surface.
-    pub centre: Vector3<f64>,
+    pub center: Vector3<f64>,
     /// Half the size along plate x and y.
     pub half_size: [f64; 2],
 }
@@ -44,7 +44,7 @@ impl PlateDescription {
         let finite = sizes.iter().all(|s| s.is_finite());
         (spans && finite).then(|| PlateFrame {
             world_from_plate: Matrix3::from_columns(&[x, y, z]),
-            centre: (a + b + c + d) / 4.0,
+            center: (a + b + c + d) / 4.0,
             half_size: sizes.map(|s| s / 2.0),
         })
     }
@@ -115,7 +115,7 @@ impl C3dFile {
         let sign = reaction_sign(&inside.force_n, up_in_plate, &mut warn);
 
         let rotation = frame.world_from_plate;
-        let reference_in_world = frame.centre * metres + rotation * inside.reference_m;
+        let reference_in_world = frame.center * metres + rotation * inside.reference_m;
         let mut force_n = Vec::with_capacity(inside.force_n.len());
         let mut moment_nm = Vec::with_capacity(inside.force_n.len());
         for (force, moment) in inside.force_n.iter().zip(&inside.moment_nm) {
@@ -187,7 +187,7 @@ impl C3dFile {
             1 => {
                 // three forces, centre of pressure on the surface, free moment
                 reference_m = Vector3::zeros();
-                let length = unit::metres(unit_of(3)).unwrap_or(metres);
+                let length = unit::metres_per(unit_of(3)).unwrap_or(metres);
                 let torque = unit::newton_metres(unit_of(5)).unwrap_or(newtons * metres);
                 for i in 0..samples {
                     let force = Vector3::new(raw(0, i), raw(1, i), raw(2, i)) * newtons;
@@ -274,7 +274,7 @@ fn markers_above(file: &C3dFile, frame: &PlateFrame, axis: usize, metres: f64) -
         .points
         .iter()
         .flat_map(|p| p.xyz.iter().step_by(step))
-        .map(|xyz| (f64::from(xyz[axis]) - frame.centre[axis]) * metres)
+        .map(|xyz| (f64::from(xyz[axis]) - frame.center[axis]) * metres)
         .filter(|h| h.is_finite())
         .collect();
     if heights.is_empty() {

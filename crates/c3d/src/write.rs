@@ -31,7 +31,7 @@ impl C3dFile {
             });
         }
         let layout = self.layout()?;
-        let mut groups = parameter_sync::synchronised(self, &layout)?;
+        let mut groups = parameter_sync::synchronized(self, &layout)?;
         // the place of the samples does not change the size of the section
         let section = groups.to_bytes(self.byte_order)?.len();
         let data_start = BLOCK + section;

@@ -42,7 +42,7 @@ fn assert_wrench(file: &C3dFile, expected: &PlateWrench, tolerance: f64) -> Vec<
 }
 
 #[test]
-fn prop_a_wrench_survives_channels_and_file() {
+fn a_wrench_survives_channels_and_file() {
     let wrench = standing(200);
     for corners in [CORNERS, [CORNERS[2], CORNERS[3], CORNERS[0], CORNERS[1]], CORNERS.map(|c| [c[2], c[0], c[1]])] {
         for unit in ["mm", "m"] {
@@ -120,29 +120,29 @@ fn regress_an_origin_above_the_surface_is_turned() {
 
 /// Types 1, 3 and 4 made from one wrench by hand, with plate axes x = −world y … as the corners say.
 #[test]
-fn validate_types_against_hand_made_channels() {
+fn types_against_hand_made_channels() {
     let wrench = standing(200);
     let reference = builder().plate(CORNERS, [0.0, 0.0, -40.0], wrench.clone()).build().unwrap();
     let frame = reference.plates[0].frame().unwrap();
     let plate_from_world = frame.world_from_plate.transpose();
     let vector = |v: [f64; 3]| nalgebra::Vector3::from(v);
     // force and moment about the centre of the surface in plate axes
-    let at_centre: Vec<_> = wrench
+    let at_center: Vec<_> = wrench
         .force_n
         .iter()
         .zip(&wrench.moment_nm)
         .map(|(f, m)| {
-            let moment = vector(*m) - (frame.centre * 1e-3).cross(&vector(*f));
+            let moment = vector(*m) - (frame.center * 1e-3).cross(&vector(*f));
             (plate_from_world * vector(*f), plate_from_world * moment)
         })
         .collect();
     let channels = |of: &dyn Fn(usize, usize) -> f64, n: usize| -> Vec<Vec<f64>> {
-        (0..n).map(|k| (0..at_centre.len()).map(|i| of(i, k)).collect()).collect()
+        (0..n).map(|k| (0..at_center.len()).map(|i| of(i, k)).collect()).collect()
     };
     // type 1: centre of pressure and free moment
     let one = channels(
         &|i, k| {
-            let (f, m) = at_centre[i];
+            let (f, m) = at_center[i];
             let place = if f.z == 0.0 { [0.0; 2] } else { [-m.y / f.z, m.x / f.z] };
             match k {
                 0..=2 => f[k],
@@ -156,7 +156,7 @@ fn validate_types_against_hand_made_channels() {
     let (a, b, depth) = (0.25, 0.2, -0.048);
     let three = channels(
         &|i, k| {
-            let (f, m) = at_centre[i];
+            let (f, m) = at_center[i];
             let (mx, my) = (m.x - f.y * depth, m.y + f.x * depth);
             let posts = |sx: f64, sy: f64| 0.25 * (f.z + sy * mx / b - sx * my / a);
             // mz = b (x34 - x12) + a (y14 - y23)
@@ -226,7 +226,7 @@ fn regress_what_cannot_be_calibrated_says_so() {
 /// Plates of `subject_a` against the simulator's wrench: 1 N of noise on each of 6 force channels, and drift.
 #[test]
 fn validate_against_simulated_truth() {
-    let Some(folder) = shared_data("validate_against_simulated_truth") else { return };
+    let Some(folder) = shared_data("") else { return };
     let truth: serde_json::Value =
         serde_json::from_slice(&std::fs::read(golden_folder().join("plate_truth.json")).unwrap()).unwrap();
     for (trial, samples) in truth.as_object().unwrap() {
@@ -253,7 +253,7 @@ fn validate_against_simulated_truth() {
 /// Every calibrated plate of the recordings pushes up and keeps the centre of pressure on the plate while loaded.
 #[test]
 fn validate_recorded_plates_push_up_and_inside() {
-    let Some(folder) = shared_data("validate_recorded_plates_push_up_and_inside") else { return };
+    let Some(folder) = shared_data("") else { return };
     let (mut calibrated, mut refused, mut loaded_plates) = (0, 0, 0);
     for path in support::c3d_files(&folder) {
         let file = C3dFile::from_bytes(&std::fs::read(&path).unwrap()).unwrap();
@@ -279,13 +279,13 @@ fn validate_recorded_plates_push_up_and_inside() {
                     continue;
                 }
                 up += force[2];
-                let height = frame.centre.z * metres;
+                let height = frame.center.z * metres;
                 let place = nalgebra::Vector3::new(
                     (height * force[0] - moment[1]) / force[2],
                     (moment[0] + height * force[1]) / force[2],
                     height,
                 );
-                let local = frame.world_from_plate.transpose() * (place - frame.centre * metres);
+                let local = frame.world_from_plate.transpose() * (place - frame.center * metres);
                 loaded += 1;
                 let within = |k: usize| local[k].abs() < 1.05 * frame.half_size[k] * metres;
                 inside += usize::from(within(0) && within(1));

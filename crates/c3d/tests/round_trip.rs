@@ -56,7 +56,7 @@ fn assert_rewrites(name: &str, bytes: &[u8]) -> C3dFile {
 }
 
 #[test]
-fn prop_fixtures_survive() {
+fn fixtures_survive() {
     for (name, file) in fixtures() {
         let bytes = file.to_bytes().unwrap();
         let read = assert_rewrites(name, &bytes);
@@ -116,8 +116,8 @@ fn regress_a_file_late_in_a_long_trial() {
 }
 
 #[test]
-fn prop_recordings_survive() {
-    let Some(folder) = shared_data("prop_recordings_survive") else { return };
+fn recordings_survive() {
+    let Some(folder) = shared_data("") else { return };
     for path in c3d_files(&folder) {
         let bytes = std::fs::read(&path).unwrap();
         let read = C3dFile::from_bytes(&bytes).unwrap();
@@ -170,7 +170,7 @@ fn regress_changes_are_written_and_the_rest_is_kept() {
 }
 
 #[test]
-fn prop_any_order_and_storage_into_any_other() {
+fn any_order_and_storage_into_any_other() {
     use aloft_c3d::{ByteOrder::*, Storage::*};
     let reference = support::laboratory(Intel, Float);
     for from in [(Intel, Float), (Dec, Integer), (Mips, Float), (Dec, Float)] {

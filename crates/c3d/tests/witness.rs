@@ -70,7 +70,7 @@ fn compare(name: &str, file: &C3dFile, frames: &Frames) -> (usize, usize) {
 fn validate_against_c3d_rs() {
     let mut files: Vec<(String, Vec<u8>)> =
         fixtures().into_iter().map(|(name, file)| (name.to_owned(), file.to_bytes().unwrap())).collect();
-    if let Some(folder) = shared_data("validate_against_c3d_rs (recordings)") {
+    if let Some(folder) = shared_data("") {
         files.extend(c3d_files(&folder).iter().map(|p| (p.display().to_string(), std::fs::read(p).unwrap())));
     }
     // its panics are its own affair

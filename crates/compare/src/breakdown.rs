@@ -8,6 +8,7 @@ use crate::frames::{FrameRecord, TrialFrames};
 use crate::input::TrialFacts;
 use crate::windows::TrialWindows;
 use crate::{NoiseFloor, Phase};
+use aloft_signal::quantile_of_sorted;
 use serde::{Deserialize, Serialize};
 
 /// By what frames are grouped.
@@ -247,13 +248,12 @@ impl Grouping {
             values.sort_by(f64::total_cmp);
             let Some(last) = values.last().copied() else { continue };
             // as many decimals as tell the quarters apart
-            let quarters = (1..=QUARTERS)
-                .map(|q| values[q * (values.len() - 1) / QUARTERS] - values[(q - 1) * (values.len() - 1) / QUARTERS]);
+            let bound = |q: usize| quantile_of_sorted(&values, q, QUARTERS).unwrap_or(f64::NAN);
+            let quarters = (1..=QUARTERS).map(|q| bound(q) - bound(q - 1));
             let finest = quarters.filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
             let decimals = if finest.is_finite() { (1.0 - finest.log10().floor()).clamp(2.0, 6.0) as usize } else { 2 };
             for quarter in 0..QUARTERS {
-                let from = values[quarter * (values.len() - 1) / QUARTERS];
-                let to = values[(quarter + 1) * (values.len() - 1) / QUARTERS];
+                let (from, to) = (bound(quarter), bound(quarter + 1));
                 let name = format!("{from:.decimals$} to {to:.decimals$} {unit}");
                 push(by, name, Some((from, to)), &counted, &|r| {
                     let x = feature(r);

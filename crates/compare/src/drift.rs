@@ -130,7 +130,7 @@ mod tests {
     use rand::SeedableRng;
 
     #[test]
-    fn prop_a_drift_is_recovered_from_readings_and_vanishes_where_it_is_known() {
+    fn a_drift_is_recovered_from_readings_and_vanishes_where_it_is_known() {
         let centers: [Vector3<f64>; 2] = [Vector3::new(0.3, 0.2, 0.0), Vector3::new(-0.3, 0.1, 0.01)];
         let rate = Vector6::new(0.02, 0.02, 0.05, 0.001, 0.001, 0.003);
         let one = |center| PlateDrift { rate, centers: vec![center], times_s: Vec::new() };

@@ -97,12 +97,7 @@ fn noise_density(samples: &[f64], rate_hz: f64) -> [f64; 6] {
 
 /// Standard deviation of a normal distribution with this median absolute value; 0 without values.
 pub(crate) fn median_scale(absolute: &mut [f64]) -> f64 {
-    if absolute.is_empty() {
-        return 0.0;
-    }
-    let middle = absolute.len() / 2;
-    let (_, median, _) = absolute.select_nth_unstable_by(middle, f64::total_cmp);
-    *median / 0.674_489_750_196_081_7
+    aloft_signal::upper_median(absolute).map_or(0.0, |median| median / 0.674_489_750_196_081_7)
 }
 
 #[cfg(test)]
@@ -113,7 +108,7 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
 
     #[test]
-    fn prop_slow_forces_and_their_noise_come_through() {
+    fn slow_forces_and_their_noise_come_through() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
         let slow = |t: f64| 300.0 + 100.0 * (6.0 * t).sin();
         let n = 3000;
@@ -143,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_a_filter_that_does_not_fit_names_the_plate() {
+    fn a_filter_that_does_not_fit_names_the_plate() {
         let plate = Plate { name: "FP2".into(), rate_hz: 15.0, ..Plate::default() };
         let filter = LowPass { order: 3, cutoff_hz: 10.0, correction: CutoffCorrection::None };
         let error = measured_wrench("jump01", &[plate], 10.0, 5, Some(filter)).unwrap_err();

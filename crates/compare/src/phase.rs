@@ -114,7 +114,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_phases_edges_and_gaps() {
+    fn phases_edges_and_gaps() {
         let options = CompareOptions {
             edge_s: 0.05,
             flight_margin_s: 0.1,

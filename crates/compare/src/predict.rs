@@ -47,7 +47,7 @@ mod tests {
 
     /// Eight frames at a time against one frame after the other.
     #[test]
-    fn prop_batches_predict_what_single_frames_do() {
+    fn batches_predict_what_single_frames_do() {
         let spec: ModelSpec = serde_yaml::from_str(include_str!("../../../configs/models/human34.yaml")).unwrap();
         let model = Model::from_spec(&spec).unwrap();
         let base = BaseParameters::of(&model);

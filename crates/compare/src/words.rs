@@ -207,12 +207,11 @@ fn worst(values: &[f64; 3]) -> (usize, f64) {
 
 /// The largest, if it stands out from the median of at least two.
 fn stands_out<'a>(sizes: &[(&'a str, f64)]) -> Option<(&'a str, f64)> {
-    let mut sorted: Vec<f64> = sizes.iter().map(|s| s.1).collect();
-    sorted.sort_by(f64::total_cmp);
-    if sorted.len() < 2 {
+    let mut values: Vec<f64> = sizes.iter().map(|s| s.1).collect();
+    if values.len() < 2 {
         return None;
     }
-    let median = 0.5 * (sorted[(sorted.len() - 1) / 2] + sorted[sorted.len() / 2]);
+    let median = aloft_signal::median(&mut values);
     let (name, largest) = sizes.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
     (*largest > REMARKABLE * median && median > 0.0).then_some((name, largest / median))
 }

@@ -124,7 +124,7 @@ fn measured(series: Vec<Vector6<f64>>) -> Measured {
 }
 
 #[test]
-fn prop_the_true_model_has_no_error_and_a_wrong_one_shows_where() {
+fn the_true_model_has_no_error_and_a_wrong_one_shows_where() {
     let model = tree();
     let base = BaseParameters::of(&model);
     let truth = truth();
@@ -163,7 +163,7 @@ fn prop_the_true_model_has_no_error_and_a_wrong_one_shows_where() {
 }
 
 #[test]
-fn prop_effects_of_a_model_are_taken_into_account_and_drag_is_attributed() {
+fn effects_of_a_model_are_taken_into_account_and_drag_is_attributed() {
     let model = tree();
     let base = BaseParameters::of(&model);
     let truth = truth();
@@ -189,7 +189,7 @@ fn prop_effects_of_a_model_are_taken_into_account_and_drag_is_attributed() {
 }
 
 #[test]
-fn prop_flights_masks_and_parameters_of_each_trial() {
+fn flights_masks_and_parameters_of_each_trial() {
     let model = tree();
     let base = BaseParameters::of(&model);
     let truth = truth();
@@ -224,7 +224,7 @@ fn prop_flights_masks_and_parameters_of_each_trial() {
 }
 
 #[test]
-fn prop_the_noise_floor_is_the_error_that_noise_makes() {
+fn the_noise_floor_is_the_error_that_noise_makes() {
     let model = tree();
     let base = BaseParameters::of(&model);
     let truth = truth();
@@ -297,7 +297,7 @@ fn prop_the_noise_floor_is_the_error_that_noise_makes() {
 }
 
 #[test]
-fn prop_input_that_does_not_fit_is_refused() {
+fn input_that_does_not_fit_is_refused() {
     let model = tree();
     let base = BaseParameters::of(&model);
     let truth = truth();

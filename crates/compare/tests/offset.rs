@@ -130,7 +130,7 @@ fn near(a: &WrenchErrors, b: &WrenchErrors, within: f64) -> bool {
 }
 
 #[test]
-fn prop_a_planted_offset_is_found_and_the_error_falls_back_to_that_of_tared_plates() {
+fn a_planted_offset_is_found_and_the_error_falls_back_to_that_of_tared_plates() {
     let models = [("truth", truth()), ("wrong", changed(0.0, 0.4))];
     let twin = run(&models, &recorded(&[0.0; 6]), false, &[], None);
     let c = run(&models, &recorded(&PLANTED), true, &[], None);
@@ -168,7 +168,7 @@ fn prop_a_planted_offset_is_found_and_the_error_falls_back_to_that_of_tared_plat
 }
 
 #[test]
-fn prop_what_is_planted_does_not_matter_to_any_model() {
+fn what_is_planted_does_not_matter_to_any_model() {
     let models = [("truth", truth()), ("wrong", changed(0.5, 0.4))];
     let [a, b] = [[0.0; 6], PLANTED].map(|offset| run(&models, &recorded(&offset), true, &[], None));
     for (a, b) in a.models().zip(b.models()) {
@@ -185,7 +185,7 @@ fn prop_what_is_planted_does_not_matter_to_any_model() {
 }
 
 #[test]
-fn prop_tared_trials_and_trials_with_flights_keep_their_constants() {
+fn tared_trials_and_trials_with_flights_keep_their_constants() {
     let models = [("truth", truth()), ("heavy", changed(0.5, 0.0))];
     let plates = recorded(&PLANTED);
     let flights: Vec<Range<usize>> = std::iter::once(600..700).collect();
@@ -205,7 +205,7 @@ fn prop_tared_trials_and_trials_with_flights_keep_their_constants() {
 }
 
 #[test]
-fn prop_the_mass_from_a_scale_keeps_a_wrong_mass_in_sight() {
+fn the_mass_from_a_scale_keeps_a_wrong_mass_in_sight() {
     let models = [("heavy", changed(0.5, 0.0)), ("truth", truth()), ("nothing", vec![Phi::zeros(); 2])];
     let plates = recorded(&PLANTED);
     let own = run(&models, &plates, true, &[], None);
@@ -224,7 +224,7 @@ fn prop_the_mass_from_a_scale_keeps_a_wrong_mass_in_sight() {
 }
 
 #[test]
-fn prop_missing_frames_and_short_contact() {
+fn missing_frames_and_short_contact() {
     let models = [("truth", truth())];
     let mut plates = recorded(&PLANTED);
     for w in plates.filtered.iter_mut().chain(&mut plates.unfiltered).step_by(97) {

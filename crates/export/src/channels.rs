@@ -9,9 +9,9 @@ use nalgebra::{Vector3, Vector6};
 /// One series over the frames of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Channel {
-    /// What is measured: `marker`, `joint_centre`, `centre_of_mass`, `orientation`, `coordinate` (joint angles as solved), `coordinate_filtered`,
+    /// What is measured: `marker`, `joint_center`, `center_of_mass`, `orientation`, `coordinate` (joint angles as solved), `coordinate_filtered`,
     /// `coordinate_rate`, `coordinate_acceleration`, `ground_force`,
-    /// `ground_moment`, `centre_of_pressure`, `generalised_force`, `residual_force`, `residual_moment`, `marker_error`.
+    /// `ground_moment`, `center_of_pressure`, `generalised_force`, `residual_force`, `residual_moment`, `marker_error`.
     pub quantity: &'static str,
     /// Of what: marker, joint, coordinate, plate.
     pub name: String,
@@ -52,7 +52,7 @@ fn scalar(quantity: &'static str, name: &str, unit: &'static str, values: Vec<f6
 }
 
 /// Names of joint centres: `RHJC`, `LKJC` … as gait laboratories call them, `<link>_JC` for other models, `PELO` and so on for the root.
-pub fn joint_centre_name(link: &str, is_root: bool) -> String {
+pub(crate) fn joint_center_name(link: &str, is_root: bool) -> String {
     let (stem, side) = match link.rsplit_once('_') {
         Some((stem, "r")) => (stem, "R"),
         Some((stem, "l")) => (stem, "L"),
@@ -75,14 +75,14 @@ pub fn joint_centre_name(link: &str, is_root: bool) -> String {
 }
 
 /// Joint centres (link origins) of the motion that a trial has (as solved where there is one), world, m: one series a link.
-pub fn joint_centres(subject: &SubjectExport, trial: &TrialExport) -> Vec<(String, Vec<Vector3<f64>>)> {
+pub fn joint_centers(subject: &SubjectExport, trial: &TrialExport) -> Vec<(String, Vec<Vector3<f64>>)> {
     let Some(motion) = trial.motion.as_ref().or(trial.filtered.as_ref()) else { return Vec::new() };
     let model = &subject.subject.model;
     let mut state = State::new(model);
     let mut out: Vec<(String, Vec<Vector3<f64>>)> = model
         .links
         .iter()
-        .map(|l| (joint_centre_name(&l.name, l.parent.is_none()), vec![Vector3::repeat(f64::NAN); motion.n_frames()]))
+        .map(|l| (joint_center_name(&l.name, l.parent.is_none()), vec![Vector3::repeat(f64::NAN); motion.n_frames()]))
         .collect();
     for f in (0..motion.n_frames()).filter(|&f| motion.is_valid(f)) {
         state.forward_position(model, motion.q(f));
@@ -100,7 +100,7 @@ pub fn channels(subject: &SubjectExport, trial: &TrialExport) -> Vec<Channel> {
     for (label, path) in markers.labels.iter().zip(&markers.trajectories) {
         push(&mut out, "marker", label, "m", path.iter().copied());
     }
-    for (name, path) in joint_centres(subject, trial) {
+    for (name, path) in joint_centers(subject, trial) {
         push(&mut out, "joint_centre", &name, "m", path.iter().copied());
     }
     kinematics(subject, trial, &mut out);

@@ -18,7 +18,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_up_becomes_y_and_the_rotation_is_proper() {
+    fn up_becomes_y_and_the_rotation_is_proper() {
         let r = ground_from_world();
         assert_eq!(r.matrix().determinant(), 1.0);
         assert_eq!(r * Vector3::z(), Vector3::y());

@@ -6,8 +6,8 @@
 
 use crate::{PlateAtFrames, SubjectExport};
 use aloft_body::{Motion, State};
+use aloft_signal::runs_where;
 use nalgebra::{Vector3, Vector6};
-use std::ops::Range;
 
 /// Below this vertical force a plate has no centre of pressure, N.
 pub const LOADED_N: f64 = 20.0;
@@ -37,29 +37,12 @@ pub(crate) fn parts(w: &Vector6<f64>) -> (Vector3<f64>, Vector3<f64>) {
 }
 
 /// Centre of pressure on the plane z = 0, m.
-pub fn center_of_pressure(wrench: &Vector6<f64>) -> Vector3<f64> {
+pub(crate) fn center_of_pressure(wrench: &Vector6<f64>) -> Vector3<f64> {
     Vector3::new(-wrench[4] / wrench[2], wrench[3] / wrench[2], 0.0)
 }
 
 fn loaded(w: &Vector6<f64>) -> bool {
     w[2] > LOADED_N
-}
-
-/// Stretches of frames for which `is` holds.
-fn stretches(n: usize, is: impl Fn(usize) -> bool) -> Vec<Range<usize>> {
-    let mut out = Vec::new();
-    let mut start = None;
-    for f in 0..=n {
-        match (start, f < n && is(f)) {
-            (None, true) => start = Some(f),
-            (Some(s), false) => {
-                out.push(s..f);
-                start = None;
-            }
-            _ => {}
-        }
-    }
-    out
 }
 
 /// Links that can stand on plates.
@@ -85,7 +68,7 @@ pub fn assign(subject: &SubjectExport, motion: &Motion, plates: &[PlateAtFrames]
     let mut loads = Vec::new();
     for (number, plate) in plates.iter().enumerate() {
         let n = plate.wrench.len();
-        let episodes = stretches(n, |f| loaded(&plate.wrench[f]));
+        let episodes = runs_where(n, |f| loaded(&plate.wrench[f]));
         let owners: Vec<usize> = episodes
             .iter()
             .map(|episode| {
@@ -153,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_point_and_free_moment_carry_the_whole_wrench() {
+    fn point_and_free_moment_carry_the_whole_wrench() {
         let w = Vector6::new(12.0, -30.0, 700.0, 80.0, -210.0, 6.0);
         for wrench in [w, Vector6::new(1.0, 2.0, 3.0, 0.1, 0.2, 0.3)] {
             let l = load("1".into(), "FP1", 3, &[wrench], &[3]);
@@ -161,12 +144,5 @@ mod tests {
             assert!((l.point_m[0].cross(&force) + l.moment_nm[0] - moment).norm() < 1e-12);
         }
         assert_eq!(load("1".into(), "FP1", 2, &[w], &[3]).wrench[0], Vector6::zeros());
-    }
-
-    #[test]
-    fn prop_stretches_cover_what_holds() {
-        let on = [true, false, true, true, false, true];
-        assert_eq!(stretches(6, |f| on[f]), vec![0..1, 2..4, 5..6]);
-        assert!(stretches(0, |_| true).is_empty());
     }
 }

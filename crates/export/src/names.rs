@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_different_names_have_different_files_on_every_file_system() {
+    fn different_names_have_different_files_on_every_file_system() {
         is_injective(|n| folded(&file(n)));
         for name in hostile() {
             let out = file(&name);
@@ -198,14 +198,14 @@ mod tests {
     }
 
     #[test]
-    fn prop_labels_of_bids_are_letters_and_digits_and_differ() {
+    fn labels_of_bids_are_letters_and_digits_and_differ() {
         is_injective(|n| bids(n).to_lowercase());
         is_injective(|n| format!("{} {}", alphanumeric(n).to_lowercase(), dropped(n)));
         assert!(hostile().iter().all(|n| bids(n).chars().all(|c| c.is_ascii_alphanumeric()) && !bids(n).is_empty()));
     }
 
     #[test]
-    fn prop_labels_differ_and_hold_nothing_that_separates() {
+    fn labels_differ_and_hold_nothing_that_separates() {
         is_injective(label);
         assert!(hostile().iter().all(|n| !label(n).contains(|c: char| c.is_whitespace() || "/\\'\"".contains(c))));
     }

@@ -116,7 +116,7 @@ fn validate_osim_poses_masses_and_markers() {
 }
 
 #[test]
-fn prop_coordinates_that_were_held_are_locked() {
+fn coordinates_that_were_held_are_locked() {
     let mut s = subject(Convention::Model);
     let t = trial(&s, &[]);
     let at = |name: &str| {

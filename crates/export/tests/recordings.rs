@@ -13,7 +13,7 @@ use std::collections::BTreeSet;
 use support::{FRAMES, RATE_HZ, bytes, subject, text, trial, written, xml};
 
 #[test]
-fn prop_every_format_writes_files_with_places_of_their_own() {
+fn every_format_writes_files_with_places_of_their_own() {
     let s = subject(Convention::Isb);
     let t = trial(&s, &[0, 1, 40]);
     let mut paths = BTreeSet::new();
@@ -41,7 +41,7 @@ fn prop_every_format_writes_files_with_places_of_their_own() {
 }
 
 #[test]
-fn prop_trc_and_unfiltered_forces_come_back_as_they_went_in() {
+fn trc_and_unfiltered_forces_come_back_as_they_went_in() {
     let s = subject(Convention::Model);
     let t = trial(&s, &[]);
     let (trc, mot) = (written("trc", &s, &t), written("forces", &s, &t));
@@ -83,7 +83,7 @@ fn column(table: &Table, name: &str) -> Vec<f64> {
 }
 
 #[test]
-fn prop_angles_of_the_mot_give_the_links_back() {
+fn angles_of_the_mot_give_the_links_back() {
     for convention in [Convention::Model, Convention::Isb] {
         let s = subject(convention);
         let t = trial(&s, &[0, 1, 30]);
@@ -126,7 +126,7 @@ fn prop_angles_of_the_mot_give_the_links_back() {
 }
 
 #[test]
-fn prop_rates_are_derivatives_and_forces_do_the_same_work() {
+fn rates_are_derivatives_and_forces_do_the_same_work() {
     for convention in [Convention::Model, Convention::Isb] {
         let s = subject(convention);
         let t = trial(&s, &[]);
@@ -181,7 +181,7 @@ fn prop_rates_are_derivatives_and_forces_do_the_same_work() {
 }
 
 #[test]
-fn prop_an_old_c3d_keeps_what_it_had_and_gains_what_was_learnt() {
+fn an_old_c3d_keeps_what_it_had_and_gains_what_was_learnt() {
     let s = subject(Convention::Model);
     for (storage, order) in [(Storage::Float, ByteOrder::Intel), (Storage::Integer, ByteOrder::Mips)] {
         let mut t = trial(&s, &[0]);
@@ -253,7 +253,7 @@ fn prop_an_old_c3d_keeps_what_it_had_and_gains_what_was_learnt() {
 }
 
 #[test]
-fn prop_a_recording_that_was_no_c3d_becomes_one() {
+fn a_recording_that_was_no_c3d_becomes_one() {
     let s = subject(Convention::Model);
     let t = trial(&s, &[]);
     let files = written("c3d", &s, &t);
@@ -268,7 +268,7 @@ fn prop_a_recording_that_was_no_c3d_becomes_one() {
 }
 
 #[test]
-fn prop_parquet_and_csv_hold_the_same_series() {
+fn parquet_and_csv_hold_the_same_series() {
     let s = subject(Convention::Model);
     let t = trial(&s, &[0]);
     let parquet = written("parquet", &s, &t);
@@ -306,7 +306,7 @@ fn prop_parquet_and_csv_hold_the_same_series() {
 }
 
 #[test]
-fn prop_bids_tables_and_their_descriptions_agree() {
+fn bids_tables_and_their_descriptions_agree() {
     let s = subject(Convention::Isb);
     let t = trial(&s, &[]);
     let files = written("bids", &s, &t);
@@ -338,7 +338,7 @@ fn prop_bids_tables_and_their_descriptions_agree() {
 }
 
 #[test]
-fn prop_recordings_of_any_names_share_no_file() {
+fn recordings_of_any_names_share_no_file() {
     let s = subject(Convention::Isb);
     let mut t = trial(&s, &[]);
     let pieces = [

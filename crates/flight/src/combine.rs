@@ -8,10 +8,11 @@ use crate::from_motion::{Found, PlateEvidence, search, shortest_frames};
 use crate::from_plates::{Unloaded, centroid_fall, frames_in, unloaded_stretches};
 use crate::parabola::Parabola;
 use crate::{
-    EdgeSource, Flight, FlightError, FlightMethod, FlightOptions, FlightReport, FlightSource, Rejected,
+    EdgeSource, Flight, FlightError, FlightMethod, FlightOptions, FlightReport, FlightSource, FlightWarning, Rejected,
     RejectionReason, from_plates, plate_wrench_at_marker_rate, total_wrench,
 };
 use aloft_body::{Model, Motion, Phi};
+use aloft_signal::upper_median;
 use aloft_trial::{Markers, Trial};
 use nalgebra::Vector3;
 
@@ -67,7 +68,8 @@ pub fn find_flights(
         let clues = clues(trial, phi, motion, &path, &report, &bare)?;
         report.free_fall = FreeFall::of(&report.flights, &gravity, rate_hz, &bare, &clues);
     }
-    report.warnings.extend(report.free_fall.as_ref().and_then(FreeFall::warning));
+    let off = report.free_fall.as_ref().and_then(FreeFall::warning);
+    report.warnings.extend(off.map(|words| FlightWarning::FreeFall { words }));
     report.apply_margin(options.margin_frames, shortest_frames(rate_hz, options));
     Ok(report)
 }
@@ -134,9 +136,7 @@ fn clues(
             .map(|(_, f)| f.z)
             .collect();
         if loads.len() as f64 > LEAST_REST_S * motion.rate_hz {
-            let middle = loads.len() / 2;
-            let median = *loads.select_nth_unstable_by(middle, f64::total_cmp).1;
-            out.rest_share = Some(median / (mass_kg * options.gravity_mps2));
+            out.rest_share = upper_median(&mut loads).map(|load| load / (mass_kg * options.gravity_mps2));
         }
     }
     if let Some(stature_m) = options.stature_m.filter(|s| *s > 0.0) {
@@ -154,10 +154,7 @@ fn clues(
             (heights.len() > needed.max(5)).then_some(reach[1] - reach[0])
         };
         let mut extents: Vec<f64> = (0..trial.markers.n_frames).filter_map(extent).collect();
-        if !extents.is_empty() {
-            let middle = extents.len() / 2;
-            out.extent_share = Some(*extents.select_nth_unstable_by(middle, f64::total_cmp).1 / stature_m);
-        }
+        out.extent_share = upper_median(&mut extents).map(|extent| extent / stature_m);
     }
     Ok(out)
 }
@@ -227,10 +224,12 @@ fn join(
         }
         let early = flight.start + tolerance < frames.start || frames.end + tolerance < flight.end;
         if early {
-            report.warnings.push(format!(
-                "flight in frames {} to {}: motion says {} to {}, plates {} to {} ({shared} frames in common)",
-                joined.start, joined.end, flight.start, flight.end, frames.start, frames.end
-            ));
+            report.warnings.push(FlightWarning::EdgesDiffer {
+                joined: joined.frames(),
+                motion: flight.frames(),
+                plates: frames,
+                shared,
+            });
         }
         if joined.n_frames() >= shortest {
             report.flights.push(joined);
@@ -245,10 +244,7 @@ fn join(
         }
         let unsolved = flight.frames().filter(|&frame| frame >= motion.n_frames() || !motion.is_valid(frame)).count();
         if 3 * unsolved > flight.n_frames() {
-            report.warnings.push(format!(
-                "flight in frames {} to {}: told by the plates alone, {unsolved} frames of the motion are not solved",
-                flight.start, flight.end
-            ));
+            report.warnings.push(FlightWarning::Unsolved { frames: flight.frames(), unsolved });
             report.flights.push(flight.clone());
             continue;
         }
@@ -258,10 +254,7 @@ fn join(
             ((mean - free).norm() < UNSTEADY * free.norm()).then_some(mean)
         });
         if let Some(mean) = mean {
-            report.warnings.push(format!(
-                "flight in frames {} to {}: told by the plates alone, the motion is not steady in it",
-                flight.start, flight.end
-            ));
+            report.warnings.push(FlightWarning::Unsteady { frames: flight.frames() });
             report.flights.push(Flight { mean_acceleration_mps2: mean.into(), ..flight.clone() });
         } else {
             let vertical_mps2 = centroid_fall(trial, flight.start, flight.end).map_or(0.0, |c| c.acceleration_mps2.z);

@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn validate_usual_values_are_named() {
+    fn usual_values_are_named() {
         for (stated, real) in [(200.0, 240.0), (100.0, 120.0), (250.0, 200.0), (100.0, 50.0), (120.0, 100.0_f64)] {
             let ratio = (stated / real).powi(2);
             let all = of_ratio(ratio, [ratio * 0.99, ratio * 1.01], 9.81, stated, &Clues::default());
@@ -285,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn validate_stature_and_weight_tell_time_lengths_and_support_apart() {
+    fn stature_and_weight_tell_time_lengths_and_support_apart() {
         let body = |extent, rest| Clues { extent_share: Some(extent), rest_share: Some(rest), mass_kg: 70.0 };
         let ratio = (200.0_f64 / 240.0).powi(2);
         assert_eq!(first(ratio, &body(0.95, 1.0)).cause, Cause::FrameRate);

@@ -1,6 +1,6 @@
 //! A flight, and what a search for flights gives.
 
-use crate::{FreeFall, PlateTare};
+use crate::{FlightWarning, FreeFall, PlateTare, TareSource};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -141,11 +141,17 @@ pub struct FlightReport {
     /// The acceleration of free flight against the stated gravity; none without flights whose acceleration is known.
     #[serde(default)]
     pub free_fall: Option<FreeFall>,
-    /// Oddities, in words.
-    pub warnings: Vec<String>,
+    /// What was odd.
+    pub warnings: Vec<FlightWarning>,
 }
 
 impl FlightReport {
+    /// The plates whose zero is not known because they are never unloaded, as warnings.
+    pub fn untared(&self) -> impl Iterator<Item = FlightWarning> + '_ {
+        let unknown = self.tare.iter().filter(|t| t.source == TareSource::None);
+        unknown.map(|t| FlightWarning::NotTared { plate: t.plate.clone() })
+    }
+
     /// Frames in the air, in total.
     pub fn flight_frames(&self) -> usize {
         self.flights.iter().map(Flight::n_frames).sum()

@@ -5,7 +5,10 @@ use crate::explain::Clues;
 use crate::free_acceleration::{Acceleration, SLOW, Search, haste, inner, longest_frames};
 use crate::free_fall::FreeFall;
 use crate::parabola::Parabola;
-use crate::{EdgeSource, Flight, FlightError, FlightOptions, FlightReport, FlightSource, Rejected, RejectionReason};
+use crate::{
+    EdgeSource, Flight, FlightError, FlightOptions, FlightReport, FlightSource, FlightWarning, Rejected,
+    RejectionReason,
+};
 use aloft_body::{Model, Motion, Phi, STANDARD_GRAVITY_MPS2};
 use nalgebra::Vector3;
 use std::ops::Range;
@@ -17,7 +20,7 @@ const WEAK: f64 = 0.5;
 /// Where only edges tell flights from dips, a flight lasts at least this share of the longest.
 const BRIEF: f64 = 0.15;
 /// Deviation from the stated gravity, as a share of it, above which flights are searched again about their own acceleration.
-const RECENTRE: f64 = 0.1;
+const RECENTER: f64 = 0.1;
 
 /// Finds the flights in a motion (positions suffice; filtered or not). `phi` are prior inertias in link frames.
 ///
@@ -38,7 +41,8 @@ pub fn from_motion(
     let found = search(model, phi, motion, options, None)?;
     let mut report = found.report;
     report.free_fall = FreeFall::of(&report.flights, &model.gravity_mps2, motion.rate_hz, options, &Clues::default());
-    report.warnings.extend(report.free_fall.as_ref().and_then(FreeFall::warning));
+    let off = report.free_fall.as_ref().and_then(FreeFall::warning);
+    report.warnings.extend(off.map(|words| FlightWarning::FreeFall { words }));
     report.apply_margin(options.margin_frames, shortest_frames(motion.rate_hz, options));
     Ok(report)
 }
@@ -79,7 +83,7 @@ pub(crate) fn search(
     let is_weak = |free: &Vector3<f64>| free.norm() < WEAK * STANDARD_GRAVITY_MPS2;
     // The dip before a jump accelerates as weak gravity does; without plates its gradual edges tell it from a flight.
     let sharp = |free: &Vector3<f64>| {
-        size > 0.0 && plates.is_none() && (is_weak(free) || (free - stated).norm() > RECENTRE * size)
+        size > 0.0 && plates.is_none() && (is_weak(free) || (free - stated).norm() > RECENTER * size)
     };
     let about = |free: Vector3<f64>, slowness: f64| {
         search_about(prior.clone(), motion, options, Wanted { free, slowness, sharp: sharp(&free) })
@@ -121,7 +125,7 @@ pub(crate) fn search(
         let flights = &found.report.flights;
         let as_found = flights.iter().map(|f| f.frames().filter(|f| allowed(*f)).count()).sum::<usize>();
         let as_stated = as_stated.max(as_found);
-        if (free - stated).norm() > RECENTRE * size && frames as f64 > CLEARLY_MORE * as_stated as f64 {
+        if (free - stated).norm() > RECENTER * size && frames as f64 > CLEARLY_MORE * as_stated as f64 {
             let other = either(free, is_weak(&free))?;
             // the fit of first moments may not live on stretches of its own making
             let strict = Acceleration::of(&other.com_m, motion, options, 1.0)?;
@@ -136,7 +140,7 @@ pub(crate) fn search(
     for _ in 0..2 {
         match mean_acceleration(&found.report.flights) {
             Some(mean)
-                if (mean - found.free_mps2).norm() > RECENTRE * found.free_mps2.norm() && mean.norm() >= least =>
+                if (mean - found.free_mps2).norm() > RECENTER * found.free_mps2.norm() && mean.norm() >= least =>
             {
                 let again = either(mean, is_weak(&mean))?;
                 if again.report.flight_frames() < found.report.flight_frames() {

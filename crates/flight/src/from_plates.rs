@@ -25,9 +25,7 @@ pub fn from_plates(trial: &Trial, n_frames: usize, rate_hz: f64, options: &Fligh
     let (stretches, tare) = unloaded_stretches(trial, options);
     let mut report = FlightReport { trial: trial.name.clone(), rate_hz, tare, ..FlightReport::default() };
     let shortest = ((options.min_duration_s * rate_hz).round() as usize).max(6);
-    for plate in report.tare.iter().filter(|t| t.source == crate::TareSource::None) {
-        report.warnings.push(format!("plate `{}` is never unloaded: not tared", plate.plate));
-    }
+    report.warnings = report.untared().collect();
     for stretch in stretches {
         let frames = frames_in(stretch.from_s, stretch.to_s, n_frames, rate_hz);
         if frames.len() < shortest {

@@ -98,7 +98,7 @@ mod tests {
     use crate::{EdgeSource, FlightSource};
 
     #[test]
-    fn prop_a_parabola_gives_its_velocity_whatever_its_height() {
+    fn a_parabola_gives_its_velocity_whatever_its_height() {
         let (rate, g) = (200.0, 9.81);
         let flight = Flight {
             start: 20,

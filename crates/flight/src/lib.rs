@@ -18,6 +18,7 @@ mod impulse;
 pub mod options;
 mod parabola;
 mod tare;
+mod warning;
 mod wrench;
 
 pub use combine::{combine, find_flights};
@@ -30,4 +31,5 @@ pub use from_plates::from_plates;
 pub use impulse::{ImpulseMass, impulse_masses};
 pub use options::{FlightMethod, FlightOptions};
 pub use tare::{PlateTare, TareSource, apply_tare, tare, unloaded_tare};
+pub use warning::FlightWarning;
 pub use wrench::{FrameWrench, plate_wrench_at_marker_rate, total_wrench};

@@ -4,6 +4,7 @@
 //! ([`tare`], better: nothing touches any plate there, and several flights show the drift between them).
 
 use crate::Flight;
+use aloft_signal::{median_and_deviation, quantile_of_sorted};
 use aloft_trial::{Plate, Trial};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -75,17 +76,7 @@ impl PlateTare {
 
 /// Median and spread (1.4826 × median absolute deviation) of finite values.
 fn median_and_spread(values: &mut Vec<f64>) -> Option<(f64, f64)> {
-    values.retain(|x| x.is_finite());
-    if values.is_empty() {
-        return None;
-    }
-    let middle = values.len() / 2;
-    let center = *values.select_nth_unstable_by(middle, f64::total_cmp).1;
-    for value in values.iter_mut() {
-        *value = (*value - center).abs();
-    }
-    let spread = *values.select_nth_unstable_by(middle, f64::total_cmp).1;
-    Some((center, 1.4826 * spread))
+    median_and_deviation(values).map(|(center, deviation)| (center, 1.4826 * deviation))
 }
 
 /// Component-wise median of some samples.
@@ -109,7 +100,7 @@ pub fn unloaded_tare(plate: &Plate) -> PlateTare {
         return PlateTare::none(plate);
     }
     loads.sort_by(f64::total_cmp);
-    let strong = loads[(loads.len() - 1) * 98 / 100];
+    let Some(strong) = quantile_of_sorted(&loads, 98, 100) else { return PlateTare::none(plate) };
     // A plate that never carried anybody is all tare.
     let low = (0.15 * strong).max(30.0);
     let mut stretches: Vec<(usize, f64)> = Vec::new();
@@ -125,7 +116,8 @@ pub fn unloaded_tare(plate: &Plate) -> PlateTare {
     }
     let mut deviations: Vec<f64> = stretches.iter().map(|s| s.1).collect();
     deviations.sort_by(f64::total_cmp);
-    let quiet = (2.0 * deviations[(deviations.len() - 1) / 4]).max(0.2).min(5.0_f64.max(deviations[0] * 1.5));
+    let Some(quarter) = quantile_of_sorted(&deviations, 1, 4) else { return PlateTare::none(plate) };
+    let quiet = (2.0 * quarter).max(0.2).min(5.0_f64.max(deviations[0] * 1.5));
     let chosen: Vec<usize> = stretches
         .iter()
         .filter(|(_, deviation)| *deviation <= quiet)

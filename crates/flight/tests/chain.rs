@@ -1,11 +1,14 @@
 //! The thrown chain: no plates, 30 throws, in hand between. Poses straight from the markers of each link.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests, not library code")]
 
+#[path = "../../../tests/shared_data.rs"]
+mod shared_data;
+
+use aloft_body::rigid::fit_pose;
 use aloft_body::{JointSpec, LinkSpec, Model, ModelSpec, Motion, Phi};
 use aloft_flight::{FlightOptions, FlightReport, from_motion};
-use aloft_trial::{GapOptions, ImportOptions, Trial, fill_gaps, fit_pose};
+use aloft_trial::{GapOptions, ImportOptions, Trial, fill_gaps};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
-use std::path::Path;
 
 const LINK0: [[f64; 3]; 5] =
     [[0.0, 0.0, 0.0], [0.0, 0.235, 0.0], [0.0, 0.105, 0.055], [0.048, 0.17, 0.02], [-0.045, 0.06, -0.018]];
@@ -64,11 +67,8 @@ fn prior() -> [Phi; 2] {
 }
 
 fn motion(folder: &str, number: usize) -> Option<Motion> {
-    let path = format!("{}/../../../shared/data/{folder}/throws_{number:02}.c3d", env!("CARGO_MANIFEST_DIR"));
-    let Ok(bytes) = std::fs::read(Path::new(&path)) else {
-        println!("skipped: {folder} is not beside the project");
-        return None;
-    };
+    let path = shared_data::shared_data(&format!("{folder}/throws_{number:02}.c3d"))?;
+    let bytes = std::fs::read(path).unwrap();
     let mut trial = Trial::from_c3d("throws", &bytes, &ImportOptions::default()).unwrap();
     let names = |link: usize, n: usize| (1..=n).map(|k| format!("L{link}_{k}")).collect::<Vec<_>>();
     fill_gaps(&mut trial, &[names(0, 5), names(1, 4)], &GapOptions::default());
@@ -130,7 +130,7 @@ fn regress_chain_with_something_hidden_gives_thirty_flights() {
 }
 
 #[test]
-fn prop_a_margin_shortens_and_a_wrong_motion_is_an_error() {
+fn a_margin_shortens_and_a_wrong_motion_is_an_error() {
     let Some(motion) = motion("chain_a", 1) else { return };
     let plain = from_motion(&model(), &prior(), &motion, &FlightOptions::default()).unwrap();
     let options = FlightOptions { margin_frames: 14, ..FlightOptions::default() };

@@ -2,11 +2,13 @@
 //! planets; and movements on the ground that must not be taken for flights.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests, not library code")]
 
+#[path = "../../../tests/shared_data.rs"]
+mod shared_data;
+
 use aloft_body::{JointSpec, LinkSpec, Model, ModelSpec, Motion, Phi};
 use aloft_flight::{Cause, FlightOptions, FlightReport, find_flights, from_motion};
 use aloft_trial::{ImportOptions, Markers, Plate, Trial};
 use nalgebra::{Rotation3, Vector3};
-use std::path::{Path, PathBuf};
 
 const MASS_KG: f64 = 60.0;
 
@@ -329,18 +331,10 @@ fn validate_movements_on_the_ground_are_no_flights() {
     assert!(failed.is_empty(), "{}\n{}", failed.len(), failed.join("\n"));
 }
 
-fn shared() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data")
-}
-
 /// Walks, stances and other real movements on the ground: the centroid of all markers in place of the centre of mass.
 #[test]
 fn validate_real_movements_on_the_ground_are_no_flights() {
-    let root = shared();
-    if !root.is_dir() {
-        println!("skipped: shared/data is not beside the project");
-        return;
-    }
+    let Some(root) = shared_data::shared_data("") else { return };
     let names = [
         "real_labs/lasem/FAILT01_static02.c3d",
         "real_labs/lasem/FAILT01_Walk01.c3d",

@@ -1,6 +1,9 @@
 //! Flights and tares from plates: simulated subject with known truth, real jumps.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests, not library code")]
 
+#[path = "../../../tests/shared_data.rs"]
+mod shared_data;
+
 use aloft_body::{JointSpec, LinkSpec, Model, ModelSpec, Motion, Phi};
 use aloft_flight::{
     EdgeSource, FlightMethod, FlightOptions, FlightSource, RejectionReason, apply_tare, find_flights, from_motion,
@@ -23,11 +26,7 @@ const SUBJECT_A: [&[(usize, usize)]; 8] = [
 ];
 
 fn data(name: &str) -> Option<Vec<u8>> {
-    let bytes = std::fs::read(format!("{}/../../../shared/data/{name}", env!("CARGO_MANIFEST_DIR"))).ok();
-    if bytes.is_none() {
-        println!("skipped: {name} is not beside the project");
-    }
-    bytes
+    shared_data::shared_data(name).map(|path| std::fs::read(path).unwrap())
 }
 
 fn c3d(name: &str) -> Option<Trial> {
@@ -62,7 +61,7 @@ fn validate_simulated_jumps_from_plates() {
 }
 
 #[test]
-fn prop_tare_from_flights_leaves_nothing_in_the_air() {
+fn tare_from_flights_leaves_nothing_in_the_air() {
     let Some(mut trial) = c3d("subject_a/jump01.c3d") else { return };
     // An offset and a drift on one plate, as amplifiers have them.
     let n = trial.plates[0].force_n.len();
@@ -189,7 +188,7 @@ fn ball() -> (Model, Vec<Phi>, Motion, Trial) {
 }
 
 #[test]
-fn prop_motion_and_plates_complete_each_other() {
+fn motion_and_plates_complete_each_other() {
     let (model, phi, motion, trial) = ball();
     let options = FlightOptions::default();
     // Plates alone see neither the box nor the landing beside them.

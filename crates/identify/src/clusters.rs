@@ -209,7 +209,7 @@ impl Clusters {
     }
 
     /// The unknowns themselves as functions of the rows' errors, m × m: see [`Clusters::spread`].
-    pub fn own_functions(&self) -> DMatrix<f64> {
+    pub(crate) fn own_functions(&self) -> DMatrix<f64> {
         self.inverse.transpose()
     }
 
@@ -460,7 +460,7 @@ mod tests {
 
     /// Against nalgebra's decompositions, of full rank and without.
     #[test]
-    fn prop_solutions_are_those_of_the_plain_decompositions() {
+    fn solutions_are_those_of_the_plain_decompositions() {
         for (n, gap) in [(1, 0), (9, 0), (40, 0), (9, 2)] {
             let a = spd(n, gap);
             let b = DVector::from_fn(n, |i, _| (i as f64).cos());
@@ -481,7 +481,7 @@ mod tests {
 
     /// Draws built together against one draw after the other.
     #[test]
-    fn prop_draws_built_together_are_those_built_alone() {
+    fn draws_built_together_are_those_built_alone() {
         let (n, m) = (12, 5);
         let cluster = |c: usize| {
             let q = DMatrix::from_fn(3, m, |i, j| 0.05 * ((c * 5 + i * 3 + j) as f64).sin());

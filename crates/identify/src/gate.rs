@@ -166,8 +166,8 @@ pub(crate) fn judge(
         }
     }
     match estimator {
-        Estimator::Regularised { .. } if hardly_seen.is_empty() => {}
-        Estimator::Regularised { .. } => reasons.push(format!(
+        Estimator::Regularized { .. } if hardly_seen.is_empty() => {}
+        Estimator::Regularized { .. } => reasons.push(format!(
             "{} of {} parameters are from the table; combinations that move the whole body are known better than each of them",
             hardly_seen.len(),
             parameters.len()

@@ -65,7 +65,7 @@ impl Default for IdentifyOptions {
 /// Identifies parameters from the factors of all stretches.
 ///
 /// [`Estimator::NullVector`] uses flights alone and leaves contact stretches out; the others use both.
-/// `prior` is needed for [`Estimator::Regularised`] and for consistent links; with another estimator it stands beside the results only
+/// `prior` is needed for [`Estimator::Regularized`] and for consistent links; with another estimator it stands beside the results only
 /// (and shapes the links).
 ///
 /// # Errors
@@ -126,7 +126,7 @@ pub fn identify_with_slides(
     let visible = match options.estimator {
         Estimator::NullVector(_) => Visible::default(),
         Estimator::MassConstrained => Visible::among(factors, false)?,
-        Estimator::Regularised { .. } => Visible::among(factors, base_prior.is_some())?,
+        Estimator::Regularized { .. } => Visible::among(factors, base_prior.is_some())?,
     };
     let reduced = visible.reduce_all(factors)?;
     let factors = reduced.as_slice();
@@ -138,7 +138,7 @@ pub fn identify_with_slides(
             (factors.iter().filter(|f| f.kind != StretchKind::Contact).cloned().collect(), None)
         }
         Estimator::MassConstrained => balanced(factors, mass_kg, None)?,
-        Estimator::Regularised { .. } => balanced(factors, mass_kg, base_prior.as_ref())?,
+        Estimator::Regularized { .. } => balanced(factors, mass_kg, base_prior.as_ref())?,
     };
     let factors = factors.as_slice();
     let tissue = Tissue::of(factors, &slides, balance.as_ref().map_or(1.0, |b| b.contact_weight));
@@ -163,7 +163,7 @@ pub fn identify_with_slides(
         Estimator::MassConstrained => {
             Fit::least_squares(&clusters, &merged, mass_kg, None, 0.0, Vec::new(), tissue.as_ref(), options)?
         }
-        Estimator::Regularised { weight } => {
+        Estimator::Regularized { weight } => {
             let prior = base_prior.as_ref().ok_or_else(|| IdentifyError::Option {
                 option: "estimator",
                 problem: "`regularised` needs a prior".to_owned(),
@@ -205,7 +205,7 @@ pub fn identify_with_slides(
     trials.sort_unstable();
     trials.dedup();
     let estimator = match options.estimator {
-        Estimator::Regularised { .. } => Estimator::Regularised { weight: Some(fit.prior_weight) },
+        Estimator::Regularized { .. } => Estimator::Regularized { weight: Some(fit.prior_weight) },
         other => other,
     };
     let parameters = Parameters {

@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_an_interval_needs_a_standard_error() {
+    fn an_interval_needs_a_standard_error() {
         for (se, freedom) in [(f64::NAN, 3.0), (f64::INFINITY, 3.0), (-1.0, 3.0), (1.0, 0.0), (1.0, f64::NAN)] {
             assert_eq!(interval95(1.0, se, freedom), None, "{se} {freedom}");
         }
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_degrees_of_freedom_lie_between_those_of_the_parts_and_their_sum() {
+    fn degrees_of_freedom_lie_between_those_of_the_parts_and_their_sum() {
         for share in [0.0, 0.1, 0.5, 0.9, 1.0] {
             let (variance, freedom) = satterthwaite(&[(share, 3.0), (1.0 - share, 8.0)]);
             assert!((variance - 1.0).abs() < 1e-12 && (2.99..=11.01).contains(&freedom), "{share}: {freedom}");

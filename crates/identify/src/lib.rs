@@ -8,7 +8,7 @@
 //! |---|---|---|
 //! | [`Estimator::NullVector`] | the smallest singular vector, scaled by the mass (the paper) | flights, rich motion |
 //! | [`Estimator::MassConstrained`] | squares of all rows with the mass held | flights, contact, effects |
-//! | [`Estimator::Regularised`] | the same, drawn to the prior as far as held-out flights allow | people, few flights |
+//! | [`Estimator::Regularized`] | the same, drawn to the prior as far as held-out flights allow | people, few flights |
 //!
 //! Standard errors are cluster-robust (the unit of evidence is the flight or the trial, never the row), and every 95 % interval is made by
 //! [`interval95`]. [`consistent_links`] finds physical links, [`simex()`](simex()) measures the bias of noisy regressors, [`choose_window`] compares
@@ -78,7 +78,7 @@ pub fn point_estimate(
     match estimator {
         Estimator::NullVector(scaling) => Ok(null_vector(merged, mass_kg, scaling)?.parameters),
         Estimator::MassConstrained => mass_constrained(merged, mass_kg),
-        Estimator::Regularised { weight } => {
+        Estimator::Regularized { weight } => {
             let visible = Visible::of(merged, prior.is_some());
             let system = system::System::new(&visible.reduce(merged)?, mass_kg, prior)?;
             Ok(visible.whole(system.solve(weight.unwrap_or(1.0) * system.row_variance()).x))

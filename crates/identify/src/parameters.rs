@@ -19,7 +19,8 @@ pub enum Estimator {
     /// Least squares with the body mass held.
     MassConstrained,
     /// Least squares with the body mass held, drawn to the prior.
-    Regularised {
+    #[serde(rename = "regularised", alias = "regularized")]
+    Regularized {
         /// Weight λ of the prior; nothing: chosen by leave-one-cluster-out error.
         #[serde(default)]
         weight: Option<f64>,
@@ -32,7 +33,7 @@ impl Estimator {
         match self {
             Self::NullVector(_) => "null_vector",
             Self::MassConstrained => "mass_constrained",
-            Self::Regularised { .. } => "regularised",
+            Self::Regularized { .. } => "regularised",
         }
     }
 }
@@ -137,10 +138,11 @@ impl LinkOrigin {
 
     /// For a column of a table: `motion`, `from the table`, or which of the values are from the table.
     pub fn words(&self) -> String {
-        match self.from_table() {
-            none if none.is_empty() => Origin::Motion.words().to_owned(),
-            all if all == "mass, centre of mass, inertia" => Origin::Table.words().to_owned(),
-            some => format!("{some}: {}", Origin::Table.words()),
+        let by_motion = [self.mass_kg, self.com_m, self.inertia_kgm2].map(|o| o == Origin::Motion);
+        match by_motion.iter().filter(|m| **m).count() {
+            3 => Origin::Motion.words().to_owned(),
+            0 => Origin::Table.words().to_owned(),
+            _ => format!("{}: {}", self.from_table(), Origin::Table.words()),
         }
     }
 }

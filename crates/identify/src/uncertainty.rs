@@ -98,7 +98,7 @@ impl Uncertainty {
     }
 
     /// True where the spread among clusters counts.
-    pub fn is_robust(&self) -> bool {
+    pub(crate) fn is_robust(&self) -> bool {
         self.pooled.is_none()
     }
 

@@ -140,7 +140,7 @@ fn validate_weak_rows_beat_them_tenfold() {
 }
 
 #[test]
-fn prop_contact_counts_by_its_own_error() {
+fn contact_counts_by_its_own_error() {
     let truth = load("chain_a");
     let motion = truth.noisy(MARKER_SD_M, 11);
     let options = WeakOptions { window_s: Some(0.4), ..WeakOptions::default() };
@@ -185,7 +185,7 @@ fn prop_contact_counts_by_its_own_error() {
 }
 
 #[test]
-fn prop_bootstrap_and_standard_errors_agree() {
+fn bootstrap_and_standard_errors_agree() {
     let truth = load("chain_a");
     let factors = weak_factors(&truth, &truth.noisy(MARKER_SD_M, 3), 0.4, true);
     let options = IdentifyOptions { bootstrap: 400, ..IdentifyOptions::default() };
@@ -207,7 +207,7 @@ fn prop_bootstrap_and_standard_errors_agree() {
 }
 
 #[test]
-fn prop_the_gate_refuses_what_is_not_determined() {
+fn the_gate_refuses_what_is_not_determined() {
     let truth = load("chain_p");
     let factors = weak_factors(&truth, &truth.noisy(MARKER_SD_M, 3), 0.4, false);
     // a hinge that does not move shows nothing of its link: one flight, joint frozen
@@ -229,10 +229,10 @@ fn prop_the_gate_refuses_what_is_not_determined() {
     assert!(!found.parameters.gate.passed && found.parameters.gate.reasons[0].contains("σ"));
     assert!(identify(&truth.model, &truth.base, &[], truth.mass(), None, &strict).is_err());
     assert!(identify(&truth.model, &truth.base, &factors, -1.0, None, &IdentifyOptions::default()).is_err());
-    let regularised =
-        IdentifyOptions { estimator: Estimator::Regularised { weight: None }, ..IdentifyOptions::default() };
+    let regularized =
+        IdentifyOptions { estimator: Estimator::Regularized { weight: None }, ..IdentifyOptions::default() };
     assert!(matches!(
-        identify(&truth.model, &truth.base, &factors, truth.mass(), None, &regularised),
+        identify(&truth.model, &truth.base, &factors, truth.mass(), None, &regularized),
         Err(IdentifyError::Option { .. })
     ));
 }
@@ -262,7 +262,7 @@ fn validate_simex_sees_and_removes_the_bias_of_the_papers_rows() {
 }
 
 #[test]
-fn prop_the_window_is_chosen_by_held_out_error() {
+fn the_window_is_chosen_by_held_out_error() {
     let truth = load("chain_a");
     let motion = truth.noisy(MARKER_SD_M, 7);
     let candidates: Vec<(f64, Vec<Factor>)> =

@@ -325,7 +325,7 @@ fn validate_intervals_of_people() {
             soft_m,
             window_s: 0.25,
             white,
-            estimator: Estimator::Regularised { weight: None },
+            estimator: Estimator::Regularized { weight: None },
             effects: true,
             prior,
         };
@@ -339,14 +339,14 @@ fn validate_intervals_of_people() {
 /// The marker residuals say how large the slides are, and slides that are twice as large make the part of the variance that repeats twice as large
 /// (as a standard error) whatever the number of flights.
 #[test]
-fn prop_soft_tissue_widens_intervals_by_the_size_that_markers_show() {
+fn soft_tissue_widens_intervals_by_the_size_that_markers_show() {
     let truth = load("subject_a");
     let case = |soft_m| Case {
         set: "subject_a",
         soft_m,
         window_s: 0.25,
         white: false,
-        estimator: Estimator::Regularised { weight: Some(1.0) },
+        estimator: Estimator::Regularized { weight: Some(1.0) },
         effects: false,
         prior: TABLE,
     };

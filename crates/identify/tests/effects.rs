@@ -137,13 +137,13 @@ fn models() -> Vec<Vec<Option<Hidden>>> {
 }
 
 #[test]
-fn prop_effects_that_rows_cannot_see_move_nothing() {
+fn effects_that_rows_cannot_see_move_nothing() {
     // rounding only: the figure is the largest over all cases, people with their prior included
     const BOUND: f64 = 1e-9;
     let mut worst = 0.0f64;
     for (name, estimators) in [
         ("chain_p", vec![Estimator::MassConstrained]),
-        ("subject_a", vec![Estimator::Regularised { weight: Some(1.0) }]),
+        ("subject_a", vec![Estimator::Regularized { weight: Some(1.0) }]),
     ] {
         let truth = load(name);
         let prior = prior(&truth);
@@ -198,13 +198,13 @@ fn prop_effects_that_rows_cannot_see_move_nothing() {
 }
 
 #[test]
-fn prop_every_estimator_of_merged_rows_leaves_hidden_columns_out() {
+fn every_estimator_of_merged_rows_leaves_hidden_columns_out() {
     let truth = load("chain_a");
     let prior = prior(&truth);
     let base_prior = prior.base(&truth.base).unwrap();
     let plain = factors(&truth, &[None], true);
     let merged = Factor::merge(&plain).unwrap();
-    let regularised = Estimator::Regularised { weight: Some(2.0) };
+    let regularized = Estimator::Regularized { weight: Some(2.0) };
     let p = truth.base.len();
     for model in models().into_iter().filter(|m| m.contains(&None)) {
         let rows = factors(&truth, &model, true);
@@ -216,7 +216,7 @@ fn prop_every_estimator_of_merged_rows_leaves_hidden_columns_out() {
             assert!((p..a.len()).filter(|i| *i != own).all(|i| a[i] == 0.0), "{model:?}");
         };
         same(&mass_constrained(&all, truth.mass()).unwrap(), &mass_constrained(&merged, truth.mass()).unwrap());
-        let of = |f: &Factor| point_estimate(f, truth.mass(), Some(&base_prior), regularised).unwrap();
+        let of = |f: &Factor| point_estimate(f, truth.mass(), Some(&base_prior), regularized).unwrap();
         same(&of(&all), &of(&merged));
         // the window's choice and the weight of contact do not notice them either
         let choice = |f: &[Factor]| {
@@ -243,7 +243,7 @@ fn prop_every_estimator_of_merged_rows_leaves_hidden_columns_out() {
 }
 
 #[test]
-fn prop_the_reason_names_what_a_column_repeats() {
+fn the_reason_names_what_a_column_repeats() {
     let truth = load("chain_p");
     for (model, expected) in [
         (vec![None, Some(Hidden::Zero)], Unseen::Zero),
@@ -266,7 +266,7 @@ fn prop_the_reason_names_what_a_column_repeats() {
 }
 
 #[test]
-fn prop_rows_of_a_locked_hinge_keep_the_effect() {
+fn rows_of_a_locked_hinge_keep_the_effect() {
     let truth = load("chain_p");
     let mut locked = truth.motion.clone();
     for q in locked.q.chunks_exact_mut(truth.model.nq) {

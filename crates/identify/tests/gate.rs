@@ -44,7 +44,7 @@ fn run(truth: &Truth, prior: &LinkPrior, factors: &[Factor], estimator: Estimato
     identify(&truth.model, &truth.base, factors, truth.mass(), Some(prior), &options).unwrap().parameters
 }
 
-const REGULARISED: Estimator = Estimator::Regularised { weight: None };
+const REGULARISED: Estimator = Estimator::Regularized { weight: None };
 
 #[test]
 fn validate_the_gate_turns_with_the_information_that_flights_add() {
@@ -76,7 +76,7 @@ fn validate_the_gate_turns_with_the_information_that_flights_add() {
 }
 
 #[test]
-fn prop_every_estimator_is_judged_by_information() {
+fn every_estimator_is_judged_by_information() {
     // estimators without a prior have too few rows for a person in three flights
     let truth = load("subject_a");
     let person = prior(&truth);
@@ -104,7 +104,7 @@ fn prop_every_estimator_is_judged_by_information() {
 }
 
 #[test]
-fn prop_what_motion_did_not_determine_is_from_the_table() {
+fn what_motion_did_not_determine_is_from_the_table() {
     let truth = load("subject_a");
     let person = prior(&truth);
     let rows = factors(&truth, &person, 2e-3, 0.02);

@@ -84,8 +84,8 @@ fn wrench_error(truth: &Truth, x: &DVector<f64>) -> (f64, f64) {
     (force / recorded.len() as f64, moment / recorded.len() as f64)
 }
 
-fn regularised(weight: Option<f64>) -> IdentifyOptions {
-    IdentifyOptions { estimator: Estimator::Regularised { weight }, ..IdentifyOptions::default() }
+fn regularized(weight: Option<f64>) -> IdentifyOptions {
+    IdentifyOptions { estimator: Estimator::Regularized { weight }, ..IdentifyOptions::default() }
 }
 
 #[test]
@@ -96,7 +96,7 @@ fn validate_three_flights_and_a_prior_find_the_person() {
     for (soft_m, white) in [(0.0, false), (0.0, true), (0.003, true)] {
         let factors = weak_factors(&truth, &prior, 1, soft_m, white);
         let found =
-            identify(&truth.model, &truth.base, &factors, truth.mass(), Some(&prior), &regularised(Some(1.0))).unwrap();
+            identify(&truth.model, &truth.base, &factors, truth.mass(), Some(&prior), &regularized(Some(1.0))).unwrap();
         let after = wrench_error(&truth, &found.parameters.base_values());
         println!("soft tissue {soft_m} m, whitened {white}: prior {before:.2?}, identified {after:.2?} N, N·m");
         let gain = if soft_m > 0.0 { 0.3 } else { 0.1 };
@@ -117,13 +117,13 @@ fn validate_three_flights_and_a_prior_find_the_person() {
 }
 
 #[test]
-fn prop_links_are_consistent_keep_the_mass_and_the_base_parameters() {
+fn links_are_consistent_keep_the_mass_and_the_base_parameters() {
     let truth = load("subject_a");
     let prior = prior(&truth, 5);
     for soft_m in [0.0, 0.003] {
         let factors = weak_factors(&truth, &prior, 2, soft_m, true);
         let found =
-            identify(&truth.model, &truth.base, &factors, truth.mass(), Some(&prior), &regularised(Some(1.0))).unwrap();
+            identify(&truth.model, &truth.base, &factors, truth.mass(), Some(&prior), &regularized(Some(1.0))).unwrap();
         let p: &Parameters = &found.parameters;
         assert_eq!(p.links.len(), 15);
         let phi: Vec<Phi> = p.links.iter().map(|l| l.inertia().to_phi()).collect();
@@ -154,12 +154,12 @@ fn prop_links_are_consistent_keep_the_mass_and_the_base_parameters() {
 }
 
 #[test]
-fn prop_repeating_errors_widen_intervals_and_more_motion_narrows_them() {
+fn repeating_errors_widen_intervals_and_more_motion_narrows_them() {
     let truth = load("subject_a");
     let prior = prior(&truth, 6);
     let factors = weak_factors(&truth, &prior, 1, 0.0, true);
     let run = |factors: &[Factor], repeat: f64| {
-        let options = IdentifyOptions { repeat_correlation: repeat, ..regularised(Some(1.0)) };
+        let options = IdentifyOptions { repeat_correlation: repeat, ..regularized(Some(1.0)) };
         identify(&truth.model, &truth.base, factors, truth.mass(), Some(&prior), &options).unwrap().parameters
     };
     let mean = |p: &Parameters| p.base.iter().skip(1).map(|b| (b.se / b.prior_sd.unwrap()).ln()).sum::<f64>();
@@ -167,7 +167,7 @@ fn prop_repeating_errors_widen_intervals_and_more_motion_narrows_them() {
     assert!(mean(&three) < mean(&one));
     assert!(mean(&repeating) > mean(&three));
     assert!(three.base.iter().all(|b| b.se <= 1.05 * b.prior_sd.unwrap() || b.name == "M"));
-    let chosen = identify(&truth.model, &truth.base, &factors, truth.mass(), Some(&prior), &regularised(None))
+    let chosen = identify(&truth.model, &truth.base, &factors, truth.mass(), Some(&prior), &regularized(None))
         .unwrap()
         .parameters;
     assert_eq!(chosen.weights_tried.len(), 3);
@@ -178,7 +178,7 @@ fn prop_repeating_errors_widen_intervals_and_more_motion_narrows_them() {
         &factors,
         truth.mass(),
         Some(&prior),
-        &IdentifyOptions { cluster: ClusterBy::Trial, ..regularised(None) },
+        &IdentifyOptions { cluster: ClusterBy::Trial, ..regularized(None) },
     )
     .unwrap()
     .parameters;
@@ -201,13 +201,13 @@ fn prop_repeating_errors_widen_intervals_and_more_motion_narrows_them() {
 }
 
 #[test]
-fn prop_advice_names_a_motion_that_helps() {
+fn advice_names_a_motion_that_helps() {
     let truth = load("subject_a");
     let prior = prior(&truth, 5);
     let factors = weak_factors(&truth, &prior, 1, 0.0, false);
     let weak = WeakOptions { window_s: Some(0.25), ..WeakOptions::default() };
     let options = AdviceOptions::default();
-    let found = identify(&truth.model, &truth.base, &factors[..1], truth.mass(), Some(&prior), &regularised(Some(1.0)))
+    let found = identify(&truth.model, &truth.base, &factors[..1], truth.mass(), Some(&prior), &regularized(Some(1.0)))
         .unwrap();
     let advice = excitation_advice(
         &truth.model,
@@ -234,7 +234,7 @@ fn prop_advice_names_a_motion_that_helps() {
 }
 
 #[test]
-fn prop_a_prior_states_the_spread_it_was_given() {
+fn a_prior_states_the_spread_it_was_given() {
     let truth = load("subject_a");
     let links: Vec<LinkInertia> = truth.phi.iter().map(LinkInertia::from_phi).collect();
     let sd = vec![PriorSd { mass_rel: 0.1, com_m: 0.01, radius_rel: 0.1 }; links.len()];

@@ -108,7 +108,7 @@ fn again(solver: &mut Solver<'_>, motion: &Motion, frame: usize, gaps: &[&Gap]) 
         }
     }
     solver.look();
-    solver.minimise(&mut q);
+    solver.minimize(&mut q);
     let mut pose = tree.pose();
     for round in 0..ROUNDS {
         tree.forward(&q, &mut pose);
@@ -125,7 +125,7 @@ fn again(solver: &mut Solver<'_>, motion: &Motion, frame: usize, gaps: &[&Gap]) 
             break;
         }
         solver.look();
-        solver.minimise(&mut q);
+        solver.minimize(&mut q);
     }
     for gap in gaps {
         solver.targets[gap.marker] = Vector3::repeat(f64::NAN);

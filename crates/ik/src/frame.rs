@@ -186,7 +186,7 @@ impl<'a> Solver<'a> {
     }
 
     /// Minimises from `q` in place. Afterwards poses and residuals belong to the result.
-    pub fn minimise(&mut self, q: &mut [f64]) -> Fit {
+    pub fn minimize(&mut self, q: &mut [f64]) -> Fit {
         let problem = self.problem;
         let tree = &problem.tree;
         let mut cost = self.evaluate(q);

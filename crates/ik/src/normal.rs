@@ -242,7 +242,7 @@ mod tests {
 
     /// Normal equations against Jacobians of another crate, factor and inverse against dense ones.
     #[test]
-    fn validate_normal_equations_against_dense_algebra() {
+    fn normal_equations_against_dense_algebra() {
         let model = tree_of_all_joints();
         let tree = Tree::new(&model);
         let mut q = model.neutral();
@@ -295,7 +295,7 @@ mod tests {
 
     /// Poses, retraction and extrapolation against the model's own.
     #[test]
-    fn validate_retraction_against_the_model() {
+    fn retraction_against_the_model() {
         let model = tree_of_all_joints();
         let tree = Tree::new(&model);
         let q0 = model.neutral();

@@ -2,7 +2,7 @@
 
 use crate::tree::{NONE, Pose, Tree};
 use crate::{IkError, IkOptions};
-use aloft_body::{JointKind, Subject};
+use aloft_body::{JointKind, Subject, rigid};
 use nalgebra::{Matrix3, Vector3};
 
 /// Smallest number of markers in common with which a trial is tried at all.
@@ -192,13 +192,7 @@ fn find_hinges(tree: &Tree, markers: &[Tracked], options: &IkOptions) -> Vec<Hin
     hinges
 }
 
-/// Rotation R that maximises tr(Rᵀ B), B = Σ w b aᵀ: it turns the vectors a best onto the vectors b (Wahba's problem).
+/// [`rigid::best_rotation`] as starting postures need it: a start may end its iteration earlier.
 pub(crate) fn best_rotation(b: &Matrix3<f64>) -> Option<Matrix3<f64>> {
-    let svd = b.try_svd(true, true, 1e-14, 200)?;
-    let (u, v_t) = (svd.u?, svd.v_t?);
-    let mut middle = Matrix3::identity();
-    // nalgebra sorts singular values in descending order, so the last one takes the reflection
-    middle[(2, 2)] = (u.determinant() * v_t.determinant()).signum();
-    let r = u * middle * v_t;
-    r.iter().all(|x| x.is_finite()).then_some(r)
+    rigid::best_rotation(b, 1e-14).map(|(rotation, _)| rotation)
 }

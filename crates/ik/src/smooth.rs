@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_rates_of_the_unfiltered_motion_are_those_of_the_closed_form() {
+    fn rates_of_the_unfiltered_motion_are_those_of_the_closed_form() {
         let model = tree();
         let coarse = smooth(&model, &motion(200, 200.0), None).unwrap();
         let fine = smooth(&model, &motion(400, 400.0), None).unwrap();
@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_velocities_agree_with_the_models_own_difference() {
+    fn velocities_agree_with_the_models_own_difference() {
         let model = tree();
         let rate = 4000.0;
         let m = smooth(&model, &motion(40, rate), None).unwrap();
@@ -314,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_filter_keeps_slow_motion_and_is_blind_to_signs_and_turns() {
+    fn filter_keeps_slow_motion_and_is_blind_to_signs_and_turns() {
         let model = tree();
         let spec = LowPass { order: 3, cutoff_hz: 10.0, correction: CutoffCorrection::None };
         let plain = motion(300, 200.0);
@@ -336,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_gaps_stay_gaps_and_runs_are_apart() {
+    fn gaps_stay_gaps_and_runs_are_apart() {
         let model = tree();
         let spec = LowPass { order: 3, cutoff_hz: 10.0, correction: CutoffCorrection::None };
         let mut holed = motion(150, 200.0);
@@ -356,7 +356,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_foreign_motions_and_filters_are_refused() {
+    fn foreign_motions_and_filters_are_refused() {
         let model = tree();
         let spec = LowPass { order: 3, cutoff_hz: 100.0, correction: CutoffCorrection::None };
         let m = motion(10, 200.0);

@@ -265,7 +265,7 @@ impl Tracker<'_> {
             } else {
                 self.q.copy_from_slice(&memory.last);
             }
-            let fit = solver.minimise(&mut self.q);
+            let fit = solver.minimize(&mut self.q);
             outcome.iterations += fit.iterations;
             best = Some(fit);
         }
@@ -313,7 +313,7 @@ impl Tracker<'_> {
             if attempt == 1 || attempt == 3 {
                 solver.descend(&mut self.other);
             }
-            let fit = solver.minimise(&mut self.other);
+            let fit = solver.minimize(&mut self.other);
             outcome.iterations += fit.iterations;
             if fit.cost.is_finite() && best.is_none_or(|b| fit.cost < b.cost * (1.0 - 1e-9)) {
                 best = Some(fit);
@@ -334,7 +334,7 @@ impl Tracker<'_> {
         if !solver.start_flexed(hinge, &mut self.other) {
             return fit;
         }
-        let tried = solver.minimise(&mut self.other);
+        let tried = solver.minimize(&mut self.other);
         outcome.iterations += tried.iterations;
         let then = hinge.flexion(self.other[hinge.q_index]);
         let allowed = if now < 0.0 && then > 0.0 {
@@ -421,7 +421,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn prop_a_tracked_frame_allocates_nothing() {
+    fn a_tracked_frame_allocates_nothing() {
         let (subject, trial) = person(120);
         let options = IkOptions::default();
         let problem = Problem::new(&subject, &options).unwrap();
@@ -439,7 +439,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn prop_without_deviations_all_else_is_the_same() {
+    fn without_deviations_all_else_is_the_same() {
         let (subject, mut trial) = person(80);
         // some gaps, so that bridges are built
         for f in 20..30 {
@@ -466,7 +466,7 @@ pub(crate) mod tests {
 
     /// A minimisation that foresees its end against one that goes on until steps vanish.
     #[test]
-    fn prop_foreseen_steps_would_not_have_mattered() {
+    fn foreseen_steps_would_not_have_mattered() {
         let (subject, mut trial) = person(60);
         shake(&mut trial);
         let fast = solve(&subject, &trial, &IkOptions::default()).unwrap();

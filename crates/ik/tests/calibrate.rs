@@ -14,7 +14,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 
 /// Moves joints and turns hinges the way wrong landmarks do: every marker stays where it is in the static posture.
-fn spoil(truth: &Subject, centre_sd_m: f64, axis_sd_rad: f64, seed: u64) -> Subject {
+fn spoil(truth: &Subject, center_sd_m: f64, axis_sd_rad: f64, seed: u64) -> Subject {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let normal = Normal::new(0.0, 1.0).unwrap();
     let mut subject = truth.clone();
@@ -23,7 +23,7 @@ fn spoil(truth: &Subject, centre_sd_m: f64, axis_sd_rad: f64, seed: u64) -> Subj
         state.forward_position(&subject.model, &subject.static_q);
         let rotation = state.world_from_link[i].rotation;
         let parent = subject.model.links[i].parent.unwrap();
-        let shift = Vector3::from_fn(|_, _| centre_sd_m * normal.sample(&mut rng));
+        let shift = Vector3::from_fn(|_, _| center_sd_m * normal.sample(&mut rng));
         let mut turn = Rotation3::identity();
         if let JointKind::Revolute(_) = subject.model.links[i].joint.kind {
             let (a, b) = (normal.sample(&mut rng), normal.sample(&mut rng));
@@ -48,7 +48,7 @@ fn spoil(truth: &Subject, centre_sd_m: f64, axis_sd_rad: f64, seed: u64) -> Subj
 }
 
 /// Joint centres in the static posture.
-fn centres(subject: &Subject) -> Vec<Vector3<f64>> {
+fn centers(subject: &Subject) -> Vec<Vector3<f64>> {
     let mut state = State::new(&subject.model);
     state.forward_position(&subject.model, &subject.static_q);
     state.world_from_link.iter().map(|p| p.translation.vector).collect()
@@ -59,7 +59,7 @@ fn centres(subject: &Subject) -> Vec<Vector3<f64>> {
 fn error(truth: &Subject, other: &Subject) -> f64 {
     let mut state = State::new(&truth.model);
     state.forward_position(&truth.model, &truth.static_q);
-    let (a, b) = (centres(truth), centres(other));
+    let (a, b) = (centers(truth), centers(other));
     let (mut sum, mut count) = (0.0, 0);
     for i in 1..a.len() {
         if truth.model.links[i].name.starts_with("forearm") {
@@ -87,7 +87,7 @@ fn trials(subject: &Subject, noise_m: f64) -> Vec<Trial> {
 }
 
 #[test]
-fn prop_wrong_joints_are_put_right() {
+fn wrong_joints_are_put_right() {
     let truth = person();
     let wrong = spoil(&truth, 0.010, 0.05, 1);
     // the static posture still has every marker in its place
@@ -121,7 +121,7 @@ fn prop_wrong_joints_are_put_right() {
 }
 
 #[test]
-fn prop_right_joints_stay() {
+fn right_joints_stay() {
     let truth = person();
     let trials = trials(&truth, 3e-4);
     let trials: Vec<&Trial> = trials.iter().collect();
@@ -130,7 +130,7 @@ fn prop_right_joints_stay() {
 }
 
 #[test]
-fn prop_chain_hinge_is_found() {
+fn chain_hinge_is_found() {
     let truth = chain();
     let wrong = spoil(&truth, 0.010, 0.1, 3);
     let trials = trials(&truth, 3e-4);
@@ -141,7 +141,7 @@ fn prop_chain_hinge_is_found() {
     let mut state = State::new(&truth.model);
     state.forward_position(&truth.model, &truth.static_q);
     let axis = state.world_from_link[1].rotation * Vector3::z();
-    let gap = centres(&truth)[1] - centres(&result.subject)[1];
+    let gap = centers(&truth)[1] - centers(&result.subject)[1];
     let across = gap - axis * axis.dot(&gap);
     assert!(across.norm() < 3e-4, "hinge off by {across:?}");
     state.forward_position(&result.subject.model, &result.subject.static_q);
@@ -150,7 +150,7 @@ fn prop_chain_hinge_is_found() {
 }
 
 #[test]
-fn prop_same_calibration_at_any_number_of_threads() {
+fn same_calibration_at_any_number_of_threads() {
     let truth = person();
     let wrong = spoil(&truth, 0.005, 0.02, 4);
     let trials = trials(&truth, 1e-3);

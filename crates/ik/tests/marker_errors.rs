@@ -59,7 +59,7 @@ fn band(subject: &Subject, a: &dyn Fn(usize) -> Vec<f64>, b: &dyn Fn(usize) -> V
 }
 
 #[test]
-fn prop_drawn_errors_move_poses_as_real_ones_do() {
+fn drawn_errors_move_poses_as_real_ones_do() {
     for (name, subject, noise_m, soft_m) in [
         ("chain, noise", chain(), 5e-4, 0.0),
         ("person, noise", person(), 1e-3, 0.0),
@@ -93,7 +93,7 @@ fn prop_drawn_errors_move_poses_as_real_ones_do() {
 }
 
 #[test]
-fn prop_perfect_markers_have_no_errors_and_draws_repeat_themselves() {
+fn perfect_markers_have_no_errors_and_draws_repeat_themselves() {
     let subject = person();
     let truth = motion(&subject, N, RATE_HZ, 0.4, 1);
     let clean = trial(&subject, &truth, RATE_HZ, 0.0, 2);

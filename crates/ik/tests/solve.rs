@@ -7,7 +7,7 @@ use common::{chain, distance, motion, person, trial};
 use nalgebra::Vector3;
 
 #[test]
-fn prop_perfect_markers_give_the_motion_back() {
+fn perfect_markers_give_the_motion_back() {
     for (subject, size) in [(person(), 0.4), (chain(), 2.0)] {
         let truth = motion(&subject, 300, 100.0, size, 1);
         let trial = trial(&subject, &truth, 100.0, 0.0, 1);
@@ -20,7 +20,7 @@ fn prop_perfect_markers_give_the_motion_back() {
 }
 
 #[test]
-fn prop_chain_is_efficient_and_unbiased() {
+fn chain_is_efficient_and_unbiased() {
     // white noise of known size: the mean error vanishes, and errors scatter as the covariance says
     let subject = chain();
     let n = 4000;
@@ -46,7 +46,7 @@ fn prop_chain_is_efficient_and_unbiased() {
 }
 
 #[test]
-fn prop_full_turns_stay_continuous() {
+fn full_turns_stay_continuous() {
     let subject = chain();
     let truth = motion(&subject, 600, 100.0, 6.0, 3);
     let trial = trial(&subject, &truth, 100.0, 3e-4, 3);
@@ -60,7 +60,7 @@ fn prop_full_turns_stay_continuous() {
 }
 
 #[test]
-fn prop_missing_markers_drop_out_and_hopeless_frames_are_nan() {
+fn missing_markers_drop_out_and_hopeless_frames_are_nan() {
     let subject = person();
     let truth = motion(&subject, 120, 100.0, 0.3, 4);
     let mut trial = trial(&subject, &truth, 100.0, 3e-4, 4);
@@ -117,7 +117,7 @@ fn regress_bent_elbow_does_not_flip() {
 }
 
 #[test]
-fn prop_same_result_at_any_number_of_threads() {
+fn same_result_at_any_number_of_threads() {
     let subject = person();
     let truth = motion(&subject, 250, 100.0, 0.3, 6);
     let trial = trial(&subject, &truth, 100.0, 1e-3, 6);
@@ -136,7 +136,7 @@ fn prop_same_result_at_any_number_of_threads() {
 }
 
 #[test]
-fn prop_locked_coordinates_stay() {
+fn locked_coordinates_stay() {
     let subject = person();
     let truth = motion(&subject, 30, 100.0, 0.2, 7);
     let trial = trial(&subject, &truth, 100.0, 0.0, 7);
@@ -155,7 +155,7 @@ fn prop_locked_coordinates_stay() {
 }
 
 #[test]
-fn prop_unseen_coordinates_rest() {
+fn unseen_coordinates_rest() {
     let mut subject = person();
     subject.markers.retain(|m| !m.label.ends_with("HD"));
     let truth = motion(&subject, 50, 100.0, 0.3, 8);
@@ -189,7 +189,7 @@ fn regress_misfits_are_errors_with_names() {
 }
 
 #[test]
-fn prop_a_short_gap_leaves_no_step() {
+fn a_short_gap_leaves_no_step() {
     // markers sit a few millimetres off their model places, as on soft tissue; some vanish for a tenth of a second
     let subject = person();
     let truth = motion(&subject, 200, 200.0, 0.3, 10);

@@ -1,6 +1,9 @@
 //! Recordings with known geometry, and a real one, where the data folder is at hand.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test may panic, and says what it skips")]
 
+#[path = "../../../tests/shared_data.rs"]
+mod shared_data;
+
 use aloft_body::subject::PriorSd;
 use aloft_body::{JointSpec, LinkInertia, LinkSpec, Model, ModelMarker, ModelSpec, PersonFacts, Sex, Subject};
 use aloft_ik::{CalibrateOptions, IkOptions, calibrate, solve};
@@ -11,12 +14,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 fn data(folder: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(folder);
-    if !path.is_dir() {
-        println!("skipped: no folder `{folder}` of recordings beside the project");
-        return None;
-    }
-    Some(path)
+    shared_data::shared_data(folder)
 }
 
 fn config<T: serde::de::DeserializeOwned>(path: &str) -> T {

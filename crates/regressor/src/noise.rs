@@ -62,7 +62,7 @@ const FLOOR: f64 = 1e-6;
 /// # Errors
 /// [`RegressorError::Length`] when standard deviations do not fit the model, [`RegressorError::Numeric`] when markers leave the
 /// coordinates undetermined.
-pub fn row_covariance(
+pub(crate) fn row_covariance(
     model: &Model,
     prior: &[Phi],
     motion: &Motion,

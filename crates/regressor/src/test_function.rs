@@ -80,11 +80,6 @@ impl TestFunction {
     pub fn time_s(&self, i: usize) -> f64 {
         (i as f64 - self.half as f64) * self.step_s
     }
-    /// `Σ ψ̈_a ψ̈_b / dt`, for two windows whose centres are `shift` frames apart: the covariance of their rows under white
-    /// position noise, 1/s³.
-    pub fn gram_of_second_derivative(&self, shift: usize) -> f64 {
-        self.psi_ddot.iter().skip(shift).zip(&self.psi_ddot).map(|(a, b)| a * b).sum::<f64>() / self.step_s
-    }
 }
 
 /// Adds `(1−τ²)^(power−2) Σ cⱼ τ^kⱼ` so that the moments `Σ w τ^k` take their exact values.
@@ -106,7 +101,7 @@ fn correct(weights: &mut [f64], taus: &[f64], power: i32, wanted: &[(i32, f64)])
 
 /// Centres of a family of windows over the frames `start .. end` of a run: as many as needed for steps of at most `hop` frames,
 /// spread evenly, the first and last touching the ends. Empty when the run is shorter than the window.
-pub fn window_centers(start: usize, end: usize, half: usize, hop: usize) -> Vec<usize> {
+pub(crate) fn window_centers(start: usize, end: usize, half: usize, hop: usize) -> Vec<usize> {
     let length = end.saturating_sub(start);
     if length < 2 * half + 1 {
         return Vec::new();
@@ -121,7 +116,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_summation_by_parts_is_exact_for_polynomials() {
+    fn summation_by_parts_is_exact_for_polynomials() {
         for (half, power, rate) in [(4, 5, 100.0), (10, 5, 100.0), (39, 5, 200.0), (20, 3, 120.0), (15, 8, 60.0)] {
             let f = TestFunction::new(half, power, rate).unwrap();
             let t: Vec<f64> = (0..f.n_frames()).map(|i| f.time_s(i)).collect();
@@ -139,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_corrections_are_small() {
+    fn corrections_are_small() {
         let f = TestFunction::new(20, 5, 100.0).unwrap();
         let reach = f.length_s() / 2.0;
         for i in 0..f.n_frames() {
@@ -152,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_windows_touch_both_ends() {
+    fn windows_touch_both_ends() {
         let centers = window_centers(100, 160, 19, 10);
         assert_eq!(centers.first(), Some(&119));
         assert_eq!(centers.last(), Some(&140));
@@ -162,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_powers_and_lengths_that_cannot_be_are_refused() {
+    fn powers_and_lengths_that_cannot_be_are_refused() {
         assert!(TestFunction::new(20, 2, 100.0).is_err());
         assert!(TestFunction::new(3, 5, 100.0).is_err());
         assert!(TestFunction::new(20, 5, f64::NAN).is_err());

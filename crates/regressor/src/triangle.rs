@@ -523,7 +523,7 @@ mod tests {
     use faer::Mat;
 
     #[test]
-    fn prop_every_instruction_set_gives_the_same_triangle() {
+    fn every_instruction_set_gives_the_same_triangle() {
         let best = Level::new();
         for n in [5, 40, 129] {
             let rows = Mat::from_fn(600, n, |i, j| ((i * n + j) as f64 * 12.9898).sin());

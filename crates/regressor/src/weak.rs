@@ -50,7 +50,7 @@ impl Default for WeakOptions {
 
 impl WeakOptions {
     /// Frames on each side of a window's centre for a stretch of `n_frames`.
-    pub fn half_window(&self, n_frames: usize, rate_hz: f64) -> usize {
+    pub(crate) fn half_window(&self, n_frames: usize, rate_hz: f64) -> usize {
         let duration_s = n_frames as f64 / rate_hz;
         let window_s = self.window_s.unwrap_or_else(|| (0.6 * duration_s).clamp(0.15, 0.4)).min(duration_s);
         let half = (window_s * rate_hz / 2.0).round() as usize;
@@ -326,22 +326,10 @@ pub(crate) fn check_base(model: &Model, base: &BaseParameters, trial: &str) -> R
     Ok(())
 }
 
-/// Runs of frames for which `good` holds, as half-open ranges.
+/// Runs of frames from `first` to before `end` for which `good` holds, as half-open ranges.
 pub(crate) fn valid_runs(first: usize, end: usize, good: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
-    let mut runs = Vec::new();
-    let mut begin = None;
-    for f in first..=end {
-        let ok = f < end && good(f);
-        match (begin, ok) {
-            (None, true) => begin = Some(f),
-            (Some(b), false) => {
-                runs.push((b, f));
-                begin = None;
-            }
-            _ => {}
-        }
-    }
-    runs
+    let runs = aloft_signal::runs_where(end.saturating_sub(first), |i| good(first + i));
+    runs.into_iter().map(|r| (first + r.start, first + r.end)).collect()
 }
 
 /// Rows of every frame of a run about one fixed point, that point, and the path of the prior's centre of mass.
@@ -625,7 +613,7 @@ mod tests {
     use aloft_body::{JointSpec, LinkSpec, ModelSpec};
 
     #[test]
-    fn prop_velocities_of_a_run_are_those_of_its_frames() {
+    fn velocities_of_a_run_are_those_of_its_frames() {
         let link = |name: &str, parent: Option<&str>, joint| LinkSpec {
             name: name.into(),
             parent: parent.map(Into::into),

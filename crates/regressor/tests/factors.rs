@@ -66,7 +66,7 @@ proptest! {
 }
 
 #[test]
-fn prop_leaving_out_equals_merging_the_others() {
+fn leaving_out_equals_merging_the_others() {
     let factors: Vec<Factor> = (0..130).map(|i| factor(i, 5 + (i as usize * 7) % 30, 9, 1)).collect();
     let left = leave_one_out(&factors, |i, rest| (i, rest.clone())).unwrap();
     assert_eq!(left.len(), factors.len());
@@ -84,7 +84,7 @@ fn prop_leaving_out_equals_merging_the_others() {
 }
 
 #[test]
-fn prop_the_result_is_the_same_on_any_number_of_threads() {
+fn the_result_is_the_same_on_any_number_of_threads() {
     let factors: Vec<Factor> = (0..100).map(|i| factor(i, 40, 20, 2)).collect();
     let on = |n: usize| {
         rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap().install(|| {
@@ -97,7 +97,7 @@ fn prop_the_result_is_the_same_on_any_number_of_threads() {
 }
 
 #[test]
-fn prop_what_is_stored_comes_back() {
+fn what_is_stored_comes_back() {
     for m in [3, 40] {
         let f = factor(5, m, 9, 2);
         let back =
@@ -116,7 +116,7 @@ fn prop_what_is_stored_comes_back() {
 }
 
 #[test]
-fn prop_fewer_effects_are_the_same_rows() {
+fn fewer_effects_are_the_same_rows() {
     let f = factor(8, 50, 9, 3);
     let part = f.with_effects(&["e2", "e0"]).unwrap();
     let mut x = DVector::from_fn(12, |i, _| 0.3 * i as f64);
@@ -126,7 +126,7 @@ fn prop_fewer_effects_are_the_same_rows() {
 }
 
 #[test]
-fn prop_what_does_not_fit_is_refused() {
+fn what_does_not_fit_is_refused() {
     assert!(Factor::merge(&[]).is_err());
     assert!(Factor::merge(&[factor(1, 10, 5, 0), factor(2, 10, 5, 1)]).is_err());
     let mut bad = rows(1, 10, 6);

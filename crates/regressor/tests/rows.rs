@@ -62,7 +62,7 @@ fn validate_weak_rows_vanish_on_simulated_flights() {
 
 /// A rigid body in ballistic flight, spinning about a principal axis, far from the world's origin.
 #[test]
-fn prop_a_ballistic_body_gives_exact_zeros() {
+fn a_ballistic_body_gives_exact_zeros() {
     let spec = ModelSpec {
         name: "stone".into(),
         links: vec![LinkSpec {
@@ -129,7 +129,7 @@ fn driven(rate_hz: f64, n: usize) -> Driven {
 }
 
 #[test]
-fn validate_contact_rows_balance_a_known_wrench() {
+fn contact_rows_balance_a_known_wrench() {
     let d = driven(500.0, 600);
     let stretch = Stretch::contact("driven", 0, 10, 590);
     let acting = Acting { measured: Some(&d.wrench), effects: None };
@@ -151,7 +151,7 @@ fn validate_contact_rows_balance_a_known_wrench() {
 }
 
 #[test]
-fn prop_an_effect_acts_like_a_measured_wrench() {
+fn an_effect_acts_like_a_measured_wrench() {
     let d = driven(500.0, 600);
     let effects = EffectColumns {
         names: vec!["driver".into(), "nothing".into()],
@@ -181,7 +181,7 @@ fn prop_an_effect_acts_like_a_measured_wrench() {
 }
 
 #[test]
-fn prop_missing_frames_split_windows_and_spoil_nothing() {
+fn missing_frames_split_windows_and_spoil_nothing() {
     let truth = load("chain_p");
     let stretch = truth.stretches()[0].clone();
     let options = WeakOptions { window_s: Some(0.2), ..WeakOptions::default() };
@@ -239,7 +239,7 @@ fn prop_missing_frames_split_windows_and_spoil_nothing() {
 
 /// Whitened rows of noisy markers have unit variance at the true parameters: the propagated covariance is the real one.
 #[test]
-fn validate_whitened_rows_have_unit_variance() {
+fn whitened_rows_have_unit_variance() {
     for name in ["chain_p", "chain_a", "subject_a"] {
         let truth = load(name);
         let sd_m = 0.3e-3;
@@ -272,7 +272,7 @@ fn validate_whitened_rows_have_unit_variance() {
 
 /// The root regressor about one frame agrees with the momentum form, whatever the rate: a different path through the mathematics.
 #[test]
-fn prop_the_moment_origin_does_not_matter() {
+fn the_moment_origin_does_not_matter() {
     let d = driven(500.0, 400);
     let stretch = Stretch::contact("driven", 0, 10, 390);
     let acting = Acting { measured: Some(&d.wrench), effects: None };
@@ -290,7 +290,7 @@ fn prop_the_moment_origin_does_not_matter() {
 }
 
 #[test]
-fn prop_windows_of_a_body_are_its_rows_times_its_parameters() {
+fn windows_of_a_body_are_its_rows_times_its_parameters() {
     for name in ["chain_p", "subject_a"] {
         let truth = load(name);
         let acts: Vec<Vector6<f64>> = (0..truth.motion.n_frames())

@@ -132,7 +132,7 @@ fn validate_r_is_as_accurate_as_the_librarys_at_any_condition() {
 }
 
 #[test]
-fn prop_rows_of_any_shape_give_the_librarys_triangle() {
+fn rows_of_any_shape_give_the_librarys_triangle() {
     let mut rng = ChaCha8Rng::seed_from_u64(8);
     for n in [1, 2, 7, 8, 9, 15, 16, 17, 24, 25, 33, 40, 64, 100, 128, 129, 131] {
         for m in [n, n + 1, 2 * n + 3, 255, 256, 257, 600] {
@@ -147,7 +147,7 @@ fn prop_rows_of_any_shape_give_the_librarys_triangle() {
 }
 
 #[test]
-fn prop_columns_without_numbers_and_repeated_columns_lose_nothing() {
+fn columns_without_numbers_and_repeated_columns_lose_nothing() {
     let mut rng = ChaCha8Rng::seed_from_u64(9);
     let mut rows = random(&mut rng, 300, 40);
     for i in 0..300 {
@@ -162,7 +162,7 @@ fn prop_columns_without_numbers_and_repeated_columns_lose_nothing() {
 }
 
 #[test]
-fn prop_tall_rows_give_the_same_on_any_number_of_threads() {
+fn tall_rows_give_the_same_on_any_number_of_threads() {
     let mut rng = ChaCha8Rng::seed_from_u64(10);
     let rows = random(&mut rng, 70_001, 20);
     let on = |n: usize| {

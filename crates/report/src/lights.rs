@@ -2,6 +2,7 @@
 
 use super::story::{Story, TrialStory};
 use super::words::number;
+use aloft_flight::FlightReport;
 use aloft_page::Light;
 use aloft_study::study::Role;
 
@@ -70,7 +71,8 @@ pub fn remarks(t: &TrialStory<'_>) -> Vec<(Light, String)> {
         out.push((missing(p), format!("{p:.0} % of the marker samples are missing")));
     }
     // plates that were never unloaded cannot be tared: worth saying, but no fault of the recording
-    let weight = |w: &str| if w.ends_with("not tared") { Light::Neutral } else { Light::Fair };
+    let untared: Vec<String> = t.flights.iter().flat_map(FlightReport::untared).map(String::from).collect();
+    let weight = |w: &String| if untared.contains(w) { Light::Neutral } else { Light::Fair };
     out.extend(t.warnings.iter().map(|w| (weight(w), w.clone())));
     if t.entry.role == Role::Identify && t.n_flights() == Some(0) && !out.iter().any(|r| r.1.contains("no flight")) {
         out.push((Light::Fair, "no flight found".to_owned()));

@@ -132,7 +132,7 @@ const CENTRAL_LINKS: [&str; 3] = ["pelvis", "torso", "head"];
 
 impl TableSegment {
     /// True for a segment that the body has twice.
-    pub fn is_limb(&self) -> bool {
+    pub(crate) fn is_limb(&self) -> bool {
         !CENTRAL_LINKS.contains(&self.link.as_str())
     }
 }
@@ -141,13 +141,6 @@ impl TableBody {
     /// Sum of the mass fractions, limbs counted twice.
     pub fn mass_sum(&self) -> f64 {
         self.segments.iter().map(|s| if s.is_limb() { 2.0 * s.mass } else { s.mass }).sum()
-    }
-    /// Reference length of a segment between two points as a fraction of stature, where the table has one.
-    pub fn length_of(&self, from: &str, to: &str) -> Option<f64> {
-        self.segments
-            .iter()
-            .find(|s| (s.from == from && s.to == to) || (s.from == to && s.to == from))
-            .map(|s| s.reference_length_m / self.reference_height_m)
     }
 }
 

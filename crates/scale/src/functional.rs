@@ -1,52 +1,17 @@
 //! Functional calibration: joint centres and axes from the relative motion of two rigid segments.
 //!
-//! * [`fit_pose`]: pose of a cloud of markers of known shape (Horn's absolute orientation by SVD, Arun et al. 1987).
 //! * [`score`]: symmetrical centre of rotation, Ehrig, Taylor, Duda, Heller, *J Biomech* 39 (2006) 2798.
 //! * [`sara`]: symmetrical axis of rotation, Ehrig, Taylor, Duda, Heller, *J Biomech* 40 (2007) 2150.
 //!
-//! The poses that go in must be of the same frames. Objects refine what comes out of here ([`crate::scale_object`]).
+//! The poses that go in ([`aloft_body::rigid::fit_pose_of_seen`]) must be of the same frames. Objects refine what comes out of here ([`crate::scale_object`]).
 
 use crate::ScaleError;
-use crate::geometry::{apply, unit};
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
-
-/// Pose `world_from_body` that best maps `local` onto `measured` (points that are not finite are left out), with the root mean square
-/// distance in m. `None` with fewer than three common points or when they lie on a line.
-pub fn fit_pose(local: &[Vector3<f64>], measured: &[Vector3<f64>]) -> Option<(Isometry3<f64>, f64)> {
-    let finite = |p: &Vector3<f64>| p.iter().all(|x| x.is_finite());
-    let pairs = || local.iter().zip(measured).filter(|(a, b)| finite(a) && finite(b));
-    let n = pairs().count();
-    if n < 3 {
-        return None;
-    }
-    let (sum_a, sum_b) = pairs().fold((Vector3::zeros(), Vector3::zeros()), |(a, b), (p, q)| (a + p, b + q));
-    let (mean_a, mean_b) = (sum_a / n as f64, sum_b / n as f64);
-    let mut cross = Matrix3::zeros();
-    for (p, q) in pairs() {
-        cross += (q - mean_b) * (p - mean_a).transpose();
-    }
-    let svd = cross.svd(true, true);
-    let (u, v_t) = (svd.u?, svd.v_t?);
-    // Two directions must be seen; the third follows from handedness.
-    let mut sigma: Vec<f64> = svd.singular_values.iter().copied().collect();
-    sigma.sort_by(|a, b| b.total_cmp(a));
-    if sigma[0].is_nan() || sigma[1] <= 1e-6 * sigma[0] || sigma[0] <= 0.0 {
-        return None;
-    }
-    // The reflection, where one is needed, goes to the smallest singular value.
-    let smallest = svd.singular_values.imin();
-    let mut sign = Matrix3::identity();
-    sign[(smallest, smallest)] = (u * v_t).determinant().signum();
-    let rotation = u * sign * v_t;
-    let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
-    let pose = Isometry3::from_parts(Translation3::from(mean_b - q * mean_a), q);
-    let rms = (pairs().map(|(p, r)| (apply(&pose, p) - r).norm_squared()).sum::<f64>() / n as f64).sqrt();
-    Some((pose, rms))
-}
+use crate::geometry::unit;
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Vector3};
 
 /// A centre of rotation seen from both segments.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FunctionalCentre {
+pub struct FunctionalCenter {
     /// In the parent's frame, m.
     pub in_parent: Vector3<f64>,
     /// In the child's frame, m.
@@ -142,7 +107,7 @@ fn rms(h: &DMatrix<f64>, g: &DVector<f64>, square: f64, x: &DVector<f64>, n: usi
 /// # Errors
 /// [`ScaleError::Functional`] with fewer than three frames or when the motion leaves the centre open along an axis
 /// (use [`sara`] for a hinge).
-pub fn score(parent: &[Isometry3<f64>], child: &[Isometry3<f64>]) -> Result<FunctionalCentre, ScaleError> {
+pub fn score(parent: &[Isometry3<f64>], child: &[Isometry3<f64>]) -> Result<FunctionalCenter, ScaleError> {
     let (h, g, square) = normal_equations(parent, child)?;
     let d = decompose(&h);
     let conditioning = (d.values[0] / d.values[5]).sqrt();
@@ -156,7 +121,7 @@ pub fn score(parent: &[Isometry3<f64>], child: &[Isometry3<f64>]) -> Result<Func
         let v = d.vectors.column(k);
         x += v * (v.dot(&g) / d.values[k]);
     }
-    Ok(FunctionalCentre {
+    Ok(FunctionalCenter {
         in_parent: Vector3::new(x[0], x[1], x[2]),
         in_child: Vector3::new(x[3], x[4], x[5]),
         residual_rms_m: rms(&h, &g, square, &x, parent.len()),
@@ -206,6 +171,8 @@ pub fn sara(parent: &[Isometry3<f64>], child: &[Isometry3<f64>]) -> Result<Funct
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::apply;
+    use nalgebra::{Translation3, UnitQuaternion};
 
     fn swing(i: usize) -> Isometry3<f64> {
         let t = i as f64 * 0.17;
@@ -216,25 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_fit_pose_returns_the_pose() {
-        let local = [
-            Vector3::new(0.1, 0.0, 0.02),
-            Vector3::new(-0.1, 0.05, 0.0),
-            Vector3::new(0.0, -0.07, 0.03),
-            Vector3::new(f64::NAN, 0.0, 0.0),
-        ];
-        let pose = swing(11);
-        let measured: Vec<_> = local.iter().map(|p| apply(&pose, p)).collect();
-        let (found, rms) = fit_pose(&local, &measured).unwrap();
-        assert!(rms < 1e-14 && found.rotation.angle_to(&pose.rotation) < 1e-12);
-        assert!((found.translation.vector - pose.translation.vector).norm() < 1e-13);
-        let line = [Vector3::zeros(), Vector3::x(), 2.0 * Vector3::x()];
-        assert!(fit_pose(&line, &line).is_none());
-        assert!(fit_pose(&line[..2], &line[..2]).is_none());
-    }
-
-    #[test]
-    fn prop_score_finds_the_centre() {
+    fn score_finds_the_center() {
         let (cp, cc) = (Vector3::new(0.05, -0.2, 0.1), Vector3::new(0.01, 0.3, -0.02));
         let parent: Vec<_> = (0..60).map(swing).collect();
         let child: Vec<_> = parent
@@ -256,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_sara_finds_the_axis_and_score_refuses_a_hinge() {
+    fn sara_finds_the_axis_and_score_refuses_a_hinge() {
         let axis = Vector3::new(0.2, 1.0, -0.4).normalize();
         let point = Vector3::new(0.05, 0.0, 0.1);
         let zero = UnitQuaternion::from_euler_angles(0.3, -0.2, 0.9);

@@ -42,7 +42,7 @@ impl PelvisMarkers {
     ///
     /// # Errors
     /// [`ScaleError::MissingLandmarks`] without both ASIS and anything behind them; [`ScaleError::Degenerate`] when they lie on a line.
-    pub fn from_landmarks(landmarks: &Landmarks, trial: &str) -> Result<Self, ScaleError> {
+    pub(crate) fn from_landmarks(landmarks: &Landmarks, trial: &str) -> Result<Self, ScaleError> {
         let missing = || ScaleError::MissingLandmarks {
             trial: trial.into(),
             what: "the pelvis".into(),
@@ -117,7 +117,7 @@ pub fn hip_center(
 
 /// Lumbar joint (L5/S1) in pelvis axes, m: fractions of pelvis width after Reed 1999 in the ASIS-PSIS frame, as given by
 /// Dumas and Wojtusch 2018; the mean of both for an unknown sex.
-pub fn lumbar_center(pelvis: &PelvisMarkers, sex: Option<Sex>) -> Vector3<f64> {
+pub(crate) fn lumbar_center(pelvis: &PelvisMarkers, sex: Option<Sex>) -> Vector3<f64> {
     let female = Vector3::new(-0.340, 0.049, 0.0);
     let male = Vector3::new(-0.335, -0.032, 0.0);
     pelvis.width_m
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_pelvis_axes_point_forward_up_and_right() {
+    fn pelvis_axes_point_forward_up_and_right() {
         let p = PelvisMarkers::from_landmarks(&landmarks(), "made").unwrap();
         let r = p.world_from_pelvis.rotation.to_rotation_matrix().into_inner();
         assert!((r.column(0) - Vector3::x()).norm() < 1e-12);
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_one_psis_or_a_sacrum_gives_the_same_axes() {
+    fn one_psis_or_a_sacrum_gives_the_same_axes() {
         let full = PelvisMarkers::from_landmarks(&landmarks(), "made").unwrap();
         let mut l = landmarks();
         l.positions.remove("psis_l");

@@ -47,10 +47,10 @@ impl Side {
 }
 
 /// Landmarks that stand once.
-pub const CENTRAL_LANDMARKS: [&str; 6] = ["vertex", "c7", "t10", "suprasternale", "xiphoid", "sacrum"];
+pub(crate) const CENTRAL_LANDMARKS: [&str; 6] = ["vertex", "c7", "t10", "suprasternale", "xiphoid", "sacrum"];
 
 /// Landmarks that stand on both sides, to be followed by `_r` or `_l`.
-pub const SIDED_LANDMARKS: [&str; 21] = [
+pub(crate) const SIDED_LANDMARKS: [&str; 21] = [
     "head_front",
     "head_back",
     "acromion",
@@ -75,7 +75,7 @@ pub const SIDED_LANDMARKS: [&str; 21] = [
 ];
 
 /// True for a landmark of the vocabulary.
-pub fn is_landmark(name: &str) -> bool {
+pub(crate) fn is_landmark(name: &str) -> bool {
     CENTRAL_LANDMARKS.contains(&name)
         || name
             .strip_suffix("_r")

@@ -26,7 +26,7 @@ const BEND_RAD: f64 = 0.8;
 ///
 /// # Errors
 /// [`ScaleError::Facts`] when `static_q` does not belong to the model.
-pub fn unobserved(subject: &Subject) -> Result<Vec<usize>, ScaleError> {
+pub(crate) fn unobserved(subject: &Subject) -> Result<Vec<usize>, ScaleError> {
     let model = &subject.model;
     let nv = model.nv;
     if subject.static_q.len() != model.nq {

@@ -1,6 +1,5 @@
 //! Lengths, marker errors and the checks behind every warning of a person's scaling.
 
-use crate::functional::fit_pose;
 use crate::geometry::{apply, x_of, y_of, z_of};
 use crate::landmarks::{Landmarks, Side};
 use crate::person::{mirrored, other_side};
@@ -76,7 +75,7 @@ pub(crate) fn marker_errors(trial: &Trial, set: &MarkerSet, subject: &Subject, p
                     index[k].and_then(|i| trial.markers.position(i, frame)).unwrap_or_else(|| Vector3::repeat(f64::NAN))
                 })
                 .collect();
-            let Some((fitted, _)) = fit_pose(&local, &seen) else { continue };
+            let Some((fitted, _)) = aloft_body::rigid::fit_pose_of_seen(&local, &seen) else { continue };
             for ((&k, p), m) in own.iter().zip(&local).zip(&seen) {
                 let d = (apply(&fitted, p) - m).norm_squared();
                 if d.is_finite() {

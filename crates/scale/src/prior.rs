@@ -222,7 +222,7 @@ fn merge(a: &LinkInertia, b: &LinkInertia) -> LinkInertia {
 /// Brings an inertia tensor about the centre of mass back into the cone that bodies of positive density can have: the second
 /// moments `½ tr(I) 1 − I` keep their axes, and each becomes at least `floor` of their sum. Returns the smallest before,
 /// kg·m², when something had to change.
-pub fn make_consistent(inertia: &mut LinkInertia, floor: f64) -> Option<f64> {
+pub(crate) fn make_consistent(inertia: &mut LinkInertia, floor: f64) -> Option<f64> {
     let i = (inertia.inertia_com_kgm2 + inertia.inertia_com_kgm2.transpose()) / 2.0;
     let second = Matrix3::identity() * (0.5 * i.trace()) - i;
     let eigen = second.symmetric_eigen();
@@ -376,7 +376,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_merging_two_halves_of_a_bar_gives_the_bar() {
+    fn merging_two_halves_of_a_bar_gives_the_bar() {
         let half = |x: f64| LinkInertia {
             mass_kg: 1.0,
             com_m: Vector3::new(x, 0.0, 0.0),
@@ -388,7 +388,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_projection_is_idempotent_and_consistent() {
+    fn projection_is_idempotent_and_consistent() {
         let mut bad = LinkInertia {
             mass_kg: 1.0,
             com_m: Vector3::zeros(),

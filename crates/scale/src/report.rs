@@ -29,7 +29,8 @@ pub struct JointUncertainty {
     /// Where the centre comes from.
     pub method: JointMethod,
     /// Standard deviation of the joint centre, each axis, m.
-    pub centre_sd_m: f64,
+    #[serde(rename = "centre_sd_m", alias = "center_sd_m")]
+    pub center_sd_m: f64,
     /// Standard deviation of a hinge's direction, rad; `None` for joints without an axis.
     pub axis_sd_rad: Option<f64>,
 }
@@ -103,7 +104,11 @@ pub enum ScaleWarning {
     /// A tracked marker of the set is not in the static.
     MarkerUnseen { marker: String },
     /// A joint centre had to be placed by proportions.
-    JointByProportion { joint: String, centre_sd_m: f64 },
+    JointByProportion {
+        joint: String,
+        #[serde(rename = "centre_sd_m", alias = "center_sd_m")]
+        center_sd_m: f64,
+    },
     /// A hinge axis without its medial marker.
     AxisAssumed { joint: String, axis_sd_rad: f64 },
     /// Right and left differ.
@@ -155,11 +160,11 @@ impl fmt::Display for ScaleWarning {
             Self::MarkerUnseen { marker } => {
                 write!(f, "marker `{marker}` is not seen in the static and will not be tracked")
             }
-            Self::JointByProportion { joint, centre_sd_m } => {
+            Self::JointByProportion { joint, center_sd_m } => {
                 write!(
                     f,
                     "{joint}: no marker tells where it is; placed by body proportions (±{:.0} mm)",
-                    mm(centre_sd_m)
+                    mm(center_sd_m)
                 )
             }
             Self::AxisAssumed { joint, axis_sd_rad } => {

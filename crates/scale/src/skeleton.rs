@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 
 /// A joint centre in the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Centre {
+pub(crate) struct Center {
     pub point: Vector3<f64>,
     pub method: JointMethod,
     pub sd_m: f64,
@@ -29,7 +29,7 @@ pub(crate) struct PlacedLink {
     /// Axes with y exactly along the segment, for the inertial prior.
     pub isb_axes: UnitQuaternion<f64>,
     pub method: JointMethod,
-    pub centre_sd_m: f64,
+    pub center_sd_m: f64,
     pub axis_sd_rad: Option<f64>,
 }
 
@@ -117,7 +117,7 @@ impl Builder<'_> {
                 world_from_link: pose(&middle, &pelvis_axes),
                 isb_axes: pelvis_axes,
                 method: hips[0].method,
-                centre_sd_m: sd::HIP,
+                center_sd_m: sd::HIP,
                 axis_sd_rad: None,
             },
         );
@@ -142,14 +142,14 @@ impl Builder<'_> {
         Some(knee.map_or((ankle - asis).norm(), |k| (k - asis).norm() + (ankle - k).norm()))
     }
 
-    fn hip(&self, pelvis: &PelvisMarkers, side: Side, leg: Option<f64>) -> Centre {
+    fn hip(&self, pelvis: &PelvisMarkers, side: Side, leg: Option<f64>) -> Center {
         if let Some(point) = self.landmarks.side("hip_center", side) {
-            return Centre { point, method: JointMethod::Given, sd_m: sd::HIP };
+            return Center { point, method: JointMethod::Given, sd_m: sd::HIP };
         }
         let local = hip_center(self.hip_method, pelvis, leg, self.marker_radius_m, side)
             .or_else(|| hip_center(HipMethod::Harrington, pelvis, leg, self.marker_radius_m, side))
             .unwrap_or_default();
-        Centre { point: apply(&pelvis.world_from_pelvis, &local), method: JointMethod::Regression, sd_m: sd::HIP }
+        Center { point: apply(&pelvis.world_from_pelvis, &local), method: JointMethod::Regression, sd_m: sd::HIP }
     }
 
     /// Centre and right-pointing axis of a hinge from a lateral and, at best, a medial marker.
@@ -162,19 +162,19 @@ impl Builder<'_> {
         side: Side,
         offset: Option<f64>,
         assumed: &Vector3<f64>,
-    ) -> Option<(Centre, Vector3<f64>, f64)> {
+    ) -> Option<(Center, Vector3<f64>, f64)> {
         let l = self.landmarks;
         match (l.side(lateral, side), l.side(medial, side)) {
             (Some(a), Some(b)) => {
                 let axis = unit(&((a - b) * side.sign()))?;
-                Some((Centre { point: (a + b) / 2.0, method: JointMethod::Midpoint, sd_m: sd::HINGE }, axis, sd::AXIS))
+                Some((Center { point: (a + b) / 2.0, method: JointMethod::Midpoint, sd_m: sd::HINGE }, axis, sd::AXIS))
             }
             (Some(a), None) | (None, Some(a)) => {
                 let inwards = if l.side(lateral, side).is_some() { -side.sign() } else { side.sign() };
                 let depth = offset.unwrap_or(0.045) + self.marker_radius_m;
                 let point = a + assumed * (inwards * depth);
                 Some((
-                    Centre { point, method: JointMethod::Regression, sd_m: sd::HINGE_REGRESSION },
+                    Center { point, method: JointMethod::Regression, sd_m: sd::HINGE_REGRESSION },
                     *assumed,
                     sd::AXIS_ASSUMED,
                 ))
@@ -187,7 +187,7 @@ impl Builder<'_> {
         &self,
         links: &mut BTreeMap<String, PlacedLink>,
         side: Side,
-        hip: &Centre,
+        hip: &Center,
         right: &Vector3<f64>,
         pelvis_axes: &UnitQuaternion<f64>,
         height_m: f64,
@@ -209,13 +209,13 @@ impl Builder<'_> {
             .hinge("knee_lateral", "knee_medial", side, shank_mark.map(|d| 0.118 * d), &assumed)
             .unwrap_or_else(|| {
                 let point = hip.point + along * (proportion::THIGH * height_m);
-                (Centre { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }, assumed, sd::AXIS_ASSUMED)
+                (Center { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }, assumed, sd::AXIS_ASSUMED)
             });
         let (ankle, malleoli, _) = self
             .hinge("ankle_lateral", "ankle_medial", side, shank_mark.map(|d| 0.085 * d), &axis)
             .unwrap_or_else(|| {
                 let point = knee.point + along * (proportion::SHANK * height_m);
-                (Centre { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }, axis, sd::AXIS_ASSUMED)
+                (Center { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }, axis, sd::AXIS_ASSUMED)
             });
         let thigh_axes = axes_y_z(&(hip.point - knee.point), &axis).ok_or_else(|| self.degenerate(&name("thigh")))?;
         let shank_axes = axes_z_y(&axis, &(knee.point - ankle.point)).ok_or_else(|| self.degenerate(&name("shank")))?;
@@ -237,7 +237,7 @@ impl Builder<'_> {
         let foot_axes = axes_x_z(&forward, &malleoli).ok_or_else(|| self.degenerate(&name("foot")))?;
         let mut foot = placed(&ankle, &foot_axes, &foot_axes, None);
         if foot.method == JointMethod::Midpoint {
-            foot.centre_sd_m = sd::ANKLE;
+            foot.center_sd_m = sd::ANKLE;
         }
         links.insert(name("foot"), foot);
         Ok(())
@@ -269,7 +269,7 @@ impl Builder<'_> {
             (Some(c), Some(f), _) => {
                 let direction =
                     turn_down(&(f - c), &across, -turn_up_deg).ok_or_else(|| self.degenerate("the neck"))?;
-                Centre {
+                Center {
                     point: c + direction * (fraction * (f - c).norm()),
                     method: JointMethod::Regression,
                     sd_m: sd::NECK,
@@ -278,26 +278,26 @@ impl Builder<'_> {
             (Some(c), None, _) => {
                 let forward = unit(&across.cross(&(lumbar - c))).unwrap_or_else(|| x_of(&frame.rotation));
                 let point = c + forward * (fraction * proportion::THORAX_DEPTH * height_m);
-                Centre { point, method: JointMethod::Regression, sd_m: 1.5 * sd::NECK }
+                Center { point, method: JointMethod::Regression, sd_m: 1.5 * sd::NECK }
             }
             (None, _, Some((r, l))) => {
                 let middle = (r + l) / 2.0;
                 let up = unit(&(middle - lumbar)).ok_or_else(|| self.degenerate("the torso"))?;
-                Centre { point: middle + up * (0.02 * height_m), method: JointMethod::Regression, sd_m: 1.5 * sd::NECK }
+                Center { point: middle + up * (0.02 * height_m), method: JointMethod::Regression, sd_m: 1.5 * sd::NECK }
             }
             (None, Some(f), None) => {
                 let up = unit(&(f - lumbar)).ok_or_else(|| self.degenerate("the torso"))?;
                 let back = unit(&up.cross(&right)).unwrap_or_else(|| -x_of(&frame.rotation));
                 let point = f + back * (0.5 * proportion::THORAX_DEPTH * height_m) + up * (0.02 * height_m);
-                Centre { point, method: JointMethod::Regression, sd_m: 2.0 * sd::NECK }
+                Center { point, method: JointMethod::Regression, sd_m: 2.0 * sd::NECK }
             }
             (None, None, None) => {
                 let point = lumbar + y_of(&frame.rotation) * (proportion::TRUNK * height_m);
-                Centre { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }
+                Center { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }
             }
         };
         let torso_axes = axes_y_z(&(neck.point - lumbar), &across).ok_or_else(|| self.degenerate("the torso"))?;
-        let lumbar = Centre { point: lumbar, method: JointMethod::Regression, sd_m: sd::LUMBAR };
+        let lumbar = Center { point: lumbar, method: JointMethod::Regression, sd_m: sd::LUMBAR };
         links.insert("torso".into(), placed(&lumbar, &torso_axes, &torso_axes, None));
         // Head: along its four markers where they are, else upright as the torso.
         let head_axes = match (l.across("head_front"), l.across("head_back")) {
@@ -315,12 +315,12 @@ impl Builder<'_> {
         Ok(())
     }
 
-    fn shoulder(&self, side: Side, torso: &UnitQuaternion<f64>, neck: &Vector3<f64>, height_m: f64) -> Centre {
+    fn shoulder(&self, side: Side, torso: &UnitQuaternion<f64>, neck: &Vector3<f64>, height_m: f64) -> Center {
         let l = self.landmarks;
         let Some(acromion) = l.side("acromion", side) else {
             let lateral = z_of(torso) * (side.sign() * proportion::SHOULDER_HALF_WIDTH * height_m);
             let point = neck + lateral - y_of(torso) * (0.03 * height_m);
-            return Centre { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION };
+            return Center { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION };
         };
         // Reed 1999: from the acromion along C7 → suprasternale turned down by 67°, 0.42 of their distance.
         let (direction, depth, sd_m) = match (l.get("c7"), l.get("suprasternale")) {
@@ -329,7 +329,7 @@ impl Builder<'_> {
         };
         let direction = direction.unwrap_or_else(|| -y_of(torso));
         let point = acromion + direction * (0.42 * depth);
-        Centre { point, method: JointMethod::Regression, sd_m }
+        Center { point, method: JointMethod::Regression, sd_m }
     }
 
     fn arm(
@@ -344,13 +344,13 @@ impl Builder<'_> {
         let name = |stem: &str| format!("{stem}_{}", side.suffix());
         let shoulder = self.shoulder(side, torso, neck, height_m);
         let marked_wrist = match (l.side("wrist_radial", side), l.side("wrist_ulnar", side)) {
-            (Some(a), Some(b)) => Some(Centre { point: (a + b) / 2.0, method: JointMethod::Midpoint, sd_m: sd::WRIST }),
+            (Some(a), Some(b)) => Some(Center { point: (a + b) / 2.0, method: JointMethod::Midpoint, sd_m: sd::WRIST }),
             (Some(a), None) | (None, Some(a)) => {
-                Some(Centre { point: a, method: JointMethod::Regression, sd_m: sd::WRIST_SINGLE })
+                Some(Center { point: a, method: JointMethod::Regression, sd_m: sd::WRIST_SINGLE })
             }
             (None, None) => {
                 let single = l.side("wrist", side);
-                single.map(|point| Centre { point, method: JointMethod::Regression, sd_m: sd::WRIST_SINGLE })
+                single.map(|point| Center { point, method: JointMethod::Regression, sd_m: sd::WRIST_SINGLE })
             }
         };
         let elbow_mark = l.side("elbow_lateral", side).or_else(|| l.side("elbow_medial", side));
@@ -370,11 +370,11 @@ impl Builder<'_> {
             .hinge("elbow_lateral", "elbow_medial", side, forearm_mark.map(|d| 0.155 * d), &assumed)
             .unwrap_or_else(|| {
                 let point = shoulder.point - y_of(torso) * (proportion::UPPER_ARM * height_m);
-                (Centre { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }, assumed, sd::AXIS_ASSUMED)
+                (Center { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }, assumed, sd::AXIS_ASSUMED)
             });
         let upper_axes =
             axes_y_z(&(shoulder.point - elbow.point), &axis).ok_or_else(|| self.degenerate(&name("upper_arm")))?;
-        let wrist = marked_wrist.unwrap_or_else(|| Centre {
+        let wrist = marked_wrist.unwrap_or_else(|| Center {
             point: elbow.point - y_of(&upper_axes) * (proportion::FOREARM * height_m),
             method: JointMethod::Proportion,
             sd_m: sd::PROPORTION,
@@ -398,16 +398,16 @@ impl Builder<'_> {
 }
 
 fn placed(
-    centre: &Centre,
+    center: &Center,
     axes: &UnitQuaternion<f64>,
     isb: &UnitQuaternion<f64>,
     axis_sd_rad: Option<f64>,
 ) -> PlacedLink {
     PlacedLink {
-        world_from_link: pose(&centre.point, axes),
+        world_from_link: pose(&center.point, axes),
         isb_axes: *isb,
-        method: centre.method,
-        centre_sd_m: centre.sd_m,
+        method: center.method,
+        center_sd_m: center.sd_m,
         axis_sd_rad,
     }
 }

@@ -78,7 +78,7 @@ impl StaticPose {
 
     /// Median over markers of the spread, m: the noise of a good static, centimetres when the body moved.
     pub fn typical_spread_m(&self) -> f64 {
-        median(&mut self.spread_m.clone())
+        median(self.spread_m.iter().copied())
     }
 }
 
@@ -125,13 +125,13 @@ fn quiet_frames(trial: &Trial, options: &QuietOptions) -> Vec<usize> {
         }
         start += step;
     }
-    let centre = StaticPose::at(trial, (best.1..(best.1 + length).min(n)).collect());
+    let center = StaticPose::at(trial, (best.1..(best.1 + length).min(n)).collect());
     (0..n)
         .filter(|&f| {
             let (sum, count) = m
                 .trajectories
                 .iter()
-                .zip(&centre.positions)
+                .zip(&center.positions)
                 .filter_map(|(t, c)| c.map(|c| (t[f] - c).norm_squared()))
                 .filter(|d| d.is_finite())
                 .fold((0.0, 0usize), |(s, k), d| (s + d, k + 1));
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_quiet_frames_leave_out_the_walk_to_the_place() {
+    fn quiet_frames_leave_out_the_walk_to_the_place() {
         let t = trial(|f| if f < 200 { 0.01 * (200 - f) as f64 } else { 0.0 }, 400);
         let pose = StaticPose::find(&t, None, &QuietOptions::default()).unwrap();
         assert!(pose.frames.iter().all(|&f| f >= 199), "{:?}", pose.frames.first());
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_named_frames_are_taken_as_they_are_and_checked() {
+    fn named_frames_are_taken_as_they_are_and_checked() {
         let t = trial(|f| f as f64, 10);
         let pose = StaticPose::find(&t, Some(&(2..5)), &QuietOptions::default()).unwrap();
         assert_eq!(pose.frames, vec![2, 3, 4]);

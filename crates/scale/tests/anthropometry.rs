@@ -58,7 +58,7 @@ fn validate_rows_that_others_get_wrong() {
 }
 
 #[test]
-fn prop_an_unknown_sex_takes_both_bodies_by_halves() {
+fn an_unknown_sex_takes_both_bodies_by_halves() {
     let leva = table("de_leva");
     let both = leva.bodies_for(None).unwrap();
     assert_eq!(both.len(), 2);
@@ -67,7 +67,7 @@ fn prop_an_unknown_sex_takes_both_bodies_by_halves() {
 }
 
 #[test]
-fn prop_a_damaged_table_is_refused_with_its_segment() {
+fn a_damaged_table_is_refused_with_its_segment() {
     let refuse = |change: &dyn Fn(&mut Anthropometry)| {
         let mut t = table("de_leva");
         change(&mut t);

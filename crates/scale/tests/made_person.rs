@@ -82,7 +82,7 @@ fn angle(s: &Scaled, link: &str) -> f64 {
 }
 
 #[test]
-fn prop_signs_and_zeros_of_hinges() {
+fn signs_and_zeros_of_hinges() {
     let s = scale(&trial(&person())).unwrap();
     for side in ["r", "l"] {
         let knee = angle(&s, &format!("shank_{side}"));
@@ -99,7 +99,7 @@ fn prop_signs_and_zeros_of_hinges() {
 }
 
 #[test]
-fn prop_axes_point_forward_up_and_right() {
+fn axes_point_forward_up_and_right() {
     let s = scale(&trial(&person())).unwrap();
     let mut state = State::new(&s.subject.model);
     state.forward_position(&s.subject.model, &s.subject.static_q);
@@ -112,7 +112,7 @@ fn prop_axes_point_forward_up_and_right() {
 }
 
 #[test]
-fn prop_a_mirrored_person_has_a_mirrored_model() {
+fn a_mirrored_person_has_a_mirrored_model() {
     // Not symmetric to begin with.
     let mut points = person();
     for (k, (_, p)) in points.iter_mut().enumerate() {
@@ -146,7 +146,7 @@ fn prop_a_mirrored_person_has_a_mirrored_model() {
 }
 
 #[test]
-fn prop_where_and_which_way_a_person_stands_does_not_matter() {
+fn where_and_which_way_a_person_stands_does_not_matter() {
     let turn = Rotation3::from_euler_angles(0.0, 0.0, 2.1);
     let moved: Vec<_> = person().into_iter().map(|(l, p)| (l, turn * p + Vector3::new(3.0, -1.0, 0.2))).collect();
     let (a, b) = (scale(&trial(&person())).unwrap(), scale(&trial(&moved)).unwrap());
@@ -159,7 +159,7 @@ fn prop_where_and_which_way_a_person_stands_does_not_matter() {
 }
 
 #[test]
-fn prop_exchanged_markers_are_noticed() {
+fn exchanged_markers_are_noticed() {
     let exchange = |a: &str, b: &str| {
         let mut points = person();
         let at = |l: &str| points.iter().position(|(o, _)| o == l).unwrap();
@@ -181,7 +181,7 @@ fn prop_exchanged_markers_are_noticed() {
 
 /// Any set of markers may be missing, on one point, or far away: a model or an error, never a panic, never a NaN.
 #[test]
-fn prop_missing_or_senseless_markers_never_break_scaling() {
+fn missing_or_senseless_markers_never_break_scaling() {
     let mut seed = 12345_u64;
     let mut random = || {
         seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);

@@ -3,6 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail by panicking")]
 #![allow(clippy::print_stdout, reason = "tests say what they skip and what they measured")]
 
+#[path = "../../../tests/shared_data.rs"]
+mod shared_data;
+
 use aloft_body::State;
 use aloft_scale::{ObjectInput, ObjectOptions, ObjectSpec, ScaledObject, scale_object};
 use aloft_trial::{ImportOptions, Markers, Trial};
@@ -18,10 +21,7 @@ fn spec() -> ObjectSpec {
 }
 
 fn trial(set: &str, name: &str) -> Option<Trial> {
-    let Ok(bytes) = std::fs::read(root().join("../shared/data").join(set).join(format!("{name}.c3d"))) else {
-        println!("skipped: {set}/{name}.c3d is not beside the project");
-        return None;
-    };
+    let bytes = std::fs::read(shared_data::shared_data(&format!("{set}/{name}.c3d"))?).unwrap();
     Some(Trial::from_c3d(name, &bytes, &ImportOptions::default()).unwrap())
 }
 
@@ -40,14 +40,14 @@ struct Truth {
 }
 
 struct Errors {
-    centre_mm: f64,
+    center_mm: f64,
     axis_mrad: f64,
     zero_mrad: f64,
     marker_mm: f64,
 }
 
 fn errors(found: &ScaledObject, set: &str) -> Errors {
-    let path = root().join("../shared/data").join(set).join("truth/truth.json");
+    let path = shared_data::shared_data(&format!("{set}/truth/truth.json")).unwrap();
     let truth: Truth = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
     let joint = &found.subject.model.links[1].joint.parent_from_joint;
     let r = Matrix3::from_fn(|i, j| truth.hinge.r[i][j]);
@@ -55,7 +55,7 @@ fn errors(found: &ScaledObject, set: &str) -> Errors {
     let turn = Rotation3::from_matrix_unchecked(r.transpose() * mine).scaled_axis();
     let true_markers = truth.markers_link0_m.iter().chain(&truth.markers_link1_m);
     Errors {
-        centre_mm: 1e3 * (joint.translation.vector - Vector3::from(truth.hinge.p_link0)).norm(),
+        center_mm: 1e3 * (joint.translation.vector - Vector3::from(truth.hinge.p_link0)).norm(),
         axis_mrad: 1e3 * turn.xy().norm(),
         zero_mrad: 1e3 * turn.z.abs(),
         marker_mm: found
@@ -99,7 +99,7 @@ fn errors_if_known(found: &ScaledObject, set: &str) -> String {
     let e = errors(found, set);
     format!(
         "; hinge {:.4} mm, axis {:.3} mrad, zero {:.3} mrad, worst marker {:.4} mm",
-        e.centre_mm, e.axis_mrad, e.zero_mrad, e.marker_mm
+        e.center_mm, e.axis_mrad, e.zero_mrad, e.marker_mm
     )
 }
 
@@ -108,7 +108,7 @@ fn validate_the_chains_geometry_against_the_simulators_truth() {
     for set in ["chain_a", "chain_p"] {
         let Some(found) = scaled(set, &["hinge_calib"]) else { return };
         let e = errors(&found, set);
-        assert!(e.centre_mm < 0.1 && e.axis_mrad < 0.5 && e.zero_mrad < 0.5 && e.marker_mm < 0.1, "{set}");
+        assert!(e.center_mm < 0.1 && e.axis_mrad < 0.5 && e.zero_mrad < 0.5 && e.marker_mm < 0.1, "{set}");
         assert!((found.report.noise_m - 3e-4).abs() < 2e-5);
         assert_eq!(found.report.outliers, 0);
         assert!(found.report.warnings.is_empty(), "{:?}", found.report.warnings);
@@ -121,13 +121,13 @@ fn validate_the_chains_geometry_against_the_simulators_truth() {
         let all = ["hinge_calib", "throws_01", "throws_02", "throws_03", "throws_04", "throws_05"];
         let Some(found) = scaled(set, &all) else { return };
         let e = errors(&found, set);
-        assert!(e.centre_mm < 0.05 && e.axis_mrad < 0.3 && e.zero_mrad < 0.3 && e.marker_mm < 0.05, "{set}");
+        assert!(e.center_mm < 0.05 && e.axis_mrad < 0.3 && e.zero_mrad < 0.3 && e.marker_mm < 0.05, "{set}");
     }
     scaled("chain_b", &["hinge_calib"]);
 }
 
 #[test]
-fn prop_a_specification_that_contradicts_itself_is_refused_with_its_link() {
+fn a_specification_that_contradicts_itself_is_refused_with_its_link() {
     let still = Trial::default();
     let refuse = |change: &dyn Fn(&mut ObjectSpec)| {
         let mut s = spec();
@@ -148,7 +148,7 @@ fn prop_a_specification_that_contradicts_itself_is_refused_with_its_link() {
 
 /// A base, an arm on a hinge and a tip on a ball, without noise: everything comes back to the rounding of the solver.
 #[test]
-fn prop_a_made_object_with_hinge_and_ball_is_recovered_exactly() {
+fn a_made_object_with_hinge_and_ball_is_recovered_exactly() {
     let text = "
 name: made
 total_mass_kg: 2.0

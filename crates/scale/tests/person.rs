@@ -3,6 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail by panicking")]
 #![allow(clippy::print_stdout, reason = "tests say what they skip and what they measured")]
 
+#[path = "../../../tests/shared_data.rs"]
+mod shared_data;
+
 use aloft_body::{ModelSpec, PersonFacts, Sex, State, Subject};
 use aloft_scale::{
     Anthropometry, HipMethod, PersonInput, ScaleOptions, ScaleWarning, Scaled, attach_prior, prior_spread, scale_person,
@@ -26,11 +29,8 @@ fn table(name: &str) -> Anthropometry {
 
 /// A recording beside the project, or a line that says what was skipped.
 fn recording(path: &str, set: &MarkerSet) -> Option<Trial> {
-    let full = root().join("../shared/data").join(path);
-    let Ok(bytes) = std::fs::read(&full) else {
-        println!("skipped: {path} is not beside the project");
-        return None;
-    };
+    let full = shared_data::shared_data(path)?;
+    let bytes = std::fs::read(&full).unwrap();
     let stem = full.file_stem().unwrap().to_string_lossy().into_owned();
     let options = ImportOptions::default();
     let mut trial = if path.ends_with(".trc") {
@@ -69,7 +69,7 @@ fn subject_a() -> Option<Case> {
     case("subject_a/static.c3d", "plug-in-gait-35", facts("S01", Some(Sex::Female), Some(1.605), 56.2))
 }
 
-fn joint_centres(subject: &Subject) -> BTreeMap<String, Vector3<f64>> {
+fn joint_centers(subject: &Subject) -> BTreeMap<String, Vector3<f64>> {
     let mut state = State::new(&subject.model);
     state.forward_position(&subject.model, &subject.static_q);
     subject
@@ -106,7 +106,7 @@ fn print_report(s: &Scaled) {
 }
 
 #[test]
-fn prop_the_model_at_static_q_reproduces_every_marker() {
+fn the_model_at_static_q_reproduces_every_marker() {
     let Some(case) = subject_a() else { return };
     let s = scaled(&case, &ScaleOptions::default(), None);
     print_report(&s);
@@ -127,14 +127,14 @@ fn prop_the_model_at_static_q_reproduces_every_marker() {
 }
 
 #[test]
-fn validate_joint_centres_of_subject_a_against_the_simulators_truth() {
+fn validate_joint_centers_of_subject_a_against_the_simulators_truth() {
     let Some(case) = subject_a() else { return };
     let truth = truth();
     for (method, limit_mm) in
         [(HipMethod::Harrington, 13.0), (HipMethod::Bell, 16.0), (HipMethod::Hara, 16.0), (HipMethod::Davis, 18.0)]
     {
         let s = scaled(&case, &ScaleOptions { hip: method, ..ScaleOptions::default() }, None);
-        let found = joint_centres(&s.subject);
+        let found = joint_centers(&s.subject);
         let mut sum = 0.0;
         for (link, t) in &truth {
             let error_mm = 1000.0 * (found[link] - Vector3::from(t.joint_m)).norm();
@@ -217,7 +217,7 @@ fn validate_prior_of_subject_a_against_the_simulators_truth() {
 }
 
 #[test]
-fn prop_the_prior_follows_a_model_whose_frames_were_turned() {
+fn the_prior_follows_a_model_whose_frames_were_turned() {
     let Some(case) = subject_a() else { return };
     let s = scaled(&case, &ScaleOptions::default(), None);
     // Turn the thigh's link frame by hand: same body, another gauge.

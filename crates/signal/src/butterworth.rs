@@ -107,7 +107,7 @@ pub struct Section {
 
 impl Section {
     /// State at which a constant input of 1 gives a constant output of 1 (what `lfilter_zi` solves for).
-    pub fn steady_state(&self) -> [f64; 2] {
+    pub(crate) fn steady_state(&self) -> [f64; 2] {
         let z1 = self.b[2] - self.a[1];
         [self.b[1] - self.a[0] + z1, z1]
     }
@@ -164,7 +164,7 @@ impl Butterworth {
     }
 
     /// Samples of odd reflection on each side, 3·(order + 1); a run must be longer than this.
-    pub fn padding(&self) -> usize {
+    pub(crate) fn padding(&self) -> usize {
         3 * (self.order + 1)
     }
 

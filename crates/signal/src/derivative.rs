@@ -80,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_exact_on_polynomials_of_fourth_degree_up_to_the_ends() {
+    fn exact_on_polynomials_of_fourth_degree_up_to_the_ends() {
         let rate = 50.0;
         let t: Vec<f64> = (0..9).map(|i| i as f64 / rate).collect();
         let x: Vec<f64> = t.iter().map(|t| 3.0 - t + 2.0 * t * t - 5.0 * t.powi(3) + 7.0 * t.powi(4)).collect();
@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_error_falls_with_the_fourth_power_of_the_step() {
+    fn error_falls_with_the_fourth_power_of_the_step() {
         let error = |rate: f64| {
             let x: Vec<f64> = (0..(rate as usize)).map(|i| (6.0 * i as f64 / rate).sin()).collect();
             let (v, a) = derivatives(&x, rate);
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_runs_are_apart_and_short_ones_are_missing() {
+    fn runs_are_apart_and_short_ones_are_missing() {
         let mut x: Vec<f64> = (0..20).map(|i| i as f64).collect();
         x[5] = f64::NAN; // leaves 5 samples before: too few
         let (v, a) = derivatives(&x, 10.0);

@@ -6,6 +6,8 @@
 //! |---|---|
 //! | [`butterworth`] | [`LowPass`] as a user states it, [`Butterworth::filtfilt`] forward and backward, on one channel or many |
 //! | [`derivative`] | first and second derivative by fourth-order differences |
+//! | [`order`] | medians and quantiles |
+//! | [`runs`] | stretches of indices for which a condition holds |
 //! | [`residual_analysis`](mod@residual_analysis) | cut-off against residual, and a suggested cut-off |
 //! | [`resample`](mod@resample) | values at other times, plates to camera frames |
 //! | [`spectrum`] | power spectral density |
@@ -25,6 +27,7 @@
 pub mod butterworth;
 pub mod derivative;
 mod multichannel;
+pub mod order;
 pub mod resample;
 pub mod residual_analysis;
 pub mod runs;
@@ -32,6 +35,7 @@ pub mod spectrum;
 
 pub use butterworth::{Butterworth, CutoffCorrection, DesignError, FilterFacts, LowPass, Section};
 pub use derivative::derivatives;
+pub use order::{median, median_and_deviation, quantile_of_sorted, upper_median};
 pub use resample::{Interpolation, filter_and_resample, resample};
 pub use residual_analysis::{ResidualAnalysis, residual_analysis};
 pub use runs::{finite_runs, runs_where};

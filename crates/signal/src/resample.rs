@@ -74,7 +74,7 @@ mod tests {
     use crate::butterworth::CutoffCorrection;
 
     #[test]
-    fn prop_cubic_is_exact_on_cubics_and_never_reaches_across_a_gap() {
+    fn cubic_is_exact_on_cubics_and_never_reaches_across_a_gap() {
         let f = |t: f64| 1.0 - 2.0 * t + 3.0 * t * t - 0.5 * t.powi(3);
         let mut x: Vec<f64> = (0..20).map(|i| f(2.0 + i as f64 / 10.0)).collect();
         let times: Vec<f64> = (0..37).map(|i| 2.13 + 0.047 * i as f64).take_while(|t| *t < 3.8).collect();
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_slow_signals_survive_the_way_to_another_rate() {
+    fn slow_signals_survive_the_way_to_another_rate() {
         let f = |t: f64| (6.0 * t).sin();
         let x: Vec<f64> = (0..1000).map(|i| f(i as f64 / 1000.0) + 0.1 * (2500.0 * i as f64 / 1000.0).sin()).collect();
         let times: Vec<f64> = (20..170).map(|i| i as f64 / 200.0 + 0.0003).collect();

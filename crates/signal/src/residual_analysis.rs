@@ -102,7 +102,7 @@ mod tests {
     use crate::butterworth::CutoffCorrection;
 
     #[test]
-    fn prop_noise_and_band_of_a_known_signal_are_found() {
+    fn noise_and_band_of_a_known_signal_are_found() {
         let rate = 200.0;
         let mut seed = 7u64;
         // sum of twelve uniform numbers: nearly normal, standard deviation 1
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_nothing_is_suggested_without_samples() {
+    fn nothing_is_suggested_without_samples() {
         let shape = LowPass { order: 2, cutoff_hz: 6.0, correction: CutoffCorrection::None };
         let table = residual_analysis(&[&[f64::NAN; 40]], 100.0, shape, &default_cutoffs(100.0)).unwrap();
         assert!(table.residual_rms.iter().all(|r| r.is_nan()) && table.suggested_cutoff_hz.is_none());

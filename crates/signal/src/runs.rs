@@ -29,14 +29,27 @@ pub fn runs_where(n: usize, keep: impl Fn(usize) -> bool) -> Vec<Range<usize>> {
 
 #[cfg(test)]
 mod tests {
-    use super::finite_runs;
+    use super::*;
+    use proptest::prelude::*;
 
     #[test]
-    fn prop_runs_cover_exactly_the_finite_samples() {
+    fn unit_runs_cover_exactly_the_finite_samples() {
         let nan = f64::NAN;
         assert_eq!(finite_runs(&[nan, 1.0, 2.0, nan, nan, 3.0]), vec![1..3, 5..6]);
         assert_eq!(finite_runs(&[1.0, f64::INFINITY, 1.0]), vec![0..1, 2..3]);
         assert!(finite_runs(&[]).is_empty());
         assert!(finite_runs(&[nan, nan]).is_empty());
+    }
+
+    proptest! {
+        #[test]
+        fn prop_runs_are_maximal_and_cover_what_holds(holds in prop::collection::vec(any::<bool>(), 0..80)) {
+            let runs = runs_where(holds.len(), |i| holds[i]);
+            let covered: Vec<bool> = (0..holds.len()).map(|i| runs.iter().any(|r| r.contains(&i))).collect();
+            prop_assert_eq!(&covered, &holds);
+            // ascending, not empty, and at least one index that does not hold between two of them
+            prop_assert!(runs.iter().all(|r| !r.is_empty()));
+            prop_assert!(runs.windows(2).all(|w| w[0].end < w[1].start));
+        }
     }
 }

@@ -14,15 +14,6 @@ pub struct Spectrum {
     pub segments: usize,
 }
 
-impl Spectrum {
-    /// Variance between two frequencies (included), in the signal's unit squared.
-    pub fn power_between(&self, from_hz: f64, to_hz: f64) -> f64 {
-        let step = if self.frequency_hz.len() > 1 { self.frequency_hz[1] } else { 0.0 };
-        let inside = self.frequency_hz.iter().zip(&self.density).filter(|(f, _)| (from_hz..=to_hz).contains(f));
-        inside.map(|(_, d)| d * step).sum()
-    }
-}
-
 /// Welch's averaged periodogram: segments of `segment` samples (at least 2), half overlapping, mean removed, Hann window, within the
 /// runs of a signal without missing samples. The numbers are those of `scipy.signal.welch` with its defaults.
 pub fn welch(signal: &[f64], rate_hz: f64, segment: usize) -> Spectrum {

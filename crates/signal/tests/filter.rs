@@ -63,7 +63,7 @@ fn validate_winter_design_cutoffs() {
 }
 
 #[test]
-fn prop_impossible_filters_are_refused() {
+fn impossible_filters_are_refused() {
     for (order, cutoff, rate) in [(0, 6.0, 100.0), (13, 6.0, 100.0)] {
         assert!(matches!(Butterworth::design(spec(order, cutoff), rate), Err(DesignError::Order { .. })));
     }
@@ -75,7 +75,7 @@ fn prop_impossible_filters_are_refused() {
 }
 
 #[test]
-fn prop_gaps_split_runs_and_short_runs_are_lost() {
+fn gaps_split_runs_and_short_runs_are_lost() {
     let filter = Butterworth::design(spec(3, 10.0), 100.0).unwrap();
     let wave = |i: usize| (i as f64 * 0.2).sin() + 0.01 * i as f64;
     let mut x: Vec<f64> = (0..100).map(wave).collect();

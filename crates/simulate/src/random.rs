@@ -34,7 +34,7 @@ impl Stream {
         self.0.sample(StandardNormal)
     }
     /// Normal, cut at two and a half standard deviations.
-    pub fn moderate(&mut self) -> f64 {
+    pub(crate) fn moderate(&mut self) -> f64 {
         loop {
             let x = self.normal();
             if x.abs() < 2.5 {

@@ -196,7 +196,7 @@ pub fn markers(body: &Body, markers: &[TrueMarker]) -> BTreeMap<String, (String,
 }
 
 /// Keys that only the two-link chain has: both links by name, the hinge, its recordings.
-pub fn chain_extra(
+pub(crate) fn chain_extra(
     body: &Body,
     labels: &[TrueMarker],
     damping: f64,

@@ -149,9 +149,9 @@ impl Drive for SoftFriction<'_> {
         let y: Vec<f64> = q.iter().chain(v).copied().collect();
         let mut free = ForwardDynamics::new(self.plant, &[true, true]);
         let a0 = free.accelerations(&self.viscous, t, &y).expect("free").0[6];
-        let regularised = hinge_mobility(self.plant, q) + self.softness * (1.0 - 0.9) / 0.9;
+        let regularized = hinge_mobility(self.plant, q) + self.softness * (1.0 - 0.9) / 0.9;
         let rate = 2.0 / (0.95 * 0.02);
-        tau[6] += (-(rate * v[6] + a0) / regularised).clamp(-self.friction, self.friction);
+        tau[6] += (-(rate * v[6] + a0) / regularized).clamp(-self.friction, self.friction);
     }
 }
 
@@ -186,7 +186,7 @@ fn validate_recorded_chain_a_flights() {
 }
 
 #[test]
-fn prop_fourth_order() {
+fn fourth_order() {
     let golden = golden();
     let plant = Plant::new(&own_chain(&golden), &[], "").expect("plant");
     let flight = &golden["free"][0];
@@ -221,7 +221,7 @@ fn energy_and_momentum(body: &Body, y: &[f64]) -> (f64, Vector3<f64>, Vector3<f6
 }
 
 #[test]
-fn prop_energy_and_momentum_are_kept() {
+fn energy_and_momentum_are_kept() {
     let golden = golden();
     let body = own_chain(&golden);
     let plant = Plant::new(&body, &[], "").expect("plant");
@@ -239,7 +239,7 @@ fn prop_energy_and_momentum_are_kept() {
 
 /// Internal effects (wheel, wobbling mass) keep momentum; drag and tether do the work that they should.
 #[test]
-fn prop_hidden_forces_obey_their_laws() {
+fn hidden_forces_obey_their_laws() {
     let golden = golden();
     let body = own_chain(&golden);
     let flight = &golden["free"][1];

@@ -42,7 +42,7 @@ fn size(lab: &Lab) -> usize {
 }
 
 #[test]
-fn prop_scenarios_of_the_repository_are_understood() {
+fn scenarios_of_the_repository_are_understood() {
     let mut count = 0;
     for folder in ["configs/scenarios", "fixtures/scenarios"] {
         for entry in std::fs::read_dir(root().join(folder)).expect("folder") {
@@ -71,7 +71,7 @@ fn regress_fixture_labs_stay_small() {
 }
 
 #[test]
-fn prop_same_scenario_same_bytes() {
+fn same_scenario_same_bytes() {
     for scenario in [small_chain(), small_human()] {
         let pool = |n: usize| rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("pool");
         let one = pool(1).install(|| simulate(&scenario)).expect("lab");
@@ -83,7 +83,7 @@ fn prop_same_scenario_same_bytes() {
 }
 
 #[test]
-fn prop_flights_are_free_and_their_centre_of_mass_falls() {
+fn flights_are_free_and_their_center_of_mass_falls() {
     for scenario in [small_chain(), small_human()] {
         let lab = simulate(&scenario).expect("lab");
         let model = &lab.body.model;
@@ -116,7 +116,7 @@ fn prop_flights_are_free_and_their_centre_of_mass_falls() {
 
 /// Velocities and accelerations are the derivatives of the coordinates, across contacts and flights.
 #[test]
-fn prop_motion_is_consistent_in_time() {
+fn motion_is_consistent_in_time() {
     for scenario in [small_chain(), small_human()] {
         let lab = simulate(&scenario).expect("lab");
         let model = &lab.body.model;
@@ -149,7 +149,7 @@ fn prop_motion_is_consistent_in_time() {
 }
 
 #[test]
-fn prop_plates_carry_what_the_body_needs() {
+fn plates_carry_what_the_body_needs() {
     let mut scenario = small_human();
     scenario.capture.plate_noise_n = 0.0;
     scenario.capture.plate_drift_n = 0.0;
@@ -170,7 +170,7 @@ fn prop_plates_carry_what_the_body_needs() {
 }
 
 #[test]
-fn prop_files_read_back() {
+fn files_read_back() {
     for scenario in [small_chain(), small_human()] {
         let lab = simulate(&scenario).expect("lab");
         for trial in &lab.trials {
@@ -204,7 +204,7 @@ fn prop_files_read_back() {
 }
 
 #[test]
-fn prop_bodies_can_exist() {
+fn bodies_can_exist() {
     for (height_m, mass_kg, sex, seed) in [
         (1.50, 48.0, aloft_body::Sex::Female, 1),
         (1.95, 101.0, aloft_body::Sex::Male, 2),
@@ -228,7 +228,7 @@ fn prop_bodies_can_exist() {
 
 /// A scenario and its twin share choreography, noise and gaps; what is hidden is the only difference.
 #[test]
-fn prop_twins_differ_in_what_is_hidden_alone() {
+fn twins_differ_in_what_is_hidden_alone() {
     let mut scenario = small_chain();
     scenario.hidden = vec![Hidden::BodyMass { error_kg: 0.01 }];
     let (lab, twin) = (simulate(&scenario).expect("lab"), simulate(&scenario.twin()).expect("twin"));
@@ -288,7 +288,7 @@ fn every_effect() -> Vec<Hidden> {
 
 /// Every effect plays on a person, changes the files, and can be written as YAML and read again.
 #[test]
-fn prop_every_effect_plays() {
+fn every_effect_plays() {
     let clean = simulate(&small_human()).expect("lab");
     for effect in every_effect() {
         let text = serde_yaml::to_string(&effect).expect("yaml");
@@ -329,7 +329,7 @@ body:
 
 /// Any model can be thrown: spherical and sliding joints, its own markers.
 #[test]
-fn prop_any_model_flies() {
+fn any_model_flies() {
     let scenario: Scenario = serde_yaml::from_str(ROBOT).expect("scenario");
     let lab = simulate(&scenario).expect("lab");
     let thrown = lab.trial("throws_01").expect("throws");
@@ -346,7 +346,7 @@ fn prop_any_model_flies() {
 }
 
 #[test]
-fn prop_wrong_scenarios_are_refused_in_words() {
+fn wrong_scenarios_are_refused_in_words() {
     let with = |hidden: Hidden| simulate(&Scenario { hidden: vec![hidden], ..small_human() }).expect_err("refused");
     let error = with(Hidden::Flywheel { link: "tail".into(), momentum_nms: [1.0, 0.0, 0.0] });
     assert!(matches!(error, SimulateError::UnknownLink { .. }) && error.to_string().contains("forearm_l"), "{error}");

@@ -3,8 +3,8 @@
 //! A spike is a marker that leaves its path for a few frames and comes back, further than a body can accelerate. A swap is two
 //! markers of one segment whose distances to their mates fit far better with the labels exchanged.
 
-use crate::options::median;
 use crate::{Markers, Trial};
+use aloft_signal::median;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 

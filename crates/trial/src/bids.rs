@@ -3,9 +3,10 @@
 //!
 //! Format: Brain Imaging Data Structure 1.9, modality-specific files, *Motion*.
 
-use crate::options::{disambiguate, metres_per, require_content, split_prefix, to_world};
+use crate::options::{disambiguate, require_content, to_world};
 use crate::trc::shorten;
 use crate::{ImportOptions, Markers, Trial, TrialError, UpAxis};
+use aloft_c3d::{metres_per, strip_subject};
 use nalgebra::Vector3;
 
 /// The texts of one BIDS-Motion recording.
@@ -143,7 +144,7 @@ fn read_channels(trial: &mut Trial, text: &str, options: &ImportOptions) -> Resu
         let bare =
             own.strip_suffix(['x', 'y', 'z', 'X', 'Y', 'Z']).map_or(own, |n| n.trim_end_matches(['_', '-', '.']));
         let label = point.unwrap_or(bare);
-        let label = if options.strip_prefix { split_prefix(label).0 } else { label }.to_owned();
+        let label = if options.strip_prefix { strip_subject(label) } else { label }.to_owned();
         // a point's channels follow one another; the same point again is another marker of that name
         let known = labels.len().checked_sub(1).filter(|last| labels[*last] == label);
         let marker = match known {

@@ -59,7 +59,9 @@ pub enum TrialError {
         expected: String,
     },
     /// A unit that is not a length.
-    #[error("{trial}: {place}: unit `{found}`; expected mm, cm, m, in or ft; hint: state the unit with `point_unit`")]
+    #[error(
+        "{trial}: {place}: unit `{found}`; expected mm, cm, dm, m, in or ft; hint: state the unit with `point_unit`"
+    )]
     Unit {
         #[doc(hidden)]
         trial: String,

@@ -4,8 +4,8 @@
 //! has at both edges of the gap interpolated in the segment's frame: soft tissue has moved it there, and a fill without it would
 //! jump. Otherwise a short gap gets a cubic. The same can be done later with the poses of a model ([`fill_gaps_with_poses`]).
 
-use crate::rigid::fit_pose;
 use crate::{Markers, Trial};
+use aloft_body::rigid::fit_pose;
 use nalgebra::{Isometry3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -60,23 +60,8 @@ type Range = (usize, usize);
 
 /// Runs of missing frames of one trajectory.
 pub(crate) fn missing_runs(track: &[Vector3<f64>]) -> Vec<Range> {
-    let mut runs = Vec::new();
-    let mut start = None;
-    for (frame, p) in track.iter().enumerate() {
-        let missing = !p.iter().all(|x| x.is_finite());
-        match (missing, start) {
-            (true, None) => start = Some(frame),
-            (false, Some(from)) => {
-                runs.push((from, frame));
-                start = None;
-            }
-            _ => {}
-        }
-    }
-    if let Some(from) = start {
-        runs.push((from, track.len()));
-    }
-    runs
+    let missing = |frame: usize| !track[frame].iter().all(|x| x.is_finite());
+    aloft_signal::runs_where(track.len(), missing).into_iter().map(|r| (r.start, r.end)).collect()
 }
 
 /// Fills what may be filled. `segments` are groups of labels that move together ([`crate::MarkerSet::segments`]); empty: cubic only.

@@ -1,11 +1,11 @@
 //! Sources to [`Trial`]: C3D, or TRC with MOT. Everything leaves in SI and in the world frame.
 
 use crate::mot::read_ground_reactions;
-use crate::options::{disambiguate, metres_per, require_content, split_prefix, to_world};
+use crate::options::{disambiguate, require_content, to_world};
 use crate::recorded;
 use crate::trc::read_trc;
-use crate::{ComputedPoint, Event, ImportOptions, Markers, Plate, Trial, TrialError, UpAxis};
-use aloft_c3d::{C3dFile, PointKind};
+use crate::{ComputedPoint, Event, ImportOptions, Markers, Plate, Trial, TrialError, UpAxis, Warning, WarningKind};
+use aloft_c3d::{C3dFile, PointKind, is_unlabelled, metres_per, split_subject, strip_subject};
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
 
@@ -32,7 +32,7 @@ impl Trial {
     /// No frames, no labelled marker, no usable rate or unit.
     pub fn from_c3d_file(name: &str, file: &C3dFile, options: &ImportOptions) -> Result<Self, TrialError> {
         let mut trial = Self { name: name.to_owned(), ..Self::default() };
-        trial.warnings.extend(file.warnings.iter().map(|w| w.message.clone()));
+        trial.warnings.extend(file.warnings.iter().map(Warning::from));
         read_points(&mut trial, file, options)?;
         require_content(&trial, || format!("{} points, none of them a labelled marker", file.points.len()))?;
         read_plates(&mut trial, file, options);
@@ -93,9 +93,10 @@ fn read_points(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Re
     let markers: Vec<usize> = (0..file.points.len()).filter(|&i| file.points[i].kind == PointKind::Marker).collect();
     let use_descriptions = options.full_names && labels_were_cut(file, &markers);
     if use_descriptions {
-        trial
-            .warnings
-            .push("labels are cut to four characters and repeat: full names taken from POINT:DESCRIPTIONS".to_owned());
+        trial.warn(
+            WarningKind::Labels,
+            "labels are cut to four characters and repeat: full names taken from POINT:DESCRIPTIONS",
+        );
     }
     let mut unlabelled = 0;
     let mut subjects: BTreeSet<String> = BTreeSet::new();
@@ -104,8 +105,8 @@ fn read_points(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Re
     for &index in &markers {
         let point = &file.points[index];
         let stored = if use_descriptions { point.description.trim() } else { point.label.trim() };
-        let (bare, subject) = split_prefix(stored);
-        if bare.is_empty() || bare.starts_with('*') {
+        let (bare, subject) = split_subject(stored);
+        if is_unlabelled(bare) {
             unlabelled += 1;
             continue;
         }
@@ -125,11 +126,11 @@ fn read_points(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Re
         );
     }
     if unlabelled > 0 {
-        trial.warnings.push(format!("{unlabelled} unlabelled points (`*…`) left out"));
+        trial.warn(WarningKind::Labels, format!("{unlabelled} unlabelled points (`*…`) left out"));
     }
     if subjects.len() > 1 {
         let names: Vec<_> = subjects.iter().cloned().collect();
-        trial.warnings.push(format!("labels of several subjects: {}", names.join(", ")));
+        trial.warn(WarningKind::Labels, format!("labels of several subjects: {}", names.join(", ")));
     }
     disambiguate(&mut labels, &mut trial.warnings);
     trial.markers = Markers {
@@ -145,17 +146,10 @@ fn read_points(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Re
     warn_of_scale(trial);
 
     for point in file.points.iter().filter(|p| p.kind != PointKind::Marker) {
-        let kind = match point.kind {
-            PointKind::Angle => "angle",
-            PointKind::Force => "force",
-            PointKind::Moment => "moment",
-            PointKind::Power => "power",
-            _ => "scalar",
-        };
         trial.computed.push(ComputedPoint {
-            label: split_prefix(&point.label).0.to_owned(),
-            kind: kind.to_owned(),
-            unit: computed_unit(file, kind),
+            label: strip_subject(&point.label).to_owned(),
+            kind: point.kind,
+            unit: computed_unit(file, point.kind),
             values: point.xyz.iter().map(|p| Vector3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2]))).collect(),
         });
     }
@@ -163,21 +157,20 @@ fn read_points(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Re
 }
 
 /// Unit of a kind of computed point: POINT:ANGLE_UNITS … where the file has it, else what the usual programs write.
-fn computed_unit(file: &C3dFile, kind: &str) -> String {
-    let parameter = format!("{}_UNITS", kind.to_uppercase());
-    if let Some(stated) = file.groups.get("POINT", &parameter).and_then(|p| p.string())
+fn computed_unit(file: &C3dFile, kind: PointKind) -> String {
+    let (parameter, habit) = match kind {
+        PointKind::Angle => ("ANGLE_UNITS", "deg"),
+        PointKind::Force => ("FORCE_UNITS", "N"),
+        PointKind::Moment => ("MOMENT_UNITS", "Nmm"),
+        PointKind::Power => ("POWER_UNITS", "W"),
+        PointKind::Scalar | PointKind::Marker => ("SCALAR_UNITS", ""),
+    };
+    if let Some(stated) = file.groups.get("POINT", parameter).and_then(|p| p.string())
         && !stated.is_empty()
     {
         return stated;
     }
-    match kind {
-        "angle" => "deg",
-        "force" => "N",
-        "moment" => "Nmm",
-        "power" => "W",
-        _ => "",
-    }
-    .to_owned()
+    habit.to_owned()
 }
 
 /// Metres per unit of the markers; a file without a unit is read as millimetres.
@@ -189,7 +182,7 @@ fn length_unit(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Re
     if !stated.is_empty() {
         return Err(TrialError::Unit { trial: trial.name.clone(), place: "POINT:UNITS", found: stated.to_owned() });
     }
-    trial.warnings.push("POINT:UNITS is not stated: read as mm".to_owned());
+    trial.warn(WarningKind::Missing, "POINT:UNITS is not stated: read as mm");
     Ok(1e-3)
 }
 
@@ -203,9 +196,12 @@ fn warn_of_scale(trial: &mut Trial) {
     }
     let size = (high - low).norm();
     if size.is_finite() && trial.markers.labels.len() > 1 && !(0.02..200.0).contains(&size) {
-        trial.warnings.push(format!(
-            "all markers lie within {size:.4} m: the unit of the source is probably wrong; hint: state `point_unit`"
-        ));
+        trial.warn(
+            WarningKind::Units,
+            format!(
+                "all markers lie within {size:.4} m: the unit of the source is probably wrong; hint: state `point_unit`"
+            ),
+        );
     }
 }
 
@@ -241,16 +237,19 @@ fn read_plates(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) {
         let wrench = match file.plate_wrench(index) {
             Ok(wrench) => wrench,
             Err(problem) => {
-                trial.warnings.push(format!("{problem}; plate {} is left out", index + 1));
+                trial.warn(WarningKind::Plates, format!("{problem}; plate {} is left out", index + 1));
                 continue;
             }
         };
-        trial.warnings.extend(wrench.warnings.iter().map(|w| w.message.clone()));
-        let metres = metres_per(&file.point_unit).unwrap_or(1e-3);
+        trial.warnings.extend(wrench.warnings.iter().map(Warning::from));
+        let metres = file.metres_per_point_unit().unwrap_or(1e-3);
         let corners_m: Vec<_> = description.corners.iter().map(|c| Vector3::new(c[0], c[1], c[2]) * metres).collect();
         let known = corners_m.iter().any(|c| c.norm() > 0.0);
         if !known {
-            trial.warnings.push(format!("plate {}: corners are all zero; its place is taken as the origin", index + 1));
+            trial.warn(
+                WarningKind::Plates,
+                format!("plate {}: corners are all zero; its place is taken as the origin", index + 1),
+            );
         }
         trial.plates.push(Plate {
             name: format!("FP{}", index + 1),
@@ -279,7 +278,7 @@ fn read_events(trial: &mut Trial, file: &C3dFile) {
     }
     trial.events.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     if outside > 0 {
-        trial.warnings.push(format!("{outside} events lie outside of the recording"));
+        trial.warn(WarningKind::Events, format!("{outside} events lie outside of the recording"));
     }
 }
 
@@ -296,10 +295,12 @@ fn correct_reaction_sign(trial: &mut Trial) {
             for vector in plate.force_n.iter_mut().chain(&mut plate.moment_nm) {
                 *vector = -*vector;
             }
-            trial.warnings.push(format!(
-                "plate `{}` pushes the subject down: the source stores the action on the plate; all its forces and moments are turned",
+            let message = format!(
+                "plate `{}` pushes the subject down: the source stores the action on the plate; \
+                 all its forces and moments are turned",
                 plate.name
-            ));
+            );
+            trial.warnings.push(Warning::new(WarningKind::Plates, message));
         }
     }
 }

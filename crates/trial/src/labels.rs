@@ -1,7 +1,7 @@
 //! Marker sets applied to recordings: labels become canonical, and what is missing or unknown is listed.
 
-use crate::options::split_prefix;
-use crate::{MarkerSet, Trial};
+use crate::{MarkerSet, Trial, WarningKind};
+use aloft_c3d::split_subject;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -25,7 +25,7 @@ pub struct MarkerSetMatch {
 }
 
 /// Letters and digits only, lower case.
-fn normalised(label: &str) -> String {
+fn normalized(label: &str) -> String {
     label.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
 }
 
@@ -58,7 +58,7 @@ impl Lookup {
                 }
                 // Two markers with the same letters cannot be told apart loosely.
                 loose
-                    .entry(normalised(label))
+                    .entry(normalized(label))
                     .and_modify(|known| {
                         if *known != Some(index) {
                             *known = None;
@@ -80,13 +80,13 @@ impl Lookup {
         if let Some(found) = self.exact.get(label) {
             return Some(*found);
         }
-        let (bare, subject) = split_prefix(label);
+        let (bare, subject) = split_subject(label);
         if subject.is_some()
             && let Some((index, _)) = self.exact.get(bare)
         {
             return Some((*index, Sureness::WithoutPrefix));
         }
-        let key = normalised(bare);
+        let key = normalized(bare);
         if key.is_empty() || bare.contains('#') {
             return None;
         }
@@ -157,7 +157,7 @@ pub fn apply_marker_set(
     }
     if !outcome.guessed.is_empty() {
         let pairs: Vec<String> = outcome.guessed.iter().map(|(from, to)| format!("`{from}` as `{to}`")).collect();
-        trial.warnings.push(format!("labels read by ignoring case and separators: {}", pairs.join(", ")));
+        trial.warn(WarningKind::Labels, format!("labels read by ignoring case and separators: {}", pairs.join(", ")));
     }
     outcome
 }

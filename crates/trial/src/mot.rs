@@ -6,7 +6,7 @@
 
 use crate::rows::{Clock, Ending, Source, Stamp, clock, decimals, ending};
 use crate::trc::shorten;
-use crate::{Plate, Trial, TrialError};
+use crate::{Plate, Trial, TrialError, Warning, WarningKind};
 use nalgebra::Vector3;
 
 /// A table of numbers over time.
@@ -20,8 +20,8 @@ pub struct Table {
     pub header: Vec<String>,
     /// Line of each row in the text, counted from 1.
     pub lines: Vec<usize>,
-    /// What was odd, in words: a table that breaks off, counts that contradict what is there.
-    pub warnings: Vec<String>,
+    /// What was odd: a table that breaks off, counts that contradict what is there.
+    pub warnings: Vec<Warning>,
     /// Rows that the header states, and its line.
     stated_rows: Option<(usize, usize)>,
     /// Decimals of each row's time.
@@ -67,10 +67,13 @@ impl Table {
             decimals: Vec::new(),
         };
         if let Some((stated, line)) = stated_columns.filter(|(n, _)| *n != out.labels.len()) {
-            out.warnings.push(format!(
-                "MOT line {line} states {stated} columns but line {} names {}; the names are used",
-                label_line + 1,
-                out.labels.len()
+            out.warnings.push(Warning::new(
+                WarningKind::Contradiction,
+                format!(
+                    "MOT line {line} states {stated} columns but line {} names {}; the names are used",
+                    label_line + 1,
+                    out.labels.len()
+                ),
             ));
         }
         let data: Vec<(usize, &str)> = lines
@@ -104,10 +107,12 @@ impl Table {
                         if let Some(value) = row.iter_mut().skip(1).next_back() {
                             *value = f64::NAN;
                         }
-                        out.warnings.push(format!(
-                            "MOT line {}: the file ends without a line break, so its last number may be cut; it is left out",
+                        let message = format!(
+                            "MOT line {}: the file ends without a line break, so its last number may be cut; \
+                             it is left out",
                             index + 1
-                        ));
+                        );
+                        out.warnings.push(Warning::new(WarningKind::Rows, message));
                     }
                 }
             }
@@ -121,11 +126,14 @@ impl Table {
     }
 
     fn break_off(&mut self, line: usize) {
-        self.warnings.push(format!("MOT line {line}: the file ends inside this line; its row is left out"));
+        self.warnings.push(Warning::new(
+            WarningKind::Rows,
+            format!("MOT line {line}: the file ends inside this line; its row is left out"),
+        ));
     }
 
     /// Places the rows in time and holds their number against the stated one.
-    fn clock(&self, trial: &str, warnings: &mut Vec<String>) -> Result<Clock, TrialError> {
+    fn clock(&self, trial: &str, warnings: &mut Vec<Warning>) -> Result<Clock, TrialError> {
         let of = Source { trial, format: "MOT" };
         let mut stamps = Vec::with_capacity(self.lines.len());
         for ((line, time_s), decimals) in self.lines.iter().zip(&self.columns[0]).zip(&self.decimals) {
@@ -139,22 +147,21 @@ impl Table {
             && stated != clock.n
             && stated != stamps.len()
         {
-            warnings.push(if clock.n < stated {
+            let held = clock.n;
+            warnings.push(if held < stated {
                 let last = self.lines.last().copied().unwrap_or(line);
-                format!(
-                    "{FORCES_TRUNCATED}{stated} rows stated (MOT line {line}), the file ends in row {} (line {last})",
-                    clock.n
-                )
+                let message = format!(
+                    "forces truncated: {stated} rows stated (MOT line {line}), the file ends in row {held} (line {last})"
+                );
+                Warning::new(WarningKind::ForcesTruncated { held, stated }, message)
             } else {
-                format!("MOT line {line} states {stated} rows but {} are in the file; all are used", clock.n)
+                let message = format!("MOT line {line} states {stated} rows but {held} are in the file; all are used");
+                Warning::new(WarningKind::Contradiction, message)
             });
         }
         Ok(clock)
     }
 }
-
-/// How the warning of forces begins that end before the stated number of rows.
-pub const FORCES_TRUNCATED: &str = "forces truncated: ";
 
 /// A count that the header states under one of these keys (`nRows=10`, `datarows 10`), and its line.
 fn stated(
@@ -260,7 +267,7 @@ pub(crate) fn read_ground_reactions(trial: &mut Trial, text: &str, first_frame_t
     trial.warnings.extend(table.warnings.iter().cloned());
     let times = &table.columns[0];
     if times.is_empty() {
-        trial.warnings.push("MOT holds no rows: no plates".to_owned());
+        trial.warn(WarningKind::Plates, "MOT holds no rows: no plates");
         return Ok(());
     }
     let mut warnings = Vec::new();
@@ -268,7 +275,7 @@ pub(crate) fn read_ground_reactions(trial: &mut Trial, text: &str, first_frame_t
     trial.warnings.append(&mut warnings);
     let rate_hz = clock.rate_hz;
     if !(rate_hz > 0.0 && rate_hz.is_finite()) {
-        trial.warnings.push("MOT holds a single row, which has no rate: no plates".to_owned());
+        trial.warn(WarningKind::Plates, "MOT holds a single row, which has no rate: no plates");
         return Ok(());
     }
     // the row of each sample; none where it is missing
@@ -279,20 +286,26 @@ pub(crate) fn read_ground_reactions(trial: &mut Trial, text: &str, first_frame_t
     let markers_end_s = first_frame_time_s + trial.markers.n_frames.saturating_sub(1) as f64 / trial.markers.rate_hz;
     let early_s = markers_end_s - (times[0] + (clock.n - 1) as f64 / rate_hz);
     if table.stated_rows.is_none() && early_s > 1.5 / trial.markers.rate_hz.min(rate_hz) {
-        trial.warnings.push(format!("MOT states no number of rows and ends {early_s:.3} s before the markers"));
+        trial.warn(
+            WarningKind::Missing,
+            format!("MOT states no number of rows and ends {early_s:.3} s before the markers"),
+        );
     }
     let lead = (times[0] - first_frame_time_s) * rate_hz;
     let shift = lead.round();
     if (lead - shift).abs() > 0.25 {
-        trial.warnings.push(format!(
-            "MOT starts {:.4} s after the markers, not a whole number of samples; forces are off by {:.4} s",
-            lead / rate_hz,
-            (shift - lead) / rate_hz
-        ));
+        trial.warn(
+            WarningKind::Rows,
+            format!(
+                "MOT starts {:.4} s after the markers, not a whole number of samples; forces are off by {:.4} s",
+                lead / rate_hz,
+                (shift - lead) / rate_hz
+            ),
+        );
     }
     let limit = 10.0 * (clock.n as f64 + trial.markers.n_frames as f64 * rate_hz / trial.markers.rate_hz);
     if shift.abs() > limit {
-        trial.warnings.push(format!("MOT starts {:.1} s away from the markers: no plates", lead / rate_hz));
+        trial.warn(WarningKind::Plates, format!("MOT starts {:.1} s away from the markers: no plates", lead / rate_hz));
         return Ok(());
     }
 
@@ -300,7 +313,7 @@ pub(crate) fn read_ground_reactions(trial: &mut Trial, text: &str, first_frame_t
     for columns in &plates {
         let [force, point, moment] = columns.at;
         let [Some(fx), Some(fy), Some(fz)] = force else {
-            trial.warnings.push(format!("MOT columns `{}` hold no complete force: left out", columns.key));
+            trial.warn(WarningKind::Plates, format!("MOT columns `{}` hold no complete force: left out", columns.key));
             continue;
         };
         found_any = true;
@@ -309,19 +322,25 @@ pub(crate) fn read_ground_reactions(trial: &mut Trial, text: &str, first_frame_t
         };
         let mut scale = 1.0;
         if point.iter().all(Option::is_none) {
-            trial.warnings.push(format!(
-                "MOT plate `{}` has no point of application: its moments are taken about the origin",
-                columns.key
-            ));
+            trial.warn(
+                WarningKind::Plates,
+                format!(
+                    "MOT plate `{}` has no point of application: its moments are taken about the origin",
+                    columns.key
+                ),
+            );
         } else {
             let far =
                 (0..times.len()).map(|row| vector(point, row).amax()).filter(|x| x.is_finite()).fold(0.0, f64::max);
             if far > 50.0 {
                 scale = 1e-3;
-                trial.warnings.push(format!(
-                    "MOT plate `{}` has points {far:.0} m away: read as millimetres (moments too)",
-                    columns.key
-                ));
+                trial.warn(
+                    WarningKind::Units,
+                    format!(
+                        "MOT plate `{}` has points {far:.0} m away: read as millimetres (moments too)",
+                        columns.key
+                    ),
+                );
             }
         }
         let (skip, pad) = if shift < 0.0 { ((-shift) as usize, 0) } else { (0, shift as usize) };
@@ -349,10 +368,13 @@ pub(crate) fn read_ground_reactions(trial: &mut Trial, text: &str, first_frame_t
         trial.plates.push(plate);
     }
     if !found_any {
-        trial.warnings.push(format!(
-            "MOT holds no ground reaction columns (found `{}` …): no plates",
-            table.labels.get(1).map_or("", String::as_str)
-        ));
+        trial.warn(
+            WarningKind::Plates,
+            format!(
+                "MOT holds no ground reaction columns (found `{}` …): no plates",
+                table.labels.get(1).map_or("", String::as_str)
+            ),
+        );
     }
     Ok(())
 }

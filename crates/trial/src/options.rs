@@ -2,7 +2,7 @@
 
 use crate::rows::RATES_HZ;
 use crate::world::{rotate, up_axis_from_plates};
-use crate::{Trial, TrialError, UpAxis};
+use crate::{Trial, TrialError, UpAxis, Warning, WarningKind};
 use serde::{Deserialize, Serialize};
 
 /// How a recording is read.
@@ -13,7 +13,7 @@ pub struct ImportOptions {
     pub up_axis: Option<UpAxis>,
     /// Cut `Subject:` from labels.
     pub strip_prefix: bool,
-    /// Length unit of the source where it states none or a wrong one (`mm`, `cm`, `m`, `in`, `ft`).
+    /// Length unit of the source where it states none or a wrong one (`mm`, `cm`, `dm`, `m`, `in`, `ft`).
     pub point_unit: Option<String>,
     /// Take full names from POINT:DESCRIPTIONS where labels were cut to four characters.
     pub full_names: bool,
@@ -27,28 +27,8 @@ impl Default for ImportOptions {
     }
 }
 
-/// Metres per unit.
-pub(crate) fn metres_per(unit: &str) -> Option<f64> {
-    match unit.trim().trim_end_matches('.').to_ascii_lowercase().as_str() {
-        "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => Some(1e-3),
-        "cm" | "centimeter" | "centimeters" | "centimetre" | "centimetres" => Some(1e-2),
-        "m" | "meter" | "meters" | "metre" | "metres" => Some(1.0),
-        "in" | "inch" | "inches" => Some(0.0254),
-        "ft" | "foot" | "feet" => Some(0.3048),
-        _ => None,
-    }
-}
-
-/// Label without `Subject:`; the second value is the subject.
-pub(crate) fn split_prefix(label: &str) -> (&str, Option<&str>) {
-    match label.rsplit_once(':') {
-        Some((subject, rest)) if !rest.trim().is_empty() => (rest.trim(), Some(subject.trim())),
-        _ => (label.trim(), None),
-    }
-}
-
 /// Gives repeated labels a number (`RKNE`, `RKNE#2`) and says so. Both stay.
-pub(crate) fn disambiguate(labels: &mut [String], warnings: &mut Vec<String>) {
+pub(crate) fn disambiguate(labels: &mut [String], warnings: &mut Vec<Warning>) {
     let mut seen: std::collections::BTreeMap<String, usize> = std::collections::BTreeMap::new();
     let taken: std::collections::BTreeSet<String> = labels.iter().cloned().collect();
     for label in labels.iter_mut() {
@@ -68,7 +48,8 @@ pub(crate) fn disambiguate(labels: &mut [String], warnings: &mut Vec<String>) {
         seen.iter().filter(|(_, count)| **count > 1).map(|(label, count)| format!("`{label}` ({count})")).collect();
     if let Some(first) = repeated.first() {
         let more = if repeated.len() > 1 { format!(" and {} other labels", repeated.len() - 1) } else { String::new() };
-        warnings.push(format!("label {first}{more} repeated; all are kept, the later ones as `…#2`, `…#3`"));
+        let message = format!("label {first}{more} repeated; all are kept, the later ones as `…#2`, `…#3`");
+        warnings.push(Warning::new(WarningKind::Labels, message));
     }
 }
 
@@ -78,33 +59,22 @@ pub(crate) fn to_world(trial: &mut Trial, options: &ImportOptions, declared: Opt
     let told = up_axis_from_plates(trial).or(declared.map(|up| (up, "the file's screen axes")));
     let up = match (options.up_axis, told) {
         (Some(stated), Some((seen, by))) if stated != seen => {
-            trial.warnings.push(format!("up axis stated as {stated}, but {by} say {seen}; the stated one is used"));
+            trial.warn(
+                WarningKind::Axes,
+                format!("up axis stated as {stated}, but {by} say {seen}; the stated one is used"),
+            );
             stated
         }
         (Some(stated), _) => stated,
         (None, Some((seen, by))) => {
             if seen != habit {
-                trial.warnings.push(format!("up axis {seen}, told by {by}"));
+                trial.warn(WarningKind::Axes, format!("up axis {seen}, told by {by}"));
             }
             seen
         }
         (None, None) => habit,
     };
     rotate(trial, up);
-}
-
-/// A median of finite values; NaN if there are none. Reorders the slice.
-pub(crate) fn median(values: &mut [f64]) -> f64 {
-    if values.is_empty() {
-        return f64::NAN;
-    }
-    let middle = values.len() / 2;
-    let (_, &mut upper, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
-    if values.len() % 2 == 1 {
-        return upper;
-    }
-    let lower = values[..middle].iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    0.5 * (lower + upper)
 }
 
 /// The checks that every source must pass to become a trial.

@@ -3,8 +3,8 @@
 use crate::artefacts::{Finding, FindingKind};
 use crate::gaps::{GapFill, missing_runs};
 use crate::labels::MarkerSetMatch;
-use crate::options::median;
 use crate::{Plate, Trial};
+use aloft_signal::median;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 

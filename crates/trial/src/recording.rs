@@ -1,6 +1,7 @@
 //! The recording itself.
 
-use crate::RecordedAt;
+use crate::{RecordedAt, Warning, WarningKind};
+use aloft_c3d::PointKind;
 use nalgebra::{Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -62,8 +63,8 @@ pub struct Event {
 pub struct ComputedPoint {
     /// Label.
     pub label: String,
-    /// `angle`, `force`, `moment`, `power` or `scalar`.
-    pub kind: String,
+    /// What it is; never [`PointKind::Marker`].
+    pub kind: PointKind,
     /// Unit as the source states it.
     pub unit: String,
     /// Values frame by frame; NaN where missing.
@@ -71,10 +72,14 @@ pub struct ComputedPoint {
 }
 
 impl ComputedPoint {
+    /// True for forces and moments.
+    pub(crate) fn is_vector(&self) -> bool {
+        matches!(self.kind, PointKind::Force | PointKind::Moment)
+    }
     /// True for vectors in laboratory axes (ground reactions). Joint forces and moments are stored in the axes of a segment
     /// that the file does not define, angles are no vectors, and powers and scalars have no direction.
     pub fn in_laboratory_axes(&self) -> bool {
-        (self.kind == "force" || self.kind == "moment") && self.label.to_ascii_lowercase().contains("groundreaction")
+        self.is_vector() && self.label.to_ascii_lowercase().contains("groundreaction")
     }
 }
 
@@ -97,6 +102,29 @@ pub struct Trial {
     pub recorded: Option<RecordedAt>,
     /// Time of the first frame by the frame numbers or the time column of the source, s.
     pub start_s: f64,
-    /// What was odd, in words.
-    pub warnings: Vec<String>,
+    /// What was odd.
+    pub warnings: Vec<Warning>,
+}
+
+impl Trial {
+    /// Notes something odd.
+    pub(crate) fn warn(&mut self, kind: WarningKind, message: impl Into<String>) {
+        self.warnings.push(Warning::new(kind, message));
+    }
+
+    /// Frames that a truncated recording holds, and those that it declares; none for a whole one.
+    pub fn truncated(&self) -> Option<(usize, usize)> {
+        self.warnings.iter().find_map(|w| match w.kind {
+            WarningKind::Truncated { held, stated } => Some((held, stated)),
+            _ => None,
+        })
+    }
+
+    /// Rows that a truncated file of forces holds, and those that it declares; none for a whole one.
+    pub fn forces_truncated(&self) -> Option<(usize, usize)> {
+        self.warnings.iter().find_map(|w| match w.kind {
+            WarningKind::ForcesTruncated { held, stated } => Some((held, stated)),
+            _ => None,
+        })
+    }
 }

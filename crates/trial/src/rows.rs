@@ -3,7 +3,7 @@
 //! A text file is easily cut, sorted or edited, and each row says for itself when it was measured. So the time column, the frame numbers, the stated
 //! rate and the stated number of rows are held against each other. A missing row is a missing sample: it never changes the rate.
 
-use crate::TrialError;
+use crate::{TrialError, Warning, WarningKind};
 
 /// Rates outside of this are no sampling rates of a recording, Hz.
 pub(crate) const RATES_HZ: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
@@ -73,7 +73,7 @@ pub(crate) fn clock(
     of: Source<'_>,
     rows: &[Stamp],
     stated_hz: Option<f64>,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Warning>,
 ) -> Result<Clock, TrialError> {
     let (Some(first), Some(last)) = (rows.first(), rows.last()) else {
         return Ok(Clock { rate_hz: stated_hz.unwrap_or(f64::NAN), places: Vec::new(), n: 0 });
@@ -117,9 +117,12 @@ pub(crate) fn clock(
     let rate_hz = match stated_hz {
         Some(stated) if (measured_hz / stated - 1.0).abs() <= RATE_TOLERANCE => stated,
         Some(stated) => {
-            warnings.push(format!(
-                "{} states {stated} Hz but its times run at {measured_hz:.3} Hz; the times are used",
-                of.format
+            warnings.push(Warning::new(
+                WarningKind::Contradiction,
+                format!(
+                    "{} states {stated} Hz but its times run at {measured_hz:.3} Hz; the times are used",
+                    of.format
+                ),
             ));
             measured_hz
         }
@@ -129,12 +132,15 @@ pub(crate) fn clock(
         let step = rows[i].number.zip(rows[i - 1].number).map(|(a, b)| a - b);
         step.is_some_and(|s| s != (places[i] - places[i - 1]) as i64)
     }) {
-        warnings.push(format!(
-            "{} line {}: frame {} follows frame {}, but its time does not fit; the times are used",
-            of.format,
-            rows[odd].line,
-            rows[odd].number.unwrap_or_default(),
-            rows[odd - 1].number.unwrap_or_default()
+        warnings.push(Warning::new(
+            WarningKind::Contradiction,
+            format!(
+                "{} line {}: frame {} follows frame {}, but its time does not fit; the times are used",
+                of.format,
+                rows[odd].line,
+                rows[odd].number.unwrap_or_default(),
+                rows[odd - 1].number.unwrap_or_default()
+            ),
         ));
     }
     fill(of, rows, places, rate_hz, warnings)
@@ -167,7 +173,7 @@ fn rounding_dominates(rounding: f64, length_s: f64) -> bool {
 /// Samples by time alone: every step is a whole multiple of the usual one.
 fn by_time(of: Source<'_>, rows: &[Stamp], rounding: f64) -> Result<Vec<usize>, TrialError> {
     let steps_s: Vec<f64> = rows.windows(2).map(|p| p[1].time_s - p[0].time_s).collect();
-    let median_s = crate::options::median(&mut steps_s.clone());
+    let median_s = aloft_signal::median(&mut steps_s.clone());
     // the mean of single steps knows the step better than one rounded step does
     let single: Vec<f64> = steps_s.iter().copied().filter(|d| (0.5..1.5).contains(&(d / median_s))).collect();
     let step_s = if single.is_empty() { median_s } else { single.iter().sum::<f64>() / single.len() as f64 };
@@ -203,7 +209,7 @@ fn fill(
     rows: &[Stamp],
     places: Vec<usize>,
     rate_hz: f64,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Warning>,
 ) -> Result<Clock, TrialError> {
     if !RATES_HZ.contains(&rate_hz) {
         return Err(TrialError::Rate { trial: of.trial.to_owned(), place: of.format, found: rate_hz });
@@ -221,9 +227,9 @@ fn fill(
                 "a row for each frame; export the recording again",
             ));
         }
-        warnings.push(format!(
-            "{}: {missing} frames are not in the file, the first {place}; they are kept as missing",
-            of.format
+        warnings.push(Warning::new(
+            WarningKind::Rows,
+            format!("{}: {missing} frames are not in the file, the first {place}; they are kept as missing", of.format),
         ));
     }
     Ok(Clock { rate_hz, places, n })
@@ -275,7 +281,7 @@ mod tests {
     const OF: Source<'static> = Source { trial: "t", format: "TRC" };
 
     #[test]
-    fn prop_missing_rows_never_change_the_rate() {
+    fn missing_rows_never_change_the_rate() {
         for (rate, digits) in
             [(100.0, 2), (100.0, 3), (120.0, 3), (240.0, 3), (300.0, 3), (1000.0, 3), (59.94, 4), (200.0, 8)]
         {
@@ -305,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_times_that_are_no_clock_are_refused_at_their_line() {
+    fn times_that_are_no_clock_are_refused_at_their_line() {
         let even: Vec<f64> = (0..200).map(|i| f64::from(i) / 100.0).collect();
         let say = |times: &[f64]| clock(OF, &stamps(times, 4, None), None, &mut Vec::new()).unwrap_err().to_string();
         let mut swapped = even.clone();

@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_dates_are_used_where_they_can_be_of_recordings() {
+    fn dates_are_used_where_they_can_be_of_recordings() {
         // one a minute, past midnight
         for (first_h, n) in [(9, 8), (23, 90)] {
             let stamp = |k: usize| {
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_other_dates_are_refused_with_the_reason() {
+    fn other_dates_are_refused_with_the_reason() {
         let lengths = |recordings: &[SessionRecording], reason: &str| {
             let times = session_times(recordings);
             assert_eq!(times.source, SessionSource::OrderAndLengths, "{}", times.words);
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_a_clock_that_runs_on_is_used() {
+    fn a_clock_that_runs_on_is_used() {
         let mut recordings = session(5, |_| None);
         for (k, r) in recordings.iter_mut().enumerate() {
             r.start_s = 12.0 + 31.5 * k as f64;

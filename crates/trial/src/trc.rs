@@ -3,9 +3,10 @@
 //! The stated counts, the frame numbers and the times are held against what is there ([`crate::rows`]): missing rows become missing frames, and
 //! a table that breaks off, is shifted or out of order is told at its line.
 
-use crate::options::{disambiguate, metres_per, split_prefix};
+use crate::options::disambiguate;
 use crate::rows::{Ending, RATES_HZ, Source, Stamp, clock, decimals, ending};
-use crate::{ImportOptions, Markers, Trial, TrialError};
+use crate::{ImportOptions, Markers, Trial, TrialError, Warning, WarningKind};
+use aloft_c3d::{metres_per, strip_subject};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
@@ -60,10 +61,13 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
         return Err(TrialError::NoMarkers { trial: name, found: "no label on TRC line 4".to_owned() });
     }
     if let Some(stated) = stated_markers.filter(|s| *s != labels.len()) {
-        trial.warnings.push(format!(
-            "TRC line 3 states {stated} markers (`NumMarkers`) but line 4 names {}; the names are used",
-            labels.len()
-        ));
+        trial.warn(
+            WarningKind::Contradiction,
+            format!(
+                "TRC line 3 states {stated} markers (`NumMarkers`) but line 4 names {}; the names are used",
+                labels.len()
+            ),
+        );
     }
     let axes = lines.get(4).copied().unwrap_or("");
     if axes.split('\t').next().is_some_and(|c| c.trim().parse::<f64>().is_ok()) {
@@ -71,12 +75,12 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
     }
     if options.strip_prefix {
         for label in &mut labels {
-            *label = split_prefix(label).0.to_owned();
+            *label = strip_subject(label).to_owned();
         }
     }
     disambiguate(&mut labels, &mut trial.warnings);
 
-    let mut warnings: Vec<String> = Vec::new();
+    let mut warnings: Vec<Warning> = Vec::new();
     let n_markers = labels.len();
     let of = Source { trial: &trial.name, format: "TRC" };
     let data: Vec<(usize, &str)> =
@@ -108,10 +112,12 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
                         }
                         Some((c, Ending::Doubtful)) => {
                             row.points[(c - 2) / 3].fill(f64::NAN);
-                            warnings.push(format!(
-                                "TRC line {}: the file ends without a line break, so its last number may be cut; that point is left out",
+                            let message = format!(
+                                "TRC line {}: the file ends without a line break, so its last number may be cut; \
+                                 that point is left out",
                                 index + 1
-                            ));
+                            );
+                            warnings.push(Warning::new(WarningKind::Rows, message));
                         }
                         None => {}
                     }
@@ -126,23 +132,34 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
         }
     }
     if let Some((n, line, cells)) = short {
-        warnings.push(format!(
-            "{n} TRC rows end early (the first is line {line}: {cells} of {} columns); the markers behind are missing there",
+        let message = format!(
+            "{n} TRC rows end early (the first is line {line}: {cells} of {} columns); \
+             the markers behind are missing there",
             2 + 3 * n_markers
-        ));
+        );
+        warnings.push(Warning::new(WarningKind::Rows, message));
     }
     let clock = clock(of, &stamps, Some(rate_hz), &mut warnings)?;
     let last_line = stamps.last().map_or(5, |s| s.line);
     match stated_frames {
-        None => warnings.push("TRC line 2 has no `NumFrames`: whether all frames are there is not known".to_owned()),
-        Some(stated) if clock.n < stated => warnings.push(format!(
-            "truncated: {stated} frames stated (TRC line 3), the file ends in frame {} (line {last_line})",
-            clock.n
-        )),
-        Some(stated) if stated != clock.n && stated != stamps.len() => warnings.push(format!(
-            "TRC line 3 states {stated} frames (`NumFrames`) but {} are in the file; all are used",
-            clock.n
-        )),
+        None => {
+            let message = "TRC line 2 has no `NumFrames`: whether all frames are there is not known";
+            warnings.push(Warning::new(WarningKind::Missing, message));
+        }
+        Some(stated) if clock.n < stated => {
+            let held = clock.n;
+            let message = format!(
+                "truncated: {stated} frames stated (TRC line 3), the file ends in frame {held} (line {last_line})"
+            );
+            warnings.push(Warning::new(WarningKind::Truncated { held, stated }, message));
+        }
+        Some(stated) if stated != clock.n && stated != stamps.len() => {
+            let message = format!(
+                "TRC line 3 states {stated} frames (`NumFrames`) but {} are in the file; all are used",
+                clock.n
+            );
+            warnings.push(Warning::new(WarningKind::Contradiction, message));
+        }
         Some(_) => {}
     }
     let mut tracks: Vec<Vec<Vector3<f64>>> = vec![vec![Vector3::repeat(f64::NAN); clock.n]; n_markers];
@@ -160,8 +177,11 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
     Ok(stamps.first().map_or(0.0, |s| s.time_s))
 }
 
-fn break_off(warnings: &mut Vec<String>, line: usize) {
-    warnings.push(format!("TRC line {line}: the file ends inside this line; its row is left out"));
+fn break_off(warnings: &mut Vec<Warning>, line: usize) {
+    warnings.push(Warning::new(
+        WarningKind::Rows,
+        format!("TRC line {line}: the file ends inside this line; its row is left out"),
+    ));
 }
 
 /// One row of the table.

@@ -1,6 +1,6 @@
 //! One declared world frame: Z up, metres. Turns a source's vertical into Z, for everything in the recording at once.
 
-use crate::Trial;
+use crate::{Trial, WarningKind};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -165,12 +165,12 @@ pub(crate) fn rotate(trial: &mut Trial, up: UpAxis) {
             for value in &mut computed.values {
                 *value = world_from_source * *value;
             }
-        } else if computed.kind == "force" || computed.kind == "moment" {
+        } else if computed.is_vector() {
             own_axes += 1;
         }
     }
     if own_axes > 0 {
-        trial.warnings.push(format!(
+        trial.warn(WarningKind::Axes, format!(
             "{own_axes} computed forces and moments keep their own axes: the source does not say that they are in laboratory axes"
         ));
     }
@@ -184,7 +184,7 @@ mod tests {
     const ALL: [UpAxis; 6] = [UpAxis::X, UpAxis::Y, UpAxis::Z, UpAxis::NegX, UpAxis::NegY, UpAxis::NegZ];
 
     #[test]
-    fn prop_every_up_axis_is_a_proper_rotation_to_z() {
+    fn every_up_axis_is_a_proper_rotation_to_z() {
         for up in ALL {
             let r = up.world_from_source();
             assert_eq!(r.matrix().determinant(), 1.0, "{up}");
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_y_up_keeps_forward_and_turns_right_into_minus_left() {
+    fn y_up_keeps_forward_and_turns_right_into_minus_left() {
         let r = UpAxis::Y.world_from_source();
         assert_eq!(r * Vector3::x(), Vector3::x());
         assert_eq!(r * Vector3::z(), -Vector3::y());

@@ -1,9 +1,11 @@
 //! TRC and MOT import against hand-made text and the real drop jumps.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests, not library code")]
 
+#[path = "../../../tests/shared_data.rs"]
+mod shared_data;
+
 use aloft_trial::{ImportOptions, Trial, TrialError, UpAxis};
 use nalgebra::Vector3;
-use std::path::Path;
 
 const TRC: &str = "PathFileType\t4\t(X/Y/Z)\tx.trc\n\
 DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n\
@@ -27,7 +29,7 @@ fn regress_trc_units_gaps_zeros_and_lost_frames() {
     assert_eq!(trial.markers.position(1, 0), None);
     assert_eq!(trial.markers.position(1, 2), None);
     assert!((trial.markers.position(1, 3).unwrap() - Vector3::new(0.01, -0.03, 0.02)).norm() < 1e-15);
-    assert!(trial.warnings.iter().any(|w| w.contains("1 frames are not in the file")), "{:?}", trial.warnings);
+    assert!(trial.warnings.iter().any(|w| w.message.contains("1 frames are not in the file")), "{:?}", trial.warnings);
 }
 
 #[test]
@@ -79,11 +81,8 @@ fn validate_moments_about_the_origin_and_both_header_styles() {
 
 #[test]
 fn regress_real_drop_jump() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/real_drop_jump");
-    let Ok(trc) = std::fs::read_to_string(folder.join("markers/static1.trc")) else {
-        println!("skipped: real_drop_jump is not beside the project");
-        return;
-    };
+    let Some(folder) = shared_data::shared_data("real_drop_jump") else { return };
+    let trc = std::fs::read_to_string(folder.join("markers/static1.trc")).unwrap();
     let mot = std::fs::read_to_string(folder.join("forces/static1_grf.mot")).unwrap();
     let trial = Trial::from_trc_mot("static1", &trc, Some(&mot), &ImportOptions::default()).unwrap();
     assert_eq!((trial.markers.labels.len(), trial.markers.n_frames, trial.plates.len()), (55, 517, 3));

@@ -1,6 +1,9 @@
 //! Every committed marker set parses, names only links and landmarks that exist, and fits the recordings it was made for.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests, not library code")]
 
+#[path = "../../../tests/shared_data.rs"]
+mod shared_data;
+
 use aloft_trial::{ImportOptions, MarkerSet, Trial, apply_marker_set, recognise};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -71,16 +74,11 @@ fn sets() -> Vec<MarkerSet> {
 }
 
 fn data(name: &str) -> Option<Vec<u8>> {
-    let path = root().join("../shared/data").join(name);
-    let bytes = std::fs::read(&path).ok();
-    if bytes.is_none() {
-        println!("skipped: {name} is not beside the project");
-    }
-    bytes
+    shared_data::shared_data(name).map(|path| std::fs::read(path).unwrap())
 }
 
 #[test]
-fn prop_sets_are_sound() {
+fn sets_are_sound() {
     let sets = sets();
     assert!(sets.len() >= 8);
     for set in &sets {
@@ -141,7 +139,7 @@ fn regress_drop_jump_is_recognised_and_complete() {
 }
 
 #[test]
-fn prop_labels_are_found_by_alias_prefix_and_letters() {
+fn labels_are_found_by_alias_prefix_and_letters() {
     let sets = sets();
     let set = sets.iter().find(|s| s.name == "plug-in-gait").unwrap();
     let mut trial = Trial::default();
@@ -155,7 +153,7 @@ fn prop_labels_are_found_by_alias_prefix_and_letters() {
     assert_eq!(found.unknown, ["Stranger", "LTOE#2"]);
     assert_eq!(found.guessed.len(), 2);
     assert!(found.missing.contains(&"LASI".to_owned()));
-    assert!(trial.warnings.iter().any(|w| w.contains("`rfhd` as `RFHD`")), "{:?}", trial.warnings);
+    assert!(trial.warnings.iter().any(|w| w.message.contains("`rfhd` as `RFHD`")), "{:?}", trial.warnings);
 }
 
 #[test]

@@ -56,7 +56,7 @@ fn segment(sd: f64) -> (Trial, Vec<Vec<String>>) {
 }
 
 #[test]
-fn prop_rigid_fill_follows_segment_and_soft_tissue() {
+fn rigid_fill_follows_segment_and_soft_tissue() {
     let (truth, _) = segment(0.0);
     let (mut trial, segments) = segment(0.0003);
     let gaps = [(0, 100, 140), (1, 0, 20), (2, 250, 258), (3, 180, 290)];
@@ -82,7 +82,7 @@ fn prop_rigid_fill_follows_segment_and_soft_tissue() {
 }
 
 #[test]
-fn prop_model_fill_interpolates_the_residual() {
+fn model_fill_interpolates_the_residual() {
     let (truth, _) = segment(0.0);
     let (mut trial, _) = segment(0.0);
     trial.markers.trajectories[0][50..90].fill(Vector3::repeat(f64::NAN));
@@ -96,7 +96,7 @@ fn prop_model_fill_interpolates_the_residual() {
 }
 
 #[test]
-fn prop_spikes_and_swaps_are_found_and_only_repaired_when_asked() {
+fn spikes_and_swaps_are_found_and_only_repaired_when_asked() {
     let (mut trial, segments) = segment(0.0003);
     let clean = trial.clone();
     trial.markers.trajectories[1][60] += Vector3::new(0.03, 0.0, 0.0);
@@ -131,7 +131,7 @@ fn prop_spikes_and_swaps_are_found_and_only_repaired_when_asked() {
 }
 
 #[test]
-fn prop_clean_motion_gives_no_finding_and_noise_is_measured() {
+fn clean_motion_gives_no_finding_and_noise_is_measured() {
     for sd in [0.0001, 0.0003, 0.001] {
         let (mut trial, segments) = segment(sd);
         let found = find_artefacts(&mut trial, &segments, &ArtefactOptions::default());

@@ -89,7 +89,7 @@ fn read(trc: &str, mot: Option<&str>) -> Result<Trial, String> {
 fn judge(whole: &Trial, read: &Trial, shift: [usize; 2]) -> Result<(), String> {
     let silent = read.warnings.is_empty();
     let rates_differ = (read.markers.rate_hz / whole.markers.rate_hz - 1.0).abs() > 1e-3;
-    let told = read.warnings.iter().any(|w| w.contains("the times are used"));
+    let told = read.warnings.iter().any(|w| w.message.contains("the times are used"));
     if rates_differ && !told {
         return Err(format!("rate {} Hz", read.markers.rate_hz));
     }
@@ -179,7 +179,7 @@ impl Count {
 }
 
 #[test]
-fn prop_files_cut_at_any_place_are_told() {
+fn files_cut_at_any_place_are_told() {
     let mut of_markers = Count::default();
     let mut of_forces = Count::default();
     for style in [Style::Fixed, Style::Shortest] {
@@ -306,7 +306,7 @@ fn edit(lines: &mut Vec<String>, first: usize, columns: usize, random: &mut Rand
 }
 
 #[test]
-fn prop_files_edited_at_random_are_told() {
+fn files_edited_at_random_are_told() {
     let (mut of_markers, mut of_forces) = (Count::default(), Count::default());
     for seed in 0..6000 {
         let mut random = Random(seed * 7919 + 13);
@@ -355,5 +355,15 @@ fn regress_missing_rows_do_not_move_the_force_in_time() {
         (0..trial.plates[0].force_n.len()).filter(|i| z(i).is_finite()).max_by(|a, b| z(a).total_cmp(&z(b))).unwrap()
     };
     assert!(peak(&whole).abs_diff(peak(&cut)) <= 1, "{} {}", peak(&whole), peak(&cut));
-    assert!(cut.warnings.iter().any(|w| w.contains("18 frames are not in the file")), "{:?}", cut.warnings);
+    assert!(cut.warnings.iter().any(|w| w.message.contains("18 frames are not in the file")), "{:?}", cut.warnings);
+}
+
+#[test]
+fn regress_a_truncated_file_states_what_it_holds() {
+    let (t, m) = (trc(Style::Fixed, 100.0, false), mot(Style::Fixed, 200.0, false));
+    let cut = read(&text(&t[..t.len() - 30]), Some(&text(&m[..m.len() - 7]))).unwrap();
+    assert_eq!(cut.truncated(), Some((FRAMES - 30, FRAMES)));
+    assert_eq!(cut.forces_truncated(), Some((2 * FRAMES - 7, 2 * FRAMES)));
+    let whole = read(&text(&t), Some(&text(&m))).unwrap();
+    assert_eq!((whole.truncated(), whole.forces_truncated()), (None, None));
 }

@@ -4,7 +4,9 @@ use crate::error::PipelineError;
 use crate::table::Table;
 use crate::workspace::{read_json, write_json};
 use aloft_body::{Model, Motion};
-use aloft_trial::{ComputedPoint, Event, Markers, Plate, RecordedAt, SessionRecording, Trial};
+use aloft_trial::{
+    ComputedPoint, Event, Markers, Plate, PointKind, RecordedAt, SessionRecording, Trial, Warning, WarningKind,
+};
 use nalgebra::{Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -23,6 +25,9 @@ struct TrialHead {
     recorded: Option<RecordedAt>,
     start_s: f64,
     warnings: Vec<String>,
+    /// What each of `warnings` is about.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    warning_kinds: Vec<WarningKind>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -35,7 +40,7 @@ struct PlateHead {
 #[derive(Serialize, Deserialize)]
 struct ComputedHead {
     label: String,
-    kind: String,
+    kind: PointKind,
     unit: String,
 }
 
@@ -71,12 +76,13 @@ pub fn save_trial(dir: &Path, trial: &Trial) -> Result<(), PipelineError> {
         computed: trial
             .computed
             .iter()
-            .map(|c| ComputedHead { label: c.label.clone(), kind: c.kind.clone(), unit: c.unit.clone() })
+            .map(|c| ComputedHead { label: c.label.clone(), kind: c.kind, unit: c.unit.clone() })
             .collect(),
         world_from_source: trial.world_from_source,
         recorded: trial.recorded.clone(),
         start_s: trial.start_s,
-        warnings: trial.warnings.clone(),
+        warnings: trial.warnings.iter().map(|w| w.message.clone()).collect(),
+        warning_kinds: trial.warnings.iter().map(|w| w.kind).collect(),
     };
     write_json(&dir.join("trial.json"), &head)?;
     let mut markers = Table::default();
@@ -179,7 +185,12 @@ fn load(head: TrialHead, dir: &Path, points: bool) -> Result<Trial, PipelineErro
         world_from_source: head.world_from_source,
         recorded: head.recorded,
         start_s: head.start_s,
-        warnings: head.warnings,
+        warnings: head
+            .warnings
+            .into_iter()
+            .zip(head.warning_kinds.into_iter().chain(std::iter::repeat(WarningKind::Unspecified)))
+            .map(|(message, kind)| Warning { kind, message })
+            .collect(),
     })
 }
 

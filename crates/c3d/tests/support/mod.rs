@@ -4,6 +4,11 @@
 #![allow(dead_code, reason = "each test file uses its part")]
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "test code outside a test function")]
 
+#[path = "../../../../tests/shared_data.rs"]
+mod shared;
+#[allow(unused_imports, reason = "each test file uses its part")]
+pub use shared::shared_data;
+
 use std::path::{Path, PathBuf};
 
 use aloft_c3d::{
@@ -14,16 +19,6 @@ use aloft_c3d::{
 /// Folder of committed small files.
 pub fn golden_folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden")
-}
-
-/// Folder of recordings beside the workspace, or a line that says that the test is skipped.
-pub fn shared_data(test: &str) -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("skipped: {test}: no folder ../shared/data beside the workspace");
-    None
 }
 
 /// All C3D files below a folder, sorted.

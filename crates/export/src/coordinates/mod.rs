@@ -186,7 +186,7 @@ impl Coordinates {
     ///
     /// # Errors
     /// `q` does not belong to the model.
-    pub fn of_posture(&self, model: &Model, q: &[f64]) -> Result<Vec<f64>, ExportError> {
+    pub(crate) fn of_posture(&self, model: &Model, q: &[f64]) -> Result<Vec<f64>, ExportError> {
         expect_length("coordinates of a posture", model.nq, q.len())?;
         let mut state = State::new(model);
         state.forward_position(model, q);
@@ -276,7 +276,14 @@ impl Coordinates {
 
     /// Forces that belong to these coordinates, from those that belong to the model's velocities: N·m for angles, N for lengths.
     /// `values` are the coordinates of the frame, `tau` has length nv (free joint: force then moment, in root axes).
-    pub fn generalised_forces(&self, model: &Model, state: &State, values: &[f64], tau: &[f64], out: &mut [f64]) {
+    pub(crate) fn generalised_forces(
+        &self,
+        model: &Model,
+        state: &State,
+        values: &[f64],
+        tau: &[f64],
+        out: &mut [f64],
+    ) {
         for joint in &self.joints {
             let own = &model.links[joint.link].joint;
             let (i, k) = (own.v_offset, joint.first);

@@ -42,7 +42,7 @@ impl Sequence {
     }
 
     /// True when the first axis is also the last.
-    pub fn is_proper_euler(&self) -> bool {
+    pub(crate) fn is_proper_euler(&self) -> bool {
         self.axes[0] == self.axes[2]
     }
 
@@ -105,7 +105,7 @@ impl Sequence {
     }
 
     /// The matrix J with `ω = J q̇`, ω in the axes of the moving link.
-    pub fn velocity_matrix(&self, angles: &[f64; 3]) -> Matrix3<f64> {
+    pub(crate) fn velocity_matrix(&self, angles: &[f64; 3]) -> Matrix3<f64> {
         let t = |k: usize| turn(self.axes[k], self.signs[k] * angles[k]).transpose();
         let last = t(2);
         Matrix3::from_columns(&[last * t(1) * self.axis(0), last * self.axis(1), self.axis(2)])
@@ -148,7 +148,7 @@ mod tests {
     const SIGNS: [[f64; 3]; 4] = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, -1.0]];
 
     #[test]
-    fn prop_angles_give_the_rotation_back_for_all_orders_and_signs() {
+    fn angles_give_the_rotation_back_for_all_orders_and_signs() {
         for axes in ALL {
             for signs in SIGNS {
                 let s = Sequence::new(axes, signs);
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_a_path_through_gimbal_lock_and_whole_turns_stays_continuous() {
+    fn a_path_through_gimbal_lock_and_whole_turns_stays_continuous() {
         for s in [Sequence::new([2, 0, 1], [1.0, -1.0, -1.0]), Sequence::new([1, 0, 1], [1.0; 3])] {
             let path = |t: f64| [0.3 + 7.0 * t, 4.0 * t - 0.5003, 0.2 - 9.0 * t];
             let mut last = path(0.0);
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_in_gimbal_lock_the_rotation_is_still_right() {
+    fn in_gimbal_lock_the_rotation_is_still_right() {
         for axes in ALL {
             let s = Sequence::new(axes, [1.0, -1.0, 1.0]);
             let lock = if s.is_proper_euler() { [0.0, PI] } else { [PI / 2.0, -PI / 2.0] };
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_rates_are_the_derivatives_of_the_angles() {
+    fn rates_are_the_derivatives_of_the_angles() {
         let path = |t: f64| [0.4 * (3.0 * t).sin(), 0.6 + 0.5 * t, 1.1 * (2.0 * t).cos()];
         for axes in ALL {
             let s = Sequence::new(axes, [-1.0, 1.0, -1.0]);

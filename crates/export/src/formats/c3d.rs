@@ -6,7 +6,7 @@
 //! angles do not fit their counts; the values stay. A recording that was no C3D becomes a new file in our world (Z up, mm), ground reactions as
 //! computed forces and moments.
 
-use crate::channels::joint_centres;
+use crate::channels::joint_centers;
 use crate::coordinates::Quantity;
 use crate::loads::parts;
 use crate::{ExportError, Format, OutFile, SubjectExport, TrialExport};
@@ -37,7 +37,7 @@ fn write(subject: &SubjectExport, trial: &TrialExport) -> Result<Vec<OutFile>, E
     }
     let before = file.points.len();
     let per_metre = units_per_metre(&file, &trial.name)?;
-    for (name, path) in joint_centres(subject, trial) {
+    for (name, path) in joint_centers(subject, trial) {
         let at = |p: &Vector3<f64>| source_from_world * *p * per_metre;
         add(&mut file, &name, PointKind::Marker, "", path.iter().map(at));
     }

@@ -18,10 +18,9 @@ const PIECE: usize = 16;
 /// Median length of a vector with three independent normal components of standard deviation 1.
 const MEDIAN_LENGTH: f64 = 1.538;
 
-/// Standard deviation a component of vectors with these lengths, by their median; 0 for none. Sorts.
+/// Standard deviation a component of vectors with these lengths, by their median; 0 for none. Reorders.
 fn typical_deviation(lengths: &mut [f64]) -> f64 {
-    lengths.sort_by(f64::total_cmp);
-    lengths.get(lengths.len() / 2).map_or(0.0, |median| median / MEDIAN_LENGTH)
+    aloft_signal::upper_median(lengths).map_or(0.0, |median| median / MEDIAN_LENGTH)
 }
 
 /// One frame with its posture.
@@ -40,7 +39,7 @@ struct Layout {
     /// Of each tracked marker.
     marker: Vec<usize>,
     /// Of each link's joint centre, `NONE` where there is none.
-    centre: Vec<usize>,
+    center: Vec<usize>,
     /// Of each hinge axis, `NONE` where there is none.
     axis: Vec<usize>,
     size: usize,
@@ -50,7 +49,7 @@ struct Layout {
 #[derive(Debug, Clone)]
 pub(crate) struct Uncertainty {
     /// Of each link's joint centre, m, root mean square over axes; NaN for the root.
-    pub centre_m: Vec<f64>,
+    pub center_m: Vec<f64>,
     /// Of each hinge's axis, rad; NaN elsewhere.
     pub axis_rad: Vec<f64>,
 }
@@ -229,7 +228,7 @@ impl Bundle {
                     let mut solver = Solver::new(if frame.is_static { standing } else { moving });
                     solver.targets.copy_from_slice(&frame.targets);
                     if solver.look() {
-                        cost += solver.minimise(&mut frame.q).cost;
+                        cost += solver.minimize(&mut frame.q).cost;
                     }
                 }
                 cost
@@ -342,10 +341,10 @@ impl Bundle {
             }
             if joint.parent != NONE {
                 let above = &scratch.turned[joint.parent];
-                if self.layout.centre[link] != NONE {
+                if self.layout.center[link] != NONE {
                     let shift: Matrix3<f64> = above - scratch.turned[link];
                     for i in 0..3 {
-                        scratch.columns.push((self.layout.centre[link] + i, shift.column(i).into_owned()));
+                        scratch.columns.push((self.layout.center[link] + i, shift.column(i).into_owned()));
                     }
                 }
                 if self.layout.axis[link] != NONE {
@@ -369,9 +368,9 @@ impl Bundle {
         for (k, &m) in self.marker_of.iter().enumerate() {
             self.present.marker[m] = from.marker[m] + three(self.layout.marker[k]);
         }
-        for link in 0..self.layout.centre.len() {
-            if self.layout.centre[link] != NONE {
-                self.present.centre[link] = from.centre[link] + three(self.layout.centre[link]);
+        for link in 0..self.layout.center.len() {
+            if self.layout.center[link] != NONE {
+                self.present.center[link] = from.center[link] + three(self.layout.center[link]);
             }
             if self.layout.axis[link] != NONE {
                 let at = self.layout.axis[link];
@@ -389,9 +388,9 @@ impl Bundle {
         for (k, &m) in self.marker_of.iter().enumerate() {
             put(self.layout.marker[k], self.present.marker[m] - self.landmarks.marker[m]);
         }
-        for link in 0..self.layout.centre.len() {
-            if self.layout.centre[link] != NONE {
-                put(self.layout.centre[link], self.present.centre[link] - self.landmarks.centre[link]);
+        for link in 0..self.layout.center.len() {
+            if self.layout.center[link] != NONE {
+                put(self.layout.center[link], self.present.center[link] - self.landmarks.center[link]);
             }
         }
         for link in 0..self.layout.axis.len() {
@@ -424,7 +423,7 @@ impl Bundle {
             if at == NONE { f64::NAN } else { ((at..at + n).map(|i| variance[i]).sum::<f64>() / n as f64).sqrt() }
         };
         let uncertainty = Uncertainty {
-            centre_m: self.layout.centre.iter().map(|&at| root_mean(at, 3)).collect(),
+            center_m: self.layout.center.iter().map(|&at| root_mean(at, 3)).collect(),
             axis_rad: self.layout.axis.iter().map(|&at| root_mean(at, 2)).collect(),
         };
         let subject = self.present.subject(like, &self.frames[0].q, &self.standing.tree)?;
@@ -473,7 +472,7 @@ fn lay_out(problem: &Problem, options: &CalibrateOptions) -> (Layout, DVector<f6
     let links = &problem.tree.links;
     let marker = problem.markers.iter().map(|_| place(3, options.marker_sd_m)).collect();
     let turns = |kind: &JointKind| matches!(kind, JointKind::Spherical | JointKind::Revolute(_));
-    let centre = links
+    let center = links
         .iter()
         .map(|l| if l.parent != NONE && turns(&l.kind) { place(3, options.joint_sd(&l.name)) } else { NONE })
         .collect();
@@ -485,5 +484,5 @@ fn lay_out(problem: &Problem, options: &CalibrateOptions) -> (Layout, DVector<f6
         })
         .collect();
     let size = precision.len();
-    (Layout { marker, centre, axis, size }, DVector::from_vec(precision))
+    (Layout { marker, center, axis, size }, DVector::from_vec(precision))
 }

@@ -59,9 +59,8 @@ impl Clip {
             whole.residual_m.extend(piece.residual_m);
         }
         let kept = gather(&self.trial, &problem, whole);
-        let mut sorted: Vec<f64> = kept.report.frame_rms_m.iter().copied().filter(|r| r.is_finite()).collect();
-        sorted.sort_by(f64::total_cmp);
-        let limit = 3.0 * sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN);
+        let mut errors_m: Vec<f64> = kept.report.frame_rms_m.iter().copied().filter(|r| r.is_finite()).collect();
+        let limit = 3.0 * aloft_signal::upper_median(&mut errors_m).unwrap_or(f64::NAN);
         let fits = |&(f, _): &(usize, bool)| kept.motion.is_valid(f) && kept.report.frame_rms_m[f] <= limit;
         let good: Vec<(usize, bool)> = self.chosen.iter().copied().filter(fits).collect();
         let frames: Vec<usize> = good.iter().map(|g| g.0).collect();
@@ -158,7 +157,7 @@ mod tests {
     use nalgebra::Vector3;
 
     #[test]
-    fn prop_cut_frames_are_tracked_as_in_the_whole_recording() {
+    fn cut_frames_are_tracked_as_in_the_whole_recording() {
         let (subject, mut trial) = person(400);
         shake(&mut trial);
         trial.markers.trajectories[7][100..130].fill(Vector3::repeat(f64::NAN));

@@ -19,8 +19,6 @@ pub struct Series {
     pub x: Vec<f64>,
     /// Ordinates; NaN leaves a gap.
     pub y: Vec<f64>,
-    /// Half-height of an error bar a point; empty for none.
-    pub error: Vec<f64>,
     /// Points at the values.
     pub points: bool,
     /// No line between points.
@@ -49,10 +47,6 @@ impl Series {
     /// The same in a colour of the theme.
     pub fn coloured(self, colour: &'static str) -> Self {
         Self { colour: Some(colour), ..self }
-    }
-    /// The same with error bars.
-    pub fn with_error(self, error: Vec<f64>) -> Self {
-        Self { error, ..self }
     }
 }
 
@@ -182,10 +176,6 @@ fn trace(s: &Series, panel: usize, pool: &mut Pool, names: &mut Names) -> Value 
     });
     if s.name.is_empty() {
         t["hoverinfo"] = json!("x+y");
-    }
-    if !s.error.is_empty() {
-        t["error_y"] =
-            json!({"type": "data", "array": pool.add(&s.error), "visible": true, "color": colour, "thickness": 1.4});
     }
     t
 }

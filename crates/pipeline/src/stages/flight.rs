@@ -104,7 +104,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     if let Some(percent) = gravity_error_percent(&report, params.gravity_mps2) {
         done.note("gravity_error_percent", percent);
     }
-    done.warnings.extend(report.warnings.iter().cloned());
+    done.warnings.extend(report.warnings.iter().map(ToString::to_string));
     let mut reasons = Vec::new();
     if let Some(fall) = &report.free_fall {
         done.note("free_fall_ratio", json!(fall.ratio));

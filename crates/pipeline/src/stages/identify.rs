@@ -38,8 +38,9 @@ pub struct Params {
     pub rows: Rows,
     /// True for objects.
     pub is_object: bool,
-    /// By how much the standard error of each coefficient grows because the nonlinear parameters of its effect were fitted, by name.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    /// By how much the standard error of each coefficient grows because the nonlinear parameters of its effect were fitted, by name. All that
+    /// follows from the model's effects stands under `effects`, so that revisions of the model can be compared (`made::made_with`).
+    #[serde(rename = "effects", skip_serializing_if = "Vec::is_empty")]
     pub widening: Vec<(String, f64)>,
 }
 
@@ -94,9 +95,9 @@ pub fn estimator(params: &Params, rows: Rows) -> Estimator {
     match (config.estimator, rows) {
         (Choice::NullVector, _) | (Choice::Auto, Rows::Paper) => Estimator::NullVector(ColumnScaling::default()),
         (Choice::MassConstrained, _) => Estimator::MassConstrained,
-        (Choice::Regularized, _) => Estimator::Regularised { weight },
+        (Choice::Regularized, _) => Estimator::Regularized { weight },
         (Choice::Auto, Rows::Weak) if params.is_object => Estimator::MassConstrained,
-        (Choice::Auto, Rows::Weak) => Estimator::Regularised { weight },
+        (Choice::Auto, Rows::Weak) => Estimator::Regularized { weight },
     }
 }
 
@@ -165,7 +166,7 @@ impl Predicting {
     pub fn like(subject: &Subject, parameters: &Parameters) -> Result<Self, StageFailure> {
         let fail = |e: aloft_identify::IdentifyError| StageFailure::new(e.to_string());
         let prior = match parameters.estimator {
-            Estimator::Regularised { .. } => {
+            Estimator::Regularized { .. } => {
                 let base = BaseParameters::of(&subject.model);
                 Some(LinkPrior::of_subject(subject).map_err(fail)?.base(&base).map_err(fail)?)
             }

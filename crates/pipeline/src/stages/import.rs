@@ -157,7 +157,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let Params { import, marker_set } = params;
     let recording = inputs.recording()?;
     let mut trial = read_recording(import, recording)?;
-    let held = held_fraction(&trial);
+    let held = trial.truncated();
     holds_enough(import, recording, &trial)?;
     let matched = apply_marker_set(&mut trial, marker_set, &import.aliases);
     if matched.present.is_empty() {
@@ -208,7 +208,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let mut reasons: Vec<QcReason> =
         quality.reasons.iter().filter(|r| r.severity() != Severity::Note).map(QcReason::from).collect();
     reasons.extend(held.map(|_| QcReason::FramesLost));
-    reasons.extend(forces_held(&trial).map(|_| QcReason::PlateIncomplete));
+    reasons.extend(trial.forces_truncated().map(|_| QcReason::PlateIncomplete));
     reasons.sort();
     reasons.dedup();
     done.note("qc", json!(reasons));
@@ -221,7 +221,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         .map(|(_, t)| t.iter().filter(|p| !p.x.is_finite()).count())
         .sum();
     done.note("missing_samples", gaps_left);
-    done.warnings.extend(trial.warnings.iter().cloned());
+    done.warnings.extend(trial.warnings.iter().map(ToString::to_string));
     done.warnings.extend(quality.reasons.iter().filter(|r| r.severity() == Severity::Warning).map(ToString::to_string));
     write_json(&inputs.out.join("quality.json"), &ImportRecord { matched, fills, findings, quality })?;
     Ok(done)
@@ -229,8 +229,8 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
 
 /// A file that ends before the stated number of frames is used as far as it goes, unless it holds less than the pipeline's `least_fraction`.
 pub fn holds_enough(import: &ImportConfig, recording: &Recording, trial: &Trial) -> Result<(), StageFailure> {
-    let markers = held_fraction(trial).map(|counts| (counts, &recording.file));
-    let forces = forces_held(trial).zip(recording.forces.as_ref());
+    let markers = trial.truncated().map(|counts| (counts, &recording.file));
+    let forces = trial.forces_truncated().zip(recording.forces.as_ref());
     for ((held, stated), file) in markers.into_iter().chain(forces) {
         if (held as f64) < import.least_fraction * stated as f64 {
             return Err(StageFailure::with_hint(
@@ -241,21 +241,6 @@ pub fn holds_enough(import: &ImportConfig, recording: &Recording, trial: &Trial)
         }
     }
     Ok(())
-}
-
-/// Frames that a truncated file holds, and those that it states; none for a whole file. The reader says so in a warning.
-fn held_fraction(trial: &Trial) -> Option<(usize, usize)> {
-    let text = trial.warnings.iter().find_map(|w| w.strip_prefix("truncated: "))?;
-    let stated = text.split(' ').next()?.parse().ok()?;
-    Some((trial.markers.n_frames, stated))
-}
-
-/// The same of a file of forces.
-fn forces_held(trial: &Trial) -> Option<(usize, usize)> {
-    let text = trial.warnings.iter().find_map(|w| w.strip_prefix(aloft_trial::FORCES_TRUNCATED))?;
-    let stated = text.split(' ').next()?.parse().ok()?;
-    let held = text.split("ends in row ").nth(1)?.split(' ').next()?.parse().ok()?;
-    Some((held, stated))
 }
 
 /// The first few of many names.

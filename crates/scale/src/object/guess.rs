@@ -4,10 +4,11 @@ use super::links::{Links, error};
 use super::{ObjectInput, ObjectOptions};
 use crate::ScaleError;
 use crate::bundle::{Bundle, BundleFrame, BundleMarker};
-use crate::functional::{fit_pose, sara, score};
+use crate::functional::{sara, score};
 use crate::geometry::{apply_inverse, axes_z_x, pose};
 use crate::object_spec::ObjectJoint;
 use crate::statics::StaticPose;
+use aloft_body::rigid::fit_pose_of_seen;
 use aloft_body::{JointSpec, LinkSpec, Model, ModelSpec};
 use aloft_trial::Trial;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
@@ -26,15 +27,15 @@ pub(super) fn static_markers(
                 error(links.spec, &links.spec.links[link].name, format!("marker `{label}` is not in {}", trial.name))
             };
             let index = trial.markers.index(label).ok_or_else(missing)?;
-            let centre = statics.positions[index].ok_or_else(missing)?;
+            let center = statics.positions[index].ok_or_else(missing)?;
             let (mut sum, mut n) = (Vector3::zeros(), 0usize);
             for &f in &statics.frames {
-                if let Some(p) = trial.markers.position(index, f).filter(|p| (p - centre).norm() < 0.01) {
+                if let Some(p) = trial.markers.position(index, f).filter(|p| (p - center).norm() < 0.01) {
                     sum += p;
                     n += 1;
                 }
             }
-            Ok(if n == 0 { centre } else { sum / n as f64 })
+            Ok(if n == 0 { center } else { sum / n as f64 })
         })
         .collect()
 }
@@ -43,7 +44,7 @@ pub(super) fn static_markers(
 pub(super) struct Clouds {
     /// Indices of the markers of each link.
     own: Vec<Vec<usize>>,
-    centre: Vec<Vector3<f64>>,
+    center: Vec<Vector3<f64>>,
     local: Vec<Vec<Vector3<f64>>>,
 }
 
@@ -52,10 +53,10 @@ impl Clouds {
         let n = links.parents.len();
         let own: Vec<Vec<usize>> =
             (0..n).map(|l| (0..at_rest.len()).filter(|&k| links.markers[k].0 == l).collect()).collect();
-        let centre: Vec<Vector3<f64>> =
+        let center: Vec<Vector3<f64>> =
             own.iter().map(|o| o.iter().map(|&k| at_rest[k]).sum::<Vector3<f64>>() / o.len() as f64).collect();
-        let local = own.iter().zip(&centre).map(|(o, c)| o.iter().map(|&k| at_rest[k] - c).collect()).collect();
-        Self { own, centre, local }
+        let local = own.iter().zip(&center).map(|(o, c)| o.iter().map(|&k| at_rest[k] - c).collect()).collect();
+        Self { own, center, local }
     }
 }
 
@@ -100,7 +101,7 @@ pub(super) fn motion_frames(
             let poses: Option<Vec<Isometry3<f64>>> = (0..clouds.own.len())
                 .map(|l| {
                     let measured: Vec<Vector3<f64>> = clouds.own[l].iter().map(|&k| seen[k]).collect();
-                    fit_pose(&clouds.local[l], &measured).map(|(pose, _)| pose)
+                    fit_pose_of_seen(&clouds.local[l], &measured).map(|(pose, _)| pose)
                 })
                 .collect();
             if let Some(poses) = poses {
@@ -156,7 +157,7 @@ pub(super) fn first_guess(
     // Working frame of each link against its cloud, and its pose in the world of the static.
     let mut cloud_from_link: Vec<Isometry3<f64>> = vec![Isometry3::identity(); n];
     let at_rest_pose = |l: usize, cloud_from_link: &[Isometry3<f64>]| {
-        pose(&clouds.centre[l], &UnitQuaternion::identity()) * cloud_from_link[l]
+        pose(&clouds.center[l], &UnitQuaternion::identity()) * cloud_from_link[l]
     };
     let mut guesses = vec![f64::NAN; n];
     for l in 0..n {

@@ -88,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_leg_reaches_its_foot() {
+    fn leg_reaches_its_foot() {
         let leg = Leg {
             hip: Vector3::new(0.0, 0.0, 0.09),
             knee: Isometry3::new(Vector3::new(0.0, -0.4, 0.0), Vector3::new(0.02, -0.03, 0.0)),

@@ -154,7 +154,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_interpolation_is_exact_for_cubics() {
+    fn interpolation_is_exact_for_cubics() {
         let f = |x: f64| 1.0 + 2.0 * x - 0.3 * x * x + 0.05 * x * x * x;
         let values: Vec<f64> = (0..20).map(|k| f(f64::from(k))).collect();
         for x in [3.0, 4.25, 7.5, 9.9] {
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_plates_point_down_and_see_their_load() {
+    fn plates_point_down_and_see_their_load() {
         let [left, right] = PlateGeometry::pair();
         for (plate, y) in [(&left, 0.205), (&right, -0.205)] {
             assert!((plate.center() - Vector3::new(0.0, y, 0.0)).norm() < 1e-12);

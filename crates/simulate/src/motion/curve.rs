@@ -213,7 +213,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_quintic_meets_its_ends() {
+    fn quintic_meets_its_ends() {
         let (a, b) = (Jet { x: 1.0, v: -2.0, a: 3.0 }, Jet { x: -0.5, v: 0.7, a: -9.0 });
         let q = Quintic::new(a, b, 0.37);
         for (t, want) in [(0.0, a), (0.37, b)] {
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_spline_reproduces_smooth_functions_with_high_order() {
+    fn spline_reproduces_smooth_functions_with_high_order() {
         let f = |t: f64| Jet { x: (3.0 * t).sin(), v: 3.0 * (3.0 * t).cos(), a: -9.0 * (3.0 * t).sin() };
         let error = |n: usize| {
             let step = 1.0 / n as f64;
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_windowed_sine_derivatives() {
+    fn windowed_sine_derivatives() {
         let h = 1e-5;
         for t in [0.05, 0.2, 0.41] {
             let f = |t| windowed_sine(t, 0.5, 3.0, 0.4);

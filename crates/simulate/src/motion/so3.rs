@@ -70,7 +70,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_rates_agree_with_differences() {
+    fn rates_agree_with_differences() {
         let curve = |t: f64, s: f64| Vector3::new(s * (1.0 + t).sin(), s * (0.3 + 2.0 * t * t), s * (0.7 - t));
         for s in [1e-3, 0.04, 0.06, 0.5, 1.3] {
             let at = |t: f64| {
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_vector_and_back() {
+    fn vector_and_back() {
         for s in [1e-9, 1e-3, 0.049, 0.051, 1.0, 2.9] {
             let theta = Vector3::new(0.4, -0.8, 0.447_213_595).normalize() * s;
             let (rate, accel) = (Vector3::new(3.0, -2.0, 1.0), Vector3::new(-20.0, 5.0, 8.0));

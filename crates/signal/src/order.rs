@@ -1,0 +1,73 @@
+//! Medians and quantiles of plain samples.
+//!
+//! Two medians are in use, and they differ for an even number of values: [`median`] is the mean of the two middle values,
+//! [`upper_median`] the upper one of them, which is always a value of the sample.
+
+/// Median of values that are all finite, the mean of the two middle ones where their number is even; NaN without values.
+/// Reorders the slice.
+pub fn median(values: &mut [f64]) -> f64 {
+    let n = values.len();
+    let Some(upper) = upper_median(values) else { return f64::NAN };
+    if n % 2 == 1 {
+        return upper;
+    }
+    let lower = values[..n / 2].iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    0.5 * (lower + upper)
+}
+
+/// The value that stands in the middle, of two the upper one; none without values. Reorders the slice: the same input always
+/// comes out in the same order.
+pub fn upper_median(values: &mut [f64]) -> Option<f64> {
+    if values.is_empty() {
+        return None;
+    }
+    let middle = values.len() / 2;
+    Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// Median of the finite values, and the upper median of their absolute distances from it, both by [`upper_median`]; none
+/// without finite values. Keeps only the finite values' distances in `values`.
+pub fn median_and_deviation(values: &mut Vec<f64>) -> Option<(f64, f64)> {
+    values.retain(|x| x.is_finite());
+    let center = upper_median(values)?;
+    for value in values.iter_mut() {
+        *value = (*value - center).abs();
+    }
+    Some((center, upper_median(values)?))
+}
+
+/// The value below which `part` of `of` equal parts of an ascending sample lie, rounded down to a value of the sample; none
+/// without values.
+pub fn quantile_of_sorted(sorted: &[f64], part: usize, of: usize) -> Option<f64> {
+    sorted.get(sorted.len().checked_sub(1)? * part / of).copied()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn unit_medians_of_odd_even_and_empty_samples() {
+        assert_eq!(median(&mut [3.0, 1.0, 2.0]), 2.0);
+        assert_eq!(median(&mut [4.0, 1.0, 2.0, 3.0]), 2.5);
+        assert!(median(&mut []).is_nan());
+        assert_eq!(upper_median(&mut [4.0, 1.0, 2.0, 3.0]), Some(3.0));
+        assert_eq!(upper_median(&mut []), None);
+        assert_eq!(median_and_deviation(&mut vec![1.0, f64::NAN, 2.0, 5.0]), Some((2.0, 1.0)));
+        assert_eq!(median_and_deviation(&mut vec![f64::NAN]), None);
+        assert_eq!(quantile_of_sorted(&[1.0, 2.0, 3.0, 4.0, 5.0], 1, 4), Some(2.0));
+        assert_eq!(quantile_of_sorted(&[], 1, 4), None);
+    }
+
+    proptest! {
+        #[test]
+        fn prop_medians_are_those_of_the_sorted_sample(values in prop::collection::vec(-1e6..1e6_f64, 1..60)) {
+            let mut sorted = values.clone();
+            sorted.sort_by(f64::total_cmp);
+            let n = sorted.len();
+            prop_assert_eq!(upper_median(&mut values.clone()), Some(sorted[n / 2]));
+            prop_assert_eq!(median(&mut values.clone()), 0.5 * (sorted[(n - 1) / 2] + sorted[n / 2]));
+        }
+    }
+}
