@@ -114,8 +114,9 @@ fn prop_the_summary_lists_every_page_once() {
 fn prop_links_lead_to_pages_and_headings() {
     let mut pages = Vec::new();
     pages_below(&docs(), &mut pages);
-    pages.push(root().join("README.md"));
-    pages.push(root().join("ARCHITECTURE.md"));
+    for page in ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "benches/README.md"] {
+        pages.push(root().join(page));
+    }
     let mut broken = Vec::new();
     let mut count = 0;
     for page in &pages {
@@ -147,11 +148,33 @@ fn prop_links_lead_to_pages_and_headings() {
 }
 
 #[test]
-fn prop_the_readme_leads_to_the_book() {
+fn the_readme_is_short_and_links_the_book() {
     let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
-    for page in ["docs/introduction.md", "docs/tutorial/first-run.md", "docs/recording.md"] {
+    let lines = readme.lines().count();
+    assert!(lines <= 120, "README.md has {lines} lines; measurements and details belong into docs/");
+    for page in ["docs/introduction.md", "docs/tutorial/first-run.md", "docs/recording.md", "docs/findings/accuracy.md"]
+    {
         assert!(readme.contains(page), "README.md does not link {page}");
     }
+}
+
+#[test]
+fn pictures_are_small_and_shown() {
+    let mut pages = Vec::new();
+    pages_below(&docs(), &mut pages);
+    pages.push(root().join("README.md"));
+    let text: String = pages.iter().map(|p| std::fs::read_to_string(p).unwrap()).collect();
+    let mut n = 0;
+    for entry in std::fs::read_dir(docs().join("pictures")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|e| e == "svg" || e == "png") {
+            let name = path.file_name().unwrap().to_string_lossy().into_owned();
+            assert!(path.metadata().unwrap().len() < 150_000, "docs/pictures/{name} is larger than 150 kB");
+            assert!(text.contains(&format!("pictures/{name})")), "no page shows docs/pictures/{name}");
+            n += 1;
+        }
+    }
+    assert!(n > 0);
 }
 
 #[test]

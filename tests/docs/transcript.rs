@@ -141,3 +141,35 @@ fn prop_the_tutorial_is_what_the_program_says() {
 fn prop_the_tutorial_of_a_person_is_what_the_program_says() {
     check(&["tutorial/your-recordings.md", "tutorial/by-other-programs.md"]);
 }
+
+/// Whether `part` are some of the words of `whole`, in their order.
+fn are_among(part: &[String], whole: &[String]) -> bool {
+    let mut rest = whole.iter();
+    part.iter().all(|word| rest.any(|w| w == word))
+}
+
+#[test]
+fn lines_that_the_readme_shows_are_in_the_tutorial() {
+    // the tutorial's transcripts are run; the README shows some of their lines, of wide tables some columns
+    let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
+    let lines: Vec<&str> = readme.lines().collect();
+    let mut tutorial = Vec::new();
+    for page in ["first-run", "discovery"] {
+        let text = std::fs::read_to_string(docs().join(format!("tutorial/{page}.md"))).unwrap();
+        let all: Vec<&str> = text.lines().collect();
+        for listing in listings(&all) {
+            tutorial.extend(all[listing.begin..listing.end].iter().map(|l| words(l)));
+        }
+    }
+    let mut n = 0;
+    for listing in listings(&lines) {
+        for (i, line) in lines[listing.begin..listing.end].iter().enumerate() {
+            // what stands behind the command in a comment is the README's own
+            let shown = words(line.split("  #").next().unwrap());
+            let found = tutorial.iter().any(|whole| are_among(&shown, whole));
+            assert!(found, "README.md, line {}: no line of the tutorial says `{line}`", listing.begin + i + 1);
+            n += 1;
+        }
+    }
+    assert!(n >= 12, "README.md shows {n} lines of output");
+}

@@ -4,7 +4,7 @@
 //! estimate (SIMEX); which motion, recorded next, would improve the worst parameters most. Slower than identification itself, so it runs
 //! on request; the answer stays in the workspace and is shown with the parameters until they change.
 
-use crate::estimators::with_job;
+use crate::results::{Made, with_results};
 use aloft_body::{BaseParameters, Motion, Phi};
 use aloft_compare::noise_root;
 use aloft_identify::{
@@ -12,16 +12,16 @@ use aloft_identify::{
     choose_window, excitation_advice, point_estimate, simex,
 };
 use aloft_ik::smooth;
-use aloft_pipeline::graph::Job;
+use aloft_pipeline::results::Results;
 use aloft_pipeline::stages::filter::low_pass;
-use aloft_pipeline::stages::identify::{estimator, identify_from};
+use aloft_pipeline::stages::identify::{self, estimator, identify_from};
 use aloft_pipeline::stages::regressor::{TrialRows, weak_options};
 use aloft_regressor::{
     AccelerationOptions, Acting, CoordinateNoise, Factor, RegressorError, Stretch, StretchKind, WeakOptions,
     acceleration_factor, weak_factor,
 };
 use aloft_study::config::Rows;
-use aloft_study::study::{Role, Study};
+use aloft_study::study::Study;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::seal;
 use aloft_workspace::workspace::{WHOLE_STUDY, Workspace};
@@ -142,8 +142,8 @@ pub fn assess(study: &Study) -> Result<Assessment, PipelineError> {
             format!("run `aloft run {}` first", aloft_study::quote::path(&study.config_path)),
         )
     })?;
-    let found = with_job(study, |job| {
-        let recorded = load(job)?;
+    let found = with_results(study, |made| {
+        let recorded = load(made)?;
         let Some(first) = recorded.first() else { return Err(StageFailure::new("no trial has a flight")) };
         let subject = &first.rows.subject;
         let base = BaseParameters::of(&subject.model);
@@ -157,7 +157,7 @@ pub fn assess(study: &Study) -> Result<Assessment, PipelineError> {
             base,
             links,
         };
-        setting.assess(job, of.clone())
+        setting.assess(made.results, of.clone())
     })?;
     if identification(&Workspace::open(&study.workspace)).as_ref() != Some(&found.of) {
         return Err(PipelineError::request("the results changed while they were assessed; assess them again"));
@@ -166,16 +166,13 @@ pub fn assess(study: &Study) -> Result<Assessment, PipelineError> {
     Ok(found)
 }
 
-fn load(job: &Job<'_>) -> Result<Vec<Recorded>, StageFailure> {
-    let names: Vec<String> = job
-        .trials_of("regressor")
-        .into_iter()
-        .filter(|n| job.study.trial(n).is_some_and(|t| t.role == Role::Identify))
-        .collect();
+fn load(made: &Made<'_>) -> Result<Vec<Recorded>, StageFailure> {
+    let names = made.training();
+    let (filter, subject) = (&made.study.config.filter, made.results.load_subject("calibrate")?);
     let all: Vec<Recorded> = names
         .par_iter()
         .map(|name| {
-            let rows = TrialRows::load(job, name)?;
+            let rows = TrialRows::load(made.results, filter, &|| made.calendar(), name, &subject)?;
             let flights = rows.stretches.iter().filter(|s| s.kind == StretchKind::Flight).cloned().collect();
             Ok(Recorded { rows, flights })
         })
@@ -196,7 +193,7 @@ fn stop(e: impl std::fmt::Display) -> StageFailure {
 }
 
 impl Setting<'_> {
-    fn assess(&self, job: &Job<'_>, of: String) -> Result<Assessment, StageFailure> {
+    fn assess(&self, results: Results<'_>, of: String) -> Result<Assessment, StageFailure> {
         let flights = sample(self.recorded);
         let mut notes = Vec::new();
         let window = self.windows(&flights).unwrap_or_else(|f| {
@@ -207,7 +204,7 @@ impl Setting<'_> {
         match self.noise() {
             Some(root) => {
                 for rows in Rows::ALL {
-                    let Some(parameters) = job.load_parameters(rows)? else { continue };
+                    let Some(parameters) = results.load_parameters(rows)? else { continue };
                     match self.errors_in_variables(rows, &parameters, &flights, &root) {
                         Ok(found) => errors_in_variables.push(found),
                         Err(f) => notes.push(format!("errors in variables, {} rows: {}", rows.word(), f.problem)),
@@ -266,14 +263,14 @@ impl Setting<'_> {
         root: &DMatrix<f64>,
     ) -> Result<ErrorsInVariables, StageFailure> {
         let model = &self.recorded[0].rows.subject.model;
-        let chosen = match estimator(self.study, rows) {
+        let chosen = match estimator(&identify::Params::of(self.study), rows) {
             Estimator::Regularised { .. } => Estimator::Regularised { weight: Some(parameters.prior_weight.max(1.0)) },
             other => other,
         };
-        let weak = weak_options(self.study);
+        let weak = weak_options(self.study.config.regressor.window_s);
         let acceleration =
             AccelerationOptions { margin_s: self.study.config.flight.margin_s, ..AccelerationOptions::default() };
-        let filter = low_pass(self.study);
+        let filter = low_pass(&self.study.config.filter);
         let noise = CoordinateNoise::Root(root);
         let found = simex(&LEVELS, REPLICATES, |level, replicate| {
             let mut factors = Vec::with_capacity(flights.len());
@@ -345,12 +342,13 @@ impl Setting<'_> {
     fn motions(&self) -> Result<Vec<MotionAdvice>, StageFailure> {
         let every: Vec<(usize, Stretch)> =
             self.recorded.iter().enumerate().flat_map(|(i, r)| r.flights.iter().map(move |s| (i, s.clone()))).collect();
-        let weak = weak_options(self.study);
+        let weak = weak_options(self.study.config.regressor.window_s);
         let factors = self.weak(&every, &weak)?;
         let Some(first) = self.recorded.first() else { return Ok(Vec::new()) };
         let subject = &first.rows.subject;
         let pairs: Vec<(Stretch, Factor)> = every.iter().map(|(_, s)| s.clone()).zip(factors.clone()).collect();
-        let found = identify_from(self.study, subject, &pairs, estimator(self.study, Rows::Weak), 0)?;
+        let params = identify::Params::of(self.study);
+        let found = identify_from(&params, subject, &pairs, estimator(&params, Rows::Weak), 0)?;
         // the posture in the middle of the middle flight
         let (i, flight) = &every[every.len() / 2];
         let motion = &self.recorded[*i].rows.motion;

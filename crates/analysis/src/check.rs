@@ -1,5 +1,6 @@
 //! `check`: configuration, labels and files; changes nothing.
 
+use aloft_pipeline::graph::Recording;
 use aloft_pipeline::stages::filter::low_pass;
 use aloft_pipeline::stages::import::{abridged, holds_enough, read_recording};
 use aloft_study::study::{Role, Study};
@@ -59,7 +60,7 @@ pub fn check(study: &Study) -> Result<Check, PipelineError> {
                 row.remarks.push(format!("excluded: {reason}"));
                 return row;
             }
-            let mut trial = match read_recording(study, entry) {
+            let mut trial = match read_recording(study.import_of(Some(entry)), &Recording::of(entry)) {
                 Ok(trial) => trial,
                 Err(failure) => {
                     row.broken = true;
@@ -67,7 +68,7 @@ pub fn check(study: &Study) -> Result<Check, PipelineError> {
                     return row;
                 }
             };
-            if let Err(failure) = holds_enough(study, entry, &trial) {
+            if let Err(failure) = holds_enough(study.import_of(Some(entry)), &Recording::of(entry), &trial) {
                 row.broken = true;
                 row.remarks.push(failure.problem);
                 return row;
@@ -81,7 +82,7 @@ pub fn check(study: &Study) -> Result<Check, PipelineError> {
             row.broken =
                 matched.present.is_empty() || quality.reasons.iter().any(|r| r.severity() == Severity::Unusable);
             if entry.role.is_dynamic()
-                && let Err(e) = low_pass(study).describe(trial.markers.rate_hz)
+                && let Err(e) = low_pass(&study.config.filter).describe(trial.markers.rate_hz)
             {
                 row.broken = true;
                 row.remarks.push(format!("`filter`: {e}"));

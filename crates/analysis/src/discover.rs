@@ -1,6 +1,6 @@
 //! `discover`: which effect is missing, from the motion and the flights that the stages left; and how well that works on these recordings.
 
-use crate::estimators::with_job;
+use crate::results::with_results;
 use aloft_body::{BaseParameters, Subject};
 use aloft_compare::Comparison;
 use aloft_discover::{
@@ -12,9 +12,9 @@ use aloft_flight::FlightReport;
 use aloft_identify::{LinkPrior, Prior};
 use aloft_pipeline::stages::regressor::TrialRows;
 use aloft_regressor::WeakOptions;
-use aloft_study::effects::KnownEffects;
+use aloft_study::effects::{KnownEffects, asks_session_time};
 use aloft_study::revision::{ModelEffect, Revisions};
-use aloft_study::session::{Calendar, asks_session_time};
+use aloft_study::session::Calendar;
 use aloft_study::study::Study;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::seal;
@@ -96,10 +96,11 @@ pub struct Bench<'a> {
 impl Evidence {
     /// Loads what the stages left.
     pub fn load(study: &Study) -> Result<Self, PipelineError> {
-        let (subject, names, rows) = with_job(study, |job| {
-            let subject = job.load_subject("calibrate")?;
-            let names = job.trials_of("regressor");
-            let load = |name: &String| TrialRows::load_for(job, name, &subject);
+        let (subject, names, rows) = with_results(study, |made| {
+            let subject = made.results.load_subject("calibrate")?;
+            let filter = &made.study.config.filter;
+            let load = |name: &String| TrialRows::load(made.results, filter, &|| made.calendar(), name, &subject);
+            let names: Vec<String> = made.trials.iter().map(|(name, _)| name.clone()).collect();
             let rows = names.par_iter().map(load).collect::<Result<Vec<_>, _>>()?;
             Ok((subject, names, rows))
         })?;

@@ -4,23 +4,23 @@
 //! kinematics with the landmarks' geometry where the pipeline calibrated, so that the gain of calibration stands beside that of rows and estimators.
 
 use crate::compare::mean;
+use crate::results::{Made, with_results};
 use aloft_body::{BaseParameters, Subject};
 use aloft_compare::{Candidate, Comparison, ModelComparison, NoiseFloor, WindowErrors, WrenchErrors};
 use aloft_identify::{ColumnScaling, Estimator, Gate, KindBalance, Parameters};
 use aloft_ik::smooth;
-use aloft_pipeline::graph::Job;
 use aloft_pipeline::stages::compare::{
-    ComparedTrial, Floor, HeldOut, compare_models, has_validation, load_trials, without_each_trial,
+    self, ComparedTrial, Floor, HeldOut, compare_models, has_validation, load_trials, without_each_trial,
 };
 use aloft_pipeline::stages::filter::low_pass;
-use aloft_pipeline::stages::identify::{estimator as default_estimator, identify_from};
+use aloft_pipeline::stages::identify::{self, estimator as default_estimator, identify_from};
 use aloft_pipeline::stages::ik::track;
-use aloft_pipeline::stages::regressor::{TrialRows, factors_of, load_factors, row_kind};
+use aloft_pipeline::stages::regressor::{self, TrialRows, factors_of, load_factors, row_kind};
 use aloft_regressor::{Factor, Stretch, StretchKind};
 use aloft_study::config::Rows;
 use aloft_study::study::{Role, Study};
 use aloft_workspace::error::{PipelineError, StageFailure};
-use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
+use aloft_workspace::workspace::{WHOLE_STUDY, read_json};
 use nalgebra::DVector;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -116,57 +116,20 @@ pub struct EstimatorsView {
     pub notes: Vec<String>,
 }
 
-fn refuse_damaged(ws: &Workspace, stage: &str, trial: &str) -> Result<(), PipelineError> {
-    let problem = ws.damage(stage, trial).into_iter().next();
-    problem.map_or(Ok(()), |problem| Err(PipelineError::Damaged { path: ws.place(stage, trial), problem }))
-}
-
-/// Calls `work` with a job that reads the workspace of a study that has rows.
-pub(crate) fn with_job<T>(
-    study: &Study,
-    work: impl FnOnce(&Job<'_>) -> Result<T, StageFailure>,
-) -> Result<T, PipelineError> {
-    // what is computed on results goes on with the settings that they were made with
-    let study = &aloft_pipeline::made::as_made(study);
-    let ws = Workspace::open(&study.workspace);
-    for trial in study.included() {
-        for stage in ["import", "ik", "filter", "flight", "regressor"] {
-            refuse_damaged(&ws, stage, &trial.name)?;
-        }
-    }
-    for stage in ["scale", "calibrate", "identify"] {
-        refuse_damaged(&ws, stage, WHOLE_STUDY)?;
-    }
-    let ready: Vec<(String, String)> = study
-        .included()
-        .filter(|t| t.role.is_dynamic() && ws.manifest("regressor", &t.name).is_some_and(|m| m.is_ok()))
-        .map(|t| ("regressor".to_owned(), t.name.clone()))
-        .collect();
-    if ready.is_empty() {
-        return Err(PipelineError::request_hint(
-            format!("no trial in {} has rows", study.workspace.display()),
-            format!("run `aloft run {}` first", aloft_study::quote::path(&study.config_path)),
-        ));
-    }
-    let out = ws.place("identify", WHOLE_STUDY);
-    let job = Job { study, trial: None, workspace: &ws, inputs: &ready, out: &out };
-    work(&job).map_err(|f| PipelineError::Request { problem: f.problem, hint: f.hint })
-}
-
 /// Rows × estimators × geometry, on the same held-out motion.
 pub fn estimators(study: &Study) -> Result<EstimatorsView, PipelineError> {
     let study = &aloft_pipeline::made::as_made(study);
-    with_job(study, |job| {
-        let subject = job.load_subject("calibrate")?;
-        let trials = load_trials(job)?;
-        let factors = all_factors(job)?;
-        let landmarks = landmarks(job, &subject)?;
+    with_results(study, |made| {
+        let subject = made.results.load_subject("calibrate")?;
+        let trials = load_trials(&compare::Params::of(made.study), made.results, &|| made.calendar(), &made.trials)?;
+        let factors = all_factors(made)?;
+        let landmarks = landmarks(made, &subject)?;
         let validated = has_validation(&trials);
         let geometry = if landmarks.is_some() { "calibrated" } else { "as scaled" };
-        let (mut table, comparison) = of_geometry(job, geometry, &subject, &trials, &factors, true)?;
+        let (mut table, comparison) = of_geometry(made, geometry, &subject, &trials, &factors, true)?;
         let mut notes = Vec::new();
         match landmarks {
-            Some(l) => table.extend(of_geometry(job, "landmarks", &l.0, &l.1, &l.2, false)?.0),
+            Some(l) => table.extend(of_geometry(made, "landmarks", &l.0, &l.1, &l.2, false)?.0),
             None => notes.push("the geometry was not calibrated: there is no other one to compare with".to_owned()),
         }
         if trials.iter().any(|t| t.untared && (t.role == Role::Validate || !validated)) {
@@ -202,10 +165,10 @@ fn held_out_words(trials: &[ComparedTrial], validated: bool) -> String {
 }
 
 /// Factors of every dynamic trial, both kinds of rows.
-fn all_factors(job: &Job<'_>) -> Result<Vec<(Stretch, Factor)>, StageFailure> {
+fn all_factors(made: &Made<'_>) -> Result<Vec<(Stretch, Factor)>, StageFailure> {
     let mut out = Vec::new();
-    for name in job.trials_of("regressor") {
-        out.extend(load_factors(&job.workspace.place("regressor", &name))?);
+    for (name, _) in &made.trials {
+        out.extend(load_factors(&made.results.place("regressor", name)?)?);
     }
     Ok(out)
 }
@@ -213,22 +176,25 @@ fn all_factors(job: &Job<'_>) -> Result<Vec<(Stretch, Factor)>, StageFailure> {
 type Tracked = (Subject, Vec<ComparedTrial>, Vec<(Stretch, Factor)>);
 
 /// Motion and factors with the landmarks' geometry; none where the pipeline uses it anyway.
-fn landmarks(job: &Job<'_>, used: &Subject) -> Result<Option<Tracked>, StageFailure> {
-    let subject = job.load_subject("scale")?;
+fn landmarks(made: &Made<'_>, used: &Subject) -> Result<Option<Tracked>, StageFailure> {
+    let subject = made.results.load_subject("scale")?;
     if subject.model == used.model && subject.markers == used.markers {
         return Ok(None);
     }
-    let filter = low_pass(job.study);
-    let each: Vec<(ComparedTrial, Vec<(Stretch, Factor)>)> = job
-        .trials_of("regressor")
+    let (study, results) = (made.study, made.results);
+    let (own, compared) = (regressor::Params::of(study, None), compare::Params::of(study));
+    let each: Vec<(ComparedTrial, Vec<(Stretch, Factor)>)> = made
+        .trials
         .par_iter()
-        .map(|name| {
-            let (with_weights, motion, _) = track(job, subject.clone(), name)?;
-            let filtered =
-                smooth(&with_weights.model, &motion, Some(filter)).map_err(|e| StageFailure::new(e.to_string()))?;
-            let rows = TrialRows::of(job, name, subject.clone(), motion, filtered)?;
-            let factors = factors_of(job.study, &rows)?.0;
-            Ok((ComparedTrial::of(job, name, rows)?, factors))
+        .map(|(name, role)| {
+            let ik = study.ik_of(study.trial(name));
+            let (with_weights, motion, _) = track(ik, results, subject.clone(), name)?;
+            let filtered = smooth(&with_weights.model, &motion, Some(low_pass(&own.filter)))
+                .map_err(|e| StageFailure::new(e.to_string()))?;
+            let calendar = || made.calendar();
+            let rows = TrialRows::of(results, &own.filter, &calendar, name, subject.clone(), motion, filtered)?;
+            let factors = factors_of(&own, &rows)?.0;
+            Ok((ComparedTrial::of(&compared, results, *role, name, rows)?, factors))
         })
         .collect::<Result<_, StageFailure>>()?;
     let (trials, factors): (Vec<_>, Vec<_>) = each.into_iter().unzip();
@@ -242,20 +208,21 @@ fn is_training(study: &Study, stretch: &Stretch, contact: bool) -> bool {
 
 /// Every estimator from every kind of rows, and the prior, with one geometry.
 /// The floor that the stage `compare` found.
-fn known_floor(job: &Job<'_>) -> Option<NoiseFloor> {
-    let place = job.workspace.place("compare", WHOLE_STUDY).join("comparison.json");
+fn known_floor(made: &Made<'_>) -> Option<NoiseFloor> {
+    let place = made.results.place("compare", WHOLE_STUDY).ok()?.join("comparison.json");
     read_json::<Comparison>(&place).ok()?.noise_floor
 }
 
 fn of_geometry(
-    job: &Job<'_>,
+    made: &Made<'_>,
     geometry: &'static str,
     subject: &Subject,
     trials: &[ComparedTrial],
     factors: &[(Stretch, Factor)],
     noise: bool,
 ) -> Result<(Vec<EstimatorRow>, Comparison), StageFailure> {
-    let study = job.study;
+    let study = made.study;
+    let (identification, compared) = (identify::Params::of(study), compare::Params::of(study));
     let validated = has_validation(trials);
     let weight = (study.config.identify.prior_weight > 0.0).then_some(study.config.identify.prior_weight);
     let estimators = [
@@ -276,13 +243,14 @@ fn of_geometry(
             if own.is_empty() {
                 return Err(StageFailure::new(format!("no flight gave {} rows", rows.word())));
             }
-            let parameters = identify_from(study, subject, &own, *estimator, 0)?;
+            let parameters = identify_from(&identification, subject, &own, *estimator, 0)?;
             let all = parameters.base_values();
             let effects = parameters.coefficients();
             let candidate = if validated {
                 Candidate::base("", all)
             } else {
-                Candidate::per_trial("", without_each_trial(study, subject, trials, &own, *estimator, &all)?.0)
+                let each = without_each_trial(&identification, subject, trials, &own, *estimator, &all)?.0;
+                Candidate::per_trial("", each)
             };
             Ok((parameters, candidate.with_effects(effects)))
         })
@@ -292,11 +260,11 @@ fn of_geometry(
     let mut candidates = vec![Candidate::links("prior", &base, &subject.prior_phi())];
     candidates.extend(found.iter().filter_map(|f| f.as_ref().ok().map(|(_, c)| c.clone())));
     // the floor is that of the pipeline's own comparison: one number wherever it stands
-    let known = if noise { known_floor(job) } else { None };
+    let known = if noise { known_floor(made) } else { None };
     let floor = known.as_ref().map_or(Floor::Drawn(0, None), Floor::Known);
-    let (comparison, _) = compare_models(study, subject, trials, &candidates, HeldOut::Validation, None, floor)?;
+    let (comparison, _) = compare_models(&compared, subject, trials, &candidates, HeldOut::Validation, None, floor)?;
     let chosen = study.config.regressor.rows;
-    let own_way = default_estimator(study, chosen).name();
+    let own_way = default_estimator(&identification, chosen).name();
     let mut models = comparison.models().collect::<Vec<_>>().into_iter();
     let prior = models.next().map(|m| row(geometry, None, None, false, m));
     let mut table = Vec::new();
@@ -410,15 +378,16 @@ pub struct LeaveOneOutView {
 /// Each dynamic trial predicted from all others: by the prior, from flights, from contact, from both; from stored factors.
 pub fn leave_one_out(study: &Study) -> Result<LeaveOneOutView, PipelineError> {
     let study = &aloft_pipeline::made::as_made(study);
-    with_job(study, |job| {
-        let subject = job.load_subject("calibrate")?;
-        let trials = load_trials(job)?;
+    with_results(study, |made| {
+        let subject = made.results.load_subject("calibrate")?;
+        let trials = load_trials(&compare::Params::of(made.study), made.results, &|| made.calendar(), &made.trials)?;
         let rows = study.config.regressor.rows;
         let factors: Vec<(Stretch, Factor)> =
-            all_factors(job)?.into_iter().filter(|(_, f)| f.rows == row_kind(rows)).collect();
+            all_factors(made)?.into_iter().filter(|(_, f)| f.rows == row_kind(rows)).collect();
         let base = BaseParameters::of(&subject.model);
         let prior = base.regroup(&subject.prior_phi());
-        let estimator = default_estimator(study, rows);
+        let (identification, compared) = (identify::Params::of(study), compare::Params::of(study));
+        let estimator = default_estimator(&identification, rows);
         type Takes = fn(StretchKind) -> bool;
         let ways: [(&'static str, Takes); 3] = [
             ("flights", |k| k != StretchKind::Contact),
@@ -433,8 +402,9 @@ pub fn leave_one_out(study: &Study) -> Result<LeaveOneOutView, PipelineError> {
                 if own.is_empty() {
                     return (*name, Err(StageFailure::new("no such stretch was recorded")));
                 }
-                let result = identify_from(study, &subject, &own, estimator, 0).and_then(|all| {
-                    let each = without_each_trial(study, &subject, &trials, &own, estimator, &all.base_values())?.0;
+                let result = identify_from(&identification, &subject, &own, estimator, 0).and_then(|all| {
+                    let each =
+                        without_each_trial(&identification, &subject, &trials, &own, estimator, &all.base_values())?.0;
                     let effects = all.coefficients();
                     Ok((all.contact, each, effects))
                 });
@@ -447,8 +417,15 @@ pub fn leave_one_out(study: &Study) -> Result<LeaveOneOutView, PipelineError> {
                 candidates.push(Candidate::per_trial(*name, each.clone()).with_effects(effects.clone()));
             }
         }
-        let (comparison, _) =
-            compare_models(study, &subject, &trials, &candidates, HeldOut::EveryTrial, None, Floor::Drawn(0, None))?;
+        let (comparison, _) = compare_models(
+            &compared,
+            &subject,
+            &trials,
+            &candidates,
+            HeldOut::EveryTrial,
+            None,
+            Floor::Drawn(0, None),
+        )?;
         let mut models = comparison.models().collect::<Vec<_>>().into_iter();
         let mut out: Vec<LeftOutModel> = models
             .next()

@@ -12,6 +12,7 @@ pub mod history;
 pub mod init;
 pub mod inspect;
 pub mod parameters;
+mod results;
 pub mod simulate;
 pub mod status;
 pub mod summary;

@@ -1,13 +1,13 @@
 //! What `effect add` asks before it changes anything: can the recordings of identification determine the effect at all?
 
-use crate::estimators::with_job;
+use crate::results::with_results;
 use aloft_effects::{ActsIn, Choice, Scene};
 use aloft_identify::{Estimator, Unseen, Visible};
-use aloft_pipeline::stages::identify::estimator;
-use aloft_pipeline::stages::regressor::{TrialRows, factors_of, row_kind};
+use aloft_pipeline::stages::identify::{self, estimator};
+use aloft_pipeline::stages::regressor::{self, TrialRows, factors_of, row_kind};
 use aloft_regressor::{Factor, StretchKind};
 use aloft_study::revision::ModelEffect;
-use aloft_study::study::{Role, Study};
+use aloft_study::study::Study;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use rayon::prelude::*;
 
@@ -24,19 +24,18 @@ pub fn refuse_invisible(
 ) -> Result<(), PipelineError> {
     let (key, names) = (choice.key(scene), choice.names(scene));
     let contact = study.config.identify.contact;
-    let own_estimator = estimator(study, study.config.regressor.rows);
+    let own_estimator = estimator(&identify::Params::of(study), study.config.regressor.rows);
     let model = Study { effects: effects.to_vec(), ..study.clone() };
-    let factors = with_job(&model, |job| {
+    let factors = with_results(&model, |made| {
         let kind = row_kind(model.config.regressor.rows);
-        let trials: Vec<String> = job
-            .trials_of("regressor")
-            .into_iter()
-            .filter(|n| model.trial(n).is_some_and(|t| t.role == Role::Identify))
-            .collect();
-        let each: Vec<Vec<Factor>> = trials
+        let own = regressor::Params::of(&model, None);
+        let (results, subject) = (made.results, made.results.load_subject("calibrate")?);
+        let each: Vec<Vec<Factor>> = made
+            .training()
             .par_iter()
             .map(|name| {
-                let (factors, _) = factors_of(&model, &TrialRows::load(job, name)?)?;
+                let rows = TrialRows::load(results, &made.study.config.filter, &|| made.calendar(), name, &subject)?;
+                let (factors, _) = factors_of(&own, &rows)?;
                 let used = |f: &Factor| f.rows == kind && (contact || f.kind == StretchKind::Flight);
                 Ok(factors.into_iter().map(|(_, f)| f).filter(used).collect())
             })

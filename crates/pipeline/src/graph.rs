@@ -1,16 +1,16 @@
 //! The stage graph: what each stage reads, which parameters it sees, and which tasks a study consists of.
 
+use crate::results::Results;
 use crate::stages::STAGES;
-use aloft_body::{Motion, Subject};
 use aloft_study::study::{Role, Study, TrialEntry};
-use aloft_trial::Trial;
-use aloft_workspace::artifact::{load_motion, load_trial};
 use aloft_workspace::error::{PipelineError, StageFailure};
-use aloft_workspace::workspace::{Manifest, ROLE, WHOLE_STUDY, Workspace, read_json};
+use aloft_workspace::key::key;
+use aloft_workspace::workspace::{Manifest, ROLE, WHOLE_STUDY, Workspace};
 use rayon::prelude::*;
+use serde::Serialize;
 use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Whether a stage runs once a trial or once a study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,21 +38,36 @@ pub enum Need {
 
 /// What a stage hands back beside its files.
 #[derive(Debug, Clone, Default)]
-pub struct Done {
-    /// What was odd, in words.
+pub struct StageReport {
+    /// Warnings.
     pub warnings: Vec<String>,
     /// Figures for tables.
     pub summary: BTreeMap<String, Value>,
 }
 
-impl Done {
+impl StageReport {
     /// Adds a figure.
     pub fn note(&mut self, key: &str, value: impl Into<Value>) {
         self.summary.insert(key.to_owned(), value.into());
     }
 }
 
-/// A stage: its documentation, its place in the graph and its function.
+/// The work of a stage. All that it may know of the study is in its parameters, and these are the cache key.
+pub trait StageWork {
+    /// The parameters that the stage reads. Serialised, they are the cache key: a result is stale when they change.
+    type Params: Serialize;
+
+    /// Takes the parameters out of the study; `trial` for stages that run once a trial.
+    fn params(study: &Study, trial: Option<&TrialEntry>) -> Self::Params;
+
+    /// Computes the result: reads through `inputs`, writes into `inputs.out`.
+    ///
+    /// # Errors
+    /// Anything that makes the result impossible, with a hint for the user.
+    fn run(params: &Self::Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure>;
+}
+
+/// A stage: its documentation, its place in the graph and its work.
 #[derive(Debug)]
 pub struct Stage {
     /// Name that users type.
@@ -67,10 +82,27 @@ pub struct Stage {
     pub gives: &'static str,
     /// What it reads, for the graph.
     pub needs: &'static [Need],
-    /// The parameters that it sees.
+    /// The parameters as they stand in a manifest: [`parameters_of`] the stage's work.
     pub parameters: fn(&Study, Option<&TrialEntry>) -> Value,
-    /// The work: reads through the job, writes into `job.out`.
-    pub run: fn(&Job<'_>) -> Result<Done, StageFailure>,
+    /// The work: [`run_of`] it.
+    pub run: fn(&Study, Option<&TrialEntry>, &StageInputs<'_>) -> Result<StageReport, StageFailure>,
+}
+
+/// Parameters of a stage's work as they stand in a manifest.
+pub fn parameters_of<W: StageWork>(study: &Study, trial: Option<&TrialEntry>) -> Value {
+    key(&W::params(study, trial))
+}
+
+/// Runs a stage's work with the parameters that the study gives it.
+///
+/// # Errors
+/// As [`StageWork::run`].
+pub fn run_of<W: StageWork>(
+    study: &Study,
+    trial: Option<&TrialEntry>,
+    inputs: &StageInputs<'_>,
+) -> Result<StageReport, StageFailure> {
+    W::run(&W::params(study, trial), inputs)
 }
 
 impl Stage {
@@ -83,50 +115,120 @@ impl Stage {
     }
 }
 
-/// All that a stage's function may use.
+/// A recording's files.
+#[derive(Debug, Clone)]
+pub struct Recording {
+    /// The trial's name.
+    pub name: String,
+    /// C3D, TRC or BIDS-Motion file.
+    pub file: PathBuf,
+    /// MOT file with forces, for TRC.
+    pub forces: Option<PathBuf>,
+}
+
+impl Recording {
+    /// Of a trial.
+    pub fn of(trial: &TrialEntry) -> Self {
+        Self { name: trial.name.clone(), file: trial.file.clone(), forces: trial.forces.clone() }
+    }
+}
+
+/// All that the work of a stage may use beside its parameters.
 #[derive(Debug)]
-pub struct Job<'a> {
-    /// The study.
-    pub study: &'a Study,
-    /// The trial, for stages that run once a trial.
-    pub trial: Option<&'a TrialEntry>,
-    /// Where upstream results lie.
-    pub workspace: &'a Workspace,
-    /// Upstream results that succeeded: `(stage, trial)`.
-    pub inputs: &'a [(String, String)],
+pub struct StageInputs<'a> {
+    /// The results that the stage names.
+    pub results: Results<'a>,
     /// Where to write.
     pub out: &'a Path,
+    /// The trial, for stages that run once a trial.
+    trial: Option<&'a str>,
+    recording: Option<Recording>,
+    ready: &'a [(String, String)],
+    /// Every trial that takes part in the study with its role, whether or not its results are there.
+    expected: Vec<(String, Role)>,
+    /// Where an earlier result of the same task lies, if it is sound.
+    earlier: Option<PathBuf>,
+    data: &'a Path,
 }
 
-impl Job<'_> {
+impl<'a> StageInputs<'a> {
+    /// Those of one task.
+    pub(crate) fn new(
+        stage: &Stage,
+        trial: Option<&'a TrialEntry>,
+        study: &'a Study,
+        workspace: &'a Workspace,
+        ready: &'a [(String, String)],
+        out: &'a Path,
+    ) -> Self {
+        let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
+        let sound = workspace.damage(stage.name, name).is_empty();
+        Self {
+            results: Results::limited(workspace, ready),
+            out,
+            trial: trial.map(|t| t.name.as_str()),
+            recording: trial.filter(|_| stage.needs.contains(&Need::Recording)).map(Recording::of),
+            ready,
+            expected: study.included().map(|t| (t.name.clone(), t.role)).collect(),
+            earlier: sound.then(|| workspace.place(stage.name, name)),
+            data: &study.data,
+        }
+    }
+
     /// Names of the trials for which `stage` is among the inputs, sorted.
     pub fn trials_of(&self, stage: &str) -> Vec<String> {
-        self.inputs.iter().filter(|(s, t)| s == stage && t != WHOLE_STUDY).map(|(_, t)| t.clone()).collect()
+        self.ready.iter().filter(|(s, t)| s == stage && t != WHOLE_STUDY).map(|(_, t)| t.clone()).collect()
     }
-    /// The trial; an error for stages without one (which would be a defect of the stage's definition).
-    pub fn trial(&self) -> Result<&TrialEntry, StageFailure> {
+
+    /// The same with the trials' roles, of those whose role is wanted.
+    pub fn trials_with_role(&self, stage: &str, wanted: impl Fn(Role) -> bool) -> Vec<String> {
+        self.trials_of(stage).into_iter().filter(|t| self.role(t).is_some_and(&wanted)).collect()
+    }
+
+    /// True where a result is among the inputs.
+    pub fn has(&self, stage: &str, trial: &str) -> bool {
+        self.ready.iter().any(|(s, t)| s == stage && t == trial)
+    }
+
+    /// Every input: `(stage, trial)`.
+    pub fn all(&self) -> &[(String, String)] {
+        self.ready
+    }
+
+    /// Role of a trial.
+    pub fn role(&self, trial: &str) -> Option<Role> {
+        self.expected.iter().find(|(name, _)| name == trial).map(|(_, role)| *role)
+    }
+
+    /// Every trial that takes part in the study with its role, for messages and for the order of merging.
+    pub fn expected(&self) -> &[(String, Role)] {
+        &self.expected
+    }
+
+    /// The folder of recordings, for messages.
+    pub fn data(&self) -> &Path {
+        self.data
+    }
+
+    /// Where an earlier result of the same task lies, if it is sound: what it keeps for later must carry its own key.
+    pub fn earlier(&self) -> Option<&Path> {
+        self.earlier.as_deref()
+    }
+
+    /// Name of the trial; an error for stages without one (which would be a defect of the stage's definition).
+    pub fn trial(&self) -> Result<&'a str, StageFailure> {
         self.trial.ok_or_else(|| StageFailure::new("the stage was called without a trial"))
     }
-}
 
-impl Job<'_> {
-    /// The imported recording of a trial.
-    pub fn load_trial(&self, trial: &str) -> Result<Trial, StageFailure> {
-        Ok(load_trial(&self.workspace.place("import", trial))?)
-    }
-    /// The motion that a stage gave for a trial.
-    pub fn load_motion(&self, stage: &str, trial: &str) -> Result<Motion, StageFailure> {
-        Ok(load_motion(&self.workspace.place(stage, trial))?)
-    }
-    /// The subject as a study-wide stage left it.
-    pub fn load_subject(&self, stage: &str) -> Result<Subject, StageFailure> {
-        Ok(read_json(&self.workspace.place(stage, WHOLE_STUDY).join("subject.json"))?)
+    /// The recording; an error for stages that do not name it among their needs.
+    pub fn recording(&self) -> Result<&Recording, StageFailure> {
+        self.recording.as_ref().ok_or_else(|| StageFailure::new("the stage was called without a recording"))
     }
 }
 
 /// One task's inputs as they stand now.
 #[derive(Debug, Clone)]
-pub struct Inputs {
+pub struct TaskInputs {
     /// Hash of each input.
     pub hashes: BTreeMap<String, String>,
     /// Upstream results that can be read.
@@ -157,7 +259,14 @@ impl Manifests {
         }
         Self(all)
     }
-    /// The same, with every file of the results compared with its hash, side by side.
+    /// Manifests of the given results.
+    pub fn of(workspace: &Workspace, results: &[(&str, &str)]) -> Self {
+        let found = results.iter().filter_map(|(stage, trial)| {
+            Some((((*stage).to_owned(), (*trial).to_owned()), workspace.manifest(stage, trial)?))
+        });
+        Self(found.collect())
+    }
+    /// As [`Manifests::read`], with every file of the results compared with its hash, side by side.
     pub fn read_and_examine(study: &Study, workspace: &Workspace, stages: &[&Stage]) -> Self {
         let tasks: Vec<(&str, &str)> = stages
             .iter()
@@ -200,16 +309,16 @@ pub fn inputs(
     study: &Study,
     workspace: &Workspace,
     manifests: &Manifests,
-) -> Result<Inputs, PipelineError> {
+) -> Result<TaskInputs, PipelineError> {
     let own = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
-    let mut out = Inputs {
+    let mut out = TaskInputs {
         hashes: BTreeMap::new(),
         ready: Vec::new(),
         blocked_by: Vec::new(),
         damaged: Vec::new(),
         own_damage: workspace.damage(stage.name, own),
     };
-    let upstream = |out: &mut Inputs, name: &str, of: &str, required: bool| {
+    let upstream = |out: &mut TaskInputs, name: &str, of: &str, required: bool| {
         if !workspace.damage(name, of).is_empty() {
             out.damaged.push(if of == WHOLE_STUDY { format!("`{name}`") } else { format!("`{name}` for {of}") });
         }
@@ -313,7 +422,7 @@ pub fn standing(
     stage: &Stage,
     trial: Option<&TrialEntry>,
     study: &Study,
-    inputs: &Inputs,
+    inputs: &TaskInputs,
     manifest: Option<&Manifest>,
 ) -> Standing {
     if let Some(reason) = inputs.blocked_by.first() {

@@ -8,5 +8,6 @@ mod lanes;
 pub mod made;
 pub mod merge;
 pub mod progress;
+pub mod results;
 pub mod runner;
 pub mod stages;

@@ -4,13 +4,13 @@
 //!
 //! Contact stretches are not in the tree: identification weighs them against the flights first.
 
-use crate::graph::{Job, Manifests};
+use crate::graph::{Manifests, StageInputs};
 use crate::stages::STAGES;
-use crate::stages::regressor::{load_factors, save_factors};
+use crate::stages::regressor::{self, load_factors, save_factors};
 use aloft_regressor::{Factor, RowKind, Stretch, StretchKind};
 use aloft_study::study::{Role, Study};
 use aloft_workspace::error::{PipelineError, StageFailure};
-use aloft_workspace::workspace::{Manifest, Outcome, Workspace};
+use aloft_workspace::workspace::{Manifest, Outcome, WHOLE_STUDY, Workspace};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -20,6 +20,9 @@ pub const FAN_IN: usize = 8;
 
 /// Folder of the nodes in a workspace.
 const FOLDER: &str = "merge";
+
+/// The stage whose factors are the leaves.
+const LEAVES: &str = regressor::STAGE.name;
 
 /// Raised when what a node holds changes.
 const VERSION: u32 = 1;
@@ -59,6 +62,13 @@ impl Tree {
     /// The tree of a study: its identification trials in the order of their names.
     pub fn of(study: &Study) -> Self {
         Self { trials: study.included().filter(|t| t.role == Role::Identify).map(|t| t.name.clone()).collect() }
+    }
+
+    /// The same from the trials that a stage expects.
+    fn expected(trials: &[(String, Role)]) -> Self {
+        Self {
+            trials: trials.iter().filter(|(_, role)| *role == Role::Identify).map(|(name, _)| name.clone()).collect(),
+        }
     }
 
     /// Number of nodes of each level, the first level first; the last is one. Empty without trials.
@@ -123,13 +133,20 @@ const KINDS: [RowKind; 2] = [RowKind::Weak, RowKind::Acceleration];
 
 /// All flights of the study's identification trials in one factor: the root of the tree, from its stored node where that is up to
 /// date, from `factors` (those of the trials, any order of kinds) otherwise. The result is the same.
-pub fn root(job: &Job<'_>, factors: &[(Stretch, Factor)], rows: RowKind) -> Result<Option<Factor>, StageFailure> {
-    let tree = Tree::of(job.study);
-    let stored = tree.root().filter(|n| job.workspace.place(FOLDER, &n.to_string()).is_dir());
+pub fn root(
+    inputs: &StageInputs<'_>,
+    factors: &[(Stretch, Factor)],
+    rows: RowKind,
+) -> Result<Option<Factor>, StageFailure> {
+    let tree = Tree::expected(inputs.expected());
+    let workspace = inputs.results.workspace();
+    let stored = tree.root().filter(|n| workspace.place(FOLDER, &n.to_string()).is_dir());
     if let Some(node) = stored {
-        let manifests = Manifests::read(job.study, job.workspace, STAGES);
-        if let Some(manifest) = current(&tree, node, job.workspace, &manifests) {
-            let stored = load_factors(&job.workspace.place(FOLDER, &manifest.trial))?;
+        let names = tree.trials.iter().map(String::as_str).chain([WHOLE_STUDY]);
+        let results: Vec<(&str, &str)> = names.flat_map(|t| STAGES.iter().map(move |s| (s.name, t))).collect();
+        let manifests = Manifests::of(workspace, &results);
+        if let Some(manifest) = current(&tree, node, workspace, &manifests) {
+            let stored = load_factors(&workspace.place(FOLDER, &manifest.trial))?;
             return Ok(stored.into_iter().map(|(_, f)| f).find(|f| f.rows == rows));
         }
     }
@@ -140,9 +157,9 @@ pub fn root(job: &Job<'_>, factors: &[(Stretch, Factor)], rows: RowKind) -> Resu
 fn inputs(tree: &Tree, node: Node, workspace: &Workspace, manifests: &Manifests) -> Option<BTreeMap<String, String>> {
     if node.level == 1 {
         let made = tree.trials_of(node).iter().filter_map(|t| {
-            let sound = manifests.trouble("regressor", t).is_none();
-            let m = manifests.get("regressor", t).filter(|_| sound)?;
-            Some((format!("regressor/{t}"), m.output.clone()))
+            let sound = manifests.trouble(LEAVES, t).is_none();
+            let m = manifests.get(LEAVES, t).filter(|_| sound)?;
+            Some((format!("{LEAVES}/{t}"), m.output.clone()))
         });
         return Some(made.collect());
     }
@@ -197,7 +214,7 @@ pub fn make(study: &Study, node: Node) -> Result<bool, PipelineError> {
     let mut below: Vec<Vec<(Stretch, Factor)>> = Vec::new();
     // in the order of the tree, which is not that of the names
     let parts: Vec<String> = match node.level {
-        1 => tree.trials_of(node).iter().map(|t| format!("regressor/{t}")).collect(),
+        1 => tree.trials_of(node).iter().map(|t| format!("{LEAVES}/{t}")).collect(),
         _ => tree.nodes_below(node).iter().map(|n| format!("{FOLDER}/{n}")).collect(),
     };
     for key in parts.iter().filter(|k| made_from.contains_key(*k)) {

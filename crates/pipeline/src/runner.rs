@@ -1,7 +1,7 @@
 //! Runs the stages of a study: what is stale, in order, trials side by side; a failure never stops the others. Subjects and
 //! sessions go side by side, too: all their trials share one pool of threads.
 
-use crate::graph::{self, Job, Manifests, Stage, Standing};
+use crate::graph::{self, Manifests, Stage, StageInputs, Standing};
 use crate::lanes::Lanes;
 pub use crate::progress::{Plan, Progress, Silent};
 use crate::stages::STAGES;
@@ -188,7 +188,7 @@ pub fn trial_filter(studies: &[&Study], patterns: &[String]) -> Result<Option<Gl
 
 struct Task<'s> {
     trial: Option<&'s TrialEntry>,
-    inputs: graph::Inputs,
+    inputs: graph::TaskInputs,
 }
 
 /// What the selection may run at most, and how long it took before.
@@ -604,7 +604,7 @@ fn made_meanwhile(
     let name = task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
     workspace.forget(stage.name, name);
     let manifest = workspace.manifest(stage.name, name)?;
-    let inputs = graph::Inputs { own_damage: workspace.damage(stage.name, name), ..task.inputs.clone() };
+    let inputs = graph::TaskInputs { own_damage: workspace.damage(stage.name, name), ..task.inputs.clone() };
     if !graph::standing(stage, task.trial, study, &inputs, Some(&manifest)).is_current() {
         return None;
     }
@@ -655,8 +655,8 @@ fn run_task(
     let name = task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
     let scratch = workspace.scratch(stage.name, name)?;
     let started = Instant::now();
-    let job = Job { study, trial: task.trial, workspace, inputs: &task.inputs.ready, out: &scratch };
-    let result = catch_unwind(AssertUnwindSafe(|| (stage.run)(&job))).unwrap_or_else(|panic| {
+    let inputs = StageInputs::new(stage, task.trial, study, workspace, &task.inputs.ready, &scratch);
+    let result = catch_unwind(AssertUnwindSafe(|| (stage.run)(study, task.trial, &inputs))).unwrap_or_else(|panic| {
         let what = panic
             .downcast_ref::<String>()
             .map(String::as_str)
@@ -675,7 +675,7 @@ fn run_task(
             // what a failed stage wrote is not a result
             disk::remove_dir_all(&scratch)?;
             disk::create_dir_all(&scratch)?;
-            (Outcome::Failed(failure), graph::Done::default())
+            (Outcome::Failed(failure), graph::StageReport::default())
         }
     };
     let manifest = Manifest {

@@ -29,11 +29,11 @@ fn prop_stages_read_only_what_stands_before_them() {
 }
 
 #[test]
-fn prop_readme_has_the_stage_table() {
-    let readme = document("README.md");
+fn architecture_has_the_stage_table() {
+    let page = document("ARCHITECTURE.md");
     for stage in STAGES {
         let row = format!("| `{}` | {} | {} |", stage.name, stage.reads, stage.gives);
-        assert!(readme.contains(&row), "README.md lacks the row\n{row}");
+        assert!(page.contains(&row), "ARCHITECTURE.md lacks the row\n{row}");
     }
 }
 

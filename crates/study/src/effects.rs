@@ -8,6 +8,8 @@ use crate::revision::ModelEffect;
 use aloft_body::{Model, ModelSpec, Phi};
 use aloft_effects::{Choice, CompiledFormula, EFFECTS, Effect, EffectsError, FormulaEffect, Scene};
 use aloft_workspace::error::PipelineError;
+use serde::ser::{SerializeMap, SerializeSeq};
+use serde::{Serialize, Serializer};
 use std::path::Path;
 
 /// An effect that somebody wrote, and where it stands.
@@ -100,6 +102,43 @@ pub fn check_formulas(own: &[OwnEffect], model: &ModelSpec) -> Result<(), Pipeli
     let phi = vec![Phi::zeros(); model.n_links()];
     let scene = Scene::new(&model, &phi, &[]);
     own.iter().try_for_each(|o| o.compile(&scene).map(|_| ()))
+}
+
+/// True for an effect that asks when in the session a recording was made.
+pub fn asks_session_time(id: &str) -> bool {
+    aloft_effects::effect(id).is_ok_and(|e| e.about().uses_session_time)
+}
+
+/// The effects of a model, with all that their columns are made from.
+#[derive(Debug, Clone, Default)]
+pub struct ModelEffects {
+    /// The effects.
+    pub model: Vec<ModelEffect>,
+    /// Definitions of those that the user wrote.
+    pub own: Vec<OwnEffect>,
+    /// Base parameters of the plain model, with which columns place the centre of mass; empty before they are known.
+    pub about: Vec<f64>,
+    /// Order of the session's recordings as the laboratory lists it, where an effect depends on it.
+    pub recordings: Option<Vec<String>>,
+}
+
+impl Serialize for ModelEffects {
+    /// As part of a cache key: an empty list for the plain model.
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        if self.model.is_empty() {
+            return to.serialize_seq(Some(0))?.end();
+        }
+        let bytes: Vec<u8> = self.about.iter().flat_map(|x| x.to_le_bytes()).collect();
+        let own: Vec<&FormulaEffect> = self.own.iter().map(|o| &o.spec).collect();
+        let mut map = to.serialize_map(None)?;
+        map.serialize_entry("model", &self.model)?;
+        map.serialize_entry("own", &own)?;
+        map.serialize_entry("about", &blake3::hash(&bytes).to_hex().to_string())?;
+        if let Some(recordings) = &self.recordings {
+            map.serialize_entry("recording_order", recordings)?;
+        }
+        map.end()
+    }
 }
 
 /// The effects of a study bound to a body: what rankings and models choose from.

@@ -25,6 +25,13 @@ pub struct Facts {
     pub recordings: Vec<String>,
 }
 
+impl Facts {
+    /// Gravity in the world frame, m/s².
+    pub fn gravity(&self) -> nalgebra::Vector3<f64> {
+        nalgebra::Vector3::new(0.0, 0.0, -self.gravity_mps2)
+    }
+}
+
 /// Where facts may lie.
 #[derive(Debug)]
 pub(crate) struct FactPlaces<'a> {

@@ -6,11 +6,6 @@ use aloft_workspace::artifact::session_recording;
 use aloft_workspace::workspace::Workspace;
 use std::collections::BTreeMap;
 
-/// True for an effect that asks when in the session a recording was made.
-pub fn asks_session_time(id: &str) -> bool {
-    aloft_effects::effect(id).is_ok_and(|e| e.about().uses_session_time)
-}
-
 /// Times of a study's recordings.
 #[derive(Debug, Clone)]
 pub struct Calendar {
@@ -23,27 +18,32 @@ pub struct Calendar {
 }
 
 impl Calendar {
+    /// From what `import` left of each recording of a study; see [`Calendar::from_order`].
+    pub fn of(study: &Study, workspace: &Workspace) -> Self {
+        let trials: Vec<(String, Role)> = study.included().map(|t| (t.name.clone(), t.role)).collect();
+        Self::from_order(&study.facts.recordings, &trials, workspace)
+    }
+
     /// From what `import` left of each recording; those that it could not read are left out.
     ///
     /// Where no file tells a time, the order is that of the laboratory's list beside the recordings, else that of a usual session: static,
     /// calibration, then the others by name, numbers in names by their value.
-    pub fn of(study: &Study, workspace: &Workspace) -> Self {
-        let listed = &study.facts.recordings;
-        let mut trials: Vec<_> = study.included().collect();
-        trials.sort_by_key(|t| {
-            let place = listed.iter().position(|l| *l == t.name).unwrap_or(usize::MAX);
-            let part = match t.role {
+    pub fn from_order(listed: &[String], trials: &[(String, Role)], workspace: &Workspace) -> Self {
+        let mut trials: Vec<&(String, Role)> = trials.iter().collect();
+        trials.sort_by_key(|(name, role)| {
+            let place = listed.iter().position(|l| l == name).unwrap_or(usize::MAX);
+            let part = match role {
                 Role::Static => 0,
                 Role::Calibration => 1,
                 _ => 2,
             };
-            (place, part, natural(&t.name))
+            (place, part, natural(name))
         });
         let recordings: Vec<SessionRecording> = trials
             .iter()
-            .filter_map(|t| {
-                let needed = matches!(t.role, Role::Identify | Role::Validate);
-                session_recording(&workspace.place("import", &t.name), needed).ok()
+            .filter_map(|(name, role)| {
+                let needed = matches!(role, Role::Identify | Role::Validate);
+                session_recording(&workspace.place("import", name), needed).ok()
             })
             .collect();
         let times = session_times(&recordings);

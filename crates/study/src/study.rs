@@ -2,7 +2,7 @@
 
 use crate::catalog;
 use crate::config::{FlightConfig, IkConfig, ImportConfig, PipelineConfig, error_at_key};
-use crate::effects::{OwnEffect, check_formulas, own_effects};
+use crate::effects::{ModelEffects, OwnEffect, check_formulas, own_effects};
 use crate::facts::{FactPlaces, Facts, find_facts};
 use crate::inherit::{PipelineFile, TrialSettings, Whose};
 use crate::quote;
@@ -228,24 +228,19 @@ impl Study {
         })
     }
 
-    /// What the columns of the model's effects are made from, for the stages that make them.
-    pub fn effects_parameters(&self) -> serde_json::Value {
-        if self.effects.is_empty() {
-            return serde_json::Value::Array(Vec::new());
+    /// What the columns of the model's effects are made from.
+    pub fn model_effects(&self) -> ModelEffects {
+        let used = |id: &str| self.effects.iter().any(|e| e.id() == id);
+        ModelEffects {
+            own: self.own_effects.iter().filter(|o| used(&o.spec.id)).cloned().collect(),
+            about: self.plain_base.clone(),
+            recordings: self
+                .effects
+                .iter()
+                .any(|e| crate::effects::asks_session_time(e.id()))
+                .then(|| self.facts.recordings.clone()),
+            model: self.effects.clone(),
         }
-        let own: Vec<&aloft_effects::FormulaEffect> = self
-            .own_effects
-            .iter()
-            .filter(|o| self.effects.iter().any(|e| e.id() == o.spec.id))
-            .map(|o| &o.spec)
-            .collect();
-        let bytes: Vec<u8> = self.plain_base.iter().flat_map(|x| x.to_le_bytes()).collect();
-        let mut out = serde_json::json!({"model": aloft_workspace::key::key(&self.effects), "own": aloft_workspace::key::key(&own),
-            "about": blake3::hash(&bytes).to_hex().to_string()});
-        if self.effects.iter().any(|e| crate::session::asks_session_time(e.id())) {
-            out["recording_order"] = serde_json::json!(self.facts.recordings);
-        }
-        out
     }
 
     /// The same study with the effects of the model's latest revision.
@@ -281,7 +276,7 @@ impl Study {
 
     /// Gravity in the world frame, m/s².
     pub fn gravity(&self) -> nalgebra::Vector3<f64> {
-        nalgebra::Vector3::new(0.0, 0.0, -self.facts.gravity_mps2)
+        self.facts.gravity()
     }
 }
 

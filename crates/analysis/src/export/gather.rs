@@ -91,7 +91,13 @@ pub(super) fn trial(
     let (rate_hz, n_frames) = (trial.markers.rate_hz, trial.markers.n_frames);
     let mut plates = Vec::new();
     for plate in &trial.plates {
-        match measured_wrench(name, std::slice::from_ref(plate), rate_hz, n_frames, Some(low_pass(study))) {
+        match measured_wrench(
+            name,
+            std::slice::from_ref(plate),
+            rate_hz,
+            n_frames,
+            Some(low_pass(&study.config.filter)),
+        ) {
             Ok(measured) => plates.push(PlateAtFrames { name: plate.name.clone(), wrench: measured.filtered }),
             Err(e) => return Ok(Err(e.to_string())),
         }

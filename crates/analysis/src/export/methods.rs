@@ -111,7 +111,7 @@ fn kinematics(study: &Study, ws: &Workspace, subject: &SubjectExport) -> Result<
     if !rms.is_empty() {
         t.push_str(&format!(" (marker RMS {} mm over trials)", mean_sd(&rms, 1)));
     }
-    let spec = low_pass(study);
+    let spec = low_pass(&study.config.filter);
     t.push_str(&format!(
         " and filtered forward and backward with a Butterworth low-pass (order {} a pass, {} Hz",
         spec.order, spec.cutoff_hz

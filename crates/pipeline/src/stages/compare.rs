@@ -1,8 +1,9 @@
 //! `compare`: predicted against measured wrench on held-out motion; the residual wrench in flight.
 
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
+use crate::results::Results;
 use crate::stages::filter::low_pass;
-use crate::stages::identify::{Predicting, identify_from, training_factors};
+use crate::stages::identify::{self, Predicting, identify_from, training_factors};
 use crate::stages::ik::fit_options;
 use crate::stages::regressor::{TrialRows, effect_columns};
 use aloft_body::{BaseParameters, Motion, Subject};
@@ -14,17 +15,20 @@ use aloft_flight::{PlateTare, TareSource};
 use aloft_identify::{Estimator, Parameters};
 use aloft_ik::{MarkerErrors, smooth};
 use aloft_regressor::{EffectColumns, Factor, Stretch};
-use aloft_study::config::Rows;
-use aloft_study::study::{Role, Study};
-use aloft_workspace::artifact::{load_markers, plate_centers, trial_rate};
+use aloft_study::config::{CompareConfig, FilterConfig, IdentifyConfig, IkConfig, RegressorConfig, Rows};
+use aloft_study::effects::ModelEffects;
+use aloft_study::session::Calendar;
+use aloft_study::study::{Role, Study, TrialEntry};
+use aloft_workspace::artifact::{plate_centers, trial_rate};
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::key::key;
 use aloft_workspace::table::Table;
-use aloft_workspace::workspace::{WHOLE_STUDY, read_json, write_json};
+use aloft_workspace::workspace::{read_json, write_json};
 use nalgebra::{DVector, Vector3, Vector6};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// The stage.
@@ -35,6 +39,8 @@ pub static STAGE: Stage = Stage {
     reads: "parameters, held-out trials",
     gives: "model against measurement, everywhere",
     needs: &[
+        // which coordinates no marker sees, for the errors of the markers
+        Need::Once("scale"),
         Need::Once("calibrate"),
         Need::Once("identify"),
         Need::Every("import", &[Role::Identify, Role::Validate]),
@@ -43,13 +49,72 @@ pub static STAGE: Stage = Stage {
         Need::Every("flight", &[Role::Identify, Role::Validate]),
         Need::Every("regressor", &[Role::Identify, Role::Validate]),
     ],
-    parameters: |study, _| {
-        json!({"compare": key(&study.config.compare), "filter": key(&study.config.filter), "regressor": key(&study.config.regressor),
-            "identify": key(&study.config.identify), "margin_s": key(&study.config.flight.margin_s), "is_object": study.object.is_some(),
-            "ik": key(&study.config.ik), "effects": study.effects_parameters()})
-    },
-    run,
+    parameters: parameters_of::<Work>,
+    run: run_of::<Work>,
 };
+
+/// Parameters of the stage.
+#[derive(Debug, Serialize)]
+pub struct Params {
+    /// Settings of the comparison.
+    pub compare: CompareConfig,
+    /// Filter of motion and plates.
+    pub filter: FilterConfig,
+    /// Rows.
+    pub regressor: RegressorConfig,
+    /// Identification.
+    pub identify: IdentifyConfig,
+    /// Frames at both ends of a flight that the paper's rows leave out, s.
+    pub margin_s: f64,
+    /// True for objects.
+    pub is_object: bool,
+    /// Inverse kinematics.
+    pub ik: IkConfig,
+    /// Inverse kinematics of trials with settings of their own.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub ik_of_trials: BTreeMap<String, IkConfig>,
+    /// Effects of the model.
+    pub effects: ModelEffects,
+}
+
+impl Params {
+    /// Of a study.
+    pub fn of(study: &Study) -> Self {
+        let config = &study.config;
+        let own = |t: &TrialEntry| {
+            let ik = study.ik_of(Some(t));
+            (*ik != config.ik).then(|| (t.name.clone(), ik.clone()))
+        };
+        Self {
+            compare: config.compare.clone(),
+            filter: config.filter.clone(),
+            regressor: config.regressor.clone(),
+            identify: config.identify.clone(),
+            margin_s: config.flight.margin_s,
+            is_object: study.object.is_some(),
+            ik: config.ik.clone(),
+            ik_of_trials: study.included().filter_map(own).collect(),
+            effects: study.model_effects(),
+        }
+    }
+    fn ik_of(&self, trial: &str) -> &IkConfig {
+        self.ik_of_trials.get(trial).unwrap_or(&self.ik)
+    }
+}
+
+/// The stage's work.
+#[derive(Debug)]
+pub struct Work;
+
+impl StageWork for Work {
+    type Params = Params;
+    fn params(study: &Study, _: Option<&TrialEntry>) -> Params {
+        Params::of(study)
+    }
+    fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+        run(params, inputs)
+    }
+}
 
 /// One trial with all that the comparison reads.
 pub struct ComparedTrial {
@@ -91,7 +156,8 @@ impl ComparedTrial {
     /// Adds the errors of the markers about the motion and the drift of the plates as the other trials show it, for the noise floor.
     fn with_errors(
         mut self,
-        job: &Job<'_>,
+        params: &Params,
+        results: Results<'_>,
         subject: &Subject,
         readings: &[(String, TareReadings)],
     ) -> Result<Self, StageFailure> {
@@ -101,8 +167,8 @@ impl ComparedTrial {
             self.drift = PlateDrift::of(&others, &measured.noise_density, own);
         }
         let mut subject = subject.clone();
-        let options = fit_options(job, &mut subject, &self.name)?;
-        let trial = load_markers(&job.workspace.place("import", &self.name))?;
+        let options = fit_options(params.ik_of(&self.name), results, &mut subject)?;
+        let trial = results.load_markers(&self.name)?;
         let errors = MarkerErrors::of(&subject, &trial, &self.unfiltered, &options)
             .map_err(|e| StageFailure::new(e.to_string()))?;
         self.errors = errors.map(DrawnErrors);
@@ -110,25 +176,31 @@ impl ComparedTrial {
     }
 
     /// From the rows' material of a trial.
-    pub fn of(job: &Job<'_>, name: &str, rows: TrialRows) -> Result<Self, StageFailure> {
-        let effects = effect_columns(job.study, &rows)?;
+    pub fn of(
+        params: &Params,
+        results: Results<'_>,
+        role: Role,
+        name: &str,
+        rows: TrialRows,
+    ) -> Result<Self, StageFailure> {
+        let effects = effect_columns(&params.effects, &rows)?;
         let TrialRows { trial, flights, .. } = &rows;
         let flights = flights.clone();
         let (rate_hz, frames) = (rows.filtered.rate_hz, rows.filtered.n_frames());
         let measured = if trial.plates.is_empty() {
             None
         } else {
-            let filter = Some(low_pass(job.study));
+            let filter = Some(low_pass(&params.filter));
             let m = measured_wrench(name, &trial.plates, rate_hz, frames, filter)
                 .map_err(|e| StageFailure::new(e.to_string()))?;
             Some(m)
         };
         let complete = completely_measured(measured.as_ref(), &flights, frames);
-        let tares: Vec<PlateTare> = read_json(&job.workspace.place("flight", name).join("tare.json"))?;
+        let tares = results.load_tares(name)?;
         let untared = measured.is_some() && tares.iter().all(|t| t.source == TareSource::None);
         Ok(Self {
             name: name.to_owned(),
-            role: job.study.trial(name).map_or(Role::Identify, |t| t.role),
+            role,
             filtered: lean(rows.filtered),
             unfiltered: lean(rows.motion),
             measured,
@@ -143,20 +215,20 @@ impl ComparedTrial {
 }
 
 /// What the plates of a trial read in its flights; none where they were not tared from flights.
-fn tare_readings(job: &Job<'_>, name: &str) -> Result<TareReadings, StageFailure> {
-    let tares: Vec<PlateTare> = read_json(&job.workspace.place("flight", name).join("tare.json"))?;
+fn tare_readings(results: Results<'_>, name: &str) -> Result<TareReadings, StageFailure> {
+    let tares = results.load_tares(name)?;
     let Some(first) = tares.first() else { return Ok(TareReadings::default()) };
     let alike = |t: &PlateTare| t.source == TareSource::Flights && t.times_s == first.times_s;
     if !tares.iter().all(alike) {
         return Ok(TareReadings::default());
     }
-    let centers = plate_centers(&job.workspace.place("import", name))?;
+    let centers = plate_centers(&results.place("import", name)?)?;
     let join = |(f, m): (&Vector3<f64>, &Vector3<f64>)| Vector6::new(f.x, f.y, f.z, m.x, m.y, m.z);
     let of = |t: &PlateTare| t.force_n.iter().zip(&t.moment_nm).map(join).collect();
     let plates = centers.into_iter().zip(tares.iter().map(of)).collect();
-    let flights = job.load_flights(name)?.flights;
+    let flights = results.load_flights(name)?.flights;
     let frames: usize = flights.iter().map(aloft_flight::Flight::n_frames).sum();
-    let rate_hz = trial_rate(&job.workspace.place("import", name))?;
+    let rate_hz = trial_rate(&results.place("import", name)?)?;
     // 10 ms at both ends of each flight take no part in its reading
     let length_s = frames as f64 / rate_hz / flights.len().max(1) as f64 - 0.02;
     Ok(TareReadings { times_s: first.times_s.clone(), plates, length_s })
@@ -169,10 +241,20 @@ fn lean(mut motion: Motion) -> Motion {
 }
 
 /// Loads the trials that every earlier stage brought through.
-pub fn load_trials(job: &Job<'_>) -> Result<Vec<ComparedTrial>, StageFailure> {
-    let names = job.trials_of("regressor");
-    let subject = job.load_subject("calibrate")?;
-    names.par_iter().map(|name| ComparedTrial::of(job, name, TrialRows::load_for(job, name, &subject)?)).collect()
+pub fn load_trials(
+    params: &Params,
+    results: Results<'_>,
+    calendar: &(dyn Fn() -> Calendar + Sync),
+    trials: &[(String, Role)],
+) -> Result<Vec<ComparedTrial>, StageFailure> {
+    let subject = results.load_subject("calibrate")?;
+    trials
+        .par_iter()
+        .map(|(name, role)| {
+            let rows = TrialRows::load(results, &params.filter, &calendar, name, &subject)?;
+            ComparedTrial::of(params, results, *role, name, rows)
+        })
+        .collect()
 }
 
 /// In the air everything is known; on the ground only where plates are loaded: somebody who stands on a box before a drop loads none.
@@ -212,7 +294,7 @@ pub enum Floor<'a> {
 /// Models of one subject against the measurement of trials. `left_out` says which trials' flights took no part in the first model; as
 /// `held_out` says where it is not given.
 pub fn compare_models(
-    study: &Study,
+    params: &Params,
     subject: &Subject,
     trials: &[ComparedTrial],
     candidates: &[Candidate],
@@ -222,7 +304,7 @@ pub fn compare_models(
 ) -> Result<(Comparison, Vec<TrialSeries>), StageFailure> {
     let validation = has_validation(trials);
     compare_with(
-        study,
+        params,
         subject,
         trials.len(),
         |i| Ok(&trials[i]),
@@ -253,7 +335,7 @@ impl ComparedTrial {
 
 /// [`compare_models`] over trials that are read when their turn comes.
 fn compare_with<T>(
-    study: &Study,
+    params: &Params,
     subject: &Subject,
     trials: usize,
     read: impl Fn(usize) -> Result<T, Failed> + Sync,
@@ -264,11 +346,11 @@ fn compare_with<T>(
     let base = BaseParameters::of(&subject.model);
     let prior = subject.prior_phi();
     let body = Body { model: &subject.model, base: &base, prior: &prior };
-    let spec = low_pass(study);
+    let spec = low_pass(&params.filter);
     let again = |m: &Motion| smooth(&subject.model, m, Some(spec)).ok();
     let options = CompareOptions {
         noise_draws: if let Floor::Drawn(draws, _) = floor { draws } else { CompareOptions::default().noise_draws },
-        ..compare_options(study, subject)
+        ..compare_options(params, subject)
     };
     let filtering = Filtering { filter: Some(spec), smooth: &again };
     let noise = match floor {
@@ -287,31 +369,31 @@ impl From<CompareError> for Failed {
     }
 }
 
-fn compare_options(study: &Study, subject: &Subject) -> CompareOptions {
+fn compare_options(params: &Params, subject: &Subject) -> CompareOptions {
     CompareOptions {
-        edge_s: study.config.compare.edge_s,
-        flight_margin_s: study.config.flight.margin_s,
-        window_s: study.config.compare.window_s,
-        flight_window_s: (study.config.regressor.window_s > 0.0).then_some(study.config.regressor.window_s),
+        edge_s: params.compare.edge_s,
+        flight_margin_s: params.margin_s,
+        window_s: params.compare.window_s,
+        flight_window_s: (params.regressor.window_s > 0.0).then_some(params.regressor.window_s),
         mass_kg: Some(subject.facts.mass_kg),
         ..CompareOptions::default()
     }
 }
 
-fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
-    let study = job.study;
-    let subject = job.load_subject("calibrate")?;
+fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+    let results = inputs.results;
+    let subject = results.load_subject("calibrate")?;
     let base = BaseParameters::of(&subject.model);
-    let names = job.trials_of("regressor");
-    let chosen = study.config.regressor.rows;
+    let names = inputs.trials_of("regressor");
+    let chosen = params.regressor.rows;
     let other = if chosen == Rows::Weak { Rows::Paper } else { Rows::Weak };
     let mut candidates = Vec::new();
-    let mut done = Done::default();
+    let mut done = StageReport::default();
     let mut left_out = vec![false; names.len()];
     for (i, rows) in [chosen, other].into_iter().enumerate() {
-        let Some(parameters) = job.load_parameters(rows)? else { continue };
+        let Some(parameters) = results.load_parameters(rows)? else { continue };
         let name = if i == 0 { "identified".to_owned() } else { format!("{} rows", rows.word()) };
-        let factors = training_factors(job, rows, study.config.identify.contact)?;
+        let factors = training_factors(inputs, rows, params.identify.contact)?;
         let parts = each_without(&Predicting::like(&subject, &parameters)?, &names, &factors, &parameters);
         if i == 0 {
             left_out = parts.iter().map(|p| p.left_out).collect();
@@ -321,32 +403,34 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         candidates.push(Candidate::per_trial(name, base).with_effects_per_trial(effects));
     }
     candidates.push(Candidate::links("prior", &base, &subject.prior_phi()));
-    let key = floor_key(job, &compare_options(study, &subject))?;
-    let place = job.workspace.place("compare", WHOLE_STUDY).join("noise_floor.json");
-    let sound = job.workspace.damage("compare", WHOLE_STUDY).is_empty();
-    let earlier = if sound { read_json::<StoredFloor>(&place).ok().filter(|f| f.key == key) } else { None };
-    let plain = if earlier.is_some() { None } else { plain_model(job, &subject, chosen)? };
+    let key = floor_key(params, inputs, &compare_options(params, &subject));
+    let stored = inputs.earlier().and_then(|place| read_json::<StoredFloor>(&place.join("noise_floor.json")).ok());
+    let earlier = stored.filter(|f| f.key == key);
+    let plain = if earlier.is_some() { None } else { plain_model(params, inputs, &subject, chosen)? };
     let floor = match &earlier {
         Some(f) => Floor::Known(&f.floor),
         None => Floor::Drawn(CompareOptions::default().noise_draws, plain.as_ref()),
     };
     let validates = |name: &String| -> Result<bool, StageFailure> {
-        let role = study.trial(name).is_some_and(|t| t.role == Role::Validate);
-        Ok(role && !plate_centers(&job.workspace.place("import", name))?.is_empty())
+        let held_out = inputs.role(name) == Some(Role::Validate);
+        Ok(held_out && !plate_centers(&results.place("import", name)?)?.is_empty())
     };
     let validation = names.iter().map(validates).collect::<Result<Vec<bool>, _>>()?.contains(&true);
     let readings: Vec<(String, TareReadings)> = if earlier.is_some() {
         Vec::new()
     } else {
-        names.par_iter().map(|n| Ok((n.clone(), tare_readings(job, n)?))).collect::<Result<_, StageFailure>>()?
+        names.par_iter().map(|n| Ok((n.clone(), tare_readings(results, n)?))).collect::<Result<_, StageFailure>>()?
     };
-    let read = |i: usize| {
-        let trial = TrialRows::load_for(job, &names[i], &subject).and_then(|r| ComparedTrial::of(job, &names[i], r));
-        let trial = if earlier.is_some() { trial } else { trial.and_then(|t| t.with_errors(job, &subject, &readings)) };
-        trial.map_err(Failed)
+    let listed = params.effects.recordings.as_deref().unwrap_or_default();
+    let calendar = || Calendar::from_order(listed, inputs.expected(), results.workspace());
+    let load = |name: &str| {
+        let rows = TrialRows::load(results, &params.filter, &calendar, name, &subject)?;
+        let trial = ComparedTrial::of(params, results, inputs.role(name).unwrap_or(Role::Identify), name, rows)?;
+        if earlier.is_some() { Ok(trial) } else { trial.with_errors(params, results, &subject, &readings) }
     };
+    let read = |i: usize| load(&names[i]).map_err(Failed);
     let (comparison, series) = compare_with(
-        study,
+        params,
         &subject,
         names.len(),
         read,
@@ -355,11 +439,11 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         floor,
     )?;
     if let Some(floor) = &comparison.noise_floor {
-        write_json(&job.out.join("noise_floor.json"), &StoredFloor { key, floor: floor.clone() })?;
+        write_json(&inputs.out.join("noise_floor.json"), &StoredFloor { key, floor: floor.clone() })?;
     }
-    write_json(&job.out.join("comparison.json"), &comparison)?;
+    write_json(&inputs.out.join("comparison.json"), &comparison)?;
     for s in &series {
-        series_table(s, &comparison).write(&job.out.join(format!("series_{}.parquet", s.trial)))?;
+        series_table(s, &comparison).write(&inputs.out.join(format!("series_{}.parquet", s.trial)))?;
     }
     describe(&comparison, &mut done);
     Ok(done)
@@ -367,7 +451,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
 
 /// Parameters for each trial, identified without it, and what could not be held out.
 pub fn without_each_trial(
-    study: &Study,
+    params: &identify::Params,
     subject: &Subject,
     trials: &[ComparedTrial],
     factors: &[(Stretch, Factor)],
@@ -383,7 +467,7 @@ pub fn without_each_trial(
                     kept.is_empty().then(|| format!("{}: the only trial with flights, so it is not held out", t.name));
                 return (all.clone(), alone);
             }
-            match identify_from(study, subject, &kept, estimator, 0) {
+            match identify_from(params, subject, &kept, estimator, 0) {
                 Ok(p) => (p.base_values(), None),
                 Err(e) => (all.clone(), Some(format!("{} could not be left out: {}", t.name, e.problem))),
             }
@@ -446,25 +530,29 @@ struct StoredFloor {
 }
 
 /// What the noise floor follows from: the motion, the plates, and how both are processed; never the effects of the model.
-fn floor_key(job: &Job<'_>, options: &CompareOptions) -> Result<String, StageFailure> {
-    let study = job.study;
+fn floor_key(params: &Params, inputs: &StageInputs<'_>, options: &CompareOptions) -> String {
     let mut hasher = blake3::Hasher::new();
-    for (stage, trial) in job.inputs.iter().filter(|(s, _)| s != "regressor" && s != "identify") {
-        let output = job.workspace.manifest(stage, trial).map(|m| m.output).unwrap_or_default();
+    for (stage, trial) in inputs.all().iter().filter(|(s, _)| s != "regressor" && s != "identify") {
+        let output = inputs.results.manifest(stage, trial).map(|m| m.output).unwrap_or_default();
         hasher.update(format!("{stage}/{trial}={output}\n").as_bytes());
     }
     let roles: Vec<&str> =
-        job.trials_of("regressor").iter().filter_map(|n| Some(study.trial(n)?.role.word())).collect();
-    let settings = json!({"version": STAGE.version, "options": key(options), "filter": key(&study.config.filter),
-        "regressor": key(&study.config.regressor), "identify": key(&study.config.identify), "ik": key(&study.config.ik), "roles": roles});
+        inputs.trials_of("regressor").iter().filter_map(|n| inputs.role(n)).map(Role::word).collect();
+    let settings = json!({"version": STAGE.version, "options": key(options), "filter": key(&params.filter),
+        "regressor": key(&params.regressor), "identify": key(&params.identify), "ik": key(&params.ik), "roles": roles});
     hasher.update(settings.to_string().as_bytes());
-    Ok(hasher.finalize().to_hex().to_string())
+    hasher.finalize().to_hex().to_string()
 }
 
 /// The model without effects, through which noise is sent; none where nothing was identified.
-fn plain_model(job: &Job<'_>, subject: &Subject, rows: Rows) -> Result<Option<Candidate>, StageFailure> {
-    let Some(parameters) = job.load_parameters(rows)? else { return Ok(None) };
-    let plain: Vec<Factor> = training_factors(job, rows, job.study.config.identify.contact)?
+fn plain_model(
+    params: &Params,
+    inputs: &StageInputs<'_>,
+    subject: &Subject,
+    rows: Rows,
+) -> Result<Option<Candidate>, StageFailure> {
+    let Some(parameters) = inputs.results.load_parameters(rows)? else { return Ok(None) };
+    let plain: Vec<Factor> = training_factors(inputs, rows, params.identify.contact)?
         .iter()
         .map(|(_, f)| f.with_effects(&[]).map_err(|e| StageFailure::new(e.to_string())))
         .collect::<Result<_, StageFailure>>()?;
@@ -491,7 +579,7 @@ fn series_table(s: &TrialSeries, comparison: &Comparison) -> Table {
     table
 }
 
-fn describe(c: &Comparison, done: &mut Done) {
+fn describe(c: &Comparison, done: &mut StageReport) {
     let first = &c.first;
     let errors = |e: &aloft_compare::WrenchErrors| {
         (e.frames > 0).then(|| json!({"force_n": e.force_n.mean_mae(), "moment_nm": e.moment_nm.mean_mae()}))

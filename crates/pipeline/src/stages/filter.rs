@@ -1,16 +1,15 @@
 //! `filter`: joint coordinates through the zero-phase low-pass, with velocities and accelerations on the manifold.
 
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use aloft_ik::smooth;
 use aloft_signal::residual_analysis::{default_cutoffs, residual_analysis};
 use aloft_signal::{CutoffCorrection, LowPass};
-use aloft_study::config::Correction;
-use aloft_study::study::{Role, Study};
+use aloft_study::config::{Correction, FilterConfig};
+use aloft_study::study::{Role, Study, TrialEntry};
 use aloft_workspace::artifact::save_motion;
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::key::key;
 use aloft_workspace::workspace::write_json;
-use serde_json::json;
+use serde::Serialize;
 
 /// The stage.
 pub static STAGE: Stage = Stage {
@@ -20,13 +19,32 @@ pub static STAGE: Stage = Stage {
     reads: "`Motion`",
     gives: "`Motion` with velocities and accelerations (zero-phase Butterworth)",
     needs: &[Need::Same("ik"), Need::Once("calibrate")],
-    parameters: |study, _| json!({"filter": key(&study.config.filter)}),
-    run,
+    parameters: parameters_of::<Work>,
+    run: run_of::<Work>,
 };
 
+/// Parameters of the stage.
+#[derive(Debug, Serialize)]
+pub struct Params {
+    filter: FilterConfig,
+}
+
+/// The stage's work.
+#[derive(Debug)]
+pub struct Work;
+
+impl StageWork for Work {
+    type Params = Params;
+    fn params(study: &Study, _: Option<&TrialEntry>) -> Params {
+        Params { filter: study.config.filter.clone() }
+    }
+    fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+        run(params, inputs)
+    }
+}
+
 /// The low-pass that the pipeline asks for.
-pub fn low_pass(study: &Study) -> LowPass {
-    let f = &study.config.filter;
+pub fn low_pass(f: &FilterConfig) -> LowPass {
     LowPass {
         order: f.order,
         cutoff_hz: f.cutoff_hz,
@@ -37,15 +55,14 @@ pub fn low_pass(study: &Study) -> LowPass {
     }
 }
 
-fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
-    let entry = job.trial()?;
-    let subject = job.load_subject("calibrate")?;
-    let motion = job.load_motion("ik", &entry.name)?;
-    let spec = low_pass(job.study);
+fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+    let subject = inputs.results.load_subject("calibrate")?;
+    let motion = inputs.results.load_motion("ik", inputs.trial()?)?;
+    let spec = low_pass(&params.filter);
     let smoothed = smooth(&subject.model, &motion, Some(spec))
         .map_err(|e| StageFailure::with_hint(e.to_string(), "see `filter` in the pipeline"))?;
-    save_motion(job.out, &smoothed, &subject.model)?;
-    let mut done = Done::default();
+    save_motion(inputs.out, &smoothed, &subject.model)?;
+    let mut done = StageReport::default();
     // how much of the root's path each cut-off would take away: a help for choosing one
     let root: Vec<Vec<f64>> = (0..3).map(|i| motion.q.iter().skip(i).step_by(motion.nq).copied().collect()).collect();
     let channels: Vec<&[f64]> = root.iter().map(Vec::as_slice).collect();
@@ -53,7 +70,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         if let Some(hz) = analysis.suggested_cutoff_hz {
             done.note("suggested_cutoff_hz", hz);
         }
-        write_json(&job.out.join("residual_analysis.json"), &analysis)?;
+        write_json(&inputs.out.join("residual_analysis.json"), &analysis)?;
     }
     if let Ok(facts) = spec.describe(motion.rate_hz) {
         done.note("effective_order", facts.effective_order);

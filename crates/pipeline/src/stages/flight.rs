@@ -1,19 +1,18 @@
 //! `flight`: the intervals in which no external force acts, and what the plates read when nothing stands on them.
 
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use aloft_body::{Motion, Subject};
 use aloft_flight::{
-    FlightMethod, FlightOptions, FlightReport, ImpulseMass, PlateTare, TareSource, apply_tare, find_flights,
-    impulse_masses, plate_wrench_at_marker_rate, tare, total_wrench,
+    FlightMethod, FlightOptions, FlightReport, ImpulseMass, TareSource, find_flights, impulse_masses,
+    plate_wrench_at_marker_rate, tare, total_wrench,
 };
-use aloft_study::config::FlightSource;
-use aloft_study::study::Role;
+use aloft_study::config::{FlightConfig, FlightSource};
+use aloft_study::study::{Role, Study, TrialEntry};
 use aloft_trial::Trial;
-use aloft_workspace::artifact::load_trial_without_points;
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::key::key;
 use aloft_workspace::qc::QcReason;
-use aloft_workspace::workspace::{read_json, write_json};
+use aloft_workspace::workspace::write_json;
+use serde::Serialize;
 use serde_json::json;
 
 /// The stage.
@@ -24,31 +23,35 @@ pub static STAGE: Stage = Stage {
     reads: "`Motion`, plates, prior",
     gives: "intervals in which no external force acts; tare of the plates",
     needs: &[Need::Same("import"), Need::Same("ik"), Need::Once("calibrate")],
-    parameters: |study, trial| {
-        json!({"flight": key(study.flight_of(trial)), "gravity_mps2": key(&study.facts.gravity_mps2),
-            "role": trial.map(|t| t.role.word()), "is_object": study.object.is_some()})
-    },
-    run,
+    parameters: parameters_of::<Work>,
+    run: run_of::<Work>,
 };
 
-impl Job<'_> {
-    /// The flights of a trial.
-    pub fn load_flights(&self, trial: &str) -> Result<FlightReport, StageFailure> {
-        Ok(read_json(&self.workspace.place("flight", trial).join("flights.json"))?)
+/// Parameters of the stage.
+#[derive(Debug, Serialize)]
+pub struct Params {
+    flight: FlightConfig,
+    gravity_mps2: f64,
+    role: Option<Role>,
+    is_object: bool,
+}
+
+/// The stage's work.
+#[derive(Debug)]
+pub struct Work;
+
+impl StageWork for Work {
+    type Params = Params;
+    fn params(study: &Study, trial: Option<&TrialEntry>) -> Params {
+        Params {
+            flight: study.flight_of(trial).clone(),
+            gravity_mps2: study.facts.gravity_mps2,
+            role: trial.map(|t| t.role),
+            is_object: study.object.is_some(),
+        }
     }
-    /// The imported recording without its trajectories, the tare of its plates taken off.
-    pub fn load_tared_plates(&self, name: &str) -> Result<Trial, StageFailure> {
-        let mut trial = load_trial_without_points(&self.workspace.place("import", name))?;
-        let tares: Vec<PlateTare> = read_json(&self.workspace.place("flight", name).join("tare.json"))?;
-        apply_tare(&mut trial, &tares);
-        Ok(trial)
-    }
-    /// The imported recording with the tare of its plates taken off.
-    pub fn load_tared_trial(&self, name: &str) -> Result<Trial, StageFailure> {
-        let mut trial = self.load_trial(name)?;
-        let tares: Vec<PlateTare> = read_json(&self.workspace.place("flight", name).join("tare.json"))?;
-        apply_tare(&mut trial, &tares);
-        Ok(trial)
+    fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+        run(params, inputs)
     }
 }
 
@@ -70,12 +73,11 @@ pub fn gravity_error_percent(report: &FlightReport, gravity_mps2: f64) -> Option
         .then(|| (-used.iter().map(|u| u.0 * u.1).sum::<f64>() / frames / gravity_mps2 - 1.0) * 100.0)
 }
 
-fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
-    let entry = job.trial()?;
-    let config = job.study.flight_of(Some(entry));
-    let mut trial = job.load_trial(&entry.name)?;
-    let subject = job.load_subject("calibrate")?;
-    let motion = job.load_motion("ik", &entry.name)?;
+fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+    let (name, config) = (inputs.trial()?, &params.flight);
+    let mut trial = inputs.results.load_trial(name)?;
+    let subject = inputs.results.load_subject("calibrate")?;
+    let motion = inputs.results.load_motion("ik", name)?;
     let options = FlightOptions {
         method: match config.source {
             FlightSource::Auto => FlightMethod::Auto,
@@ -85,21 +87,21 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         threshold_n: config.threshold_n,
         min_duration_s: config.min_duration_s,
         stature_m: subject.facts.height_m,
-        ratio_sd: if job.study.object.is_some() { RIGID_RATIO_SD } else { PERSON_RATIO_SD },
+        ratio_sd: if params.is_object { RIGID_RATIO_SD } else { PERSON_RATIO_SD },
         ..FlightOptions::default()
     };
     let prior = subject.prior_phi();
     let report = find_flights(&trial, Some((&subject.model, &prior, &motion)), &options)
         .map_err(|e| StageFailure::new(e.to_string()))?;
     let tares = tare(&mut trial, &report.flights);
-    write_json(&job.out.join("flights.json"), &report)?;
-    write_json(&job.out.join("tare.json"), &tares)?;
+    write_json(&inputs.out.join("flights.json"), &report)?;
+    write_json(&inputs.out.join("tare.json"), &tares)?;
     let weighed = weigh(&trial, &subject, &motion, &report)?;
-    write_json(&job.out.join("impulse_mass.json"), &weighed)?;
-    let mut done = Done::default();
+    write_json(&inputs.out.join("impulse_mass.json"), &weighed)?;
+    let mut done = StageReport::default();
     done.note("flights", report.flights.len());
     done.note("flight_s", report.flight_frames() as f64 / report.rate_hz);
-    if let Some(percent) = gravity_error_percent(&report, job.study.facts.gravity_mps2) {
+    if let Some(percent) = gravity_error_percent(&report, params.gravity_mps2) {
         done.note("gravity_error_percent", percent);
     }
     done.warnings.extend(report.warnings.iter().cloned());
@@ -116,11 +118,11 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     if tares.iter().any(|t| t.source == TareSource::None) {
         reasons.push(QcReason::UntaredPlate);
     }
-    if entry.role == Role::Identify && report.flights.is_empty() {
+    if params.role == Some(Role::Identify) && report.flights.is_empty() {
         reasons.push(QcReason::NoFlight);
     }
     done.note("qc", json!(reasons));
-    if entry.role == Role::Identify && report.flights.is_empty() {
+    if params.role == Some(Role::Identify) && report.flights.is_empty() {
         let why: Vec<String> =
             report.rejected.iter().take(3).map(|r| format!("frames {} to {}: {}", r.start, r.end, r.reason)).collect();
         done.warnings.push(format!(

@@ -1,6 +1,6 @@
 //! `identify`: base parameters from the factors of all flights, with weak rows and with the paper's beside them.
 
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use crate::merge;
 use crate::stages::regressor::{load_factors, load_slides, row_kind};
 use aloft_body::{BaseParameters, Subject};
@@ -8,13 +8,13 @@ use aloft_identify::{
     ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, Prior, identify_with_slides, point_estimate,
 };
 use aloft_regressor::{Factor, RowKind, Slides, Stretch, StretchKind, leave_group_out};
-use aloft_study::config::{Estimator as Choice, Rows};
-use aloft_study::study::{Role, Study};
+use aloft_study::config::{Estimator as Choice, IdentifyConfig, Rows};
+use aloft_study::revision::ModelEffect;
+use aloft_study::study::{Role, Study, TrialEntry};
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::key::key;
-use aloft_workspace::workspace::{WHOLE_STUDY, read_json, write_json};
+use aloft_workspace::workspace::write_json;
 use nalgebra::DVector;
-use serde_json::json;
+use serde::Serialize;
 use std::collections::HashMap;
 
 /// The stage.
@@ -25,21 +25,61 @@ pub static STAGE: Stage = Stage {
     reads: "all factors",
     gives: "base parameters with intervals, consistent link inertias",
     needs: &[Need::Once("calibrate"), Need::Every("regressor", &[Role::Identify])],
-    parameters: |study, _| {
-        json!({"identify": key(&study.config.identify), "rows": key(&study.config.regressor.rows),
-            "is_object": study.object.is_some()})
-    },
-    run,
+    parameters: parameters_of::<Work>,
+    run: run_of::<Work>,
 };
 
-/// Flights (and contact stretches, where asked for) of the identification trials, from one kind of rows.
-pub fn training_factors(job: &Job<'_>, rows: Rows, contact: bool) -> Result<Vec<(Stretch, Factor)>, StageFailure> {
-    let mut out = Vec::new();
-    for name in job.trials_of("regressor") {
-        if job.study.trial(&name).is_none_or(|t| t.role != Role::Identify) {
-            continue;
+/// Parameters of the stage.
+#[derive(Debug, Serialize)]
+pub struct Params {
+    /// Settings of identification.
+    pub identify: IdentifyConfig,
+    /// The rows that the pipeline chose.
+    pub rows: Rows,
+    /// True for objects.
+    pub is_object: bool,
+    /// By how much the standard error of each coefficient grows because the nonlinear parameters of its effect were fitted, by name.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub widening: Vec<(String, f64)>,
+}
+
+impl Params {
+    /// Of a study.
+    pub fn of(study: &Study) -> Self {
+        let widening =
+            |e: &ModelEffect| e.widening.iter().map(|(n, by)| (format!("{}.{n}", e.key), *by)).collect::<Vec<_>>();
+        Self {
+            identify: study.config.identify.clone(),
+            rows: study.config.regressor.rows,
+            is_object: study.object.is_some(),
+            widening: study.effects.iter().flat_map(widening).collect(),
         }
-        let factors = load_factors(&job.workspace.place("regressor", &name))?;
+    }
+}
+
+/// The stage's work.
+#[derive(Debug)]
+pub struct Work;
+
+impl StageWork for Work {
+    type Params = Params;
+    fn params(study: &Study, _: Option<&TrialEntry>) -> Params {
+        Params::of(study)
+    }
+    fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+        run(params, inputs)
+    }
+}
+
+/// Flights (and contact stretches, where asked for) of the identification trials, from one kind of rows.
+pub fn training_factors(
+    inputs: &StageInputs<'_>,
+    rows: Rows,
+    contact: bool,
+) -> Result<Vec<(Stretch, Factor)>, StageFailure> {
+    let mut out = Vec::new();
+    for name in inputs.trials_with_role("regressor", |role| role == Role::Identify) {
+        let factors = load_factors(&inputs.results.place("regressor", &name)?)?;
         out.extend(
             factors.into_iter().filter(|(s, f)| f.rows == row_kind(rows) && (contact || s.kind == StretchKind::Flight)),
         );
@@ -48,25 +88,25 @@ pub fn training_factors(job: &Job<'_>, rows: Rows, contact: bool) -> Result<Vec<
 }
 
 /// The estimator for a kind of rows: the paper's rows go with the paper's estimator unless the pipeline says otherwise.
-pub fn estimator(study: &Study, rows: Rows) -> Estimator {
-    let config = &study.config.identify;
+pub fn estimator(params: &Params, rows: Rows) -> Estimator {
+    let config = &params.identify;
     let weight = (config.prior_weight > 0.0).then_some(config.prior_weight);
     match (config.estimator, rows) {
         (Choice::NullVector, _) | (Choice::Auto, Rows::Paper) => Estimator::NullVector(ColumnScaling::default()),
         (Choice::MassConstrained, _) => Estimator::MassConstrained,
         (Choice::Regularized, _) => Estimator::Regularised { weight },
-        (Choice::Auto, Rows::Weak) if study.object.is_some() => Estimator::MassConstrained,
+        (Choice::Auto, Rows::Weak) if params.is_object => Estimator::MassConstrained,
         (Choice::Auto, Rows::Weak) => Estimator::Regularised { weight },
     }
 }
 
 /// What soft tissue makes of the weak rows of some factors, in their order; empty where a trial has none (objects).
-fn training_slides(job: &Job<'_>, factors: &[(Stretch, Factor)]) -> Result<Vec<Slides>, StageFailure> {
+fn training_slides(inputs: &StageInputs<'_>, factors: &[(Stretch, Factor)]) -> Result<Vec<Slides>, StageFailure> {
     let mut of_trials: HashMap<&str, Vec<(Stretch, Slides)>> = HashMap::new();
     let mut out = Vec::with_capacity(factors.len());
     for (stretch, factor) in factors {
         if !of_trials.contains_key(factor.trial.as_str()) {
-            of_trials.insert(&factor.trial, load_slides(&job.workspace.place("regressor", &factor.trial))?);
+            of_trials.insert(&factor.trial, load_slides(&inputs.results.place("regressor", &factor.trial)?)?);
         }
         let found = of_trials.get(factor.trial.as_str()).and_then(|all| all.iter().find(|(s, _)| s == stretch));
         match found {
@@ -82,18 +122,18 @@ pub type PointEstimate = (DVector<f64>, Vec<(String, f64)>);
 
 /// Identifies from the given factors.
 pub fn identify_from(
-    study: &Study,
+    params: &Params,
     subject: &Subject,
     factors: &[(Stretch, Factor)],
     estimator: Estimator,
     bootstrap: usize,
 ) -> Result<Parameters, StageFailure> {
-    identify_with(study, subject, factors, None, &[], estimator, bootstrap)
+    identify_with(params, subject, factors, None, &[], estimator, bootstrap)
 }
 
 /// The same with the flights merged already ([`merge::root`]) and with slides of soft tissue.
 fn identify_with(
-    study: &Study,
+    params: &Params,
     subject: &Subject,
     factors: &[(Stretch, Factor)],
     flights: Option<&Factor>,
@@ -103,12 +143,8 @@ fn identify_with(
 ) -> Result<Parameters, StageFailure> {
     let base = BaseParameters::of(&subject.model);
     let prior = LinkPrior::of_subject(subject).map_err(|e| StageFailure::new(e.to_string()))?;
-    let repeat_correlation = study.config.identify.repeat_correlation.unwrap_or(0.0);
-    let widening = study
-        .effects
-        .iter()
-        .flat_map(|e| e.widening.iter().map(move |(name, by)| (format!("{}.{name}", e.key), *by)))
-        .collect();
+    let repeat_correlation = params.identify.repeat_correlation.unwrap_or(0.0);
+    let widening = params.widening.iter().cloned().collect();
     let options = IdentifyOptions { estimator, bootstrap, repeat_correlation, widening, ..IdentifyOptions::default() };
     let plain: Vec<Factor> = factors.iter().map(|(_, f)| f.clone()).collect();
     identify_with_slides(&subject.model, &base, &plain, flights, slides, subject.facts.mass_kg, Some(&prior), &options)
@@ -190,21 +226,12 @@ pub fn file_name(rows: Rows) -> String {
     format!("parameters_{}.json", rows.word())
 }
 
-impl Job<'_> {
-    /// What was identified from one kind of rows, if it was.
-    pub fn load_parameters(&self, rows: Rows) -> Result<Option<Parameters>, StageFailure> {
-        let path = self.workspace.place("identify", WHOLE_STUDY).join(file_name(rows));
-        if path.is_file() { Ok(Some(read_json(&path)?)) } else { Ok(None) }
-    }
-}
-
-fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
-    let study = job.study;
-    let subject = job.load_subject("calibrate")?;
-    let mut done = Done::default();
-    let chosen = study.config.regressor.rows;
+fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+    let subject = inputs.results.load_subject("calibrate")?;
+    let mut done = StageReport::default();
+    let chosen = params.rows;
     for rows in Rows::ALL {
-        let factors = training_factors(job, rows, study.config.identify.contact)?;
+        let factors = training_factors(inputs, rows, params.identify.contact)?;
         if factors.is_empty() {
             let problem = format!("no flight of an identification trial gave {} rows", rows.word());
             if rows == chosen {
@@ -216,12 +243,12 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
             done.warnings.push(problem);
             continue;
         }
-        let flights = merge::root(job, &factors, row_kind(rows))?;
-        let bootstrap = study.config.identify.bootstrap;
-        let slides = training_slides(job, &factors)?;
-        match identify_with(study, &subject, &factors, flights.as_ref(), &slides, estimator(study, rows), bootstrap) {
+        let flights = merge::root(inputs, &factors, row_kind(rows))?;
+        let bootstrap = params.identify.bootstrap;
+        let slides = training_slides(inputs, &factors)?;
+        match identify_with(params, &subject, &factors, flights.as_ref(), &slides, estimator(params, rows), bootstrap) {
             Ok(parameters) => {
-                write_json(&job.out.join(file_name(rows)), &parameters)?;
+                write_json(&inputs.out.join(file_name(rows)), &parameters)?;
                 if rows == chosen {
                     let unseen = parameters.effects.iter().filter_map(|e| Some((&e.name, e.not_determined.as_ref()?)));
                     done.warnings.extend(unseen.map(|(name, why)| format!("effect {name} is not determined: {why}")));

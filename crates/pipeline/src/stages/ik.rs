@@ -1,16 +1,16 @@
 //! `ik`: markers to joint motion, frame by frame; a bad frame is marked, never fatal.
 
-use crate::graph::{Done, Job, Need, Scope, Stage};
-use crate::stages::scale::load_locked;
+use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
+use crate::results::Results;
 use aloft_body::{Motion, Subject};
 use aloft_ik::{IkOptions, IkReport, smooth, solve};
-use aloft_study::study::Role;
+use aloft_study::config::IkConfig;
+use aloft_study::study::{Role, Study, TrialEntry};
 use aloft_workspace::artifact::save_motion;
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::key::key;
 use aloft_workspace::qc::QcReason;
 use aloft_workspace::workspace::write_json;
-use serde_json::json;
+use serde::Serialize;
 
 /// The stage.
 pub static STAGE: Stage = Stage {
@@ -20,13 +20,32 @@ pub static STAGE: Stage = Stage {
     reads: "trial, `Subject`",
     gives: "`Motion`: joint coordinates, marker residuals, standard deviations",
     needs: &[Need::Same("import"), Need::Once("scale"), Need::Once("calibrate")],
-    parameters: |study, trial| json!({"ik": key(study.ik_of(trial))}),
-    run,
+    parameters: parameters_of::<Work>,
+    run: run_of::<Work>,
 };
 
+/// Parameters of the stage.
+#[derive(Debug, Serialize)]
+pub struct Params {
+    ik: IkConfig,
+}
+
+/// The stage's work.
+#[derive(Debug)]
+pub struct Work;
+
+impl StageWork for Work {
+    type Params = Params;
+    fn params(study: &Study, trial: Option<&TrialEntry>) -> Params {
+        Params { ik: study.ik_of(trial).clone() }
+    }
+    fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+        run(params, inputs)
+    }
+}
+
 /// How the markers of a trial are fitted; weights that the pipeline states go into the subject.
-pub fn fit_options(job: &Job<'_>, subject: &mut Subject, name: &str) -> Result<IkOptions, StageFailure> {
-    let config = job.study.ik_of(job.study.trial(name));
+pub fn fit_options(config: &IkConfig, results: Results<'_>, subject: &mut Subject) -> Result<IkOptions, StageFailure> {
     for (label, weight) in &config.weights {
         match subject.markers.iter_mut().find(|m| &m.label == label) {
             Some(marker) => marker.weight = *weight,
@@ -38,13 +57,18 @@ pub fn fit_options(job: &Job<'_>, subject: &mut Subject, name: &str) -> Result<I
             }
         }
     }
-    Ok(IkOptions { marker_sd_m: config.marker_sd_m, locked: load_locked(job)?, ..IkOptions::default() })
+    Ok(IkOptions { marker_sd_m: config.marker_sd_m, locked: results.load_locked()?, ..IkOptions::default() })
 }
 
 /// Tracks a trial with a subject's geometry: motion with continuous turns and signs, and the report.
-pub fn track(job: &Job<'_>, mut subject: Subject, name: &str) -> Result<(Subject, Motion, IkReport), StageFailure> {
-    let trial = job.load_trial(name)?;
-    let options = fit_options(job, &mut subject, name)?;
+pub fn track(
+    config: &IkConfig,
+    results: Results<'_>,
+    mut subject: Subject,
+    name: &str,
+) -> Result<(Subject, Motion, IkReport), StageFailure> {
+    let trial = results.load_trial(name)?;
+    let options = fit_options(config, results, &mut subject)?;
     let result = solve(&subject, &trial, &options).map_err(|e| StageFailure::new(e.to_string()))?;
     let mut motion = smooth(&subject.model, &result.motion, None).map_err(|e| StageFailure::new(e.to_string()))?;
     // only the continuity of turns and signs is wanted here; derivatives belong to `filter`
@@ -53,18 +77,19 @@ pub fn track(job: &Job<'_>, mut subject: Subject, name: &str) -> Result<(Subject
     Ok((subject, motion, result.report))
 }
 
-fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
-    let entry = job.trial()?;
-    let (subject, motion, report) = track(job, job.load_subject("calibrate")?, &entry.name)?;
-    save_motion(job.out, &motion, &subject.model)?;
-    write_json(&job.out.join("report.json"), &report)?;
-    let mut done = Done::default();
+fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+    let name = inputs.trial()?;
+    let subject = inputs.results.load_subject("calibrate")?;
+    let (subject, motion, report) = track(&params.ik, inputs.results, subject, name)?;
+    save_motion(inputs.out, &motion, &subject.model)?;
+    write_json(&inputs.out.join("report.json"), &report)?;
+    let mut done = StageReport::default();
     done.note("marker_rms_mm", report.rms_m * 1e3);
     done.note("marker_max_mm", report.max_m * 1e3);
     done.note("unsolved_frames", report.n_unsolved);
     if report.n_unsolved == report.n_frames {
         return Err(StageFailure::with_hint(
-            format!("{}: no frame could be solved: too few markers on the root link", entry.name),
+            format!("{name}: no frame could be solved: too few markers on the root link"),
             "look at the recording with `aloft inspect`",
         )
         .because(QcReason::IkFailed));

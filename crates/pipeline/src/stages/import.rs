@@ -1,16 +1,16 @@
 //! `import`: one recording to a [`Trial`] in SI and the world frame, labels canonical, short gaps filled, artefacts found.
 
-use crate::graph::{Done, Job, Need, Scope, Stage};
-use aloft_study::config::Vertical;
+use crate::graph::{Need, Recording, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
+use aloft_study::config::{ImportConfig, Vertical};
 use aloft_study::quote;
 use aloft_study::study::{Role, Study, TrialEntry, bids_beside};
 use aloft_trial::{
-    ArtefactOptions, BidsMotion, GapOptions, ImportOptions, QualityOptions, Severity, Trial, TrialQuality, UpAxis,
+    ArtefactOptions, BidsMotion, GapOptions, ImportOptions, MarkerSet, QualityOptions, Severity, Trial, TrialQuality,
+    UpAxis,
 };
 use aloft_trial::{MarkerSetMatch, apply_marker_set, assess, fill_gaps, find_artefacts};
 use aloft_workspace::artifact::save_trial;
 use aloft_workspace::error::{PipelineError, StageFailure};
-use aloft_workspace::key::key;
 use aloft_workspace::qc::QcReason;
 use aloft_workspace::workspace::write_json;
 use serde::{Deserialize, Serialize};
@@ -24,9 +24,30 @@ pub static STAGE: Stage = Stage {
     reads: "C3D, TRC with MOT, or BIDS-Motion; marker set",
     gives: "markers, plates, events in SI and one world frame; quality table",
     needs: &[Need::Recording],
-    parameters: |study, trial| json!({"import": key(study.import_of(trial)), "marker_set": key(&study.marker_set)}),
-    run,
+    parameters: parameters_of::<Work>,
+    run: run_of::<Work>,
 };
+
+/// Parameters of the stage.
+#[derive(Debug, Serialize)]
+pub struct Params {
+    import: ImportConfig,
+    marker_set: MarkerSet,
+}
+
+/// The stage's work.
+#[derive(Debug)]
+pub struct Work;
+
+impl StageWork for Work {
+    type Params = Params;
+    fn params(study: &Study, trial: Option<&TrialEntry>) -> Params {
+        Params { import: study.import_of(trial).clone(), marker_set: study.marker_set.clone() }
+    }
+    fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+        run(params, inputs)
+    }
+}
 
 /// What `quality.json` holds.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -42,8 +63,7 @@ pub struct ImportRecord {
 }
 
 /// Reads a recording as the pipeline asks for it, before a marker set is applied.
-pub fn read_recording(study: &Study, entry: &TrialEntry) -> Result<Trial, StageFailure> {
-    let import = study.import_of(Some(entry));
+pub fn read_recording(import: &ImportConfig, recording: &Recording) -> Result<Trial, StageFailure> {
     let options = ImportOptions {
         up_axis: match import.up_axis {
             Vertical::Auto => None,
@@ -54,7 +74,7 @@ pub fn read_recording(study: &Study, entry: &TrialEntry) -> Result<Trial, StageF
         strip_prefix: import.strip_prefix,
         ..ImportOptions::default()
     };
-    read_file(&entry.name, &entry.file, entry.forces.as_deref(), &options)
+    read_file(&recording.name, &recording.file, recording.forces.as_deref(), &options)
 }
 
 fn unreadable(name: &str, file: &std::path::Path, error: &aloft_trial::TrialError) -> StageFailure {
@@ -133,28 +153,27 @@ fn acquired(scans: &str, file: &std::path::Path) -> Option<aloft_trial::Recorded
     aloft_trial::recorded_at(row.get(times)?, "scans.tsv acq_time")
 }
 
-fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
-    let entry = job.trial()?;
-    let study = job.study;
-    let mut trial = read_recording(study, entry)?;
-    let import = study.import_of(Some(entry));
+fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+    let Params { import, marker_set } = params;
+    let recording = inputs.recording()?;
+    let mut trial = read_recording(import, recording)?;
     let held = held_fraction(&trial);
-    holds_enough(study, entry, &trial)?;
-    let matched = apply_marker_set(&mut trial, &study.marker_set, &import.aliases);
+    holds_enough(import, recording, &trial)?;
+    let matched = apply_marker_set(&mut trial, marker_set, &import.aliases);
     if matched.present.is_empty() {
         return Err(StageFailure::with_hint(
             format!(
                 "{}: none of the {} markers of the set `{}` is in the recording; it has {}",
-                entry.file.display(),
-                study.marker_set.markers.len(),
-                study.marker_set.name,
+                recording.file.display(),
+                marker_set.markers.len(),
+                marker_set.name,
                 abridged(&trial.markers.labels),
             ),
             "choose another `marker_set`, or map the labels under `import: {aliases: …}`",
         )
         .because(QcReason::NoMarkers));
     }
-    let segments = study.marker_set.segments();
+    let segments = marker_set.segments();
     let artefacts = ArtefactOptions { repair: import.repair, ..ArtefactOptions::default() };
     let findings = find_artefacts(&mut trial, &segments, &artefacts);
     let gaps = GapOptions {
@@ -166,13 +185,13 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     let quality = assess(&trial, Some(&matched), &fills, &findings, &QualityOptions::default());
     if let Some(reason) = quality.reasons.iter().find(|r| r.severity() == Severity::Unusable) {
         return Err(StageFailure::with_hint(
-            format!("{}: {reason}", entry.file.display()),
+            format!("{}: {reason}", recording.file.display()),
             "exclude the trial with a reason under `trials: {exclude: …}`, or export it again",
         )
         .because(reason.into()));
     }
-    save_trial(job.out, &trial)?;
-    let mut done = Done::default();
+    save_trial(inputs.out, &trial)?;
+    let mut done = StageReport::default();
     done.note("frames", trial.markers.n_frames);
     done.note("rate_hz", trial.markers.rate_hz);
     done.note("markers", matched.present.len());
@@ -204,16 +223,16 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
     done.note("missing_samples", gaps_left);
     done.warnings.extend(trial.warnings.iter().cloned());
     done.warnings.extend(quality.reasons.iter().filter(|r| r.severity() == Severity::Warning).map(ToString::to_string));
-    write_json(&job.out.join("quality.json"), &ImportRecord { matched, fills, findings, quality })?;
+    write_json(&inputs.out.join("quality.json"), &ImportRecord { matched, fills, findings, quality })?;
     Ok(done)
 }
 
 /// A file that ends before the stated number of frames is used as far as it goes, unless it holds less than the pipeline's `least_fraction`.
-pub fn holds_enough(study: &Study, entry: &TrialEntry, trial: &Trial) -> Result<(), StageFailure> {
-    let recording = held_fraction(trial).map(|counts| (counts, &entry.file));
-    let forces = forces_held(trial).zip(entry.forces.as_ref());
-    for ((held, stated), file) in recording.into_iter().chain(forces) {
-        if (held as f64) < study.import_of(Some(entry)).least_fraction * stated as f64 {
+pub fn holds_enough(import: &ImportConfig, recording: &Recording, trial: &Trial) -> Result<(), StageFailure> {
+    let markers = held_fraction(trial).map(|counts| (counts, &recording.file));
+    let forces = forces_held(trial).zip(recording.forces.as_ref());
+    for ((held, stated), file) in markers.into_iter().chain(forces) {
+        if (held as f64) < import.least_fraction * stated as f64 {
             return Err(StageFailure::with_hint(
                 format!("{}: a broken copy: {held} of the {stated} frames that it states are in it", file.display()),
                 "copy the recording again, or set `import: {least_fraction: …}` to use what is there",

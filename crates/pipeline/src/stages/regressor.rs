@@ -1,6 +1,7 @@
 //! `regressor`: one triangular factor a flight and a contact stretch, from weak rows and from the paper's rows.
 
-use crate::graph::{Done, Job, Need, Scope, Stage};
+use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
+use crate::results::Results;
 use crate::stages::filter::low_pass;
 use aloft_body::{BaseParameters, Motion, Subject};
 use aloft_effects::{PlateSeries, Scene, Span, TrialMotion, columns_about};
@@ -10,13 +11,12 @@ use aloft_regressor::{
     AccelerationOptions, Acting, Columns, CoordinateNoise, EffectColumns, Factor, Noise, RegressorError, RowKind,
     Slides, Stretch, StretchKind, Tissue, WeakOptions, acceleration_factor, weak_factor, weak_factor_with_tissue,
 };
-use aloft_study::config::{Rows, Weighting};
-use aloft_study::effects::KnownEffects;
-use aloft_study::session::{Calendar, asks_session_time};
-use aloft_study::study::{Role, Study};
+use aloft_study::config::{FilterConfig, Rows, Weighting};
+use aloft_study::effects::{KnownEffects, ModelEffects};
+use aloft_study::session::Calendar;
+use aloft_study::study::{Role, Study, TrialEntry};
 use aloft_trial::{SessionSource, Trial};
 use aloft_workspace::error::{PipelineError, StageFailure};
-use aloft_workspace::key::key;
 use aloft_workspace::table::Table;
 use aloft_workspace::workspace::{read_json, write_json};
 use nalgebra::{DMatrix, Vector3, Vector6};
@@ -40,15 +40,71 @@ pub static STAGE: Stage = Stage {
         // when each recording was made, for effects that grow over the session
         Need::Every("import", &[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
     ],
-    parameters: |study, trial| {
-        let regressor = &study.config.regressor;
-        json!({"window_s": key(&regressor.window_s), "weighting": key(&regressor.weighting), "slow_noise": key(&regressor.slow_noise),
-            "marker_sd_m": key(&study.config.ik.marker_sd_m), "margin_s": key(&study.config.flight.margin_s),
-            "filter": key(&study.config.filter), "contact": study.config.identify.contact, "is_object": study.object.is_some(),
-            "role": trial.map(|t| t.role.word()), "effects": study.effects_parameters()})
-    },
-    run,
+    parameters: parameters_of::<Work>,
+    run: run_of::<Work>,
 };
+
+/// Parameters of the stage.
+#[derive(Debug, Serialize)]
+pub struct Params {
+    /// Length of the windows of weak rows, s; 0 chooses it from the flight.
+    pub window_s: f64,
+    /// Weights of weak rows.
+    pub weighting: Weighting,
+    /// Slow part of the noise that whitens.
+    pub slow_noise: f64,
+    /// White noise of a marker coordinate, m.
+    pub marker_sd_m: f64,
+    /// Frames at both ends of a flight that the paper's rows leave out, s.
+    pub margin_s: f64,
+    /// Filter of the motion, which filters plates alike.
+    pub filter: FilterConfig,
+    /// Whether contact takes part in identification.
+    pub contact: bool,
+    /// True for objects, which have no soft tissue.
+    pub is_object: bool,
+    /// Role of the trial.
+    pub role: Option<Role>,
+    /// Effects of the model.
+    pub effects: ModelEffects,
+    /// Order of the session's recordings, where the laboratory lists them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub recordings: Vec<String>,
+}
+
+impl Params {
+    /// Of a study; `trial` gives the role.
+    pub fn of(study: &Study, trial: Option<&TrialEntry>) -> Self {
+        let regressor = &study.config.regressor;
+        Self {
+            window_s: regressor.window_s,
+            weighting: regressor.weighting,
+            slow_noise: regressor.slow_noise,
+            marker_sd_m: study.config.ik.marker_sd_m,
+            margin_s: study.config.flight.margin_s,
+            filter: study.config.filter.clone(),
+            contact: study.config.identify.contact,
+            is_object: study.object.is_some(),
+            role: trial.map(|t| t.role),
+            effects: study.model_effects(),
+            recordings: study.facts.recordings.clone(),
+        }
+    }
+}
+
+/// The stage's work.
+#[derive(Debug)]
+pub struct Work;
+
+impl StageWork for Work {
+    type Params = Params;
+    fn params(study: &Study, trial: Option<&TrialEntry>) -> Params {
+        Params::of(study, trial)
+    }
+    fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+        run(params, inputs)
+    }
+}
 
 #[derive(Serialize, Deserialize)]
 struct FactorHead {
@@ -193,12 +249,12 @@ pub fn contact_stretches(
 }
 
 /// Unit wrenches of the model's effects in every frame of a trial; none for a plain model.
-pub fn effect_columns(study: &Study, rows: &TrialRows) -> Result<Option<EffectColumns>, StageFailure> {
-    if study.effects.is_empty() {
+pub fn effect_columns(effects: &ModelEffects, rows: &TrialRows) -> Result<Option<EffectColumns>, StageFailure> {
+    if effects.model.is_empty() {
         return Ok(None);
     }
     let scene = Scene::new(&rows.subject.model, &rows.subject.prior_phi(), &rows.plate_centers_m);
-    let known = KnownEffects::of(&study.own_effects, &scene)?;
+    let known = KnownEffects::of(&effects.own, &scene)?;
     // with plates everywhere, so that comparison sees the effect between the stretches, too
     let everywhere = !rows.plates.is_empty();
     let mut spans: Vec<Span> = Vec::new();
@@ -218,9 +274,9 @@ pub fn effect_columns(study: &Study, rows: &TrialRows) -> Result<Option<EffectCo
     let trial =
         TrialMotion { motion: &rows.motion, spans: &spans, plates: &rows.plates, session_time_s: rows.session_time_s };
     let base = BaseParameters::of(&rows.subject.model);
-    let about = (study.plain_base.len() == base.len()).then_some((&base, study.plain_base.as_slice()));
+    let about = (effects.about.len() == base.len()).then_some((&base, effects.about.as_slice()));
     let mut out = EffectColumns { names: Vec::new(), wrench: vec![DMatrix::zeros(6, 0); rows.motion.n_frames()] };
-    for effect in &study.effects {
+    for effect in &effects.model {
         let mut scene = scene.clone();
         if let Some((middle, reach)) = effect.volume_m {
             (scene.volume_center_m, scene.volume_reach_m) = (middle.into(), reach);
@@ -272,29 +328,32 @@ pub struct TrialRows {
 }
 
 impl TrialRows {
-    /// Loads what the earlier stages left for a trial.
-    pub fn load(job: &Job<'_>, name: &str) -> Result<Self, StageFailure> {
-        Self::load_for(job, name, &job.load_subject("calibrate")?)
-    }
-
-    /// The same for a subject that was read already.
-    pub fn load_for(job: &Job<'_>, name: &str, subject: &Subject) -> Result<Self, StageFailure> {
-        let subject = subject.clone();
-        let motion = job.load_motion("ik", name)?;
-        let filtered = job.load_motion("filter", name)?;
-        Self::of(job, name, subject, motion, filtered)
+    /// Loads what the earlier stages left for a trial. Plates go through the filter of the motion; the calendar says when in the session the
+    /// trial was recorded (made for trials with plates only).
+    pub fn load(
+        results: Results<'_>,
+        filter: &FilterConfig,
+        calendar: &dyn Fn() -> Calendar,
+        name: &str,
+        subject: &Subject,
+    ) -> Result<Self, StageFailure> {
+        let motion = results.load_motion("ik", name)?;
+        let filtered = results.load_motion("filter", name)?;
+        Self::of(results, filter, calendar, name, subject.clone(), motion, filtered)
     }
 
     /// The same for a motion at hand, such as one of another geometry: flights and plates are those of the trial.
     pub fn of(
-        job: &Job<'_>,
+        results: Results<'_>,
+        filter: &FilterConfig,
+        calendar: &dyn Fn() -> Calendar,
         name: &str,
         subject: Subject,
         motion: Motion,
         filtered: Motion,
     ) -> Result<Self, StageFailure> {
-        let flights = job.load_flights(name)?;
-        let trial = job.load_tared_plates(name)?;
+        let flights = results.load_flights(name)?;
+        let trial = results.load_tared_plates(name)?;
         let mut stretches: Vec<Stretch> =
             flights.flights.iter().enumerate().map(|(i, f)| Stretch::flight(name, i, f.start, f.end)).collect();
         let (mut wrench, mut wrench_filtered) = (None, None);
@@ -309,7 +368,7 @@ impl TrialRows {
             let each = plate_wrench_at_marker_rate(&trial, None).map_err(fail)?;
             let raw = total_wrench(&each);
             plates = each.into_iter().map(|p| PlateSeries { force_n: p.force_n, moment_nm: p.moment_nm }).collect();
-            let smooth = total_wrench(&plate_wrench_at_marker_rate(&trial, Some(low_pass(job.study))).map_err(fail)?);
+            let smooth = total_wrench(&plate_wrench_at_marker_rate(&trial, Some(low_pass(filter))).map_err(fail)?);
             let weight_n = force_scale_n(subject.facts.mass_kg, subject.model.gravity_mps2.norm());
             let z: Vec<f64> = raw.force_n.iter().map(|f| f.z).collect();
             stretches.extend(contact_stretches(&trial, &flights, &motion, &z, weight_n));
@@ -320,7 +379,7 @@ impl TrialRows {
             wrench_filtered = Some(join(&smooth));
         }
         let flights = flights.flights.iter().map(aloft_flight::Flight::frames).collect();
-        let calendar = (!plates.is_empty()).then(|| Calendar::of(job.study, job.workspace));
+        let calendar = (!plates.is_empty()).then(calendar);
         let session_time_s = calendar.as_ref().map_or(0.0, |c| c.start_s(name));
         Ok(Self {
             trial,
@@ -343,13 +402,13 @@ impl TrialRows {
 pub type FactorsAndRemarks = (Vec<(Stretch, Factor)>, Vec<String>);
 
 /// Factors of every stretch of a trial, from weak rows and from the paper's; and what was odd.
-pub fn factors_of(study: &Study, rows: &TrialRows) -> Result<FactorsAndRemarks, StageFailure> {
-    factors_beside(study, rows, &mut Vec::new(), false)
+pub fn factors_of(params: &Params, rows: &TrialRows) -> Result<FactorsAndRemarks, StageFailure> {
+    factors_beside(params, rows, &mut Vec::new(), false)
 }
 
 /// The same, with what soft tissue makes of weak rows where `with_tissue` asks for it.
 fn factors_beside(
-    study: &Study,
+    params: &Params,
     rows: &TrialRows,
     slides: &mut Vec<(Stretch, Slides)>,
     with_tissue: bool,
@@ -357,18 +416,18 @@ fn factors_beside(
     let subject = &rows.subject;
     let base = BaseParameters::of(&subject.model);
     let prior = subject.prior_phi();
-    let weak = weak_options(study);
-    let acceleration = AccelerationOptions { margin_s: study.config.flight.margin_s, ..AccelerationOptions::default() };
-    let effects = effect_columns(study, rows)?;
-    let noise = row_noise(study, subject);
+    let weak = weak_options(params.window_s);
+    let acceleration = AccelerationOptions { margin_s: params.margin_s, ..AccelerationOptions::default() };
+    let effects = effect_columns(&params.effects, rows)?;
+    let noise = row_noise(params, subject);
     let mut factors: Vec<(Stretch, Factor)> = Vec::new();
     let mut warnings = Vec::new();
     for stretch in &rows.stretches {
         let acting = Acting { measured: rows.wrench.as_deref(), effects: effects.as_ref() };
         let (model, motion) = (&subject.model, &rows.motion);
-        let used = stretch.kind == StretchKind::Flight || study.config.identify.contact;
+        let used = stretch.kind == StretchKind::Flight || params.contact;
         let by_weak = if with_tissue && used {
-            let tissue = Tissue::new(&subject.markers, study.config.ik.marker_sd_m);
+            let tissue = Tissue::new(&subject.markers, params.marker_sd_m);
             weak_factor_with_tissue(model, &base, &prior, motion, stretch, acting, &weak, noise.as_ref(), &tissue).map(
                 |(factor, found)| {
                     slides.push((stretch.clone(), found));
@@ -397,32 +456,32 @@ fn factors_beside(
 }
 
 /// Weak rows as the pipeline asks for them.
-pub fn weak_options(study: &Study) -> WeakOptions {
-    let window = study.config.regressor.window_s;
-    WeakOptions { window_s: (window > 0.0).then_some(window), ..WeakOptions::default() }
+pub fn weak_options(window_s: f64) -> WeakOptions {
+    WeakOptions { window_s: (window_s > 0.0).then_some(window_s), ..WeakOptions::default() }
 }
 
 /// Noise that whitens weak rows, where the pipeline asks for whitening: that of the markers, and a slow part for soft tissue.
-pub fn row_noise<'a>(study: &Study, subject: &'a Subject) -> Option<Noise<'a>> {
-    let config = &study.config.regressor;
-    (config.weighting == Weighting::Whitened).then(|| Noise {
-        coordinates: CoordinateNoise::Markers { markers: &subject.markers, sd_m: study.config.ik.marker_sd_m },
-        slow: config.slow_noise,
+pub fn row_noise<'a>(params: &Params, subject: &'a Subject) -> Option<Noise<'a>> {
+    (params.weighting == Weighting::Whitened).then(|| Noise {
+        coordinates: CoordinateNoise::Markers { markers: &subject.markers, sd_m: params.marker_sd_m },
+        slow: params.slow_noise,
         slow_time_s: 0.1,
     })
 }
 
-fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
-    let entry = job.trial()?;
-    let rows = TrialRows::load(job, &entry.name)?;
+fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+    let results = inputs.results;
+    let calendar = || Calendar::from_order(&params.recordings, inputs.expected(), results.workspace());
+    let subject = results.load_subject("calibrate")?;
+    let rows = TrialRows::load(results, &params.filter, &calendar, inputs.trial()?, &subject)?;
     let mut slides = Vec::new();
     // identification alone uses them
-    let person = job.study.object.is_none() && entry.role == Role::Identify;
-    let (factors, warnings) = factors_beside(job.study, &rows, &mut slides, person)?;
-    let mut done = Done { warnings, ..Done::default() };
-    save_factors(job.out, &factors)?;
+    let person = !params.is_object && params.role == Some(Role::Identify);
+    let (factors, warnings) = factors_beside(params, &rows, &mut slides, person)?;
+    let mut done = StageReport { warnings, ..StageReport::default() };
+    save_factors(inputs.out, &factors)?;
     if person {
-        save_slides(job.out, &slides)?;
+        save_slides(inputs.out, &slides)?;
     }
     let count = |kind: RowKind| factors.iter().filter(|(_, f)| f.rows == kind).map(|(_, f)| f.n_rows).sum::<usize>();
     done.note("weak_rows", count(RowKind::Weak));
@@ -431,9 +490,7 @@ fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
         done.note("session_time_s", rows.session_time_s);
         done.note("session_time_source", json!(calendar.source));
         // a remark only where results depend on it
-        if calendar.source == SessionSource::OrderAndLengths
-            && job.study.effects.iter().any(|e| asks_session_time(e.id()))
-        {
+        if calendar.source == SessionSource::OrderAndLengths && params.effects.recordings.is_some() {
             done.warnings.push(format!("times of the session: {}", calendar.words));
         }
     }

@@ -1,12 +1,15 @@
 //! `scale`: the static trial to this body's own model, marker places and prior inertias.
 
-use crate::graph::{Done, Job, Need, Scope, Stage};
-use aloft_body::Subject;
-use aloft_scale::{HipMethod, PersonInput, ScaleOptions, Scaled, scale_person};
-use aloft_study::study::{Role, Study};
+use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
+use aloft_body::{ModelSpec, Subject};
+use aloft_scale::{Anthropometry, HipMethod, ObjectSpec, PersonInput, ScaleOptions, Scaled, scale_person};
+use aloft_study::config::{ScaleConfig, StaticFrames};
+use aloft_study::facts::Facts;
+use aloft_study::study::{Role, Study, TrialEntry};
+use aloft_trial::MarkerSet;
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::key::key;
-use aloft_workspace::workspace::{WHOLE_STUDY, read_json, write_json};
+use aloft_workspace::workspace::write_json;
+use serde::Serialize;
 use serde_json::json;
 
 /// The stage.
@@ -17,40 +20,62 @@ pub static STAGE: Stage = Stage {
     reads: "static trial (objects: calibration trial, too), anthropometry or object description",
     gives: "`Subject`: the model with this body's joint centres, marker places and prior inertias",
     needs: &[Need::EveryOrStaticFrames("import", &[Role::Static, Role::Calibration])],
-    parameters: |study, _| {
-        json!({
-            "scale": key(&study.config.scale), "model": key(&study.model), "marker_set": key(&study.marker_set),
-            "object": key(&study.object), "anthropometry": key(&study.anthropometry), "facts": key(&study.facts),
-            "static_frames": key(&study.config.trials.static_frames),
-        })
-    },
-    run,
+    parameters: parameters_of::<Work>,
+    run: run_of::<Work>,
 };
 
-/// Velocity indices that no marker observes.
-pub fn load_locked(job: &Job<'_>) -> Result<Vec<usize>, StageFailure> {
-    Ok(read_json(&job.workspace.place("scale", WHOLE_STUDY).join("locked.json"))?)
+/// Parameters of the stage.
+#[derive(Debug, Serialize)]
+pub struct Params {
+    scale: ScaleConfig,
+    model: ModelSpec,
+    marker_set: MarkerSet,
+    object: Option<ObjectSpec>,
+    anthropometry: Anthropometry,
+    facts: Facts,
+    static_frames: Option<StaticFrames>,
+}
+
+/// The stage's work.
+#[derive(Debug)]
+pub struct Work;
+
+impl StageWork for Work {
+    type Params = Params;
+    fn params(study: &Study, _: Option<&TrialEntry>) -> Params {
+        Params {
+            scale: study.config.scale.clone(),
+            model: study.model.clone(),
+            marker_set: study.marker_set.clone(),
+            object: study.object.clone(),
+            anthropometry: study.anthropometry.clone(),
+            facts: study.facts.clone(),
+            static_frames: study.config.trials.static_frames.clone(),
+        }
+    }
+    fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+        run(params, inputs)
+    }
 }
 
 /// Writes `subject.json`.
-pub fn save_subject(job: &Job<'_>, subject: &Subject) -> Result<(), StageFailure> {
-    Ok(write_json(&job.out.join("subject.json"), subject)?)
+pub fn save_subject(inputs: &StageInputs<'_>, subject: &Subject) -> Result<(), StageFailure> {
+    Ok(write_json(&inputs.out.join("subject.json"), subject)?)
 }
 
-fn hip_method(study: &Study) -> Result<HipMethod, StageFailure> {
-    serde_json::from_value(json!(study.config.scale.hip)).map_err(|_| {
-        StageFailure::with_hint(
-            format!("scale.hip is `{}`", study.config.scale.hip),
-            "expected harrington, bell, hara or davis",
-        )
+fn hip_method(hip: &str) -> Result<HipMethod, StageFailure> {
+    serde_json::from_value(json!(hip)).map_err(|_| {
+        StageFailure::with_hint(format!("scale.hip is `{hip}`"), "expected harrington, bell, hara or davis")
     })
 }
 
 /// The static trial's name and, where frames of a dynamic trial serve, their range.
-fn static_source(job: &Job<'_>) -> Result<(String, Option<std::ops::Range<usize>>), StageFailure> {
-    let study = job.study;
-    if let Some(named) = &study.config.trials.static_frames {
-        if !job.inputs.iter().any(|(s, t)| s == "import" && t == &named.trial) {
+fn static_source(
+    params: &Params,
+    inputs: &StageInputs<'_>,
+) -> Result<(String, Option<std::ops::Range<usize>>), StageFailure> {
+    if let Some(named) = &params.static_frames {
+        if !inputs.has("import", &named.trial) {
             return Err(StageFailure::with_hint(
                 format!("trials.static_frames names `{}`, which was not imported", named.trial),
                 "look at the import of that trial, or name another one",
@@ -64,22 +89,14 @@ fn static_source(job: &Job<'_>) -> Result<(String, Option<std::ops::Range<usize>
         }
         return Ok((named.trial.clone(), Some(named.first - 1..named.last)));
     }
-    let names: Vec<String> = job
-        .trials_of("import")
-        .into_iter()
-        .filter(|n| study.trial(n).is_some_and(|t| t.role == Role::Static))
-        .collect();
+    let names = inputs.trials_with_role("import", |r| r == Role::Static);
     match names.first() {
         Some(name) => Ok((name.clone(), None)),
         None => {
-            let tried: Vec<&str> =
-                study.included().filter(|t| t.role == Role::Static).map(|t| t.name.as_str()).collect();
+            let statics = inputs.expected().iter().filter(|(_, role)| *role == Role::Static);
+            let tried: Vec<&str> = statics.map(|(name, _)| name.as_str()).collect();
             let problem = if tried.is_empty() {
-                format!(
-                    "no static trial in {} (patterns: {})",
-                    study.data.display(),
-                    study.config.trials.r#static.join(", ")
-                )
+                format!("no static trial in {}: no recording matches `trials: {{static: …}}`", inputs.data().display())
             } else {
                 format!("the static trial {} could not be imported", tried.join(", "))
             };
@@ -91,33 +108,32 @@ fn static_source(job: &Job<'_>) -> Result<(String, Option<std::ops::Range<usize>
     }
 }
 
-fn run(job: &Job<'_>) -> Result<Done, StageFailure> {
-    if job.study.object.is_some() {
-        return super::object::scale(job);
+fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+    if let Some(object) = &params.object {
+        return super::object::scale(object, &params.facts, inputs);
     }
-    let study = job.study;
-    let (name, frames) = static_source(job)?;
-    let trial = job.load_trial(&name)?;
-    let options = ScaleOptions { hip: hip_method(study)?, ..ScaleOptions::default() };
+    let (name, frames) = static_source(params, inputs)?;
+    let trial = inputs.results.load_trial(&name)?;
+    let options = ScaleOptions { hip: hip_method(&params.scale.hip)?, ..ScaleOptions::default() };
     let input = PersonInput {
-        facts: &study.facts.person,
-        model_spec: &study.model,
-        marker_set: &study.marker_set,
+        facts: &params.facts.person,
+        model_spec: &params.model,
+        marker_set: &params.marker_set,
         static_trial: &trial,
         frames,
     };
     let mut scaled =
-        scale_person(&input, &study.anthropometry, &options).map_err(|e| StageFailure::new(e.to_string()))?;
-    scaled.subject.model.gravity_mps2 = study.gravity();
-    save_subject(job, &scaled.subject)?;
-    write_json(&job.out.join("locked.json"), &scaled.locked)?;
-    write_json(&job.out.join("anatomy.json"), &scaled.anatomy)?;
-    write_json(&job.out.join("report.json"), &scaled.report)?;
+        scale_person(&input, &params.anthropometry, &options).map_err(|e| StageFailure::new(e.to_string()))?;
+    scaled.subject.model.gravity_mps2 = params.facts.gravity();
+    save_subject(inputs, &scaled.subject)?;
+    write_json(&inputs.out.join("locked.json"), &scaled.locked)?;
+    write_json(&inputs.out.join("anatomy.json"), &scaled.anatomy)?;
+    write_json(&inputs.out.join("report.json"), &scaled.report)?;
     Ok(describe(&scaled))
 }
 
-fn describe(scaled: &Scaled) -> Done {
-    let mut done = Done::default();
+fn describe(scaled: &Scaled) -> StageReport {
+    let mut done = StageReport::default();
     done.note("static_trial", scaled.report.trial.clone());
     done.note("static_frames", scaled.report.frames.2);
     done.note("locked", scaled.report.locked.len());

@@ -1,0 +1,66 @@
+//! The results of a study as commands compute on them: with the settings that they were made with, and none that is damaged.
+
+use aloft_pipeline::made::as_made;
+use aloft_pipeline::results::Results;
+use aloft_study::session::Calendar;
+use aloft_study::study::{Role, Study};
+use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::workspace::{WHOLE_STUDY, Workspace};
+
+/// Results of a study that has rows.
+pub(crate) struct Made<'a> {
+    /// The study with the settings that its results were made with.
+    pub study: &'a Study,
+    /// Its results.
+    pub results: Results<'a>,
+    /// Trials with rows and their roles.
+    pub trials: Vec<(String, Role)>,
+    workspace: &'a Workspace,
+}
+
+impl Made<'_> {
+    /// Times of the session's recordings.
+    pub fn calendar(&self) -> Calendar {
+        Calendar::of(self.study, self.workspace)
+    }
+
+    /// Names of the trials with rows that identification uses.
+    pub fn training(&self) -> Vec<String> {
+        self.trials.iter().filter(|(_, role)| *role == Role::Identify).map(|(name, _)| name.clone()).collect()
+    }
+}
+
+fn refuse_damaged(ws: &Workspace, stage: &str, trial: &str) -> Result<(), PipelineError> {
+    let problem = ws.damage(stage, trial).into_iter().next();
+    problem.map_or(Ok(()), |problem| Err(PipelineError::Damaged { path: ws.place(stage, trial), problem }))
+}
+
+/// Calls `work` with the results of a study that has rows.
+pub(crate) fn with_results<T>(
+    study: &Study,
+    work: impl FnOnce(&Made<'_>) -> Result<T, StageFailure>,
+) -> Result<T, PipelineError> {
+    let study = &as_made(study);
+    let ws = Workspace::open(&study.workspace);
+    for trial in study.included() {
+        for stage in ["import", "ik", "filter", "flight", "regressor"] {
+            refuse_damaged(&ws, stage, &trial.name)?;
+        }
+    }
+    for stage in ["scale", "calibrate", "identify"] {
+        refuse_damaged(&ws, stage, WHOLE_STUDY)?;
+    }
+    let trials: Vec<(String, Role)> = study
+        .included()
+        .filter(|t| t.role.is_dynamic() && ws.manifest("regressor", &t.name).is_some_and(|m| m.is_ok()))
+        .map(|t| (t.name.clone(), t.role))
+        .collect();
+    if trials.is_empty() {
+        return Err(PipelineError::request_hint(
+            format!("no trial in {} has rows", study.workspace.display()),
+            format!("run `aloft run {}` first", aloft_study::quote::path(&study.config_path)),
+        ));
+    }
+    work(&Made { study, results: Results::of(&ws), trials, workspace: &ws })
+        .map_err(|f| PipelineError::Request { problem: f.problem, hint: f.hint })
+}

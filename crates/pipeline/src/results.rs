@@ -1,0 +1,103 @@
+//! Reading what stages left in a workspace: by later stages, each limited to the results that it names, and by commands.
+
+use aloft_body::{Motion, Subject};
+use aloft_flight::{FlightReport, PlateTare, apply_tare};
+use aloft_identify::Parameters;
+use aloft_study::config::Rows;
+use aloft_trial::Trial;
+use aloft_workspace::artifact::{load_markers, load_motion, load_trial, load_trial_without_points};
+use aloft_workspace::error::StageFailure;
+use aloft_workspace::workspace::{Manifest, WHOLE_STUDY, Workspace, read_json};
+use std::path::PathBuf;
+
+/// Results in a workspace.
+#[derive(Debug, Clone, Copy)]
+pub struct Results<'a> {
+    workspace: &'a Workspace,
+    /// The results `(stage, trial)` that may be read; all where none.
+    allowed: Option<&'a [(String, String)]>,
+}
+
+impl<'a> Results<'a> {
+    /// All results of a workspace, for commands.
+    pub fn of(workspace: &'a Workspace) -> Self {
+        Self { workspace, allowed: None }
+    }
+
+    /// The inputs of one task.
+    pub(crate) fn limited(workspace: &'a Workspace, allowed: &'a [(String, String)]) -> Self {
+        Self { workspace, allowed: Some(allowed) }
+    }
+
+    /// The folder of a result.
+    ///
+    /// # Errors
+    /// A stage that reads what its definition does not name: its results would not become stale with their input.
+    pub fn place(&self, stage: &str, trial: &str) -> Result<PathBuf, StageFailure> {
+        if self.allowed.is_some_and(|all| !all.iter().any(|(s, t)| s == stage && t == trial)) {
+            return Err(StageFailure::with_hint(
+                format!("the result of `{stage}` for {trial} is not among the inputs of this stage"),
+                "this is a defect of aloft, not of your data; please report it with this line",
+            ));
+        }
+        Ok(self.workspace.place(stage, trial))
+    }
+
+    /// What a result was made from; none where it is not there.
+    pub fn manifest(&self, stage: &str, trial: &str) -> Option<Manifest> {
+        self.place(stage, trial).ok().and_then(|_| self.workspace.manifest(stage, trial))
+    }
+
+    /// The workspace itself, for what is not the result of a stage.
+    pub(crate) fn workspace(&self) -> &'a Workspace {
+        self.workspace
+    }
+
+    /// The imported recording of a trial.
+    pub fn load_trial(&self, trial: &str) -> Result<Trial, StageFailure> {
+        Ok(load_trial(&self.place("import", trial)?)?)
+    }
+
+    /// The same without plates and computed points.
+    pub fn load_markers(&self, trial: &str) -> Result<Trial, StageFailure> {
+        Ok(load_markers(&self.place("import", trial)?)?)
+    }
+
+    /// The imported recording without its trajectories, the tare of its plates taken off.
+    pub fn load_tared_plates(&self, trial: &str) -> Result<Trial, StageFailure> {
+        let mut recording = load_trial_without_points(&self.place("import", trial)?)?;
+        apply_tare(&mut recording, &self.load_tares(trial)?);
+        Ok(recording)
+    }
+
+    /// What the plates of a trial read when nothing stands on them.
+    pub fn load_tares(&self, trial: &str) -> Result<Vec<PlateTare>, StageFailure> {
+        Ok(read_json(&self.place("flight", trial)?.join("tare.json"))?)
+    }
+
+    /// The motion that a stage gave for a trial.
+    pub fn load_motion(&self, stage: &str, trial: &str) -> Result<Motion, StageFailure> {
+        Ok(load_motion(&self.place(stage, trial)?)?)
+    }
+
+    /// The subject as `scale` or `calibrate` left it.
+    pub fn load_subject(&self, stage: &str) -> Result<Subject, StageFailure> {
+        Ok(read_json(&self.place(stage, WHOLE_STUDY)?.join("subject.json"))?)
+    }
+
+    /// Velocity indices that no marker observes.
+    pub fn load_locked(&self) -> Result<Vec<usize>, StageFailure> {
+        Ok(read_json(&self.place("scale", WHOLE_STUDY)?.join("locked.json"))?)
+    }
+
+    /// The flights of a trial.
+    pub fn load_flights(&self, trial: &str) -> Result<FlightReport, StageFailure> {
+        Ok(read_json(&self.place("flight", trial)?.join("flights.json"))?)
+    }
+
+    /// What was identified from one kind of rows, if it was.
+    pub fn load_parameters(&self, rows: Rows) -> Result<Option<Parameters>, StageFailure> {
+        let path = self.place("identify", WHOLE_STUDY)?.join(crate::stages::identify::file_name(rows));
+        if path.is_file() { Ok(Some(read_json(&path)?)) } else { Ok(None) }
+    }
+}
