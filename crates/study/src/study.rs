@@ -234,10 +234,7 @@ impl Study {
         ModelEffects {
             own: self.own_effects.iter().filter(|o| used(&o.spec.id)).cloned().collect(),
             about: self.plain_base.clone(),
-            recordings: self
-                .effects
-                .iter()
-                .any(|e| crate::effects::asks_session_time(e.id()))
+            recordings: (self.effects.iter().any(|e| crate::session::asks_session_time(e.id())))
                 .then(|| self.facts.recordings.clone()),
             model: self.effects.clone(),
         }
