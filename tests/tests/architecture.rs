@@ -122,8 +122,8 @@ fn sources(folder: &Path) -> Vec<(String, String)> {
     out
 }
 
-/// Discovery asks effects what they are (`About`, `ParameterKind`): it holds no effect's name, and guesses nothing from the names of
-/// effects or of their unknowns.
+/// Discovery asks effects what they are (`About`, `ParameterKind`): it holds no effect's name, and
+/// guesses nothing from the names of effects or of their unknowns.
 #[test]
 fn discovery_knows_no_effect_by_its_name() {
     let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates");

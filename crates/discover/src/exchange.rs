@@ -98,8 +98,9 @@ fn energy(problem: &Problem, columns: &[DMatrix<f64>], theta: &DVector<f64>) -> 
     theta.dot(&(s * theta))
 }
 
-/// The effect in another direction: places and vectors of the world turned about the vertical (places about that through the middle of the
-/// volume), vectors of a link about its z axis; `None` for an effect that has no direction.
+/// The effect in another direction: places and vectors of the world turned about the vertical
+/// (places about that through the middle of the volume), vectors of a link about its z axis; `None`
+/// for an effect that has no direction.
 fn turned<'a>(session: &Session<'_>, b: &Scored<'a>, draw: usize) -> Option<(Variant<'a>, DVector<f64>)> {
     let mut variant = b.variant.clone();
     let mut theta = b.theta.clone();

@@ -322,7 +322,8 @@ fn duel(session: &Session<'_>, problem: &Problem, a: &Rival<'_>, b: &Rival<'_>, 
 mod tests {
     use super::*;
 
-    /// The catalogue's faults of kinematics are named in a first round only; faults of plates have a limit of their own.
+    /// The catalogue's faults of kinematics are named in a first round only; faults of plates have
+    /// a limit of their own.
     #[test]
     fn belief_has_a_limit_for_each_family() {
         let options = DiscoverOptions::default();

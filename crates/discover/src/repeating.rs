@@ -22,7 +22,8 @@ use rayon::prelude::*;
 /// Values of τ²/σ² that are tried: a factor 2 apart.
 const GRID: std::ops::Range<i32> = -20..60;
 
-/// Columns of the errors that repeat (markers that slide on every link), by block; `None` where no joint turns or stored rows are all there is.
+/// Columns of the errors that repeat (markers that slide on every link), by block; `None` where no
+/// joint turns or stored rows are all there is.
 fn slides(session: &Session<'_>, domain: Domain) -> Option<Vec<DMatrix<f64>>> {
     let repeating = EFFECTS.iter().copied().filter(|e| e.about().repeats);
     let all: Vec<(&dyn Effect, Target)> =

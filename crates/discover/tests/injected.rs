@@ -214,7 +214,8 @@ fn prop_a_user_s_formula_is_ranked_like_the_catalogue() {
     });
 }
 
-/// A new effect is one file and its name in the list: what it states there is all that discovery needs to find it and to speak of it.
+/// A new effect is one file and its name in the list: what it states there is all that discovery
+/// needs to find it and to speak of it.
 #[test]
 fn an_effect_added_in_one_file_is_found_like_the_others() {
     let effects: Vec<&dyn Effect> = [EFFECTS, &[&compass::Compass]].concat();

@@ -1,4 +1,5 @@
-//! What an effect states about itself: everything that others may want to know of it beside its law.
+//! What an effect states about itself: everything that others may want to know of it beside its
+//! law.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -36,7 +37,8 @@ impl ActsIn {
     }
 }
 
-/// What an effect is a matter of. A ranking demands more of faults that every recording has to some degree.
+/// What an effect is a matter of. A ranking demands more of faults that every recording has to some
+/// degree.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Family {
     /// Forces, masses and gravity.
@@ -49,7 +51,8 @@ pub enum Family {
 
 /// The further recording that tells an effect from others.
 ///
-/// The order is one of precedence: where two effects name different recordings, the first of them in this list tells the two apart.
+/// The order is one of precedence: where two effects name different recordings, the first of them
+/// in this list tells the two apart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Separation {
     /// A measure of time, length or weight that is known beforehand.
@@ -91,7 +94,8 @@ impl Separation {
     }
 }
 
-/// Names and facts of an effect that do not depend on the body. Effects state what differs from [`About::PLAIN`].
+/// Names and facts of an effect that do not depend on the body. Effects state what differs from
+/// [`About::PLAIN`].
 #[derive(Debug, Clone, Copy)]
 pub struct About<'a> {
     /// Identifier in YAML and JSON.
@@ -104,23 +108,26 @@ pub struct About<'a> {
     pub acts: ActsIn,
     /// What it is a matter of.
     pub family: Family,
-    /// Exact aliases: what it cannot be told from by any recording of the same kind; empty for none.
+    /// Exact aliases: what it cannot be told from by any recording of the same kind; empty for
+    /// none.
     pub class: &'a str,
-    /// Effects of which this one is a generalisation: it contains them, so it only counts where it does better.
+    /// Effects of which this one is a generalisation: it contains them, so it only counts where it
+    /// does better.
     pub contains: &'a [&'a str],
     /// The recording that tells it from most other effects.
     pub separated_by: Separation,
-    /// Effects that another recording tells it from, and that recording in words. One of the two effects has to state it.
+    /// Effects that another recording tells it from, and that recording in words. One of the two
+    /// effects has to state it.
     pub told_from: &'a [(&'a str, &'a str)],
     /// True when it shows only as a difference between groups of trials.
     pub by_group: bool,
-    /// True when it is the same in every trial of a person and of unknown size in all of them (linear, coefficients in one unit):
-    /// the intervals of other effects allow for it.
+    /// True when it is the same in every trial of a person and of unknown size in all of them
+    /// (linear, coefficients in one unit): the intervals of other effects allow for it.
     pub repeats: bool,
     /// True when it depends on when in the session a recording was made.
     pub uses_session_time: bool,
-    /// True when the free fall in flights alone, without plates or a model, shows the faults of time, length or weight that look
-    /// like it.
+    /// True when the free fall in flights alone, without plates or a model, shows the faults of
+    /// time, length or weight that look like it.
     pub shows_in_free_fall: bool,
     /// Why coefficients that lack a bound lack it; empty where each has two.
     pub unbounded: &'a str,
@@ -150,8 +157,8 @@ impl About<'_> {
 }
 
 impl<'a> About<'a> {
-    /// The recording that tells two effects apart, in words: what one of them states for this pair, else the recording of the two
-    /// that takes precedence.
+    /// The recording that tells two effects apart, in words: what one of them states for this pair,
+    /// else the recording of the two that takes precedence.
     pub fn told_apart_by(&self, other: &About<'a>) -> &'a str {
         let stated = |a: &About<'a>, b: &About<'a>| a.told_from.iter().find(|t| t.0 == b.id).map(|t| t.1);
         stated(self, other)

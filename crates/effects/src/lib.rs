@@ -4,9 +4,10 @@
 //! contact phase they ask how much of the effect the recording contains. This crate knows the physics only; `regressor` turns columns
 //! into rows, `discover` ranks them.
 //!
-//! All effects have one interface, [`Effect`]: those of the catalogue ([`EFFECTS`], one file each) and the formulas that users write in a
-//! pipeline or in a file ([`FormulaEffect`]). What an effect states about itself ([`About`], [`ParameterKind`]) is all that other crates
-//! know of it; none of them asks for an effect by its name. `docs/effects.md` shows how to add one.
+//! All effects have one interface, [`Effect`]: those of the catalogue ([`EFFECTS`], one file each)
+//! and the formulas that users write in a pipeline or in a file ([`FormulaEffect`]). What an effect
+//! states about itself ([`About`], [`ParameterKind`]) is all that other crates know of it; none of
+//! them asks for an effect by its name. `docs/effects.md` shows how to add one.
 //!
 //! ```
 //! use aloft_effects::{EFFECTS, effect};

@@ -69,7 +69,8 @@ impl Scene {
         self.model.gravity_mps2.norm()
     }
 
-    /// Centre of mass of the target's link in its frame, m (of the root where the target names no link).
+    /// Centre of mass of the target's link in its frame, m (of the root where the target names no
+    /// link).
     pub fn com_of(&self, target: Target) -> Vector3<f64> {
         self.link_com_m.get(target.link()).copied().unwrap_or_else(Vector3::zeros)
     }

@@ -20,7 +20,8 @@ pub enum Target {
 }
 
 impl Target {
-    /// Short name for columns and reports: nothing for the body, `links`, `shape`, a link's name, `plate1` …
+    /// Short name for columns and reports: nothing for the body, `links`, `shape`, a link's name,
+    /// `plate1` …
     pub fn label(&self, scene: &Scene) -> String {
         match self {
             Self::Body => String::new(),

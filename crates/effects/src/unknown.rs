@@ -4,8 +4,9 @@ use crate::{Scene, Target};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// What a number means in space, so that an effect can be turned into another direction without knowing it. Components 0, 1, 2 are
-/// x, y, z and stand in this order; a horizontal vector has the first two only.
+/// What a number means in space, so that an effect can be turned into another direction without
+/// knowing it. Components 0, 1, 2 are x, y, z and stand in this order; a horizontal vector has the
+/// first two only.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum ParameterKind {
     /// A number without direction.
@@ -64,7 +65,8 @@ impl Coefficient {
     pub fn within(name: impl Into<String>, unit: &str, lower: f64, upper: f64) -> Self {
         Self { name: name.into(), unit: unit.to_owned(), lower, upper, kind: ParameterKind::Scalar }
     }
-    /// Components `prefix_x`, `prefix_y`, `prefix_z` of a vector in world axes, each below `most` in size.
+    /// Components `prefix_x`, `prefix_y`, `prefix_z` of a vector in world axes, each below `most`
+    /// in size.
     pub fn vector_in_world(prefix: &str, unit: &str, most: f64) -> Vec<Self> {
         Self::vector(prefix, unit, most, ParameterKind::VectorInWorld)
     }
@@ -108,11 +110,13 @@ impl NonlinearParameter {
     pub fn point_in_world(prefix: &str, center: &Vector3<f64>, reach: f64) -> Vec<Self> {
         Self::point(prefix, center, reach, ParameterKind::PointInWorld)
     }
-    /// Components `prefix_x` … of a place in the frame of a link, m, each within `reach` of `center`.
+    /// Components `prefix_x` … of a place in the frame of a link, m, each within `reach` of
+    /// `center`.
     pub fn point_on_link(prefix: &str, center: &Vector3<f64>, reach: f64) -> Vec<Self> {
         Self::point(prefix, center, reach, ParameterKind::PointOnLink)
     }
-    /// The place on the target's link where a force acts or a mass sits: `point_x` …, within 0.3 m of the link's centre of mass.
+    /// The place on the target's link where a force acts or a mass sits: `point_x` …, within 0.3 m
+    /// of the link's centre of mass.
     pub fn point_of(scene: &Scene, target: Target) -> Vec<Self> {
         Self::point_on_link("point", &scene.com_of(target), 0.3)
     }
@@ -133,7 +137,8 @@ impl NonlinearParameter {
     }
 }
 
-/// Values of nonlinear parameters, read in the order in which [`crate::Effect::nonlinear`] names them. A value that is not there is NaN.
+/// Values of nonlinear parameters, read in the order in which [`crate::Effect::nonlinear`] names
+/// them. A value that is not there is NaN.
 #[derive(Debug, Clone)]
 pub struct Values<'a> {
     rest: &'a [f64],

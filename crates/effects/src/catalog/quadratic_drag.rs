@@ -34,7 +34,8 @@ Hoerner, Fluid-Dynamic Drag (1965), ch. 3; Todorov, Erez, Tassa, MuJoCo (2012), 
 /// Entries of a symmetric matrix: row, column, name.
 const ENTRIES: [(usize, usize, &str); 6] =
     [(0, 0, "xx"), (1, 1, "yy"), (0, 1, "xy"), (0, 2, "xz"), (1, 2, "yz"), (2, 2, "zz")];
-/// Columns of a link's shape: six areas, and from here on five breadths, six of fluid carried along, six against turning.
+/// Columns of a link's shape: six areas, and from here on five breadths, six of fluid carried
+/// along, six against turning.
 const BREADTH: usize = 6;
 const CARRIED: usize = 11;
 const TURNING: usize = 17;

@@ -25,9 +25,10 @@
 //! Vectors are in world axes, or in the link's with `axes: link` (places always in the world); forces act at the point. A law on several
 //! links has `parts`, or one part with `link: all`, which acts on every link at that link's own point. Numbers with units are `constants`.
 //!
-//! Unknowns have a direction where their names say so: coefficients `c_x`, `c_y` (and `c_z`) in a row are the components of a vector,
-//! parameters `anchor_x` … or `pulley_x` … a place in the room, `wind_x` … a vector of the room. Discovery turns such an effect to other
-//! directions when it asks how far two effects can be told apart.
+//! Unknowns have a direction where their names say so: coefficients `c_x`, `c_y` (and `c_z`) in a
+//! row are the components of a vector, parameters `anchor_x` … or `pulley_x` … a place in the room,
+//! `wind_x` … a vector of the room. Discovery turns such an effect to other directions when it asks
+//! how far two effects can be told apart.
 
 mod law;
 mod parse;
@@ -257,7 +258,8 @@ fn name_directions(coefficients: &mut [Coefficient], parameters: &mut [Nonlinear
     }
     let plain = |kind: ParameterKind| kind == ParameterKind::Scalar;
     let directed = !(coefficients.iter().all(|c| plain(c.kind)) && parameters.iter().all(|p| plain(p.kind)));
-    // two coefficients of either sign and nothing with a direction: taken for the horizontal components of a vector
+    // two coefficients of either sign and nothing with a direction: taken for the horizontal
+    // components of a vector
     if let (false, [x, y]) = (directed, &mut coefficients[..])
         && x.lower < 0.0
         && y.lower < 0.0
@@ -266,7 +268,8 @@ fn name_directions(coefficients: &mut [Coefficient], parameters: &mut [Nonlinear
     }
 }
 
-/// Names `stem_x`, `stem_y` and perhaps `stem_z` in a row: the place of the first, how many, the stem.
+/// Names `stem_x`, `stem_y` and perhaps `stem_z` in a row: the place of the first, how many, the
+/// stem.
 fn triples(names: &[String]) -> Vec<(usize, usize, String)> {
     let of = |at: usize| {
         let stem = names[at].strip_suffix("_x")?;

@@ -126,7 +126,8 @@ fn components_of_places_and_vectors_state_their_kind() {
     );
 }
 
-/// The recording that separates two effects: stated for the pair by either of them, else the one that takes precedence.
+/// The recording that separates two effects: stated for the pair by either of them, else the one
+/// that takes precedence.
 #[test]
 fn two_effects_are_told_apart_as_their_files_say() {
     let words = |a: &str, b: &str| effect(a).unwrap().about().told_apart_by(&effect(b).unwrap().about());
@@ -155,8 +156,9 @@ fn formula_unit_is_readable(unit: &str) -> bool {
     formula::unit_is_readable(unit)
 }
 
-/// Columns are numbers for every target and start. Where an effect acts each of its columns says something from some start (a line may
-/// be slack at others), and where it does not act all are zero.
+/// Columns are numbers for every target and start. Where an effect acts each of its columns says
+/// something from some start (a line may be slack at others), and where it does not act all are
+/// zero.
 #[test]
 fn columns_are_finite_and_act_where_they_say() {
     for flight in [true, false] {
