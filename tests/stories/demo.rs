@@ -56,7 +56,7 @@ fn the_demonstration_goes_from_recordings_to_a_report() {
     let chapters = ["overview", "prediction", "discovery", "parameters", "kinematics", "methods", "trial-throws-01"];
     check_page(&html, &chapters);
     for told in [
-        "The ladder falling to the floor",
+        "Held-out error by model revision",
         "at the noise floor",
         "quadratic_drag",
         "Choosing the filter",

@@ -124,7 +124,7 @@ fn effect_add_refuses_what_rows_cannot_show_and_changes_nothing() {
     for effect in
         ["plate_time_offset", "plate_gain", "plate_tare[plate1]", "plate_rotation[plate1]", "plate_origin[plate2]"]
     {
-        refused(effect, "it does nothing in these recordings");
+        refused(effect, "it has no effect on these recordings");
     }
 }
 

@@ -205,8 +205,8 @@ fn the_second_of_two_runs_says_who_holds_the_workspace_or_waits() {
 struct Breaks;
 
 impl aloft_pipeline::progress::Progress for Breaks {
-    fn stage(&self, _: &aloft_pipeline::study::StudyId, _: &'static str, _: usize, _: usize) {}
-    fn task(&self, _: &aloft_pipeline::study::StudyId, _: &aloft_pipeline::runner::TaskReport) {
+    fn stage(&self, _: &aloft_study::study::StudyId, _: &'static str, _: usize, _: usize) {}
+    fn task(&self, _: &aloft_study::study::StudyId, _: &aloft_pipeline::runner::TaskReport) {
         panic!("a defect");
     }
 }
@@ -214,7 +214,7 @@ impl aloft_pipeline::progress::Progress for Breaks {
 #[test]
 fn a_defect_beside_the_work_ends_the_run_and_leaves_whole_results() {
     use aloft_pipeline::runner::{self, Selection};
-    use aloft_pipeline::study::{Overrides, Study};
+    use aloft_study::study::{Overrides, Study};
     let dir = folder();
     let data = lab("fixtures/scenarios/chain_small.yaml", dir.path());
     // more results than may wait

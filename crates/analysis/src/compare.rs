@@ -16,7 +16,7 @@ use serde::Serialize;
 pub struct ComparisonView {
     /// Version of this structure.
     pub version: u32,
-    /// Who.
+    /// Subject name.
     pub subject: String,
     /// The comparison: `held_out`, `flight`, `trials`, `beside`, `noise_floor`, `words` …
     #[serde(flatten)]

@@ -313,5 +313,5 @@ fn no_comparison(report: &RunReport) -> Option<PipelineError> {
         || ("there is nothing to compare".to_owned(), None),
         |(t, f)| (format!("{} failed: {}", t.stage, f.problem), f.hint.clone()),
     );
-    Some(PipelineError::Request { problem: format!("the model is as it was: {what}"), hint })
+    Some(PipelineError::Request { problem: format!("the model is unchanged: {what}"), hint })
 }

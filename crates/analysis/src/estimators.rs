@@ -98,7 +98,7 @@ pub struct EstimatorRow {
 pub struct EstimatorsView {
     /// Version of this structure.
     pub version: u32,
-    /// Who.
+    /// Subject name.
     pub subject: String,
     /// `held-out contact` or `held-out flight`.
     pub judged_on: &'static str,
@@ -367,7 +367,7 @@ pub struct LeftOutModel {
 pub struct LeaveOneOutView {
     /// Version of this structure.
     pub version: u32,
-    /// Who.
+    /// Subject name.
     pub subject: String,
     /// What takes part.
     pub words: String,

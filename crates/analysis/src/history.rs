@@ -16,7 +16,7 @@ use serde::Serialize;
 pub struct History {
     /// Version of this structure.
     pub version: u32,
-    /// Who.
+    /// Subject name.
     pub subject: String,
     /// Revisions, oldest first.
     pub revisions: Vec<HistoryRow>,
@@ -155,7 +155,7 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) 
         }
         (n.marker_rms_mm > WORSE_MARKERS * o.marker_rms_mm).then(|| {
             format!(
-                "void: marker error grew from {:.2} to {:.2} mm, so the kinematics moved to please the forces",
+                "void: marker error grew from {:.2} to {:.2} mm, so the lower force error came with a worse fit of the markers",
                 o.marker_rms_mm, n.marker_rms_mm
             )
         })

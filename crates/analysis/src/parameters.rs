@@ -15,7 +15,7 @@ use serde::Serialize;
 pub struct ParametersView {
     /// Version of this structure.
     pub version: u32,
-    /// Who.
+    /// Subject name.
     pub subject: String,
     /// Rows: `weak` or `paper`.
     pub rows_used: &'static str,

@@ -388,7 +388,7 @@ pub fn write(members: &[Member<'_>], call: &Call, out: &Path) -> Result<(), Pipe
         };
         if path.exists() && !std::fs::read(path).is_ok_and(|old| ours(&old)) {
             return Err(PipelineError::request_hint(
-                format!("{} is there already, and not by this command", path.display()),
+                format!("{} exists and was not written by this command", path.display()),
                 "give another name with --out; nothing is overwritten",
             ));
         }

@@ -444,7 +444,7 @@ fn totals<'r>(reports: impl Iterator<Item = &'r RunReport>, seconds: f64) -> Str
         parts.push(format!("{failed} failed"));
     }
     if blocked > 0 {
-        parts.push(format!("{blocked} could not follow"));
+        parts.push(format!("{blocked} blocked by earlier failures"));
     }
     format!(
         "{} in {} s",

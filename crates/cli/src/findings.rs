@@ -115,9 +115,9 @@ pub fn discovery(d: &Discovery, at: &PipelineArgs) -> Result<(), Stop> {
         "chosen",
         "coefficient",
         "± 95 %",
-        "smallest seen",
+        "minimum detectable",
         "unit",
-        "like it",
+        "confusable with",
     ]);
     for c in d.candidates.iter().filter(|c| !c.placebo).take(15) {
         let first = c.coefficients.first();

@@ -66,6 +66,6 @@ fn judge(set: &StudySet, cannot: bool) -> Result<Success, Stop> {
         note("everything is there and up to date");
         return Ok(Success::Full);
     }
-    note(format!("{first} failed or missing, {behind} could not follow; all others are done"));
+    note(format!("{first} failed or missing, {behind} blocked by them; all others are done"));
     Ok(Success::Partial)
 }

@@ -150,7 +150,7 @@ fn columns_of(session: &Session<'_>, choice: &Choice<'_>, domain: Domain) -> Res
         return Err(nothing("has columns that are not finite"));
     }
     if blocks.iter().all(|b| b.norm_squared() == 0.0) {
-        return Err(nothing("does nothing in these recordings"));
+        return Err(nothing("has no effect on these recordings"));
     }
     Ok(blocks)
 }

@@ -29,7 +29,7 @@ impl Effect for Placebo {
             id,
             title: "placebo",
             kind: EffectKind::Artefact,
-            documentation: "An effect that does not exist; none should win.",
+            documentation: "A placebo: an effect that does not exist. It should not be supported.",
             ..About::PLAIN
         }
     }

@@ -129,7 +129,7 @@ pub fn self_test(
         if effect.about().by_group && candidate.trials.is_empty() {
             left_out.push(format!("`{key}` shows only between groups of trials"));
         } else if !(candidate.minimum_detectable.is_finite() && candidate.minimum_detectable > 0.0) {
-            left_out.push(format!("`{key}` has no size that these recordings could show"));
+            left_out.push(format!("`{key}` cannot be detected in these recordings at any plausible size"));
         } else {
             jobs.push((candidate, effect, index));
         }

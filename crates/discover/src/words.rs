@@ -82,17 +82,17 @@ pub(crate) fn round(
 fn disbelief(best: &Candidate, limit: f64, candidates: &[Candidate]) -> String {
     let placebo = candidates.iter().find(|c| c.placebo);
     if limit <= 0.0 {
-        "every recording has some of this, so it is not named once another effect was found".to_owned()
+        "every recording contains some of it, so it is not named after another effect was found".to_owned()
     } else if best.held_out_ratio >= limit {
-        format!("below {:.0} % it would be believed", 100.0 * limit)
+        format!("it would have to leave less than {:.0} %", 100.0 * limit)
     } else if !best.plausible {
-        "its coefficient is one that nature does not have".to_owned()
+        "its coefficient is physically impossible".to_owned()
     } else if best.ci95[1] >= 1.0 {
         format!("the interval reaches {:.0} %", 100.0 * best.ci95[1])
     } else if placebo.is_some_and(|p| p.held_out_ratio <= best.held_out_ratio) {
-        "an effect that does not exist does as well".to_owned()
+        "a placebo effect fits equally well".to_owned()
     } else {
-        "it explains more than noise leaves, by making up the body's own weight".to_owned()
+        "its gain comes from replacing part of the body weight".to_owned()
     }
 }
 

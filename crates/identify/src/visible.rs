@@ -38,7 +38,7 @@ impl Unseen {
     pub fn words(&self) -> String {
         let quoted = |names: &[String]| names.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
         match self {
-            Self::Zero => "it does nothing in these recordings (its column is zero in every row)".to_owned(),
+            Self::Zero => "it has no effect on these recordings (its column is zero in every row)".to_owned(),
             Self::Repeats(names) => format!("it does the same as {}, which the model holds already", quoted(names)),
             Self::Body(names) => {
                 format!("its column is a combination of the body's own parameters ({})", quoted(names))

@@ -91,7 +91,7 @@ fn table(real: &[&Candidate]) -> Table {
             "kind",
             "held-out ratio (95 %)",
             "first coefficient",
-            "smallest seen, same unit",
+            "minimum detectable, same unit",
             "chance of the best",
             "cannot be told from",
             "believed",
@@ -124,7 +124,7 @@ fn confusions(shown: &[&Candidate]) -> Option<Block> {
         })
         .collect();
     let map = HeatMap {
-        x_title: "effect that could stand in for it".into(),
+        x_title: "alternative effect".into(),
         x: Columns::Names(columns),
         y: rows.iter().map(|c| c.key.clone()).collect(),
         z,
@@ -148,7 +148,7 @@ fn confusions(shown: &[&Candidate]) -> Option<Block> {
         .collect();
     let mut blocks = vec![Figure::heat_map(words, &map).into()];
     if !advice.is_empty() {
-        blocks.push(Block::text("What would tell them apart:"));
+        blocks.push(Block::text("What would separate them:"));
         blocks.push(Block::List { items: advice });
     }
     Some(Block::Folded { title: "What looks alike".into(), blocks })

@@ -28,7 +28,7 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         ..Panel::default()
     };
     let words = Words::new(
-        "What each cut-off takes away",
+        "Effect of the cut-off frequency",
         "Root mean square of the root's path less its filtered path, one curve a recording. To the right only noise is lost and the curve is \
          nearly level; where it bends upward the filter begins to take motion.",
     );

@@ -253,7 +253,7 @@ fn overview(rows: &[Row], absent: &[Absent]) -> Chapter {
         let what = if on_purpose { "left out" } else { "no results" };
         blocks.push(Block::remark(light, format!("{name}: {what}: {reason}")));
     }
-    let sections = vec![Section::new("subjects", "Subjects", "A name leads to the subject's own page.", blocks)];
+    let sections = vec![Section::new("subjects", "Subjects", "Click a name to open the subject's page.", blocks)];
     Chapter { id: "overview".into(), title: "Overview".into(), group: STUDY.into(), light, sections }
 }
 
@@ -331,7 +331,7 @@ fn distributions(rows: &[Row]) -> Chapter {
     )];
     let gap = Words::new(
         "Singular-value gap by subject",
-        "How clearly each subject's motion shows the parameters: 20 is clear, below 3 nothing is shown.",
+        "How clearly each subject's motion determines the parameters: 20 is clear, below 3 they are not determined.",
     );
     let lines = [3.0, 20.0].map(|at| Line { at, upright: true, label: number(at) });
     let figure = Figure::dots(gap, "σ_N−1 / σ_N", &names, &[Dots::new("", values(&|r| r.gap))], &lines);
@@ -423,7 +423,7 @@ fn effects(rows: &[Row]) -> Option<Section> {
         let rows = named.into_iter().map(|(k, who)| vec![k, who.len().to_string(), who.join(", ")]).collect();
         Table::new(
             "Answers of discover",
-            "An effect that is missing for all subjects is the laboratory's; for one, the subject's or the session's.",
+            "An effect found for all subjects points to the laboratory; one found for a single subject points to the subject or the session.",
             &["answer", "subjects", "who"],
             rows,
         )

@@ -37,7 +37,7 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         .filter(|p| p.series[0].y.iter().any(|v| v.is_finite()))
         .collect();
     let words = Words::new(
-        "The ladder falling to the floor",
+        "Held-out error by model revision",
         "Held-out error over weak windows (moments over a lever of 0.1 m) of each revision of the model, and what a perfect model would leave (the noise floor).",
     );
     let figure = Figure::panels(words, "revision of the model", panels.len(), &panels, &[]);

@@ -21,7 +21,7 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
     let mut sections = vec![Section::new(
         "result",
         "Result",
-        "What was identified from motion in the air alone, how well it predicts what was measured, and how far it may be believed.",
+        "What was identified from flight, how well it predicts held-out measurements, and how reliable it is.",
         result,
     )];
     if let Some(view) = &story.comparison {
@@ -145,7 +145,7 @@ fn remarks(story: &Story<'_>) -> Vec<Block> {
     if let Some(found) = &story.found {
         let gate = &found.parameters.gate;
         if gate.passed && gate.reasons.is_empty() {
-            let text = "The motion determines the combinations of parameters that motion can determine; intervals stand beside every number.";
+            let text = "Motion determines only certain combinations of the mass parameters, the base parameters. Every value has its 95 % interval.";
             blocks.push(Block::remark(Light::Good, text));
         }
         let light = if gate.passed { Light::Fair } else { Light::Poor };
@@ -171,7 +171,7 @@ fn recordings(story: &Story<'_>) -> Table {
     let rows = story.trials.iter().map(row).collect();
     Table::new(
         "Recordings",
-        "A name leads to the recording's own chapter.",
+        "Click a name to open the recording's chapter.",
         &[
             "recording",
             "judgement",

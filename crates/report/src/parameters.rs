@@ -43,7 +43,7 @@ fn trust(p: &Parameters) -> Section {
             card(
                 "Singular-value gap σ_N−1 / σ_N",
                 number(p.sigma.ratio),
-                "20 is clear, below 3 nothing is shown",
+                "20 is clear, below 3 the parameters are not determined",
                 lights::gap(p.sigma.ratio),
             ),
             card("σ₁", number(p.sigma.max), "largest singular value", Light::Neutral),
@@ -130,7 +130,7 @@ fn base(p: &Parameters) -> Section {
         .collect();
     let table = Table::new(
         &format!("All {} base parameters", p.base.len()),
-        "With 95 % intervals, how well the motion shows each, and the regrouping spelled out.",
+        "With 95 % intervals, how well the motion determines each, and the regrouping formula.",
         &["parameter", "value", "± 95 %", "prior", "unit", "seen", "regrouping"],
         rows,
     );

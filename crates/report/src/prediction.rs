@@ -36,7 +36,7 @@ fn curves(story: &Story<'_>, view: &ComparisonView) -> Section {
     let f = &c.first.flight;
     if f.frames > 0 {
         blocks.push(Block::text(format!(
-            "In flight nothing acts: what the identified model still asks for there has a root mean square of {} N and {} N·m over {} frames.",
+            "No external force acts in flight: the residual wrench of the identified model there has a root mean square of {} N and {} N·m over {} frames.",
             three(&f.residual_force_n.rms),
             three(&f.residual_moment_nm.rms),
             f.frames
@@ -45,8 +45,8 @@ fn curves(story: &Story<'_>, view: &ComparisonView) -> Section {
     Section::new(
         "wrench",
         "The wrench",
-        "What the identified body needs from outside for the motion that the cameras saw, beside what plates measured and what the \
-         anthropometric prior asks for. The curves of each recording stand in its own chapter.",
+        "External force required by the recorded motion: of the identified model, as measured by the plates, and of the \
+         anthropometric prior. Each recording has its curves in its own chapter.",
         blocks,
     )
 }

@@ -20,7 +20,7 @@ use std::ops::Range;
 /// What scaling of a person needs.
 #[derive(Debug, Clone)]
 pub struct PersonInput<'a> {
-    /// Who.
+    /// Subject name.
     pub facts: &'a PersonFacts,
     /// The model to scale; links named as in `configs/models/human34.yaml` (a model may leave out distal links).
     pub model_spec: &'a ModelSpec,

@@ -165,7 +165,10 @@ impl Folder {
                 Some(hash) => {
                     if !self.manifest.files.contains_key(&file.path) {
                         return Err(PipelineError::request_hint(
-                            format!("{} is in the way and is not the export's", self.root.join(&file.path).display()),
+                            format!(
+                                "{} exists and was not written by the export",
+                                self.root.join(&file.path).display()
+                            ),
                             "move it away, or give --to another folder",
                         ));
                     }

@@ -234,7 +234,7 @@ pub fn holds_enough(import: &ImportConfig, recording: &Recording, trial: &Trial)
     for ((held, stated), file) in markers.into_iter().chain(forces) {
         if (held as f64) < import.least_fraction * stated as f64 {
             return Err(StageFailure::with_hint(
-                format!("{}: a broken copy: {held} of the {stated} frames that it states are in it", file.display()),
+                format!("{}: file truncated: {held} of {stated} declared frames present", file.display()),
                 "copy the recording again, or set `import: {least_fraction: …}` to use what is there",
             )
             .because(QcReason::TruncatedFile));
