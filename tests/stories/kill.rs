@@ -205,8 +205,8 @@ fn the_second_of_two_runs_says_who_holds_the_workspace_or_waits() {
 struct Breaks;
 
 impl aloft_pipeline::progress::Progress for Breaks {
-    fn stage(&self, _: &aloft_study::study::StudyId, _: &'static str, _: usize, _: usize) {}
-    fn task(&self, _: &aloft_study::study::StudyId, _: &aloft_pipeline::runner::TaskReport) {
+    fn stage(&self, _: &aloft_study::recordings::StudyId, _: &'static str, _: usize, _: usize) {}
+    fn task(&self, _: &aloft_study::recordings::StudyId, _: &aloft_pipeline::runner::TaskReport) {
         panic!("a defect");
     }
 }

@@ -4,8 +4,8 @@ use aloft_compare::{Comparison, ModelComparison};
 use aloft_flight::ImpulseMass;
 use aloft_identify::{Parameters, Sigma};
 use aloft_ik::CalibrationReport;
+use aloft_pipeline::results::parameters_file;
 use aloft_pipeline::stages::flight::gravity_error_percent;
-use aloft_pipeline::stages::identify::file_name;
 use aloft_study::study::Study;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
@@ -98,7 +98,7 @@ pub fn compare(study: &Study) -> Result<ComparisonView, PipelineError> {
     }
     let comparison: Comparison = read_json(&path)?;
     let rows = study.config.regressor.rows;
-    let parameters: Parameters = read_json(&ws.place("identify", WHOLE_STUDY).join(file_name(rows)))?;
+    let parameters: Parameters = read_json(&ws.place("identify", WHOLE_STUDY).join(parameters_file(rows)))?;
     Ok(ComparisonView {
         version: 1,
         subject: study.facts.person.name.clone(),

@@ -4,7 +4,7 @@ use crate::compare::{ComparisonView, compare};
 use aloft_effects::ActsIn;
 use aloft_identify::Parameters;
 use aloft_pipeline::made::{compared_effects, made_with};
-use aloft_pipeline::stages::identify::file_name;
+use aloft_pipeline::results::parameters_file;
 use aloft_study::revision::{Judged, ModelEffect, Reached, ReachedCoefficient, Revision, Revisions};
 use aloft_study::study::Study;
 use aloft_workspace::error::PipelineError;
@@ -202,7 +202,7 @@ pub fn reached(study: &Study, view: &ComparisonView) -> Result<Reached, Pipeline
     let c = &view.comparison;
     let ws = Workspace::open(&study.workspace);
     let parameters: Parameters =
-        read_json(&ws.place("identify", WHOLE_STUDY).join(file_name(study.config.regressor.rows)))?;
+        read_json(&ws.place("identify", WHOLE_STUDY).join(parameters_file(study.config.regressor.rows)))?;
     let rms: Vec<f64> = view.kinematics.iter().filter_map(|k| k.marker_rms_mm).collect();
     let of = |place: &str| {
         c.against_floor.iter().find(|a| a.judged_on == place).map(|a| Judged {

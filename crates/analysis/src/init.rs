@@ -3,8 +3,8 @@
 use aloft_pipeline::stages::import::read_file;
 use aloft_study::catalog;
 use aloft_study::quote;
+use aloft_study::recordings::{bids_beside, is_bids, recordings_below, stem_of};
 use aloft_study::studies::guess_subjects;
-use aloft_study::study::{bids_beside, is_bids, recordings_below, stem_of};
 use aloft_trial::{ImportOptions, MarkerSet, Trial, recognise};
 use aloft_workspace::error::PipelineError;
 use nalgebra::Vector3;

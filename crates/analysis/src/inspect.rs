@@ -68,7 +68,7 @@ pub struct PlateLine {
 
 /// Reads the file and looks at everything in it.
 pub fn inspect(file: &Path) -> Result<Inspection, PipelineError> {
-    let name = aloft_study::study::stem_of(file);
+    let name = aloft_study::recordings::stem_of(file);
     let trial = read_file(&name, file, None, &ImportOptions::default())
         .map_err(|f| PipelineError::Request { problem: f.problem, hint: f.hint })?;
     let analogs = if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d")) {

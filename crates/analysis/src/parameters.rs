@@ -3,7 +3,7 @@
 use crate::assess::{self, Assessment};
 use aloft_identify::Parameters;
 pub use aloft_identify::half_of;
-use aloft_pipeline::stages::identify::file_name;
+use aloft_pipeline::results::parameters_file;
 use aloft_study::config::Rows;
 use aloft_study::study::Study;
 use aloft_workspace::error::PipelineError;
@@ -30,7 +30,7 @@ pub struct ParametersView {
 pub fn parameters(study: &Study, rows: Option<Rows>) -> Result<ParametersView, PipelineError> {
     let study = &aloft_pipeline::made::as_made(study);
     let rows = rows.unwrap_or(study.config.regressor.rows);
-    let path = Workspace::open(&study.workspace).place("identify", WHOLE_STUDY).join(file_name(rows));
+    let path = Workspace::open(&study.workspace).place("identify", WHOLE_STUDY).join(parameters_file(rows));
     if !path.is_file() {
         return Err(PipelineError::request_hint(
             format!("nothing was identified from {} rows in {}", rows.word(), study.workspace.display()),

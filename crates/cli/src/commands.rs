@@ -2,8 +2,10 @@
 
 use crate::args::{AnglesArg, Cli, Command, EffectAction, EngineArg, PipelineArgs, RowsArg};
 use crate::each::{broken, each, each_result, fail, heading, notice};
+use crate::open::{open, open_all, words_of};
 use crate::progress::{Bars, Counted};
-use crate::render::{command, note, out, table};
+use crate::render::{command, json, note, out, table};
+use crate::stop::Stop;
 use crate::{Success, findings, residuals, show, show_estimators, workflow};
 use aloft_analysis::freshness::{Freshness, freshness};
 use aloft_analysis::{
@@ -14,51 +16,11 @@ use aloft_pipeline::graph::Standing;
 use aloft_pipeline::runner::{self, BatchReport, Ended, RunReport, Selection};
 use aloft_study::config::{Angles, Rows};
 use aloft_study::quote::{self, visible};
+use aloft_study::recordings::StudyId;
 use aloft_study::studies::StudySet;
-use aloft_study::study::{Overrides, Study, StudyId};
+use aloft_study::study::Study;
 use aloft_workspace::error::PipelineError;
 use clap::CommandFactory;
-
-/// Why a command stopped.
-#[derive(Debug)]
-pub enum Stop {
-    /// The reader of our output went away.
-    PipeClosed,
-    /// Something is wrong.
-    Error(miette::Report),
-}
-
-impl From<PipelineError> for Stop {
-    fn from(error: PipelineError) -> Self {
-        Self::Error(miette::Report::new(error))
-    }
-}
-
-fn overrides(args: &PipelineArgs) -> Overrides {
-    Overrides {
-        data: args.data.clone(),
-        workspace: args.workspace.clone(),
-        subjects: args.subject.clone(),
-        sessions: args.session.clone(),
-    }
-}
-
-/// The one study of a pipeline.
-pub fn open(args: &PipelineArgs) -> Result<Study, Stop> {
-    Ok(Study::open(&args.pipeline, &overrides(args))?)
-}
-
-/// All subjects and sessions that the words choose.
-pub fn open_all(args: &PipelineArgs) -> Result<StudySet, Stop> {
-    Ok(StudySet::open(&args.pipeline, &overrides(args))?)
-}
-
-/// Prints a value as JSON.
-pub fn json<T: serde::Serialize>(value: &T) -> Result<(), Stop> {
-    let text =
-        serde_json::to_string_pretty(value).map_err(|e| Stop::Error(miette::miette!("cannot write JSON: {e}")))?;
-    out(text)
-}
 
 impl From<RowsArg> for Rows {
     fn from(rows: RowsArg) -> Self {
@@ -367,17 +329,6 @@ fn run(args: &PipelineArgs, selection: &Selection, jobs: Option<usize>) -> Resul
         return Err(error.into());
     }
     Ok(if trouble { Success::Partial } else { Success::Full })
-}
-
-/// The words after a command's name that name pipeline and folders again, for a shell.
-pub fn words_of(args: &PipelineArgs) -> String {
-    let folder = |flag: &str, path: &Option<std::path::PathBuf>| {
-        path.iter().flat_map(|p| quote::option(flag, &p.display().to_string())).collect::<Vec<_>>()
-    };
-    let mut words = vec![quote::argument(&args.pipeline)];
-    words.extend(folder("data", &args.data));
-    words.extend(folder("workspace", &args.workspace));
-    quote::line(words)
 }
 
 fn show_dry_run(set: &StudySet, done: &BatchReport) -> Result<Success, Stop> {

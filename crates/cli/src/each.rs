@@ -2,12 +2,15 @@
 
 use crate::Success;
 use crate::args::{PipelineArgs, StrictArgs};
-use crate::commands::{Stop, json, open_all};
+use crate::open::open_all;
+use crate::render::json;
 use crate::render::{note, out};
+use crate::stop::Stop;
 use aloft_analysis::freshness::{Freshness, NotCurrent, freshness};
 use aloft_study::quote::visible;
+use aloft_study::recordings::StudyId;
 use aloft_study::studies::StudySet;
-use aloft_study::study::{Study, StudyId};
+use aloft_study::study::Study;
 use aloft_workspace::error::PipelineError;
 use serde::Serialize;
 use std::cell::Cell;

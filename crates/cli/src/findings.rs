@@ -1,8 +1,9 @@
 //! What `discover`, `effect` and `history` find, as tables and words for people.
 
 use crate::args::PipelineArgs;
-use crate::commands::{Stop, words_of};
+use crate::open::words_of;
 use crate::render::{half, out, plus_minus, significant, table};
+use crate::stop::Stop;
 use aloft_analysis::effect::{EffectLine, History};
 use aloft_discover::{Candidate, Discovery, SelfTest, Verdict};
 use aloft_effects::EffectKind;

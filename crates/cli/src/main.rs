@@ -5,11 +5,13 @@ mod args;
 mod commands;
 mod each;
 mod findings;
+mod open;
 mod progress;
 mod render;
 mod residuals;
 mod show;
 mod show_estimators;
+mod stop;
 mod workflow;
 
 use clap::Parser;
@@ -30,8 +32,8 @@ fn main() -> ExitCode {
     match result {
         Ok(Success::Full) => ExitCode::SUCCESS,
         Ok(Success::Partial) => ExitCode::from(1),
-        Err(commands::Stop::PipeClosed) => ExitCode::SUCCESS,
-        Err(commands::Stop::Error(report)) => {
+        Err(stop::Stop::PipeClosed) => ExitCode::SUCCESS,
+        Err(stop::Stop::Error(report)) => {
             render::error(&report);
             ExitCode::from(2)
         }

@@ -2,7 +2,7 @@
 
 use aloft_pipeline::progress::{Forecast, Plan, Progress};
 use aloft_pipeline::runner::{Ended, TaskReport};
-use aloft_study::study::StudyId;
+use aloft_study::recordings::StudyId;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::Mutex;
 

@@ -1,6 +1,6 @@
 //! Tables and messages for people. Data goes to stdout, messages to stderr.
 
-use crate::commands::Stop;
+use crate::stop::Stop;
 use aloft_analysis::parameters::half_of;
 use aloft_study::quote::visible;
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
@@ -70,4 +70,11 @@ pub fn significant(value: f64, digits: usize) -> String {
     }
     let decimals = (digits as i32 - 1 - magnitude).clamp(0, 12) as usize;
     format!("{value:.decimals$}")
+}
+
+/// Prints a value as JSON.
+pub fn json<T: serde::Serialize>(value: &T) -> Result<(), Stop> {
+    let text =
+        serde_json::to_string_pretty(value).map_err(|e| Stop::Error(miette::miette!("cannot write JSON: {e}")))?;
+    out(text)
 }

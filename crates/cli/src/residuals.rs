@@ -1,9 +1,9 @@
 //! The comparison as tables for people: where the error sits, and what of it noise does not explain.
 
 use crate::args::ByArg;
-use crate::commands::Stop;
 use crate::render::{out, significant, table};
 use crate::show::{brief, three};
+use crate::stop::Stop;
 use aloft_analysis::compare::ComparisonView;
 use aloft_compare::{Group, GroupedBy, SegmentShare};
 use comfy_table::CellAlignment;

@@ -1,7 +1,7 @@
 //! Results as tables for people.
 
-use crate::commands::Stop;
 use crate::render::{half, out, plus_minus, significant, table};
+use crate::stop::Stop;
 use aloft_analysis::compare::{ComparisonView, errors_of, judged_on, mean};
 use aloft_analysis::parameters::ParametersView;
 use aloft_compare::Comparison;

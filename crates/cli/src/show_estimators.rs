@@ -1,7 +1,7 @@
 //! How far results may be trusted, for people: the table of estimators, leaving trials out, the assessment, the calibration.
 
-use crate::commands::Stop;
 use crate::render::{out, significant, table};
+use crate::stop::Stop;
 use aloft_analysis::assess::Assessment;
 use aloft_analysis::compare::{CalibrationView, ImpulseMassView};
 use aloft_analysis::estimators::{ErrorsBrief, EstimatorsView, LeaveOneOutView};

@@ -2,9 +2,10 @@
 
 use crate::Success;
 use crate::args::PipelineArgs;
-use crate::commands::{Stop, open_all};
 use crate::each::broken;
+use crate::open::open_all;
 use crate::render::{command, note};
+use crate::stop::Stop;
 use aloft_analysis::workflow::{Call, Member, plan_path, verdict, write};
 use aloft_study::quote;
 use aloft_study::studies::StudySet;

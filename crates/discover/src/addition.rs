@@ -6,42 +6,20 @@
 
 use crate::DiscoverError;
 use crate::candidate::{Scored, Variant, score};
-use crate::discover::DiscoverOptions;
 use crate::judge::limit_by_number;
 use crate::ladder::{estimates, extra_columns, key_of, sharpened};
 use crate::nonlinear::joint_se_at;
+use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::rank::judged_in;
 use crate::repeating::widen;
-use crate::result::Estimate;
+use crate::result::Addition;
 use crate::session::Session;
 use crate::statistics::{jackknife_se, ratio_interval, resamples};
 use crate::words;
 use aloft_effects::Choice;
 use aloft_regressor::StretchKind;
 use nalgebra::{DMatrix, DVector};
-use serde::{Deserialize, Serialize};
-
-/// One rung of the ladder: held-out error before and after an effect, on the windows where it acts.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Addition {
-    /// Effect with target.
-    pub key: String,
-    /// `flight` or `contact`: the windows on which it is judged.
-    pub judged_on: String,
-    /// Held-out error of the model before, N (root mean square of weak rows, moments over the weighting length of the rows).
-    pub held_out_error_before: f64,
-    /// With the effect.
-    pub held_out_error: f64,
-    /// Their ratio.
-    pub ratio: f64,
-    /// 95 % interval of the ratio over clusters.
-    pub ci95: [f64; 2],
-    /// Coefficients, the parameters refitted beside them.
-    pub coefficients: Vec<Estimate>,
-    /// Trials in which it acts; empty for all.
-    pub trials: Vec<String>,
-}
 
 /// Held-out error before and after one effect joins the model that already holds `accepted`, at the values of its nonlinear parameters. Works on a
 /// session from recordings and, for an effect that is linear or whose columns are stored, on one from [`Session::from_factors`].

@@ -9,6 +9,7 @@ use crate::judge::{
 };
 use crate::ladder::{Refit, as_found, estimates, extra_columns, group_names, key_of, prune, refit_found, to_build_on};
 use crate::not_tried::{NotTried, not_tried};
+use crate::options::DiscoverOptions;
 use crate::pairs::better_pair;
 use crate::placebo::PLACEBOS;
 use crate::problem::{Domain, Problem};
@@ -22,57 +23,6 @@ use aloft_effects::{Choice, Effect};
 use aloft_regressor::StretchKind;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
-
-/// How a discovery is made.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct DiscoverOptions {
-    /// A held-out ratio above this is never believed.
-    pub belief: f64,
-    /// The same for faults of kinematics (soft tissue, joint centres, filters, camera volume, flight edges). Every recording has some of them, so
-    /// only a great one is worth a name, and only before any other effect was found.
-    pub belief_kinematics: f64,
-    /// The same for faults of plates: every plate drifts a little.
-    pub belief_plates: f64,
-    /// Draws of flipped signs for the null distribution.
-    pub null_draws: usize,
-    /// Resamples of clusters for intervals.
-    pub resamples: usize,
-    /// Effects that may be found one after the other.
-    pub rounds: usize,
-    /// Trials are the unit of evidence where there are at least this many, flights otherwise.
-    pub fewest_trials: usize,
-    /// Weight of the prior of the parameters (1: as uncertain as it says).
-    pub prior_weight: f64,
-    /// Two effects are told apart when chance explains their difference less often than this.
-    pub significance: f64,
-    /// Only these effects; all when empty.
-    pub only: Vec<String>,
-    /// Not these.
-    pub without: Vec<String>,
-    /// Seed of every draw.
-    pub seed: u64,
-}
-
-impl Default for DiscoverOptions {
-    fn default() -> Self {
-        Self {
-            belief: 0.90,
-            belief_kinematics: 0.75,
-            belief_plates: 0.80,
-            null_draws: 200,
-            resamples: 500,
-            rounds: 3,
-            fewest_trials: 6,
-            prior_weight: 1.0,
-            significance: 0.05,
-            only: Vec::new(),
-            without: Vec::new(),
-            seed: 20_100_503,
-        }
-    }
-}
 
 /// A pair of effects has to leave less than this share of the error of the best single one.
 const PAIR: f64 = 0.93;

@@ -1,10 +1,10 @@
 //! What a ranking means: what is plausible and believed, what cannot be told apart, and the verdict.
 
 use crate::candidate::{Scored, score};
-use crate::discover::DiscoverOptions;
 use crate::exchange::exchange;
 use crate::ladder::{is_at_bound, key_of, sharpened};
 use crate::nonlinear::{improve, score_fitted};
+use crate::options::DiscoverOptions;
 use crate::problem::Problem;
 use crate::rank::{EffectScore, FULL_STEPS, cosine};
 use crate::result::{Alternative, Candidate, Confusion, Duel, Estimate, MANY_CLUSTERS, Verdict};

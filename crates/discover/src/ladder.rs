@@ -2,8 +2,8 @@
 
 use crate::DiscoverError;
 use crate::candidate::{Scored, Variant};
-use crate::discover::DiscoverOptions;
 use crate::judge::Rival;
+use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::result::{Estimate, Found};
 use crate::session::Session;

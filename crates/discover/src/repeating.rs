@@ -9,7 +9,7 @@
 //! would make of a coefficient: `S⁻¹ Cᵀ D δ`, with the Gram matrix `S = CᵀC` and the columns `D` of the slides beside the model.
 
 use crate::candidate::{Variant, pseudo_inverse};
-use crate::discover::DiscoverOptions;
+use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::rank::OVERLAP;
 use crate::result::Estimate;

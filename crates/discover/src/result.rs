@@ -1,6 +1,5 @@
 //! What a discovery says: the contract of `aloft discover --json`.
 
-use crate::addition::Addition;
 use crate::not_tried::NotTried;
 use aloft_effects::{EffectKind, Target};
 use serde::{Deserialize, Serialize};
@@ -290,4 +289,25 @@ mod nullable {
     pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
         Ok(Option::<f64>::deserialize(from)?.unwrap_or(f64::NAN))
     }
+}
+
+/// One rung of the ladder: held-out error before and after an effect, on the windows where it acts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Addition {
+    /// Effect with target.
+    pub key: String,
+    /// `flight` or `contact`: the windows on which it is judged.
+    pub judged_on: String,
+    /// Held-out error of the model before, N (root mean square of weak rows, moments over the weighting length of the rows).
+    pub held_out_error_before: f64,
+    /// With the effect.
+    pub held_out_error: f64,
+    /// Their ratio.
+    pub ratio: f64,
+    /// 95 % interval of the ratio over clusters.
+    pub ci95: [f64; 2],
+    /// Coefficients, the parameters refitted beside them.
+    pub coefficients: Vec<Estimate>,
+    /// Trials in which it acts; empty for all.
+    pub trials: Vec<String>,
 }

@@ -5,7 +5,8 @@
 //! hold of other errors (soft tissue, joint centres) stays in them.
 
 use crate::DiscoverError;
-use crate::discover::{DiscoverOptions, discover};
+use crate::discover::discover;
+use crate::options::DiscoverOptions;
 use crate::result::{Candidate, Verdict};
 use crate::session::Session;
 use aloft_effects::{Choice, Effect};

@@ -2,7 +2,7 @@
 
 use crate::runner::TaskReport;
 use crate::stages::STAGES;
-use aloft_study::study::StudyId;
+use aloft_study::recordings::StudyId;
 use std::time::Instant;
 
 /// What a run will look at: for each stage, in the order of [`STAGES`], how many tasks at most, and how long one took last time.

@@ -97,7 +97,12 @@ impl<'a> Results<'a> {
 
     /// What was identified from one kind of rows, if it was.
     pub fn load_parameters(&self, rows: Rows) -> Result<Option<Parameters>, StageFailure> {
-        let path = self.place("identify", WHOLE_STUDY)?.join(crate::stages::identify::file_name(rows));
+        let path = self.place("identify", WHOLE_STUDY)?.join(parameters_file(rows));
         if path.is_file() { Ok(Some(read_json(&path)?)) } else { Ok(None) }
     }
+}
+
+/// Where the parameters from one kind of rows lie.
+pub fn parameters_file(rows: Rows) -> String {
+    format!("parameters_{}.json", rows.word())
 }

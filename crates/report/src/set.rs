@@ -1,8 +1,8 @@
 //! The pages of a study of several: one a subject and session, and one over all of them.
 
 use super::group::{Absent, Member};
+use aloft_study::recordings::StudyId;
 use aloft_study::studies::StudySet;
-use aloft_study::study::StudyId;
 use aloft_workspace::error::PipelineError;
 use std::path::PathBuf;
 

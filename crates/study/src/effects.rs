@@ -104,6 +104,11 @@ pub fn check_formulas(own: &[OwnEffect], model: &ModelSpec) -> Result<(), Pipeli
     own.iter().try_for_each(|o| o.compile(&scene).map(|_| ()))
 }
 
+/// True for an effect that asks when in the session a recording was made.
+pub fn asks_session_time(id: &str) -> bool {
+    aloft_effects::effect(id).is_ok_and(|e| e.about().uses_session_time)
+}
+
 /// The effects of a model, with all that their columns are made from.
 #[derive(Debug, Clone, Default)]
 pub struct ModelEffects {

@@ -4,7 +4,7 @@ use crate::config::{GRAVITY_MPS2, HEIGHT_M, MASS_KG, PipelineConfig, SubjectConf
 use crate::place::{error_at, find};
 use crate::quote;
 use crate::ranges;
-use crate::study::StudyId;
+use crate::recordings::StudyId;
 use aloft_body::{PersonFacts, Sex};
 use aloft_workspace::error::PipelineError;
 use schemars::JsonSchema;
@@ -251,7 +251,7 @@ pub(crate) fn find_facts(
 fn listed(trials: &serde_yaml::Value) -> Vec<String> {
     let name = |entry: &serde_yaml::Value| {
         let file = entry.as_str().or_else(|| entry.get("file")?.as_str())?;
-        Some(crate::study::stem_of(Path::new(file)))
+        Some(crate::recordings::stem_of(Path::new(file)))
     };
     trials.as_sequence().map(|list| list.iter().filter_map(name).collect()).unwrap_or_default()
 }

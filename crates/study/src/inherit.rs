@@ -9,7 +9,7 @@ use crate::config::{
 };
 use crate::place::{error_at, find};
 use crate::ranges;
-use crate::study::pattern;
+use crate::recordings::pattern;
 use aloft_workspace::error::PipelineError;
 use serde_yaml::Value;
 use std::path::{Path, PathBuf};

@@ -11,6 +11,7 @@ pub mod inherit;
 pub mod place;
 pub mod quote;
 pub mod ranges;
+pub mod recordings;
 pub mod revision;
 pub mod session;
 pub mod studies;

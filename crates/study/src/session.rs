@@ -6,11 +6,6 @@ use aloft_workspace::artifact::session_recording;
 use aloft_workspace::workspace::Workspace;
 use std::collections::BTreeMap;
 
-/// True for an effect that asks when in the session a recording was made.
-pub fn asks_session_time(id: &str) -> bool {
-    aloft_effects::effect(id).is_ok_and(|e| e.about().uses_session_time)
-}
-
 /// Times of a study's recordings.
 #[derive(Debug, Clone)]
 pub struct Calendar {

@@ -6,7 +6,8 @@ use crate::config::error_at_key;
 use crate::facts::participant_ids;
 use crate::inherit::{PipelineFile, fits};
 use crate::quote::visible;
-use crate::study::{Overrides, Place, Study, StudyId, fold, pattern, recordings_below};
+use crate::recordings::{StudyId, fold, pattern, recordings_below};
+use crate::study::{Overrides, Place, Study};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use globset::GlobMatcher;
 use std::collections::BTreeMap;
@@ -362,7 +363,7 @@ pub fn guess_subjects(root: &Path) -> Result<Vec<PathBuf>, PipelineError> {
         return Ok(named);
     }
     let stems = |folder: &Path| -> Result<Vec<String>, PipelineError> {
-        Ok(recordings_below(folder)?.iter().map(|p| crate::study::stem_of(p).to_lowercase()).collect())
+        Ok(recordings_below(folder)?.iter().map(|p| crate::recordings::stem_of(p).to_lowercase()).collect())
     };
     let mut with = Vec::new();
     for folder in folders {

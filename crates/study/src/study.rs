@@ -6,13 +6,13 @@ use crate::effects::{ModelEffects, OwnEffect, check_formulas, own_effects};
 use crate::facts::{FactPlaces, Facts, find_facts};
 use crate::inherit::{PipelineFile, TrialSettings, Whose};
 use crate::quote;
+use crate::recordings::{StudyId, bids_beside, fold, globs, recordings_below, stem_of};
 use crate::studies::StudySet;
 use aloft_body::ModelSpec;
 use aloft_scale::ObjectSpec;
 use aloft_trial::MarkerSet;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::workspace::WHOLE_STUDY;
-use globset::{GlobBuilder, GlobMatcher, GlobSet, GlobSetBuilder};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -66,22 +66,6 @@ pub struct TrialEntry {
     pub excluded: Option<String>,
     /// Settings of its own, where they differ from the session's.
     pub settings: Option<TrialSettings>,
-}
-
-/// Which subject's which session a study is; both are none for a pipeline of one subject.
-#[derive(Debug, Clone, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct StudyId {
-    /// Subject.
-    pub subject: Option<String>,
-    /// Session.
-    pub session: Option<String>,
-}
-
-impl std::fmt::Display for StudyId {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let parts: Vec<&str> = [&self.subject, &self.session].into_iter().flatten().map(String::as_str).collect();
-        f.write_str(&parts.join(" "))
-    }
 }
 
 /// A pipeline bound to the recordings of one subject and session.
@@ -234,7 +218,7 @@ impl Study {
         ModelEffects {
             own: self.own_effects.iter().filter(|o| used(&o.spec.id)).cloned().collect(),
             about: self.plain_base.clone(),
-            recordings: (self.effects.iter().any(|e| crate::session::asks_session_time(e.id())))
+            recordings: (self.effects.iter().any(|e| crate::effects::asks_session_time(e.id())))
                 .then(|| self.facts.recordings.clone()),
             model: self.effects.clone(),
         }
@@ -284,96 +268,6 @@ fn load_model(name: &str, dir: &Path) -> Result<ModelSpec, PipelineError> {
         return ModelSpec::from_urdf(&text).map_err(|e| PipelineError::request(format!("{}: {e}", path.display())));
     }
     catalog::load("models", name, dir)
-}
-
-fn not_a_pattern(p: &str, e: &globset::Error, key: &str, file: &str, text: &str) -> PipelineError {
-    error_at_key(
-        file,
-        text,
-        key,
-        format!("`{p}` is not a file pattern: {}", e.kind()),
-        Some("use *, ? and ** as in a shell".to_owned()),
-    )
-}
-
-/// A pattern of the pipeline, compiled; an error points at `key`.
-pub(crate) fn pattern(p: &str, key: &str, file: &str, text: &str) -> Result<GlobMatcher, PipelineError> {
-    let glob = GlobBuilder::new(p).literal_separator(true).build();
-    glob.map(|g| g.compile_matcher()).map_err(|e| not_a_pattern(p, &e, key, file, text))
-}
-
-fn globs(patterns: &[String], key: &str, file: &str, text: &str) -> Result<GlobSet, PipelineError> {
-    let mut builder = GlobSetBuilder::new();
-    for p in patterns {
-        let glob = GlobBuilder::new(p).literal_separator(true).build();
-        builder.add(glob.map_err(|e| not_a_pattern(p, &e, key, file, text))?);
-    }
-    builder.build().map_err(|e| not_a_pattern("", &e, key, file, text))
-}
-
-/// True for files that hold a recording, by their extension.
-pub fn is_recording(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d") || e.eq_ignore_ascii_case("trc")) || is_bids(path)
-}
-
-/// Ending of the numbers of a BIDS-Motion recording.
-const BIDS_MOTION: &str = "_motion.tsv";
-
-/// True for the numbers of a BIDS-Motion recording.
-pub fn is_bids(path: &Path) -> bool {
-    path.file_name().is_some_and(|n| n.to_string_lossy().ends_with(BIDS_MOTION))
-}
-
-/// Files that describe a BIDS-Motion recording, those that are there: channels, their frame, metadata.
-pub fn bids_beside(path: &Path) -> Vec<PathBuf> {
-    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    let Some(stem) = name.strip_suffix(BIDS_MOTION) else { return Vec::new() };
-    let mut beside: Vec<PathBuf> = ["channels.tsv", "channels.json", "motion.json"]
-        .iter()
-        .map(|end| path.with_file_name(format!("{stem}_{end}")))
-        .filter(|p| p.is_file())
-        .collect();
-    // `sub-01_ses-02_scans.tsv`, a folder above the recordings, says when each was made
-    let entities: Vec<&str> = stem.split('_').take_while(|e| e.starts_with("sub-") || e.starts_with("ses-")).collect();
-    if let (false, Some(folder)) = (entities.is_empty(), path.parent()) {
-        let scans = format!("{}_scans.tsv", entities.join("_"));
-        beside.extend(folder.ancestors().take(2).map(|f| f.join(&scans)).find(|p| p.is_file()));
-    }
-    beside
-}
-
-/// The name of a recording without its ending.
-pub fn stem_of(path: &Path) -> String {
-    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    match name.strip_suffix(BIDS_MOTION) {
-        Some(stem) => stem.to_owned(),
-        None => path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default(),
-    }
-}
-
-/// Recordings below a folder, relative to it, in order of names. Results (workspaces, exports, `derivatives`) and hidden folders
-/// are not looked into. Links to files count: data sets of DataLad or git-annex consist of them.
-pub fn recordings_below(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
-    let mut found = Vec::new();
-    let walk = walkdir::WalkDir::new(folder).sort_by_file_name().into_iter().filter_entry(|e| {
-        let name = e.file_name().to_string_lossy();
-        e.depth() == 0
-            || !e.file_type().is_dir()
-            || !(name.starts_with('.')
-                || name == "derivatives"
-                || e.path().join(aloft_workspace::workspace::MARKER).is_file())
-    });
-    for entry in walk {
-        let entry = entry.map_err(|e| PipelineError::Io {
-            action: "list",
-            path: folder.to_path_buf(),
-            source: e.into_io_error().unwrap_or_else(|| std::io::Error::other("a loop of links")),
-        })?;
-        if is_recording(entry.path()) && entry.path().is_file() {
-            found.push(entry.path().strip_prefix(folder).unwrap_or(entry.path()).to_path_buf());
-        }
-    }
-    Ok(found)
 }
 
 fn find_trials(
@@ -467,11 +361,6 @@ fn find_trials(
     trials.sort_by(|a, b| a.name.cmp(&b.name));
     names_are_usable(&trials, data)?;
     Ok((trials, unmatched))
-}
-
-/// A name as file systems see it that do not tell `Jump` from `jump`.
-pub fn fold(name: &str) -> String {
-    name.to_lowercase()
 }
 
 /// Each recording that takes part has results and exported files of its own: its name must be a folder's name, and no other's, also where

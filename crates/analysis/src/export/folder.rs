@@ -278,7 +278,9 @@ mod tests {
                 && root.join("1.txt").is_file()
                 && !root.join("5.txt").exists()
         );
-        assert!(write(&root, "b", &[("notes.txt", "x")]).unwrap_err().to_string().contains("in the way"));
+        assert!(
+            write(&root, "b", &[("notes.txt", "x")]).unwrap_err().to_string().contains("not written by the export")
+        );
         fs::write(root.join("1.txt"), "edited").unwrap();
         assert!(write(&root, "c", &[("1.txt", "three")]).unwrap_err().to_string().contains("changed since"));
         assert_eq!(fs::read_to_string(root.join("1.txt")).unwrap(), "edited");

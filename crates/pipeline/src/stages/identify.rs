@@ -2,6 +2,7 @@
 
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use crate::merge;
+use crate::results::parameters_file;
 use crate::stages::regressor::{load_factors, load_slides, row_kind};
 use aloft_body::{BaseParameters, Subject};
 use aloft_identify::{
@@ -222,11 +223,6 @@ impl Predicting {
     }
 }
 
-/// Where the parameters from one kind of rows lie.
-pub fn file_name(rows: Rows) -> String {
-    format!("parameters_{}.json", rows.word())
-}
-
 fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
     let subject = inputs.results.load_subject("calibrate")?;
     let mut done = StageReport::default();
@@ -249,7 +245,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         let slides = training_slides(inputs, &factors)?;
         match identify_with(params, &subject, &factors, flights.as_ref(), &slides, estimator(params, rows), bootstrap) {
             Ok(parameters) => {
-                write_json(&inputs.out.join(file_name(rows)), &parameters)?;
+                write_json(&inputs.out.join(parameters_file(rows)), &parameters)?;
                 if rows == chosen {
                     let unseen = parameters.effects.iter().filter_map(|e| Some((&e.name, e.not_determined.as_ref()?)));
                     done.warnings.extend(unseen.map(|(name, why)| format!("effect {name} is not determined: {why}")));

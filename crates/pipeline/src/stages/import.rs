@@ -3,7 +3,8 @@
 use crate::graph::{Need, Recording, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use aloft_study::config::{ImportConfig, Vertical};
 use aloft_study::quote;
-use aloft_study::study::{Role, Study, TrialEntry, bids_beside};
+use aloft_study::recordings::bids_beside;
+use aloft_study::study::{Role, Study, TrialEntry};
 use aloft_trial::{
     ArtefactOptions, BidsMotion, GapOptions, ImportOptions, MarkerSet, QualityOptions, Severity, Trial, TrialQuality,
     UpAxis,
@@ -104,7 +105,7 @@ pub fn read_file(
         let mot = forces.map(text).transpose()?;
         return Trial::from_trc_mot(name, &trc, mot.as_deref(), options).map_err(label);
     }
-    if aloft_study::study::is_bids(file) {
+    if aloft_study::recordings::is_bids(file) {
         return read_bids(name, file, options);
     }
     let bytes = std::fs::read(file).map_err(PipelineError::io("read", file))?;
@@ -122,7 +123,11 @@ fn read_bids(name: &str, file: &std::path::Path, options: &ImportOptions) -> Res
     };
     let Some(channels) = ending("_channels.tsv") else {
         return Err(StageFailure::with_hint(
-            format!("{}: there is no {}_channels.tsv beside it", file.display(), aloft_study::study::stem_of(file)),
+            format!(
+                "{}: there is no {}_channels.tsv beside it",
+                file.display(),
+                aloft_study::recordings::stem_of(file)
+            ),
             "BIDS-Motion keeps the names of the columns in that file: export it, too",
         )
         .because(QcReason::UnreadableFile));

@@ -1,0 +1,37 @@
+//! From arguments to studies and back.
+
+use crate::args::PipelineArgs;
+use crate::stop::Stop;
+use aloft_study::quote;
+use aloft_study::studies::StudySet;
+use aloft_study::study::{Overrides, Study};
+
+fn overrides(args: &PipelineArgs) -> Overrides {
+    Overrides {
+        data: args.data.clone(),
+        workspace: args.workspace.clone(),
+        subjects: args.subject.clone(),
+        sessions: args.session.clone(),
+    }
+}
+
+/// The one study of a pipeline.
+pub fn open(args: &PipelineArgs) -> Result<Study, Stop> {
+    Ok(Study::open(&args.pipeline, &overrides(args))?)
+}
+
+/// All subjects and sessions that the words choose.
+pub fn open_all(args: &PipelineArgs) -> Result<StudySet, Stop> {
+    Ok(StudySet::open(&args.pipeline, &overrides(args))?)
+}
+
+/// The words after a command's name that name pipeline and folders again, for a shell.
+pub fn words_of(args: &PipelineArgs) -> String {
+    let folder = |flag: &str, path: &Option<std::path::PathBuf>| {
+        path.iter().flat_map(|p| quote::option(flag, &p.display().to_string())).collect::<Vec<_>>()
+    };
+    let mut words = vec![quote::argument(&args.pipeline)];
+    words.extend(folder("data", &args.data));
+    words.extend(folder("workspace", &args.workspace));
+    quote::line(words)
+}
