@@ -1,4 +1,4 @@
-//! The recording itself.
+//! The recording: markers, plates, events and computed points.
 
 use crate::{RecordedAt, Warning, WarningKind};
 use aloft_c3d::PointKind;
@@ -12,7 +12,7 @@ pub struct Markers {
     pub rate_hz: f64,
     /// Number of the first frame in the source (1-based as in C3D).
     pub first_frame: u32,
-    /// Frames.
+    /// Number of frames.
     pub n_frames: usize,
     /// Labels, canonical after a marker set was applied.
     pub labels: Vec<String>,
@@ -58,16 +58,17 @@ pub struct Event {
     pub time_s: f64,
 }
 
-/// A computed point (angle, force, moment, power, scalar) that some software stored among the markers; units as the source states.
+/// A computed point (angle, force, moment, power, scalar) that software stored among the markers;
+/// units as in the source.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ComputedPoint {
     /// Label.
     pub label: String,
-    /// What it is; never [`PointKind::Marker`].
+    /// Kind; never [`PointKind::Marker`].
     pub kind: PointKind,
     /// Unit as the source states it.
     pub unit: String,
-    /// Values frame by frame; NaN where missing.
+    /// Values per frame; NaN where missing.
     pub values: Vec<Vector3<f64>>,
 }
 
@@ -94,25 +95,25 @@ pub struct Trial {
     pub plates: Vec<Plate>,
     /// Events.
     pub events: Vec<Event>,
-    /// Computed points, kept apart.
+    /// Computed points, kept separate from the markers.
     pub computed: Vec<ComputedPoint>,
-    /// Rotation that was applied to everything to make Z the vertical.
+    /// Rotation applied to all data to make Z vertical.
     pub world_from_source: Rotation3<f64>,
-    /// When the recording was made, where its file says so.
+    /// When the recording was made, if its file states it.
     pub recorded: Option<RecordedAt>,
     /// Time of the first frame by the frame numbers or the time column of the source, s.
     pub start_s: f64,
-    /// What was odd.
+    /// Irregularities found during import.
     pub warnings: Vec<Warning>,
 }
 
 impl Trial {
-    /// Notes something odd.
+    /// Adds a warning.
     pub(crate) fn warn(&mut self, kind: WarningKind, message: impl Into<String>) {
         self.warnings.push(Warning::new(kind, message));
     }
 
-    /// Frames that a truncated recording holds, and those that it declares; none for a whole one.
+    /// Frames present and frames declared in a truncated recording; `None` for a complete one.
     pub fn truncated(&self) -> Option<(usize, usize)> {
         self.warnings.iter().find_map(|w| match w.kind {
             WarningKind::Truncated { held, stated } => Some((held, stated)),
@@ -120,7 +121,7 @@ impl Trial {
         })
     }
 
-    /// Rows that a truncated file of forces holds, and those that it declares; none for a whole one.
+    /// Rows present and rows declared in a truncated force file; `None` for a complete one.
     pub fn forces_truncated(&self) -> Option<(usize, usize)> {
         self.warnings.iter().find_map(|w| match w.kind {
             WarningKind::ForcesTruncated { held, stated } => Some((held, stated)),
