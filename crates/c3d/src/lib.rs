@@ -45,12 +45,12 @@
 //! | module | what it holds |
 //! |---|---|
 //! | `number` | bytes of integers and floats in three orders |
-//! | `parameters`, `parameter_reader` | the tree of groups and its walk |
-//! | `header`, `layout` | the first block; which of the stated sizes to believe |
+//! | `parameters`, `parameter_reader` | the tree of groups and its reader |
+//! | `header`, `layout` | the first block; choice among the stated sizes |
 //! | `samples` | bulk conversion, one loop for each order and storage |
-//! | `read`, `events`, `plate_reader` | meaning of the standard groups |
-//! | `wrench` | plates from channels to wrenches |
-//! | `write`, `parameter_sync`, `builder` | the way back, and new files |
+//! | `read`, `events`, `plate_reader` | interpretation of the standard groups |
+//! | `wrench` | conversion of plate channels to wrenches |
+//! | `write`, `parameter_sync`, `builder` | writing, and new files |
 
 mod builder;
 mod error;

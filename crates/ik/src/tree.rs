@@ -235,7 +235,7 @@ impl Tree {
         }
     }
 
-    /// Rotation of `parent_from_joint` in the world, where the joint's own rotation starts.
+    /// Rotation of `parent_from_joint` in the world, to which the joint's own rotation is applied.
     pub fn joint_rotation(&self, index: usize, pose: &Pose) -> Matrix3<f64> {
         let link = &self.links[index];
         if link.parent == NONE { link.rotation } else { pose.rotation[link.parent] * link.rotation }

@@ -143,8 +143,8 @@ impl Butterworth {
             sections.push(Section { b: [b, b, 0.0], a: [(k - 1.0) / (k + 1.0), 0.0] });
         }
         // Pole pairs of the analogue prototype, s² + 2 sin((2i+1)π/2n) s + 1, by the bilinear
-        // transform. The best damped pair comes first, so that no partial cascade rings more than
-        // the whole.
+        // transform. The best damped pair comes first, so that no section rings more than the
+        // whole.
         for pair in (0..n / 2).rev() {
             let damping = 2.0 * (PI * (2 * pair + 1) as f64 / (2 * n) as f64).sin();
             let norm = 1.0 / (1.0 + damping * k + k * k);

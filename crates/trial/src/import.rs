@@ -188,7 +188,7 @@ fn length_unit(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Re
     Ok(1e-3)
 }
 
-/// Says so when all markers together are absurdly near or far.
+/// Warns if the extent of all markers is implausibly small or large.
 fn warn_of_scale(trial: &mut Trial) {
     let mut low = Vector3::repeat(f64::INFINITY);
     let mut high = Vector3::repeat(f64::NEG_INFINITY);

@@ -28,7 +28,7 @@ pub struct MarkerDefinition {
     pub label: String,
     /// Link that carries it.
     pub link: String,
-    /// Anatomical landmark that it marks, where it marks one (`asis_l`, `knee_medial_r`, `hip_center_l` …).
+    /// Anatomical landmark that it marks, if any (`asis_l`, `knee_medial_r`, `hip_center_l` …).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub landmark: Option<String>,
     /// Other labels of the same marker.

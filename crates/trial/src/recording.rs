@@ -39,7 +39,7 @@ pub struct Plate {
     pub name: String,
     /// Sampling rate of the forces, Hz (the analog rate).
     pub rate_hz: f64,
-    /// Corners, m, world frame (empty where the source does not say).
+    /// Corners, m, world frame (empty if the source does not state them).
     pub corners_m: Vec<Vector3<f64>>,
     /// Force on the subject, N, world frame.
     pub force_n: Vec<Vector3<f64>>,
@@ -52,7 +52,7 @@ pub struct Plate {
 pub struct Event {
     /// Label, for example `Foot Off`.
     pub label: String,
-    /// Context, for example `Left`; empty where the source has none.
+    /// Context, for example `Left`; empty if the source has none.
     pub context: String,
     /// Seconds since the first frame of this recording.
     pub time_s: f64,
@@ -78,7 +78,7 @@ impl ComputedPoint {
         matches!(self.kind, PointKind::Force | PointKind::Moment)
     }
     /// True for vectors in laboratory axes (ground reactions). Joint forces and moments are stored in the axes of a segment
-    /// that the file does not define, angles are no vectors, and powers and scalars have no direction.
+    /// that the file does not define, angles are not vectors, and powers and scalars have no direction.
     pub fn in_laboratory_axes(&self) -> bool {
         self.is_vector() && self.label.to_ascii_lowercase().contains("groundreaction")
     }
@@ -91,7 +91,7 @@ pub struct Trial {
     pub name: String,
     /// Markers.
     pub markers: Markers,
-    /// Plates; empty where the laboratory has none.
+    /// Plates; empty if the recording has none.
     pub plates: Vec<Plate>,
     /// Events.
     pub events: Vec<Event>,

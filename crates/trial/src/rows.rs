@@ -24,7 +24,7 @@ pub(crate) struct Stamp {
     pub time_s: f64,
     /// Decimals with which the time is printed.
     pub decimals: i32,
-    /// Frame number, where the format has one.
+    /// Frame number, if the format has one.
     pub number: Option<i64>,
 }
 

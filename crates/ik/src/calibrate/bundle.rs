@@ -40,9 +40,9 @@ struct Frame {
 struct Layout {
     /// Of each tracked marker.
     marker: Vec<usize>,
-    /// Of each link's joint centre, `NONE` where there is none.
+    /// Of each link's joint centre, `NONE` if it has none.
     center: Vec<usize>,
-    /// Of each hinge axis, `NONE` where there is none.
+    /// Of each hinge axis, `NONE` for other joints.
     axis: Vec<usize>,
     size: usize,
 }
