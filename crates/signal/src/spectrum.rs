@@ -47,7 +47,7 @@ pub fn welch(signal: &[f64], rate_hz: f64, segment: usize) -> Spectrum {
                         at -= n;
                     }
                 }
-                // Negative frequencies are added, except for the two bins that are their own mirror image.
+                // Negative frequencies are added, except for the two bins that mirror themselves.
                 let fold = if k == 0 || 2 * k == n { 1.0 } else { 2.0 };
                 *d += fold * scale * (re * re + im * im);
             }

@@ -77,8 +77,9 @@ impl ComputedPoint {
     pub(crate) fn is_vector(&self) -> bool {
         matches!(self.kind, PointKind::Force | PointKind::Moment)
     }
-    /// True for vectors in laboratory axes (ground reactions). Joint forces and moments are stored in the axes of a segment
-    /// that the file does not define, angles are not vectors, and powers and scalars have no direction.
+    /// True for vectors in laboratory axes (ground reactions). Joint forces and moments are stored
+    /// in the axes of a segment that the file does not define, angles are not vectors, and powers
+    /// and scalars have no direction.
     pub fn in_laboratory_axes(&self) -> bool {
         self.is_vector() && self.label.to_ascii_lowercase().contains("groundreaction")
     }
