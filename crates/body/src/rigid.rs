@@ -27,8 +27,8 @@ pub fn best_rotation(b: &Matrix3<f64>, tolerance: f64) -> Option<(Matrix3<f64>, 
     rotation.iter().all(|x| x.is_finite()).then_some((rotation, svd.singular_values))
 }
 
-/// Least-squares pose that carries the points `local` onto `world`. Both slices have the same length, and all points are
-/// finite.
+/// Least-squares pose that maps the points `local` onto `world`. Both slices have the same length,
+/// and all points are finite.
 ///
 /// None with fewer than three points, or when they lie within `min_spread_m` of a line (root mean square, m).
 pub fn fit_pose(local: &[Vector3<f64>], world: &[Vector3<f64>], min_spread_m: f64) -> Option<Isometry3<f64>> {

@@ -156,9 +156,9 @@ impl Solver<'_> {
         self.problem.markers.iter().map(|m| m.weight).sum::<f64>() / n.max(1) as f64
     }
 
-    /// Puts a hinge on its flexed side: the angle from the distance between the two ends, the upper
-    /// link rotated about its origin to fit the far end and its own markers, the lower link rotated
-    /// to fit its markers. Starts from the pose of `q`.
+    /// Puts a hinge on its flexed side: the angle from the distance between the two ends, the link
+    /// above the hinge rotated about its origin to fit the far end and its own markers, the link at
+    /// the far end rotated to fit its markers. Starts from the pose of `q`.
     pub fn start_flexed(&mut self, hinge: &Hinge, q: &mut [f64]) -> bool {
         let problem = self.problem;
         let tree = &problem.tree;

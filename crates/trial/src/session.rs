@@ -46,7 +46,7 @@ pub struct SessionTimes {
     pub words: String,
 }
 
-/// Coarsest resolution that separates recordings.
+/// Coarsest resolution that separates recordings, s.
 const RESOLUTION_S: f64 = 60.0;
 /// Tolerance by which two time stamps may be closer than the duration of the recording, s.
 const SLACK_S: f64 = 1.0;

@@ -35,7 +35,7 @@ pub struct MarkerChange {
     pub label: String,
     /// Displacement of its position in the static posture, m.
     pub moved_m: f64,
-    /// Root mean square distance over the frames used and held out before, m.
+    /// Root mean square distance before the calibration, over the frames used and held out, m.
     pub rms_before_m: f64,
     /// The same after, m.
     pub rms_after_m: f64,
@@ -48,7 +48,7 @@ pub struct TrialFit {
     pub trial: String,
     /// Frames used.
     pub frames_used: usize,
-    /// Root mean square over markers and the frames used and held out before, m.
+    /// Root mean square over markers before the calibration, over the frames used and held out, m.
     pub rms_before_m: f64,
     /// The same after, m.
     pub rms_after_m: f64,
@@ -63,11 +63,11 @@ pub struct CalibrationReport {
     pub frames_held_out: usize,
     /// Steps of the estimation over all rounds.
     pub iterations: usize,
-    /// Root mean square over markers of the used frames before, m.
+    /// Root mean square over markers of the used frames before the calibration, m.
     pub used_rms_before_m: f64,
     /// The same after, m.
     pub used_rms_after_m: f64,
-    /// Root mean square over markers of the held-out frames before, m.
+    /// Root mean square over markers of the held-out frames before the calibration, m.
     pub held_out_rms_before_m: f64,
     /// The same after, m.
     pub held_out_rms_after_m: f64,
