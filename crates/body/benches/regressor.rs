@@ -106,7 +106,8 @@ fn regressor(c: &mut Criterion) {
     c.bench_function("base_parameters", |b| b.iter(|| BaseParameters::of(black_box(&model))));
 }
 
-/// Rows of a batch against the number of links of a chain with spherical joints: linear.
+/// Time for the rows of a batch against the number of links of a chain with spherical joints:
+/// linear.
 fn against_links(c: &mut Criterion) {
     let mut group = c.benchmark_group("base-wrench rows of eight frames against links");
     for n in [2usize, 4, 8, 16, 32, 64] {

@@ -1,8 +1,9 @@
 //! Structural base parameters: the regrouping of the paper for free, spherical, revolute, prismatic and fixed joints.
 //!
-//! With a root that moves freely, a set of inertial parameters has no effect on the base wrench if and only if it is a sum
-//! of such: a child's parameters that look the same in its parent whatever their joint does (position and velocity),
-//! taken from the child and added to the parent. So each joint gives to the parent
+//! With a freely moving root, a set of inertial parameters has no effect on the base wrench if and
+//! only if it is a sum of the following: parameters of a child that have the same effect as
+//! parameters of its parent for any motion of their joint (position and velocity), subtracted from
+//! the child and added to the parent. Each joint therefore transfers to the parent
 //!
 //! - revolute: mass, first moment along the axis, and the second moment along the axis (three; with the axis z: m, mc_z, and Iyy
 //!   as diag(Iyy, Iyy, 0)); the child keeps mc_x, mc_y, Ixx−Iyy, Izz, Iyz, Izx, Ixy,
@@ -12,8 +13,9 @@
 //!   then is the effect of moving that mass away from there,
 //! - fixed: all ten.
 //!
-//! Nothing else is needed: by induction from the leaves, no coincidence of axes along the tree lowers the rank further,
-//! because the rest of the tree is a rigid body in general motion for the last joint.
+//! No other regrouping is needed: by induction from the leaves, coincident axes along the tree do
+//! not lower the rank further, because for the last joint the rest of the tree is a rigid body in
+//! general motion.
 
 use crate::formula::Formulas;
 use crate::inertia::{phi_transform, phi_transform_by};
@@ -25,13 +27,15 @@ pub(crate) type Matrix10 = SMatrix<f64, 10, 10>;
 /// One base parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BaseParameter {
-    /// Name: `M MCx MCy MCz Jxx Jyy Jzz Jyz Jzx Jxy` for the root (the paper's Table I), `<link>.mcx`, `<link>.Ixx-Iyy` … for the others.
-    /// Primes (`<link>.mcx'`) stand for axes turned so that z' is the joint's axis; the formula gives them.
+    /// Name: `M MCx MCy MCz Jxx Jyy Jzz Jyz Jzx Jxy` for the root (the paper's Table I),
+    /// `<link>.mcx`, `<link>.Ixx-Iyy` … for the others. Primes (`<link>.mcx'`) denote axes rotated
+    /// so that z' is the joint's axis; the formula gives them.
     pub name: String,
     /// Unit: `kg`, `kg·m` or `kg·m²`.
     pub unit: &'static str,
-    /// The regrouping spelled out, for example `m0 + m1`. Numbers are indices of links; `p1` is the origin of link 1 in its parent,
-    /// `a1` its axis in its parent; capitals (`M1`, `MC1x`, `J1xx`) belong to a link with all that is regrouped into it.
+    /// The regrouping written out, for example `m0 + m1`. Numbers are link indices; `p1` is the
+    /// origin of link 1 in its parent, `a1` its axis in its parent; capitals (`M1`, `MC1x`, `J1xx`)
+    /// denote a link with everything regrouped into it.
     pub formula: String,
 }
 
@@ -44,36 +48,36 @@ pub struct BaseParameters {
     pub from_full: DMatrix<f64>,
     /// K, 10n × n_base.
     pub to_full: DMatrix<f64>,
-    /// What each link keeps, for writing base columns without K.
+    /// Parameters kept by each link, for writing base columns without K.
     pub(crate) kept: Vec<Kept>,
-    /// Terms of K that cross links: (base column, full column, coefficient).
+    /// Entries of K that couple links: (base column, full column, coefficient).
     pub(crate) crossing: Vec<(usize, usize, f64)>,
 }
 
-/// The base columns that one link's ten columns turn into.
+/// The base columns computed from one link's ten columns.
 #[derive(Debug, Clone)]
 pub(crate) struct Kept {
     /// First base column.
     pub first: usize,
-    /// How they come about.
+    /// Computation of these columns.
     pub columns: KeptColumns,
 }
 
-/// How a link's ten columns turn into its base columns.
+/// How a link's base columns are computed from its ten columns.
 #[derive(Debug, Clone)]
 pub(crate) enum KeptColumns {
-    /// A run of them, unchanged: first and number.
+    /// A contiguous range, unchanged: first and number.
     Run(usize, usize),
-    /// Some of them, unchanged.
+    /// A selection, unchanged.
     Some(Vec<usize>),
-    /// Combinations: 10 × number.
+    /// Linear combinations: 10 × number.
     Mixed(DMatrix<f64>),
 }
 
-/// Axes of a link turned so that z' is its joint's axis.
+/// Axes of a link rotated so that z' is its joint's axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum JointAxes {
-    /// Cyclic change of names: x' is the link's axis of this index.
+    /// Cyclic permutation: x' is the link's axis of this index.
     Cyclic(usize),
     /// Rows are x', y', z' in link axes.
     Turned(Matrix3<f64>),
@@ -114,7 +118,7 @@ impl JointAxes {
     }
 }
 
-/// Index in φ of an inertia element.
+/// Index in φ of an inertia tensor element.
 pub(crate) fn inertia_index(row: usize, column: usize) -> usize {
     match (row.min(column), row.max(column)) {
         (0, 0) => 4,
@@ -130,9 +134,9 @@ pub(crate) fn inertia_index(row: usize, column: usize) -> usize {
 pub(crate) struct KeptParameter {
     /// Name without the link.
     pub name: String,
-    /// Row: what the parameter is of the regrouped φ.
+    /// Row: the parameter as a combination of the regrouped φ.
     pub row: Phi,
-    /// Column: which combination of the link's ten regressor columns goes with it.
+    /// Column: the corresponding combination of the link's ten regressor columns.
     pub column: Phi,
     /// φ index (with primes: of φ in joint axes) and the index subtracted from it, for the formula.
     pub of: (usize, Option<usize>),
@@ -152,7 +156,7 @@ fn plain(k: usize, name: &str) -> KeptParameter {
     KeptParameter { name: name.to_owned(), row: unit(k), column: unit(k), of: (k, None) }
 }
 
-/// What a link keeps for itself.
+/// Parameters that a link keeps.
 pub(crate) fn kept_parameters(kind: &JointKind) -> Vec<KeptParameter> {
     match kind {
         JointKind::Free => (0..10).map(|k| plain(k, ROOT_NAMES[k])).collect(),
@@ -162,7 +166,8 @@ pub(crate) fn kept_parameters(kind: &JointKind) -> Vec<KeptParameter> {
         JointKind::Revolute(axis) => {
             let axes = JointAxes::of(axis);
             let in_joint_axes = phi_transform_by(&axes.matrix(), &Vector3::zeros());
-            // A rotation's transform of φ is not orthogonal, so the way back is the transform of the inverse rotation.
+            // The transform of φ by a rotation is not orthogonal, so its inverse is the transform
+            // by the inverse rotation.
             let back = phi_transform_by(&axes.matrix().transpose(), &Vector3::zeros());
             let (names, index): (Vec<String>, Vec<usize>) = match axes {
                 JointAxes::Cyclic(first) => {
@@ -206,14 +211,15 @@ pub(crate) fn kept_parameters(kind: &JointKind) -> Vec<KeptParameter> {
                     }
                 })
                 .collect();
-            // Order of φ, as far as names are those of φ.
+            // Order of φ, as far as the names are those of φ.
             kept.sort_by_key(|parameter| parameter.of.0);
             kept
         }
     }
 }
 
-/// 10×10 matrix: what a link gives to its parent's φ (parent axes and origin), of its own regrouped φ.
+/// 10×10 matrix: contribution to the parent's φ (parent axes and origin) from the link's own
+/// regrouped φ.
 fn given_to_parent(kind: &JointKind, parent_from_joint: &Isometry3<f64>) -> Matrix10 {
     let mut part = Matrix10::zeros();
     match kind {
@@ -240,10 +246,12 @@ fn given_to_parent(kind: &JointKind, parent_from_joint: &Isometry3<f64>) -> Matr
 }
 
 impl BaseParameters {
-    /// Derives the regrouping from the tree alone. It depends on the joint places, so derive it again after scaling.
+    /// Derives the regrouping from the tree alone. It depends on the joint positions, so derive it
+    /// again after scaling.
     pub fn of(model: &Model) -> Self {
         let n = model.n_links();
-        // φ of each link with all that is given to it, as a matrix on the stacked φ of its subtree.
+        // φ of each link with everything regrouped into it, as a matrix on the stacked φ of its
+        // subtree.
         let mut regrouped: Vec<Vec<(usize, Matrix10)>> = (0..n).map(|i| vec![(i, Matrix10::identity())]).collect();
         for i in (1..n).rev() {
             let joint = &model.links[i].joint;
@@ -286,7 +294,8 @@ impl BaseParameters {
                 });
             }
             if let (JointKind::Prismatic(_), Some(parent)) = (&link.joint.kind, link.parent) {
-                // The mass is counted in the parent already, at the joint's zero position: take it away there.
+                // The mass is already counted in the parent, at the joint's zero position: subtract
+                // it there.
                 let at_zero: Phi = phi_transform(&link.joint.parent_from_joint).column(0).into_owned();
                 for (k, value) in at_zero.iter().enumerate().filter(|(_, value)| **value != 0.0) {
                     to_full[(10 * parent + k, first)] -= value;

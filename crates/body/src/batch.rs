@@ -1,10 +1,12 @@
-//! Kinematics and rows of eight frames side by side, one in each lane of the processor's vectors.
+//! Kinematics and rows of eight frames at once, one in each SIMD lane.
 //!
-//! What [`State`](crate::State) does for one frame, with the same meaning and to rounding the same numbers, at a fraction of the time: all
-//! vectors of a frame stand in one common frame (root axes about the root for forces, world axes about a fixed point for momenta), so that
-//! the tree needs no change of axes on the way down and each link's ten columns follow from its own pose, twist and acceleration.
+//! Equivalent to [`State`](crate::State) for each frame, with the same results up to rounding, in a
+//! fraction of the time: all vectors of a frame are expressed in one common frame (root axes about
+//! the root for forces, world axes about a fixed point for momenta), so that the recursion needs no
+//! change of axes and each link's ten columns follow from its own pose, twist and acceleration.
 //!
-//! A lane never sees its neighbours and products are not fused with sums: a frame gives the same numbers in any lane, on every processor.
+//! Lanes are independent and multiplications are not fused with additions: a frame gives the same
+//! numbers in any lane, on every processor.
 
 use crate::base_parameters::BaseParameters;
 use crate::regressor::write_base;
@@ -12,31 +14,31 @@ use crate::{JointKind, Model, Phi};
 use fearless_simd::{Level, Simd, SimdBase, dispatch, f64x8};
 use nalgebra::{Matrix3, Vector3};
 
-/// Frames of a batch.
+/// Number of frames in a batch.
 pub const LANES: usize = 8;
 
-/// One number of each frame.
+/// One number per frame.
 pub type Lanes = [f64; LANES];
 
-/// Scratch for eight frames. Nothing allocates after [`FrameBatch::new`].
+/// Scratch memory for eight frames. Nothing allocates after [`FrameBatch::new`].
 #[derive(Debug, Clone)]
 pub struct FrameBatch {
     level: Level,
     links: Vec<LinkFrames>,
 }
 
-/// A link in eight frames, all vectors in the common axes.
+/// A link in eight frames, all vectors in common axes.
 #[derive(Debug, Clone, Copy)]
 struct LinkFrames {
     /// Columns of the rotation from link axes.
     axes: [[Lanes; 3]; 3],
-    /// Origin of the link from the common origin, m.
+    /// Origin of the link relative to the common origin, m.
     position: [Lanes; 3],
     /// Velocity of the origin, m/s.
     velocity: [Lanes; 3],
     /// Angular velocity, rad/s.
     omega: [Lanes; 3],
-    /// Acceleration of the origin less gravity, m/s².
+    /// Acceleration of the origin minus gravity, m/s².
     acceleration: [Lanes; 3],
     /// Angular acceleration, rad/s².
     alpha: [Lanes; 3],
@@ -45,7 +47,7 @@ struct LinkFrames {
 const ZEROS: [Lanes; 3] = [[0.0; LANES]; 3];
 
 impl FrameBatch {
-    /// Scratch for a model with this number of links. It keeps nothing of the model.
+    /// Scratch memory for a model with this number of links. It stores no data of the model.
     pub fn new(model: &Model) -> Self {
         let link = LinkFrames {
             axes: [ZEROS; 3],
@@ -93,7 +95,7 @@ impl FrameBatch {
     /// [`FrameBatch::forward_acceleration`].
     ///
     /// # Panics
-    /// If `out` has not 6 n_base entries.
+    /// If `out` does not have 6 n_base entries.
     pub fn base_wrench_rows(&self, base: &BaseParameters, out: &mut [Lanes]) {
         assert_eq!(out.len(), 6 * base.len(), "length of the base-wrench rows");
         let links = self.links.as_slice();
@@ -109,7 +111,7 @@ impl FrameBatch {
     /// [`FrameBatch::forward_velocity`].
     ///
     /// # Panics
-    /// If `out` has not 6 n_base entries.
+    /// If `out` does not have 6 n_base entries.
     pub fn momentum_rows(&self, base: &BaseParameters, out: &mut [Lanes]) {
         assert_eq!(out.len(), 6 * base.len(), "length of the momentum rows");
         let links = self.links.as_slice();
@@ -125,14 +127,14 @@ impl FrameBatch {
     /// [`FrameBatch::forward_velocity`].
     ///
     /// # Panics
-    /// If `out` has not 3 n_base entries.
+    /// If `out` does not have 3 n_base entries.
     pub fn first_moment_rows(&self, base: &BaseParameters, out: &mut [Lanes]) {
         assert_eq!(out.len(), 3 * base.len(), "length of the first-moment rows");
         let links = self.links.as_slice();
         write_base::<30, Lanes>(base, out, |i, block| first_moment_block(&links[i], block));
     }
 
-    /// Centre of mass of every frame from the common origin, common axes, m.
+    /// Centre of mass of every frame relative to the common origin, common axes, m.
     pub fn center_of_mass(&self, phi: &[Phi]) -> [Vector3<f64>; LANES] {
         let mass: f64 = phi.iter().map(|phi| phi[0]).sum();
         let mut moment = [Vector3::zeros(); LANES];
@@ -221,7 +223,7 @@ fn rotate_back<S: Simd>(r: &Axes<S>, v: V<S>) -> V<S> {
     V { x: r[0].dot(v), y: r[1].dot(v), z: r[2].dot(v) }
 }
 
-/// The rotation of quaternions of any length; the fixed rotation `base` stands before it.
+/// The rotation of quaternions of any length, preceded by the fixed rotation `base`.
 #[inline(always)]
 fn rotation<S: Simd>(base: &Matrix3<f64>, x: f64x8<S>, y: f64x8<S>, z: f64x8<S>, w: f64x8<S>, simd: S) -> Axes<S> {
     let one = f64x8::splat(simd, 1.0);
@@ -243,8 +245,8 @@ fn rotation<S: Simd>(base: &Matrix3<f64>, x: f64x8<S>, y: f64x8<S>, z: f64x8<S>,
     [rotate(&base, turn[0]), rotate(&base, turn[1]), rotate(&base, turn[2])]
 }
 
-/// Kinematics of all links. With `ACCELERATION`: root axes about the root, accelerations less gravity; without: world axes about `origin`,
-/// no accelerations.
+/// Kinematics of all links. With `ACCELERATION`: root axes about the root, accelerations minus
+/// gravity; without: world axes about `origin`, no accelerations.
 #[inline(always)]
 fn forward<S: Simd, const ACCELERATION: bool>(
     simd: S,
@@ -263,7 +265,7 @@ fn forward<S: Simd, const ACCELERATION: bool>(
         let base = place.rotation.to_rotation_matrix().into_inner();
         let fixed =
             |r: &Matrix3<f64>| -> Axes<S> { std::array::from_fn(|k| V::constant(simd, &r.column(k).into_owned())) };
-        // pose in the parent
+        // Pose in the parent.
         let mut offset = V::constant(simd, &place.translation.vector);
         let local = match &link.joint.kind {
             JointKind::Free => {
@@ -291,7 +293,7 @@ fn forward<S: Simd, const ACCELERATION: bool>(
             }
             JointKind::Fixed => fixed(&base),
         };
-        // the joint's part of velocity and acceleration, link axes
+        // Contribution of the joint to velocity and acceleration, link axes.
         let part = |values: &[&[f64]; LANES]| -> (V<S>, V<S>) {
             match &link.joint.kind {
                 JointKind::Free => (V::gather(simd, values, iv), V::gather(simd, values, iv + 3)),
@@ -315,7 +317,7 @@ fn forward<S: Simd, const ACCELERATION: bool>(
                 zero.store(&mut out.position);
                 joint_lin.store(&mut out.velocity);
                 joint_ang.store(&mut out.omega);
-                // from the derivative of components in moving axes to the acceleration
+                // From the derivative of components in moving axes to the acceleration.
                 a_lin.plus(joint_ang.cross(joint_lin)).minus(gravity).store(&mut out.acceleration);
                 a_ang.store(&mut out.alpha);
             } else {
@@ -395,7 +397,7 @@ fn wrench_block<S: Simd>(simd: S, link: &LinkFrames, out: &mut [Lanes; 60]) {
     let w = V::load(simd, &link.omega);
     let dw = V::load(simd, &link.alpha);
     put(out, 0, a, arm.cross(a));
-    // u = ω × e: how fast an axis moves; force of a first moment along it: ω̇ × e + ω × u
+    // u = ω × e: rate of an axis; force of a first moment along it: ω̇ × e + ω × u.
     let u: Axes<S> = [w.cross(e[0]), w.cross(e[1]), w.cross(e[2])];
     for k in 0..3 {
         let force = dw.cross(e[k]).plus(w.cross(u[k]));

@@ -15,7 +15,7 @@ struct WorldInertia {
 }
 
 impl WorldInertia {
-    /// Of a link with parameters `phi` about its origin, which stands at `arm` from the fixed point.
+    /// For a link with parameters `phi` about its origin, which is at `arm` from the fixed point.
     fn new(phi: &Phi, rotation: &Matrix3<f64>, arm: &Vector3<f64>) -> Self {
         let moved = rotation * first_moment(phi);
         let mixed = moved * arm.transpose();
@@ -32,13 +32,13 @@ impl WorldInertia {
     }
 }
 
-/// `v × s` for twists: the rate of a twist `s` that is carried along with velocity `v`.
+/// `v × s` for twists: the rate of a twist `s` moving with velocity `v`.
 fn motion_cross(v: &Vector6<f64>, s: &Vector6<f64>) -> Vector6<f64> {
     let (vl, va, sl, sa) = (linear(v), angular(v), linear(s), angular(s));
     spatial(&(va.cross(&sl) + vl.cross(&sa)), &va.cross(&sa))
 }
 
-/// `s ×* h`: the rate of a wrench or momentum `h` that is carried along with velocity `s`.
+/// `s ×* h`: the rate of a wrench or momentum `h` moving with velocity `s`.
 fn force_cross(s: &Vector6<f64>, h: &Vector6<f64>) -> Vector6<f64> {
     let (sl, sa, hl, ha) = (linear(s), angular(s), linear(h), angular(h));
     spatial(&sa.cross(&hl), &(sa.cross(&ha) + sl.cross(&hl)))
@@ -60,11 +60,14 @@ impl State {
         out
     }
 
-    /// How the whole body's momentum about the point `fixed` (linear kg·m/s, then angular kg·m²/s, world axes) follows small displacements
-    /// of the coordinates: `(by_displacement, by_rate)`, nv entries each, so that `δh = Σ by_displacement δ_k + by_rate δ̇_k` for displacements
-    /// in the sense of [`Model::integrate`]. The linear part of `by_rate` is also the change of the first moment of mass. With S a joint's
-    /// world twist, V its link's and h, I the momentum and inertia of what it carries, they are `I (V × S) + S ×* h` and `I S`
-    /// (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapters 2 and 6, differentiated). Needs [`State::forward_velocity`].
+    /// First-order change of the whole body's momentum about the point `fixed` (linear kg·m/s, then
+    /// angular kg·m²/s, world axes) for small displacements of the coordinates:
+    /// `(by_displacement, by_rate)`, nv entries each, so that
+    /// `δh = Σ by_displacement δ_k + by_rate δ̇_k` for displacements in the sense of
+    /// [`Model::integrate`]. The linear part of `by_rate` is also the change of the first moment of
+    /// mass. With S a joint's world twist, V its link's and h, I the momentum and inertia of all
+    /// that it carries, they are `I (V × S) + S ×* h` and `I S` (Featherstone, Rigid Body Dynamics
+    /// Algorithms, 2008, chapters 2 and 6, differentiated). Needs [`State::forward_velocity`].
     pub fn momentum_change(
         &self,
         model: &Model,

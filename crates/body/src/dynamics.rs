@@ -12,7 +12,8 @@ fn momentum(phi: &Phi, lin: &Vector3<f64>, ang: &Vector3<f64>) -> (Vector3<f64>,
     (lin * phi[0] + ang.cross(&h), inertia_about_origin(phi) * ang + h.cross(lin))
 }
 
-/// The same body's parameters in the parent's frame, from rotation and origin of the link in the parent.
+/// Parameters of the same body in the parent's frame, from rotation and origin of the link in the
+/// parent.
 fn phi_in_parent(phi: &Phi, rotation: &Matrix3<f64>, origin: &Vector3<f64>) -> Phi {
     let (m, h) = (phi[0], rotation * first_moment(phi));
     // −[p]×[h]× − [h]×[p]× − m [p]×[p]×, about the parent's origin
@@ -22,7 +23,7 @@ fn phi_in_parent(phi: &Phi, rotation: &Matrix3<f64>, origin: &Vector3<f64>) -> P
     phi_from_parts(m, &(h + origin * m), &inertia)
 }
 
-/// Component of a wrench along a joint's free directions, written into `tau`.
+/// Projects a wrench onto a joint's free directions; the result is written into `tau`.
 fn project(kind: &JointKind, wrench: &Vector6<f64>, tau: &mut [f64]) {
     match kind {
         JointKind::Free => tau[..6].copy_from_slice(wrench.as_slice()),
@@ -62,7 +63,7 @@ impl State {
         }
     }
 
-    /// A wrench on link `i` (its axes, its origin) in the axes and about the origin of its parent.
+    /// Transforms a wrench on link `i` (its axes, its origin) to the axes and origin of its parent.
     fn wrench_in_parent(&self, i: usize, wrench: &Vector6<f64>) -> Vector6<f64> {
         let r = &self.parent_from_link[i];
         let force = r * linear(wrench);

@@ -1,10 +1,10 @@
-//! What can be wrong with a model, a subject or a motion.
+//! Errors of models, subjects and motions.
 
 /// Errors of this crate.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BodyError {
-    /// A link names a parent that does not stand before it.
+    /// The parent of a link is not listed before it.
     #[error("model `{model}`: link `{link}` has the parent `{parent}`, which does not stand before it")]
     UnknownParent {
         #[doc(hidden)]
@@ -14,7 +14,7 @@ pub enum BodyError {
         #[doc(hidden)]
         parent: String,
     },
-    /// A name of a link that the model does not have.
+    /// The model has no link of this name.
     #[error("model `{model}` has no link `{link}`; it has {known}")]
     UnknownLink {
         #[doc(hidden)]
@@ -24,7 +24,7 @@ pub enum BodyError {
         #[doc(hidden)]
         known: String,
     },
-    /// A vector has another length than the model needs.
+    /// A vector has the wrong length for the model.
     #[error("{what}: expected {expected} values, found {found}")]
     Length {
         #[doc(hidden)]
@@ -34,7 +34,7 @@ pub enum BodyError {
         #[doc(hidden)]
         found: usize,
     },
-    /// Anything else that a specification says and that cannot be.
+    /// Any other invalid statement of a specification.
     #[error("model `{model}`: {problem}")]
     Spec {
         #[doc(hidden)]

@@ -1,4 +1,4 @@
-//! Regroupings in words: the text of each base parameter's formula.
+//! Text of each base parameter's formula.
 
 use crate::base_parameters::{JointAxes, inertia_index};
 use crate::{JointKind, Model};
@@ -38,7 +38,7 @@ impl Sum {
 pub(crate) struct Formulas<'a> {
     model: &'a Model,
     children: Vec<Vec<usize>>,
-    /// Symbols that stand for sums: link and φ index.
+    /// Symbols that denote sums: link and φ index.
     symbols: BTreeMap<String, (usize, usize)>,
 }
 
@@ -57,7 +57,8 @@ impl<'a> Formulas<'a> {
         formulas
     }
 
-    /// Formula of a kept parameter of link `i`: φ index and the one subtracted. Symbols of sums are defined behind it.
+    /// Formula of a kept parameter of link `i`: φ index and the one subtracted. Symbols of sums are
+    /// defined after it.
     pub(crate) fn kept(&self, i: usize, of: (usize, Option<usize>)) -> String {
         let turned = match &self.model.links[i].joint.kind {
             JointKind::Revolute(axis) => match JointAxes::of(axis) {
@@ -87,7 +88,8 @@ impl<'a> Formulas<'a> {
         text
     }
 
-    /// Appends `; M1 = m1 + m2` and the like for every symbol of a sum in `text`, and for the symbols in those.
+    /// Appends `; M1 = m1 + m2` and the like for every symbol of a sum in `text`, and recursively
+    /// for the symbols in those.
     fn define_symbols(&self, text: &mut String) {
         let mut defined: Vec<String> = Vec::new();
         let mut from = 0;
@@ -109,7 +111,8 @@ impl<'a> Formulas<'a> {
         }
     }
 
-    /// The link whose regrouped tensor (`J2`), vector (`MC2`) or turned entry (`J2xx'`, `MC2z'`) a symbol is.
+    /// The link to which a symbol of a regrouped tensor (`J2`), vector (`MC2`) or rotated entry
+    /// (`J2xx'`, `MC2z'`) belongs.
     fn whole_body(&self, token: &str) -> Option<usize> {
         let rest = token.strip_prefix("MC").or_else(|| token.strip_prefix('J'))?;
         let rest = match rest.strip_suffix('\'') {
@@ -123,7 +126,7 @@ impl<'a> Formulas<'a> {
         links.iter().map(|i| format!("link {i}")).collect::<Vec<_>>().join(" and ")
     }
 
-    /// A link and everything that it carries.
+    /// A link and all its descendants.
     fn subtree(&self, i: usize) -> Vec<usize> {
         let mut out = vec![i];
         let mut next = 0;
@@ -144,7 +147,7 @@ impl<'a> Formulas<'a> {
         }
     }
 
-    /// Symbol of φ entry `k` of link `i` with all that is regrouped into it.
+    /// Symbol of φ entry `k` of link `i` with everything regrouped into it.
     fn whole(&self, i: usize, k: usize) -> String {
         if self.children[i].is_empty() {
             return Self::own(i, k);
@@ -156,11 +159,11 @@ impl<'a> Formulas<'a> {
         }
     }
 
-    /// φ entry `k` of link `i` with what its children give.
+    /// φ entry `k` of link `i` with the contributions of its children.
     fn expand(&self, i: usize, k: usize) -> Sum {
         let mut sum = Sum::default();
         if k == 0 {
-            // Masses are short enough to be written out.
+            // Masses are short enough to write out.
             for link in self.subtree(i) {
                 sum.add(false, &[&Self::own(link, 0)]);
             }
@@ -173,7 +176,7 @@ impl<'a> Formulas<'a> {
         sum
     }
 
-    /// Adds what `child` gives to entry `k` of its parent.
+    /// Adds the contribution of `child` to entry `k` of its parent.
     fn give(&self, child: usize, k: usize, sum: &mut Sum) {
         let joint = &self.model.links[child].joint;
         let rotation = joint.parent_from_joint.rotation.to_rotation_matrix().into_inner();
@@ -269,8 +272,8 @@ fn point_mass(mass: &str, child: usize, k: usize, sum: &mut Sum) {
     }
 }
 
-/// Mass spread along the axis through `p`: first moment `along`, second moment `across` (as diag(·, ·, 0) about the axis).
-/// Components of the axis that are exactly 0 or 1 simplify the text.
+/// Mass distributed along the axis through `p`: first moment `along`, second moment `across` (as
+/// diag(·, ·, 0) about the axis). Components of the axis that are exactly 0 or 1 simplify the text.
 fn axis_line(along: &str, across: &str, child: usize, axis: &Vector3<f64>, k: usize, sum: &mut Sum) {
     let p = |i: usize| format!("p{child}{}", AXES[i]);
     let (is_zero, is_one) = (|i: usize| axis[i] == 0.0, |i: usize| axis[i] == 1.0);

@@ -27,13 +27,14 @@ impl LinkInertia {
         let (m, c) = (self.mass_kg, self.com_m);
         phi_from_parts(m, &(c * m), &(self.inertia_com_kgm2 + steiner(&c) * m))
     }
-    /// From parameters about the link-frame origin (mass may not be zero).
+    /// Computed from parameters about the link-frame origin (mass must not be zero).
     pub fn from_phi(phi: &Phi) -> Self {
         let m = phi[0];
         let c = first_moment(phi) / m;
         Self { mass_kg: m, com_m: c, inertia_com_kgm2: inertia_about_origin(phi) - steiner(&c) * m }
     }
-    /// The same body seen from another frame: `to_from_link` maps points of the link frame into the new frame.
+    /// The same body in another frame: `to_from_link` maps points of the link frame into the new
+    /// frame.
     pub fn transformed(&self, to_from_link: &Isometry3<f64>) -> Self {
         let r = to_from_link.rotation.to_rotation_matrix().into_inner();
         Self {
@@ -86,7 +87,7 @@ pub fn phi_from_pseudo_inertia(j: &Matrix4<f64>) -> Phi {
     phi_from_parts(j[(3, 3)], &Vector3::new(j[(0, 3)], j[(1, 3)], j[(2, 3)]), &inertia)
 }
 
-/// 10×10 matrix T with `φ_new = T φ_old`, for the same body seen from another frame (`new_from_old`).
+/// 10×10 matrix T with `φ_new = T φ_old`, for the same body in another frame (`new_from_old`).
 pub fn phi_transform(new_from_old: &Isometry3<f64>) -> SMatrix<f64, 10, 10> {
     phi_transform_by(&new_from_old.rotation.to_rotation_matrix().into_inner(), &new_from_old.translation.vector)
 }

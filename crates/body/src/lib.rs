@@ -1,16 +1,17 @@
 //! Kinematic trees, spatial algebra and dynamics, linear in the inertial parameters.
 //!
-//! A [`Model`] is constant; a [`State`] is the scratch that one frame needs. Every algorithm takes both
-//! and allocates nothing. Vectors of spatial quantities are ordered *linear, angular* (as in Pinocchio);
-//! coordinates `q` hold, per joint: free `[x y z qx qy qz qw]`, spherical `[qx qy qz qw]`, revolute and
-//! prismatic `[q]`, fixed nothing; velocities `v` hold: free `[linear; angular]` and spherical `[angular]`,
-//! both in the axes of the moving link.
+//! A [`Model`] is constant; a [`State`] is the scratch memory of one frame. Every algorithm takes
+//! both and allocates nothing. Spatial vectors are ordered *linear, angular* (as in Pinocchio);
+//! coordinates `q` hold, per joint: free `[x y z qx qy qz qw]`, spherical `[qx qy qz qw]`, revolute
+//! and prismatic `[q]`, fixed nothing; velocities `v` hold: free `[linear; angular]` and spherical
+//! `[angular]`, both in the axes of the moving link.
 //!
 //! The ten inertial parameters of a link are those of the paper's eq. 4, about the link-frame origin:
 //! `φ = [m, mc_x, mc_y, mc_z, Ixx, Iyy, Izz, Iyz, Izx, Ixy]`.
 //!
-//! This crate stands at the bottom: scaling fills a model's joint places, inverse kinematics uses poses and Jacobians,
-//! identification uses the rows and [`BaseParameters`], simulation uses the inertia matrix and inverse dynamics.
+//! Other crates build on this one: scaling sets a model's joint positions, inverse kinematics uses
+//! poses and Jacobians, identification uses the rows and [`BaseParameters`], simulation uses the
+//! inertia matrix and inverse dynamics.
 //!
 //! ```
 //! use aloft_body::{BaseParameters, JointSpec, LinkSpec, Model, ModelSpec, State};
@@ -63,5 +64,5 @@ pub use motion::Motion;
 pub use state::State;
 pub use subject::{ModelMarker, PersonFacts, Sex, Subject};
 
-/// Standard gravity in m/s², used where a laboratory states nothing else.
+/// Standard gravity in m/s², used if a laboratory states no other value.
 pub const STANDARD_GRAVITY_MPS2: f64 = 9.80665;

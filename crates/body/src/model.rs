@@ -6,11 +6,11 @@ pub use crate::spec::{JointSpec, LinkSpec, ModelSpec};
 use nalgebra::{Isometry3, Quaternion, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// How a link moves against its parent.
+/// Motion of a link relative to its parent.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum JointKind {
-    /// Six degrees of freedom against the world; the root only.
+    /// Six degrees of freedom relative to the world; root only.
     Free,
     /// Three rotations.
     Spherical,
@@ -18,7 +18,7 @@ pub enum JointKind {
     Revolute(Unit<Vector3<f64>>),
     /// One translation along an axis fixed in both links (unit vector, child axes).
     Prismatic(Unit<Vector3<f64>>),
-    /// None.
+    /// No relative motion.
     Fixed,
 }
 
@@ -43,10 +43,10 @@ impl JointKind {
     }
 }
 
-/// A joint with its place in the vectors `q` and `v`.
+/// A joint with its offsets in the vectors `q` and `v`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Joint {
-    /// How the link moves.
+    /// Kind of motion.
     pub kind: JointKind,
     /// Pose of the link in its parent at zero joint coordinates (world for the root).
     pub parent_from_joint: Isometry3<f64>,
@@ -85,7 +85,7 @@ pub struct Model {
     pub name: String,
     /// Gravity in the world frame (Z up), m/s².
     pub gravity_mps2: Vector3<f64>,
-    /// Links in an order in which parents come first.
+    /// Links, parents first.
     pub links: Vec<Link>,
     /// Length of `q`.
     pub nq: usize,
@@ -94,11 +94,13 @@ pub struct Model {
 }
 
 impl Model {
-    /// Builds the tree from a specification. Gravity is set to (0, 0, −g0); change the field for another laboratory.
+    /// Builds the tree from a specification. Gravity is set to (0, 0, −g0); change the field if the
+    /// laboratory states another value.
     ///
     /// # Errors
-    /// No links, a root that is not free or has a parent, a free joint elsewhere, a name used twice, a parent that does
-    /// not stand before its child, an axis without direction, a value that is not finite.
+    /// No links, a root that is not free or has a parent, a free joint elsewhere, a duplicate name,
+    /// a parent that is not listed before its child, an axis without direction, a value that is not
+    /// finite.
     pub fn from_spec(spec: &ModelSpec) -> Result<Self, BodyError> {
         let problem = |problem: String| BodyError::Spec { model: spec.name.clone(), problem };
         if spec.links.is_empty() {
@@ -176,8 +178,8 @@ impl Model {
         q
     }
 
-    /// `q_out = q ⊕ dv` (exponential map on rotations; free joints as SE(3) with body velocities, as Pinocchio's `integrate`).
-    /// Quaternions stay in the hemisphere of `q` and have unit length.
+    /// `q_out = q ⊕ dv` (exponential map on rotations; free joints as SE(3) with body velocities,
+    /// as Pinocchio's `integrate`). Quaternions stay in the hemisphere of `q` and have unit length.
     ///
     /// # Panics
     /// If a slice is shorter than `nq` (`q`, `q_out`) or `nv` (`dv`).
@@ -205,7 +207,8 @@ impl Model {
         }
     }
 
-    /// `dv = q1 ⊖ q0`, inverse of [`Model::integrate`] (as Pinocchio's `difference(q0, q1)`). Rotations take the shorter way.
+    /// `dv = q1 ⊖ q0`, inverse of [`Model::integrate`] (as Pinocchio's `difference(q0, q1)`).
+    /// Rotations take the shorter path.
     ///
     /// # Panics
     /// If a slice is shorter than `nq` (`q0`, `q1`) or `nv` (`dv_out`).
@@ -231,7 +234,7 @@ impl Model {
         }
     }
 
-    /// Brings quaternions back to unit length.
+    /// Normalises quaternions to unit length.
     ///
     /// # Panics
     /// If `q` is shorter than `nq`.
@@ -282,7 +285,7 @@ fn vector_at(values: &[f64], first: usize) -> Vector3<f64> {
     Vector3::new(values[first], values[first + 1], values[first + 2])
 }
 
-/// The quaternion stored as x y z w, brought to unit length.
+/// The quaternion stored as x y z w, normalised.
 fn quaternion_at(q: &[f64], first: usize) -> UnitQuaternion<f64> {
     UnitQuaternion::new_normalize(Quaternion::new(q[first + 3], q[first], q[first + 1], q[first + 2]))
 }

@@ -2,16 +2,16 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Joint coordinates over time, and after filtering their velocities and accelerations.
+/// Joint coordinates over time and, after filtering, their velocities and accelerations.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Motion {
     /// Name of the trial.
     pub trial: String,
     /// Sampling rate, Hz.
     pub rate_hz: f64,
-    /// Coordinates a frame.
+    /// Number of coordinates per frame.
     pub nq: usize,
-    /// Velocities a frame.
+    /// Number of velocities per frame.
     pub nv: usize,
     /// Coordinates, frame by frame: `q[frame * nq + i]`; a frame that could not be solved is NaN.
     pub q: Vec<f64>,
@@ -21,7 +21,8 @@ pub struct Motion {
     pub a: Vec<f64>,
     /// Labels of the markers used.
     pub marker_labels: Vec<String>,
-    /// Distance of measured and model marker, m: `residual_m[frame * n_markers + i]`, NaN where the marker was missing.
+    /// Distance between measured and model marker, m: `residual_m[frame * n_markers + i]`, NaN if
+    /// the marker was missing.
     pub residual_m: Vec<f64>,
     /// Standard deviation of each velocity-space coordinate from the inverse kinematics' covariance, `q_sd[frame * nv + i]`; may be empty.
     pub q_sd: Vec<f64>,

@@ -28,8 +28,8 @@ fn put(out: &mut [f64; 60], column: usize, upper: &Vector3<f64>, lower: &Vector3
 }
 
 impl State {
-    /// The ten columns of one link of the base-wrench regressor: acceleration of its origin less gravity `a`, the matrix
-    /// `[ω̇]× + [ω]×²` applied to first moments, and the inertia columns.
+    /// The ten columns of one link of the base-wrench regressor: acceleration of its origin minus
+    /// gravity `a`, the matrix `[ω̇]× + [ω]×²` applied to first moments, and the inertia columns.
     fn wrench_block(&self, model: &Model, i: usize, out: &mut [f64; 60]) {
         let (root, r) = (&self.rotation[0], &self.rotation[i]);
         let e = columns(r).map(|column| transposed_times(root, &column));
@@ -38,7 +38,7 @@ impl State {
         let origin = transposed_times(root, &arm);
         let (lin, w) = (linear(&self.velocity[i]), angular(&self.velocity[i]));
         let (a_lin, dw) = (linear(&self.acceleration[i]), angular(&self.acceleration[i]));
-        // All in link axes first.
+        // All in link axes at first.
         let a = a_lin + w.cross(&lin) - transposed_times(r, &model.gravity_mps2);
         let a_root = to_root(&a);
         put(out, 0, &a_root, &origin.cross(&a_root));
@@ -155,7 +155,7 @@ impl State {
     }
 }
 
-/// A number, or one number of each of several frames.
+/// One number, or one number for each of several frames.
 pub(crate) trait Entry: Copy {
     const ZERO: Self;
     /// `self += x factor`.
@@ -189,8 +189,8 @@ pub(crate) fn write_base<const LENGTH: usize, T: Entry>(
 ) {
     let rows = LENGTH / 10;
     let mut full = [T::ZERO; LENGTH];
-    // From the last link to the first: a link that keeps all but its first columns writes its whole block in place, over
-    // the end of its predecessor's, which is then written in its turn.
+    // From the last link to the first: a link that keeps all but its first columns writes its whole
+    // block in place, overlapping the end of its predecessor's block, which is written afterwards.
     for (i, kept) in base.kept.iter().enumerate().rev() {
         let start = rows * kept.first;
         let mut place = None;
@@ -227,7 +227,7 @@ pub(crate) fn write_base<const LENGTH: usize, T: Entry>(
             }
         }
     }
-    // Masses on prismatic joints are counted in the parent as well.
+    // Masses on prismatic joints are also counted in the parent.
     let mut link = usize::MAX;
     for (column, from, factor) in &base.crossing {
         if link != from / 10 {

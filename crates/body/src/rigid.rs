@@ -1,31 +1,34 @@
-//! Rigid fits: the rotation and the pose that carry one set of points or directions onto another.
+//! Rigid fits: the rotation or pose that best maps one set of points or directions to another.
 //!
-//! [`best_rotation`] is the one solution of Wahba's problem; who weighs points, or has directions alone, adds up the matrix
-//! and calls it. [`fit_pose`] and [`fit_pose_of_seen`] do so for points of equal weight.
+//! [`best_rotation`] is the only solver of Wahba's problem; callers with weighted points, or with
+//! directions only, sum the matrix and call it. [`fit_pose`] and [`fit_pose_of_seen`] do so for
+//! points of equal weight.
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-/// Relative size at which the iteration for singular values ends: that of nalgebra's own `svd`.
+/// Relative tolerance of the iteration for singular values: that of nalgebra's own `svd`.
 pub const SVD_TOLERANCE: f64 = 5.0 * f64::EPSILON;
 
-/// Iterations after which a decomposition counts as failed; three to five are usual.
+/// Maximum number of iterations of a decomposition; three to five are typical.
 const SVD_ITERATIONS: usize = 200;
 
-/// The rotation R that maximises tr(Rᵀ B) for B = Σ w b aᵀ: it turns the vectors a best onto the vectors b (Wahba 1965;
-/// Kabsch 1976), reflections excluded; with it the singular values of B, in descending order. Where only one of them is not
-/// zero the rotation about that direction is arbitrary. None for a matrix that cannot be decomposed.
+/// The rotation R that maximises tr(Rᵀ B) for B = Σ w b aᵀ, that is, the best rotation of the
+/// vectors a onto the vectors b (Wahba 1965; Kabsch 1976), reflections excluded. Also returns the
+/// singular values of B in descending order. If only one of them is non-zero, the rotation about
+/// that direction is arbitrary. `None` if the matrix cannot be decomposed.
 pub fn best_rotation(b: &Matrix3<f64>, tolerance: f64) -> Option<(Matrix3<f64>, Vector3<f64>)> {
     let svd = b.try_svd(true, true, tolerance, SVD_ITERATIONS)?;
     let (u, v_t) = (svd.u?, svd.v_t?);
     let mut middle = Matrix3::identity();
-    // the singular values are in descending order: the direction that says least takes the reflection
+    // The singular values are in descending order: the least determined direction takes the
+    // reflection.
     middle[(2, 2)] = (u * v_t).determinant().signum();
     let rotation = u * middle * v_t;
     rotation.iter().all(|x| x.is_finite()).then_some((rotation, svd.singular_values))
 }
 
-/// Least-squares pose that carries the points `local` onto `world`. Both slices have the same length, and all points are
-/// finite.
+/// Least-squares pose that maps the points `local` onto `world`. Both slices have the same length,
+/// and all points are finite.
 ///
 /// None with fewer than three points, or when they lie within `min_spread_m` of a line (root mean square, m).
 pub fn fit_pose(local: &[Vector3<f64>], world: &[Vector3<f64>], min_spread_m: f64) -> Option<Isometry3<f64>> {
@@ -55,8 +58,9 @@ pub fn fit_pose(local: &[Vector3<f64>], world: &[Vector3<f64>], min_spread_m: f6
     Some(Isometry3::from_parts(Translation3::from(translation), UnitQuaternion::from_rotation_matrix(&rotation)))
 }
 
-/// Pose `world_from_body` that best maps `local` onto `measured`, points that are not finite left out, with the root mean
-/// square distance that remains, m (absolute orientation; Horn 1987, Arun et al. 1987).
+/// Pose `world_from_body` that best maps `local` onto `measured`, ignoring points that are not
+/// finite, with the remaining root mean square distance, m (absolute orientation; Horn 1987, Arun
+/// et al. 1987).
 ///
 /// None with fewer than three common points or when they lie on a line.
 pub fn fit_pose_of_seen(local: &[Vector3<f64>], measured: &[Vector3<f64>]) -> Option<(Isometry3<f64>, f64)> {
@@ -73,7 +77,7 @@ pub fn fit_pose_of_seen(local: &[Vector3<f64>], measured: &[Vector3<f64>]) -> Op
         cross += (q - mean_b) * (p - mean_a).transpose();
     }
     let (rotation, sigma) = best_rotation(&cross, SVD_TOLERANCE)?;
-    // two directions must be seen; the third follows from handedness
+    // Two directions must be determined; the third follows from handedness.
     if sigma[0].is_nan() || sigma[1] <= 1e-6 * sigma[0] || sigma[0] <= 0.0 {
         return None;
     }

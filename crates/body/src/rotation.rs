@@ -5,7 +5,8 @@
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
-/// Below this angle (rad) series replace quotients; their next terms are smaller than one rounding error.
+/// Below this angle (rad) series replace quotients; the omitted terms are smaller than one rounding
+/// error.
 const SMALL_ANGLE_RAD: f64 = 1e-2;
 
 /// Unit quaternion of a rotation vector (axis times angle, rad).
@@ -26,7 +27,7 @@ pub fn quaternion_exp(rotation_rad: &Vector3<f64>) -> UnitQuaternion<f64> {
 /// Rotation vector (axis times angle, rad) of a quaternion, with an angle in [0, π]. `q` and `−q` give the same vector;
 /// the length of the quaternion does not matter.
 pub fn quaternion_log(q: &Quaternion<f64>) -> Vector3<f64> {
-    // One hemisphere: the shorter way round.
+    // Use one hemisphere: the shorter rotation.
     let (w, v) = if q.scalar() < 0.0 { (-q.scalar(), -q.vector()) } else { (q.scalar(), q.vector().into_owned()) };
     let sine = v.norm();
     // tan(θ/2) = |v|/w; atan2 keeps all digits at θ → 0 and at θ → π.
@@ -40,7 +41,8 @@ pub fn quaternion_log(q: &Quaternion<f64>) -> Vector3<f64> {
     v * scale
 }
 
-/// Of `q` and `−q` (the same rotation) the one on the side of `reference`: makes series of quaternions sign-continuous.
+/// Of `q` and `−q` (the same rotation), the one nearer to `reference`: makes series of quaternions
+/// sign-continuous.
 pub(crate) fn quaternion_near(q: &Quaternion<f64>, reference: &Quaternion<f64>) -> Quaternion<f64> {
     if q.coords.dot(&reference.coords) < 0.0 { -q } else { *q }
 }
@@ -70,7 +72,7 @@ pub(crate) fn rotation_matrix(q: &UnitQuaternion<f64>) -> Matrix3<f64> {
     )
 }
 
-/// `m v`, written out: the compiler does better with nine products than with a loop.
+/// `m v`, written out: the compiler optimises nine products better than a loop.
 #[inline(always)]
 pub(crate) fn times(m: &Matrix3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
     Vector3::new(

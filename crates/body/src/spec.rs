@@ -1,10 +1,10 @@
-//! What a model file says, before it becomes a [`crate::Model`].
+//! Content of a model file, before it becomes a [`crate::Model`].
 
 use crate::{JointKind, LinkInertia};
 use nalgebra::{Unit, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// What a model file says (YAML through serde, in `pipeline`; or URDF).
+/// Content of a model file (YAML through serde, in `pipeline`; or URDF).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelSpec {
@@ -15,7 +15,7 @@ pub struct ModelSpec {
 }
 
 impl ModelSpec {
-    /// Inertias of all links in order, where every link states one.
+    /// Inertias of all links in order, if every link states one.
     pub fn inertias(&self) -> Option<Vec<LinkInertia>> {
         self.links.iter().map(|link| link.inertia).collect()
     }
@@ -32,19 +32,20 @@ pub struct LinkSpec {
     pub parent: Option<String>,
     /// Kind of joint.
     pub joint: JointSpec,
-    /// Joint position in the parent frame, m (zero where scaling decides).
+    /// Joint position in the parent frame, m (zero if set by scaling).
     #[serde(default)]
     pub position_m: [f64; 3],
     /// Joint orientation in the parent frame at zero, roll-pitch-yaw as in URDF, rad.
     #[serde(default)]
     pub rpy_rad: [f64; 3],
-    /// Inertia where the model knows it (robots).
+    /// Inertia, if the model defines it (robots).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inertia: Option<LinkInertia>,
 }
 
-/// The joint of a [`LinkSpec`]. Written as one word (`free`, `spherical`, `fixed`, `revolute_x|y|z`, `prismatic_x|y|z`)
-/// or with any axis in child axes (`{revolute: [0, 0.6, 0.8]}`, `{prismatic: [1, 0, 0]}`; the length does not matter).
+/// The joint of a [`LinkSpec`]. Written as one word (`free`, `spherical`, `fixed`,
+/// `revolute_x|y|z`, `prismatic_x|y|z`) or with any axis in child axes
+/// (`{revolute: [0, 0.6, 0.8]}`, `{prismatic: [1, 0, 0]}`; the length is ignored).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "JointText", into = "JointText")]
 pub enum JointSpec {
@@ -63,7 +64,7 @@ pub enum JointSpec {
 }
 
 impl JointSpec {
-    /// The joint with a normalised axis; `None` when the axis has no direction.
+    /// The joint with a normalised axis; `None` if the axis has no direction.
     pub(crate) fn kind(&self) -> Option<JointKind> {
         let unit = |axis: &[f64; 3]| {
             let axis = Vector3::from(*axis);
@@ -80,7 +81,7 @@ impl JointSpec {
     }
 }
 
-/// The two ways in which a joint is written.
+/// The two notations of a joint.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(untagged)]
 enum JointText {

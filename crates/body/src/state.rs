@@ -1,6 +1,8 @@
-//! Scratch of one frame, and the algorithms that fill it. Nothing here allocates after [`State::new`].
+//! Scratch memory of one frame, and the algorithms that fill it. Nothing here allocates after
+//! [`State::new`].
 //!
-//! This file holds kinematics; dynamics and regressors are in their own files as further methods of [`State`].
+//! This file contains kinematics; dynamics and regressors are in their own files as further methods
+//! of [`State`].
 
 use crate::rotation::{product, rotation_matrix, times, transposed_times};
 use crate::{JointKind, Model, Phi};
@@ -43,7 +45,7 @@ fn vector_at(values: &[f64], first: usize) -> Vector3<f64> {
     Vector3::new(values[first], values[first + 1], values[first + 2])
 }
 
-/// The part of a twist or its derivative that a joint adds, in link axes.
+/// Contribution of a joint to a twist or its derivative, in link axes.
 fn joint_motion(kind: &JointKind, values: &[f64], first: usize) -> (Vector3<f64>, Vector3<f64>) {
     match kind {
         JointKind::Free => (vector_at(values, first), vector_at(values, first + 3)),
@@ -55,7 +57,8 @@ fn joint_motion(kind: &JointKind, values: &[f64], first: usize) -> (Vector3<f64>
 }
 
 impl State {
-    /// Scratch for a model with this number of links. It keeps nothing of the model, so joint places may change between calls.
+    /// Scratch memory for a model with this number of links. It stores no data of the model, so
+    /// joint positions may change between calls.
     pub fn new(model: &Model) -> Self {
         let n = model.n_links();
         Self {
@@ -149,7 +152,8 @@ impl State {
                 let r = &self.parent_from_link[i];
                 lin += transposed_times(r, &(parent_lin + parent_ang.cross(&self.origin_in_parent[i])));
                 ang += transposed_times(r, &parent_ang);
-                // Motion of the joint's own axes: the link's twist crossed with the joint's part of it.
+                // Motion of the joint's own axes: the link's twist crossed with the joint's
+                // contribution to it.
                 let (joint_lin, joint_ang) = joint_motion(&link.joint.kind, v, link.joint.v_offset);
                 let (link_lin, link_ang) = (linear(&self.velocity[i]), angular(&self.velocity[i]));
                 lin += link_ang.cross(&joint_lin) + link_lin.cross(&joint_ang);

@@ -1,4 +1,4 @@
-//! A person (or object): the model with its own geometry, marker places and prior inertias.
+//! A person or object: the model with its own geometry, marker positions and prior inertias.
 
 use crate::{LinkInertia, Model, Phi};
 use nalgebra::Vector3;
@@ -15,12 +15,12 @@ pub enum Sex {
     Male,
 }
 
-/// What a laboratory knows of a person or object without a recording.
+/// Known facts about a person or object without a recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PersonFacts {
     /// Identifier.
     pub name: String,
-    /// Sex where known.
+    /// Sex, if known.
     pub sex: Option<Sex>,
     /// Stature, m.
     pub height_m: Option<f64>,
@@ -37,18 +37,18 @@ pub struct ModelMarker {
     pub link: usize,
     /// Position in the link frame, m.
     pub position_m: Vector3<f64>,
-    /// Weight in inverse kinematics (1 is usual, 0 ignores).
+    /// Weight in inverse kinematics (1 is usual, 0 means ignored).
     pub weight: f64,
 }
 
-/// Everything that is known of a body before its motion is used.
+/// All that is known about a body before its motion is used.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Subject {
     /// Facts.
     pub facts: PersonFacts,
-    /// The model with this body's joint places.
+    /// The model with this body's joint positions.
     pub model: Model,
-    /// Markers and where they sit.
+    /// Markers and their positions.
     pub markers: Vec<ModelMarker>,
     /// Prior inertia of each link (anthropometry, geometry), link frames; the masses add up to `facts.mass_kg`.
     pub prior: Vec<LinkInertia>,
@@ -56,11 +56,11 @@ pub struct Subject {
     pub prior_sd: Vec<PriorSd>,
     /// q of the static posture (length nq).
     pub static_q: Vec<f64>,
-    /// Where the prior and the geometry come from, for the report.
+    /// Sources of the prior and the geometry, for the report.
     pub provenance: Vec<String>,
 }
 
-/// How sure a prior inertia is.
+/// Uncertainty of a prior inertia.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PriorSd {
     /// Relative standard deviation of the mass.

@@ -1,17 +1,18 @@
-//! Robots described in URDF, as a way into [`ModelSpec`] beside YAML.
+//! Reads robots described in URDF into a [`ModelSpec`], as an alternative to YAML.
 
 use crate::{BodyError, JointSpec, LinkInertia, LinkSpec, ModelSpec};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use urdf_rs::{JointType, Robot};
 
 impl ModelSpec {
-    /// Reads a URDF text. The root becomes free; links keep their frames and get their inertias (a link without an
-    /// `inertial` element has zero inertia). Joints: revolute and continuous (limits are not used), prismatic, fixed,
-    /// spherical, and floating from a massless root link, which then disappears. A joint that mimics another
-    /// moves by itself.
+    /// Reads URDF text. The root becomes free; links keep their frames and inertias (a link without
+    /// an `inertial` element has zero inertia). Joints: revolute and continuous (limits are not
+    /// used), prismatic, fixed, spherical, and floating from a massless root link, which is then
+    /// removed. A joint that mimics another becomes independent.
     ///
     /// # Errors
-    /// Text that is not URDF, planar joints, floating joints elsewhere, a tree with no root, two roots or a loop.
+    /// Text that is not URDF, planar joints, floating joints elsewhere, a tree without a root, with
+    /// two roots or with a loop.
     pub fn from_urdf(text: &str) -> Result<Self, BodyError> {
         let robot = urdf_rs::read_from_string(text)
             .map_err(|error| BodyError::Spec { model: "URDF".to_owned(), problem: error.to_string() })?;

@@ -60,8 +60,8 @@ fn validate_ranks_of_random_trees() {
 
 #[test]
 fn validate_chain_truth() {
-    // An object of the simulated laboratory: parameters in φ order, the hinge's pose, and the 17 base parameters that its
-    // maker (MuJoCo and a rank-revealing elimination) states.
+    // An object of the simulated laboratory: parameters in φ order, the hinge's pose, and the 17
+    // base parameters given by its author (MuJoCo and a rank-revealing elimination).
     let mut spec: ModelSpec = serde_yaml::from_str(include_str!("../../../configs/models/two_link.yaml")).unwrap();
     spec.links[1].position_m = [0.0007795128044971894, -0.029984409743910055, 0.011988307307932542];
     let mut model = Model::from_spec(&spec).unwrap();
@@ -186,7 +186,7 @@ links:
     assert_eq!(formula("MCx"), "mc0x + M1·p1x + m4·p4x + mc4x; M1 = m1 + m2 + m3");
 }
 
-/// Reads a formula's text and computes it: sums of products of symbols, numbers, brackets and squares.
+/// Parses and evaluates a formula: sums of products of symbols, numbers, brackets and squares.
 struct Reader<'a> {
     text: Vec<char>,
     at: usize,
@@ -249,7 +249,8 @@ impl Reader<'_> {
     }
 }
 
-/// The value of a symbol: a link's own parameter, a joint's place or axis, or what the rest of the formula defines.
+/// The value of a symbol: a link's own parameter, a joint's position or axis, or a symbol defined
+/// in the rest of the formula.
 fn symbol(word: &str, model: &Model, phi: &[Phi], definitions: &[(&str, &str)]) -> f64 {
     if let Some((_, text)) = definitions.iter().find(|(name, _)| *name == word) {
         return evaluate(text, model, phi, definitions);
@@ -265,7 +266,7 @@ fn symbol(word: &str, model: &Model, phi: &[Phi], definitions: &[(&str, &str)]) 
         "I" => phi[link][4 + ["xx", "yy", "zz", "yz", "zx", "xy"].iter().position(|x| *x == part).unwrap()],
         "p" => joint.parent_from_joint.translation.vector[xyz(part)],
         "a" => match joint.kind {
-            // The sign of an axis has no meaning for what a hinge gives.
+            // The sign of a hinge's axis does not affect its contribution.
             JointKind::Revolute(axis) => (joint.parent_from_joint.rotation * axis.map(f64::abs))[xyz(part)],
             _ => panic!("axis of {word}"),
         },
@@ -287,7 +288,7 @@ fn formulas_say_what_is_computed() {
         let mut model = random.tree(n);
         for link in &mut model.links {
             match &mut link.joint.kind {
-                // Only axes x, y, z are written out entry by entry.
+                // Only axes x, y, z are written out element by element.
                 JointKind::Revolute(axis) if axis.iter().filter(|x| **x != 0.0).count() > 1 => {
                     *axis = Vector3::x_axis();
                 }

@@ -1,4 +1,4 @@
-//! Eight frames side by side give what each gives alone.
+//! A batch of eight frames gives the same results as each frame alone.
 #![allow(clippy::unwrap_used, clippy::panic)] // functions shared by tests may stop them
 
 mod common;
@@ -20,7 +20,7 @@ fn compare(model: &Model, random: &mut Random) {
     let frames: Vec<(Vec<f64>, Vec<f64>, Vec<f64>)> = (0..LANES)
         .map(|_| {
             let mut q = random.q(model);
-            // quaternions need not have unit length
+            // Quaternions need not have unit length.
             for joint in model.links.iter().map(|link| &link.joint) {
                 if let Some(first) = joint.quaternion_offset() {
                     q[first..first + 4].iter_mut().for_each(|x| *x *= 1.7);

@@ -14,7 +14,7 @@ fn stack(phi: &[Phi]) -> DVector<f64> {
     DVector::from_iterator(10 * phi.len(), phi.iter().flat_map(|p| p.iter().copied()))
 }
 
-/// Where a smooth motion through (q, v, a) is at time `t`: on the group, exact to second order.
+/// State at time `t` of a smooth motion through (q, v, a): on the group, exact to second order.
 fn at_time(model: &Model, q: &[f64], v: &[f64], a: &[f64], t: f64) -> (Vec<f64>, Vec<f64>) {
     let step: Vec<f64> = v.iter().zip(a).map(|(v, a)| v * t + 0.5 * a * t * t).collect();
     let mut out = vec![0.0; model.nq];
@@ -87,7 +87,8 @@ proptest! {
         // Linear momentum is the rate of the first moment.
         let rate = (after.1 - before.1) / (2.0 * h);
         close("linear momentum", rate.as_slice(), &now.0.as_slice()[..3], 1e-7);
-        // Rate of momentum about a fixed point, less gravity, is the wrench carried to that point.
+        // The rate of momentum about a fixed point, minus gravity, is the wrench transferred to
+        // that point.
         let rate = (after.0 - before.0) / (2.0 * h);
         let mass: f64 = phi.iter().step_by(10).sum();
         let g = model.gravity_mps2;
@@ -233,14 +234,15 @@ proptest! {
     fn prop_rotation_maps_invert(seed: u64, exponent in -12.0f64..0.0) {
         let mut random = Random(seed);
         let direction = random.vector(1.0).normalize();
-        // From far below the series' limit up to a hair short of half a turn.
+        // From far below the limit of the series to slightly below half a turn.
         for angle in [std::f64::consts::PI * 10f64.powf(exponent), std::f64::consts::PI * (1.0 - 10f64.powf(exponent))] {
             let omega = direction * angle;
             let q = quaternion_exp(&omega);
             prop_assert!((q.norm() - 1.0).abs() < 4e-16);
             for q in [*q.quaternion(), -*q.quaternion(), q.quaternion() * 3.0] {
                 let back = quaternion_log(&q);
-                // At exactly half a turn both signs are right; short of it the error stays at rounding.
+                // At exactly half a turn both signs are valid; below it the error stays at rounding
+                // level.
                 prop_assert!((back - omega).norm() <= 2e-15 * (1.0 + angle) , "{:e}", (back - omega).norm());
             }
             let product = left_jacobian(&omega) * left_jacobian_inverse(&omega);

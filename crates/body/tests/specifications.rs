@@ -1,4 +1,4 @@
-//! Models from YAML and URDF, and what is said about those that cannot be.
+//! Models from YAML and URDF, and the errors for invalid ones.
 #![allow(clippy::unwrap_used, clippy::panic)] // functions shared by tests may stop them
 
 mod common;
@@ -111,7 +111,7 @@ fn regress_urdf() {
     assert!((model.links[1].joint.parent_from_joint.rotation.euler_angles().2 - 0.3).abs() < 1e-15);
     let inertias = spec.inertias().unwrap();
     assert_eq!(inertias[0].com_m, Vector3::new(0.1, 0.0, 0.0));
-    // The frame of the inertia is turned by a quarter about z: x and y change places.
+    // The frame of the inertia is rotated by a quarter turn about z: x and y are exchanged.
     let tensor = inertias[0].inertia_com_kgm2;
     assert!((tensor[(0, 0)] - 0.2).abs() < 1e-15 && (tensor[(1, 1)] - 0.1).abs() < 1e-15);
     assert_eq!(inertias[3].mass_kg, 0.0);

@@ -1,4 +1,4 @@
-//! Against Pinocchio 4.1: see tests/peers/body_pinocchio.py.
+//! Comparison with Pinocchio 4.1: see tests/peers/body_pinocchio.py.
 #![allow(clippy::unwrap_used, clippy::panic)] // functions shared by tests may stop them
 
 mod common;
@@ -145,7 +145,7 @@ fn validate_integrate_and_difference() {
         let mut found = vec![0.0; model.nq];
         model.integrate(&q, &numbers(&frame["step"]), &mut found);
         let mut expected = numbers(&frame["integrated"]);
-        // A quaternion and its negative are one rotation.
+        // A quaternion and its negative are the same rotation.
         for joint in model.links.iter().map(|link| &link.joint) {
             if let Some(first) = joint.quaternion_offset() {
                 let same: f64 = (first..first + 4).map(|k| found[k] * expected[k]).sum();

@@ -1,7 +1,7 @@
-//! How fast bytes in memory become typed markers and channels, MB/s of file.
+//! Speed of decoding bytes in memory to typed markers and channels, MB/s of file.
 //!
-//! `cargo bench -p aloft-c3d --bench read`: files made here in each order and storage, and, where the folder of recordings
-//! is beside the workspace, its largest ones one by one and together.
+//! `cargo bench -p aloft-c3d --bench read`: synthetic files in each byte order and storage and, if
+//! the folder of recordings is present, its largest ones individually and together.
 
 use std::{hint::black_box, path::Path, time::Duration};
 
@@ -30,7 +30,7 @@ fn made(order: ByteOrder, storage: Storage) -> Vec<u8> {
     builder.build().and_then(|f| f.to_bytes()).unwrap_or_default()
 }
 
-/// The largest recordings beside the workspace.
+/// The largest recordings of the data folder.
 fn recordings() -> Vec<(String, Vec<u8>)> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
     let mut open = vec![folder];

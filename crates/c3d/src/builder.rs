@@ -1,4 +1,4 @@
-//! New files from scratch: points, channels, plates, events, own parameters.
+//! Creates new files: points, channels, plates, events, custom parameters.
 
 use nalgebra::Vector3;
 
@@ -7,7 +7,7 @@ use crate::{
     Point, PointKind, Storage, parameter_sync, unit,
 };
 
-/// Makes a [`C3dFile`] piece by piece. Intel floats in mm unless told otherwise.
+/// Builds a [`C3dFile`] step by step. The defaults are Intel byte order, floats and mm.
 ///
 /// ```
 /// use aloft_c3d::{C3dBuilder, C3dFile};
@@ -26,13 +26,13 @@ use crate::{
 #[derive(Debug, Clone)]
 pub struct C3dBuilder {
     file: C3dFile,
-    /// Plates whose channels are made when the file is built: plate index, wrench.
+    /// Plates whose channels are created when the file is built: plate index, wrench.
     wrenches: Vec<(usize, PlateWrench)>,
     analog_rate_hz: Option<f64>,
 }
 
 impl C3dBuilder {
-    /// A file at a point rate, Hz.
+    /// Starts a file with a point rate, Hz.
     pub fn new(point_rate_hz: f64) -> Self {
         let file = C3dFile {
             point_rate_hz,
@@ -66,7 +66,8 @@ impl C3dBuilder {
         self.file.point_unit = unit.to_owned();
         self
     }
-    /// Analog rate, Hz: a whole multiple of the point rate. By default the one at which the channels are as long as the points.
+    /// Analog rate, Hz: an integer multiple of the point rate. By default the rate at which the
+    /// channels are as long as the points.
     pub fn analog_rate_hz(mut self, rate_hz: f64) -> Self {
         self.analog_rate_hz = Some(rate_hz);
         self
@@ -78,7 +79,8 @@ impl C3dBuilder {
         self.file.point_scale = point_scale.abs();
         self
     }
-    /// Raw integer samples and offsets of the channels are unsigned 16-bit numbers; only integer storage shows it.
+    /// Raw integer samples and offsets of the channels are unsigned 16-bit numbers; this affects
+    /// integer storage only.
     pub fn unsigned_analogs(mut self) -> Self {
         self.file.analog_unsigned = true;
         self.file.groups.set("ANALOG", Parameter::text("FORMAT", "UNSIGNED"));
@@ -116,27 +118,28 @@ impl C3dBuilder {
     pub fn analog(self, label: &str, unit: &str, values: Vec<f64>) -> Self {
         self.channel(Analog { label: label.to_owned(), unit: unit.to_owned(), scale: 1.0, values, ..Analog::default() })
     }
-    /// A channel with its own scale and offset, which matter in integer storage.
+    /// A channel with its own scale and offset, which are used in integer storage.
     pub fn channel(mut self, analog: Analog) -> Self {
         self.file.analogs.push(analog);
         self
     }
-    /// A plate of type 2 that measured this reaction on the subject (world axes of the file, N and N·m about the world
-    /// origin). Corners in point units and in the order (+x +y), (−x +y), (−x −y), (+x −y) of the plate's axes, which
-    /// point its z downwards in most laboratories; origin from the sensor to the surface in plate axes (z usually
-    /// negative). Six channels `Fx1` … `Mz1` are added, N and N·point unit.
+    /// A plate of type 2 that measured this reaction on the subject (world axes of the file, N and
+    /// N·m about the world origin). Corners in point units and in the order (+x +y), (−x +y), (−x
+    /// −y), (+x −y) of the plate's axes, whose z points down in most laboratories; origin from the
+    /// sensor to the surface in plate axes (z usually negative). Six channels `Fx1` … `Mz1` are
+    /// added, N and N·point unit.
     pub fn plate(mut self, corners: [[f64; 3]; 4], origin: [f64; 3], reaction: PlateWrench) -> Self {
         let plate = PlateDescription { kind: 2, corners, origin, ..PlateDescription::default() };
         self.wrenches.push((self.file.plates.len(), reaction));
         self.file.plates.push(plate);
         self
     }
-    /// A plate whose channels are, or will be, among the file's channels.
+    /// A plate whose channels are added separately.
     pub fn described_plate(mut self, plate: PlateDescription) -> Self {
         self.file.plates.push(plate);
         self
     }
-    /// An event: label, context, seconds on the clock in which frame 1 is 0 s.
+    /// An event: label, context, and time in seconds on the clock on which frame 1 is at 0 s.
     pub fn event(self, label: &str, context: &str, time_s: f64) -> Self {
         self.full_event(FileEvent {
             label: label.to_owned(),
@@ -145,12 +148,13 @@ impl C3dBuilder {
             ..FileEvent::default()
         })
     }
-    /// An event with subject and description.
+    /// An event that also has a subject and a description.
     pub fn full_event(mut self, event: FileEvent) -> Self {
         self.file.events.push(event);
         self
     }
-    /// An event in the header, for old programs; the first 18 are kept, labels cut to four characters.
+    /// A header event, for old programs; the first 18 are kept, labels truncated to four
+    /// characters.
     pub fn header_event(mut self, label: &str, time_s: f32) -> Self {
         let label = label.bytes().take(4).map(char::from).collect();
         self.file.header_events.push(HeaderEvent { label, time_s, shown: true });
@@ -163,11 +167,12 @@ impl C3dBuilder {
         self
     }
 
-    /// The file, with its standard groups filled in.
+    /// Builds the file and fills in its standard groups.
     ///
     /// # Errors
-    /// [`C3dError::Write`] where lengths contradict each other, the analog rate is no multiple of the point rate, a plate's
-    /// corners span nothing, or something does not fit into the format.
+    /// [`C3dError::Write`] if lengths are inconsistent, the analog rate is not a multiple of the
+    /// point rate, a plate's corners do not span a rectangle, or something does not fit into the
+    /// format.
     pub fn build(self) -> Result<C3dFile, C3dError> {
         let Self { mut file, wrenches, analog_rate_hz } = self;
         let fail = |item: &str, problem: String| C3dError::Write { item: item.to_owned(), problem };
@@ -200,7 +205,7 @@ impl C3dBuilder {
         }
         let layout = file.layout()?;
         file.groups = parameter_sync::synchronized(&file, &layout)?;
-        // the standard groups first, as most files have them
+        // Standard groups first, as in most files.
         let standard = ["POINT", "ANALOG", "FORCE_PLATFORM", "EVENT_CONTEXT", "EVENT", "TRIAL"];
         let groups = &mut file.groups.groups;
         groups.sort_by_key(|g| standard.iter().position(|name| g.name.is(name)).unwrap_or(standard.len()));

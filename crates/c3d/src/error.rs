@@ -1,17 +1,18 @@
-//! Errors, which stop the reading or the writing, and warnings, which are data beside the result.
+//! Errors, which abort reading or writing, and warnings, which are returned with the result.
 
-/// Why bytes are not a C3D file, or a structure cannot become one. Every variant says where.
+/// Reasons why bytes are not a C3D file or a structure cannot be written as one. Every variant
+/// states the place.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum C3dError {
-    /// Not C3D at all.
+    /// The bytes are not C3D.
     #[error("not a C3D file: byte {offset} is {found:#04x}, expected {expected}")]
     NotC3d {
-        /// Where, from the start of the file.
+        /// Offset from the start of the file.
         offset: usize,
-        /// What is there.
+        /// Value found.
         found: u8,
-        /// What a C3D file has there.
+        /// Value expected in a C3D file.
         expected: &'static str,
     },
     /// The file ends before its first parameter.
@@ -19,39 +20,39 @@ pub enum C3dError {
     TooShort {
         /// Length of the input, bytes.
         length: usize,
-        /// Length that the named part asks for, bytes.
+        /// Length required by this part, bytes.
         needed: usize,
-        /// The part of the file that is missing.
+        /// The missing part of the file.
         what: &'static str,
     },
-    /// A record of the parameter section makes no sense.
+    /// A record of the parameter section is malformed.
     #[error("byte {offset}, parameter {group}:{parameter}: {problem}")]
     Parameter {
-        /// Where the record starts, from the start of the file.
+        /// Offset of the record from the start of the file.
         offset: usize,
-        /// Group name, or its number where the name is not known.
+        /// Group name, or its number if the name is unknown.
         group: String,
         /// Parameter name; empty for a group record.
         parameter: String,
-        /// What is wrong.
+        /// Description of the problem.
         problem: String,
     },
-    /// The place of the sample data is outside the file or inside the header.
+    /// The position of the sample data is outside the file or inside the header.
     #[error("byte {offset}: sample data should start at byte {start}, but the file is {length} bytes long")]
     DataStart {
-        /// Where the file states the place.
+        /// Offset at which the file states the position.
         offset: usize,
-        /// The stated place, bytes.
+        /// The stated position, bytes.
         start: usize,
         /// Length of the input, bytes.
         length: usize,
     },
-    /// There is no such plate.
+    /// The requested plate does not exist.
     #[error("plate {index} asked for, the file describes {count}")]
     NoPlate {
-        /// Zero-based index asked for.
+        /// Requested index, zero-based.
         index: usize,
-        /// Plates described.
+        /// Number of plates described.
         count: usize,
     },
     /// A plate's wrench cannot be computed.
@@ -59,57 +60,57 @@ pub enum C3dError {
     Plate {
         /// Zero-based index.
         index: usize,
-        /// What is missing or contradictory.
+        /// Missing or contradictory data.
         problem: String,
     },
     /// The structure does not fit into the format.
     #[error("cannot write {item}: {problem}")]
     Write {
-        /// Point, channel, group or parameter at fault.
+        /// The point, channel, group or parameter concerned.
         item: String,
-        /// Expected and found.
+        /// Expected and found values.
         problem: String,
     },
 }
 
-/// What a warning is about, for programs that sort them.
+/// Kind of a warning, by which programs can sort.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WarningKind {
-    /// Header and parameters contradict each other; the message says which was taken.
+    /// Header and parameters contradict each other; the message states which was used.
     Contradiction,
-    /// The file ends before the frames that it declares; those that it holds were read.
+    /// The file ends before the declared number of frames; the frames present were read.
     Truncated {
         /// Frames in the file.
         held: usize,
         /// Frames declared.
         stated: usize,
     },
-    /// Something that a reader needs is missing; the message says what was taken instead.
+    /// A required value is missing; the message states the value used instead.
     Missing,
-    /// Labels: duplicates, cut names, fewer labels than columns.
+    /// Labels: duplicates, truncated names, fewer labels than columns.
     Labels,
-    /// Parameter section: odd records that were skipped or repaired.
+    /// Parameter section: malformed records that were skipped or repaired.
     Parameters,
-    /// Events that could not be placed.
+    /// Events without a usable time.
     Events,
-    /// Force plates: type not calibrated, channels missing, units or sign doubtful.
+    /// Force plates: uncalibrated type, missing channels, doubtful units or sign.
     Plates,
-    /// Analog scaling: unsigned offsets, factors of zero, lists shorter than the channels.
+    /// Analog scaling: unsigned offsets, scale factors of zero, lists shorter than the channels.
     Analogs,
 }
 
-/// Something odd that did not stop the reading.
+/// An irregularity that did not prevent reading.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Warning {
-    /// What it is about.
+    /// Kind.
     pub kind: WarningKind,
-    /// In words, naming group, parameter and byte offset where that helps.
+    /// Message, with group, parameter and byte offset if useful.
     pub message: String,
 }
 
 impl Warning {
-    /// A warning of a kind, in words.
+    /// Creates a warning from a kind and a message.
     pub fn new(kind: WarningKind, message: impl Into<String>) -> Self {
         Self { kind, message: message.into() }
     }

@@ -1,4 +1,4 @@
-//! Events: the group EVENT, and the short ones of the header.
+//! Events: those of the group EVENT and the short ones of the header.
 
 use crate::{FileEvent, HeaderEvent, Parameters, Warning, WarningKind};
 
@@ -38,7 +38,7 @@ pub(crate) fn events_of_group(groups: &Parameters, warnings: &mut Vec<Warning>) 
     events
 }
 
-/// The events of the header in the form of the group's.
+/// Converts the events of the header to the form of the group's events.
 pub(crate) fn events_of_header(events: &[HeaderEvent]) -> Vec<FileEvent> {
     let finite = events.iter().filter(|e| e.time_s.is_finite());
     finite.map(|e| FileEvent { label: e.label.clone(), time_s: f64::from(e.time_s), ..FileEvent::default() }).collect()

@@ -1,4 +1,5 @@
-//! The structure of a file: what a reader of recordings needs, typed, and beside it the parameter tree as stored.
+//! The structure of a file: typed fields for readers of recordings, and the parameter tree as
+//! stored.
 
 use std::sync::Arc;
 
@@ -6,37 +7,37 @@ use crate::{ByteOrder, HeaderEvent, Parameters, Storage, Warning, layout::Layout
 
 /// A whole C3D file.
 ///
-/// The typed fields are what [`C3dFile::to_bytes`] writes: it brings the standard parameters in line with them and
-/// leaves every other parameter as it was.
+/// [`C3dFile::to_bytes`] writes the typed fields: it updates the standard parameters to agree with
+/// them and leaves all other parameters unchanged.
 #[derive(Debug, Clone)]
 pub struct C3dFile {
     /// Point rate, Hz.
     pub point_rate_hz: f64,
     /// Number of the first frame (1-based).
     pub first_frame: u32,
-    /// Frames that the file holds.
+    /// Frames present in the file.
     pub n_frames: usize,
-    /// Unit of the markers, as in POINT:UNITS (`mm`, `m` …); `mm` where the file does not say.
+    /// Unit of the markers, as in POINT:UNITS (`mm`, `m` …); `mm` if not stated.
     pub point_unit: String,
     /// Points: markers and computed points.
     pub points: Vec<Point>,
     /// Analog channels.
     pub analogs: Vec<Analog>,
-    /// Analog samples a second.
+    /// Analog sampling rate, Hz.
     pub analog_rate_hz: f64,
-    /// Events of the group EVENT, or those of the header where that group has none.
+    /// Events of the group EVENT, or those of the header if that group has none.
     pub events: Vec<FileEvent>,
-    /// Force plates as described (not yet wrenches).
+    /// Force plates as described (not yet converted to wrenches).
     pub plates: Vec<PlateDescription>,
-    /// Oddities.
+    /// Warnings.
     pub warnings: Vec<Warning>,
     /// All groups and parameters as stored.
     pub groups: Parameters,
     /// Events of the header.
     pub header_events: Vec<HeaderEvent>,
-    /// Byte order of the source, and of what is written.
+    /// Byte order of the source and of the written file.
     pub byte_order: ByteOrder,
-    /// Integer or float samples, in the source and in what is written.
+    /// Integer or float samples, in the source and in the written file.
     pub storage: Storage,
     /// POINT:SCALE without its sign: unit of integer coordinates, and of residuals in both storages.
     pub point_scale: f32,
@@ -44,7 +45,7 @@ pub struct C3dFile {
     pub analog_general_scale: f64,
     /// Whether raw integer samples and offsets of the channels are unsigned.
     pub analog_unsigned: bool,
-    /// Where the bytes came from: lets a re-write keep what the typed fields cannot hold.
+    /// Source of the bytes, so that rewriting can preserve what the typed fields cannot represent.
     pub(crate) source: Option<Source>,
 }
 
@@ -61,7 +62,7 @@ pub(crate) struct Source {
     pub frames_from_zero: bool,
 }
 
-/// What a stored point is.
+/// Kind of a stored point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PointKind {
@@ -81,7 +82,7 @@ pub enum PointKind {
 }
 
 impl PointKind {
-    /// The computed kinds with the name of the list that announces each.
+    /// The computed kinds, each with the name of its list.
     pub const LISTS: [(&'static str, Self); 5] = [
         ("ANGLES", Self::Angle),
         ("FORCES", Self::Force),
@@ -94,19 +95,19 @@ impl PointKind {
 /// One point over all frames.
 #[derive(Debug, Clone, Default)]
 pub struct Point {
-    /// Label as stored, without blanks around it.
+    /// Label as stored, without surrounding blanks.
     pub label: String,
     /// Description as stored.
     pub description: String,
-    /// What it is.
+    /// Kind.
     pub kind: PointKind,
-    /// Unit as the file states it for this kind of point.
+    /// Unit stated in the file for this kind of point.
     pub unit: String,
     /// Coordinates in the file's units; NaN where invalid.
     pub xyz: Vec<[f32; 3]>,
     /// Residual in the file's units (0 for computed), NaN where invalid.
     pub residual: Vec<f32>,
-    /// Cameras that saw it, bit mask.
+    /// Cameras that saw the point, bit mask.
     pub cameras: Vec<u8>,
 }
 
@@ -134,7 +135,7 @@ pub struct FileEvent {
     pub label: String,
     /// Context; empty where the file has none.
     pub context: String,
-    /// Seconds on the clock of the original trial, in which frame 1 is 0 s.
+    /// Seconds on the clock of the original trial, on which frame 1 is at 0 s.
     pub time_s: f64,
     /// Subject; empty where the file has none.
     pub subject: String,
@@ -167,7 +168,7 @@ pub struct PlateWrench {
     pub force_n: Vec<[f64; 3]>,
     /// Moment about the world origin, N·m.
     pub moment_nm: Vec<[f64; 3]>,
-    /// What had to be decided or repaired: sign, units, baseline.
+    /// Decisions and repairs: sign, units, baseline.
     pub warnings: Vec<Warning>,
 }
 
@@ -176,7 +177,7 @@ impl C3dFile {
     pub fn point_index(&self, label: &str) -> Option<usize> {
         self.points.iter().position(|p| p.label == label)
     }
-    /// Markers, computed points left out.
+    /// The markers, without computed points.
     pub fn markers(&self) -> impl Iterator<Item = &Point> {
         self.points.iter().filter(|p| p.kind == PointKind::Marker)
     }
@@ -185,13 +186,13 @@ impl C3dFile {
         let samples = self.analogs.first().map_or(0, |a| a.values.len());
         samples.checked_div(self.n_frames).unwrap_or(0)
     }
-    /// Whether unsignedness was concluded from the samples rather than stated in ANALOG:FORMAT.
+    /// Whether unsignedness was inferred from the samples rather than stated in ANALOG:FORMAT.
     pub(crate) fn unsigned_by_inference(&self) -> bool {
         self.source
             .as_ref()
             .is_some_and(|s| s.analog_unsigned == self.analog_unsigned && self.groups.get("ANALOG", "FORMAT").is_none())
     }
-    /// Metres in one point unit; `None` for a unit nobody knows.
+    /// Metres in one point unit; `None` for an unknown unit.
     pub fn metres_per_point_unit(&self) -> Option<f64> {
         crate::unit::metres_per(&self.point_unit)
     }

@@ -1,10 +1,10 @@
-//! The first 512 bytes: sizes, rates, where things are, and up to 18 events.
+//! The first 512 bytes: sizes, rates, positions of the sections, and up to 18 events.
 
 use crate::{ByteOrder, Storage, text};
 
-/// Bytes of the header and of every block.
+/// Size of the header and of every block, bytes.
 pub(crate) const BLOCK: usize = 512;
-/// Marks that event labels have four characters, and that a label section exists.
+/// Indicates event labels of four characters, and the presence of a label section.
 const KEY: u16 = 0x3039;
 
 /// An event of the header.
@@ -18,7 +18,7 @@ pub struct HeaderEvent {
     pub shown: bool,
 }
 
-/// Equal bit by bit: a time of NaN equals itself.
+/// Compares bit by bit, so that a time of NaN equals itself.
 fn same_events(a: &[HeaderEvent], b: &[HeaderEvent]) -> bool {
     let same = |a: &HeaderEvent, b: &HeaderEvent| {
         a.label == b.label && a.time_s.to_bits() == b.time_s.to_bits() && a.shown == b.shown
@@ -26,7 +26,7 @@ fn same_events(a: &[HeaderEvent], b: &[HeaderEvent]) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| same(a, b))
 }
 
-/// A label cut to four bytes, one byte a character where that reads back the same.
+/// A label truncated to four bytes, one byte per character if that decodes to the same label.
 fn four_bytes(label: &str) -> [u8; 4] {
     let mut out = [b' '; 4];
     let single: Vec<u8> = label.chars().take(4).filter_map(|c| u8::try_from(u32::from(c)).ok()).collect();
@@ -50,7 +50,7 @@ pub(crate) struct Header {
     pub last_frame: usize,
     pub max_gap: u16,
     pub scale: f32,
-    /// Byte at which samples start.
+    /// Offset of the samples, bytes.
     pub data_start: usize,
     pub samples_per_frame: usize,
     pub rate_hz: f32,
@@ -58,12 +58,12 @@ pub(crate) struct Header {
 }
 
 impl Header {
-    /// From a block of 512 bytes.
+    /// Parses a block of 512 bytes.
     pub fn read(block: &[u8; BLOCK], order: ByteOrder) -> Self {
         let word = |at: usize| order.u16([block[at], block[at + 1]]);
         let float = |at: usize| order.f32([block[at], block[at + 1], block[at + 2], block[at + 3]]);
         let mut events = Vec::new();
-        // some writers store the key in their own order whatever the file's order is
+        // Some writers store the key in their own byte order, whatever the order of the file.
         if word(298) == KEY || word(298).swap_bytes() == KEY {
             for i in 0..usize::from(word(300)).min(18) {
                 events.push(HeaderEvent {
@@ -87,7 +87,7 @@ impl Header {
         }
     }
 
-    /// Writes the known fields over `block`, which may hold the bytes of an older header.
+    /// Writes the known fields into `block`, which may contain the bytes of an older header.
     pub fn write(&self, block: &mut [u8; BLOCK], order: ByteOrder) {
         let word = |block: &mut [u8; BLOCK], at: usize, value: usize| {
             let value = u16::try_from(value).unwrap_or(u16::MAX);
@@ -116,7 +116,7 @@ impl Header {
         }
     }
 
-    /// How the header says that samples are stored: a negative scale means floats.
+    /// Storage of the samples according to the header: a negative scale means floats.
     pub fn storage(&self) -> Storage {
         if self.scale < 0.0 { Storage::Float } else { Storage::Integer }
     }

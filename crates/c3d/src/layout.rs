@@ -1,5 +1,5 @@
-//! Where each sample is. Header and parameters state sizes two or three times and contradict each other in real files;
-//! the one that agrees with the file's length is taken.
+//! Position of each sample. Header and parameters state sizes two or three times and contradict
+//! each other in real files; the statement that agrees with the file's length is used.
 
 use crate::{Storage, header::BLOCK};
 
@@ -24,7 +24,7 @@ impl Layout {
     }
 }
 
-/// What header and parameters state, each list in order of trust, duplicates allowed.
+/// Statements of header and parameters, each list in order of reliability, duplicates allowed.
 #[derive(Debug, Default)]
 pub(crate) struct Statements {
     pub storages: Vec<Storage>,
@@ -34,14 +34,14 @@ pub(crate) struct Statements {
     pub frames: Vec<usize>,
 }
 
-/// How well the choice agrees with the file's length.
+/// Agreement of the choice with the file's length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Fit {
     /// The samples end where the file ends, up to the padding of the last block or one more block.
     Exact,
-    /// There is more behind the samples.
+    /// Additional bytes follow the samples.
     Surplus {
-        /// Bytes behind the last frame.
+        /// Number of bytes after the last frame.
         bytes: usize,
     },
     /// The file ends before the last stated frame.
@@ -51,7 +51,7 @@ pub(crate) enum Fit {
     },
 }
 
-/// Chooses among the statements by what `available` bytes of samples hold.
+/// Chooses among the statements according to the number of bytes `available` for samples.
 pub(crate) fn choose(statements: &Statements, available: usize) -> (Layout, Fit) {
     let mut surplus: Option<(Layout, usize)> = None;
     let mut truncated: Option<(Layout, usize)> = None;
@@ -76,7 +76,7 @@ pub(crate) fn choose(statements: &Statements, available: usize) -> (Layout, Fit)
         }
     }
     match (surplus, truncated) {
-        // Frames stated, but a layout of none fits anything: rather the frames that are there.
+        // Frames are stated, but an empty layout matches any length: prefer a layout with frames.
         (Some((layout, bytes)), None) => (layout, Fit::Surplus { bytes }),
         (Some((layout, bytes)), Some(_)) if layout.n_frames > 0 => (layout, Fit::Surplus { bytes }),
         (_, Some((layout, stated))) => (layout, Fit::Truncated { stated }),

@@ -1,7 +1,8 @@
-//! C3D files, bytes to structure and back, losing nothing. Nothing biomechanical is decided here.
+//! C3D files: lossless conversion from bytes to a structure and back, without biomechanical
+//! interpretation.
 //!
-//! This is the first room of the house: `trial` turns a [`C3dFile`] into a recording in SI and one world frame, `export`
-//! and `simulate` make new files with [`C3dBuilder`].
+//! Lowest level of import: `trial` converts a [`C3dFile`] into a recording in SI units and one
+//! world frame; `export` and `simulate` create new files with [`C3dBuilder`].
 //!
 //! ```
 //! use aloft_c3d::{C3dBuilder, C3dFile};
@@ -22,33 +23,34 @@
 //!
 //! # Reading
 //!
-//! [`C3dFile::from_bytes`] reads Intel, DEC and MIPS files, integer and float. Real files state their sizes two or three
-//! times and contradict themselves; what agrees with the file's length is believed, and the contradiction becomes a
-//! [`Warning`]. Memory is bounded by a small multiple of the input, no input makes it panic, and what cannot be read gives
-//! an error with byte offset, group and parameter. A point whose fourth word is negative as a 16-bit integer was not seen:
-//! its coordinates and residual are NaN, never the origin.
+//! [`C3dFile::from_bytes`] reads Intel, DEC and MIPS files with integer or float samples. Real
+//! files state their sizes two or three times and inconsistently; the statement that agrees with
+//! the file's length is used, and the contradiction becomes a [`Warning`]. Memory is bounded by a
+//! small multiple of the input, no input causes a panic, and unreadable input gives an error with
+//! byte offset, group and parameter. A point whose fourth word is negative as a 16-bit integer was
+//! not seen: its coordinates and residual are NaN, never the origin.
 //!
 //! # Plates
 //!
-//! [`C3dFile::plate_wrench`] gives the reaction on the subject in the file's world axes, N and N·m about the world origin,
-//! at the analog rate. What had to be repaired (sign, moment unit, direction of the origin, an unusable baseline) is in
-//! [`PlateWrench::warnings`].
+//! [`C3dFile::plate_wrench`] returns the reaction on the subject in the file's world axes, N and
+//! N·m about the world origin, at the analog rate. Repairs (sign, moment unit, direction of the
+//! origin, an unusable baseline) are listed in [`PlateWrench::warnings`].
 //!
 //! # Writing
 //!
-//! [`C3dFile::groups`] keeps every group and parameter as stored, and a file that was read remembers its samples:
-//! [`C3dFile::to_bytes`] changes only what no longer says what the typed fields say. A re-write without changes keeps every
-//! sample bit by bit.
+//! [`C3dFile::groups`] keeps every group and parameter as stored, and a file that was read keeps
+//! its original samples: [`C3dFile::to_bytes`] changes only what no longer agrees with the typed
+//! fields. Rewriting an unchanged file preserves every sample bit by bit.
 //!
 //! | module | what it holds |
 //! |---|---|
 //! | `number` | bytes of integers and floats in three orders |
-//! | `parameters`, `parameter_reader` | the tree of groups and its walk |
-//! | `header`, `layout` | the first block; which of the stated sizes to believe |
+//! | `parameters`, `parameter_reader` | the tree of groups and its reader |
+//! | `header`, `layout` | the first block; choice among the stated sizes |
 //! | `samples` | bulk conversion, one loop for each order and storage |
-//! | `read`, `events`, `plate_reader` | meaning of the standard groups |
-//! | `wrench` | plates from channels to wrenches |
-//! | `write`, `parameter_sync`, `builder` | the way back, and new files |
+//! | `read`, `events`, `plate_reader` | interpretation of the standard groups |
+//! | `wrench` | conversion of plate channels to wrenches |
+//! | `write`, `parameter_sync`, `builder` | writing, and new files |
 
 mod builder;
 mod error;

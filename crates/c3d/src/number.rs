@@ -1,9 +1,9 @@
-//! Numbers as three families of processors stored them.
+//! Number formats of three processor families.
 //!
-//! The bottom of the crate: bulk loops are generic over [`Order`], so that each (order, storage) pair compiles to a
-//! loop of its own without a branch per sample.
+//! Lowest level of the crate: bulk loops are generic over [`Order`], so that each (order, storage)
+//! pair compiles to its own loop without a branch per sample.
 
-/// Processor family whose numbers a file holds.
+/// Processor family whose number formats a file uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ByteOrder {
@@ -56,7 +56,8 @@ impl ByteOrder {
             Self::Mips => value.to_be_bytes(),
         }
     }
-    /// Encodes a float. DEC has neither infinities nor NaN: they become the largest number of the sign, and zero.
+    /// Encodes a float. DEC has neither infinities nor NaN: infinities become the largest number of
+    /// the same sign, and NaN becomes zero.
     pub(crate) fn f32_bytes(self, value: f32) -> [u8; 4] {
         match self {
             Self::Intel => value.to_le_bytes(),
@@ -66,7 +67,7 @@ impl ByteOrder {
     }
 }
 
-/// How samples are stored.
+/// Storage of samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Storage {
@@ -124,8 +125,9 @@ impl Order for Dec {
     fn i16(bytes: [u8; 2]) -> i16 {
         i16::from_le_bytes(bytes)
     }
-    /// VAX F: words swapped, exponent biased by 128 and a hidden bit worth one half, so IEEE bits give four times the value.
-    /// Exponent zero is zero (VAX has no subnormals; negative zero was a trap and is read as zero).
+    /// VAX F: words swapped, exponent biased by 128 and a hidden bit worth one half, so that
+    /// reading the bits as IEEE gives four times the value. Exponent zero means zero (VAX has no
+    /// subnormals; negative zero caused a trap and is read as zero).
     #[inline(always)]
     fn f32(bytes: [u8; 4]) -> f32 {
         let bits = u32::from_le_bytes(bytes).rotate_left(16);
@@ -140,7 +142,7 @@ impl Order for Dec {
     }
 }
 
-/// The VAX F bits of a number, as the little-endian word that goes to the file.
+/// The VAX F bits of a number, as the little-endian word written to the file.
 fn dec_bits(value: f32) -> u32 {
     let bits = value.to_bits();
     let sign = bits & 0x8000_0000;
@@ -152,7 +154,8 @@ fn dec_bits(value: f32) -> u32 {
     } else if exponent >= 1 {
         bits + (2 << 23)
     } else {
-        // IEEE subnormals: the upper ones fit into VAX's two lowest exponents, the others are zero there.
+        // IEEE subnormals: the largest ones fit into VAX's two lowest exponents, the others become
+        // zero.
         let scaled = value * 4.0;
         if (scaled.to_bits() >> 23) & 0xff == 0 { 0 } else { scaled.to_bits() }
     };

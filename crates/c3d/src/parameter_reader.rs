@@ -1,10 +1,10 @@
-//! Reads the parameter section. Every length is checked against the file before anything is taken.
+//! Reads the parameter section. Every length is checked against the file before it is used.
 
 use crate::{
     ByteOrder, C3dError, Group, Parameter, Parameters, Values, Warning, WarningKind, parameters::product, text::Text,
 };
 
-/// Walks the records from `start` (just after the section's four bytes) to at most `end`.
+/// Reads the records from `start` (just after the section's four bytes) to at most `end`.
 pub(crate) fn read_parameters(
     bytes: &[u8],
     start: usize,
@@ -35,7 +35,7 @@ pub(crate) fn read_parameters(
             return Err(fail(format!("the name ends at byte {}, the section at byte {end}", link + 2)));
         }
         let distance = usize::from(order.u16([bytes[link], bytes[link + 1]]));
-        // A distance of 0 marks the last record; one that leaves the section is as good as that.
+        // A distance of 0 marks the last record; one beyond the section is treated the same way.
         let last = distance == 0 || link + distance >= end;
         let next = if last { end } else { link + distance };
         if next < link + 3 {
@@ -109,7 +109,7 @@ fn take_group(
     }
 }
 
-/// A length byte and that much text, as far as it is there.
+/// A length byte followed by text, truncated if incomplete.
 fn counted(body: &[u8]) -> Text {
     match body.split_first() {
         Some((&length, rest)) => Text(rest[..usize::from(length).min(rest.len())].to_vec()),

@@ -1,7 +1,7 @@
-//! Brings the standard parameters in line with the typed fields before a file is written.
+//! Updates the standard parameters from the typed fields before a file is written.
 //!
-//! Each piece is decoded as the reader decodes it and left alone where that gives the fields' content already, so that a
-//! re-write of an unchanged file changes no parameter.
+//! Each piece is decoded as by the reader and left unchanged if it already gives the content of the
+//! fields, so that rewriting an unchanged file changes no parameter.
 
 use crate::{
     C3dError, C3dFile, FileEvent, Parameter, Parameters, PointKind, Storage, Values,
@@ -11,7 +11,7 @@ use crate::{
     read::{decide_analog_rate, describe_analogs, describe_points, trial_range},
 };
 
-/// The parameters that belong to the file as it is now.
+/// The parameters for the present state of the file.
 pub(crate) fn synchronized(file: &C3dFile, layout: &Layout) -> Result<Parameters, C3dError> {
     let mut groups = file.groups.clone();
     sync_points(file, layout, &mut groups)?;
@@ -40,7 +40,7 @@ fn set_float(groups: &mut Parameters, group: &str, name: &str, value: f32) {
     }
 }
 
-/// Writes `NAME`, `NAME2` … with 255 entries each and takes away what an older list had beyond.
+/// Writes `NAME`, `NAME2` … with 255 entries each and removes surplus lists of an older version.
 fn set_parts<T>(
     groups: &mut Parameters,
     group: &str,
@@ -127,7 +127,8 @@ fn sync_points(file: &C3dFile, layout: &Layout, groups: &mut Parameters) -> Resu
     Ok(())
 }
 
-/// TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD, where the header's words cannot say it or the file had them.
+/// TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD, if the header's words are too small or the file
+/// contained them.
 fn sync_trial(file: &C3dFile, groups: &mut Parameters) {
     let first = file.first_frame as usize;
     let last = (first + file.n_frames).saturating_sub(1);
@@ -191,7 +192,7 @@ fn sync_analogs(file: &C3dFile, layout: &Layout, groups: &mut Parameters) -> Res
     Ok(())
 }
 
-/// Offsets as words where they are whole and fit, else as floats.
+/// Offsets as 16-bit words if they are integers that fit, otherwise as floats.
 fn sync_offsets(file: &C3dFile, groups: &mut Parameters) -> Result<(), C3dError> {
     let offsets: Vec<f64> = file.analogs.iter().map(|a| a.offset).collect();
     let range = if file.analog_unsigned { 0.0..=65_535.0 } else { -32_768.0..=32_767.0 };
@@ -240,13 +241,13 @@ fn sync_events(file: &C3dFile, groups: &mut Parameters) -> Result<(), C3dError> 
     Ok(())
 }
 
-/// Whole minutes apart, so that seconds keep their digits in single precision.
+/// Separates whole minutes, so that seconds keep their precision in single precision.
 fn minutes_and_seconds(time_s: f64) -> [f32; 2] {
     let minutes = (time_s / 60.0).trunc();
     [minutes as f32, (time_s - 60.0 * minutes) as f32]
 }
 
-/// The pictures that programs draw: 1 foot strike, 2 foot off, 0 anything else.
+/// Icon codes used by programs: 1 foot strike, 2 foot off, 0 anything else.
 fn icon(label: &str) -> i16 {
     match label {
         "Foot Strike" => 1,
@@ -257,7 +258,7 @@ fn icon(label: &str) -> i16 {
 
 fn sync_plates(file: &C3dFile, groups: &mut Parameters) -> Result<(), C3dError> {
     let now = read_plates(groups, file.analogs.len(), &mut Vec::new());
-    // as text, because a corner of NaN equals itself
+    // Compared as text, so that a corner of NaN equals itself.
     if format!("{now:?}") == format!("{:?}", file.plates) {
         return Ok(());
     }

@@ -1,18 +1,19 @@
-//! The parameter section as a tree: groups of named, typed arrays, kept as stored so that nothing is lost in a re-write.
+//! The parameter section as a tree: groups of named, typed arrays, kept as stored so that rewriting
+//! loses nothing.
 //!
-//! [`crate::C3dFile`] interprets the standard groups; everything else a laboratory or its software put there stays
-//! readable by name and is written back unchanged.
+//! [`crate::C3dFile`] interprets the standard groups; all others, added by laboratories or
+//! software, remain accessible by name and are written back unchanged.
 
 use crate::{ByteOrder, C3dError, text::Text};
 
-/// What a parameter holds, in the order of the file (first dimension fastest).
+/// Content of a parameter, in file order (first dimension fastest).
 #[derive(Debug, Clone, PartialEq)]
 pub enum Values {
     /// Characters; the first dimension is the length of each string.
     Text(Vec<u8>),
     /// Bytes.
     Bytes(Vec<u8>),
-    /// 16-bit integers; some parameters mean them unsigned.
+    /// 16-bit integers; some parameters use them as unsigned.
     Integers(Vec<i16>),
     /// 32-bit floats.
     Floats(Vec<f32>),
@@ -27,7 +28,7 @@ impl Values {
             Self::Floats(v) => v.len(),
         }
     }
-    /// Whether there is nothing.
+    /// True without elements.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -58,7 +59,7 @@ pub struct Parameter {
 }
 
 impl Parameter {
-    /// A new parameter. Checked against its dimensions when it is written.
+    /// A new parameter. It is checked against its dimensions when written.
     pub fn new(name: &str, dimensions: Vec<u8>, values: Values) -> Self {
         Self { name: name.into(), description: Text::default(), locked: false, dimensions, values }
     }
@@ -70,11 +71,11 @@ impl Parameter {
     pub fn float(name: &str, value: f32) -> Self {
         Self::new(name, Vec::new(), Values::Floats(vec![value]))
     }
-    /// A vector of integers. More than 255 do not fit: the writing says so.
+    /// A vector of integers. With more than 255, writing fails with an error.
     pub fn integers(name: &str, values: Vec<i16>) -> Self {
         Self::new(name, vec![clamp_u8(values.len())], Values::Integers(values))
     }
-    /// A vector of floats. More than 255 do not fit: the writing says so.
+    /// A vector of floats. With more than 255, writing fails with an error.
     pub fn floats(name: &str, values: Vec<f32>) -> Self {
         Self::new(name, vec![clamp_u8(values.len())], Values::Floats(values))
     }
@@ -92,12 +93,12 @@ impl Parameter {
         }
         Self::new(name, vec![clamp_u8(length), clamp_u8(texts.len())], Values::Text(bytes))
     }
-    /// With a description.
+    /// Adds a description.
     pub fn described(mut self, description: &str) -> Self {
         self.description = description.into();
         self
     }
-    /// Number of elements that the dimensions announce.
+    /// Number of elements according to the dimensions.
     pub fn announced(&self) -> usize {
         product(&self.dimensions)
     }
@@ -119,7 +120,7 @@ impl Parameter {
             Values::Floats(v) => v.first().map(|&x| f64::from(x)),
         }
     }
-    /// First element as a count: integers unsigned, floats only if whole and in 0..2³².
+    /// First element as a count: integers unsigned, floats only if integral and in 0..2³².
     pub fn count(&self) -> Option<usize> {
         self.counts().first().copied().flatten()
     }
@@ -135,11 +136,11 @@ impl Parameter {
                 .collect(),
         }
     }
-    /// The strings, without blanks around them. Empty for numbers.
+    /// The strings, without surrounding blanks. Empty for numbers.
     pub fn strings(&self) -> Vec<String> {
         self.raw_strings().map(crate::text::decode).collect()
     }
-    /// The first string, without blanks around it.
+    /// The first string, without surrounding blanks.
     pub fn string(&self) -> Option<String> {
         self.raw_strings().next().map(crate::text::decode)
     }
@@ -150,7 +151,7 @@ impl Parameter {
             _ => &[],
         };
         let length = self.dimensions.first().map_or(1, |&d| usize::from(d));
-        // zero-length strings still count: their number is in the dimensions alone
+        // Zero-length strings also count: their number is given by the dimensions alone.
         let empties = if length == 0 && matches!(self.values, Values::Text(_)) {
             self.dimensions.get(1..).map_or(0, product).min(255)
         } else {
@@ -160,7 +161,7 @@ impl Parameter {
     }
 }
 
-/// Elements of an array with these dimensions; as many as can be counted where that is too many.
+/// Number of elements of an array with these dimensions, saturating.
 pub(crate) fn product(dimensions: &[u8]) -> usize {
     dimensions.iter().fold(1_usize, |n, &d| n.saturating_mul(usize::from(d)))
 }
@@ -185,12 +186,12 @@ pub struct Group {
 }
 
 impl Group {
-    /// A parameter by name, without regard to case.
+    /// A parameter by name, ignoring case.
     pub fn get(&self, name: &str) -> Option<&Parameter> {
         self.parameters.iter().find(|p| p.name.is(name))
     }
-    /// Puts a parameter in the place of one of the same name (keeping its description and lock where the new one has
-    /// none), or at the end.
+    /// Replaces the parameter of the same name (keeping its description and lock if the new one has
+    /// none), or appends it.
     pub fn set(&mut self, mut parameter: Parameter) {
         let name = parameter.name.decode();
         match self.parameters.iter_mut().find(|p| p.name.is(&name)) {
@@ -204,7 +205,7 @@ impl Group {
             None => self.parameters.push(parameter),
         }
     }
-    /// Takes a parameter out.
+    /// Removes a parameter.
     pub fn remove(&mut self, name: &str) -> Option<Parameter> {
         let index = self.parameters.iter().position(|p| p.name.is(name))?;
         Some(self.parameters.remove(index))
@@ -219,19 +220,20 @@ pub struct Parameters {
 }
 
 impl Parameters {
-    /// A group by name, without regard to case.
+    /// A group by name, ignoring case.
     pub fn group(&self, name: &str) -> Option<&Group> {
         self.groups.iter().find(|g| g.name.is(name))
     }
-    /// A parameter by group and name, without regard to case: `get("POINT", "RATE")`.
+    /// A parameter by group and name, ignoring case: `get("POINT", "RATE")`.
     pub fn get(&self, group: &str, name: &str) -> Option<&Parameter> {
         self.groups.iter().filter(|g| g.name.is(group)).find_map(|g| g.get(name))
     }
-    /// Puts a parameter into a group, which is made with the lowest free number where it does not exist.
+    /// Puts a parameter into a group, which is created with the lowest free number if it does not
+    /// exist.
     pub fn set(&mut self, group: &str, parameter: Parameter) {
         self.group_mut(group).set(parameter);
     }
-    /// A group to change, made with the lowest free number where it does not exist.
+    /// A mutable group, created with the lowest free number if it does not exist.
     pub fn group_mut(&mut self, name: &str) -> &mut Group {
         let index = match self.groups.iter().position(|g| g.name.is(name)) {
             Some(index) => index,
@@ -243,17 +245,18 @@ impl Parameters {
         };
         &mut self.groups[index]
     }
-    /// Takes a parameter out.
+    /// Removes a parameter.
     pub fn remove(&mut self, group: &str, name: &str) -> Option<Parameter> {
         self.groups.iter_mut().filter(|g| g.name.is(group)).find_map(|g| g.remove(name))
     }
-    /// The strings of `NAME`, `NAME2`, `NAME3` … put together: how the format holds more than 255 of anything.
+    /// The strings of `NAME`, `NAME2`, `NAME3` … concatenated: the format's way to store more than
+    /// 255 entries.
     pub fn merged_strings(&self, group: &str, name: &str) -> Vec<String> {
         let mut all = Vec::new();
         self.for_each_part(group, name, |part| all.extend(part.raw_strings().map(crate::text::decode)));
         all
     }
-    /// The numbers of `NAME`, `NAME2`, `NAME3` … put together; integers signed.
+    /// The numbers of `NAME`, `NAME2`, `NAME3` … concatenated; integers signed.
     pub fn merged_numbers(&self, group: &str, name: &str) -> Vec<f64> {
         let mut all = Vec::new();
         self.for_each_part(group, name, |part| all.extend(part.numbers()));
@@ -270,7 +273,7 @@ impl Parameters {
         }
     }
 
-    /// The section's bytes, header of four bytes included, padded to whole blocks of 512.
+    /// The section's bytes, including the header of four bytes, padded to whole blocks of 512.
     pub(crate) fn to_bytes(&self, order: ByteOrder) -> Result<Vec<u8>, C3dError> {
         let mut out = vec![1, 0x50, 0, order.processor()];
         let mut last_link = None;
@@ -298,7 +301,7 @@ impl Parameters {
                 last_link = Some(link);
             }
         }
-        // the last record points nowhere
+        // The link of the last record is zero.
         if let Some(link) = last_link {
             out[link] = 0;
             out[link + 1] = 0;
@@ -313,7 +316,7 @@ impl Parameters {
     }
 }
 
-/// Writes length, number and name; gives the place of the link to the next record.
+/// Writes length, number and name; returns the position of the link to the next record.
 fn open_record(out: &mut Vec<u8>, name: &Text, locked: bool, id: i8) -> Result<usize, String> {
     let length = i8::try_from(name.0.len()).ok().filter(|n| *n > 0).ok_or("a name has 1 to 127 bytes")?;
     out.push((if locked { -length } else { length }) as u8);

@@ -1,8 +1,8 @@
-//! The group FORCE_PLATFORM as descriptions of plates.
+//! Reads plate descriptions from the group FORCE_PLATFORM.
 
 use crate::{Parameters, PlateDescription, Warning, WarningKind};
 
-/// Channels that a type uses; 0 for a type nobody described.
+/// Number of channels of a plate type; 0 for an unknown type.
 pub(crate) fn channels_of_kind(kind: i32) -> usize {
     match kind {
         1 | 2 | 4 => 6,
@@ -12,7 +12,7 @@ pub(crate) fn channels_of_kind(kind: i32) -> usize {
     }
 }
 
-/// All plates that FORCE_PLATFORM:USED announces and its lists describe.
+/// Reads all plates that FORCE_PLATFORM:USED announces and its lists describe.
 pub(crate) fn read_plates(
     groups: &Parameters,
     n_channels: usize,
@@ -33,7 +33,7 @@ pub(crate) fn read_plates(
     let channels = group.get("CHANNEL").map(|p| (p.dimensions.clone(), p.counts())).unwrap_or_default();
     let per_plate = match channels.0.as_slice() {
         [] => channels.1.len(),
-        // a vector for one plate alone
+        // A vector for a single plate.
         [rows] => usize::from(*rows),
         [rows, ..] => usize::from(*rows),
     };
@@ -61,7 +61,7 @@ pub(crate) fn read_plates(
         for channel in &listed[..take] {
             match channel.and_then(|c| c.checked_sub(1)).filter(|c| *c < n_channels) {
                 Some(index) => plate.channels.push(index),
-                // zeros fill the list of a plate that has fewer channels than others
+                // Zeros pad the list of a plate that has fewer channels than others.
                 None if *channel == Some(0) => break,
                 None => {
                     let shown = channel.map_or("not a number".to_owned(), |c| c.to_string());
@@ -77,7 +77,7 @@ pub(crate) fn read_plates(
         }
         if kind >= 4 {
             plate.calibration = matrix_of(&calibration.0, &calibration.1, i);
-            // one parameter holds the matrices of all plates, padded to the largest
+            // One parameter contains the matrices of all plates, padded to the largest.
             if matches!(kind, 4 | 5) && plate.calibration.len() >= 6 {
                 plate.calibration.truncate(6);
                 plate.calibration.iter_mut().for_each(|row| row.truncate(wanted));

@@ -1,4 +1,5 @@
-//! From bytes to [`C3dFile`]: header, parameters, sizes, samples, and what the standard groups say about them.
+//! Converts bytes to [`C3dFile`]: header, parameters, sizes, samples, and their description in the
+//! standard groups.
 
 use std::{
     collections::{HashMap, HashSet},
@@ -20,11 +21,12 @@ use crate::{
 impl C3dFile {
     /// Reads a file from memory.
     ///
-    /// Memory taken is bounded by a small multiple of the input's length. What is odd but readable goes to
-    /// [`C3dFile::warnings`]; a truncated file gives the frames that it has.
+    /// Memory use is bounded by a small multiple of the input's length. Irregularities that do not
+    /// prevent reading go to [`C3dFile::warnings`]; a truncated file gives the frames present.
     ///
     /// # Errors
-    /// [`C3dError::NotC3d`], [`C3dError::TooShort`], [`C3dError::Parameter`], [`C3dError::DataStart`]: each says where.
+    /// [`C3dError::NotC3d`], [`C3dError::TooShort`], [`C3dError::Parameter`],
+    /// [`C3dError::DataStart`]: each states the place.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, C3dError> {
         let mut warnings = Vec::new();
         let Some(header_block) = bytes.first_chunk::<BLOCK>() else {
@@ -113,7 +115,7 @@ impl C3dFile {
     }
 }
 
-/// The byte order; where the processor byte is unknown, the one in which the header makes sense.
+/// The byte order; if the processor byte is unknown, the one in which the header is plausible.
 fn order_of(
     processor: u8,
     section: usize,
@@ -141,7 +143,7 @@ fn order_of(
     }
 }
 
-/// Where samples start: the header's word, or POINT:DATA_START where that cannot be.
+/// Start of the samples: the header's word, or POINT:DATA_START if that is impossible.
 fn data_start(
     header: &Header,
     groups: &Parameters,
@@ -168,7 +170,7 @@ fn data_start(
     Ok(start)
 }
 
-/// Chooses sizes by what the file's length holds; gives the number of the first frame with them.
+/// Chooses the sizes that agree with the file's length; also returns the number of the first frame.
 fn decide_layout(
     header: &Header,
     groups: &Parameters,
@@ -217,7 +219,8 @@ fn decide_layout(
     let long = count("POINT", "LONG_FRAMES");
     let frames = count("POINT", "FRAMES");
     let longer = |n: Option<usize>| n.filter(|n| *n > 0);
-    // A header that ends at 65,535 or agrees with a longer count modulo 65,536 has run over.
+    // A last frame of 65,535, or one that agrees with a longer count modulo 65,536, indicates an
+    // overflow.
     let wrapped = header.last_frame == 65_535
         || [by_trial, long]
             .into_iter()
@@ -259,12 +262,13 @@ fn decide_layout(
     (layout, u32::try_from(first).unwrap_or(1).max(1))
 }
 
-/// Segment poses a frame of a markerless recording, which stand in a block of samples of their own (ROTATION:USED); none without such a block.
+/// Number of segment poses per frame of a markerless recording, which are stored in a separate
+/// block of samples (ROTATION:USED); `None` without such a block.
 pub(crate) fn segment_poses(groups: &Parameters) -> Option<usize> {
     groups.get("ROTATION", "USED").and_then(|p| p.count()).filter(|n| *n > 0)
 }
 
-/// TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD, each two words, the lower first.
+/// TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD, each of two words, the lower first.
 pub(crate) fn trial_range(groups: &Parameters) -> Option<(usize, usize)> {
     let field = |name: &str| {
         let words = groups.get("TRIAL", name)?.counts();
@@ -407,7 +411,7 @@ pub(crate) fn decide_analog_rate(
     }
 }
 
-/// Points with labels, kinds and units, still without samples. Also the markers' unit.
+/// Points with labels, kinds and units, without samples. Also returns the markers' unit.
 pub(crate) fn describe_points(
     groups: &Parameters,
     layout: &Layout,
@@ -465,7 +469,7 @@ fn warn_about_labels(points: &[Point], warnings: &mut Vec<Warning>) {
         let message = format!("labels that occur more than once: {}", doubled.join(", "));
         warnings.push(Warning::new(WarningKind::Labels, message));
     }
-    // old exporters cut labels to four characters and keep the full names as descriptions
+    // Old exporters truncate labels to four characters and keep the full names as descriptions.
     let longest = points.iter().map(|p| p.label.len()).max().unwrap_or(0);
     let fuller = points.iter().filter(|p| p.description.len() > p.label.len()).count();
     let descriptions: HashSet<&str> = points.iter().map(|p| p.description.as_str()).collect();
@@ -475,8 +479,8 @@ fn warn_about_labels(points: &[Point], warnings: &mut Vec<Warning>) {
     }
 }
 
-/// Whether raw integers and offsets are unsigned: ANALOG:FORMAT says so, or a channel of 16 bits that needs it exceeds
-/// 32,767.
+/// Whether raw integers and offsets are unsigned: stated by ANALOG:FORMAT, or inferred if a 16-bit
+/// channel that requires it exceeds 32,767.
 pub(crate) fn raw_is_unsigned(groups: &Parameters, layout: &Layout, data: &[u8], order: ByteOrder) -> bool {
     match groups.get("ANALOG", "FORMAT").and_then(|p| p.string()).map(|f| f.to_ascii_uppercase()) {
         Some(format) if format.starts_with("UNSIGNED") => return true,
@@ -490,7 +494,8 @@ pub(crate) fn raw_is_unsigned(groups: &Parameters, layout: &Layout, data: &[u8],
         return false;
     }
     match layout.storage {
-        // Integers above 32,767 look negative: believe them large only where the offsets of 16-bit channels ask for it.
+        // Integers above 32,767 look negative: treat them as unsigned only if the offsets of 16-bit
+        // channels require it.
         Storage::Integer => bits == Some(16),
         Storage::Float => {
             let frame = layout.frame_bytes().max(1);
@@ -505,7 +510,7 @@ pub(crate) fn raw_is_unsigned(groups: &Parameters, layout: &Layout, data: &[u8],
     }
 }
 
-/// Channels with labels, units and scaling, still without samples.
+/// Channels with labels, units and scaling, without samples.
 pub(crate) fn describe_analogs(
     groups: &Parameters,
     layout: &Layout,

@@ -1,7 +1,9 @@
-//! Bulk conversion of the sample section: frame after frame in the file, one vector per point and channel in memory.
+//! Bulk conversion of the sample section: stored frame by frame in the file, one vector per point
+//! and channel in memory.
 //!
-//! Each loop is compiled once per byte order and storage. Frames are taken in tiles that stay in the first caches, so
-//! that the strided reads of one tile hit lines already loaded and the writes are sequential.
+//! Each loop is compiled once per byte order and storage. Frames are processed in tiles that fit
+//! into the lowest-level caches, so that the strided reads of one tile hit lines already loaded and
+//! the writes are sequential.
 
 use crate::{
     Analog, ByteOrder, Point, Storage,
@@ -35,8 +37,9 @@ fn finish(xyz: [f32; 3], word: i16, scale: f32) -> ([f32; 3], f32, u8) {
     if word < 0 { ([f32::NAN; 3], f32::NAN, 0) } else { (xyz, residual, (word >> 8) as u8) }
 }
 
-/// The fourth word of a float file as the integer that it stands for: 16 bits, written signed (−1) by some and unsigned
-/// (65,535) by others. Negative and NaN are invalid; what no 16 bits hold says nothing but its sign.
+/// The fourth word of a float file as the integer that it represents: 16 bits, written as signed
+/// (−1) by some programs and unsigned (65,535) by others. Negative values and NaN are invalid; of
+/// values outside 16 bits only the sign is used.
 #[inline(always)]
 pub(crate) fn fourth_word(value: f32) -> i16 {
     let word = value as i32;
@@ -87,7 +90,8 @@ impl<O: Order> Sample for Unsigned<O> {
     }
 }
 
-/// How raw analog numbers become values: `(raw − offset) × scale`, the general scale already in `scale`.
+/// Conversion of raw analog numbers to values: `(raw − offset) × scale`, with the general scale
+/// included in `scale`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct AnalogScale {
     pub offset: f64,

@@ -1,8 +1,8 @@
-//! Text of a file: bytes that are usually ASCII, sometimes UTF-8, sometimes Windows-1252, and kept as they are.
+//! Text in a file: bytes that are usually ASCII, sometimes UTF-8 or Windows-1252, kept as stored.
 
 use std::fmt;
 
-/// Bytes of a name, description or string as stored, so that writing gives back what was read.
+/// Bytes of a name, description or string as stored, so that writing reproduces them.
 #[derive(Clone, PartialEq, Eq, Default, Hash)]
 pub struct Text(pub Vec<u8>);
 
@@ -11,7 +11,7 @@ impl Text {
     pub fn decode(&self) -> String {
         decode(&self.0)
     }
-    /// Whether the text, without regard to ASCII case and blanks around it, is this name.
+    /// Whether the text equals this name, ignoring ASCII case and surrounding blanks.
     pub fn is(&self, name: &str) -> bool {
         trim(&self.0).eq_ignore_ascii_case(name.as_bytes())
     }
@@ -35,7 +35,7 @@ impl fmt::Debug for Text {
     }
 }
 
-/// Decodes after cutting blanks and NULs at both ends.
+/// Decodes after removing blanks and NULs at both ends.
 pub(crate) fn decode(bytes: &[u8]) -> String {
     let bytes = trim(bytes);
     match std::str::from_utf8(bytes) {
@@ -51,7 +51,8 @@ fn trim(bytes: &[u8]) -> &[u8] {
     &bytes[start..end]
 }
 
-/// A label without its subject, and the subject: `Anna:LASI` is `LASI` of `Anna`. Both without blanks around them.
+/// A label without its subject, and the subject: `Anna:LASI` is `LASI` of `Anna`. Both without
+/// surrounding blanks.
 pub fn split_subject(label: &str) -> (&str, Option<&str>) {
     match label.rsplit_once(':') {
         Some((subject, rest)) if !rest.trim().is_empty() => (rest.trim(), Some(subject.trim())),
@@ -64,8 +65,9 @@ pub fn strip_subject(label: &str) -> &str {
     split_subject(label).0
 }
 
-/// Whether a trajectory was never named: its label is empty or `*12`. Programs write `U12` or `C_7` for such trajectories, too,
-/// but laboratories use the same names for markers of clusters; those are kept, because a lost marker is worse than a spare one.
+/// Whether a trajectory was never named: its label is empty or `*12`. Programs also write `U12` or
+/// `C_7` for such trajectories, but laboratories use the same names for cluster markers; those are
+/// kept, because losing a marker is worse than keeping an unnamed trajectory.
 pub fn is_unlabelled(label: &str) -> bool {
     let label = strip_subject(label);
     label.is_empty() || label.starts_with('*')

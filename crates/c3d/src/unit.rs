@@ -1,7 +1,7 @@
-//! Units as files spell them.
+//! Units in the spellings found in files.
 
-/// Metres in a length unit, by its usual spellings in any case, with or without a full stop (`mm`, `Meters`, `in.`); none for
-/// a unit nobody knows. Every reader of recordings uses this list.
+/// Metres in a length unit, by its usual spellings in any case, with or without a full stop (`mm`,
+/// `Meters`, `in.`); `None` for an unknown unit. Every reader of recordings uses this list.
 pub fn metres_per(unit: &str) -> Option<f64> {
     match unit.trim().trim_end_matches('.').to_ascii_lowercase().as_str() {
         "m" | "meter" | "meters" | "metre" | "metres" => Some(1.0),
@@ -35,7 +35,7 @@ pub(crate) fn newton_metres(unit: &str) -> Option<f64> {
             return Some(f * l);
         }
     }
-    // pound-force inches are also written the other way round
+    // Pound-force inches are also written in reverse order.
     match plain.as_str() {
         "inlb" | "inlbs" | "inlbf" => Some(4.448_221_615_260_5 * 0.0254),
         "ftlb" | "ftlbs" | "ftlbf" => Some(4.448_221_615_260_5 * 0.3048),

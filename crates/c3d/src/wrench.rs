@@ -1,8 +1,10 @@
-//! Plates: from channels to the reaction on the subject, N and N·m about the origin of the file's world.
+//! Converts plate channels to the reaction on the subject, N and N·m about the origin of the file's
+//! world.
 //!
-//! Each plate type is first brought to one form, force and moment about a reference point in plate axes. Then sign and
-//! moment unit are checked against what a loaded plate must show (a push upwards, a centre of pressure on the plate) and
-//! repaired with a warning. Last, the wrench is turned into world axes and moved to the world origin.
+//! Each plate type is first converted to force and moment about a reference point in plate axes.
+//! Then sign and moment unit are checked against the properties of a loaded plate (an upward
+//! reaction, a centre of pressure on the plate) and repaired with a warning. Finally the wrench is
+//! rotated into world axes and moved to the world origin.
 //!
 //! Sources: The C3D File Format, User Guide (FORCE_PLATFORM); Kistler's formulae for eight-channel plates (type 3).
 
@@ -12,12 +14,12 @@ use crate::{
     C3dError, C3dFile, PlateDescription, PlateWrench, Warning, WarningKind, plate_reader::channels_of_kind, unit,
 };
 
-/// Vertical force below which a plate says nothing about sign or units, N.
+/// Vertical force below which a plate gives no evidence for sign or units, N.
 const LOADED_N: f64 = 20.0;
-/// Mean vertical force up to which a baseline is believed to be the plate's own offset, N.
+/// Mean vertical force up to which a baseline is accepted as the plate's own offset, N.
 const RESTING_N: f64 = 60.0;
 
-/// Place and axes of a plate in the file's world, lengths in the file's point units.
+/// Position and axes of a plate in the file's world, lengths in the file's point units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlateFrame {
     /// Columns: plate x, y, z in world axes. Orthonormal, right-handed.
@@ -29,8 +31,8 @@ pub struct PlateFrame {
 }
 
 impl PlateDescription {
-    /// The plate's frame from its corners, which are stored in the order (+x +y), (−x +y), (−x −y), (+x −y) of the
-    /// plate's own axes. `None` where they do not span a rectangle or are not finite.
+    /// The plate's frame from its corners, which are stored in the order (+x +y), (−x +y), (−x −y),
+    /// (+x −y) of the plate's own axes. `None` if they do not span a rectangle or are not finite.
     pub fn frame(&self) -> Option<PlateFrame> {
         let [a, b, c, d] = self.corners.map(Vector3::from);
         let along_x = (a + d - b - c) / 2.0;
@@ -39,7 +41,7 @@ impl PlateDescription {
         let z = along_x.cross(&along_y).try_normalize(1e-12)?;
         let y = z.cross(&x);
         let sizes = [along_x.norm(), along_y.norm()];
-        // corners on a line still have a cross product of rounding errors
+        // Collinear corners have a non-zero cross product because of rounding errors.
         let spans = along_x.cross(&along_y).norm() > 1e-3 * sizes[0] * sizes[1];
         let finite = sizes.iter().all(|s| s.is_finite());
         (spans && finite).then(|| PlateFrame {
@@ -57,20 +59,22 @@ struct InPlate {
     moment_nm: Vec<Vector3<f64>>,
     /// Reference point from the centre of the surface, plate axes, m.
     reference_m: Vector3<f64>,
-    /// Whether the moments' unit rests on a statement that can be wrong.
+    /// Whether the moments' unit comes from a statement that can be wrong.
     unit_doubtful: bool,
 }
 
 impl C3dFile {
     /// The calibrated wrench of plate `index` as reaction on the subject, one entry for each analog sample.
     ///
-    /// Types 1 to 4 as the format describes them; type 5 is its 6 × 8 calibration matrix times the eight channels. A
-    /// baseline range in FORCE_PLATFORM:ZERO is taken off if it lies inside the recording and the plate is unloaded there.
-    /// The sign is such that a loaded plate pushes up: the axis of the world nearest to the plate's normal is taken as
-    /// vertical, positive to the side on which the markers are, or where there are none, as POINT:Y_SCREEN says.
+    /// Types 1 to 4 as described by the format; type 5 is its 6 × 8 calibration matrix times the
+    /// eight channels. A baseline range in FORCE_PLATFORM:ZERO is subtracted if it lies inside the
+    /// recording and the plate is unloaded there. The sign is such that a loaded plate pushes up:
+    /// the world axis nearest to the plate's normal is taken as vertical, positive towards the side
+    /// with the markers or, without markers, according to POINT:Y_SCREEN.
     ///
     /// # Errors
-    /// [`C3dError::NoPlate`]; [`C3dError::Plate`] for types 6 and 7, missing channels, corners that span nothing.
+    /// [`C3dError::NoPlate`]; [`C3dError::Plate`] for types 6 and 7, missing channels, corners that
+    /// do not span a rectangle.
     pub fn plate_wrench(&self, index: usize) -> Result<PlateWrench, C3dError> {
         let plate = self.plates.get(index).ok_or(C3dError::NoPlate { index, count: self.plates.len() })?;
         let fail = |problem: String| C3dError::Plate { index, problem };
@@ -102,7 +106,8 @@ impl C3dFile {
         if !origin_m.iter().all(|x| x.is_finite()) {
             return Err(fail(format!("origin {:?}", plate.origin)));
         }
-        // From the sensor to the surface is upwards; files that store the other direction exist.
+        // The vector from the sensor to the surface points up; some files store the opposite
+        // direction.
         let rise = origin_m.z * up_in_plate.z;
         if plate.kind != 1 && rise < 0.0 {
             warn(format!("ORIGIN z {} puts the sensor above the surface; its sign was turned", plate.origin[2]));
@@ -127,7 +132,8 @@ impl C3dFile {
         Ok(PlateWrench { force_n, moment_nm, warnings })
     }
 
-    /// Mean of each channel over the unloaded frames that FORCE_PLATFORM:ZERO names; zeros where it names none that count.
+    /// Mean of each channel over the unloaded frames given by FORCE_PLATFORM:ZERO; zeros if it
+    /// gives none that are usable.
     fn baseline(&self, plate: &PlateDescription, up_in_plate: Vector3<f64>, warn: &mut impl FnMut(String)) -> Vec<f64> {
         let none = vec![0.0; plate.channels.len()];
         let [first, last] = plate.zero_frames.map(i64::from);
@@ -185,20 +191,21 @@ impl C3dFile {
         let (mut reference_m, mut unit_doubtful) = (-origin_m, false);
         match plate.kind {
             1 => {
-                // three forces, centre of pressure on the surface, free moment
+                // Three forces, centre of pressure on the surface, free moment.
                 reference_m = Vector3::zeros();
                 let length = unit::metres_per(unit_of(3)).unwrap_or(metres);
                 let torque = unit::newton_metres(unit_of(5)).unwrap_or(newtons * metres);
                 for i in 0..samples {
                     let force = Vector3::new(raw(0, i), raw(1, i), raw(2, i)) * newtons;
-                    // the centre of pressure is a place, not a signal with a tare
+                    // The centre of pressure is a position, not a signal with a tare.
                     let pressure = Vector3::new(channels[3][i], channels[4][i], 0.0) * length;
                     force_n.push(force);
                     moment_nm.push(pressure.cross(&force) + Vector3::new(0.0, 0.0, raw(5, i) * torque));
                 }
             }
             3 => {
-                // four corner sensors; ORIGIN holds their distances from the centre and their depth
+                // Four corner sensors; ORIGIN contains their distances from the centre and their
+                // depth.
                 reference_m = Vector3::new(0.0, 0.0, -origin_m.z);
                 let (a, b) = (origin_m.x.abs(), origin_m.y.abs());
                 for i in 0..samples {
@@ -238,8 +245,9 @@ impl C3dFile {
     }
 }
 
-/// The world axis nearest to the plate's normal, pointing up: to the side of the plate on which the markers are. POINT:Y_SCREEN, which
-/// some programs write wrongly, counts only where markers do not tell.
+/// The world axis nearest to the plate's normal, pointing up, that is towards the side of the plate
+/// with the markers. POINT:Y_SCREEN, which some programs write wrongly, is used only if the markers
+/// are inconclusive.
 fn up_axis(file: &C3dFile, frame: &PlateFrame, metres: f64, warn: &mut impl FnMut(String)) -> Vector3<f64> {
     let normal = frame.world_from_plate.column(2).into_owned();
     let axis = normal.iamax();
@@ -263,11 +271,12 @@ fn up_axis(file: &C3dFile, frame: &PlateFrame, metres: f64, warn: &mut impl FnMu
     up
 }
 
-/// Whether the markers are on the positive side of the plate along a world axis; none where they do not tell.
+/// Whether the markers are on the positive side of the plate along a world axis; `None` if
+/// inconclusive.
 fn markers_above(file: &C3dFile, frame: &PlateFrame, axis: usize, metres: f64) -> Option<bool> {
-    /// A subject reaches farther from the plate than this, m.
+    /// The markers of a subject extend farther from the plate than this, m.
     const CLEAR_M: f64 = 0.2;
-    /// Frames that are looked at.
+    /// Number of frames examined.
     const FRAMES: usize = 50;
     let step = (file.n_frames / FRAMES).max(1);
     let mut heights: Vec<f64> = file
@@ -285,8 +294,9 @@ fn markers_above(file: &C3dFile, frame: &PlateFrame, axis: usize, metres: f64) -
     (median.abs() > CLEAR_M).then_some(median > 0.0)
 }
 
-/// Whether the vertical force of a baseline can be the plate's own offset, given the range over the recording. A small
-/// one can; a large one only if the load goes from it to one side and through zero, because a plate is never pulled.
+/// Whether the vertical force of a baseline can be the plate's own offset, given the range over the
+/// recording. A small one can; a large one only if the load extends from it to one side and through
+/// zero, because a plate is never pulled.
 fn is_offset(resting: f64, low: f64, high: f64) -> bool {
     let largest = low.abs().max(high.abs());
     if resting.abs() <= RESTING_N.max(0.15 * largest) {
@@ -297,7 +307,7 @@ fn is_offset(resting: f64, low: f64, high: f64) -> bool {
     other <= LOADED_N.max(0.1 * reach) && extreme * resting < 0.0 && extreme.abs() > 0.3 * resting.abs()
 }
 
-/// What each channel adds to the vertical force, in the channels' unit.
+/// Contribution of each channel to the vertical force, in the channels' unit.
 fn vertical_weights(plate: &PlateDescription, up_in_plate: Vector3<f64>) -> Vec<f64> {
     let up = [up_in_plate.x, up_in_plate.y, up_in_plate.z];
     let axes: &[usize] = if plate.kind == 3 { &[0, 0, 1, 1, 2, 2, 2, 2] } else { &[0, 1, 2] };
@@ -310,7 +320,7 @@ fn vertical_weights(plate: &PlateDescription, up_in_plate: Vector3<f64>) -> Vec<
         .collect()
 }
 
-/// The calibration as six rows; empty where there is none to apply.
+/// The calibration as six rows; empty if there is none to apply.
 fn output_rows(plate: &PlateDescription, warn: &mut impl FnMut(String)) -> Vec<Vec<f64>> {
     let (inputs, rows) = (channels_of_kind(plate.kind), &plate.calibration);
     let usable = rows.iter().flatten().all(|x| x.is_finite()) && rows.iter().flatten().any(|x| *x != 0.0);
@@ -331,8 +341,9 @@ fn apply(matrix: &[Vec<f64>], input: &[f64]) -> [f64; 6] {
     std::array::from_fn(|r| matrix[r].iter().zip(input).map(|(m, x)| m * x).sum())
 }
 
-/// Checks the moments' unit by the centre of pressure, which is on the plate while the plate is loaded, and repairs a
-/// factor of a thousand (CAL_MATRIX and UNITS both, or neither, holding the step from N·m to N·mm).
+/// Checks the moments' unit with the centre of pressure, which is on the plate while the plate is
+/// loaded, and repairs a factor of a thousand (the conversion from N·m to N·mm applied in both or
+/// in neither of CAL_MATRIX and UNITS).
 fn settle_moment_unit(
     inside: &mut InPlate,
     frame: &PlateFrame,
@@ -348,14 +359,15 @@ fn settle_moment_unit(
     let largest =
         inside.force_n.iter().map(|f| f.dot(&up_in_plate).abs()).filter(|f| f.is_finite()).fold(0.0, f64::max);
     let threshold = LOADED_N.max(0.25 * largest);
-    // share of loaded samples with the centre of pressure on the plate, and its spread against the plate's size
+    // Fraction of loaded samples with the centre of pressure on the plate, and its spread relative
+    // to the plate's size.
     let seen = |factor: f64| -> Option<(f64, f64)> {
         let (mut loaded, mut on, mut squares) = (0_usize, 0_usize, 0.0);
         for (force, moment) in inside.force_n.iter().zip(&inside.moment_nm) {
             if force.dot(&up_in_plate).abs() < threshold || !moment.iter().all(|m| m.is_finite()) {
                 continue;
             }
-            // at the surface, from the moment about its centre
+            // At the surface, from the moment about its centre.
             let m = moment * factor + inside.reference_m.cross(force);
             let (x, y) = (-m.y / force.z, m.x / force.z);
             loaded += 1;
@@ -382,14 +394,14 @@ fn settle_moment_unit(
     }
 }
 
-/// +1, or −1 where the channels hold the load on the plate instead of the reaction.
+/// +1, or −1 if the channels contain the load on the plate instead of the reaction.
 fn reaction_sign(forces: &[Vector3<f64>], up_in_plate: Vector3<f64>, warn: &mut impl FnMut(String)) -> f64 {
     let vertical = || forces.iter().map(|f| f.dot(&up_in_plate)).filter(|f| f.is_finite());
     let largest = vertical().fold(0.0, |m: f64, f| m.max(f.abs()));
     if largest < LOADED_N {
         return 1.0;
     }
-    // half the largest leaves out an offset that was not taken off
+    // Half of the largest value excludes an offset that was not subtracted.
     let threshold = LOADED_N.max(0.5 * largest);
     let sum: f64 = vertical().filter(|f| f.abs() >= threshold).sum();
     if sum < 0.0 {

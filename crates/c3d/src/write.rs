@@ -1,8 +1,9 @@
-//! From [`C3dFile`] to bytes.
+//! Converts [`C3dFile`] to bytes.
 //!
-//! Parameters and header start from what was read and are changed only where they no longer say what the typed fields
-//! say. Each stored sample is kept bit by bit as long as it still decodes to the value in memory, so that a re-write
-//! keeps coordinates of invalid points, odd fourth words and raw counts of channels whose scale is zero.
+//! Parameters and header start from those read and are changed only where they no longer agree with
+//! the typed fields. Each stored sample is kept bit by bit as long as it decodes to the value in
+//! memory, so that rewriting preserves coordinates of invalid points, unusual fourth words and raw
+//! counts of channels whose scale is zero.
 
 use crate::{
     ByteOrder, C3dError, C3dFile, Point, Storage,
@@ -19,8 +20,8 @@ impl C3dFile {
     /// Writes the file in its [`C3dFile::byte_order`] and [`C3dFile::storage`].
     ///
     /// # Errors
-    /// [`C3dError::Write`] where vectors differ in length, or something does not fit into the format: integers outside 16
-    /// bits, more than 65,535 points, parameters of more than 255 blocks.
+    /// [`C3dError::Write`] if vectors differ in length, or something does not fit into the format:
+    /// integers outside 16 bits, more than 65,535 points, parameters of more than 255 blocks.
     pub fn to_bytes(&self) -> Result<Vec<u8>, C3dError> {
         if let Some(poses) = segment_poses(&self.groups) {
             return Err(C3dError::Write {
@@ -32,7 +33,7 @@ impl C3dFile {
         }
         let layout = self.layout()?;
         let mut groups = parameter_sync::synchronized(self, &layout)?;
-        // the place of the samples does not change the size of the section
+        // The position of the samples does not change the size of the section.
         let section = groups.to_bytes(self.byte_order)?.len();
         let data_start = BLOCK + section;
         parameter_sync::set_data_start(&mut groups, data_start / BLOCK + 1);
@@ -43,14 +44,15 @@ impl C3dFile {
         out.extend_from_slice(&self.header_block(&layout, data_start));
         out.extend_from_slice(&section);
         self.push_samples(&layout, &mut out)?;
-        // Where the header cannot count the frames, readers exist (ezc3d) that take all that follows for frames.
+        // If the header cannot represent the number of frames, some readers (ezc3d) treat all
+        // following bytes as frames.
         if layout.n_frames <= 65_535 {
             out.resize(out.len().div_ceil(BLOCK) * BLOCK, 0);
         }
         Ok(out)
     }
 
-    /// Sizes, after checking that all vectors agree on them.
+    /// Sizes, after checking that all vectors agree with them.
     pub(crate) fn layout(&self) -> Result<Layout, C3dError> {
         let fail = |item: String, problem: String| C3dError::Write { item, problem };
         let n = self.n_frames;
@@ -91,14 +93,14 @@ impl C3dFile {
             block = *source.header;
             max_gap = source.order.u16([block[10], block[11]]);
             if source.order != self.byte_order {
-                // only the fields written below survive a change of byte order
+                // Only the fields written below are preserved when the byte order changes.
                 block = [0; BLOCK];
             }
         }
         let mut first_frame = self.first_frame as usize;
         let mut samples_per_frame = layout.samples_per_frame;
         if layout.n_channels == 0 {
-            // readers compare it with the ratio of the rates even where there is nothing to sample
+            // Readers compare it with the ratio of the rates even without analog channels.
             samples_per_frame =
                 self.source.as_ref().map_or(1, |s| usize::from(s.order.u16([s.header[18], s.header[19]])));
         }
@@ -123,7 +125,7 @@ impl C3dFile {
     }
 
     fn push_samples(&self, layout: &Layout, out: &mut Vec<u8>) -> Result<(), C3dError> {
-        // offsets that decode as stored; scales as the parameters hold them
+        // Offsets as they decode after storage; scales as stored in the parameters.
         let scales: Vec<(f64, f64)> = self
             .analogs
             .iter()
@@ -272,7 +274,7 @@ fn raw_number(bytes: &[u8], order: ByteOrder, storage: Storage, unsigned: bool) 
     }
 }
 
-/// Copies stored words, turned into another byte order where the file changes it.
+/// Copies stored words, converting the byte order if it changes.
 fn push_words(out: &mut Vec<u8>, bytes: &[u8], from: ByteOrder, to: ByteOrder, storage: Storage) {
     if from == to {
         out.extend_from_slice(bytes);
@@ -287,7 +289,8 @@ fn push_words(out: &mut Vec<u8>, bytes: &[u8], from: ByteOrder, to: ByteOrder, s
         Storage::Float => {
             for (k, c) in bytes.chunks_exact(4).enumerate() {
                 let value = from.f32([c[0], c[1], c[2], c[3]]);
-                // a point that is invalid by a fourth word of NaN stays invalid where NaN cannot be written
+                // A point marked invalid by a fourth word of NaN stays invalid if NaN cannot be
+                // written.
                 let invalid = to == ByteOrder::Dec && k == 3 && bytes.len() == 16 && fourth_word(value) < 0;
                 out.extend_from_slice(&to.f32_bytes(if invalid { -1.0 } else { value }));
             }

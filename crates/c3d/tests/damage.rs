@@ -1,4 +1,5 @@
-//! Damaged input: no panic, no more memory than a small multiple of the input, errors that say where.
+//! Damaged input: no panic, memory bounded by a small multiple of the input, errors that state the
+//! place.
 
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "test code outside a test function")]
 
@@ -7,7 +8,7 @@ mod support;
 use aloft_c3d::{C3dError, C3dFile, WarningKind};
 use support::fixtures;
 
-/// A small generator, so that a failure names a number that repeats it.
+/// Small random number generator, so that a failure prints the seed that reproduces it.
 struct Lcg(u64);
 
 impl Lcg {
@@ -21,7 +22,7 @@ fn damaged(seed: u64, originals: &[Vec<u8>]) -> Vec<u8> {
     let mut random = Lcg(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x5bd1_e995);
     let mut bytes = originals[random.next(originals.len())].clone();
     let whole = bytes.len();
-    // header and parameters are where damage matters most
+    // Damage has most effect in header and parameters.
     let reach = if random.next(4) == 0 { whole } else { whole.min(4096) };
     for _ in 0..=random.next(8) {
         let at = random.next(reach.min(bytes.len()));
@@ -39,7 +40,7 @@ fn damaged(seed: u64, originals: &[Vec<u8>]) -> Vec<u8> {
                 bytes.splice(at..at, piece);
             }
             _ => {
-                // a 16-bit word of the header to an extreme
+                // Set a 16-bit word of the header to an extreme value.
                 let word = 2 * random.next(12);
                 if word + 1 < bytes.len() {
                     let value = [0_u16, 1, 0x7fff, 0x8000, 0xffff][random.next(5)].to_le_bytes();
@@ -54,7 +55,7 @@ fn damaged(seed: u64, originals: &[Vec<u8>]) -> Vec<u8> {
     bytes
 }
 
-/// Bytes that a file's vectors hold.
+/// Memory used by a file's vectors, bytes.
 fn held(file: &C3dFile) -> usize {
     let points: usize =
         file.points.iter().map(|p| 12 * p.xyz.capacity() + 4 * p.residual.capacity() + p.cameras.capacity()).sum();
@@ -108,7 +109,7 @@ fn regress_a_truncated_file_gives_the_frames_that_it_has() {
     assert_eq!(cut.n_frames, 10);
     assert!(cut.warnings.iter().any(|w| w.kind == WarningKind::Truncated { held: 10, stated: 24 }));
     assert_eq!(cut.points[0].xyz[..10], whole.points[0].xyz[..10]);
-    // nothing but header and parameters
+    // Header and parameters only.
     let none = C3dFile::from_bytes(&bytes[..start]).unwrap();
     assert_eq!(none.n_frames, 0);
     assert!(!none.warnings.is_empty());
@@ -127,9 +128,9 @@ fn regress_errors_say_where() {
     assert!(message(&other).contains("byte 515"));
     let mut other = bytes.clone();
     other[16..18].copy_from_slice(&[255, 255]);
-    // the parameter says where the samples are
+    // The parameter gives the position of the samples.
     assert!(C3dFile::from_bytes(&other).is_ok());
-    // a parameter that reaches beyond the file
+    // A parameter that extends beyond the file.
     let name = b"\x04\x01USED";
     let at = bytes.windows(name.len()).position(|w| w == name).unwrap();
     let mut other = bytes[..at + 40].to_vec();

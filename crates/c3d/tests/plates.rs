@@ -1,4 +1,5 @@
-//! Plates as calibrated wrenches: against simulated truth, against the wrench that a file was made from, and the repairs.
+//! Plates as calibrated wrenches: compared with simulated truth and with the wrench used to create
+//! a file; and the repairs.
 
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "test code outside a test function")]
 
@@ -7,7 +8,7 @@ mod support;
 use aloft_c3d::{C3dBuilder, C3dError, C3dFile, PlateDescription, PlateWrench};
 use support::{golden_folder, laboratory, plate_types, shared_data};
 
-/// Plate z downwards, as laboratories have it.
+/// Plate z downwards, as in most laboratories.
 const CORNERS: [[f64; 3]; 4] = [[900.0, 700.0, 0.0], [900.0, 200.0, 0.0], [300.0, 200.0, 0.0], [300.0, 700.0, 0.0]];
 
 fn close(a: [f64; 3], b: [f64; 3], tolerance: f64) -> bool {
@@ -47,7 +48,7 @@ fn a_wrench_survives_channels_and_file() {
     for corners in [CORNERS, [CORNERS[2], CORNERS[3], CORNERS[0], CORNERS[1]], CORNERS.map(|c| [c[2], c[0], c[1]])] {
         for unit in ["mm", "m"] {
             let size = if unit == "m" { 1e-3 } else { 1.0 };
-            // the third set of corners stands on a world with y up... rotated with its wrench
+            // The third set of corners is for a world with y up, rotated with its wrench.
             let turned = corners[0][0] == 0.0;
             let turn = |v: &[f64; 3]| if turned { [v[2], v[0], v[1]] } else { *v };
             let wrench = PlateWrench {
@@ -96,7 +97,7 @@ fn regress_baseline_only_where_it_is_one() {
     }
     file.plates[0].zero_frames = [1, 2];
     assert!(assert_wrench(&file, &wrench, 1e-9).is_empty());
-    // outside the recording, or on a loaded plate: left alone and said
+    // Outside the recording, or on a loaded plate: not subtracted, with a warning.
     for (range, words) in [([0, 10], "not in frames"), ([5, 40], "not in frames"), ([15, 18], "loaded")] {
         file.plates[0].zero_frames = range;
         let found = file.plate_wrench(0).unwrap();
@@ -118,7 +119,8 @@ fn regress_an_origin_above_the_surface_is_turned() {
     assert!(warnings.len() == 1 && warnings[0].contains("ORIGIN"), "{warnings:?}");
 }
 
-/// Types 1, 3 and 4 made from one wrench by hand, with plate axes x = −world y … as the corners say.
+/// Types 1, 3 and 4 computed from one wrench by hand, with plate axes x = −world y … as given by
+/// the corners.
 #[test]
 fn types_against_hand_made_channels() {
     let wrench = standing(200);
@@ -126,7 +128,7 @@ fn types_against_hand_made_channels() {
     let frame = reference.plates[0].frame().unwrap();
     let plate_from_world = frame.world_from_plate.transpose();
     let vector = |v: [f64; 3]| nalgebra::Vector3::from(v);
-    // force and moment about the centre of the surface in plate axes
+    // Force and moment about the centre of the surface, in plate axes.
     let at_center: Vec<_> = wrench
         .force_n
         .iter()
@@ -139,7 +141,7 @@ fn types_against_hand_made_channels() {
     let channels = |of: &dyn Fn(usize, usize) -> f64, n: usize| -> Vec<Vec<f64>> {
         (0..n).map(|k| (0..at_center.len()).map(|i| of(i, k)).collect()).collect()
     };
-    // type 1: centre of pressure and free moment
+    // Type 1: centre of pressure and free moment.
     let one = channels(
         &|i, k| {
             let (f, m) = at_center[i];
@@ -152,7 +154,8 @@ fn types_against_hand_made_channels() {
         },
         6,
     );
-    // type 3: four posts at (±a, ±b), sensors at 48 mm depth; the moments about the surface shared among the posts
+    // Type 3: four posts at (±a, ±b), sensors at 48 mm depth; the moments about the surface are
+    // distributed over the posts.
     let (a, b, depth) = (0.25, 0.2, -0.048);
     let three = channels(
         &|i, k| {
@@ -187,7 +190,7 @@ fn types_against_hand_made_channels() {
         let warnings = assert_wrench(&built.described_plate(plate).build().unwrap(), &wrench, 1e-9);
         assert!(warnings.is_empty(), "type {kind}: {warnings:?}");
     }
-    // types 4 and 5: volts through a matrix
+    // Types 4 and 5: volts multiplied by a matrix.
     for kind in [4, 5] {
         let inputs = if kind == 4 { 6 } else { 8 };
         let gains = [500.0, 480.0, 900.0, 150_000.0, 140_000.0, 80_000.0];
@@ -250,7 +253,8 @@ fn validate_against_simulated_truth() {
     }
 }
 
-/// Every calibrated plate of the recordings pushes up and keeps the centre of pressure on the plate while loaded.
+/// Every calibrated plate of the recordings pushes up, with the centre of pressure on the plate
+/// while loaded.
 #[test]
 fn validate_recorded_plates_push_up_and_inside() {
     let Some(folder) = shared_data("") else { return };

@@ -1,4 +1,4 @@
-//! The rules that real files demand, one by one, on files patched by hand.
+//! Rules required by real files, one by one, on files patched by hand.
 
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "test code outside a test function")]
 
@@ -57,7 +57,7 @@ fn regress_fourth_word() {
         if storage == Storage::Float {
             assert!(read(f32::NAN).0.is_nan());
             assert!(read(-0.5).0.is_nan());
-            // what no 16 bits hold has a sign still
+            // Of values outside 16 bits only the sign is used.
             assert_eq!(read(1.7e38), (5.2, 0.0, 0));
             assert!(read(-1.7e38).0.is_nan());
         }
@@ -83,7 +83,7 @@ fn regress_missing_parameters_fall_back() {
 #[test]
 fn regress_contradictions_go_to_what_the_length_holds() {
     let whole = C3dFile::from_bytes(&laboratory_bytes()).unwrap();
-    // ANALOG:USED 0, header right
+    // ANALOG:USED is 0, the header is right.
     let mut bytes = laboratory_bytes();
     let used = [b"\x04\x02USED".as_slice(), &[7, 0]].concat();
     let at = bytes.windows(used.len()).position(|w| w == used).unwrap();
@@ -92,24 +92,24 @@ fn regress_contradictions_go_to_what_the_length_holds() {
     assert_eq!(file.analogs.len(), 13);
     assert!(warned(&file, WarningKind::Contradiction, "ANALOG:USED is 0"));
     assert_eq!(file.analogs[12].values, whole.analogs[12].values);
-    // header without channels, parameters right
+    // Header without channels, the parameters are right.
     let mut bytes = laboratory_bytes();
     bytes[4..6].copy_from_slice(&[0, 0]);
     let file = C3dFile::from_bytes(&bytes).unwrap();
     assert_eq!((file.analogs.len(), file.samples_per_frame(), file.n_frames), (13, 3, 24));
-    // header with the wrong last frame
+    // Header with a wrong last frame.
     let mut bytes = laboratory_bytes();
     bytes[8..10].copy_from_slice(&500_u16.to_le_bytes());
     let file = C3dFile::from_bytes(&bytes).unwrap();
     assert_eq!(file.n_frames, 24);
     assert!(warned(&file, WarningKind::Contradiction, "frames 11 to 500"));
-    // scale of the header rounded elsewhere
+    // Scale in the header rounded differently.
     let mut bytes = laboratory(ByteOrder::Intel, Storage::Integer).to_bytes().unwrap();
     bytes[12..16].copy_from_slice(&0.125_000_1_f32.to_le_bytes());
     let file = C3dFile::from_bytes(&bytes).unwrap();
     assert_eq!(file.points[0].xyz, whole.points[0].xyz);
     assert!(warned(&file, WarningKind::Contradiction, "scale"));
-    // samples announced behind the end of the file by the header alone
+    // The header alone places the samples beyond the end of the file.
     let mut bytes = laboratory_bytes();
     bytes[16..18].copy_from_slice(&[255, 255]);
     let file = C3dFile::from_bytes(&bytes).unwrap();
@@ -145,7 +145,8 @@ fn regress_scalars_in_unusual_types() {
 
 #[test]
 fn regress_unsigned_offsets_are_inferred() {
-    // float file of raw 16-bit counts, offset 32,768 stored as −32,768, nobody says unsigned
+    // Float file of raw 16-bit counts, offset 32,768 stored as −32,768, without a statement that
+    // they are unsigned.
     let mut bytes = support::unsigned_channels().to_bytes().unwrap();
     let whole = C3dFile::from_bytes(&bytes).unwrap();
     assert!(whole.analog_unsigned);
@@ -167,7 +168,7 @@ fn regress_computed_points_are_kept_apart() {
     assert_eq!(kinds[5], PointKind::Angle);
     assert_eq!(file.points[5].unit, "deg");
     assert_eq!(file.markers().count(), 5);
-    // software writes the list without the subject's prefix, too
+    // Some software also writes the list without the subject's prefix.
     let mut other = file.clone();
     other.groups.set("POINT", Parameter::texts("ANGLES", &["LKneeAngles"]));
     let again = C3dFile::from_bytes(&other.to_bytes().unwrap()).unwrap();
@@ -213,7 +214,8 @@ fn validate_every_recording_is_read() {
         match C3dFile::from_bytes(&std::fs::read(path).unwrap()) {
             Ok(file) => {
                 let truncated = file.warnings.iter().any(|w| matches!(w.kind, WarningKind::Truncated { .. }));
-                // markerless recordings may hold segment poses and nothing else; that they are not read is said
+                // Markerless recordings may contain only segment poses; a warning states that these
+                // are not read.
                 let poses = file.warnings.iter().any(|w| w.message.starts_with("ROTATION: "));
                 assert!((file.n_frames > 0 || poses) && !truncated, "{}", path.display());
             }

@@ -1,4 +1,4 @@
-//! What is written is read back, and a re-write changes nothing.
+//! Written files are read back unchanged, and rewriting changes nothing.
 
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "test code outside a test function")]
 
@@ -7,20 +7,20 @@ mod support;
 use aloft_c3d::{C3dBuilder, C3dFile, Parameter, Values};
 use support::{c3d_files, fixtures, golden_folder, long_file, shared_data};
 
-/// Sizes and rates: written as they were read, which corrects or completes some files.
+/// Sizes and rates are written as they were read, which corrects or completes some files.
 const CORRECTED: [(&str, &str); 3] = [("POINT", "USED"), ("POINT", "FRAMES"), ("POINT", "RATE")];
 
-/// Everything that a reader sees, as text; NaN compare equal that way.
+/// Everything visible to a reader, as text, so that NaN compares equal.
 fn seen(file: &C3dFile) -> String {
     let mut file = file.clone();
     file.warnings.clear();
-    // the place of the samples may move
+    // The position of the samples may change.
     file.groups.remove("POINT", "DATA_START");
-    // what contradicted the samples is put right
+    // Values that contradicted the samples are corrected.
     for (group, name) in CORRECTED {
         file.groups.remove(group, name);
     }
-    // samples are compared as numbers
+    // Samples are compared as numbers.
     for point in &mut file.points {
         (point.xyz, point.residual, point.cameras) = Default::default();
     }
@@ -83,7 +83,7 @@ fn regress_fixtures_are_what_the_builder_makes() {
     let update = std::env::var_os("ALOFT_UPDATE_GOLDEN").is_some();
     for (name, file) in fixtures() {
         let bytes = file.to_bytes().unwrap();
-        // the same files are where fuzzing starts
+        // The same files are the seeds for fuzzing.
         for folder in [golden_folder(), golden_folder().join("../../fuzz/seeds")] {
             let path = folder.join(format!("{name}.c3d"));
             if update {
@@ -102,7 +102,7 @@ fn regress_more_frames_than_the_header_counts() {
     assert_eq!(read.n_frames, 70_000);
     assert_eq!(read.points[0].xyz, file.points[0].xyz);
     assert_eq!(read.warnings, vec![]);
-    // header alone, wrapped: the parameters say the truth
+    // Only the header has overflowed: the parameters are right.
     let mut wrapped = bytes.clone();
     wrapped[8..10].copy_from_slice(&(70_000_u32 as u16).to_le_bytes());
     assert_eq!(C3dFile::from_bytes(&wrapped).unwrap().n_frames, 70_000);
@@ -126,7 +126,7 @@ fn recordings_survive() {
             continue;
         }
         let first = assert_rewrites(&path.display().to_string(), &bytes);
-        // samples bit by bit, wherever the second file puts them
+        // Samples bit by bit, at any position in the second file.
         let written = first.to_bytes().unwrap();
         let place = |b: &[u8]| 512 * (usize::from(first.byte_order.u16([b[16], b[17]])) - 1);
         let words = 4 * first.points.len() + first.analogs.len() * first.samples_per_frame();
@@ -155,7 +155,7 @@ fn regress_changes_are_written_and_the_rest_is_kept() {
     assert_eq!(read.groups.get("PROCESSING", "BodyMass").unwrap().number(), Some(61.5));
     assert_eq!(read.groups.get("PROCESSING", "TABLE").unwrap().numbers(), [1.0, -2.0, 3.0, -4.0, 5.0, -6.0]);
     assert_eq!(read.groups.get("processing", "bytes").unwrap().numbers(), [1.0, 2.0, 3.0]);
-    // fewer frames and points: the source no longer fits and everything is encoded anew
+    // Fewer frames and points: the source no longer matches and everything is encoded anew.
     file.n_frames = 20;
     file.points.pop();
     for point in &mut file.points {
@@ -201,7 +201,8 @@ fn regress_what_does_not_fit_is_refused() {
     assert!(matches!(long_label, Err(C3dError::Write { .. })));
 }
 
-/// Found by fuzzing: what is not equal to itself, and what is not complete, is no reason to write a group anew.
+/// Found by fuzzing: values that do not equal themselves and incomplete groups must not cause a
+/// group to be rewritten.
 #[test]
 fn regress_odd_plates_and_events_are_kept() {
     let mut file = support::laboratory(Default::default(), Default::default());

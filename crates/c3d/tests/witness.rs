@@ -1,4 +1,5 @@
-//! An independent witness in Rust, the crate c3d-rs, on the files that it can read: Intel order, and without a panic.
+//! Comparison with an independent Rust reader, the crate c3d-rs, on the files that it can read:
+//! Intel order only, and without a panic.
 
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "test code outside a test function")]
 
@@ -15,7 +16,7 @@ use support::{c3d_files, fixtures, shared_data};
 /// Per frame: points as x, y, z, fourth; analog numbers.
 type Frames = Vec<(Vec<[f32; 5]>, Vec<f32>)>;
 
-/// What the witness sees; `None` where it panics, fails or stops early.
+/// Result of the other reader; `None` if it panics, fails or stops early.
 fn witnessed(bytes: &[u8]) -> Option<Frames> {
     let read = || {
         let file = c3d_rs::C3dAdapter::new(Cursor::new(bytes.to_vec())).ok()?.construct().ok()?;
@@ -29,15 +30,17 @@ fn witnessed(bytes: &[u8]) -> Option<Frames> {
     catch_unwind(AssertUnwindSafe(read)).ok().flatten()
 }
 
-/// Compares what both see; gives (points compared, analog numbers compared).
+/// Compares both results; returns (points compared, analog numbers compared).
 fn compare(name: &str, file: &C3dFile, frames: &Frames) -> (usize, usize) {
     let (mut points, mut analogs) = (0, 0);
-    // it scales the first sample of each frame only, so one sample a frame is where it can be asked
+    // It scales only the first sample of each frame, so only files with one sample per frame can be
+    // compared.
     let analogs_comparable = file.samples_per_frame() == 1 && !file.analog_unsigned;
     for (f, (theirs, numbers)) in frames.iter().take(file.n_frames).enumerate() {
         for (i, value) in theirs.iter().enumerate().take(file.points.len()) {
             let point = &file.points[i];
-            // it takes the fourth word of integer files times the scale, and 65,535 in float files for a seen point
+            // It multiplies the fourth word of integer files by the scale, and treats 65,535 in
+            // float files as a visible point.
             let seen = !point.residual[f].is_nan();
             if seen && value[3] >= 0.0 {
                 assert_eq!(point.xyz[f], [value[0], value[1], value[2]], "{name}: point {i}, frame {f}");
@@ -73,10 +76,10 @@ fn validate_against_c3d_rs() {
     if let Some(folder) = shared_data("") {
         files.extend(c3d_files(&folder).iter().map(|p| (p.display().to_string(), std::fs::read(p).unwrap())));
     }
-    // its panics are its own affair
+    // Suppress the output of its panics.
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(|_| {}));
-    // it knows no other order, and prints what it finds
+    // It supports no other byte order, and prints what it finds.
     let intel = |bytes: &[u8]| C3dFile::from_bytes(bytes).is_ok_and(|f| f.byte_order == ByteOrder::Intel);
     let seen: Vec<Option<Frames>> =
         files.iter().map(|(_, bytes)| intel(bytes).then(|| witnessed(bytes)).flatten()).collect();

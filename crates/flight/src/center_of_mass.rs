@@ -1,16 +1,18 @@
-//! The centre of mass along a motion, and its correction by the flights themselves.
+//! The centre of mass along a motion, and its correction from the flights.
 //!
-//! Masses are not known when flights are first looked for. A centre of mass from a prior moves on a parabola only as well as the
-//! prior knows where each link's mass sits: with d metres of error in a link that turns at ω, the acceleration is off by ω² d.
-//! In the stretches that look like flights the centre of mass c = (Σ m_l p_l + R_l h_l) / M is a parabola for the true first
-//! moments h_l, which is linear in h_l; so they are fitted there, held to the prior, and the search is run again.
+//! Masses are not known when flights are first searched for. The centre of mass from a prior
+//! follows a parabola only as accurately as the prior places the mass of each link: an error of d
+//! metres in a link that turns at ω changes the acceleration by ω² d. In candidate flights the
+//! centre of mass c = (Σ m_l p_l + R_l h_l) / M follows a parabola for the true first moments h_l,
+//! and it is linear in h_l. The first moments are therefore fitted there, regularised by the prior,
+//! and the search is repeated.
 
 use crate::FlightError;
 use aloft_body::{Model, Motion, Phi, State};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use std::ops::Range;
 
-/// Centre of mass frame by frame, with what is needed to move it.
+/// Centre of mass per frame, with the data needed to correct it.
 #[derive(Clone)]
 pub(crate) struct CenterOfMass {
     /// Position, m, world frame; NaN where the frame was not solved.
@@ -19,12 +21,12 @@ pub(crate) struct CenterOfMass {
     rotations: Vec<Matrix3<f64>>,
     n_links: usize,
     mass_kg: f64,
-    /// Mass of each link, kg: scales how far its first moment may move.
+    /// Mass of each link, kg: scales the allowed change of its first moment.
     link_mass_kg: Vec<f64>,
 }
 
 impl CenterOfMass {
-    /// Along a motion with given inertias.
+    /// Computes the centre of mass along a motion from given inertias.
     pub(crate) fn new(model: &Model, phi: &[Phi], motion: &Motion) -> Result<Self, FlightError> {
         if motion.nq != model.nq || phi.len() != model.n_links() {
             return Err(FlightError::Mismatch {
@@ -60,9 +62,10 @@ impl CenterOfMass {
         self.position_m[frame].iter().all(|x| x.is_finite())
     }
 
-    /// Moves the first moments so that the centre of mass follows a parabola with free constant acceleration in each of the
-    /// stretches, and the prior elsewhere: standard deviation `sd_m` for each link's centre of mass, `noise_m` for positions.
-    /// Returns the moves of the first moments, kg·m, or `None` where there is nothing to fit.
+    /// Corrects the first moments so that the centre of mass follows a parabola with free constant
+    /// acceleration in each of the stretches, regularised by the prior: standard deviation `sd_m`
+    /// for each link's centre of mass, `noise_m` for positions. Returns the changes of the first
+    /// moments, kg·m, or `None` if there is nothing to fit.
     pub(crate) fn refine(
         &mut self,
         stretches: &[Range<usize>],
@@ -80,7 +83,7 @@ impl CenterOfMass {
                 continue;
             }
             used += frames.len();
-            // Everything orthogonal to 1, t, t² on these frames.
+            // Complement of 1, t, t² on these frames.
             let basis = parabola_basis(&frames, rate_hz);
             for axis in 0..3 {
                 let mut rows = DMatrix::<f64>::zeros(frames.len(), n);

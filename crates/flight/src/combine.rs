@@ -1,4 +1,4 @@
-//! Plates and motion together: each says what the other cannot see.
+//! Combines the evidence of plates and motion.
 
 use crate::center_of_mass::CenterOfMass;
 use crate::explain::Clues;
@@ -16,11 +16,13 @@ use aloft_signal::upper_median;
 use aloft_trial::{Markers, Trial};
 use nalgebra::Vector3;
 
-/// Time by which plates and motion may differ, beyond the guards, before it is worth a warning, s.
+/// Tolerated time difference between plates and motion, in addition to the guards, without a
+/// warning, s.
 const AGREEMENT_S: f64 = 0.02;
-/// Where plates tell a flight in which the motion is not steady, its mean acceleration may differ from that of the others by this share.
+/// Largest relative difference between the mean acceleration of a flight with unsteady motion,
+/// found by plates, and that of the other flights.
 const UNSTEADY: f64 = 0.2;
-/// A body at rest accelerates less than this share of gravity …
+/// A body at rest accelerates by less than this fraction of gravity …
 const AT_REST: f64 = 0.05;
 /// … for at least this long in total, s.
 const LEAST_REST_S: f64 = 0.15;
@@ -28,7 +30,7 @@ const LEAST_REST_S: f64 = 0.15;
 /// Finds the flights of a trial with whatever it has: plates, motion (with model and prior inertias), or both.
 ///
 /// # Errors
-/// The method asks for what the trial lacks, or `from_motion` fails.
+/// The method requires data that the trial lacks, or `from_motion` fails.
 pub fn find_flights(
     trial: &Trial,
     motion: Option<(&Model, &[Phi], &Motion)>,
@@ -74,7 +76,7 @@ pub fn find_flights(
     Ok(report)
 }
 
-/// What the plates say about each frame; none where they are never left or stepped on.
+/// Evidence of the plates for each frame; `None` if no plate is ever stepped on or left.
 fn plate_evidence(trial: &Trial, options: &FlightOptions) -> Option<PlateEvidence> {
     let (stretches, _) = unloaded_stretches(trial, options);
     if !stretches.iter().any(|s| s.loaded_before || s.loaded_after) {
@@ -89,7 +91,8 @@ fn plate_evidence(trial: &Trial, options: &FlightOptions) -> Option<PlateEvidenc
     Some(PlateEvidence { unloaded, between_loads })
 }
 
-/// Gives flights that plates told the mean acceleration of the centre of mass; returns its path, m.
+/// Sets the mean acceleration of the centre of mass in flights found by plates; returns the path of
+/// the centre of mass, m.
 fn weigh_flights(
     report: &mut FlightReport,
     model: &Model,
@@ -106,7 +109,7 @@ fn weigh_flights(
     Ok(path)
 }
 
-/// What the recording tells beside its flights: the weight on the plates at rest, and the extent of the markers.
+/// Evidence outside the flights: the weight on the plates at rest, and the extent of the markers.
 fn clues(
     trial: &Trial,
     phi: &[Phi],
@@ -159,17 +162,19 @@ fn clues(
     Ok(out)
 }
 
-/// Joins flights from motion with the plates of the trial.
+/// Combines flights from motion with the plates of the trial.
 ///
-/// Where both tell a flight, each edge is the plates', unless motion ends the flight earlier by more than 20 ms and the guard (contact
-/// beside the plates). A flight that only motion tells stands if the plates carry nothing in it; one that only the plates tell stands if the
-/// motion was not solved there.
+/// If both detect a flight, the plates define its edges, unless motion ends it earlier by more than
+/// 20 ms and the guard (contact beside the plates). A flight detected by motion alone is accepted
+/// if the plates are unloaded in it; one detected by plates alone is accepted if the motion was not
+/// solved there.
 pub fn combine(trial: &Trial, motion: &Motion, by_motion: &FlightReport, options: &FlightOptions) -> FlightReport {
     join(trial, motion, by_motion, None, options)
 }
 
-/// As [`combine`]; with the centre of mass at hand, a flight between loads of plates also stands where the motion is too unsteady to tell
-/// its edges, if its mean acceleration is that of the others.
+/// As [`combine`]. If the centre of mass is given, a flight between two loads of the plates is also
+/// accepted where the motion is too unsteady to find its edges, provided that its mean acceleration
+/// agrees with that of the others.
 fn join(
     trial: &Trial,
     motion: &Motion,
@@ -192,7 +197,7 @@ fn join(
         ..FlightReport::default()
     };
     for flight in &by_motion.flights {
-        // The unloaded stretch that shares most frames with it.
+        // The unloaded stretch with the largest overlap.
         let best = stretches
             .iter()
             .map(|s| (s, frames_in(s.from_s, s.to_s, n_frames, rate_hz)))

@@ -1,10 +1,10 @@
-//! What can be wrong with a search for flights.
+//! Errors of the search for flights.
 
 /// Errors of this crate; every variant names the trial.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FlightError {
-    /// A filter does not fit the sampling rate.
+    /// A filter is not valid at this sampling rate.
     #[error("{trial}: {what}: {problem}")]
     Filter {
         #[doc(hidden)]
@@ -14,7 +14,7 @@ pub enum FlightError {
         #[doc(hidden)]
         problem: String,
     },
-    /// Model, inertias and motion do not belong together.
+    /// Model, inertias and motion do not match.
     #[error(
         "{trial}: motion has {found} coordinates a frame and {found_phi} inertias, expected {expected} and {expected_phi} of model `{model}`"
     )]
@@ -32,7 +32,7 @@ pub enum FlightError {
         #[doc(hidden)]
         expected_phi: usize,
     },
-    /// The trial has neither plates nor motion for the method that was asked for.
+    /// The trial has neither plates nor motion for the requested method.
     #[error("{trial}: flights by `{method}` need {missing}, which this trial does not have")]
     Missing {
         #[doc(hidden)]

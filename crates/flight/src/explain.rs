@@ -1,8 +1,10 @@
-//! What explains a free acceleration that is not the stated gravity.
+//! Explanations of a free acceleration that differs from the stated gravity.
 //!
-//! Motion fixes only `g T² / L`: a frame rate, a unit of length, support and another gravity change the measured acceleration alike. So the
-//! explanations are candidates. Two facts outside of the flights tell some of them apart: the stature of the person against the extent of
-//! the markers (lengths), and the weight that the plates carry at rest (support, gravity).
+//! Motion determines only `g T² / L`: a wrong frame rate, a wrong unit of length, body-weight
+//! support and a different gravity change the measured acceleration in the same way. The
+//! explanations are therefore candidates. Two facts outside the flights distinguish some of them:
+//! stature against the extent of the markers (lengths), and the weight on the plates at rest
+//! (support, gravity).
 
 use serde::{Deserialize, Serialize};
 
@@ -10,22 +12,22 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cause {
-    /// The cameras' rate is not the stated one.
+    /// The frame rate of the cameras differs from the stated one.
     FrameRate,
-    /// Lengths are in another unit, or scaled.
+    /// Lengths are in another unit or scaled.
     LengthUnit,
-    /// A steady force along the vertical: body-weight support, buoyancy, a rope.
+    /// A constant vertical force: body-weight support, buoyancy, a rope.
     VerticalForce,
-    /// Gravity is not the stated one.
+    /// Gravity differs from the stated one.
     Gravity,
-    /// The vertical of the recording is not that of gravity.
+    /// The vertical of the recording differs from that of gravity.
     Vertical,
-    /// A steady force across the vertical: wind, a rope.
+    /// A constant horizontal force: wind, a rope.
     HorizontalForce,
 }
 
 impl Cause {
-    /// A few words.
+    /// Short description.
     pub fn words(self) -> &'static str {
         match self {
             Self::FrameRate => "another frame rate",
@@ -38,32 +40,34 @@ impl Cause {
     }
 }
 
-/// One explanation that fits.
+/// One explanation that fits the measured acceleration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Explanation {
     /// Kind.
     pub cause: Cause,
-    /// What it would have to be, in words with units.
+    /// The value required to explain the acceleration, in words with units.
     pub words: String,
-    /// The value that it would have to have: Hz, factor on lengths, N per N of body weight, m/s², degrees, N per N of body weight.
+    /// The required value: Hz, factor on lengths, N per N of body weight, m/s², degrees, N per N of
+    /// body weight.
     pub value: f64,
-    /// True where the value is a usual one (a common frame rate, unit of length, or gravity of a celestial body).
+    /// True if the value is a common one (a common frame rate, unit of length, or gravity of a
+    /// celestial body).
     pub usual: bool,
-    /// What else in the recording speaks for it (true) or against it (false), in words.
+    /// Other evidence in the recording for (true) or against (false) this explanation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub evidence: Option<Evidence>,
 }
 
-/// What else in the recording bears on an explanation.
+/// Other evidence in the recording for or against an explanation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
-    /// True where it speaks for the explanation.
+    /// True if it supports the explanation.
     pub supports: bool,
-    /// In words.
+    /// Description.
     pub words: String,
 }
 
-/// Facts beside the flights that bear on the explanations.
+/// Facts outside the flights that are relevant to the explanations.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Clues {
     /// Vertical force of all plates while the body is at rest, over mass times stated gravity.
@@ -74,14 +78,14 @@ pub(crate) struct Clues {
     pub mass_kg: f64,
 }
 
-/// Camera rates that are in use, Hz.
+/// Common camera rates, Hz.
 const RATES_HZ: [f64; 23] = [
     24.0, 25.0, 30.0, 50.0, 60.0, 100.0, 120.0, 125.0, 128.0, 150.0, 180.0, 200.0, 240.0, 250.0, 256.0, 300.0, 360.0,
     400.0, 480.0, 500.0, 512.0, 1000.0, 1024.0,
 ];
-/// Factors between two clocks that are in use: binary and decimal thousands.
+/// Common ratios of two clocks: binary against decimal thousands.
 const CLOCKS: [(f64, &str); 2] = [(1.024, "1024 for 1000"), (1.0 / 1.024, "1000 for 1024")];
-/// Lengths too long by this factor, and what does that.
+/// Factors by which lengths can be too long, with the cause of each.
 const UNITS: [(f64, &str); 14] = [
     (10.0, "millimetres stated as centimetres"),
     (0.1, "centimetres stated as millimetres"),
@@ -98,14 +102,16 @@ const UNITS: [(f64, &str); 14] = [
     (3.280_84, "feet stated as metres"),
     (0.3048, "metres stated as feet"),
 ];
-/// Gravity elsewhere, m/s².
+/// Gravity on celestial bodies, m/s².
 const PLACES: [(f64, &str); 4] = [(9.81, "the Earth"), (1.62, "the Moon"), (3.71, "Mars"), (8.87, "Venus")];
-/// Between these shares the markers' extent fits the stature: markers end below the crown, arms may be raised, knees bent.
+/// Range of marker extent over stature that is consistent with correct lengths: markers end below
+/// the crown, arms may be raised, knees bent.
 const EXTENT: [f64; 2] = [0.8, 1.3];
-/// A plate's weight agrees with a share of body weight within this.
+/// Tolerance of the comparison between weight on the plates and body weight, as a fraction.
 const WEIGHT: f64 = 0.07;
 
-/// Explanations of a ratio between measured and stated free acceleration, with its 95 % interval; usual values first.
+/// Explanations of a ratio between measured and stated free acceleration, with its 95 % interval;
+/// common values first.
 pub(crate) fn of_ratio(ratio: f64, ci95: [f64; 2], stated_mps2: f64, rate_hz: f64, clues: &Clues) -> Vec<Explanation> {
     let inside = |x: f64| (ci95[0]..=ci95[1]).contains(&x);
     let mut out = Vec::new();
@@ -131,7 +137,7 @@ pub(crate) fn of_ratio(ratio: f64, ci95: [f64; 2], stated_mps2: f64, rate_hz: f6
         (None, Some((factor, name))) => (rate_hz * factor, format!(", {name}")),
         (None, None) => (own, String::new()),
     };
-    // without support or another gravity, time or lengths remain
+    // Without support or a different gravity, only time or lengths remain.
     let evidence = match (&lengths_right, &full_weight) {
         (Some((false, words)), _) => Some(Evidence { supports: false, words: words.clone() }),
         (Some((true, words)), Some((true, _, more))) => {
@@ -210,7 +216,7 @@ pub(crate) fn of_ratio(ratio: f64, ci95: [f64; 2], stated_mps2: f64, rate_hz: f6
             evidence: by_weight,
         });
     }
-    // what the recording speaks for, then what is usual, then the rest; what it speaks against comes last
+    // First supported explanations, then common values, then the rest; contradicted ones come last.
     let rank = |e: &Explanation| {
         let told = e.evidence.as_ref().map(|e| e.supports);
         (told == Some(false), told != Some(true), !e.usual)
@@ -219,7 +225,7 @@ pub(crate) fn of_ratio(ratio: f64, ci95: [f64; 2], stated_mps2: f64, rate_hz: f6
     out
 }
 
-/// Explanations of a free acceleration that leans from the vertical, degrees.
+/// Explanations of a free acceleration tilted from the vertical, degrees.
 pub(crate) fn of_tilt(tilt_deg: f64, toward: &str, ratio: f64) -> Vec<Explanation> {
     if tilt_deg > 45.0 {
         return vec![Explanation {
@@ -249,7 +255,7 @@ pub(crate) fn of_tilt(tilt_deg: f64, toward: &str, ratio: f64) -> Vec<Explanatio
     ]
 }
 
-/// A number with so many significant digits, without trailing zeros.
+/// A number with this many significant digits, without trailing zeros.
 pub(crate) fn number(x: f64, digits: i32) -> String {
     if x == 0.0 || !x.is_finite() {
         return format!("{x}");

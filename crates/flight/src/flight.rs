@@ -1,14 +1,14 @@
-//! A flight, and what a search for flights gives.
+//! A flight, and the result of a search for flights.
 
 use crate::{FlightWarning, FreeFall, PlateTare, TareSource};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// What told an edge of a flight.
+/// Evidence for an edge of a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EdgeSource {
-    /// A plate was loaded beyond it.
+    /// A plate was loaded beyond the edge.
     Plates,
     /// The acceleration of the centre of mass.
     Motion,
@@ -16,7 +16,7 @@ pub enum EdgeSource {
     Recording,
 }
 
-/// What told the flight as a whole.
+/// Evidence for the flight as a whole.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FlightSource {
@@ -28,25 +28,25 @@ pub enum FlightSource {
     Both,
 }
 
-/// Frames in which nothing touches the body: marker frames `start..end`, `end` not included.
+/// Frames without external contact: marker frames `start..end`, `end` not included.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Flight {
     /// First frame in the air (index from 0).
     pub start: usize,
-    /// First frame no longer in the air.
+    /// First frame after the flight.
     pub end: usize,
-    /// What told the flight.
+    /// Evidence for the flight.
     pub source: FlightSource,
-    /// What told its start.
+    /// Evidence for its start.
     pub takeoff_source: EdgeSource,
-    /// What told its end.
+    /// Evidence for its end.
     pub landing_source: EdgeSource,
     /// Mean acceleration of the centre of mass in it, m/s², world frame; NaN (in JSON: null) where no motion was given.
     #[serde(deserialize_with = "null_is_nan")]
     pub mean_acceleration_mps2: [f64; 3],
 }
 
-/// JSON has no NaN: what was written as null comes back as NaN.
+/// JSON has no NaN: null is read as NaN.
 fn null_is_nan<'de, D: serde::Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error> {
     let values = <[Option<f64>; 3]>::deserialize(from)?;
     Ok(values.map(|x| x.unwrap_or(f64::NAN)))
@@ -61,24 +61,24 @@ impl Flight {
     pub fn frames(&self) -> Range<usize> {
         self.start..self.end
     }
-    /// The frames without `margin` at both ends; empty where nothing is left.
+    /// The frames without `margin` frames at both ends; empty if nothing remains.
     pub fn frames_within(&self, margin: usize) -> Range<usize> {
         let start = self.start + margin;
         start..self.end.saturating_sub(margin).max(start)
     }
-    /// Length, s.
+    /// Duration, s.
     pub fn duration_s(&self, rate_hz: f64) -> f64 {
         self.n_frames() as f64 / rate_hz
     }
 }
 
-/// Why a stretch that looked like a flight is none.
+/// Why a candidate stretch is not a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "reason", rename_all = "snake_case")]
 pub enum RejectionReason {
-    /// Shorter than the shortest flight.
+    /// Shorter than the minimum duration of a flight.
     TooShort,
-    /// Longer than anybody falls.
+    /// Longer than the maximum duration of a flight.
     TooLong,
     /// No plate is loaded, but the body does not fall freely: it stands or moves beside the plates.
     NotFalling {
@@ -87,7 +87,8 @@ pub enum RejectionReason {
     },
     /// The acceleration is that of the other flights, but it comes and goes gradually, as in the dip before a jump.
     Gradual,
-    /// No plate is loaded from the start or to the end of the recording, and no motion says when the fall begins or ends.
+    /// No plate is loaded from the start or to the end of the recording, and no motion shows when
+    /// the fall begins or ends.
     NotBounded,
     /// The motion looks like falling, but a plate is loaded.
     PlateLoaded {
@@ -114,14 +115,14 @@ impl std::fmt::Display for RejectionReason {
     }
 }
 
-/// A stretch that is no flight, and why.
+/// A stretch that is not a flight, with the reason.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Rejected {
     /// First frame.
     pub start: usize,
-    /// Frame behind the last.
+    /// Frame after the last.
     pub end: usize,
-    /// Why.
+    /// Reason.
     pub reason: RejectionReason,
 }
 
@@ -134,19 +135,20 @@ pub struct FlightReport {
     pub rate_hz: f64,
     /// The flights, in order.
     pub flights: Vec<Flight>,
-    /// What was considered and left out.
+    /// Candidate stretches that were rejected.
     pub rejected: Vec<Rejected>,
-    /// What each plate read when unloaded (subtracted for the search only).
+    /// Reading of each plate when unloaded (subtracted for the search only).
     pub tare: Vec<PlateTare>,
-    /// The acceleration of free flight against the stated gravity; none without flights whose acceleration is known.
+    /// The acceleration of free flight against the stated gravity; `None` without flights of known
+    /// acceleration.
     #[serde(default)]
     pub free_fall: Option<FreeFall>,
-    /// What was odd.
+    /// Warnings.
     pub warnings: Vec<FlightWarning>,
 }
 
 impl FlightReport {
-    /// The plates whose zero is not known because they are never unloaded, as warnings.
+    /// Warnings for the plates whose zero is unknown because they are never unloaded.
     pub fn untared(&self) -> impl Iterator<Item = FlightWarning> + '_ {
         let unknown = self.tare.iter().filter(|t| t.source == TareSource::None);
         unknown.map(|t| FlightWarning::NotTared { plate: t.plate.clone() })
@@ -157,7 +159,8 @@ impl FlightReport {
         self.flights.iter().map(Flight::n_frames).sum()
     }
 
-    /// Takes the margin off every flight; those that become too short are rejected.
+    /// Removes the margin from both ends of every flight; flights that become too short are
+    /// rejected.
     pub(crate) fn apply_margin(&mut self, margin_frames: usize, shortest_frames: usize) {
         if margin_frames == 0 {
             return;

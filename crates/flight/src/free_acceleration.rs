@@ -1,11 +1,13 @@
-//! The acceleration of free flight, found without assuming its size or direction.
+//! The acceleration of free flight, estimated without assuming its magnitude or direction.
 //!
-//! In flight the centre of mass has a constant acceleration. Gravity as stated is the first guess, but a false frame rate or unit of length
-//! scales it, a tilted frame turns it and body-weight support takes a part of it away. Slow movement (a squat, standing) has stretches of
-//! nearly constant acceleration, too. Flights differ from them at their edges: a body that is pushed off, or lands, or is released, changes
-//! from free acceleration to full support within some hundredths of a second, whereas a slow movement takes as long for that change as its
-//! plateau lasts. So a plateau counts only if the acceleration falls back towards rest (or beyond) quickly at each edge that the recording
-//! shows.
+//! In flight the centre of mass has a constant acceleration. The stated gravity is the first guess,
+//! but a wrong frame rate or unit of length scales it, a tilted frame rotates it and body-weight
+//! support reduces it. Slow movement (a squat, standing) also has stretches of nearly constant
+//! acceleration. Flights differ from these at their edges: at push-off, landing or release the
+//! acceleration changes between free fall and full support within a few hundredths of a second,
+//! whereas in a slow movement this change takes as long as the plateau itself. A plateau therefore
+//! counts only if the acceleration quickly returns to rest (or beyond) at each edge that the
+//! recording shows.
 
 use crate::FlightOptions;
 use crate::error::FlightError;
@@ -15,50 +17,54 @@ use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Standard gravity, m/s²: the scale of [`FlightOptions::max_duration_s`].
+/// Standard gravity, m/s²: reference for [`FlightOptions::max_duration_s`].
 const STANDARD_MPS2: f64 = aloft_body::STANDARD_GRAVITY_MPS2;
-/// Time within which support must show at the edge of a flight, as a share of its length (a share, because the rate may be false). A
-/// sinusoid that is cut at −30 % of the mean of its top needs at least 0.16 of the plateau's length from there to [`SUPPORTED`].
+/// Time within which support must appear at the edge of a flight, as a fraction of its length (a
+/// fraction, because the rate may be wrong). A sinusoid that is cut at −30 % of the mean of its top
+/// needs at least 0.16 of the plateau's length from there to [`SUPPORTED`].
 const EDGE_SHARE: f64 = 0.13;
-/// Share of a stretch between loads of plates that a flight has to fill to be confirmed by them.
+/// Fraction of a stretch between two loads of the plates that a flight must fill to be confirmed by
+/// them.
 const CONFIRMED: f64 = 0.7;
-/// Free accelerations below this need the wider first bands, m/s².
+/// Free accelerations below this require the wider initial bands, m/s².
 const WEAK_MPS2: f64 = 4.9;
-/// Usual error of a prior's acceleration in tumbling, m/s².
+/// Typical error of the acceleration from a prior during tumbling, m/s².
 const PRIOR_ERROR_MPS2: f64 = 1.5;
 /// Factor on the cut-off for weak accelerations.
 pub(crate) const SLOW: f64 = 0.4;
-/// Share of the free acceleration below which a body counts as supported.
+/// Fraction of the free acceleration below which a body counts as supported.
 const SUPPORTED: f64 = 0.3;
-/// Largest root mean square deviation inside a flight, over its mean acceleration. Jumps of a simulated woman and of a real subject have
-/// 0.05 to 0.14 before the fit of first moments, and a trial has several; plateaus in squats and arm swings have 0.16 and more.
+/// Largest root mean square deviation inside a flight, relative to its mean acceleration. Jumps of
+/// a simulated woman and of a real subject have 0.05 to 0.14 before the fit of first moments, and a
+/// trial has several; plateaus in squats and arm swings have 0.16 and more.
 const STEADY: f64 = 0.12;
-/// The same below [`WEAK`] times the stated gravity, where slow movements have plateaus, too.
+/// The same below [`WEAK`] times the stated gravity, where slow movements also have plateaus.
 const STEADY_AND_WEAK: f64 = 0.08;
 const WEAK: f64 = 0.3;
-/// The same for plateaus that last longer than any on the ground with sharp edges, s (jumps where gravity is weak).
+/// The same for plateaus longer than any on the ground with sharp edges, s (jumps in weak gravity).
 const STEADY_AND_LONG: f64 = 0.25;
 const LONG_S: f64 = 1.0;
 /// The same before the fit of first moments, for stronger accelerations; [`STEADY`] must then hold after the fit.
 const STEADY_BEFORE_FIT: f64 = 0.3;
-/// The same where no plate is loaded in a stretch that plates bound.
+/// The same in a stretch bounded by plates in which no plate is loaded.
 const STEADY_ON_PLATES: f64 = 0.35;
-/// Largest number of accelerations that are tried.
+/// Largest number of candidate accelerations.
 const CANDIDATES: usize = 64;
 
-/// A search for an unknown free acceleration.
+/// Search for an unknown free acceleration.
 pub(crate) struct Search<'a> {
-    /// Size of the stated gravity, m/s².
+    /// Magnitude of the stated gravity, m/s².
     pub stated_mps2: f64,
-    /// Shortest flight that plates confirm, frames.
+    /// Shortest flight if confirmed by plates, frames.
     pub shortest: usize,
     /// Shortest flight otherwise, frames.
     pub shortest_alone: usize,
-    /// Smallest acceleration that is sought, m/s².
+    /// Smallest acceleration considered, m/s².
     pub least_mps2: f64,
-    /// Whether the first moments are still those of the prior, and may be wrong by more than people's are.
+    /// Whether the first moments are still those of the prior and may have larger errors than usual
+    /// for people.
     pub before_fit: bool,
-    /// Frames between a load and the next load of plates.
+    /// Frames between two successive loads of the plates.
     pub between_loads: &'a [Range<usize>],
     /// Frames that may be flight (no plate loaded).
     pub allowed: &'a dyn Fn(usize) -> bool,
@@ -68,15 +74,15 @@ pub(crate) struct Search<'a> {
 pub(crate) struct Acceleration {
     /// m/s², world frame; NaN where the frame was not solved.
     pub mps2: Vec<Vector3<f64>>,
-    /// Frames a second.
+    /// Frame rate, Hz.
     pub rate_hz: f64,
 }
 
 impl Acceleration {
     /// Filters the path and differentiates it twice.
     ///
-    /// `slowness` scales the cut-off ([`SLOW`] or one): where bodies fall more slowly everything about a jump takes longer, and noise must
-    /// not hide a weak acceleration.
+    /// `slowness` scales the cut-off ([`SLOW`] or one): where bodies fall more slowly, jumps take
+    /// longer, and noise must not mask a weak acceleration.
     pub(crate) fn of(
         com_m: &[Vector3<f64>],
         motion: &Motion,
@@ -101,8 +107,8 @@ impl Acceleration {
         Ok(Self { mps2, rate_hz: motion.rate_hz })
     }
 
-    /// Stretches in which the acceleration is `free`, in a band of `widen` times the options' width, interruptions merged; `allowed` says
-    /// which frames may belong to one.
+    /// Stretches in which the acceleration is `free`, within a band of `widen` times the width in
+    /// the options, with interruptions merged; `allowed` selects the frames that may belong to one.
     pub(crate) fn stretches(
         &self,
         free: &Vector3<f64>,
@@ -112,8 +118,9 @@ impl Acceleration {
     ) -> Vec<Range<usize>> {
         let size = free.norm();
         let least = options.least_band_mps2.min(size * 2.0 / 3.0 / 1.6);
-        // A prior that is wrong by centimetres in a link that turns errs by metres a second squared wherever it is: the first, wide
-        // searches before the fit of first moments must let that pass where gravity is weak, too.
+        // A prior that is wrong by centimetres in a rotating link gives an acceleration error of
+        // metres per second squared, whatever the gravity. The first, wide searches before the fit
+        // of first moments must tolerate this in weak gravity too.
         let wide = if size < WEAK_MPS2 { PRIOR_ERROR_MPS2 * (widen - 1.0) / 0.6 } else { 0.0 };
         let along = (options.vertical_band_g * size).max(least) * widen + wide;
         let across = (options.horizontal_band_g * size).max(least) * widen + wide;
@@ -142,17 +149,18 @@ impl Acceleration {
         merged
     }
 
-    /// Share of the free acceleration that is left in a frame, along it; NaN where not solved.
+    /// Remaining fraction of the free acceleration in a frame, along it; NaN where not solved.
     fn share(&self, frame: usize, free: &Vector3<f64>) -> f64 {
         self.mps2[frame].dot(free) / free.norm_squared()
     }
 
-    /// Whether the body is supported soon outside of both edges of a stretch. An edge where the recording (or the solved part of it) ends
-    /// says nothing; one of the two must say something.
+    /// Whether the body is supported shortly outside both edges of a stretch. An edge at which the
+    /// recording (or its solved part) ends gives no evidence; at least one edge must.
     pub(crate) fn is_sharp(&self, stretch: &Range<usize>, free: &Vector3<f64>) -> bool {
         let reach = (EDGE_SHARE * stretch.len() as f64).ceil() as usize;
         let solved = |frame: usize| self.mps2.get(frame).is_some_and(|a| a.x.is_finite());
-        // true: supported soon; false: not; none: the recording ends before it can be seen
+        // True: supported soon; false: not supported; `None`: the recording ends before this is
+        // known.
         let look = |frames: &mut dyn Iterator<Item = usize>| -> Option<bool> {
             for frame in frames {
                 if !solved(frame) {
@@ -196,7 +204,8 @@ impl Acceleration {
         stretches
     }
 
-    /// Root mean square deviation of the acceleration from its mean inside a stretch, over the size of the mean.
+    /// Root mean square deviation of the acceleration from its mean inside a stretch, relative to
+    /// the magnitude of the mean.
     fn spread(&self, stretch: &Range<usize>) -> f64 {
         let Some(mean) = self.mean(std::slice::from_ref(stretch)) else { return f64::INFINITY };
         let squares: Vec<f64> =
@@ -204,12 +213,13 @@ impl Acceleration {
         (squares.iter().sum::<f64>() / squares.len() as f64).sqrt() / mean.norm()
     }
 
-    /// The free acceleration with the best evidence, and its frames; none where no acceleration has any.
+    /// The free acceleration with the best evidence and the number of its frames; `None` if no
+    /// acceleration has any.
     pub(crate) fn find(&self, options: &FlightOptions, search: &Search<'_>) -> Option<(Vector3<f64>, usize)> {
         let frames = |stretches: &[Range<usize>]| stretches.iter().map(Range::len).sum::<usize>();
         let (mut free, mut best) = (None, 0);
         for mut candidate in self.candidates(search) {
-            // the second time from the middle of what was found
+            // The second pass is centred on the mean found by the first.
             for _ in 0..2 {
                 let stretches = self.evidence(&candidate, options, search);
                 let found = frames(&stretches);
@@ -225,7 +235,7 @@ impl Acceleration {
         free.map(|free| (free, best))
     }
 
-    /// Frames of flights at a given free acceleration that pass the same tests.
+    /// Number of frames in flights at a given free acceleration that pass the same tests.
     pub(crate) fn frames_at(&self, free: &Vector3<f64>, options: &FlightOptions, search: &Search<'_>) -> usize {
         self.evidence(free, options, search).iter().map(Range::len).sum()
     }
@@ -242,7 +252,8 @@ impl Acceleration {
         (n > 0).then(|| sum / f64::from(n))
     }
 
-    /// Means of windows in which the acceleration hardly changes, gathered by size and direction; those with most windows first.
+    /// Means of windows with nearly constant acceleration, grouped by magnitude and direction; the
+    /// largest groups first.
     fn candidates(&self, search: &Search<'_>) -> Vec<Vector3<f64>> {
         let (n, window) = (self.mps2.len(), search.shortest);
         let step = (window / 4).max(1);
@@ -278,18 +289,20 @@ impl Acceleration {
     }
 }
 
-/// Factor on the length of flights where bodies seem to fall faster than on Earth (a rate that is stated too high does so).
+/// Factor on the length of flights where bodies appear to fall faster than on Earth (for example
+/// because the stated rate is too high).
 pub(crate) fn haste(free_mps2: f64) -> f64 {
     (STANDARD_MPS2 / free_mps2.max(STANDARD_MPS2)).sqrt().max(0.5)
 }
 
-/// A stretch without 15 % at both ends, where the low-pass mixes contact in.
+/// A stretch without 15 % at both ends, where the low-pass mixes in contact.
 pub(crate) fn inner(stretch: &Range<usize>) -> Range<usize> {
     let cut = stretch.len() * 15 / 100;
     stretch.start + cut..stretch.end - cut
 }
 
-/// Longest flight in frames where bodies fall with `free_mps2`: a jump takes longer where gravity is weak, and has no end without it.
+/// Longest flight in frames at the free acceleration `free_mps2`: a jump takes longer in weak
+/// gravity and has no end without it.
 pub(crate) fn longest_frames(free_mps2: f64, rate_hz: f64, options: &FlightOptions) -> usize {
     if free_mps2 <= 0.0 {
         return usize::MAX;

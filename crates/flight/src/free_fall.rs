@@ -1,42 +1,47 @@
-//! The acceleration of free flight against the stated gravity: its ratio, direction and uncertainty, and what explains them.
+//! The acceleration of free flight against the stated gravity: ratio, direction, uncertainty and
+//! possible explanations.
 
 use crate::explain::{self, Clues, Explanation, number};
 use crate::{Flight, FlightOptions};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Ratio closer to one than this is never remarked on.
+/// Smallest reported deviation of the ratio from one.
 const LEAST_DIFFERENCE: f64 = 0.02;
 /// The same for the direction, degrees.
 const LEAST_TILT_DEG: f64 = 1.5;
-/// Degrees of freedom that the usual scatter of flights counts for.
+/// Degrees of freedom assigned to the typical scatter of flights.
 const PRIOR_FREEDOM: usize = 4;
 
-/// How a body falls in the flights of a trial.
+/// Free-fall acceleration in the flights of a trial.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FreeFall {
     /// Flights whose acceleration is known.
     pub flights: usize,
-    /// Mean acceleration of the centre of mass over them, m/s², world frame.
+    /// Mean acceleration of the centre of mass over these flights, m/s², world frame.
     pub acceleration_mps2: [f64; 3],
     /// Stated gravity, m/s².
     pub stated_mps2: f64,
-    /// Size of the acceleration over the stated gravity; none where the stated gravity is zero.
+    /// Magnitude of the acceleration over the stated gravity; `None` if the stated gravity is zero.
     pub ratio: Option<f64>,
-    /// 95 % interval of the ratio: scatter of the flights (Student's t) and what all flights share ([`FlightOptions::ratio_sd`]).
+    /// 95 % interval of the ratio: scatter of the flights (Student's t) and the error common to all
+    /// flights ([`FlightOptions::ratio_sd`]).
     pub ratio_ci95: Option<[f64; 2]>,
-    /// Angle between the acceleration and the stated vertical, degrees; none where the stated gravity is zero.
+    /// Angle between the acceleration and the stated vertical, degrees; `None` if the stated
+    /// gravity is zero.
     pub tilt_deg: Option<f64>,
     /// Half width of its 95 % interval, degrees.
     pub tilt_half95_deg: Option<f64>,
-    /// True where ratio or direction differ from what is stated beyond their intervals.
+    /// True if ratio or direction differ from the stated values beyond their intervals.
     pub differs: bool,
-    /// What explains the difference: candidates that motion alone cannot tell apart, the likeliest first; empty where nothing differs.
+    /// Explanations of the difference: candidates that motion alone cannot distinguish, the most
+    /// likely first; empty if nothing differs.
     pub explanations: Vec<Explanation>,
 }
 
 impl FreeFall {
-    /// From flights with known accelerations; `gravity_mps2` as stated. None without such flights.
+    /// Computed from flights with known accelerations; `gravity_mps2` as stated. `None` without
+    /// such flights.
     pub(crate) fn of(
         flights: &[Flight],
         gravity_mps2: &Vector3<f64>,
@@ -71,8 +76,9 @@ impl FreeFall {
         }
         let down = gravity_mps2 / stated;
         let size = mean.norm();
-        // Half width of the mean of some figure of each flight, with what the flights share. A trial has one to three flights, so their
-        // scatter is moderated by the usual one, which counts as PRIOR_FREEDOM degrees of freedom.
+        // Half width of the interval for the mean of one quantity per flight, including the error
+        // common to all flights. A trial has one to three flights, so their scatter is pooled with
+        // the typical one, which counts as PRIOR_FREEDOM degrees of freedom.
         let half = |of: &dyn Fn(&Vector3<f64>) -> f64, usual: f64| {
             let n = known.len() as f64;
             let center = known.iter().map(|(a, w)| of(a) * w).sum::<f64>() / frames;
@@ -107,7 +113,7 @@ impl FreeFall {
         Some(out)
     }
 
-    /// The difference and its explanations in words; none where nothing differs.
+    /// The difference and its explanations in words; `None` if nothing differs.
     pub fn warning(&self) -> Option<String> {
         let (ratio, ci95, tilt, half) = (self.ratio?, self.ratio_ci95?, self.tilt_deg?, self.tilt_half95_deg?);
         if !self.differs {
@@ -140,7 +146,8 @@ impl FreeFall {
     }
 }
 
-/// The axis of the world along which the body falls (or leans, where it nearly falls down), with its sign.
+/// The axis of the world along which the body falls (or toward which the fall is tilted, if it is
+/// nearly vertical), with its sign.
 fn axis(toward: &Vector3<f64>, tilt_deg: f64, sideways: &Vector3<f64>) -> String {
     let v = if tilt_deg > 45.0 { toward } else { sideways };
     let k = v.iamax();

@@ -13,25 +13,31 @@ use aloft_body::{Model, Motion, Phi, STANDARD_GRAVITY_MPS2};
 use nalgebra::Vector3;
 use std::ops::Range;
 
-/// Another acceleration than the stated gravity is preferred if it explains this many times the frames.
+/// An acceleration other than the stated gravity is preferred if it explains this many times as
+/// many frames.
 const CLEARLY_MORE: f64 = 1.5;
-/// A stated gravity below this share of the Earth's is also sought with a lower cut-off.
+/// If the stated gravity is below this fraction of the Earth's, the search also uses a lower
+/// cut-off.
 const WEAK: f64 = 0.5;
-/// Where only edges tell flights from dips, a flight lasts at least this share of the longest.
+/// If only edges distinguish flights from dips, a flight lasts at least this fraction of the
+/// longest one.
 const BRIEF: f64 = 0.15;
-/// Deviation from the stated gravity, as a share of it, above which flights are searched again about their own acceleration.
+/// Relative deviation from the stated gravity above which the search for flights is repeated about
+/// their own acceleration.
 const RECENTER: f64 = 0.1;
 
 /// Finds the flights in a motion (positions suffice; filtered or not). `phi` are prior inertias in link frames.
 ///
-/// The centre of mass is low-passed, differentiated twice and compared with the free acceleration: along it and across it within a band,
-/// short interruptions merged, long enough. Then the links' first moments are fitted to the parabolas ([`FlightOptions::refine`]) and the
-/// search is repeated; guards are taken off both ends. The free acceleration is the stated gravity where that explains the motion, else the
-/// constant acceleration of any size and direction that does; [`FlightReport::free_fall`] compares it with the stated one. Where the stated
-/// gravity is zero, a free body moves uniformly.
+/// The centre of mass is low-passed, differentiated twice and compared with the free acceleration,
+/// in one band along it and one across it; short interruptions are merged and short stretches
+/// rejected. Then the links' first moments are fitted to the parabolas ([`FlightOptions::refine`])
+/// and the search is repeated; guards are removed from both ends. The free acceleration is the
+/// stated gravity if that explains the motion, otherwise the constant acceleration of any magnitude
+/// and direction that does; [`FlightReport::free_fall`] compares it with the stated one. If the
+/// stated gravity is zero, a free body moves uniformly.
 ///
 /// # Errors
-/// Motion, model and inertias do not belong together, or the cut-off does not fit the rate.
+/// Motion, model and inertias do not match, or the cut-off is not valid at this rate.
 pub fn from_motion(
     model: &Model,
     phi: &[Phi],
@@ -52,7 +58,8 @@ pub(crate) fn shortest_frames(rate_hz: f64, options: &FlightOptions) -> usize {
     ((options.min_duration_s * rate_hz).round() as usize).max(6)
 }
 
-/// What a search in a motion gives, margins not taken off, [`FlightReport::free_fall`] not made.
+/// Result of a search in a motion: margins still included, [`FlightReport::free_fall`] not yet
+/// computed.
 pub(crate) struct Found {
     pub report: FlightReport,
     /// Centre of mass after the fit of first moments, m.
@@ -61,11 +68,11 @@ pub(crate) struct Found {
     pub free_mps2: Vector3<f64>,
 }
 
-/// What plates say about the frames.
+/// Evidence of the plates for each frame.
 pub(crate) struct PlateEvidence {
-    /// True in frames in which no plate carries anything.
+    /// True in frames in which no plate is loaded.
     pub unloaded: Vec<bool>,
-    /// Frames between a load and the next.
+    /// Frames between one load and the next.
     pub between_loads: Vec<Range<usize>>,
 }
 
@@ -81,7 +88,8 @@ pub(crate) fn search(
     let prior = CenterOfMass::new(model, phi, motion)?;
     let size = stated.norm();
     let is_weak = |free: &Vector3<f64>| free.norm() < WEAK * STANDARD_GRAVITY_MPS2;
-    // The dip before a jump accelerates as weak gravity does; without plates its gradual edges tell it from a flight.
+    // The dip before a jump resembles weak gravity; without plates, its gradual edges distinguish
+    // it from a flight.
     let sharp = |free: &Vector3<f64>| {
         size > 0.0 && plates.is_none() && (is_weak(free) || (free - stated).norm() > RECENTER * size)
     };
@@ -91,7 +99,7 @@ pub(crate) fn search(
     if size == 0.0 {
         return about(stated, SLOW);
     }
-    // The lower cut-off smears edges: only where the usual one leaves less of the flights.
+    // The lower cut-off blurs edges, so it is used only if the usual one finds fewer flight frames.
     let either = |free: Vector3<f64>, with_slow: bool| -> Result<Found, FlightError> {
         let usual = about(free, 1.0)?;
         if !with_slow {
@@ -127,7 +135,7 @@ pub(crate) fn search(
         let as_stated = as_stated.max(as_found);
         if (free - stated).norm() > RECENTER * size && frames as f64 > CLEARLY_MORE * as_stated as f64 {
             let other = either(free, is_weak(&free))?;
-            // the fit of first moments may not live on stretches of its own making
+            // The fit of first moments must not justify stretches that it has created itself.
             let strict = Acceleration::of(&other.com_m, motion, options, 1.0)?;
             let holds = !before_fit
                 || strict.frames_at(&other.free_mps2, options, &wanted(1.0, false)) * 2 > other.report.flight_frames();
@@ -136,7 +144,8 @@ pub(crate) fn search(
             }
         }
     }
-    // A band about a wrong middle cuts flights short: once more about their own acceleration.
+    // A band about the wrong centre cuts flights short: repeat the search about their own
+    // acceleration.
     for _ in 0..2 {
         match mean_acceleration(&found.report.flights) {
             Some(mean)
@@ -167,7 +176,7 @@ pub(crate) fn mean_acceleration(flights: &[Flight]) -> Option<Vector3<f64>> {
     (n > 0.0).then(|| sum / n)
 }
 
-/// What is searched for in a motion.
+/// Target of a search in a motion.
 #[derive(Clone, Copy)]
 struct Wanted {
     /// Free acceleration, m/s².
@@ -198,7 +207,7 @@ fn search_about(
 
     let mut stretches;
     if options.refine {
-        // Wide bands first: a wrong prior bends the path; then the bands as stated.
+        // Wide bands first, because a wrong prior distorts the path; then the stated bands.
         stretches = stretches_of(&com, 1.6)?;
         for widen in [1.3, 1.0] {
             let inside: Vec<Range<usize>> =
@@ -225,7 +234,8 @@ fn search_about(
             report.rejected.push(Rejected { start, end, reason: RejectionReason::Gradual });
             continue;
         }
-        // Where the recording ends in the air there is no contact to keep away from, but the filter's own edge.
+        // Where the recording ends in flight there is no contact to exclude, only the edge of the
+        // filter.
         let frames = start + takeoff_guard..end.saturating_sub(landing_guard).max(start + takeoff_guard);
         let parabola = Parabola::fit(&com.position_m, frames.clone(), rate_hz);
         if frames.len() < shortest {

@@ -1,4 +1,4 @@
-//! Flights from plates: nothing touches any of them.
+//! Flights from plates: stretches in which no plate is loaded.
 
 use crate::free_acceleration::longest_frames;
 use crate::parabola::Parabola;
@@ -6,7 +6,7 @@ use crate::tare::unloaded_tare;
 use crate::{EdgeSource, Flight, FlightOptions, FlightReport, FlightSource, PlateTare, Rejected, RejectionReason};
 use aloft_trial::{Plate, Trial};
 
-/// A stretch in which no plate is loaded, s; a bound that is no plate's doing is open.
+/// A stretch in which no plate is loaded, s; a bound that is not caused by a plate is open.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Unloaded {
     pub from_s: f64,
@@ -15,12 +15,14 @@ pub(crate) struct Unloaded {
     pub loaded_after: bool,
 }
 
-/// Finds the flights between take-off from and landing on plates, in `n_frames` frames at `rate_hz`.
+/// Finds the flights between take-off and landing on plates, in `n_frames` frames at `rate_hz`.
 ///
-/// Each plate is tared by its own unloaded readings, a threshold tells loaded from unloaded, and edges are drawn in to where the force
-/// is lost in the noise. That no plate is loaded does not mean that nothing is: who stands on a box or beside the plates is no
-/// flight. So a stretch must have a loaded plate before and after, and where markers are seen their centroid must fall freely: with an
-/// acceleration of roughly the stated gravity, or along a parabola of any other (frame rate, unit of length or support may be unknown).
+/// Each plate is tared by its own unloaded readings, a threshold separates loaded from unloaded,
+/// and edges are moved inwards to where the force disappears in the noise. Unloaded plates do not
+/// imply a flight: a subject may stand on a box or beside the plates. A stretch must therefore have
+/// a loaded plate before and after it. Where markers are seen, their centroid must also fall
+/// freely: with an acceleration of roughly the stated gravity, or along a parabola of any other
+/// (frame rate, unit of length or support may be unknown).
 pub fn from_plates(trial: &Trial, n_frames: usize, rate_hz: f64, options: &FlightOptions) -> FlightReport {
     let (stretches, tare) = unloaded_stretches(trial, options);
     let mut report = FlightReport { trial: trial.name.clone(), rate_hz, tare, ..FlightReport::default() };
@@ -80,7 +82,8 @@ pub(crate) fn unloaded_stretches(trial: &Trial, options: &FlightOptions) -> (Vec
     (common.unwrap_or_default(), tares)
 }
 
-/// Unloaded stretches of one plate: below the threshold, then drawn in (up to 40 ms) to three samples in a row within the noise.
+/// Unloaded stretches of one plate: below the threshold, then moved inwards (up to 40 ms) to three
+/// consecutive samples within the noise.
 fn unloaded_of_plate(plate: &Plate, tare: &PlateTare, options: &FlightOptions) -> Vec<Unloaded> {
     let n = plate.force_n.len();
     let load = |sample: usize| (plate.force_n[sample] - tare.force_n[0]).norm();
@@ -103,7 +106,7 @@ fn unloaded_of_plate(plate: &Plate, tare: &PlateTare, options: &FlightOptions) -
             }
         }
         if end > start {
-            // The last newtons of a push are lost in the noise.
+            // The last newtons of a push disappear in the noise.
             let guard = |loaded: bool| if loaded { options.plate_guard_s } else { 0.0 };
             let from_s = start as f64 / plate.rate_hz + guard(loaded_before);
             let to_s = (end - 1) as f64 / plate.rate_hz - guard(loaded_after);
@@ -116,7 +119,7 @@ fn unloaded_of_plate(plate: &Plate, tare: &PlateTare, options: &FlightOptions) -
     stretches
 }
 
-/// Where both are unloaded; each edge keeps what told it.
+/// Intersection of two lists of unloaded stretches; each edge keeps its evidence.
 fn intersect(a: &[Unloaded], b: &[Unloaded]) -> Vec<Unloaded> {
     let mut out = Vec::new();
     for x in a {
@@ -136,17 +139,18 @@ fn intersect(a: &[Unloaded], b: &[Unloaded]) -> Vec<Unloaded> {
     out
 }
 
-/// How the centroid of the markers moves in a stretch.
+/// Motion of the centroid of the markers in a stretch.
 pub(crate) struct CentroidFall {
     /// Mean acceleration, m/s².
     pub acceleration_mps2: nalgebra::Vector3<f64>,
-    /// Root mean square distance from the parabola, over the height of the parabola's arc.
+    /// Root mean square distance from the fitted parabola, relative to the height of its arc.
     pub unsteadiness: f64,
 }
 
 impl CentroidFall {
-    /// Whether this can be free fall. The centroid is not the centre of mass (limbs move by some centimetres against it), so that this is a
-    /// coarse test: near the stated gravity any path will do, elsewhere it has to be a parabola.
+    /// Whether this can be free fall. The centroid differs from the centre of mass (limbs move by
+    /// some centimetres relative to it), so this is a coarse test: near the stated gravity any path
+    /// is accepted, otherwise it must be a parabola.
     fn is_free(&self, options: &FlightOptions) -> bool {
         let g = options.gravity_mps2;
         let share = self.acceleration_mps2.norm() / g;

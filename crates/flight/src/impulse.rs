@@ -1,9 +1,11 @@
-//! The body weighed by the plates while it jumps: mass from impulse between two flights.
+//! Body mass from the plates' impulse between two flights.
 //!
-//! From the middle of one flight to the middle of the next the plates' vertical impulse is `∫F dt = M (Δv + g T)`, where Δv is the change of the
-//! centre of mass' vertical velocity between two instants in the air. There its path is a parabola, so that its velocity is known without any derivative
-//! of a landing: neither impact nor filter enter. A static trial weighs with the plates as they read at rest; where the two disagree, a tare, a
-//! gain or the stated mass is wrong. Holds where everything between the flights was on plates.
+//! From the middle of one flight to the middle of the next, the vertical impulse of the plates is
+//! `∫F dt = M (Δv + g T)`, where Δv is the change of the centre of mass' vertical velocity between
+//! two instants in the air. In the air the path is a parabola, so the velocity is known without
+//! differentiating through a landing: neither impacts nor filters have an effect. A static trial
+//! weighs the body from the plate readings at rest; if the two disagree, a tare, a gain or the
+//! stated mass is wrong. Valid if all contact between the flights was on plates.
 
 use crate::center_of_mass::CenterOfMass;
 use crate::{Flight, FlightError, FrameWrench};
@@ -25,13 +27,14 @@ pub struct ImpulseMass {
     pub duration_s: f64,
 }
 
-/// Left out at both ends of a flight, s: smoothing of joints carries contact that far.
+/// Excluded at both ends of a flight, s: smoothing of the joints spreads contact that far.
 const MARGIN_S: f64 = 0.04;
-/// Fewest frames of a flight's inside.
+/// Minimum number of inner frames of a flight.
 const FEWEST: usize = 6;
 
-/// Mass from every contact between two flights of a trial. `total` is the sum of all plates, tared, at the frames of the motion. Contacts with
-/// missing frames of plates, and flights with too few solved frames, are left out.
+/// Mass from every contact between two flights of a trial. `total` is the sum of all plates, tared,
+/// at the frames of the motion. Contacts with missing plate samples, and flights with too few
+/// solved frames, are omitted.
 ///
 /// # Errors
 /// [`FlightError::Mismatch`] when model, inertias and motion do not belong together.
@@ -54,7 +57,7 @@ pub fn impulse_masses(
         if forces.iter().any(|f| !f.z.is_finite()) {
             continue;
         }
-        // trapezoid: plates read nothing at both ends
+        // Trapezoidal rule: the plates read zero at both ends.
         let inner: f64 = forces.iter().map(|f| f.z).sum();
         let ends = 0.5 * (forces[0].z + forces[forces.len() - 1].z);
         let impulse_ns = (inner - ends) / motion.rate_hz;
@@ -68,7 +71,8 @@ pub fn impulse_masses(
     Ok(out)
 }
 
-/// Middle frame of a flight and the vertical velocity there: line through the heights with gravity taken off.
+/// Middle frame of a flight and the vertical velocity there, from a line through the heights with
+/// gravity removed.
 fn middle_velocity(heights: &[f64], flight: &Flight, rate_hz: f64, g: f64) -> Option<(usize, f64)> {
     let margin = (MARGIN_S * rate_hz).round() as usize;
     let (start, end) = (flight.start + margin, flight.end.saturating_sub(margin));

@@ -1,9 +1,10 @@
-//! When no external force acts.
+//! Flights: the frames in which no external force acts.
 //!
-//! Between import and identification: from plates ([`from_plates`]), from motion alone ([`from_motion`]), or from both
-//! ([`find_flights`]), the frames in which nothing touches the body. What such frames have in common is a constant acceleration of the
-//! centre of mass; that it equals the stated gravity is a result ([`FreeFall`]), not an assumption: a false frame rate, unit of length
-//! or vertical, and body-weight support, change it. Flights also tell what plates read when nothing stands on them ([`tare`]).
+//! Runs between import and identification. It finds the frames without external contact from plates
+//! ([`from_plates`]), from motion alone ([`from_motion`]), or from both ([`find_flights`]). In such
+//! frames the centre of mass has a constant acceleration. That it equals the stated gravity is a
+//! result ([`FreeFall`]), not an assumption: a wrong frame rate, unit of length or vertical, and
+//! body-weight support, change it. Flights also give the readings of unloaded plates ([`tare`]).
 
 mod center_of_mass;
 mod combine;

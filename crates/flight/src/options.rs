@@ -1,12 +1,12 @@
-//! How flights are found.
+//! Options of the search for flights.
 
 use serde::{Deserialize, Serialize};
 
-/// Which evidence counts.
+/// Evidence to use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FlightMethod {
-    /// Both where both exist, else what there is.
+    /// Both if available, otherwise the one that is.
     #[default]
     Auto,
     /// Plates alone.
@@ -15,55 +15,64 @@ pub enum FlightMethod {
     Motion,
 }
 
-/// Thresholds of the search. Times in seconds, so that they hold at any rate.
+/// Thresholds of the search. Times are in seconds, so that they are valid at any rate.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FlightOptions {
     /// Evidence.
     pub method: FlightMethod,
-    /// Size of the stated gravity, m/s²; a search with a model takes the model's.
+    /// Magnitude of the stated gravity, m/s²; a search with a model uses that of the model.
     pub gravity_mps2: f64,
     /// A plate is loaded above this force, N (after tare).
     pub threshold_n: f64,
     /// Shortest flight, s.
     pub min_duration_s: f64,
-    /// Longest flight, s: beyond it nobody falls. Where the free acceleration is below standard gravity, the limit is longer by
-    /// `√(9.81 m/s² / acceleration)`, the factor by which the same jump takes longer there.
+    /// Longest flight, s. If the free acceleration is below standard gravity, the limit is longer
+    /// by `√(9.81 m/s² / acceleration)`, the factor by which the same jump takes longer there.
     pub max_duration_s: f64,
     /// Low-pass on the centre of mass before its acceleration is taken, Hz (zero phase, second order).
     pub com_cutoff_hz: f64,
-    /// Acceleration of the centre of mass may differ from the free acceleration by this share of it, along it.
+    /// Tolerated deviation of the centre of mass' acceleration from the free acceleration, as a
+    /// fraction of it, along its direction.
     pub vertical_band_g: f64,
-    /// The same, across it.
+    /// The same, perpendicular to it.
     pub horizontal_band_g: f64,
-    /// The band is at least this wide, m/s² (but never wide enough to reach two thirds of the way to rest): where gravity is weak, the
-    /// error of the centre of mass does not become smaller with it.
+    /// Minimum width of the band, m/s² (but never wide enough to reach two thirds of the way to
+    /// rest): the error of the centre of mass does not decrease in weak gravity.
     pub least_band_mps2: f64,
-    /// In zero gravity the centre of mass of a free body may accelerate by this, m/s².
+    /// Tolerated acceleration of the centre of mass of a free body in zero gravity, m/s².
     pub rest_band_mps2: f64,
-    /// Free accelerations below this share of the stated gravity are not sought (metres stated as millimetres give 0.001).
+    /// Free accelerations below this fraction of the stated gravity are not considered (metres
+    /// stated as millimetres give 0.001).
     pub least_free_g: f64,
-    /// Shortest flight that an acceleration other than the stated gravity is taken from where no plate confirms it, s.
+    /// Shortest flight, without confirmation by plates, that may determine an acceleration other
+    /// than the stated gravity, s.
     pub min_free_duration_s: f64,
-    /// Interruptions up to this long inside a flight are noise, s.
+    /// Interruptions of a flight up to this duration are treated as noise, s.
     pub merge_s: f64,
-    /// Taken off the start of what motion tells, s. The low-pass smears contact over about ±10 ms, and a hand or foot lets go
-    /// gradually: without this, measured starts lie 0 to 3 frames of 5 ms before the true one.
+    /// Removed from the start of flights found by motion, s. The low-pass spreads contact over
+    /// about ±10 ms, and a hand or foot releases gradually: without this guard, measured starts are
+    /// 0 to 3 frames of 5 ms too early.
     pub takeoff_guard_s: f64,
-    /// Taken off the end of what motion tells, s; without it, measured ends lie up to 2 frames of 5 ms behind the true one.
+    /// Removed from the end of flights found by motion, s; without it, measured ends are up to 2
+    /// frames of 5 ms too late.
     pub landing_guard_s: f64,
-    /// Taken off both ends of what plates tell, s: the last newtons of a push are lost in their noise.
+    /// Removed from both ends of flights found by plates, s: the last newtons of a push disappear
+    /// in the noise.
     pub plate_guard_s: f64,
     /// Fit the first moments of the links to the parabola of the centre of mass in the flights before the final search.
     pub refine: bool,
     /// Standard deviation of a link's prior centre of mass in that fit, m.
     pub com_prior_sd_m: f64,
-    /// Stature of the person, m, where it is known; tells a false unit of length from a false frame rate.
+    /// Stature of the person, m, if known; distinguishes a wrong unit of length from a wrong frame
+    /// rate.
     pub stature_m: Option<f64>,
-    /// Standard deviation of the ratio between measured and stated free acceleration that all flights of a subject share (masses of the
-    /// prior, joint centres, soft tissue); widens the interval of that ratio.
+    /// Standard deviation of the error of the ratio between measured and stated free acceleration
+    /// that is common to all flights of a subject (masses of the prior, joint centres, soft
+    /// tissue); widens the interval of that ratio.
     pub ratio_sd: f64,
-    /// Frames taken off both ends of every flight, for filter edges (the paper's rows) or caution.
+    /// Frames removed from both ends of every flight, to exclude filter edges (as for the paper's
+    /// rows) or as a precaution.
     pub margin_frames: usize,
 }
 

@@ -1,4 +1,4 @@
-//! A parabola through positions: the mean acceleration of a stretch without differentiating anything.
+//! A parabola fitted to positions: the mean acceleration of a stretch without differentiation.
 
 use nalgebra::{Matrix3, Vector3};
 use std::ops::Range;

@@ -1,7 +1,8 @@
-//! What a plate reads when nothing stands on it.
+//! Reading of an unloaded plate.
 //!
-//! Two ways: from the plate's own quiet and low readings ([`unloaded_tare`], before flights are known), and from the flights
-//! ([`tare`], better: nothing touches any plate there, and several flights show the drift between them).
+//! Two methods: from the plate's own quiet and low readings ([`unloaded_tare`], before flights are
+//! known), and from the flights ([`tare`], more accurate: no plate is loaded there, and several
+//! flights show the drift between them).
 
 use crate::Flight;
 use aloft_signal::{median_and_deviation, quantile_of_sorted};
@@ -9,7 +10,7 @@ use aloft_trial::{Plate, Trial};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Where a tare comes from.
+/// Source of a tare.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TareSource {
@@ -17,7 +18,7 @@ pub enum TareSource {
     OwnReadings,
     /// Flights.
     Flights,
-    /// Nothing could be said; zero.
+    /// No tare could be determined; zero.
     None,
 }
 
@@ -26,9 +27,10 @@ pub enum TareSource {
 pub struct PlateTare {
     /// Name of the plate.
     pub plate: String,
-    /// Where it comes from.
+    /// Source.
     pub source: TareSource,
-    /// Times of the readings, s from the first sample; one (any time) or several, between which the tare is interpolated.
+    /// Times of the readings, s from the first sample: one (any time), or several, between which
+    /// the tare is interpolated.
     pub times_s: Vec<f64>,
     /// Force at those times, N.
     pub force_n: Vec<Vector3<f64>>,
@@ -41,7 +43,7 @@ pub struct PlateTare {
 }
 
 impl PlateTare {
-    /// Force and moment at a time, straight lines between the readings, constant outside.
+    /// Force and moment at a time, linearly interpolated between the readings, constant outside.
     pub fn at(&self, time_s: f64) -> (Vector3<f64>, Vector3<f64>) {
         let last = self.times_s.len().saturating_sub(1);
         let Some(next) = self.times_s.iter().position(|&t| t >= time_s) else {
@@ -101,7 +103,7 @@ pub fn unloaded_tare(plate: &Plate) -> PlateTare {
     }
     loads.sort_by(f64::total_cmp);
     let Some(strong) = quantile_of_sorted(&loads, 98, 100) else { return PlateTare::none(plate) };
-    // A plate that never carried anybody is all tare.
+    // The readings of a plate that was never loaded are all tare.
     let low = (0.15 * strong).max(30.0);
     let mut stretches: Vec<(usize, f64)> = Vec::new();
     for (index, chunk) in plate.force_n.chunks_exact(window).enumerate() {
@@ -141,10 +143,11 @@ pub fn unloaded_tare(plate: &Plate) -> PlateTare {
     }
 }
 
-/// Tares every plate from the flights of this trial and gives what was subtracted. With several flights the tare runs in straight
-/// lines from flight to flight, since amplifiers drift. Without flights nothing changes and the source is `None`.
+/// Tares every plate from the flights of this trial and returns the values subtracted. With several
+/// flights the tare is interpolated linearly from flight to flight, because amplifiers drift.
+/// Without flights nothing changes and the source is `None`.
 ///
-/// `frame_rate_hz` is the trial's marker rate; 10 ms at both ends of each flight are left out.
+/// `frame_rate_hz` is the trial's marker rate; 10 ms at both ends of each flight are omitted.
 pub fn tare(trial: &mut Trial, flights: &[Flight]) -> Vec<PlateTare> {
     let frame_rate_hz = trial.markers.rate_hz;
     let tares: Vec<PlateTare> = trial
@@ -189,7 +192,8 @@ pub fn tare(trial: &mut Trial, flights: &[Flight]) -> Vec<PlateTare> {
     tares
 }
 
-/// Subtracts tares from the plates of the same names (for a trial without flights: those of another trial of the session).
+/// Subtracts tares from the plates of the same names (for a trial without flights: tares of another
+/// trial of the session).
 pub fn apply_tare(trial: &mut Trial, tares: &[PlateTare]) {
     for plate in &mut trial.plates {
         let Some(tare) = tares.iter().find(|t| t.plate == plate.name && t.source != TareSource::None) else { continue };

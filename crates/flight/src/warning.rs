@@ -1,17 +1,19 @@
-//! What was odd in a search for flights: typed for programs, with the words for people.
+//! Warnings of a search for flights: typed for programs, with a sentence for people.
 
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// Something odd in a search. Its [`Display`](std::fmt::Display) form is the sentence that people read.
+/// A warning of a search. Its [`Display`](std::fmt::Display) form is the sentence shown to people.
 ///
-/// In JSON a warning is that sentence. What it is about can be read there from the other fields of the
-/// report ([`crate::FlightReport::untared`]); a warning read back is [`FlightWarning::Stored`].
+/// In JSON a warning is that sentence. Programs can obtain the same information from the other
+/// fields of the report ([`crate::FlightReport::untared`]); a warning read back is
+/// [`FlightWarning::Stored`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(into = "String", from = "String")]
 #[non_exhaustive]
 pub enum FlightWarning {
-    /// The zero of a plate is not known. No fault of the recording: the subject never leaves the plate.
+    /// The zero of a plate is unknown because the subject never leaves the plate. Not a fault of
+    /// the recording.
     NotTared {
         /// Name of the plate.
         plate: String,
@@ -21,25 +23,25 @@ pub enum FlightWarning {
         /// Ratio, interval and explanations.
         words: String,
     },
-    /// Motion and plates see the same flight, but with other edges.
+    /// Motion and plates detect the same flight with different edges.
     EdgesDiffer {
-        /// The flight as joined.
+        /// Edges after combination.
         joined: Range<usize>,
-        /// By motion.
+        /// Edges by motion.
         motion: Range<usize>,
-        /// By plates.
+        /// Edges by plates.
         plates: Range<usize>,
-        /// Frames that motion and plates share.
+        /// Number of frames common to motion and plates.
         shared: usize,
     },
-    /// Only the plates show a flight: its motion is not solved.
+    /// Only the plates detect the flight: its motion is not solved.
     Unsolved {
         /// The flight.
         frames: Range<usize>,
         /// Frames in it without a solution.
         unsolved: usize,
     },
-    /// Only the plates show a flight: its motion is not steady.
+    /// Only the plates detect the flight: its motion is not steady.
     Unsteady {
         /// The flight.
         frames: Range<usize>,

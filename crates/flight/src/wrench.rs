@@ -1,4 +1,5 @@
-//! Plates at the rate of the markers, through the same zero-phase filter as the kinematics: what comparison and contact rows read.
+//! Plate wrenches at the marker rate, filtered by the same zero-phase filter as the kinematics;
+//! used by the comparison and by contact rows.
 
 use crate::FlightError;
 use aloft_signal::LowPass;
@@ -18,11 +19,12 @@ pub struct FrameWrench {
     pub moment_nm: Vec<Vector3<f64>>,
 }
 
-/// Each plate at the marker frames: filtered forward and backward at its own rate with `filter`, then read off at the frame times
-/// (none: block means over one frame, which fold little back). Frame k lies at sample k · plate rate / marker rate.
+/// Each plate at the marker frames: filtered forward and backward at its own rate with `filter`,
+/// then interpolated at the frame times (without a filter: block means over one frame, which alias
+/// little). Frame k lies at sample k · plate rate / marker rate.
 ///
 /// # Errors
-/// A cut-off that does not fit the plate's rate.
+/// The cut-off is not valid at the plate's rate.
 pub fn plate_wrench_at_marker_rate(trial: &Trial, filter: Option<LowPass>) -> Result<Vec<FrameWrench>, FlightError> {
     trial.plates.iter().map(|plate| at_marker_rate(trial, plate, filter)).collect()
 }
@@ -54,7 +56,8 @@ fn at_marker_rate(trial: &Trial, plate: &Plate, filter: Option<LowPass>) -> Resu
     Ok(out)
 }
 
-/// Means over one frame interval around each time; a single sample where the plate is not faster than the markers.
+/// Means over one frame interval around each time; a single sample if the plate is not faster than
+/// the markers.
 fn frame_means(channel: &[f64], rate_hz: f64, times_s: &[f64], frame_rate_hz: f64) -> Vec<f64> {
     let half = (0.5 * rate_hz / frame_rate_hz - 0.5).max(0.0).floor() as usize;
     times_s

@@ -1,4 +1,5 @@
-//! The thrown chain: no plates, 30 throws, in hand between. Poses straight from the markers of each link.
+//! The thrown chain: no plates, 30 throws, held in the hand between throws. Poses directly from the
+//! markers of each link.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests, not library code")]
 
 #[path = "../../../tests/shared_data.rs"]
@@ -56,7 +57,7 @@ fn model() -> Model {
     Model::from_spec(&ModelSpec { name: "chain".to_owned(), links }).unwrap()
 }
 
-/// What a laboratory would guess: half of the mass in each link, at the middle of its markers.
+/// A rough guess: half of the mass in each link, at the middle of its markers.
 fn prior() -> [Phi; 2] {
     let phi = |markers: &[[f64; 3]]| {
         let middle = markers.iter().map(|m| Vector3::from(*m)).sum::<Vector3<f64>>() / markers.len() as f64;

@@ -1,5 +1,6 @@
-//! Flights whose acceleration is not the stated gravity: false frame rates and units of length, body-weight support, tilted frames, other
-//! planets; and movements on the ground that must not be taken for flights.
+//! Flights whose acceleration differs from the stated gravity: wrong frame rates and units of
+//! length, body-weight support, tilted frames, other planets; and movements on the ground that must
+//! not be detected as flights.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests, not library code")]
 
 #[path = "../../../tests/shared_data.rs"]
@@ -31,7 +32,7 @@ fn motion(path: &[Vector3<f64>], rate_hz: f64) -> Motion {
     Motion { trial: "case".to_owned(), rate_hz, nq: 7, nv: 6, q, ..Motion::default() }
 }
 
-/// Uniform numbers from −1 to 1.
+/// Uniform random numbers from −1 to 1.
 struct Dice(u64);
 impl Dice {
     fn roll(&mut self) -> f64 {
@@ -40,14 +41,14 @@ impl Dice {
     }
 }
 
-/// What was wrong with a recording of jumps.
+/// Faults of a recording of jumps.
 #[derive(Debug, Clone, Copy)]
 struct Fault {
     true_rate_hz: f64,
     stated_rate_hz: f64,
     /// Lengths in the file over true lengths.
     length: f64,
-    /// Share of body weight that a rope carries.
+    /// Fraction of body weight carried by a rope.
     support: f64,
     tilt_deg: f64,
     true_gravity_mps2: f64,
@@ -65,21 +66,22 @@ const RIGHT: Fault = Fault {
 };
 
 impl Fault {
-    /// Acceleration in the air as the file shows it, m/s².
+    /// Acceleration in the air as recorded in the file, m/s².
     fn shown_mps2(&self) -> f64 {
         (1.0 - self.support) * self.true_gravity_mps2 * self.length * (self.stated_rate_hz / self.true_rate_hz).powi(2)
     }
 }
 
-/// Stands, dips, pushes off, flies, lands and stands again, three times. Centre of mass with noise of cameras (0.1 mm, white: that of many markers) and of soft
-/// tissue (0.5 mm, some hertz); force on a plate. Returns the frames in the air (end not included).
+/// Stands, dips, pushes off, flies, lands and stands again, three times. The centre of mass has
+/// camera noise (0.1 mm, white: that of many markers) and soft-tissue noise (0.5 mm, a few hertz);
+/// the force is on a plate. Returns the frames in the air (end not included).
 fn jumps(fault: &Fault, seed: u64) -> (Vec<Vector3<f64>>, Plate, Vec<(usize, usize)>) {
     let mut dice = Dice(seed);
     let air = -(1.0 - fault.support) * fault.true_gravity_mps2;
     let dt = 1.0 / (fault.true_rate_hz * 5.0);
     let mut acceleration: Vec<f64> = vec![0.0; (0.8 / dt) as usize];
     let mut flights = Vec::new();
-    // a piece of given length and shape (0 to 1 in time) that changes the velocity by so much
+    // A piece of given length and shape (0 to 1 in time) that changes the velocity by `change`.
     let piece = |out: &mut Vec<f64>, seconds: f64, change: f64, shape: &dyn Fn(f64) -> f64| {
         let n = (seconds / dt).round().max(2.0) as usize;
         let values: Vec<f64> = (0..n).map(|i| shape((i as f64 + 0.5) / n as f64)).collect();
@@ -88,11 +90,11 @@ fn jumps(fault: &Fault, seed: u64) -> (Vec<Vector3<f64>>, Plate, Vec<(usize, usi
     };
     for _ in 0..3 {
         let takeoff_mps = 2.0 + 0.5 * dice.roll();
-        // plates do not pull: where weight is small, so is the dip
+        // Plates cannot pull: with a small weight the dip is small too.
         let dip_mps = (0.6 + 0.2 * dice.roll()) * (-air / 6.0).min(1.0);
         piece(&mut acceleration, 0.35, -dip_mps, &|x| (std::f64::consts::PI * x).sin());
         piece(&mut acceleration, 0.3, dip_mps + takeoff_mps, &|x| (std::f64::consts::PI * x.powf(1.5)).sin());
-        // the last push dies away within 25 ms
+        // The last push decays within 25 ms.
         let last = (0.025 / dt) as usize;
         acceleration.extend((0..last).map(|i| air * (i as f64 + 0.5) / last as f64));
         let lost = -0.5 * air * 0.025;
@@ -135,12 +137,13 @@ fn search(path: &[Vector3<f64>], plate: Option<Plate>, rate_hz: f64, gravity_mps
     find_flights(&trial, Some((&model, &phi, &motion)), &options).unwrap()
 }
 
-/// What a case gave: none where all is as it should be.
+/// Fault found in a case; `None` if all is correct.
 fn wrong(fault: &Fault, seed: u64, with_plate: bool) -> Option<String> {
     let (path, plate, truth) = jumps(fault, seed);
     let report = search(&path, with_plate.then_some(plate), fault.stated_rate_hz, fault.stated_gravity_mps2);
     let found: Vec<(usize, usize)> = report.flights.iter().map(|f| (f.start, f.end)).collect();
-    // edges within 25 ms of the file's time, 100 ms where a weak acceleration takes a lower cut-off
+    // Edges within 25 ms in the file's time, 100 ms where a weak acceleration requires a lower
+    // cut-off.
     let weak = fault.shown_mps2() < 0.5 * 9.81;
     let near = (if weak { 0.100 } else { 0.025 } * fault.stated_rate_hz).ceil() as usize;
     let apart = |a: usize, b: usize| a.abs_diff(b) > near;
@@ -181,7 +184,7 @@ fn wrong(fault: &Fault, seed: u64, with_plate: bool) -> Option<String> {
     let several = expected.len() > 1;
     expected
         .into_iter()
-        // where two faults act on the ratio, neither alone has its value
+        // If two faults change the ratio, neither alone has its value.
         .filter(|(cause, ..)| !several || *cause == Cause::Vertical)
         .find(|(cause, x, share)| {
             let off = (value(*cause) / x - 1.0).abs();
@@ -240,7 +243,7 @@ fn validate_flights_are_found_and_their_fault_is_named() {
     assert_eq!(lost, 0);
 }
 
-/// A body that floats between pushes, and a pipeline that says so.
+/// A body that floats between pushes, in a pipeline that states zero gravity.
 #[test]
 fn validate_zero_gravity_is_uniform_motion() {
     for seed in 1..=12 {
@@ -269,7 +272,7 @@ fn validate_zero_gravity_is_uniform_motion() {
         let found: Vec<_> = report.flights.iter().map(|f| (f.start, f.end)).collect();
         assert_eq!(found.len(), truth.len(), "{found:?} {truth:?}");
         for (f, t) in found.iter().zip(&truth) {
-            // inside of the true one, and not more than 200 ms of it lost at each end
+            // Inside the true flight, with at most 200 ms lost at each end.
             assert!(f.0 >= t.0 && f.1 <= t.1 + 2 && f.0 <= t.0 + 40 && f.1 + 40 >= t.1, "{found:?} {truth:?}");
         }
         assert!(report.free_fall.is_some_and(|f| f.ratio.is_none() && !f.differs));
@@ -281,7 +284,7 @@ fn validate_zero_gravity_is_uniform_motion() {
     assert!(report.flights[0].n_frames() > 2950);
 }
 
-/// Standing, squatting, walking, sitting down: nothing of it is flight, with and without plates.
+/// Standing, squatting, walking, sitting down: no flights, with and without plates.
 #[test]
 fn validate_movements_on_the_ground_are_no_flights() {
     let (mut tried, mut failed) = (0, Vec::new());
@@ -311,7 +314,7 @@ fn validate_movements_on_the_ground_are_no_flights() {
             let plate = Plate {
                 name: "FP1".to_owned(),
                 rate_hz: 1000.0,
-                // stepped on after a second
+                // Stepped on after one second.
                 force_n: (0..6000)
                     .map(|i| Vector3::new(0.0, 0.0, if i < 1000 { dice.roll() } else { 600.0 }))
                     .collect(),
@@ -400,7 +403,8 @@ fn validate_real_movements_on_the_ground_are_no_flights() {
     assert!(failed.is_empty() && tried > 15, "{tried}\n{}", failed.join("\n"));
 }
 
-/// Frame by frame mean of the markers that are seen in at least half of the frames; NaN where one of them is missing.
+/// Mean per frame of the markers seen in at least half of the frames; NaN if one of them is
+/// missing.
 fn centroid(trial: &Trial) -> Option<Vec<Vector3<f64>>> {
     let n = trial.markers.n_frames;
     let seen = |t: &[Vector3<f64>]| t.iter().filter(|p| p.x.is_finite()).count();

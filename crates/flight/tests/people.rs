@@ -1,4 +1,5 @@
-//! Flights of people from motion by inverse kinematics with landmark geometry and a prior out of a table, against truth and plates.
+//! Flights of people from inverse kinematics with landmark geometry and a prior from a table,
+//! compared with truth and plates.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests, not library code")]
 
 #[path = "../../../tests/shared_data.rs"]

@@ -63,7 +63,7 @@ fn validate_simulated_jumps_from_plates() {
 #[test]
 fn tare_from_flights_leaves_nothing_in_the_air() {
     let Some(mut trial) = c3d("subject_a/jump01.c3d") else { return };
-    // An offset and a drift on one plate, as amplifiers have them.
+    // An offset and a drift on one plate, as amplifiers produce them.
     let n = trial.plates[0].force_n.len();
     for sample in 0..n {
         let drift = sample as f64 / n as f64;
@@ -88,7 +88,8 @@ fn tare_from_flights_leaves_nothing_in_the_air() {
             assert!(mean.norm() < 0.3 && moment.norm() < 0.05, "{mean} {moment}");
         }
     }
-    // The same values serve another recording of the session; without flights nothing changes.
+    // The same values can be applied to another recording of the session; without flights nothing
+    // changes.
     let mut other = before.clone();
     apply_tare(&mut other, &tares);
     assert!(other.plates == trial.plates);
@@ -191,7 +192,7 @@ fn ball() -> (Model, Vec<Phi>, Motion, Trial) {
 fn motion_and_plates_complete_each_other() {
     let (model, phi, motion, trial) = ball();
     let options = FlightOptions::default();
-    // Plates alone see neither the box nor the landing beside them.
+    // Plates alone detect neither the box nor the landing beside them.
     let plates = search(&trial);
     assert!(plates.flights.is_empty());
     assert_eq!(plates.rejected.len(), 2);

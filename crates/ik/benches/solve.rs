@@ -1,4 +1,4 @@
-//! Frames a second of inverse kinematics, one thread.
+//! Frames per second of inverse kinematics, one thread.
 //!
 //! `cargo bench -p aloft-ik`
 
@@ -11,7 +11,7 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 fn bench(c: &mut Criterion) {
     let n = 500;
     let mut person45 = common::person();
-    // ten more markers, so that the body wears 45
+    // Ten more markers, 45 in total.
     let more: Vec<_> = person45.markers.iter().step_by(3).take(10).cloned().collect();
     for mut marker in more {
         marker.label.push('2');
@@ -33,7 +33,7 @@ fn bench(c: &mut Criterion) {
     against_markers(c);
 }
 
-/// Time against the number of markers: linear, above the cost of the tree.
+/// Time against the number of markers: linear, plus the constant cost of the tree.
 fn against_markers(c: &mut Criterion) {
     let Ok(pool) = rayon::ThreadPoolBuilder::new().num_threads(1).build() else { return };
     let mut group = c.benchmark_group("solve against markers");

@@ -1,15 +1,19 @@
-//! Gaps of single markers.
+//! Short gaps of single markers.
 //!
-//! Soft tissue pulls every marker a little off its place on the link. While all are there the pose settles among
-//! them; when one goes, the pose jumps by its share, and returns when it comes back. Twice differentiated, such a step of a
-//! millimetre is larger than the motion. And where it was the only one that told of a rotation, nothing does. So the
-//! frames of a short gap are minimised again, with two kinds of help:
+//! Soft tissue displaces every marker slightly from its place on the link, and the pose is a
+//! compromise between the markers. When one marker is missing, the pose jumps by that marker's
+//! contribution, and jumps back when it returns. After two differentiations, such a step of a
+//! millimetre is larger than the motion. If the marker was the only one that determined a rotation,
+//! that rotation is undetermined. The frames of a short gap are therefore minimised again with two
+//! additions:
 //!
-//! * the joints of the marker's branch are drawn to a cubic between the edges of the gap, weakly, which decides where
-//!   the other markers do not;
-//! * the marker itself is put where the link carries it, with the residual that it had in the link's frame at the edges.
+//! * the joints of the marker's branch are weakly attracted to a cubic between the edges of the
+//!   gap, which takes effect only where the other markers do not determine the pose;
+//! * the marker is replaced by a substitute at its place on the link plus its residual at the
+//!   edges, in the link's frame.
 //!
-//! The substitutes steady the pose only: they count neither in residuals nor in standard deviations.
+//! The substitutes affect the pose only: they count neither in residuals nor in standard
+//! deviations.
 
 use crate::frame::Solver;
 use crate::problem::Problem;
@@ -21,11 +25,12 @@ use rayon::prelude::*;
 
 /// Frames at each edge over which residual and rate are averaged.
 const EDGE: usize = 3;
-/// Rounds of placing the substitutes and minimising.
+/// Rounds of placing the substitutes and minimising the cost.
 const ROUNDS: usize = 4;
-/// Movement of the substitutes below which they have settled, m.
+/// Movement below which the substitutes have converged, m.
 const SETTLED_M: f64 = 2e-6;
-/// Standard deviation of a joint from the cubic between the edges of a gap, rad (m for prismatic joints).
+/// Standard deviation of the difference between a joint and the cubic, rad (m for prismatic
+/// joints).
 const CUBIC_SD_RAD: f64 = 0.05;
 
 /// A gap of one marker.
@@ -34,17 +39,18 @@ struct Gap {
     marker: usize,
     start: usize,
     end: usize,
-    /// Frames at the edges of the cubic: the gap's own, or those of all gaps on the branch that overlap.
+    /// Frames at the edges of the cubic: those of the gap, or of all overlapping gaps on the
+    /// branch.
     from: usize,
     to: usize,
-    /// Place in the link's frame at both edges, m.
+    /// Position in the link's frame at both edges, m.
     before: Vector3<f64>,
     after: Vector3<f64>,
-    /// Links whose joints are drawn to the cubic.
+    /// Links whose joints are attracted to the cubic.
     branch: Vec<usize>,
 }
 
-/// Solves the frames of short gaps again. Returns how many frames were touched.
+/// Solves the frames of short gaps again. Returns the number of frames changed.
 pub(crate) fn bridge(
     problem: &Problem,
     trial: &Trial,
@@ -89,7 +95,7 @@ struct Bridged {
     residual_m: Vec<f64>,
 }
 
-/// One frame again, with the help of the gaps that it lies in.
+/// Solves one frame again with the gaps that contain it.
 fn again(solver: &mut Solver<'_>, motion: &Motion, frame: usize, gaps: &[&Gap]) -> Bridged {
     let problem = solver.problem;
     let tree = &problem.tree;
@@ -120,7 +126,7 @@ fn again(solver: &mut Solver<'_>, motion: &Motion, frame: usize, gaps: &[&Gap]) 
             moved = moved.max((place - solver.targets[gap.marker]).norm());
             solver.targets[gap.marker] = place;
         }
-        // in the first round there is nothing to compare with
+        // There is nothing to compare with in the first round.
         if round > 0 && moved < SETTLED_M {
             break;
         }
@@ -153,7 +159,7 @@ fn again(solver: &mut Solver<'_>, motion: &Motion, frame: usize, gaps: &[&Gap]) 
 /// One joint's coordinates in a gap: Hermite's cubic between the edges, rotations in the tangent space of the first edge.
 fn cubic(motion: &Motion, gap: &Gap, frame: usize, kind: &JointKind, at: usize, out: &mut [f64]) {
     let (a, b) = (gap.from, gap.to);
-    // the other ends of the stretches from which rates are taken
+    // The outer ends of the stretches from which rates are computed.
     let a0 = (a.saturating_sub(EDGE)..=a).find(|&f| motion.is_valid(f)).unwrap_or(a);
     let last = (b + EDGE).min(motion.n_frames() - 1);
     let b1 = (b..=last).rev().find(|&f| motion.is_valid(f)).unwrap_or(b);
@@ -182,7 +188,7 @@ fn cubic(motion: &Motion, gap: &Gap, frame: usize, kind: &JointKind, at: usize, 
     }
 }
 
-/// Gaps that can be bridged.
+/// Finds the gaps that can be bridged.
 fn find_gaps(problem: &Problem, trial: &Trial, sources: &[usize], motion: &Motion, longest: usize) -> Vec<Gap> {
     let n_frames = motion.n_frames();
     let mut gaps = Vec::new();
@@ -199,7 +205,7 @@ fn find_gaps(problem: &Problem, trial: &Trial, sources: &[usize], motion: &Motio
             let end = (start..n_frames).find(|&f| seen(f)).unwrap_or(n_frames);
             let inside = start > 0 && end < n_frames && end - start <= longest;
             if inside && motion.is_valid(start - 1) && motion.is_valid(end) {
-                // mean place in the link's frame over the frames of one edge
+                // Mean position in the link's frame over the frames of one edge.
                 let mut edge = |from: usize, to: usize| {
                     let (mut sum, mut count) = (Vector3::zeros(), 0.0);
                     for f in (from..to).filter(|&f| seen(f) && motion.is_valid(f)) {
@@ -221,7 +227,8 @@ fn find_gaps(problem: &Problem, trial: &Trial, sources: &[usize], motion: &Motio
     gaps
 }
 
-/// Moves the edges of cubics out of other gaps on the same branch, where poses are as uncertain, as long as they stay short.
+/// Moves the edges of cubics out of other gaps on the same branch, where poses are equally
+/// uncertain, provided that the cubics stay short.
 fn join(problem: &Problem, gaps: &mut [Gap], motion: &Motion, longest: usize) {
     let link = |gap: &Gap| problem.markers[gap.marker].link;
     loop {
@@ -246,7 +253,7 @@ fn join(problem: &Problem, gaps: &mut [Gap], motion: &Motion, longest: usize) {
     }
 }
 
-/// Links above, at and below a link, without the root.
+/// Links on the path through a link: its ancestors, itself and its descendants, without the root.
 fn branch(problem: &Problem, link: usize) -> Vec<usize> {
     let links = &problem.tree.links;
     let above = |mut from: usize, to: usize| {

@@ -1,4 +1,4 @@
-//! What can keep a trial from being tracked, or a subject from being calibrated.
+//! Errors that prevent tracking of a trial or calibration of a subject.
 
 /// Errors of this crate.
 #[derive(Debug, thiserror::Error)]
@@ -20,34 +20,34 @@ pub enum IkError {
         /// Labels of the subject's markers, for the message.
         expected: String,
     },
-    /// A vector of the subject or of the options does not fit the model.
+    /// A vector of the subject or of the options does not match the model.
     #[error("`{subject}`: {what}: expected {expected}, found {found}")]
     Mismatch {
         /// Subject.
         subject: String,
         /// Which quantity.
         what: &'static str,
-        /// What the model needs.
+        /// Value required by the model.
         expected: String,
-        /// What is there.
+        /// Value found.
         found: String,
     },
-    /// An option has a value that cannot be used.
+    /// An option has an invalid value.
     #[error("option `{option}` is {found}; it must be {expected}")]
     Option {
         /// Name of the option.
         option: &'static str,
         /// Value found.
         found: f64,
-        /// What would be accepted.
+        /// Accepted values.
         expected: &'static str,
     },
-    /// No frame of any trial can take part in a calibration.
+    /// No frame of any trial can be used for a calibration.
     #[error("`{subject}`: none of {trials} trials has a solved frame to calibrate with")]
     NothingToCalibrate {
         /// Subject.
         subject: String,
-        /// Trials looked at.
+        /// Number of trials examined.
         trials: usize,
     },
     /// The calibration's equations have no unique solution.
@@ -57,7 +57,7 @@ pub enum IkError {
         subject: String,
         /// Frames used.
         frames: usize,
-        /// What went wrong.
+        /// Description of the problem.
         problem: &'static str,
     },
 }

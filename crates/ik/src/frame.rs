@@ -6,10 +6,10 @@ use crate::tree::{Pose, quaternion};
 use aloft_body::JointKind;
 use nalgebra::Vector3;
 
-/// A step that was foreseen to be so much shorter than the tolerance (as a ratio of gains) need not be taken.
+/// A step is skipped if its predicted gain is below this fraction of the tolerance.
 const FORESEEN: f64 = 1e-2;
 
-/// How a minimisation ended.
+/// Result of a minimisation.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Fit {
     /// ½ Σ w r² plus the soft priors.
@@ -18,13 +18,13 @@ pub(crate) struct Fit {
     pub converged: bool,
 }
 
-/// Scratch for one sequence of frames. Nothing is allocated after construction.
+/// Scratch memory for one sequence of frames. Nothing is allocated after construction.
 #[derive(Debug, Clone)]
 pub(crate) struct Solver<'a> {
     pub problem: &'a Problem,
     /// Measured positions of the problem's markers, m; NaN where missing.
     pub targets: Vec<Vector3<f64>>,
-    /// Markers that are there.
+    /// Visible markers.
     pub visible: Vec<usize>,
     pub pose: Pose,
     /// Model minus measured, m, of the visible markers at the last evaluation.
@@ -33,15 +33,15 @@ pub(crate) struct Solver<'a> {
     normal: Packed,
     pub factor: Packed,
     pub inverse: Packed,
-    /// Where joints are drawn to.
+    /// Coordinates to which joints are attracted.
     pub rest_q: Vec<f64>,
-    /// How strongly, by link, 1/rad² (1/m² for prismatic joints).
+    /// Weight of the attraction, by link, 1/rad² (1/m² for prismatic joints).
     pub rest_weight: Vec<f64>,
     step: Vec<f64>,
     q_try: Vec<f64>,
-    /// True when `factor` belongs to the result of the last minimisation.
+    /// True if `factor` is valid for the result of the last minimisation.
     factor_serves: bool,
-    /// True when `moments` were added up towards the root already.
+    /// True if `moments` have already been accumulated towards the root.
     gathered: bool,
 }
 
@@ -69,7 +69,7 @@ impl<'a> Solver<'a> {
         }
     }
 
-    /// Notes which targets are there. False when there are too few to start.
+    /// Records which targets are visible. False if there are too few to start.
     pub fn look(&mut self) -> bool {
         self.visible.clear();
         for (i, target) in self.targets.iter().enumerate() {
@@ -80,7 +80,7 @@ impl<'a> Solver<'a> {
         self.visible.len() >= FEWEST_MARKERS
     }
 
-    /// Cost at `q`; leaves poses, residuals and moments behind.
+    /// Cost at `q`; also updates poses, residuals and moments.
     pub fn evaluate(&mut self, q: &[f64]) -> f64 {
         let problem = self.problem;
         self.gathered = false;
@@ -131,7 +131,7 @@ impl<'a> Solver<'a> {
         cost
     }
 
-    /// How far a flexion lies outside the soft limits, signed, rad.
+    /// Signed excess of a flexion beyond the soft limits, rad.
     fn limit_excess(&self, flexion: f64) -> f64 {
         if flexion < -self.problem.overextension {
             flexion + self.problem.overextension
@@ -185,14 +185,14 @@ impl<'a> Solver<'a> {
         }
     }
 
-    /// Minimises from `q` in place. Afterwards poses and residuals belong to the result.
+    /// Minimises in place, starting from `q`. Afterwards poses and residuals belong to the result.
     pub fn minimize(&mut self, q: &mut [f64]) -> Fit {
         let problem = self.problem;
         let tree = &problem.tree;
         let mut cost = self.evaluate(q);
         let mut damping = 0.0;
         let mut fit = Fit { cost, iterations: 0, converged: false };
-        // gain of the step before, where that was a full one
+        // Gain of the previous step, if it was a full one.
         let mut gain_before = None;
         while fit.iterations < problem.max_iterations {
             self.linearise(q);
@@ -233,7 +233,7 @@ impl<'a> Solver<'a> {
             };
             q.copy_from_slice(&self.q_try);
             cost = cost_new;
-            // full steps shrink by a steady ratio or faster: what the next one would gain
+            // Full steps converge at least linearly: predict the gain of the next one.
             let next = match gain_before {
                 Some(before) if full && gain < before => gain * (gain / before),
                 _ => gain,
@@ -257,20 +257,22 @@ impl<'a> Solver<'a> {
         if distance > marker.huber { marker.weight * marker.huber / distance } else { marker.weight }
     }
 
-    /// Factorises the normal equations at `q`, which must be the last evaluated one. False when a coordinate is free.
+    /// Factorises the normal equations at `q`, which must be the last evaluated one. False if a
+    /// coordinate is undetermined.
     pub fn prepare(&mut self, q: &[f64]) -> bool {
         self.linearise(q);
         self.factor.factorise(&self.problem.tree, &self.normal, 0.0)
     }
 
-    /// Covariance at `q` for markers of their nominal variance, into [`Solver::inverse`]. False when a coordinate is free.
+    /// Covariance at `q` for markers of their nominal variance, into [`Solver::inverse`]. False if
+    /// a coordinate is undetermined.
     ///
-    /// After a minimisation that has just converged its last factor serves (one small step before `q`).
+    /// After a converged minimisation its last factor is reused (one small step before `q`).
     pub fn covariance(&mut self, q: &[f64]) -> bool {
         if !self.factor_serves && !self.prepare(q) {
             return false;
         }
-        // without deviations only the root's are asked for
+        // Without standard deviations only the root's are needed.
         let rows = if self.problem.deviations { self.problem.tree.nv } else { 6 };
         self.inverse.invert(&self.problem.tree, &self.factor, rows);
         true
@@ -281,7 +283,8 @@ impl<'a> Solver<'a> {
         self.inverse.values[self.inverse.diagonal(&self.problem.tree, column)]
     }
 
-    /// Factor of the residuals' variance over the nominal one, by degrees of freedom. Needs [`Solver::covariance`].
+    /// Ratio of the residuals' variance to the nominal one, by degrees of freedom. Needs
+    /// [`Solver::covariance`].
     pub fn variance_factor(&self) -> f64 {
         let problem = self.problem;
         let chi2: f64 = self.visible.iter().map(|&i| problem.markers[i].weight * self.residual[i].norm_squared()).sum();

@@ -1,11 +1,11 @@
-//! Markers to joint motion.
+//! Inverse kinematics: from markers to joint motion.
 //!
-//! Stands between scaling and filtering: a [`aloft_body::Subject`] says where the markers sit on the links, a
-//! [`aloft_trial::Trial`] where they were seen, and [`solve()`] finds the joint coordinates of every frame
-//! ([`aloft_body::Motion`]). [`calibrate()`] improves the subject's joint centres, hinge axes and marker places with
-//! the trials themselves, on markers alone.
+//! Runs between scaling and filtering: a [`aloft_body::Subject`] defines the marker positions on
+//! the links, a [`aloft_trial::Trial`] the measured positions, and [`solve()`] finds the joint
+//! coordinates of every frame ([`aloft_body::Motion`]). [`calibrate()`] improves the subject's
+//! joint centres, hinge axes and marker positions from the trials themselves, using markers alone.
 //!
-//! Missing markers drop out; a frame that cannot be solved is NaN and counted, never an error.
+//! Missing markers are omitted; a frame that cannot be solved is NaN and counted, never an error.
 
 mod bridge;
 mod calibrate;

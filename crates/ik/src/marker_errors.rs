@@ -1,30 +1,36 @@
-//! What the markers' errors do to a solved motion: the random effect behind the floor of a comparison.
+//! Effect of marker errors on a solved motion: the random error behind the floor of a comparison.
 //!
-//! A marker's error is where it was seen, less where it would be if it were fixed to its link: noise of the cameras, skin that moves
-//! over the bone, what a filled gap got wrong. Inverse kinematics absorbs a part of it, and leaves the rest as the marker's residual.
-//! To first order, in one frame,
+//! A marker's error is its measured position minus the position it would have if fixed to its link:
+//! camera noise, movement of the skin over the bone, errors of a filled gap. Inverse kinematics
+//! absorbs a part of it and leaves the rest as the marker's residual. To first order, in one frame,
 //!
 //! ```text
 //!   δq = G e,  G = H⁻¹ Jᵀ W        what the errors e of all markers do to the pose
 //!   d  = P e,  P = I − J G         what they leave as residuals
 //! ```
 //!
-//! with the Jacobian J of the markers, their weights W, and the normal matrix H of the fit (soft priors included). Only markers enter: no
-//! force, no plate, no equation of motion. A physical effect that the model of the body lacks acts on the body, which the markers then
-//! follow; it leaves no trace in d. So errors that are estimated from d cannot absorb it.
+//! with the Jacobian J of the markers, their weights W, and the normal matrix H of the fit (soft
+//! priors included). Only markers enter: no force, no plate, no equation of motion. A physical
+//! effect that the body model lacks acts on the body, and the markers follow the body, so it leaves
+//! no trace in d. Errors estimated from d can therefore not absorb it.
 //!
-//! **Size.** Errors of different markers are taken as independent and those of one marker as alike in all directions, with variance σ²_k
-//! in each. Then the mean square of the residual of marker m is Σ_k B_mk σ²_k, B_mk = ‖P_mk‖² (Frobenius norm of a 3 × 3 block, mean over
-//! frames). The σ²_k follow from the observed mean squares by multiplicative updates that keep them positive and draw those that the
-//! residuals do not determine (a single marker on an upper arm) towards the mean of all markers. Mean squares are those of the second
-//! difference over [`LAG_S`], the band in which a window of 0.3 s is sensitive.
+//! **Size.** Errors of different markers are taken as independent and those of one marker as
+//! isotropic, with variance σ²_k per axis. Then the mean square of the residual of marker m is Σ_k
+//! B_mk σ²_k, B_mk = ‖P_mk‖² (Frobenius norm of a 3 × 3 block, mean over frames). The σ²_k follow
+//! from the observed mean squares by multiplicative updates, which keep them positive and draw
+//! those that the residuals do not determine (a single marker on an upper arm) towards the mean of
+//! all markers. Mean squares are those of the second difference over [`LAG_S`], the band to which a
+//! window of 0.3 s is sensitive.
 //!
-//! **Course in time.** Neither white nor any other spectrum is assumed: each marker's error takes the course of its own residual in the axes of
-//! its link (of another marker nearby where its own residual says little), turned by a random rotation that is the same in all frames and
-//! all trials of a draw. Turned errors are no longer what the fit has left over, so they move the pose as errors do: with full
-//! covariance between coordinates, between frames and between trials.
+//! **Time course.** No spectrum is assumed, white or other: each marker's error follows the time
+//! course of its own residual in the axes of its link (or that of a nearby marker if its own
+//! residual carries little information), rotated by a random rotation that is the same in all
+//! frames and all trials of a draw. The rotated errors are no longer residuals of the fit, so they
+//! move the pose as real errors do: with full covariance between coordinates, between frames and
+//! between trials.
 //!
-//! Not in it: a movement that all markers of a link make together, as the fit follows it and leaves no residual.
+//! Not included: a movement common to all markers of a link, because the fit follows it and leaves
+//! no residual.
 
 use crate::frame::Solver;
 use crate::problem::Problem;
@@ -41,20 +47,21 @@ use rand_distr::{Distribution, StandardNormal};
 /// Lag of the second difference by which errors are measured, s: a window of 0.3 s, in which ψ̈ changes sign twice, is most
 /// sensitive to 1/(2 lag) = 6.7 Hz.
 const LAG_S: f64 = 0.075;
-/// Frames of a trial at which the share of an error that stays as residual is computed.
+/// Frames of a trial at which the fraction of an error that remains as residual is computed.
 const SAMPLES: usize = 8;
-/// Share of a marker's error that has to stay in its residual for the residual to lend its course.
+/// Minimum fraction of a marker's error that must remain in its residual for its time course to be
+/// used.
 const SPEAKS: f64 = 0.25;
 /// Weight of the mean of all markers in the variance of one, in numbers of residuals (a marker has three at most).
 const PRIOR_WEIGHT: f64 = 0.5;
 /// Multiplicative updates of the variances.
 const UPDATES: usize = 40;
 
-/// Errors of the markers of one trial: their course in time and their size.
+/// Errors of the markers of one trial: time course and size.
 #[derive(Debug, Clone)]
 pub struct MarkerErrors {
     problem: Problem,
-    /// Of each marker among the subject's: its random numbers.
+    /// Random stream of each marker, by its index in the subject.
     stream: Vec<u64>,
     /// Residual (measured − model) of each marker in its link's axes, m, `[marker][frame]`; gaps are bridged by straight lines.
     residual: Vec<Vec<Vector3<f64>>>,
@@ -62,18 +69,18 @@ pub struct MarkerErrors {
     seen: Vec<f64>,
     /// The same of each marker's error, all three axes, m².
     size: Vec<f64>,
-    /// Markers whose residual may lend its course to each marker.
+    /// For each marker, the markers whose residual may provide its time course.
     donors: Vec<Vec<usize>>,
 }
 
 impl MarkerErrors {
-    /// From the recording and its solved motion; `None` where no frame is solved.
+    /// Computed from the recording and its solved motion; `None` if no frame is solved.
     ///
     /// # Errors
     /// As [`solve`](crate::solve()).
     pub fn of(subject: &Subject, trial: &Trial, motion: &Motion, options: &IkOptions) -> Result<Option<Self>, IkError> {
         let mut problem = Problem::new(subject, options)?;
-        // markers that were never seen say nothing and pull at nothing
+        // Markers that were never visible carry no information and do not affect the fit.
         let ever = |label: &str| {
             let index = trial.markers.index(label);
             index.is_some_and(|i| trial.markers.trajectories[i].iter().any(|p| p.x.is_finite()))
@@ -109,13 +116,15 @@ impl MarkerErrors {
         Ok(Some(Self { problem, stream, residual, seen, size, donors }))
     }
 
-    /// Root mean square of the errors, one axis, m: of each marker by label, as far as they move in the band of the windows.
+    /// Root mean square of the errors, one axis, m, of each marker by label, for the band to which
+    /// the windows are sensitive.
     pub fn sizes_m(&self) -> impl Iterator<Item = (&str, f64)> {
         self.problem.markers.iter().zip(&self.size).map(|(m, s)| (m.label.as_str(), (s / 3.0).sqrt()))
     }
 
-    /// The motion with errors drawn once more, in the frames for which `wanted` holds; the others stay. The same `seed` and `draw` give
-    /// the markers the same rotations in every trial of a subject.
+    /// The motion with newly drawn errors in the frames for which `wanted` holds; the others are
+    /// unchanged. The same `seed` and `draw` give the markers the same rotations in every trial of
+    /// a subject.
     pub fn draw(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, seed: u64, draw: u64) -> Motion {
         let tree = &self.problem.tree;
         let mut out = Motion {
@@ -126,7 +135,7 @@ impl MarkerErrors {
             q: motion.q.clone(),
             ..Motion::default()
         };
-        // the course that each marker takes: whose residual, how much of it, turned how
+        // Time course of each marker: index of the residual, scale and rotation.
         let turned: Vec<Option<(usize, nalgebra::Matrix3<f64>)>> = (0..self.seen.len())
             .map(|m| {
                 let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -154,7 +163,7 @@ impl MarkerErrors {
     }
 }
 
-/// Straight lines across missing samples, the nearest sample beyond the first and the last.
+/// Linear interpolation across missing samples; constant before the first and after the last one.
 fn bridge(series: &mut [Vector3<f64>]) {
     let known: Vec<usize> = (0..series.len()).filter(|&f| series[f].x.is_finite()).collect();
     let (Some(&first), Some(&last)) = (known.first(), known.last()) else {
@@ -173,7 +182,7 @@ fn bridge(series: &mut [Vector3<f64>]) {
     }
 }
 
-/// Mean square of the second difference over six: that of the series itself, were it white.
+/// Mean square of the second difference over six, which for a white series is its own mean square.
 fn mean_square(series: &[Vector3<f64>], lag: usize) -> f64 {
     let n = series.len().saturating_sub(2 * lag);
     let sum: f64 = (0..n).map(|f| (series[f] - 2.0 * series[f + lag] + series[f + 2 * lag]).norm_squared()).sum();
@@ -235,7 +244,8 @@ fn sizes(kept: &DMatrix<f64>, seen: &[f64]) -> Vec<f64> {
     variance.iter().map(|v| 3.0 * v).collect()
 }
 
-/// Markers whose residual may stand for the error of marker `m`: its own where that says enough, else those of the nearest links.
+/// Markers whose residual may represent the error of marker `m`: its own if it carries enough
+/// information, otherwise those on the nearest links.
 fn donors(problem: &Problem, m: usize, speaks: &[bool]) -> Vec<usize> {
     if speaks[m] {
         return vec![m];
@@ -268,7 +278,8 @@ fn random_rotation(rng: &mut ChaCha8Rng) -> nalgebra::Matrix3<f64> {
     Rotation3::from(q).into_inner()
 }
 
-/// The fit's linear answer to displaced markers in one frame, all of the trial's markers seen.
+/// Linear response of the fit to displaced markers in one frame, with all markers of the trial
+/// visible.
 struct Response<'a> {
     solver: Solver<'a>,
     force: Vec<Vector3<f64>>,
@@ -279,13 +290,13 @@ impl<'a> Response<'a> {
     fn new(problem: &'a Problem) -> Self {
         let mut solver = Solver::new(problem);
         solver.visible = (0..problem.markers.len()).collect();
-        // residuals do not matter to the normal matrix, weights being constant
+        // Residuals do not affect the normal matrix, because weights are constant.
         solver.targets.fill(Vector3::zeros());
         let links = problem.tree.links.len();
         Self { solver, force: vec![Vector3::zeros(); links], torque: vec![Vector3::zeros(); links] }
     }
 
-    /// Normal matrix at a pose; false where a coordinate is free.
+    /// Computes the normal matrix at a pose; false if a coordinate is undetermined.
     fn at(&mut self, q: &[f64]) -> bool {
         self.solver.evaluate(q);
         self.solver.prepare(q)
@@ -305,7 +316,8 @@ impl<'a> Response<'a> {
         self.solver.factor.solve(&self.solver.problem.tree, x);
     }
 
-    /// Movement of the markers with the coordinates, 3 markers × nv, world axes; locked coordinates move nothing.
+    /// Derivatives of the marker positions by the coordinates, 3 markers × nv, world axes; zero for
+    /// locked coordinates.
     fn jacobian(&self) -> DMatrix<f64> {
         let problem = self.solver.problem;
         let tree = &problem.tree;

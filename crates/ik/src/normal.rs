@@ -1,16 +1,18 @@
-//! Normal equations of one frame in the pattern of the tree.
+//! Normal equations of one frame, with the sparsity pattern of the tree.
 //!
-//! A marker of weight w moves only with the joints above it, so JᵀWJ is the joint-space inertia matrix of point masses
-//! w at the markers, and it is built as such: moments of order 0, 1, 2 gathered for each link, added up towards the
-//! root, then one force for each column met with the columns above it (composite rigid bodies: Featherstone, *Rigid
-//! Body Dynamics Algorithms*, 2008, §6.2). The factorisation H = LᵀDL from the leaves to the root has no fill-in
-//! (ibid. §6.5). Row k is stored as the entries of its ancestors, root first, then its diagonal; since the ancestors of
-//! an ancestor are a prefix, every inner loop runs over two contiguous prefixes.
+//! A marker of weight w moves only with the joints above it, so JᵀWJ is the joint-space inertia
+//! matrix of point masses w at the markers, and it is computed as such: moments of order 0, 1, 2
+//! are gathered for each link and accumulated towards the root; then the force of each column is
+//! projected onto the columns above it (composite rigid bodies: Featherstone, *Rigid Body Dynamics
+//! Algorithms*, 2008, §6.2). The factorisation H = LᵀDL from the leaves to the root has no fill-in
+//! (ibid. §6.5). Row k is stored as the entries of its ancestors, root first, then its diagonal;
+//! since the ancestors of an ancestor are a prefix, every inner loop runs over two contiguous
+//! prefixes.
 
 use crate::tree::{NONE, Pose, Tree};
 use nalgebra::Vector3;
 
-/// Weighted moments of the markers at and above a link's branch, about the pose's reference point.
+/// Weighted moments of the markers on a link and its descendants, about the pose's reference point.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Moments {
     mass: f64,
@@ -48,7 +50,7 @@ impl Moments {
         self.torque += other.torque;
     }
 
-    /// Force and torque that unit rate of a column needs when the markers are masses.
+    /// Force and torque of a unit rate of a column, with the markers as masses.
     fn response(&self, linear: &Vector3<f64>, angular: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let [xx, yy, zz, xy, xz, yz] = self.second;
         let spin = Vector3::new(
@@ -60,7 +62,7 @@ impl Moments {
     }
 }
 
-/// A symmetric matrix in the tree's pattern (or its factor), and a right-hand side.
+/// A symmetric matrix with the tree's sparsity pattern (or its factor), and a right-hand side.
 #[derive(Debug, Clone)]
 pub(crate) struct Packed {
     pub values: Vec<f64>,
@@ -85,7 +87,8 @@ impl Packed {
         self.start[row] + tree.ancestors[row].len()
     }
 
-    /// Fills matrix and gradient from the moments of each link, which are added up towards the root on the way.
+    /// Fills matrix and gradient from the moments of each link, which are accumulated towards the
+    /// root in the process.
     pub fn assemble(&mut self, tree: &Tree, pose: &Pose, moments: &mut [Moments]) {
         for index in (1..moments.len()).rev() {
             let parent = tree.links[index].parent;
@@ -108,7 +111,7 @@ impl Packed {
         }
     }
 
-    /// Takes coordinates out of the problem.
+    /// Removes coordinates from the problem.
     pub fn lock(&mut self, tree: &Tree, locked: &[bool]) {
         for row in 0..tree.nv {
             let above = &tree.ancestors[row];
@@ -185,7 +188,8 @@ impl Packed {
         }
     }
 
-    /// The entries of H⁻¹ that lie in the tree's pattern, from a factor (Takahashi's recursion, root to leaves), of the first `rows` rows.
+    /// The entries of H⁻¹ within the tree's pattern, from a factor (Takahashi's recursion, root to
+    /// leaves), for the first `rows` rows.
     pub fn invert(&mut self, tree: &Tree, factor: &Self, rows: usize) {
         for k in 0..rows.min(tree.nv) {
             let above = &tree.ancestors[k];
@@ -240,7 +244,8 @@ mod tests {
         Model::from_spec(&ModelSpec { name: "all".to_owned(), links: links.collect() }).unwrap()
     }
 
-    /// Normal equations against Jacobians of another crate, factor and inverse against dense ones.
+    /// Compares the normal equations with Jacobians of another crate, and factor and inverse with
+    /// dense ones.
     #[test]
     fn normal_equations_against_dense_algebra() {
         let model = tree_of_all_joints();
@@ -293,7 +298,7 @@ mod tests {
         }
     }
 
-    /// Poses, retraction and extrapolation against the model's own.
+    /// Compares poses, retraction and extrapolation with those of the model.
     #[test]
     fn retraction_against_the_model() {
         let model = tree_of_all_joints();

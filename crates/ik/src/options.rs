@@ -1,4 +1,4 @@
-//! What can be chosen in tracking; the defaults suit people and rigid objects alike.
+//! Options of tracking; the defaults are suitable for people and for rigid objects.
 
 use crate::IkError;
 use serde::{Deserialize, Serialize};
@@ -8,42 +8,46 @@ use std::collections::BTreeMap;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct IkOptions {
-    /// Standard deviation of a marker of weight 1, each axis, m. It weighs markers against the soft priors; reported
-    /// covariances use the residuals' own scatter instead.
+    /// Standard deviation of a marker of weight 1, each axis, m. It sets the weight of markers
+    /// relative to the soft priors; reported covariances use the scatter of the residuals instead.
     pub marker_sd_m: f64,
-    /// Standard deviation of the pull towards the static posture, rad (m for prismatic joints). Wide: it holds coordinates
-    /// that no marker sees and does nothing to the others.
+    /// Standard deviation of the prior about the static posture, rad (m for prismatic joints).
+    /// Wide: it fixes coordinates that no marker determines and has no effect on the others.
     pub posture_sd_rad: f64,
-    /// How far a hinge with a known flexion side may go past straight before a soft limit pulls back, rad.
+    /// How far a hinge with a known flexion side may extend past straight before a soft limit acts,
+    /// rad.
     pub overextension_rad: f64,
     /// How far it may flex from straight, rad.
     pub flexion_limit_rad: f64,
     /// Standard deviation of the excess over these limits, rad.
     pub limit_sd_rad: f64,
-    /// Sense in which a hinge flexes about its axis (+1 or −1) by link name. Hinges that are not named have no limits and no
-    /// preferred side. Filled for the forearms and shanks of the human model.
+    /// Direction in which a hinge flexes about its axis (+1 or −1) by link name. Hinges not listed
+    /// have no limits and no preferred side. Filled in for the forearms and shanks of the human
+    /// model.
     pub flexion: BTreeMap<String, f64>,
     /// Coordinates held at the static posture, as indices into v.
     pub locked: Vec<usize>,
-    /// Distance beyond which a marker's pull no longer grows (Huber's loss), m; none for plain least squares.
+    /// Distance at which the influence of a marker is limited (Huber's loss), m; `None` for plain
+    /// least squares.
     pub huber_m: Option<f64>,
-    /// Steps of one minimisation.
+    /// Maximum number of steps of one minimisation.
     pub max_iterations: usize,
     /// A minimisation has converged when the step is below this many standard deviations (of the estimate, at `marker_sd_m`).
     pub tolerance_sd: f64,
-    /// A frame starts afresh when its marker RMS exceeds this multiple of the last one…
+    /// A frame is restarted when its marker RMS exceeds this multiple of the previous one…
     pub restart_factor: f64,
     /// …plus this, m.
     pub restart_margin_m: f64,
-    /// How much worse (relative χ²) the flexed side of an under-observed hinge may fit and still be preferred.
+    /// Relative increase of χ² that is accepted for the flexed side of a poorly observed hinge.
     pub flexed_tolerance: f64,
-    /// A frame counts as unsolved when the root's position is known less well than this, m.
+    /// A frame counts as unsolved if the standard deviation of the root's position exceeds this, m.
     pub root_sd_limit_m: f64,
-    /// Longest gap of a marker across which its pull on the pose is carried, s; 0 for none.
+    /// Longest gap of a marker that is bridged, s; 0 for none.
     pub bridge_gaps_s: f64,
-    /// Frames that are tracked in one sequence; longer trials are cut here, whatever the number of threads.
+    /// Frames tracked in one sequence; longer trials are split here, whatever the number of
+    /// threads.
     pub chunk_frames: usize,
-    /// Frames tracked ahead of each piece and thrown away.
+    /// Frames tracked before each sequence and discarded.
     pub warm_up_frames: usize,
 }
 
@@ -76,7 +80,7 @@ impl IkOptions {
     /// Checks the numbers.
     ///
     /// # Errors
-    /// [`IkError::Option`] for the first one that cannot be used.
+    /// [`IkError::Option`] for the first invalid value.
     pub fn check(&self) -> Result<(), IkError> {
         let positive = [
             ("marker_sd_m", self.marker_sd_m),

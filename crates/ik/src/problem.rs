@@ -1,11 +1,11 @@
-//! What stays the same from frame to frame: the tree, the markers on it, the soft priors.
+//! Data that is constant over the frames: the tree, its markers, the soft priors.
 
 use crate::tree::{NONE, Pose, Tree};
 use crate::{IkError, IkOptions};
 use aloft_body::{JointKind, Subject, rigid};
 use nalgebra::{Matrix3, Vector3};
 
-/// Smallest number of markers in common with which a trial is tried at all.
+/// Minimum number of common markers for tracking a trial.
 pub(crate) const FEWEST_MARKERS: usize = 3;
 
 /// A tracked marker.
@@ -17,7 +17,7 @@ pub(crate) struct Tracked {
     pub position: Vector3<f64>,
     /// 1/σ², 1/m².
     pub weight: f64,
-    /// Distance beyond which the pull no longer grows, m.
+    /// Distance at which the influence of the marker is limited, m.
     pub huber: f64,
 }
 
@@ -26,14 +26,14 @@ pub(crate) struct Tracked {
 pub(crate) struct Hinge {
     pub link: usize,
     pub parent: usize,
-    /// The link beyond, where it hangs on a spherical joint.
+    /// The link at the far end, if it has a spherical joint.
     pub end: usize,
     pub axis: Vector3<f64>,
     pub q_index: usize,
     pub v_index: usize,
     /// From the parent's origin to the hinge, in the parent's frame, m.
     pub to_hinge: Vector3<f64>,
-    /// From the hinge to the point beyond, in the hinge's link frame, m.
+    /// From the hinge to the far end, in the hinge's link frame, m.
     pub to_end: Vector3<f64>,
     /// Angle at which the two ends are farthest apart, rad.
     pub straight: f64,
@@ -42,7 +42,7 @@ pub(crate) struct Hinge {
     pub swing: f64,
     /// +1 or −1: flexion is `sense · (angle − straight) > 0`.
     pub sense: f64,
-    /// True when the markers cannot tell the flexed from the overextended side.
+    /// True if the markers cannot distinguish the flexed from the overextended side.
     pub watched: bool,
 }
 
@@ -54,7 +54,7 @@ impl Hinge {
     }
 }
 
-/// Everything constant.
+/// All constant data.
 #[derive(Debug, Clone)]
 pub(crate) struct Problem {
     pub tree: Tree,
@@ -73,12 +73,12 @@ pub(crate) struct Problem {
     pub max_iterations: usize,
     /// Square of the step, in standard deviations, below which a minimisation stops.
     pub tolerance: f64,
-    /// Whether standard deviations of the coordinates are wanted.
+    /// Whether standard deviations of the coordinates are computed.
     pub deviations: bool,
 }
 
 impl Problem {
-    /// Prepares a subject; markers without weight are left out.
+    /// Prepares a subject; markers without weight are omitted.
     pub fn new(subject: &Subject, options: &IkOptions) -> Result<Self, IkError> {
         options.check()?;
         let model = &subject.model;
@@ -148,7 +148,8 @@ impl Problem {
     }
 }
 
-/// Hinges with a known flexion side, with the geometry of the triangle that they close.
+/// Hinges with a known flexion side, with the geometry of the triangle formed by the hinge and its
+/// two ends.
 fn find_hinges(tree: &Tree, markers: &[Tracked], options: &IkOptions) -> Vec<Hinge> {
     let count = |link: usize| markers.iter().filter(|m| m.link == link).count();
     let mut hinges = Vec::new();
@@ -192,7 +193,8 @@ fn find_hinges(tree: &Tree, markers: &[Tracked], options: &IkOptions) -> Vec<Hin
     hinges
 }
 
-/// [`rigid::best_rotation`] as starting postures need it: a start may end its iteration earlier.
+/// [`rigid::best_rotation`] with the tolerance of starting postures, for which the iteration can
+/// end earlier.
 pub(crate) fn best_rotation(b: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     rigid::best_rotation(b, 1e-14).map(|(rotation, _)| rotation)
 }

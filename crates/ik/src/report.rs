@@ -1,4 +1,4 @@
-//! How well a trial was tracked, marker by marker and frame by frame.
+//! Quality of tracking, by marker and by frame.
 
 use serde::{Deserialize, Serialize};
 
@@ -30,13 +30,13 @@ pub struct IkReport {
     pub n_unsolved: usize,
     /// Frames in which the minimisation stopped before it converged; they are kept.
     pub n_unconverged: usize,
-    /// Frames that were started afresh.
+    /// Frames that were restarted.
     pub n_restarts: usize,
-    /// Frames in which a hinge was put back on its flexed side.
+    /// Frames in which a hinge was moved back to its flexed side.
     pub n_branch_changes: usize,
-    /// Frames in which the pull of missing markers was carried across a gap.
+    /// Frames in which a gap of a marker was bridged.
     pub n_bridged: usize,
-    /// Steps of minimisation a frame, on average.
+    /// Mean number of minimisation steps per frame.
     pub mean_iterations: f64,
     /// Root mean square over markers and frames, m.
     pub rms_m: f64,
@@ -55,7 +55,8 @@ pub struct IkReport {
 }
 
 impl IkReport {
-    /// Gathers the figures from distances `residual_m[frame * n_markers + marker]` (NaN where missing).
+    /// Computes the figures from distances `residual_m[frame * n_markers + marker]` (NaN where
+    /// missing).
     pub(crate) fn gather(trial: &str, labels: &[String], residual_m: &[f64], solved: &[bool]) -> Self {
         let n = labels.len();
         let n_frames = solved.len();

@@ -1,15 +1,20 @@
-//! Smooth joint motion with velocities and accelerations on the manifold of joint coordinates.
+//! Smooths joint motion and computes velocities and accelerations on the manifold of joint
+//! coordinates.
 //!
-//! Stands between inverse kinematics, which gives poses frame by frame, and everything that needs derivatives: flights, rows, comparison.
+//! Runs between inverse kinematics, which gives poses frame by frame, and every stage that needs
+//! derivatives: flights, rows, comparison.
 //!
-//! Rotations are filtered as unit quaternions: signs are made continuous (so ±π is no place of its own), the four components go through
-//! the same linear filter, and the result is brought back to unit length. The filter in the surrounding space and the one on the
-//! rotation vector of the increments agree to first order; the second-order difference was measured on two-link objects tumbling at up
-//! to 9 rad/s (200 Hz, order 3, 10 Hz, 14 frames from the throw): the filtered angular velocity is off by 5.7e-3 rad/s root mean square,
-//! against 5.0e-3 rad/s when the true body angular velocity itself is filtered, and the same to two digits on gentler throws. What is lost is
-//! the filter's own pass band and its edges, not the representation, so nothing more elaborate is done. With marker
-//! noise of 0.3 mm, 14 frames from the throw, the paper's rows give the 17 base parameters of the fast throws within 9e-5 (kg·m, kg·m²) and
-//! of the gentle ones within 1.5e-3, most of it errors in variables.
+//! Rotations are filtered as unit quaternions: signs are made continuous (so that ±π is not a
+//! discontinuity), the four components pass through the same linear filter, and the result is
+//! normalised. Filtering in the surrounding space and filtering the rotation vector of the
+//! increments agree to first order; the second-order difference was measured on two-link objects
+//! tumbling at up to 9 rad/s (200 Hz, order 3, 10 Hz, 14 frames from the throw): the error of the
+//! filtered angular velocity is 5.7e-3 rad/s root mean square, against 5.0e-3 rad/s when the true
+//! body angular velocity itself is filtered, and the same to two digits on gentler throws. The loss
+//! is due to the filter's pass band and edges, not to the representation, so no more elaborate
+//! method is used. With marker noise of 0.3 mm, 14 frames from the throw, the paper's rows give the
+//! 17 base parameters of the fast throws within 9e-5 (kg·m, kg·m²) and of the gentle ones within
+//! 1.5e-3, mostly because of errors in variables.
 //!
 //! Derivatives are fourth-order differences of the unit quaternion, then `ω = 2 vec(q* q̇)` and `α = 2 vec(q* q̈)` in the axes of the
 //! moving link. A free joint's translation is filtered in the world; its velocity is `v = Rᵀṗ` and its acceleration the rate of these
@@ -20,11 +25,11 @@ use aloft_signal::{Butterworth, DesignError, LowPass, derivative::derivatives_of
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use std::f64::consts::{PI, TAU};
 
-/// A motion that cannot be smoothed.
+/// Errors of smoothing.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SmoothError {
-    /// The filter does not fit the sampling rate.
+    /// The filter is not valid at this sampling rate.
     #[error("{trial}: {source}")]
     Filter {
         #[doc(hidden)]
@@ -54,15 +59,18 @@ pub enum SmoothError {
     },
 }
 
-/// Joint coordinates filtered forward and backward, with velocities and accelerations; with `spec: None` the coordinates stay as
-/// they are (signs of quaternions and turns of hinges made continuous) and only the derivatives are added.
+/// Joint coordinates filtered forward and backward, with velocities and accelerations. If `spec` is
+/// `None`, the coordinates are not filtered (only signs of quaternions and turns of hinges are made
+/// continuous) and the derivatives are added.
 ///
-/// Runs without missing frames are treated apart, joint by joint: frames of runs too short for the filter
-/// ([`Butterworth::padding`]) become NaN, and runs shorter than [`aloft_signal::derivative::SHORTEST_RUN`] have NaN derivatives.
-/// Marker residuals, labels and standard deviations are kept.
+/// Runs without missing frames are processed separately, joint by joint: frames of runs too short
+/// for the filter ([`Butterworth::padding`]) become NaN, and runs shorter than
+/// [`aloft_signal::derivative::SHORTEST_RUN`] have NaN derivatives. Marker residuals, labels and
+/// standard deviations are kept.
 ///
 /// # Errors
-/// A filter that does not fit the rate; a motion with another number of coordinates than the model.
+/// A filter that is not valid at the rate; a motion whose number of coordinates differs from the
+/// model's.
 pub fn smooth(model: &Model, motion: &Motion, spec: Option<LowPass>) -> Result<Motion, SmoothError> {
     let trial = || motion.trial.clone();
     if motion.nq != model.nq {
@@ -171,8 +179,8 @@ fn angular_rates(q: [&[f64]; 3], at: usize) -> (Vector3<f64>, Vector3<f64>) {
     (body(q[1]), body(q[2]))
 }
 
-/// Of the two quaternions of each rotation takes the one near the frame before, and of the turns of a hinge the nearest, also across
-/// gaps. A quaternion with a missing component is missing.
+/// Chooses, of the two quaternions of each rotation, the one nearer to the previous frame, and for
+/// hinges the nearest turn, also across gaps. A quaternion with a missing component is missing.
 fn make_continuous(model: &Model, q: &mut [f64]) {
     let nq = model.nq;
     for link in &model.links {

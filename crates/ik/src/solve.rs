@@ -1,9 +1,11 @@
-//! A trial, frame after frame.
+//! Tracks a trial frame by frame.
 //!
-//! Each frame starts from the motion of the two frames before it. It starts afresh, from several closed forms, where
-//! there is no frame before, or where its fit is suddenly worse. Hinges whose markers cannot tell the two sides of a bent
-//! limb apart are also started on the flexed side whenever they are near or beyond straight. Long trials are cut into
-//! pieces of fixed length, each with a few frames of warm-up, so that the result is the same at any number of threads.
+//! Each frame starts from the extrapolated motion of the two preceding frames. It is restarted from
+//! several closed-form guesses if there is no preceding frame, or if its fit is suddenly worse.
+//! Hinges whose markers cannot distinguish the two sides of a bent limb are also started on the
+//! flexed side whenever they are near or beyond straight. Long trials are split into sequences of
+//! fixed length, each with a few warm-up frames, so that the result does not depend on the number
+//! of threads.
 
 use crate::bridge::bridge;
 use crate::frame::{Fit, Solver};
@@ -16,10 +18,10 @@ use rayon::prelude::*;
 
 /// Flexion below which the flexed side of a watched hinge is tried as well, rad.
 const NEAR_STRAIGHT_RAD: f64 = 0.15;
-/// χ² by which a fit on the flexed side may be worse whatever the noise.
+/// Increase of χ² that is always accepted for a fit on the flexed side.
 const FLEXED_SLACK: f64 = 9.0;
 
-/// Motion of one trial and how well the markers fit it.
+/// Motion of one trial and its fit to the markers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IkResult {
     /// Joint coordinates (world frame, SI), residuals and standard deviations; velocities and accelerations are empty.
@@ -30,22 +32,22 @@ pub struct IkResult {
 
 /// Finds the joint coordinates of every frame of a trial.
 ///
-/// Weighted non-linear least squares over all coordinates: ½ Σ w_k |p_k(q) − y_k|² / σ² plus soft priors, where p_k is a
-/// model marker and y_k the measured one, matched by label. Markers that are missing in a frame drop out; in gaps up to
-/// `bridge_gaps_s` their pull on the pose is carried across. Frames in which the root cannot be placed are NaN in the motion and
-/// counted in the report.
+/// Weighted non-linear least squares over all coordinates: ½ Σ w_k |p_k(q) − y_k|² / σ² plus soft
+/// priors, where p_k is a model marker and y_k the measured one, matched by label. Markers missing
+/// in a frame are omitted; gaps up to `bridge_gaps_s` are bridged. Frames in which the root is
+/// undetermined are NaN in the motion and counted in the report.
 ///
 /// `motion.q_sd` holds standard deviations from the inverse of the normal equations, scaled by each frame's residual
 /// variance (in the tangent space of `v`: m and rad).
 ///
 /// # Errors
-/// [`IkError::TooFewMarkers`] when fewer than three markers are common to trial and subject; [`IkError::Mismatch`] and
-/// [`IkError::Option`] when subject or options do not fit the model.
+/// [`IkError::TooFewMarkers`] when fewer than three markers are common to trial and subject;
+/// [`IkError::Mismatch`] and [`IkError::Option`] when subject or options do not match the model.
 pub fn solve(subject: &Subject, trial: &Trial, options: &IkOptions) -> Result<IkResult, IkError> {
     solve_with(subject, trial, options, true)
 }
 
-/// Leaves the markers in the problem that the trial has; says where they stand in the trial.
+/// Keeps the problem's markers that the trial contains; returns their indices in the trial.
 pub(crate) fn meet(problem: &mut Problem, subject: &Subject, trial: &Trial) -> Result<Vec<usize>, IkError> {
     let all: Vec<String> = problem.markers.iter().map(|m| m.label.clone()).collect();
     problem.markers.retain(|m| trial.markers.index(&m.label).is_some());
@@ -61,7 +63,7 @@ pub(crate) fn meet(problem: &mut Problem, subject: &Subject, trial: &Trial) -> R
     Ok(problem.markers.iter().filter_map(|m| trial.markers.index(&m.label)).collect())
 }
 
-/// [`solve`], with `motion.q_sd` left empty unless `deviations` are wanted; all else is the same.
+/// [`solve`], but `motion.q_sd` stays empty unless `deviations` is set; all else is the same.
 fn solve_with(subject: &Subject, trial: &Trial, options: &IkOptions, deviations: bool) -> Result<IkResult, IkError> {
     let mut problem = Problem::new(subject, options)?;
     problem.deviations = deviations;
@@ -135,11 +137,11 @@ pub(crate) struct Piece {
     pub iterations: usize,
 }
 
-/// What a sequence remembers from frame to frame.
+/// State carried from frame to frame.
 struct Memory {
     last: Vec<f64>,
     before: Vec<f64>,
-    /// How many frames in a row are remembered: 0, 1 or 2.
+    /// Number of consecutive frames stored: 0, 1 or 2.
     depth: usize,
     /// True once any frame was solved.
     any: bool,
@@ -207,7 +209,8 @@ pub(crate) fn track(
     piece
 }
 
-/// Frames that need not follow each other, each from a posture of its own. One that cannot be solved keeps that posture.
+/// Independent frames, each from its own initial posture. A frame that cannot be solved keeps that
+/// posture.
 pub(crate) fn track_each(
     problem: &Problem,
     options: &IkOptions,
@@ -282,7 +285,7 @@ impl Tracker<'_> {
             }
         }
         if !plain || outcome.iterations != fit.iterations {
-            // another start was tried last: bring poses and residuals back to the one that was kept
+            // Another start was tried last: restore poses and residuals of the one that was kept.
             solver.evaluate(&self.q);
         }
         outcome.converged = fit.converged;
@@ -290,7 +293,8 @@ impl Tracker<'_> {
         outcome
     }
 
-    /// The best of several starts that do not need the frame before; `best` belongs to `self.q`.
+    /// The best of several starts that do not depend on the preceding frame; `best` belongs to
+    /// `self.q`.
     fn start_afresh(
         &mut self,
         solver: &mut Solver<'_>,
@@ -323,7 +327,8 @@ impl Tracker<'_> {
         best
     }
 
-    /// Tries a hinge near or beyond straight on its flexed side, and keeps that unless it fits clearly worse.
+    /// Tries the flexed side of a hinge near or beyond straight, and keeps it unless the fit is
+    /// clearly worse.
     fn try_flexed(&mut self, solver: &mut Solver<'_>, index: usize, fit: Fit, outcome: &mut Outcome) -> Fit {
         let hinge = &solver.problem.hinges[index];
         let now = hinge.flexion(self.q[hinge.q_index]);
@@ -352,14 +357,14 @@ impl Tracker<'_> {
         fit
     }
 
-    /// True when the markers place the root; needs the covariance.
+    /// True if the markers determine the root's pose; needs the covariance.
     fn root_is_known(&self, solver: &Solver<'_>) -> bool {
         let root = &solver.problem.tree.links[0];
         if root.kind != JointKind::Free {
             return true;
         }
         let limit = self.options.root_sd_limit_m;
-        // turns count by what they do to a point a hand's breadth away
+        // Rotations count by the displacement of a point 0.1 m away.
         (0..6).all(|i| {
             let arm = if i < 3 { 1.0 } else { 0.1 };
             solver.variance(root.v_offset + i).max(0.0).sqrt() * arm < limit
@@ -375,7 +380,8 @@ pub(crate) mod tests {
     use aloft_trial::Markers;
     use nalgebra::Matrix3;
 
-    /// A person of the program's model with three markers a link, and a smooth motion of so many frames.
+    /// A person with the human model, three markers per link, and a smooth motion of `n_frames`
+    /// frames.
     pub(crate) fn person(n_frames: usize) -> (Subject, Trial) {
         let spec: ModelSpec = serde_yaml::from_str(include_str!("../../../configs/models/human34.yaml")).unwrap();
         let mut model = Model::from_spec(&spec).unwrap();
@@ -441,7 +447,7 @@ pub(crate) mod tests {
     #[test]
     fn without_deviations_all_else_is_the_same() {
         let (subject, mut trial) = person(80);
-        // some gaps, so that bridges are built
+        // Some gaps, so that bridging is included.
         for f in 20..30 {
             trial.markers.trajectories[7][f] = Vector3::repeat(f64::NAN);
         }
@@ -454,7 +460,7 @@ pub(crate) mod tests {
         assert_eq!(full.report.frame_rms_m, lean.report.frame_rms_m);
     }
 
-    /// Moves every marker by a tenth of a millimetre to a few, another way in every frame.
+    /// Moves every marker by 0.1 mm to a few millimetres, differently in every frame.
     pub(crate) fn shake(trial: &mut Trial) {
         for (i, path) in trial.markers.trajectories.iter_mut().enumerate() {
             for (f, p) in path.iter_mut().enumerate() {
@@ -464,7 +470,8 @@ pub(crate) mod tests {
         }
     }
 
-    /// A minimisation that foresees its end against one that goes on until steps vanish.
+    /// Compares a minimisation that ends on the predicted gain with one that continues until steps
+    /// vanish.
     #[test]
     fn foreseen_steps_would_not_have_mattered() {
         let (subject, mut trial) = person(60);

@@ -1,4 +1,5 @@
-//! Where a frame may start when the frame before it does not help: closed forms from the root outwards.
+//! Starting postures that do not depend on the preceding frame: closed forms from the root
+//! outwards.
 
 use crate::frame::Solver;
 use crate::problem::{Hinge, best_rotation};
@@ -6,9 +7,10 @@ use crate::tree::{NONE, Pose, Tree, axis_angle_matrix};
 use aloft_body::JointKind;
 use nalgebra::{Matrix3, Vector3};
 
-/// Weight of a marker further out on the branch, which only points the way, against one on the link itself.
+/// Weight of a marker farther out on the branch, which gives a direction only, relative to one on
+/// the link itself.
 const BEYOND: f64 = 0.05;
-/// Lever arm with which the resting posture pulls, m, at one nominal marker weight.
+/// Lever arm of the attraction to the resting posture, m, at one nominal marker weight.
 const REST_ARM_M: f64 = 0.02;
 
 impl Solver<'_> {
@@ -48,7 +50,8 @@ impl Solver<'_> {
         Some((rotation, mean_b - rotation * mean_a))
     }
 
-    /// Resting posture with the root placed by its own markers, or by all markers as one rigid body. False when neither can be.
+    /// Resting posture with the root placed by its own markers, or by all markers as one rigid
+    /// body. False if neither is possible.
     pub fn start_at_rest(&mut self, q: &mut [f64], by_root: bool) -> bool {
         let problem = self.problem;
         let tree = &problem.tree;
@@ -59,7 +62,7 @@ impl Solver<'_> {
         let placed = if by_root {
             self.rigid_fit(|i| problem.markers[i].link == 0, |i| problem.markers[i].position)
         } else {
-            // all markers in the root's frame at the resting posture
+            // All markers in the root's frame at the resting posture.
             let (root_rotation, root_origin) = (problem.rest_pose.rotation[0], problem.rest_pose.origin[0]);
             self.rigid_fit(
                 |_| true,
@@ -79,7 +82,8 @@ impl Solver<'_> {
         true
     }
 
-    /// Turns every joint beyond the root so that the markers on its branch fit best, one joint after the other.
+    /// Rotates every joint beyond the root to the best fit of the markers on its branch, one joint
+    /// after the other.
     pub fn descend(&mut self, q: &mut [f64]) {
         let problem = self.problem;
         let tree = &problem.tree;
@@ -117,7 +121,7 @@ impl Solver<'_> {
                         b += weight * seen.dot(&axis.cross(&flat));
                     }
                     if a != 0.0 || b != 0.0 {
-                        // stay within half a turn of the resting angle
+                        // Stay within half a turn of the resting angle.
                         let angle = b.atan2(a);
                         let turns = ((angle - rest_angle) / std::f64::consts::TAU).round();
                         q[link.q_offset] = angle - turns * std::f64::consts::TAU;
@@ -129,7 +133,8 @@ impl Solver<'_> {
         }
     }
 
-    /// A marker in a link's frame, with the weight it has there: full on the link, little further out (at rest beyond).
+    /// A marker in a link's frame with its weight there: full on the link, small farther out (at
+    /// its place in the resting posture).
     fn arm_on_branch(&self, link: usize, marker: usize, rest: &Pose) -> Option<(Vector3<f64>, f64)> {
         let marker = &self.problem.markers[marker];
         if marker.link == link {
@@ -151,8 +156,9 @@ impl Solver<'_> {
         self.problem.markers.iter().map(|m| m.weight).sum::<f64>() / n.max(1) as f64
     }
 
-    /// Puts a hinge on its flexed side: the angle from the distance of the two ends, the link above turned about its origin to
-    /// meet the far end and its own markers, the link beyond turned as its markers say. Starts from the pose of `q`.
+    /// Puts a hinge on its flexed side: the angle from the distance between the two ends, the link
+    /// above the hinge rotated about its origin to fit the far end and its own markers, the link at
+    /// the far end rotated to fit its markers. Starts from the pose of `q`.
     pub fn start_flexed(&mut self, hinge: &Hinge, q: &mut [f64]) -> bool {
         let problem = self.problem;
         let tree = &problem.tree;

@@ -1,14 +1,16 @@
-//! The kinematic tree, flattened for tracking: poses, velocity-space columns in the world, retraction.
+//! The kinematic tree in a flat layout for tracking: poses, velocity-space columns in the world,
+//! retraction.
 //!
-//! Inverse kinematics visits the same few quantities some hundred thousand times a second, so this file keeps them in
-//! the shape in which they are used: rotations as matrices, one *column* (a motion vector) for each velocity-space
-//! coordinate, and for every column the list of columns above it in the tree. Coordinates and velocities are those of
-//! [`aloft_body::Model`]: velocities of free and spherical joints are in the axes of the moving link.
+//! Inverse kinematics evaluates the same few quantities several hundred thousand times per second,
+//! so this file stores them in the form in which they are used: rotations as matrices, one *column*
+//! (a motion vector) for each velocity-space coordinate, and for every column the list of columns
+//! above it in the tree. Coordinates and velocities are those of [`aloft_body::Model`]: velocities
+//! of free and spherical joints are in the axes of the moving link.
 
 use aloft_body::{JointKind, Model};
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
-/// Stands for "no parent".
+/// Index that means "no parent".
 pub(crate) const NONE: usize = usize::MAX;
 
 /// One link with the joint that carries it.
@@ -19,7 +21,7 @@ pub(crate) struct TreeLink {
     pub kind: JointKind,
     /// Rotation of `parent_from_joint`.
     pub rotation: Matrix3<f64>,
-    /// True when `rotation` is the identity, which saves a product.
+    /// True if `rotation` is the identity, so that a product can be skipped.
     pub aligned: bool,
     /// Translation of `parent_from_joint`, m.
     pub translation: Vector3<f64>,
@@ -27,7 +29,7 @@ pub(crate) struct TreeLink {
     pub v_offset: usize,
 }
 
-/// The flattened tree.
+/// The tree in flat layout.
 #[derive(Debug, Clone)]
 pub(crate) struct Tree {
     pub links: Vec<TreeLink>,
@@ -194,7 +196,8 @@ impl Tree {
         }
     }
 
-    /// Continues the change from `before` to `last` once more: a first guess at constant rate.
+    /// Extrapolates the change from `before` to `last` by one frame: a first guess at constant
+    /// rate.
     pub fn extrapolate(&self, before: &[f64], last: &[f64], out: &mut [f64]) {
         for link in &self.links {
             let iq = link.q_offset;
@@ -216,7 +219,8 @@ impl Tree {
         }
     }
 
-    /// Turns the quaternions of `q` to the side on which `like` has them, so that components vary continuously.
+    /// Flips the quaternions of `q` to the signs of those in `like`, so that components vary
+    /// continuously.
     pub fn align_signs(&self, like: &[f64], q: &mut [f64]) {
         for link in &self.links {
             let at = match link.kind {
@@ -231,7 +235,7 @@ impl Tree {
         }
     }
 
-    /// Rotation of `parent_from_joint` in the world, where the joint's own rotation starts.
+    /// Rotation of `parent_from_joint` in the world, to which the joint's own rotation is applied.
     pub fn joint_rotation(&self, index: usize, pose: &Pose) -> Matrix3<f64> {
         let link = &self.links[index];
         if link.parent == NONE { link.rotation } else { pose.rotation[link.parent] * link.rotation }

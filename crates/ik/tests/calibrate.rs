@@ -1,4 +1,4 @@
-//! Calibration of made-up people whose joints are known, started from wrong ones.
+//! Calibration of synthetic people with known joints, started from wrong ones.
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -13,7 +13,8 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 
-/// Moves joints and turns hinges the way wrong landmarks do: every marker stays where it is in the static posture.
+/// Displaces joints and rotates hinges as wrong landmarks would: every marker stays in place in the
+/// static posture.
 fn spoil(truth: &Subject, center_sd_m: f64, axis_sd_rad: f64, seed: u64) -> Subject {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let normal = Normal::new(0.0, 1.0).unwrap();
@@ -54,8 +55,9 @@ fn centers(subject: &Subject) -> Vec<Vector3<f64>> {
     state.world_from_link.iter().map(|p| p.translation.vector).collect()
 }
 
-/// Root mean square distance of the joint centres that markers on both sides can show: not the root's own; not the elbows,
-/// because an upper arm with one marker may turn about the line from shoulder to marker; and not what lies along a hinge.
+/// Root mean square distance of the joint centres that markers on both sides determine. Excluded
+/// are the root, the elbows (an upper arm with one marker may rotate about the line from shoulder
+/// to marker) and the component along a hinge.
 fn error(truth: &Subject, other: &Subject) -> f64 {
     let mut state = State::new(&truth.model);
     state.forward_position(&truth.model, &truth.static_q);
@@ -90,7 +92,7 @@ fn trials(subject: &Subject, noise_m: f64) -> Vec<Trial> {
 fn wrong_joints_are_put_right() {
     let truth = person();
     let wrong = spoil(&truth, 0.010, 0.05, 1);
-    // the static posture still has every marker in its place
+    // Every marker is still in its place in the static posture.
     let markers = |s: &Subject| {
         let mut state = State::new(&s.model);
         state.forward_position(&s.model, &s.static_q);
@@ -111,7 +113,7 @@ fn wrong_joints_are_put_right() {
     for joint in &report.joints {
         assert!(joint.sd_m > 0.0 && joint.sd_m < 0.005, "{joint:?}");
     }
-    // hinges still turn about z of their link, mass is kept
+    // Hinges still rotate about z of their link, and mass is conserved.
     for (old, new) in wrong.model.links.iter().zip(&result.subject.model.links) {
         assert_eq!(old.joint.kind, new.joint.kind);
         assert!((new.joint.parent_from_joint.rotation.norm() - 1.0).abs() < 1e-12);
@@ -137,7 +139,7 @@ fn chain_hinge_is_found() {
     let trials: Vec<&Trial> = trials.iter().collect();
     let options = CalibrateOptions { marker_noise_m: 3e-4, frame_weight: 1.0, ..CalibrateOptions::default() };
     let result = calibrate(&wrong, &trials, &options).unwrap();
-    // across the axis: its place along the hinge cannot be seen
+    // Perpendicular to the axis, because the position along a hinge cannot be observed.
     let mut state = State::new(&truth.model);
     state.forward_position(&truth.model, &truth.static_q);
     let axis = state.world_from_link[1].rotation * Vector3::z();

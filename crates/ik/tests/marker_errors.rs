@@ -1,4 +1,5 @@
-//! Errors of markers, read off residuals, against errors that were put in: their size, and what they do to poses.
+//! Marker errors estimated from residuals against known errors: their size and their effect on
+//! poses.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod common;
@@ -14,10 +15,11 @@ use rand_distr::{Distribution, StandardNormal};
 
 const RATE_HZ: f64 = 200.0;
 const N: usize = 600;
-/// Frames of the second difference in which windows of 0.3 s are sensitive.
+/// Lag, in frames, of the second difference to which windows of 0.3 s are sensitive.
 const LAG: usize = 15;
 
-/// Moves every marker in its link's axes by a smooth function of time of its own, `size_m` root mean square in each axis.
+/// Displaces every marker in its link's axes by its own smooth function of time, `size_m` root mean
+/// square per axis.
 fn slide(subject: &Subject, truth: &[Vec<f64>], made: &mut Trial, size_m: f64, seed: u64) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut state = State::new(&subject.model);
@@ -102,7 +104,7 @@ fn perfect_markers_have_no_errors_and_draws_repeat_themselves() {
     let errors = MarkerErrors::of(&subject, &clean, &solved, &options).unwrap().unwrap();
     assert!(errors.sizes_m().all(|(_, s)| s < 2e-5), "errors of perfect markers");
     let mut noisy = trial(&subject, &truth, RATE_HZ, 1e-3, 3);
-    // a gap is bridged, and a marker that was never seen is left out
+    // A gap is bridged, and a marker that was never visible is omitted.
     noisy.markers.trajectories[4][100..140].fill(Vector3::repeat(f64::NAN));
     noisy.markers.trajectories[9].fill(Vector3::repeat(f64::NAN));
     let solved = solve(&subject, &noisy, &IkOptions::default()).unwrap().motion;

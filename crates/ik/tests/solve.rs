@@ -1,4 +1,4 @@
-//! Inverse kinematics of made-up trials whose motion is known.
+//! Inverse kinematics of synthetic trials with known motion.
 
 mod common;
 
@@ -21,7 +21,8 @@ fn perfect_markers_give_the_motion_back() {
 
 #[test]
 fn chain_is_efficient_and_unbiased() {
-    // white noise of known size: the mean error vanishes, and errors scatter as the covariance says
+    // White noise of known size: the mean error is zero, and the scatter of the errors matches the
+    // covariance.
     let subject = chain();
     let n = 4000;
     let truth = motion(&subject, n, 200.0, 1.5, 2);
@@ -72,7 +73,7 @@ fn missing_markers_drop_out_and_hopeless_frames_are_nan() {
         }
     }
     for f in 60..70 {
-        // only one hand is left
+        // Only one hand remains.
         for m in 0..trial.markers.labels.len() {
             if !["LWRA", "LWRB", "LFIN"].contains(&trial.markers.labels[m].as_str()) {
                 trial.markers.trajectories[m][f] = nan;
@@ -128,7 +129,7 @@ fn same_result_at_any_number_of_threads() {
     };
     let (one, four) = (run(1), run(4));
     assert_eq!(one.motion.q, four.motion.q);
-    // and the pieces agree with one sequence to the tolerance of the minimisation
+    // The sequences agree with a single one to the tolerance of the minimisation.
     let whole = solve(&subject, &trial, &IkOptions::default()).unwrap();
     for f in 0..250 {
         assert!(distance(&subject, one.motion.q(f), whole.motion.q(f)) < 1e-4, "frame {f}");
@@ -190,7 +191,8 @@ fn regress_misfits_are_errors_with_names() {
 
 #[test]
 fn a_short_gap_leaves_no_step() {
-    // markers sit a few millimetres off their model places, as on soft tissue; some vanish for a tenth of a second
+    // Markers are a few millimetres off their model positions, as on soft tissue; some are missing
+    // for a tenth of a second.
     let subject = person();
     let truth = motion(&subject, 200, 200.0, 0.3, 10);
     let mut worn = subject.clone();

@@ -1,4 +1,4 @@
-//! Recordings with known geometry, and a real one, where the data folder is at hand.
+//! Recordings with known geometry, and a real one, if the data folder is available.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test may panic, and says what it skips")]
 
 #[path = "../../../tests/shared_data.rs"]
@@ -43,7 +43,7 @@ fn scaled(static_trial: &Trial, set: &MarkerSet, facts: &PersonFacts) -> Scaled 
     scale_person(&input, &tables, &ScaleOptions::default()).unwrap()
 }
 
-/// True geometry: what remains is the recording's white noise and nothing else.
+/// True geometry: the residual is the white noise of the recording.
 #[test]
 fn validate_chain_residuals_are_the_marker_noise() {
     let Some(folder) = data("chain_a") else { return };
@@ -100,7 +100,7 @@ fn validate_chain_residuals_are_the_marker_noise() {
     }
 }
 
-/// Landmarks to calibrated geometry on a simulated person whose skeleton is known.
+/// From landmarks to calibrated geometry on a simulated person whose skeleton is known.
 #[test]
 fn validate_calibrated_segments_of_a_simulated_person() {
     let Some(folder) = data("subject_a") else { return };
@@ -143,7 +143,7 @@ fn validate_real_jumps_fit_within_a_centimetre() {
     let scaled = scaled(&trial(&folder.join("static1.trc"), Some(&set)), &set, &facts);
     let names = ["DJ1", "DJ2", "DJ3", "DJAsym1", "DJAsym2", "DJAsym3", "squats1", "squatsAsym1"];
     let moving: Vec<Trial> = names.iter().map(|n| trial(&folder.join(format!("{n}.trc")), Some(&set))).collect();
-    // the asymmetric jumps are not seen by the calibration
+    // The asymmetric jumps are not used by the calibration.
     let seen: Vec<&Trial> = moving.iter().filter(|t| !t.name.starts_with("DJAsym")).collect();
     let ik = IkOptions { locked: scaled.locked.clone(), ..IkOptions::default() };
     let options = CalibrateOptions { ik: ik.clone(), ..CalibrateOptions::default() };

@@ -1,8 +1,8 @@
 //! Anthropometric tables as data: `configs/anthropometry/*.yaml`, read by `pipeline`, used by [`crate::prior`].
 //!
-//! A table holds, for one or both sexes, the segments of a body: which link carries each, between which anatomical points its
-//! length runs, and mass, centre of mass and radii of gyration as fractions. Nothing in here is code, so that another
-//! population is another file.
+//! A table holds the segments of a body, for one or both sexes: the link that carries each, the
+//! anatomical points that define its length, and mass, centre of mass and radii of gyration as
+//! fractions. The code contains no values, so another population only needs another file.
 
 use crate::ScaleError;
 use aloft_body::Sex;
@@ -14,17 +14,18 @@ use serde::{Deserialize, Serialize};
 pub struct Anthropometry {
     /// Identifier, also the file's stem.
     pub name: String,
-    /// One line for people.
+    /// One-line description.
     pub title: String,
     /// Publication.
     pub source: String,
-    /// What was filled in or chosen and why.
+    /// Values that were filled in or chosen, with reasons.
     #[serde(default)]
     pub notes: Vec<String>,
-    /// Points between two others, that segments may name.
+    /// Points between two others, to which segments may refer.
     #[serde(default)]
     pub derived_points: Vec<DerivedPoint>,
-    /// One body each; a table that does not distinguish the sexes holds a single one without `sex`.
+    /// One body per sex; a table that does not distinguish the sexes holds a single one without
+    /// `sex`.
     pub bodies: Vec<TableBody>,
 }
 
@@ -38,9 +39,9 @@ pub struct DerivedPoint {
     pub from: String,
     /// Point at fraction 1.
     pub to: String,
-    /// Where, women.
+    /// Fraction, women.
     pub fraction_female: f64,
-    /// Where, men.
+    /// Fraction, men.
     pub fraction_male: f64,
 }
 
@@ -51,17 +52,19 @@ pub struct TableBody {
     /// Sex, where the table distinguishes it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sex: Option<Sex>,
-    /// Stature of the body whose lengths stand in `reference_length_m`; 1 when those are fractions of stature.
+    /// Stature of the body whose lengths are given in `reference_length_m`; 1 if those are
+    /// fractions of stature.
     pub reference_height_m: f64,
-    /// Segments; limbs once, for both sides.
+    /// Segments; limbs are listed once, for both sides.
     pub segments: Vec<TableSegment>,
 }
 
-/// Where a segment's axes point.
+/// Direction of a segment's axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SegmentAxes {
-    /// y points from `to` to `from` (limbs: proximal is up), z as near to the link's as that allows.
+    /// y points from `to` to `from` (limbs: proximal is up), z as close to the link's z as
+    /// possible.
     Down,
     /// y points from `from` to `to`.
     Up,
@@ -71,11 +74,12 @@ pub enum SegmentAxes {
     Link,
 }
 
-/// Where a segment's length comes from.
+/// Source of a segment's length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LengthFrom {
-    /// The distance of the two points in this person; the reference length scaled by stature where a point is unknown.
+    /// The distance between the two points in this person; if a point is unknown, the reference
+    /// length scaled by stature.
     #[default]
     Measured,
     /// Always the reference length scaled by stature.
@@ -95,23 +99,24 @@ pub struct TableSegment {
     pub link: String,
     /// Point from which the centre of mass is measured.
     pub from: String,
-    /// Other end.
+    /// Point at the other end.
     pub to: String,
     /// Axes.
     pub axes: SegmentAxes,
     /// Length of the reference body, m (or a fraction of stature: [`TableBody::reference_height_m`]).
     pub reference_length_m: f64,
-    /// Which length counts.
+    /// Source of the length.
     #[serde(default)]
     pub length: LengthFrom,
     /// Fraction of body mass.
     pub mass: f64,
     /// Centre of mass from `from` in segment axes, fractions of length (right side; the left mirrors z).
     pub com: [f64; 3],
-    /// `[rxx, ryy, rzz, rxy, rxz, ryz]` about the centre of mass, fractions of length: `I_ij = ± m (r_ij L)²`, the sign that
-    /// of the entry (a published "i" is a minus). Right side; the left mirrors xz and yz.
+    /// `[rxx, ryy, rzz, rxy, rxz, ryz]` about the centre of mass, fractions of length:
+    /// `I_ij = ± m (r_ij L)²`, with the sign of the entry (a published "i" is a minus). Right side;
+    /// the left mirrors xz and yz.
     pub radii: [f64; 6],
-    /// How sure the table is of a single person.
+    /// Uncertainty of the table for a single person.
     pub sd: SegmentSd,
 }
 
@@ -127,11 +132,11 @@ pub struct SegmentSd {
     pub radius: f64,
 }
 
-/// Links that stand once; every other link of a table is a limb and stands for both sides.
+/// Links that exist once; every other link of a table is a limb that exists on both sides.
 const CENTRAL_LINKS: [&str; 3] = ["pelvis", "torso", "head"];
 
 impl TableSegment {
-    /// True for a segment that the body has twice.
+    /// True for a segment that exists on both sides.
     pub(crate) fn is_limb(&self) -> bool {
         !CENTRAL_LINKS.contains(&self.link.as_str())
     }
@@ -145,8 +150,8 @@ impl TableBody {
 }
 
 impl Anthropometry {
-    /// The bodies to use for a person and the weight of each: the person's sex, the only body there is, or, with the sex
-    /// unknown, both by halves.
+    /// The bodies to use for a person and the weight of each: that of the person's sex, the only
+    /// one available, or, if the sex is unknown, both with equal weight.
     ///
     /// # Errors
     /// [`ScaleError::Table`] when the table has no body for this sex.
@@ -160,7 +165,7 @@ impl Anthropometry {
         Ok(chosen.into_iter().map(|b| (b, weight)).collect())
     }
 
-    /// Checks what a file may get wrong: mass sums, signs, lengths, names.
+    /// Checks a table from a file: mass sums, signs, lengths, names.
     ///
     /// # Errors
     /// [`ScaleError::Table`] naming the segment and the value.

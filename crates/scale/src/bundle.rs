@@ -1,12 +1,13 @@
-//! Geometry of jointed objects from many frames at once.
+//! Estimates the geometry of jointed objects from many frames at once.
 //!
-//! Unknown are marker coordinates in their links, joint places and axes, and the pose of every frame; known are the measured
-//! markers, with equal white noise. The least-squares solution is the maximum-likelihood one. Each frame's pose is solved for
-//! and eliminated (variable projection: the Schur complement of the frame's block of the normal equations), so that only a small
-//! system over the geometry remains, however many frames there are.
+//! The unknowns are marker coordinates in their links, joint positions and axes, and the pose of
+//! every frame; the data are the measured markers, with equal white noise. The least-squares
+//! solution is the maximum-likelihood one. The pose of each frame is solved for and eliminated
+//! (variable projection: the Schur complement of the frame's block of the normal equations), so
+//! that only a small system over the geometry remains, however many frames there are.
 //!
-//! Gauge freedoms (where a link's frame lies on its markers) are left to a vanishing damping and settled afterwards by whoever
-//! knows what the frames should be.
+//! Gauge freedoms (the placement of a link's frame relative to its markers) are held by a
+//! negligible damping and fixed afterwards by the caller, who knows the definition of the frames.
 
 use crate::ScaleError;
 use crate::geometry::apply_inverse;
@@ -25,7 +26,7 @@ pub(crate) struct BundleMarker {
 pub(crate) struct BundleFrame {
     /// Measured markers, m; not finite where missing.
     pub measured: Vec<Vector3<f64>>,
-    /// Inverse variance against an ordinary frame (a mean over many still frames counts more).
+    /// Inverse variance relative to an ordinary frame (larger for a mean over many still frames).
     pub weight: f64,
     /// Coordinates, updated.
     pub q: Vec<f64>,
@@ -39,17 +40,17 @@ pub(crate) struct Bundle {
     pub frames: Vec<BundleFrame>,
 }
 
-/// What is free at a joint: directions of the joint frame, translation then rotation.
+/// Free directions of the joint frame at a joint, translation then rotation.
 fn free_directions(kind: &JointKind) -> &'static [usize] {
     match kind {
-        // Along and about its own axis z a hinge's place is a matter of convention.
+        // The position of a hinge along its axis z and the rotation about it are conventions.
         JointKind::Revolute(_) => &[0, 1, 3, 4],
         JointKind::Spherical => &[0, 1, 2],
         _ => &[],
     }
 }
 
-/// Outcome of a refinement.
+/// Result of a refinement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct BundleOutcome {
     /// Standard deviation of a marker coordinate estimated from the residuals, m.
@@ -66,7 +67,7 @@ struct Layout {
     joint_at: Vec<usize>,
 }
 
-/// Scratch for one frame.
+/// Scratch memory for one frame.
 struct Scratch {
     state: State,
     jacobian: DMatrix<f64>,
@@ -108,7 +109,7 @@ impl Bundle {
     pub fn refine(&mut self, max_iterations: usize) -> Result<BundleOutcome, ScaleError> {
         let mut outliers = 0;
         let mut outcome = self.iterate(max_iterations)?;
-        // Once more without what lies far outside the noise: swapped labels, reflections.
+        // Repeat without observations far outside the noise: swapped labels, reflections.
         let dropped = self.drop_outliers(6.0 * outcome.noise_m);
         if dropped > 0 {
             outliers += dropped;
@@ -136,7 +137,7 @@ impl Bundle {
             });
             self.frames = frames;
             noise_m = (square / (freedom - layout.n as f64).max(1.0)).sqrt();
-            // The damping settles gauge freedoms and leaves everything that is seen alone.
+            // The damping fixes gauge freedoms and does not affect anything observable.
             let damping = 1e-7 * h.diagonal().max();
             for i in 0..layout.n {
                 h[(i, i)] += damping;
@@ -152,7 +153,8 @@ impl Bundle {
         Ok(BundleOutcome { noise_m, iterations: max_iterations, outliers: 0 })
     }
 
-    /// Solves a frame's pose and adds its Schur complement. `None` for a frame that does not determine its pose.
+    /// Solves a frame's pose and adds its Schur complement. `None` if the frame does not determine
+    /// its pose.
     fn eliminate(
         &self,
         frame: &mut BundleFrame,
@@ -226,7 +228,8 @@ impl Bundle {
         Some((square, 3.0 * seen as f64 - model.nv as f64))
     }
 
-    /// Derivatives of a marker's world place by the geometry: (first unknown, up to three columns, how many).
+    /// Derivatives of a marker's world position with respect to the geometry: (first unknown, up to
+    /// three columns, number of columns).
     fn geometry_columns(
         &self,
         state: &State,
@@ -279,7 +282,7 @@ impl Bundle {
         }
     }
 
-    /// Forgets measurements farther than `limit_m` from the model; returns how many.
+    /// Discards measurements farther than `limit_m` from the model; returns how many.
     fn drop_outliers(&mut self, limit_m: f64) -> usize {
         let mut state = State::new(&self.model);
         let mut dropped = 0;

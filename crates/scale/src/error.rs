@@ -1,4 +1,4 @@
-//! What can stop scaling. Anything less than a stop is a [`crate::ScaleWarning`] in the report.
+//! Errors that stop scaling. Everything less severe is a [`crate::ScaleWarning`] in the report.
 
 use aloft_body::BodyError;
 
@@ -6,7 +6,7 @@ use aloft_body::BodyError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ScaleError {
-    /// The trial holds no frame that can be used.
+    /// The trial contains no usable frame.
     #[error("{trial}: no usable static frames: {problem}")]
     NoFrames {
         #[doc(hidden)]
@@ -14,7 +14,7 @@ pub enum ScaleError {
         #[doc(hidden)]
         problem: String,
     },
-    /// Landmarks without which no skeleton can stand.
+    /// Required landmarks of the skeleton are missing.
     #[error("{trial}: {what} needs {need}; found {found}")]
     MissingLandmarks {
         #[doc(hidden)]
@@ -26,7 +26,7 @@ pub enum ScaleError {
         #[doc(hidden)]
         found: String,
     },
-    /// Landmarks that lie on one line or one point, so that no frame can be built from them.
+    /// Landmarks lie on one line or one point, so that no frame can be defined from them.
     #[error("{trial}: {what} is degenerate: {problem}")]
     Degenerate {
         #[doc(hidden)]
@@ -36,7 +36,7 @@ pub enum ScaleError {
         #[doc(hidden)]
         problem: String,
     },
-    /// The marker set and the model do not fit each other.
+    /// The marker set and the model do not match.
     #[error("marker set `{marker_set}`: marker `{marker}` sits on `{link}`, which model `{model}` does not have")]
     MarkerLink {
         #[doc(hidden)]
@@ -48,7 +48,7 @@ pub enum ScaleError {
         #[doc(hidden)]
         model: String,
     },
-    /// A link that the person's scaling does not know, or a joint kind that it cannot place.
+    /// A link that person scaling does not support, or a joint kind that it cannot place.
     #[error("model `{model}`, link `{link}`: {problem}")]
     Model {
         #[doc(hidden)]
@@ -58,7 +58,7 @@ pub enum ScaleError {
         #[doc(hidden)]
         problem: String,
     },
-    /// A fact about the person or object that cannot be.
+    /// An impossible fact about the person or object.
     #[error("`{subject}`: {problem}")]
     Facts {
         #[doc(hidden)]

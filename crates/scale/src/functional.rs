@@ -3,7 +3,8 @@
 //! * [`score`]: symmetrical centre of rotation, Ehrig, Taylor, Duda, Heller, *J Biomech* 39 (2006) 2798.
 //! * [`sara`]: symmetrical axis of rotation, Ehrig, Taylor, Duda, Heller, *J Biomech* 40 (2007) 2150.
 //!
-//! The poses that go in ([`aloft_body::rigid::fit_pose_of_seen`]) must be of the same frames. Objects refine what comes out of here ([`crate::scale_object`]).
+//! The input poses ([`aloft_body::rigid::fit_pose_of_seen`]) must be of the same frames. For
+//! objects the result is refined afterwards ([`crate::scale_object`]).
 
 use crate::ScaleError;
 use crate::geometry::unit;
@@ -22,7 +23,8 @@ pub struct FunctionalCenter {
     pub conditioning: f64,
 }
 
-/// An axis of rotation seen from both segments; the points are those of the axis nearest to each frame's origin.
+/// An axis of rotation seen from both segments; the points are those on the axis nearest to each
+/// frame's origin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FunctionalAxis {
     /// Point of the axis in the parent's frame, m.
@@ -35,11 +37,12 @@ pub struct FunctionalAxis {
     pub direction_in_child: Vector3<f64>,
     /// Root mean square distance between the two lines' foot points over the frames, m.
     pub residual_rms_m: f64,
-    /// Smallest over second smallest singular value: small when the motion has one clear axis.
+    /// Smallest over second smallest singular value: small if the motion has one distinct axis.
     pub axis_clarity: f64,
 }
 
-/// The stacked system `R_p c_p − R_c c_c = t_c − t_p` of both methods, thinned into its normal equations.
+/// The stacked system `R_p c_p − R_c c_c = t_c − t_p` of both methods, reduced to its normal
+/// equations.
 fn normal_equations(
     parent: &[Isometry3<f64>],
     child: &[Isometry3<f64>],
@@ -84,7 +87,7 @@ fn normal_equations(
 }
 
 struct Decomposed {
-    /// Ascending.
+    /// In ascending order.
     values: Vec<f64>,
     vectors: DMatrix<f64>,
 }
@@ -105,8 +108,8 @@ fn rms(h: &DMatrix<f64>, g: &DVector<f64>, square: f64, x: &DVector<f64>, n: usi
 /// Centre of rotation between two segments (SCoRE).
 ///
 /// # Errors
-/// [`ScaleError::Functional`] with fewer than three frames or when the motion leaves the centre open along an axis
-/// (use [`sara`] for a hinge).
+/// [`ScaleError::Functional`] with fewer than three frames, or if the motion does not determine the
+/// centre along an axis (use [`sara`] for a hinge).
 pub fn score(parent: &[Isometry3<f64>], child: &[Isometry3<f64>]) -> Result<FunctionalCenter, ScaleError> {
     let (h, g, square) = normal_equations(parent, child)?;
     let d = decompose(&h);
@@ -132,7 +135,8 @@ pub fn score(parent: &[Isometry3<f64>], child: &[Isometry3<f64>]) -> Result<Func
 /// Axis of rotation between two segments (SARA). The sign of the direction is arbitrary, but the same in both segments.
 ///
 /// # Errors
-/// [`ScaleError::Functional`] with fewer than three frames or when the segments do not turn against each other.
+/// [`ScaleError::Functional`] with fewer than three frames or if the segments do not rotate
+/// relative to each other.
 pub fn sara(parent: &[Isometry3<f64>], child: &[Isometry3<f64>]) -> Result<FunctionalAxis, ScaleError> {
     let (h, g, square) = normal_equations(parent, child)?;
     let d = decompose(&h);
@@ -147,7 +151,7 @@ pub fn sara(parent: &[Isometry3<f64>], child: &[Isometry3<f64>]) -> Result<Funct
             ),
         });
     }
-    // Minimum-norm solution without the null direction, which is the axis.
+    // Minimum-norm solution, excluding the null direction, which is the axis.
     let mut x = DVector::zeros(6);
     for k in 1..6 {
         let v = d.vectors.column(k);

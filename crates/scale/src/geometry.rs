@@ -1,4 +1,4 @@
-//! Small geometry shared by the whole crate: frames from two directions, medians, vector statistics.
+//! Geometry helpers of this crate: frames from two directions, medians, vector statistics.
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -12,28 +12,29 @@ fn from_columns(x: Vector3<f64>, y: Vector3<f64>, z: Vector3<f64>) -> UnitQuater
     UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, y, z])))
 }
 
-/// Axes with y exactly along `y` and z as near to `z_hint` as that allows. `None` when the two are parallel.
+/// Axes with y exactly along `y` and z as close to `z_hint` as possible. `None` if the two are
+/// parallel.
 pub(crate) fn axes_y_z(y: &Vector3<f64>, z_hint: &Vector3<f64>) -> Option<UnitQuaternion<f64>> {
     let y = unit(y)?;
     let x = unit(&y.cross(&unit(z_hint)?)).filter(|_| y.cross(z_hint).norm() > 1e-3 * z_hint.norm())?;
     Some(from_columns(x, y, x.cross(&y)))
 }
 
-/// Axes with x exactly along `x` and z as near to `z_hint` as that allows.
+/// Axes with x exactly along `x` and z as close to `z_hint` as possible.
 pub(crate) fn axes_x_z(x: &Vector3<f64>, z_hint: &Vector3<f64>) -> Option<UnitQuaternion<f64>> {
     let x = unit(x)?;
     let y = unit(&z_hint.cross(&x)).filter(|_| z_hint.cross(&x).norm() > 1e-3 * z_hint.norm())?;
     Some(from_columns(x, y, x.cross(&y)))
 }
 
-/// Axes with z exactly along `z` and y as near to `y_hint` as that allows.
+/// Axes with z exactly along `z` and y as close to `y_hint` as possible.
 pub(crate) fn axes_z_y(z: &Vector3<f64>, y_hint: &Vector3<f64>) -> Option<UnitQuaternion<f64>> {
     let z = unit(z)?;
     let x = unit(&y_hint.cross(&z)).filter(|_| y_hint.cross(&z).norm() > 1e-3 * y_hint.norm())?;
     Some(from_columns(x, z.cross(&x), z))
 }
 
-/// Axes with z exactly along `z` and x as near to `x_hint` as that allows.
+/// Axes with z exactly along `z` and x as close to `x_hint` as possible.
 pub(crate) fn axes_z_x(z: &Vector3<f64>, x_hint: &Vector3<f64>) -> Option<UnitQuaternion<f64>> {
     let z = unit(z)?;
     let y = unit(&z.cross(x_hint)).filter(|_| z.cross(x_hint).norm() > 1e-3 * x_hint.norm())?;
@@ -56,17 +57,17 @@ pub(crate) fn pose(origin: &Vector3<f64>, axes: &UnitQuaternion<f64>) -> Isometr
     Isometry3::from_parts(Translation3::from(*origin), *axes)
 }
 
-/// A point through a pose.
+/// Transforms a point by a pose.
 pub(crate) fn apply(pose: &Isometry3<f64>, p: &Vector3<f64>) -> Vector3<f64> {
     pose.rotation * p + pose.translation.vector
 }
 
-/// A point through the inverse of a pose.
+/// Transforms a point by the inverse of a pose.
 pub(crate) fn apply_inverse(pose: &Isometry3<f64>, p: &Vector3<f64>) -> Vector3<f64> {
     pose.rotation.inverse() * (p - pose.translation.vector)
 }
 
-/// `v` without its part along the unit vector `axis`.
+/// `v` without its component along the unit vector `axis`.
 pub(crate) fn reject(v: &Vector3<f64>, axis: &Vector3<f64>) -> Vector3<f64> {
     v - axis * axis.dot(v)
 }

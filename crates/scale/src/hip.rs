@@ -9,7 +9,7 @@ use aloft_body::Sex;
 use nalgebra::{Isometry3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// How hip joint centres are found where no derived ones are given.
+/// Method for hip joint centres if the recording contains no derived ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum HipMethod {
@@ -26,7 +26,7 @@ pub enum HipMethod {
     Davis,
 }
 
-/// The pelvis as its four (or three) markers show it.
+/// The pelvis from its four (or three) markers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PelvisMarkers {
     /// Pelvis axes in the world, origin midway between the ASIS.
@@ -38,7 +38,8 @@ pub struct PelvisMarkers {
 }
 
 impl PelvisMarkers {
-    /// From ASIS and PSIS; the sacrum stands for the middle of the PSIS, and one PSIS is mirrored.
+    /// From ASIS and PSIS; the sacrum replaces the middle of the PSIS, and a single PSIS is
+    /// mirrored.
     ///
     /// # Errors
     /// [`ScaleError::MissingLandmarks`] without both ASIS and anything behind them; [`ScaleError::Degenerate`] when they lie on a line.
@@ -59,7 +60,7 @@ impl PelvisMarkers {
         let middle = (right + left) / 2.0;
         let z = unit(&(right - left)).ok_or_else(degenerate)?;
         let one_sided = || {
-            // One PSIS alone: only what lies in the sagittal plane counts.
+            // With one PSIS only the component in the sagittal plane is used.
             let p = landmarks.side("psis", Side::Right).or_else(|| landmarks.side("psis", Side::Left))?;
             Some(middle + reject(&(p - middle), &z))
         };
@@ -167,7 +168,8 @@ mod tests {
         assert_eq!(PelvisMarkers::from_landmarks(&l, "made").unwrap().depth_m, full.depth_m);
     }
 
-    /// Worked by hand from the published equations in mm: PW 240, PD 150, LL 900, marker radius 7.
+    /// Calculated by hand from the published equations in mm: PW 240, PD 150, LL 900, marker radius
+    /// 7.
     #[test]
     fn validate_regressions_against_hand_computed_values() {
         let p = PelvisMarkers::from_landmarks(&landmarks(), "made").unwrap();

@@ -1,4 +1,4 @@
-//! The anatomical vocabulary that marker sets speak, and the landmarks that a static pose shows.
+//! The anatomical landmark names used by marker sets, and the landmarks measured in a static pose.
 
 use crate::ScaleWarning;
 use crate::statics::StaticPose;
@@ -34,7 +34,7 @@ impl Side {
             Self::Left => -1.0,
         }
     }
-    /// The side that a name's suffix states.
+    /// The side given by the suffix of a name.
     pub fn of(name: &str) -> Option<Self> {
         if name.ends_with("_r") {
             Some(Self::Right)
@@ -46,10 +46,10 @@ impl Side {
     }
 }
 
-/// Landmarks that stand once.
+/// Landmarks that exist once.
 pub(crate) const CENTRAL_LANDMARKS: [&str; 6] = ["vertex", "c7", "t10", "suprasternale", "xiphoid", "sacrum"];
 
-/// Landmarks that stand on both sides, to be followed by `_r` or `_l`.
+/// Landmarks that exist on both sides, followed by `_r` or `_l`.
 pub(crate) const SIDED_LANDMARKS: [&str; 21] = [
     "head_front",
     "head_back",
@@ -74,7 +74,7 @@ pub(crate) const SIDED_LANDMARKS: [&str; 21] = [
     "mt5",
 ];
 
-/// True for a landmark of the vocabulary.
+/// True for a known landmark name.
 pub(crate) fn is_landmark(name: &str) -> bool {
     CENTRAL_LANDMARKS.contains(&name)
         || name
@@ -83,7 +83,7 @@ pub(crate) fn is_landmark(name: &str) -> bool {
             .is_some_and(|stem| SIDED_LANDMARKS.contains(&stem))
 }
 
-/// The landmarks that were seen, m, world frame of the static.
+/// The measured landmarks, m, world frame of the static.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Landmarks {
     /// By name. Several markers on one landmark are averaged.
@@ -91,7 +91,8 @@ pub struct Landmarks {
 }
 
 impl Landmarks {
-    /// Reads them off a static pose. Unknown landmark names and landmarks whose marker was not seen become warnings.
+    /// Reads the landmarks from a static pose. Unknown landmark names and landmarks whose marker
+    /// was not seen become warnings.
     pub fn read(trial: &Trial, set: &MarkerSet, pose: &StaticPose, warnings: &mut Vec<ScaleWarning>) -> Self {
         let mut sums: BTreeMap<String, (Vector3<f64>, usize)> = BTreeMap::new();
         let mut unseen: BTreeMap<&str, &str> = BTreeMap::new();
@@ -128,11 +129,11 @@ impl Landmarks {
     pub fn side(&self, name: &str, side: Side) -> Option<Vector3<f64>> {
         self.positions.get(&format!("{name}_{}", side.suffix())).copied()
     }
-    /// Middle of a pair of landmarks of one side, when both were seen.
+    /// Midpoint of two landmarks of one side, if both were seen.
     pub fn middle(&self, a: &str, b: &str, side: Side) -> Option<Vector3<f64>> {
         Some((self.side(a, side)? + self.side(b, side)?) / 2.0)
     }
-    /// Middle of right and left, when both were seen.
+    /// Midpoint of right and left, if both were seen.
     pub fn across(&self, name: &str) -> Option<Vector3<f64>> {
         Some((self.side(name, Side::Right)? + self.side(name, Side::Left)?) / 2.0)
     }

@@ -1,14 +1,17 @@
-//! From what a laboratory measures standing still to a body's own model.
+//! Scaling: from a static trial to a model of the individual body.
 //!
-//! Second stage of the flow, between `trial` and `ik`: a static trial, a marker set and anthropometric tables give a
-//! [`Subject`](aloft_body::Subject): joint places, marker coordinates in link frames, prior inertias, and the posture in which
-//! the static was recorded.
+//! Second stage of the pipeline, between `trial` and `ik`: a static trial, a marker set and
+//! anthropometric tables give a [`Subject`](aloft_body::Subject): joint positions, marker
+//! coordinates in link frames, prior inertias, and the posture in which the static was recorded.
 //!
-//! * People: [`scale_person`] — [`statics`] (quiet frames) → [`landmarks`] → joint centres ([`hip`] and `skeleton`) → [`prior`]
-//!   from [`anthropometry`] → [`report`] with a closed list of warnings. [`observe`] names the coordinates that no marker sees.
-//!   A calibration over dynamic trials starts from [`JointUncertainty`] and lays the prior anew with [`attach_prior`].
-//! * Objects: [`scale_object`] — a hinge is where the object turns, not where a marker says: [`functional`] calibration (SCoRE,
-//!   SARA) for a first guess, then all marker coordinates, joints and poses of thousands of frames in one least-squares problem.
+//! * People: [`scale_person`] — [`statics`] (quiet frames) → [`landmarks`] → joint centres ([`hip`]
+//!   and `skeleton`) → [`prior`] from [`anthropometry`] → [`report`] with a closed list of
+//!   warnings. [`observe`] lists the coordinates that no marker determines. A calibration over
+//!   dynamic trials starts from [`JointUncertainty`] and recomputes the prior with
+//!   [`attach_prior`].
+//! * Objects: [`scale_object`] — a hinge is located by the motion of the object, not by a marker:
+//!   [`functional`] calibration (SCoRE, SARA) for a first guess, then all marker coordinates,
+//!   joints and poses of thousands of frames in one least-squares problem.
 //!
 //! Link axes follow the ISB (x forward, y up, z right, origin at the proximal joint); the world is Z up; lengths are metres.
 

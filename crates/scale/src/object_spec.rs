@@ -1,7 +1,7 @@
-//! How a laboratory describes an object made of rigid links: `configs/objects/*.yaml`, read by `pipeline`.
+//! Specification of an object made of rigid links: `configs/objects/*.yaml`, read by `pipeline`.
 //!
-//! Everything is said in markers: which ones sit on which link, how they define its frame, and how it hangs on its parent. The
-//! joint itself is found from motion ([`crate::object`]).
+//! Everything is defined by markers: those on each link, those that define its frame, and its
+//! connection to the parent. The joint itself is estimated from motion ([`crate::object`]).
 
 use serde::{Deserialize, Serialize};
 
@@ -11,12 +11,12 @@ use serde::{Deserialize, Serialize};
 pub struct ObjectSpec {
     /// Identifier, also the file's stem.
     pub name: String,
-    /// One line for people.
+    /// One-line description.
     #[serde(default)]
     pub title: String,
     /// Mass of the whole object from a scale, kg.
     pub total_mass_kg: f64,
-    /// Gravity of the laboratory, m/s²; standard gravity where not stated.
+    /// Gravity at the laboratory, m/s²; standard gravity if not stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gravity_mps2: Option<f64>,
     /// Stem of the trial in which the object lies still and all joint angles are zero.
@@ -45,16 +45,17 @@ pub struct ObjectLink {
     pub joint: Option<ObjectJoint>,
     /// How its frame is defined.
     pub frame: ObjectFrame,
-    /// Fraction of the total mass, where the laboratory can guess it better than by size.
+    /// Fraction of the total mass, if the laboratory can estimate it better than from size.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mass_fraction: Option<f64>,
 }
 
-/// A joint to be found from motion.
+/// A joint to be estimated from motion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "type", deny_unknown_fields)]
 pub enum ObjectJoint {
-    /// A hinge: the z axis of the link. Its angle is zero in the static trial and grows by the right-hand rule about z.
+    /// A hinge: the z axis of the link. Its angle is zero in the static trial and increases by the
+    /// right-hand rule about z.
     Hinge {
         /// z has a positive dot product with this direction of the parent's axes at angle zero.
         positive_along_parent: [f64; 3],
@@ -63,13 +64,13 @@ pub enum ObjectJoint {
     Ball,
 }
 
-/// How markers define a link's frame.
+/// Definition of a link's frame by markers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "by", deny_unknown_fields)]
 pub enum ObjectFrame {
     /// By markers alone.
     Markers {
-        /// Marker at the origin (for a link on a joint: the origin is the joint, and this must be left out).
+        /// Marker at the origin (omit for a link on a joint: its origin is the joint).
         #[serde(default, skip_serializing_if = "Option::is_none")]
         origin: Option<String>,
         /// y points from the first marker to the second.
@@ -81,7 +82,7 @@ pub enum ObjectFrame {
     Hinge {
         /// Marker in the x-z plane.
         x_plane: String,
-        /// On which side of the axis it lies.
+        /// Side of the axis on which the marker lies.
         side: HalfPlane,
     },
 }

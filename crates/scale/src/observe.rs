@@ -1,31 +1,35 @@
-//! Which coordinates of a model its markers cannot see.
+//! Finds the coordinates of a model that its markers do not determine.
 //!
-//! A head without head markers, a hand with wrist markers only: such coordinates would drift in inverse kinematics. They are
-//! named here so that it can hold them. A locked coordinate `k` of a joint means: component `k` of
-//! `model.difference(static_q, q)` stays zero, for a spherical joint the component of the rotation vector from its static posture.
+//! Such coordinates, for example of a head without head markers or a hand with wrist markers only,
+//! would drift in inverse kinematics. They are listed here so that it can lock them. A locked
+//! coordinate `k` of a joint means: component `k` of `model.difference(static_q, q)` stays zero,
+//! for a spherical joint the component of the rotation vector from its static posture.
 
 use crate::ScaleError;
 use aloft_body::{JointKind, Model, State, Subject};
 use nalgebra::{DMatrix, Vector3};
 
-/// Marker scatter that the test assumes (soft tissue in motion), m.
+/// Assumed marker scatter (soft tissue in motion), m.
 const MARKER_SD_M: f64 = 0.010;
-/// How far a coordinate can be expected to move, rad or m.
+/// Expected range of a coordinate, rad or m.
 const COORDINATE_SD: f64 = 1.0;
-/// A coordinate with a larger standard deviation than this, rad, is not seen.
+/// A coordinate with a larger standard deviation than this, rad, counts as undetermined.
 const SEEN_SD: f64 = 0.5;
-/// A hand whose markers all lie this near to the wrist, m along it, shows pronation and nothing else worth having.
+/// A hand whose markers are all within this distance of the wrist, m along the hand, determines
+/// only pronation usefully.
 const HAND_REACH_M: f64 = 0.03;
-/// Bend of the hinges in the further postures, rad: a straight arm hides its own rotation, a bent one shows it.
+/// Bend of the hinges in the additional postures, rad: a straight arm does not determine its own
+/// axial rotation, a bent one does.
 const BEND_RAD: f64 = 0.8;
 
 /// Velocity indices that no marker observes, ascending.
 ///
-/// The information of all weighted markers is averaged over the static posture and the same with every hinge bent either way;
-/// coordinates are then locked one by one, the worst first, until each of the others is known to half a radian.
+/// The information from all weighted markers is averaged over the static posture and the same
+/// posture with every hinge bent either way; coordinates are then locked one by one, the least
+/// determined first, until each of the others is known to half a radian.
 ///
 /// # Errors
-/// [`ScaleError::Facts`] when `static_q` does not belong to the model.
+/// [`ScaleError::Facts`] if `static_q` does not match the model.
 pub(crate) fn unobserved(subject: &Subject) -> Result<Vec<usize>, ScaleError> {
     let model = &subject.model;
     let nv = model.nv;
@@ -76,7 +80,7 @@ fn bent(model: &Model, q: &[f64], bend: f64) -> Vec<f64> {
     q
 }
 
-/// Flexion and deviation of wrists whose markers are the wrist's own.
+/// Flexion and deviation of wrists whose hand has wrist markers only.
 fn hands_without_markers(subject: &Subject) -> Vec<usize> {
     let mut locked = Vec::new();
     for (i, link) in subject.model.links.iter().enumerate() {

@@ -1,4 +1,5 @@
-//! A person's own model from one static trial: landmarks → skeleton → model, marker coordinates, prior inertias, report.
+//! A model of a person from one static trial: landmarks → skeleton → model, marker coordinates,
+//! prior inertias, report.
 
 use crate::ScaleError;
 use crate::anthropometry::Anthropometry;
@@ -17,30 +18,32 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// What scaling of a person needs.
+/// Input for scaling a person.
 #[derive(Debug, Clone)]
 pub struct PersonInput<'a> {
-    /// Subject name.
+    /// The subject's name, sex, stature and mass.
     pub facts: &'a PersonFacts,
-    /// The model to scale; links named as in `configs/models/human34.yaml` (a model may leave out distal links).
+    /// The model to scale; links named as in `configs/models/human34.yaml` (a model may omit distal
+    /// links).
     pub model_spec: &'a ModelSpec,
-    /// Which marker sits where and marks what.
+    /// Link and landmark of each marker.
     pub marker_set: &'a MarkerSet,
     /// The static trial, labels already canonical, Z up.
     pub static_trial: &'a Trial,
-    /// Frames of that trial (0-based) to take as the static, for laboratories without a static trial; `None` finds the quiet ones.
+    /// Frames of that trial (0-based) to use as the static, for laboratories without a static
+    /// trial; `None` selects the quiet ones.
     pub frames: Option<Range<usize>>,
 }
 
-/// Choices of a person's scaling.
+/// Options of person scaling.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ScaleOptions {
-    /// Hip regression where the recording has no hip centres of its own.
+    /// Hip regression if the recording contains no hip centres.
     pub hip: HipMethod,
-    /// How quiet frames are found.
+    /// Options for finding quiet frames.
     pub quiet: QuietOptions,
-    /// Limits of the warnings.
+    /// Thresholds of the warnings.
     pub limits: PlausibilityLimits,
 }
 
@@ -49,22 +52,25 @@ pub struct ScaleOptions {
 pub struct Scaled {
     /// The model with this person's geometry, markers and prior.
     pub subject: Subject,
-    /// What [`attach_prior`] needs to lay the prior over the model again after a calibration.
+    /// Data with which [`attach_prior`] can recompute the prior after a calibration.
     pub anatomy: StaticAnatomy,
-    /// Velocity indices that no marker observes and that inverse kinematics should hold ([`crate::observe`]).
+    /// Velocity indices that no marker determines and that inverse kinematics should lock
+    /// ([`crate::observe`]).
     pub locked: Vec<usize>,
-    /// For people, with the uncertainty of every joint for a calibration.
+    /// Report for people, including the uncertainty of every joint for a calibration.
     pub report: ScaleReport,
 }
 
 /// Scales a model to a person.
 ///
-/// Landmarks that are missing cost accuracy, not success, except the pelvis: joints fall back to regressions and then to body
-/// proportions, and every step down is a warning. The model at `static_q` reproduces the static: joints lie where the landmarks
-/// put them and every marker where it was seen.
+/// Missing landmarks reduce accuracy but do not cause failure, except at the pelvis: joints fall
+/// back to regressions and then to body proportions, each with a warning. The model at `static_q`
+/// reproduces the static: joints are where the landmarks put them and every marker is where it was
+/// measured.
 ///
 /// # Errors
-/// [`ScaleError`] for an unusable static, a pelvis without landmarks, impossible facts, or a marker set, model or table that do not fit.
+/// [`ScaleError`] for an unusable static, a pelvis without landmarks, impossible facts, or a marker
+/// set, model or table that does not match.
 pub fn scale_person(
     input: &PersonInput<'_>,
     tables: &Anthropometry,
@@ -146,7 +152,7 @@ fn check_facts(facts: &PersonFacts) -> Result<(), ScaleError> {
     }
 }
 
-/// Model with joint places, the coordinates of the static posture, and each link's placement.
+/// Model with joint positions, the coordinates of the static posture, and each link's placement.
 fn assemble(spec: &ModelSpec, skeleton: &Skeleton) -> Result<(Model, Vec<f64>, Vec<PlacedLink>), ScaleError> {
     let mut model = Model::from_spec(spec)?;
     let mut q = model.neutral();
@@ -177,7 +183,8 @@ fn assemble(spec: &ModelSpec, skeleton: &Skeleton) -> Result<(Model, Vec<f64>, V
                     return Err(fail("a hinge of a person turns about z".into()));
                 }
                 if own.axis_sd_rad.is_none() {
-                    // A hinge at a joint that people have as a ball: its link takes the segment's axes.
+                    // A hinge at a joint that is a ball joint in people: its link takes the
+                    // segment's axes.
                     own.axis_sd_rad = Some(0.3);
                 }
                 let parent_from_link = placed[p].world_from_link.inverse() * own.world_from_link;
@@ -205,13 +212,13 @@ fn names(skeleton: &Skeleton) -> String {
 }
 
 fn write_quaternion(r: &UnitQuaternion<f64>, out: &mut [f64]) {
-    // One of the two equal quaternions, the one that turns by less than half a circle.
+    // Of the two equivalent quaternions, the one with a rotation below half a turn.
     let s = if r.w < 0.0 { -1.0 } else { 1.0 };
     out.copy_from_slice(&[s * r.i, s * r.j, s * r.k, s * r.w]);
 }
 
-/// Splits a hinge's static orientation in its parent into the zero orientation, in which the limb is as straight as a turn about
-/// the hinge (z) can make it, and the angle from there.
+/// Splits a hinge's static orientation in its parent into the zero orientation, in which the limb
+/// is as straight as a rotation about the hinge (z) can make it, and the angle from there.
 pub(crate) fn straight_zero(parent_from_link: &UnitQuaternion<f64>) -> Option<(UnitQuaternion<f64>, f64)> {
     let zero = crate::geometry::axes_z_y(&z_of(parent_from_link), &Vector3::y())?;
     let (x, y) = (x_of(parent_from_link), y_of(&zero));
@@ -292,7 +299,7 @@ pub(crate) fn mirrored(p: &Vector3<f64>) -> Vector3<f64> {
     Vector3::new(p.x, p.y, -p.z)
 }
 
-/// The other side's name of a link or landmark.
+/// Name of a link or landmark on the other side.
 pub(crate) fn other_side(name: &str) -> Option<String> {
     let side = Side::of(name)?;
     let stem = &name[..name.len() - 1];

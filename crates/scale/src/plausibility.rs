@@ -1,4 +1,4 @@
-//! Lengths, marker errors and the checks behind every warning of a person's scaling.
+//! Segment lengths, marker errors and the checks for the warnings of person scaling.
 
 use crate::geometry::{apply, x_of, y_of, z_of};
 use crate::landmarks::{Landmarks, Side};
@@ -10,10 +10,11 @@ use aloft_body::{JointKind, PersonFacts, Subject};
 use aloft_trial::{MarkerSet, Trial};
 use nalgebra::Vector3;
 
-/// Frames looked at for rigid errors: enough for a root mean square.
+/// Number of frames used for rigid errors: sufficient for a root mean square.
 const RIGID_FRAMES: usize = 100;
 
-/// Segment lengths of both sides, with what stature predicts (limbs: Winter, figure 4.1; the rest: round figures of this project).
+/// Segment lengths of both sides, with the lengths predicted from stature (limbs: Winter, figure
+/// 4.1; the rest: rounded values of this project).
 pub(crate) fn lengths(skeleton: &Skeleton, landmarks: &Landmarks) -> Vec<SegmentLength> {
     let origin = |name: &str| skeleton.links.get(name).map(|l| l.world_from_link.translation.vector);
     let between = |a: Option<Vector3<f64>>, b: Option<Vector3<f64>>| match (a, b) {
@@ -109,7 +110,7 @@ pub(crate) fn marker_errors(trial: &Trial, set: &MarkerSet, subject: &Subject, p
         .collect()
 }
 
-/// Every check; findings go to `report.warnings`.
+/// Runs all checks; findings go to `report.warnings`.
 pub(crate) fn check(
     report: &mut ScaleReport,
     facts: &PersonFacts,
@@ -180,7 +181,7 @@ fn check_lengths(found: &mut Vec<ScaleWarning>, lengths: &[SegmentLength], limit
 fn check_sides(found: &mut Vec<ScaleWarning>, skeleton: &Skeleton, landmarks: &Landmarks) {
     let pelvis = skeleton.pelvis.world_from_pelvis.rotation;
     let (forward, right) = (x_of(&pelvis), z_of(&pelvis));
-    // Exchanged ASIS turn the pelvis upside down, because forward is told by the PSIS.
+    // Exchanged ASIS turn the pelvis upside down, because forward is defined by the PSIS.
     if y_of(&pelvis).z < 0.0 {
         found.push(ScaleWarning::SidesExchanged { what: "asis".into(), lateral_m: skeleton.pelvis.width_m });
         return;
@@ -236,7 +237,7 @@ fn check_mirrors(found: &mut Vec<ScaleWarning>, report: &ScaleReport, limits: &P
     let far: Vec<(&MarkerReport, f64)> =
         report.markers.iter().filter_map(|m| Some((m, m.asymmetry_m.filter(|&d| d > limits.mirror_m)?))).collect();
     for (i, (m, distance_m)) in far.iter().enumerate() {
-        // Both of a pair have the same distance: name them once.
+        // Both markers of a pair have the same distance: report them once.
         let mate = far[i + 1..].iter().find(|(_, d)| (d - distance_m).abs() < 1e-12);
         if let Some((mate, _)) = mate {
             let (right, left) = if Side::of(&m.link) == Some(Side::Left) { (mate, m) } else { (m, mate) };

@@ -1,8 +1,9 @@
-//! The inertial prior: an anthropometric table laid over a person's own geometry.
+//! The inertial prior: an anthropometric table applied to a person's own geometry.
 //!
-//! The table's segments are placed in the world of the static posture, between the joint centres that the model has *there*, and
-//! only then expressed in link frames. So the same call serves a model from landmarks and one whose joint centres and link
-//! frames a calibration has moved: the prior is re-posed, never carried over.
+//! The table's segments are placed in the world of the static posture, between the joint centres
+//! that the model has *there*, and then expressed in link frames. The same call therefore applies
+//! to a model from landmarks and to one whose joint centres and link frames were changed by a
+//! calibration: the prior is always computed from the present geometry.
 
 use crate::anthropometry::{Anthropometry, LengthFrom, SegmentAxes, TableSegment};
 use crate::geometry::{apply, axes_x_z, axes_y_z, pose, unit, x_of, y_of, z_of};
@@ -13,7 +14,7 @@ use aloft_body::{LinkInertia, State, Subject};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// What the static showed, kept for laying a prior over the model again after its geometry has changed.
+/// Measurements from the static, kept to recompute the prior after the geometry has changed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StaticAnatomy {
     /// Landmarks in the world of the static, m.
@@ -30,7 +31,7 @@ pub struct StaticAnatomy {
 /// (ankle height: Winter, figure 4.1; that the axis lies at 0.6 of it is an assumption of this project).
 const FOOT_AXIS_UNDER_ANKLE: f64 = 0.6 * 0.039;
 
-/// Points that marker sets hardly ever mark: that they come from stature is no news.
+/// Points that marker sets rarely mark, so that estimating them from stature causes no warning.
 const SELDOM_MARKED: [&str; 3] = ["vertex", "ear", "toe_tip"];
 
 struct Points<'a> {
@@ -55,7 +56,7 @@ impl Points<'_> {
         self.origin(&format!("{stem}_{}", side?.suffix()))
     }
 
-    /// An anatomical point in the world of the static; `None` when nothing tells where it is.
+    /// An anatomical point in the world of the static; `None` if its position cannot be determined.
     fn get(&self, name: &str, side: Option<Side>) -> Option<Vector3<f64>> {
         let landmarks = &self.anatomy.landmarks;
         match name {
@@ -73,7 +74,8 @@ impl Points<'_> {
             },
             "vertex" => landmarks.get("vertex").map(|v| v - Vector3::z() * self.anatomy.marker_radius_m),
             "cervicale" => {
-                // The height of C7 on the trunk's axis: the marker itself sits on the skin of the back.
+                // The height of C7 on the trunk's axis, because the marker itself is on the skin of
+                // the back.
                 let neck = self.get("neck", None)?;
                 let base = self.get("mid_hip", None)?;
                 let up = unit(&(neck - base))?;
@@ -83,7 +85,7 @@ impl Points<'_> {
             "hand_distal" => landmarks.side(name, side?),
             "toe" => landmarks.middle("mt1", "mt5", side?).or_else(|| landmarks.side("toe", side?)),
             "heel" => {
-                // On the foot's axis, below the ankle, as far back as the heel's skin.
+                // On the foot's axis, below the ankle, as far back as the skin of the heel.
                 let side = side?;
                 let axes = self.axes(&format!("foot_{}", side.suffix()))?;
                 let ankle = self.joint("foot", Some(side))?;
@@ -99,7 +101,7 @@ impl Points<'_> {
                     Some(aloft_body::Sex::Male) => derived.fraction_male,
                     None => (derived.fraction_female + derived.fraction_male) / 2.0,
                 };
-                // A derived point of a derived point would recurse on a file's mistake.
+                // A derived point of a derived point could recurse endlessly if the file is wrong.
                 if self.table.derived_points.iter().any(|d| d.name == derived.from || d.name == derived.to) {
                     return None;
                 }
@@ -117,7 +119,8 @@ struct Placed {
     sd: PriorSd,
 }
 
-/// The link of a model that carries a table's segment: its own, or the nearest one towards the pelvis that the model has.
+/// The link of a model that carries a table's segment: its own, or the nearest existing one towards
+/// the pelvis.
 fn carrier(subject: &Subject, stem: &str, side: Option<Side>) -> Option<usize> {
     let chain: &[&str] = match stem {
         "head" => &["head", "torso", "pelvis"],
@@ -208,7 +211,7 @@ fn place(
     })
 }
 
-/// Two bodies as one, both in the same axes.
+/// Merges two bodies into one, both in the same axes.
 fn merge(a: &LinkInertia, b: &LinkInertia) -> LinkInertia {
     let mass = a.mass_kg + b.mass_kg;
     let com = (a.com_m * a.mass_kg + b.com_m * b.mass_kg) / mass;
@@ -219,9 +222,9 @@ fn merge(a: &LinkInertia, b: &LinkInertia) -> LinkInertia {
     LinkInertia { mass_kg: mass, com_m: com, inertia_com_kgm2: shifted(a) + shifted(b) }
 }
 
-/// Brings an inertia tensor about the centre of mass back into the cone that bodies of positive density can have: the second
-/// moments `½ tr(I) 1 − I` keep their axes, and each becomes at least `floor` of their sum. Returns the smallest before,
-/// kg·m², when something had to change.
+/// Projects an inertia tensor about the centre of mass onto the cone of bodies with positive
+/// density: the second moments `½ tr(I) 1 − I` keep their axes, and each becomes at least `floor`
+/// of their sum. Returns the smallest one before the change, kg·m², if a change was necessary.
 pub(crate) fn make_consistent(inertia: &mut LinkInertia, floor: f64) -> Option<f64> {
     let i = (inertia.inertia_com_kgm2 + inertia.inertia_com_kgm2.transpose()) / 2.0;
     let second = Matrix3::identity() * (0.5 * i.trace()) - i;
@@ -316,7 +319,8 @@ pub fn attach_prior(
     Ok(warnings)
 }
 
-/// Puts the last rounding error of the masses on the heaviest link, so that their sum is the mass from the scale.
+/// Adds the rounding error of the masses to the heaviest link, so that their sum is the mass from
+/// the scale.
 fn share_rounding(prior: &mut [LinkInertia], mass_kg: f64) {
     let heaviest = (0..prior.len()).max_by(|&a, &b| prior[a].mass_kg.total_cmp(&prior[b].mass_kg));
     let Some(h) = heaviest else { return };
@@ -329,8 +333,9 @@ fn share_rounding(prior: &mut [LinkInertia], mass_kg: f64) {
     }
 }
 
-/// How far several tables differ for this person: for each link the standard deviation over tables of mass (relative), centre of
-/// mass (per axis, m) and radii of gyration (relative). A lower bound of what any single table can know.
+/// Differences between several tables for this person: for each link the standard deviation over
+/// tables of mass (relative), centre of mass (per axis, m) and radii of gyration (relative). A
+/// lower bound for the uncertainty of a single table.
 ///
 /// # Errors
 /// As [`attach_prior`]; [`ScaleError::Facts`] with fewer than two tables.

@@ -1,9 +1,10 @@
-//! What scaling tells people: methods, lengths, marker errors, and a closed list of warnings with their numbers.
+//! Report of scaling for people: methods, lengths, marker errors, and a closed list of warnings
+//! with their values.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// Where a joint centre comes from, best first.
+/// Source of a joint centre, best first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum JointMethod {
@@ -15,18 +16,18 @@ pub enum JointMethod {
     Functional,
     /// Published regression from markers.
     Regression,
-    /// Placed by body proportions, because no marker tells.
+    /// Placed by body proportions, because no marker determines it.
     Proportion,
 }
 
-/// How sure a joint is: the priors of a calibration over dynamic trials.
+/// Uncertainty of a joint: the priors of a calibration over dynamic trials.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct JointUncertainty {
     /// Child link of the joint.
     pub link: String,
     /// Index of that link in the model.
     pub link_index: usize,
-    /// Where the centre comes from.
+    /// Source of the centre.
     pub method: JointMethod,
     /// Standard deviation of the joint centre, each axis, m.
     #[serde(rename = "centre_sd_m", alias = "center_sd_m")]
@@ -44,10 +45,12 @@ pub struct MarkerReport {
     pub link: String,
     /// Root mean square distance from its own median over the static frames, m.
     pub spread_m: f64,
-    /// Root mean square distance over the static frames from where the rigid link puts it (pose fitted to the link's markers
-    /// frame by frame), m; none on links with fewer than three markers.
+    /// Root mean square distance over the static frames from its position on the rigid link (pose
+    /// fitted to the link's markers frame by frame), m; `None` on links with fewer than three
+    /// markers.
     pub rigid_error_m: Option<f64>,
-    /// Distance to the mirror image of the same marker on the other side, in link axes, m; none without one.
+    /// Distance to the mirror image of the same marker on the other side, in link axes, m; `None`
+    /// without such a marker.
     pub asymmetry_m: Option<f64>,
 }
 
@@ -56,15 +59,16 @@ pub struct MarkerReport {
 pub struct SegmentLength {
     /// Segment: `upper_arm`, `forearm`, `thigh`, `shank`, `foot` …, or central: `pelvis_width`, `hip_width`, `trunk`.
     pub segment: String,
-    /// Right, or the only one, m; none where its ends are not marked.
+    /// Length on the right, or of a central segment, m; `None` if its ends are not marked.
     pub right_m: Option<f64>,
-    /// Left, m; none for central segments and where its ends are not marked.
+    /// Length on the left, m; `None` for central segments and if its ends are not marked.
     pub left_m: Option<f64>,
-    /// What stature predicts, m (limbs: Winter, figure 4.1; pelvis, hips and trunk: round figures of this project); none where it says nothing.
+    /// Length predicted from stature, m (limbs: Winter, figure 4.1; pelvis, hips and trunk: rounded
+    /// values of this project); `None` without a prediction.
     pub expected_m: Option<f64>,
 }
 
-/// Everything that people may want to know about one scaling.
+/// Full report of one scaling.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct ScaleReport {
     /// Trial used.
@@ -73,25 +77,25 @@ pub struct ScaleReport {
     pub frames: (usize, usize, usize),
     /// Median over markers of their root mean square movement in these frames, m.
     pub typical_spread_m: f64,
-    /// Stature that was used, m, and whether it was stated (else estimated).
+    /// Stature used, m.
     pub height_m: f64,
     /// True when the laboratory stated the stature.
     pub height_stated: bool,
-    /// Joints and where they come from.
+    /// Joints and the sources of their centres.
     pub joints: Vec<JointUncertainty>,
     /// Lengths.
     pub lengths: Vec<SegmentLength>,
     /// Markers.
     pub markers: Vec<MarkerReport>,
-    /// Labels of the marker set that this trial does not show.
+    /// Labels of the marker set that are missing in this trial.
     pub missing_markers: Vec<String>,
-    /// Names of velocity coordinates that no marker observes.
+    /// Names of velocity coordinates that no marker determines.
     pub locked: Vec<String>,
-    /// Oddities.
+    /// Warnings.
     pub warnings: Vec<ScaleWarning>,
 }
 
-/// Oddities of a scaling. Lengths in m, angles in degrees (they are for people).
+/// Warnings of scaling. Lengths in m, angles in degrees (for display).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "kind")]
 #[allow(missing_docs, reason = "the field names say it, with the sentence of each variant beside them in Display")]
@@ -103,7 +107,7 @@ pub enum ScaleWarning {
     LandmarkUnseen { marker: String, landmark: String },
     /// A tracked marker of the set is not in the static.
     MarkerUnseen { marker: String },
-    /// A joint centre had to be placed by proportions.
+    /// A joint centre was placed by proportions.
     JointByProportion {
         joint: String,
         #[serde(rename = "centre_sd_m", alias = "center_sd_m")]
@@ -113,21 +117,21 @@ pub enum ScaleWarning {
     AxisAssumed { joint: String, axis_sd_rad: f64 },
     /// Right and left differ.
     Asymmetry { segment: String, right_m: f64, left_m: f64, limit_m: f64 },
-    /// A length far from what stature predicts.
+    /// A length that differs strongly from the prediction by stature.
     Length { segment: String, found_m: f64, expected_m: f64, limit_ratio: f64 },
-    /// A joint that is far from straight in the static.
+    /// A joint that is strongly bent in the static.
     Bent { joint: String, angle_deg: f64, limit_deg: f64 },
     /// A hinge axis far from perpendicular to its segment.
     Skewed { joint: String, angle_deg: f64, limit_deg: f64 },
-    /// A foot that points backwards: right and left, or heel and toe, exchanged.
+    /// A foot that points backwards: right and left, or heel and toe, are exchanged.
     BackToFront { link: String, cosine: f64 },
-    /// Right landmarks on the left.
+    /// Landmarks of the right side are on the left.
     SidesExchanged { what: String, lateral_m: f64 },
     /// The body moved during the static.
     Moving { spread_m: f64, limit_m: f64 },
     /// Few static frames.
     FewFrames { frames: usize, limit: usize },
-    /// A marker that does not keep its place on its link.
+    /// A marker that does not keep its position on its link.
     MarkerLoose { marker: String, rigid_error_m: f64, limit_m: f64 },
     /// A pair of markers that are not mirror images.
     MarkerAsymmetry { right: String, left: String, distance_m: f64, limit_m: f64 },
@@ -135,15 +139,15 @@ pub enum ScaleWarning {
     HeightEstimated { height_m: f64 },
     /// The stated stature does not fit the markers.
     HeightDoubtful { stated_m: f64, estimated_m: f64, limit_ratio: f64 },
-    /// Mass and stature do not fit each other.
+    /// Mass and stature are inconsistent.
     BodyMassIndex { value: f64, low: f64, high: f64 },
     /// The sex is not stated: the mean of both tables is used.
     SexUnknown,
     /// A link's prior inertia was not physically consistent.
     InertiaProjected { link: String, smallest_eigenvalue: f64 },
-    /// A link that no marker follows.
+    /// A link without markers that determine its motion.
     Unobserved { link: String, coordinates: usize },
-    /// A prior's segment whose end points are unknown and whose length comes from stature.
+    /// A segment of the prior whose end points are unknown and whose length is taken from stature.
     LengthFromStature { segment: String, length_m: f64 },
 }
 
@@ -245,7 +249,7 @@ impl fmt::Display for ScaleWarning {
     }
 }
 
-/// Limits behind the warnings.
+/// Thresholds of the warnings.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlausibilityLimits {
@@ -253,17 +257,17 @@ pub struct PlausibilityLimits {
     pub asymmetry_m: f64,
     /// … and this fraction of its length.
     pub asymmetry_ratio: f64,
-    /// Length against the table's, relative.
+    /// Length relative to the prediction, relative difference.
     pub length_ratio: f64,
-    /// Knees and elbows in the static, degrees.
+    /// Bend of knees and elbows in the static, degrees.
     pub bent_deg: f64,
     /// Hinge axis off the perpendicular, degrees.
     pub skewed_deg: f64,
     /// Movement during the static, m.
     pub moving_m: f64,
-    /// Static frames wanted.
+    /// Minimum number of static frames.
     pub frames: usize,
-    /// Marker off its rigid link, m.
+    /// Distance of a marker from its position on the rigid link, m.
     pub loose_m: f64,
     /// Distance of mirror images, m, for markers that mark landmarks.
     pub mirror_m: f64,

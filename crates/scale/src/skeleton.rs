@@ -1,8 +1,9 @@
 //! Joint centres and segment axes of a standing person, in the world of the static trial.
 //!
-//! Link axes follow the ISB: x forward, y up (towards the proximal end), z to the right on both sides; origins at the proximal
-//! joint, the pelvis between the hips. Every centre is found by the best method that the landmarks allow (given point, midpoint,
-//! regression, body proportions), and remembers which one it was.
+//! Link axes follow the ISB: x forward, y up (towards the proximal end), z to the right on both
+//! sides; origins at the proximal joint, that of the pelvis between the hips. Every centre is found
+//! by the best method that the landmarks allow (given point, midpoint, regression, body
+//! proportions), and the method is stored with it.
 
 use crate::ScaleError;
 use crate::geometry::{apply, axes_x_z, axes_y_z, axes_z_y, pose, reject, unit, x_of, y_of, z_of};
@@ -24,7 +25,7 @@ pub(crate) struct Center {
 /// A link's pose in the static and its proximal joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PlacedLink {
-    /// Link frame: hinge children have z along their axis.
+    /// Link frame: links on hinges have z along their axis.
     pub world_from_link: Isometry3<f64>,
     /// Axes with y exactly along the segment, for the inertial prior.
     pub isb_axes: UnitQuaternion<f64>,
@@ -42,8 +43,9 @@ pub(crate) struct Skeleton {
     pub estimated_height_m: Option<f64>,
 }
 
-/// Lengths as fractions of stature, used where markers are missing. Limbs: Winter, *Biomechanics and Motor Control*, figure 4.1.
-/// The others are round figures of this project, not of a publication; what rests on them carries a wide standard deviation.
+/// Lengths as fractions of stature, used if markers are missing. Limbs: Winter, *Biomechanics and
+/// Motor Control*, figure 4.1. The others are rounded values of this project, not of a publication;
+/// quantities based on them have a large standard deviation.
 mod proportion {
     pub const UPPER_ARM: f64 = 0.186;
     pub const FOREARM: f64 = 0.146;
@@ -133,7 +135,7 @@ impl Builder<'_> {
         Ok(Skeleton { links, pelvis, height_m, estimated_height_m })
     }
 
-    /// ASIS to malleolus, by way of the knee where it is known (a static knee is not quite straight).
+    /// ASIS to malleolus, via the knee if it is known (a knee is not quite straight in the static).
     fn rough_leg_length(&self, side: Side) -> Option<f64> {
         let l = self.landmarks;
         let asis = l.side("asis", side)?;
@@ -152,9 +154,10 @@ impl Builder<'_> {
         Center { point: apply(&pelvis.world_from_pelvis, &local), method: JointMethod::Regression, sd_m: sd::HIP }
     }
 
-    /// Centre and right-pointing axis of a hinge from a lateral and, at best, a medial marker.
+    /// Centre and right-pointing axis of a hinge from a lateral and, if available, a medial marker.
     ///
-    /// `offset` is the depth of the joint under the lateral marker (Reed 1999), `assumed` the axis where none is marked.
+    /// `offset` is the depth of the joint below the lateral marker (Reed 1999), `assumed` the axis
+    /// if none is marked.
     fn hinge(
         &self,
         lateral: &str,
@@ -198,7 +201,7 @@ impl Builder<'_> {
         let knee_mark = l.side("knee_lateral", side).or_else(|| l.side("knee_medial", side));
         let ankle_mark =
             l.side("ankle_lateral", side).or_else(|| l.side("ankle_medial", side)).or_else(|| l.side("heel", side));
-        // Without a medial knee marker: to the right, across the line from hip to ankle.
+        // Without a medial knee marker: to the right, perpendicular to the line from hip to ankle.
         let along = unit(&(ankle_mark.or(knee_mark).unwrap_or(hip.point + down) - hip.point)).unwrap_or(down);
         let assumed = unit(&reject(right, &along)).unwrap_or(*right);
         let shank_mark = match (l.side("knee_lateral", side), l.side("ankle_lateral", side)) {
@@ -222,7 +225,7 @@ impl Builder<'_> {
         let shank_isb = axes_y_z(&(knee.point - ankle.point), &axis).ok_or_else(|| self.degenerate(&name("shank")))?;
         links.insert(name("thigh"), placed(hip, &thigh_axes, &thigh_axes, None));
         links.insert(name("shank"), placed(&knee, &shank_axes, &shank_isb, Some(axis_sd)));
-        // Foot: heel to toe; the malleoli tell where right is.
+        // Foot: heel to toe; the malleoli define the direction to the right.
         let heel = l.side("heel", side);
         let toe = l
             .side("toe", side)
@@ -299,7 +302,7 @@ impl Builder<'_> {
         let torso_axes = axes_y_z(&(neck.point - lumbar), &across).ok_or_else(|| self.degenerate("the torso"))?;
         let lumbar = Center { point: lumbar, method: JointMethod::Regression, sd_m: sd::LUMBAR };
         links.insert("torso".into(), placed(&lumbar, &torso_axes, &torso_axes, None));
-        // Head: along its four markers where they are, else upright as the torso.
+        // Head: along its four markers if present, otherwise upright as the torso.
         let head_axes = match (l.across("head_front"), l.across("head_back")) {
             (Some(front), Some(back)) => {
                 let pair = |stem: &str| Some(l.side(stem, Side::Right)? - l.side(stem, Side::Left)?);
@@ -354,7 +357,8 @@ impl Builder<'_> {
             }
         };
         let elbow_mark = l.side("elbow_lateral", side).or_else(|| l.side("elbow_medial", side));
-        // Without a medial elbow marker: across the plane of upper arm and forearm where the elbow is bent, else to the right.
+        // Without a medial elbow marker: normal to the plane of upper arm and forearm if the elbow
+        // is bent, otherwise to the right.
         let upper = elbow_mark.map(|e| e - shoulder.point);
         let assumed = upper
             .and_then(|u| {
@@ -416,6 +420,6 @@ fn placed(
 fn turn_down(forward: &Vector3<f64>, right: &Vector3<f64>, angle_deg: f64) -> Option<Vector3<f64>> {
     let right = Unit::new_normalize(unit(right)?);
     let forward = unit(&reject(forward, &right))?;
-    // A positive turn about the axis to the right takes x (forward) to y (up).
+    // A positive rotation about the axis to the right takes x (forward) to y (up).
     Some(Rotation3::from_axis_angle(&right, -angle_deg.to_radians()) * forward)
 }

@@ -1,4 +1,5 @@
-//! First step of scaling: the frames in which the body stands still, and the place of every marker in them.
+//! First step of scaling: the frames in which the body stands still, and the position of every
+//! marker in them.
 
 use crate::ScaleError;
 use crate::geometry::{median, median_point};
@@ -7,7 +8,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// How quiet frames are told from others.
+/// Options for finding quiet frames.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct QuietOptions {
@@ -23,7 +24,7 @@ impl Default for QuietOptions {
     }
 }
 
-/// Where each marker of a trial was while the body stood still.
+/// Position of each marker of a trial while the body stood still.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StaticPose {
     /// Frames used, 0-based.
@@ -35,10 +36,12 @@ pub struct StaticPose {
 }
 
 impl StaticPose {
-    /// From the quietest part of a static trial, or from the frames that the user names (then all of them are used).
+    /// From the quietest part of a static trial, or from the frames given by the user (then all of
+    /// them are used).
     ///
     /// # Errors
-    /// [`ScaleError::NoFrames`] for an empty trial, a range outside it, or frames in which no marker is seen.
+    /// [`ScaleError::NoFrames`] for an empty trial, a range outside it, or frames in which no
+    /// marker is seen.
     pub fn find(trial: &Trial, frames: Option<&Range<usize>>, options: &QuietOptions) -> Result<Self, ScaleError> {
         let n = trial.markers.n_frames;
         let fail = |problem: String| ScaleError::NoFrames { trial: trial.name.clone(), problem };
@@ -76,7 +79,8 @@ impl StaticPose {
         Self { frames, positions, spread_m }
     }
 
-    /// Median over markers of the spread, m: the noise of a good static, centimetres when the body moved.
+    /// Median over markers of the spread, m: the noise level in a good static, centimetres if the
+    /// body moved.
     pub fn typical_spread_m(&self) -> f64 {
         median(self.spread_m.iter().copied())
     }
@@ -103,7 +107,7 @@ fn window_variance(trajectories: &[Vec<Vector3<f64>>], window: Range<usize>) -> 
             markers += 1;
         }
     }
-    // A window that shows half of the markers only is no better for being quiet.
+    // A window that shows only half of the markers is not better because it is quieter.
     if markers == 0 {
         f64::INFINITY
     } else {

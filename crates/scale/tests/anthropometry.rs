@@ -33,7 +33,7 @@ fn validate_mass_fractions_add_up_as_published() {
     assert!((body(&dumas, Sex::Male).mass_sum() - 1.002).abs() < 2e-4);
 }
 
-/// Rows that copies of these tables are known to get wrong.
+/// Rows that are known to be wrong in copies of these tables.
 #[test]
 fn validate_rows_that_others_get_wrong() {
     let leva = table("de_leva");

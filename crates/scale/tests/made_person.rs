@@ -1,4 +1,5 @@
-//! Scaling of a person made by hand: conventions, invariances, and every way of missing markers.
+//! Scaling of a synthetic person: conventions, invariances, and every combination of missing
+//! markers.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail by panicking")]
 
@@ -90,7 +91,8 @@ fn signs_and_zeros_of_hinges() {
         assert!((-25.0..-5.0).contains(&knee), "flexion of the knee is negative: {knee}");
         assert!((10.0..35.0).contains(&elbow), "flexion of the elbow is positive: {elbow}");
     }
-    // At zero a limb is straight: the shank's y is as near to the thigh's as a turn about the hinge allows.
+    // At zero a limb is straight: the shank's y is as close to the thigh's as a rotation about the
+    // hinge allows.
     let shank = &s.subject.model.links[s.subject.model.link_index("shank_r").unwrap()].joint.parent_from_joint.rotation;
     let (y, x) = (shank * Vector3::y(), shank * Vector3::x());
     assert!(y.y > 0.99 && x.y.abs() < 1e-12);
@@ -113,7 +115,7 @@ fn axes_point_forward_up_and_right() {
 
 #[test]
 fn a_mirrored_person_has_a_mirrored_model() {
-    // Not symmetric to begin with.
+    // Start from an asymmetric person.
     let mut points = person();
     for (k, (_, p)) in points.iter_mut().enumerate() {
         *p += Vector3::new((k % 5) as f64, (k % 7) as f64, (k % 3) as f64) * 2e-3;
@@ -179,7 +181,8 @@ fn exchanged_markers_are_noticed() {
     }
 }
 
-/// Any set of markers may be missing, on one point, or far away: a model or an error, never a panic, never a NaN.
+/// For any set of markers missing, coincident or far away, the result is a model or an error, never
+/// a panic or a NaN.
 #[test]
 fn missing_or_senseless_markers_never_break_scaling() {
     let mut seed = 12345_u64;

@@ -1,4 +1,4 @@
-//! Scaling of the two-link chain against the simulator's truth. Recordings lie beside the project and may be absent.
+//! Scaling of the two-link chain against the simulator's truth. The recordings may be absent.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail by panicking")]
 #![allow(clippy::print_stdout, reason = "tests say what they skip and what they measured")]
@@ -117,7 +117,7 @@ fn validate_the_chains_geometry_against_the_simulators_truth() {
         for p in &found.subject.prior {
             println!("  prior {:.3} kg at {:?}", p.mass_kg, p.com_m.as_slice());
         }
-        // With the throws as well.
+        // Including the throws.
         let all = ["hinge_calib", "throws_01", "throws_02", "throws_03", "throws_04", "throws_05"];
         let Some(found) = scaled(set, &all) else { return };
         let e = errors(&found, set);
@@ -146,7 +146,8 @@ fn a_specification_that_contradicts_itself_is_refused_with_its_link() {
     assert!(refuse(&|_| ()).contains("no marker frames"));
 }
 
-/// A base, an arm on a hinge and a tip on a ball, without noise: everything comes back to the rounding of the solver.
+/// A base, an arm on a hinge and a tip on a ball joint, without noise: the geometry is recovered to
+/// the rounding of the solver.
 #[test]
 fn a_made_object_with_hinge_and_ball_is_recovered_exactly() {
     let text = "
@@ -237,7 +238,7 @@ links:
         }
     }
     assert!((found.subject.prior[2].mass_kg - 0.5).abs() < 1e-12);
-    // The model at its static posture shows the static.
+    // The model at its static posture reproduces the static.
     let mut state = State::new(&found.subject.model);
     state.forward_position(&found.subject.model, &found.subject.static_q);
     for (m, t) in found.subject.markers.iter().zip(&still.markers.trajectories) {

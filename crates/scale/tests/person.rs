@@ -1,4 +1,5 @@
-//! Scaling of people on recordings: simulated with known truth, and real. Recordings lie beside the project and may be absent.
+//! Scaling of people from recordings: simulated with known truth, and real. The recordings may be
+//! absent.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail by panicking")]
 #![allow(clippy::print_stdout, reason = "tests say what they skip and what they measured")]
@@ -27,7 +28,7 @@ fn table(name: &str) -> Anthropometry {
     config(&format!("anthropometry/{name}.yaml"))
 }
 
-/// A recording beside the project, or a line that says what was skipped.
+/// A recording of the data folder; if it is absent, prints what was skipped.
 fn recording(path: &str, set: &MarkerSet) -> Option<Trial> {
     let full = shared_data::shared_data(path)?;
     let bytes = std::fs::read(&full).unwrap();
@@ -220,7 +221,7 @@ fn validate_prior_of_subject_a_against_the_simulators_truth() {
 fn the_prior_follows_a_model_whose_frames_were_turned() {
     let Some(case) = subject_a() else { return };
     let s = scaled(&case, &ScaleOptions::default(), None);
-    // Turn the thigh's link frame by hand: same body, another gauge.
+    // Rotate the thigh's link frame: same body, another gauge.
     let mut turned = s.subject.clone();
     let thigh = turned.model.link_index("thigh_r").unwrap();
     let shank = turned.model.link_index("shank_r").unwrap();

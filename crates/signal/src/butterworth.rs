@@ -1,12 +1,14 @@
 //! Butterworth low-pass filters, run forward and backward.
 //!
-//! First step behind inverse kinematics and in front of every comparison with plates: the same [`LowPass`] filters joint
-//! coordinates and measured forces. A filter is a cascade of second-order sections, which keeps its accuracy at orders and
-//! cut-offs where a single polynomial fraction loses it; the result is the same function of the signal as
+//! First step after inverse kinematics and before every comparison with plates: the same
+//! [`LowPass`] filters joint coordinates and measured forces. A filter is a cascade of second-order
+//! sections, which stays accurate at orders and cut-offs for which a single polynomial fraction
+//! does not; the result is the same function of the signal as
 //! `scipy.signal.filtfilt(*butter(order, cutoff, fs=rate), signal)`.
 //!
-//! What "order" and "cut-off" mean differs between programs, so a [`LowPass`] says both in full: the order is that of one pass (two
-//! passes double it), and [`LowPass::describe`] tells the frequency at which the two passes together really are −3 dB.
+//! The meaning of "order" and "cut-off" differs between programs, so a [`LowPass`] defines both:
+//! the order is that of one pass (two passes double it), and [`LowPass::describe`] gives the
+//! frequency at which the two passes together have −3 dB.
 
 use crate::runs::finite_runs;
 use serde::{Deserialize, Serialize};
@@ -14,33 +16,33 @@ use std::f64::consts::PI;
 
 /// Highest order that [`Butterworth::design`] accepts.
 pub const MAX_ORDER: usize = 12;
-/// Most sections a filter can have.
+/// Maximum number of sections.
 const MAX_SECTIONS: usize = MAX_ORDER.div_ceil(2);
 
 /// Whether the cut-off is moved so that the two passes together are −3 dB at the stated frequency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CutoffCorrection {
-    /// Design each pass at the stated cut-off (scipy's `filtfilt` habit).
+    /// Design each pass at the stated cut-off (as scipy's `filtfilt`).
     #[default]
     None,
     /// Winter's correction.
     Winter,
 }
 
-/// A zero-phase low-pass as a user states it.
+/// A zero-phase low-pass as specified by the user.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LowPass {
     /// Order of one pass (two passes double the effective order).
     pub order: usize,
     /// Stated cut-off, Hz.
     pub cutoff_hz: f64,
-    /// Correction.
+    /// Correction of the cut-off.
     #[serde(default)]
     pub correction: CutoffCorrection,
 }
 
-/// What a [`LowPass`] really does at one sampling rate.
+/// Actual properties of a [`LowPass`] at one sampling rate.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FilterFacts {
     /// Order of both passes together.
@@ -78,7 +80,7 @@ impl LowPass {
         (std::f64::consts::SQRT_2 - 1.0).powf(0.5 / self.order as f64)
     }
 
-    /// Pre-warped cut-off `tan(π f/rate)` of the single pass, corrected if asked for.
+    /// Pre-warped cut-off `tan(π f/rate)` of the single pass, corrected if requested.
     fn design_tangent(&self, rate_hz: f64) -> Result<f64, DesignError> {
         if self.order == 0 || self.order > MAX_ORDER {
             return Err(DesignError::Order { order: self.order });
@@ -106,7 +108,8 @@ pub struct Section {
 }
 
 impl Section {
-    /// State at which a constant input of 1 gives a constant output of 1 (what `lfilter_zi` solves for).
+    /// State for which a constant input of 1 gives a constant output of 1 (the result of
+    /// `lfilter_zi`).
     pub(crate) fn steady_state(&self) -> [f64; 2] {
         let z1 = self.b[2] - self.a[1];
         [self.b[1] - self.a[0] + z1, z1]
@@ -115,7 +118,7 @@ impl Section {
     #[inline(always)]
     fn step(&self, x: f64, z: &mut [f64; 2]) -> f64 {
         let y = self.b[0] * x + z[0];
-        // the sum first: only the product with y waits for y
+        // Compute the sum first, so that only the product with y depends on y.
         z[0] = (self.b[1] * x + z[1]) - self.a[0] * y;
         z[1] = self.b[2] * x - self.a[1] * y;
         y
@@ -130,7 +133,7 @@ pub struct Butterworth {
 }
 
 impl Butterworth {
-    /// Designs the filter. `Err` says what is wrong (order outside 1 to 12, cut-off not below half the rate).
+    /// Designs the filter. Errors: order outside 1 to 12, cut-off not below half the rate.
     pub fn design(spec: LowPass, rate_hz: f64) -> Result<Self, DesignError> {
         let k = spec.design_tangent(rate_hz)?;
         let n = spec.order;
@@ -139,8 +142,9 @@ impl Butterworth {
             let b = k / (1.0 + k);
             sections.push(Section { b: [b, b, 0.0], a: [(k - 1.0) / (k + 1.0), 0.0] });
         }
-        // Pole pairs of the analogue prototype, s² + 2 sin((2i+1)π/2n) s + 1, by the bilinear transform.
-        // The best damped pair comes first, so that no section rings more than the whole.
+        // Pole pairs of the analogue prototype, s² + 2 sin((2i+1)π/2n) s + 1, by the bilinear
+        // transform. The best damped pair comes first, so that no section rings more than the
+        // whole.
         for pair in (0..n / 2).rev() {
             let damping = 2.0 * (PI * (2 * pair + 1) as f64 / (2 * n) as f64).sin();
             let norm = 1.0 / (1.0 + damping * k + k * k);
@@ -158,7 +162,7 @@ impl Butterworth {
         self.order
     }
 
-    /// The cascade, in the order in which it runs.
+    /// The cascade, in the order of execution.
     pub fn sections(&self) -> &[Section] {
         &self.sections
     }
@@ -171,8 +175,9 @@ impl Butterworth {
     /// Filters forward and backward in place with scipy's `filtfilt` default padding (odd, 3·(order + 1) samples); runs without NaN
     /// are filtered separately; runs not longer than the padding become NaN.
     ///
-    /// Returns how many samples were lost that way. This is the plain version; [`Butterworth::filtfilt_interleaved`] and
-    /// [`Butterworth::filtfilt_channels`] give the same numbers for many channels at once.
+    /// Returns the number of samples lost in this way. This is the scalar version;
+    /// [`Butterworth::filtfilt_interleaved`] and [`Butterworth::filtfilt_channels`] give the same
+    /// numbers for many channels at once.
     pub fn filtfilt(&self, signal: &mut [f64]) -> usize {
         let mut lost = 0;
         let mut scratch = Vec::new();
@@ -202,7 +207,7 @@ impl Butterworth {
         run.copy_from_slice(&extended[pad..pad + n]);
     }
 
-    /// One pass, started in the steady state of the first sample.
+    /// One pass, started in the steady state for the first sample.
     fn pass<'a>(&self, samples: impl Iterator<Item = &'a mut f64>) {
         let mut z = [[0.0; 2]; MAX_SECTIONS];
         let mut started = false;
@@ -222,7 +227,7 @@ impl Butterworth {
     }
 }
 
-/// A filter that cannot be.
+/// Reasons why a filter cannot be designed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DesignError {
@@ -234,7 +239,7 @@ pub enum DesignError {
         #[doc(hidden)]
         nyquist_hz: f64,
     },
-    /// Order zero or absurdly high.
+    /// The order is zero or too high.
     #[error("filter order {order}: expected 1 to 12")]
     Order {
         #[doc(hidden)]

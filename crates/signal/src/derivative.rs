@@ -1,10 +1,11 @@
 //! Finite-difference derivatives of fourth order.
 //!
-//! Behind the filter: joint velocities and accelerations come from here.
+//! Applied after the filter to obtain joint velocities and accelerations.
 
 use crate::runs::finite_runs;
 
-/// Fewest samples of a run that has derivatives: what the one-sided second derivative of fourth order needs.
+/// Minimum number of samples in a run with derivatives: required by the one-sided second derivative
+/// of fourth order.
 pub const SHORTEST_RUN: usize = 6;
 
 // Weights on consecutive samples; row i is the derivative at sample i of the stencil. From the Lagrange interpolant through the samples.
@@ -34,8 +35,9 @@ pub fn derivatives(signal: &[f64], rate_hz: f64) -> (Vec<f64>, Vec<f64>) {
     (first, second)
 }
 
-/// Derivatives of one run without gaps inside interleaved data: sample i of the channel is `signal[i * stride + channel]`, and the
-/// results are written in the same places. The run must have at least [`SHORTEST_RUN`] samples; shorter ones are set to NaN.
+/// Derivatives of one run without gaps inside interleaved data: sample i of the channel is
+/// `signal[i * stride + channel]`, and the results are written at the same indices. The run must
+/// have at least [`SHORTEST_RUN`] samples; shorter ones are set to NaN.
 pub fn derivatives_of_run(
     signal: &[f64],
     stride: usize,
@@ -61,7 +63,7 @@ pub fn derivatives_of_run(
         } else if i + 2 < n {
             (dot(&FIRST[2], x, |k| i - 2 + k), dot(&SECOND[2][..5], x, |k| i - 2 + k))
         } else {
-            // mirrored: odd derivatives change sign
+            // Mirrored: odd derivatives change sign.
             let edge = n - 1 - i;
             (-dot(&FIRST[edge], x, |k| n - 1 - k), dot(&SECOND[edge], x, |k| n - 1 - k))
         };

@@ -1,6 +1,7 @@
 //! Zero-phase filters, derivatives and spectra of sampled signals.
 //!
-//! Signals are plain slices of `f64` at a fixed rate; NaN is missing, and no operation reaches across it. Nothing here knows of bodies.
+//! Signals are plain slices of `f64` at a fixed rate; NaN means missing, and no operation crosses
+//! it. This crate is independent of body models.
 //!
 //! | module | what it gives |
 //! |---|---|

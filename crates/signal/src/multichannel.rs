@@ -1,25 +1,28 @@
 //! The zero-phase filter on many channels at once.
 //!
-//! The recursion of a filter is serial in time but independent between channels, so groups of channels run side by side in the lanes of
-//! the processor's vectors. Data goes through in blocks of frames that stay in the nearest cache. Channel-major data is turned
-//! block by block into lanes and kept that way between the two passes; frame-major data is in lanes already and is filtered where it lies.
-//! The numbers are those of [`Butterworth::filtfilt`] to the last bit, on every processor.
+//! The recursion of a filter is serial in time but independent between channels, so groups of
+//! channels are processed in parallel in SIMD lanes. Data is processed in blocks of frames that
+//! stay in the lowest-level cache. Channel-major data is transposed into lanes block by block and
+//! stays in that layout between the two passes; frame-major data is already in lanes and is
+//! filtered in place. The results equal those of [`Butterworth::filtfilt`] bit for bit, on every
+//! processor.
 
 use crate::butterworth::{Butterworth, MAX_ORDER, Section};
 use std::ops::Range;
 
-/// Channels in a group.
+/// Number of channels in a group.
 const LANES: usize = 8;
-/// Frames of a group that are handled together, a multiple of [`LANES`].
+/// Number of frames of a group that are processed together, a multiple of [`LANES`].
 const BLOCK: usize = 32;
-/// Most samples of reflection on each side.
+/// Maximum number of reflected samples on each side.
 const MAX_PADDING: usize = 3 * (MAX_ORDER + 1);
 
 type Frame = [f64; LANES];
 
 impl Butterworth {
     /// [`Butterworth::filtfilt`] of every channel of frame-major data, `data[frame * channels + channel]`, in place.
-    /// Trailing values that do not fill a frame are left alone. Returns how many samples were lost in runs that are too short.
+    /// Trailing values that do not fill a frame are unchanged. Returns the number of samples lost
+    /// in runs that are too short.
     pub fn filtfilt_interleaved(&self, data: &mut [f64], channels: usize) -> usize {
         if channels == 0 {
             return 0;
@@ -29,7 +32,7 @@ impl Butterworth {
         if all_finite(data) {
             return self.interleaved_run(data, channels);
         }
-        // runs that all channels share, where they do
+        // Runs common to all channels, if they are the same in all.
         let (mut lost, mut begin) = (0, 0);
         let missing = |frame: &[f64]| frame.iter().filter(|x| !x.is_finite()).count();
         if data.chunks_exact(channels).all(|frame| [0, channels].contains(&missing(frame))) {
@@ -56,7 +59,8 @@ impl Butterworth {
     }
 
     /// [`Butterworth::filtfilt`] of every channel of channel-major data, `data[channel * samples + sample]`, in place.
-    /// Trailing values that do not fill a channel are left alone. Returns how many samples were lost in runs that are too short.
+    /// Trailing values that do not fill a channel are unchanged. Returns the number of samples lost
+    /// in runs that are too short.
     pub fn filtfilt_channels(&self, data: &mut [f64], samples: usize) -> usize {
         if samples == 0 {
             return 0;
@@ -91,19 +95,21 @@ impl Butterworth {
     }
 }
 
-/// Filtering of one arrangement of data, compiled for a number of sections.
+/// Filtering of one data layout, compiled for a number of sections.
 trait Arrangement {
     fn run<const PAIRS: usize, const ODD: bool>(self, filter: &Cascade<PAIRS, ODD>) -> bool;
 }
 
-/// Runs an arrangement with the widest vectors of this processor. What is not inlined into the closure would be compiled for the oldest.
+/// Runs a layout with the widest vectors of this processor. Code that is not inlined into the
+/// closure would be compiled for the oldest one.
 fn dispatch<A: Arrangement>(filter: &Butterworth, arrangement: A) -> bool {
     pulp::Arch::new().dispatch(
         #[inline(always)]
         || {
             let s = filter.sections();
             match filter.order() {
-                // the orders in use are compiled for themselves, the others share one loop over their sections
+                // Common orders have their own compiled code; the others share one loop over their
+                // sections.
                 1 => arrangement.run(&Cascade::<0, true>::new(s)),
                 2 => arrangement.run(&Cascade::<1, false>::new(s)),
                 3 => arrangement.run(&Cascade::<1, true>::new(s)),
@@ -115,12 +121,13 @@ fn dispatch<A: Arrangement>(filter: &Butterworth, arrangement: A) -> bool {
     )
 }
 
-/// The sections with the structure of a low-pass used: numerators b(1 + z⁻¹) and b(1 + z⁻¹)². Doubling is exact, so
-/// nothing is rounded otherwise than in [`Section`].
+/// The sections with the numerators of a low-pass: b(1 + z⁻¹) and b(1 + z⁻¹)². Doubling is exact,
+/// so the rounding is the same as in [`Section`].
 struct Cascade<const PAIRS: usize, const ODD: bool> {
     first: Section,
     pairs: [Section; PAIRS],
-    /// Sections of `pairs` that the filter has: all of them but in the shared cascade of high orders.
+    /// Number of sections of `pairs` in use: all of them except in the shared cascade of high
+    /// orders.
     used: usize,
 }
 
@@ -134,7 +141,7 @@ struct States<const PAIRS: usize> {
 impl<const PAIRS: usize, const ODD: bool> Cascade<PAIRS, ODD> {
     #[inline(always)]
     fn new(sections: &[Section]) -> Self {
-        // an odd order begins with its single pole; without one the field is not used
+        // An odd order begins with its single pole; otherwise the field is not used.
         let used = if PAIRS == MAX_ORDER / 2 { sections.len() - usize::from(ODD) } else { PAIRS };
         let pair = |i: usize| sections[i.min(used.saturating_sub(1)) + usize::from(ODD)];
         Self { first: sections[0], pairs: std::array::from_fn(pair), used }
@@ -237,8 +244,9 @@ impl Arrangement for Interleaved<'_> {
     }
 }
 
-/// Reads a block once from end to end. Groups would touch it a cache line here and there, which the processor's prefetcher does not see
-/// through: on data larger than the caches this doubles the speed.
+/// Reads a block once from end to end. Groups access it one cache line at a time in a pattern that
+/// the processor's prefetcher does not recognise; on data larger than the caches this doubles the
+/// speed.
 #[inline(always)]
 fn fetch(block: &[f64]) {
     std::hint::black_box(all_finite(block));
@@ -339,7 +347,8 @@ impl Arrangement for ChannelMajor<'_> {
             filter.pass(&mut z, frames.iter_mut());
         }
         filter.pass(&mut z, tail[..pad].iter_mut());
-        // a missing sample never leaves the states again: seen here, before anything was written
+        // A missing sample stays in the states once it has entered: detected here, before anything
+        // is written.
         if !all_finite(&tail[pad - 1]) {
             return false;
         }

@@ -3,8 +3,8 @@
 //! Two medians are in use, and they differ for an even number of values: [`median`] is the mean of the two middle values,
 //! [`upper_median`] the upper one of them, which is always a value of the sample.
 
-/// Median of values that are all finite, the mean of the two middle ones where their number is even; NaN without values.
-/// Reorders the slice.
+/// Median of finite values: the mean of the two middle ones if their number is even; NaN without
+/// values. Reorders the slice.
 pub fn median(values: &mut [f64]) -> f64 {
     let n = values.len();
     let Some(upper) = upper_median(values) else { return f64::NAN };
@@ -15,8 +15,8 @@ pub fn median(values: &mut [f64]) -> f64 {
     0.5 * (lower + upper)
 }
 
-/// The value that stands in the middle, of two the upper one; none without values. Reorders the slice: the same input always
-/// comes out in the same order.
+/// The middle value, or the upper of the two middle ones; `None` without values. Reorders the slice
+/// deterministically.
 pub fn upper_median(values: &mut [f64]) -> Option<f64> {
     if values.is_empty() {
         return None;
@@ -25,8 +25,9 @@ pub fn upper_median(values: &mut [f64]) -> Option<f64> {
     Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// Median of the finite values, and the upper median of their absolute distances from it, both by [`upper_median`]; none
-/// without finite values. Keeps only the finite values' distances in `values`.
+/// Median of the finite values, and the upper median of their absolute distances from it, both by
+/// [`upper_median`]; `None` without finite values. Keeps only the finite values' distances in
+/// `values`.
 pub fn median_and_deviation(values: &mut Vec<f64>) -> Option<(f64, f64)> {
     values.retain(|x| x.is_finite());
     let center = upper_median(values)?;
@@ -36,8 +37,8 @@ pub fn median_and_deviation(values: &mut Vec<f64>) -> Option<(f64, f64)> {
     Some((center, upper_median(values)?))
 }
 
-/// The value below which `part` of `of` equal parts of an ascending sample lie, rounded down to a value of the sample; none
-/// without values.
+/// The value below which `part` of `of` equal parts of an ascending sample lie, rounded down to a
+/// value of the sample; `None` without values.
 pub fn quantile_of_sorted(sorted: &[f64], part: usize, of: usize) -> Option<f64> {
     sorted.get(sorted.len().checked_sub(1)? * part / of).copied()
 }

@@ -1,9 +1,9 @@
-//! Values of a sampled signal at other times: plates at 1000 Hz brought to the frames of the cameras.
+//! Values of a sampled signal at other times, for example plates at 1000 Hz at the camera frames.
 
 use crate::butterworth::{Butterworth, DesignError, LowPass};
 use serde::{Deserialize, Serialize};
 
-/// How values between samples are found.
+/// Interpolation between samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Interpolation {
@@ -14,17 +14,17 @@ pub enum Interpolation {
     Cubic,
 }
 
-/// Values at `times_s`, where sample i was taken at `start_s + i / rate_hz`. Outside the signal, and next to a missing sample, NaN;
-/// times within 1e-6 of a sample's own time give that sample.
+/// Values at `times_s`, where sample i was taken at `start_s + i / rate_hz`. NaN outside the signal
+/// and next to a missing sample; times within 1e-6 of a sample's own time give that sample.
 pub fn resample(signal: &[f64], rate_hz: f64, start_s: f64, times_s: &[f64], how: Interpolation) -> Vec<f64> {
     times_s.iter().map(|t| value_at(signal, (t - start_s) * rate_hz, how)).collect()
 }
 
-/// Brings a signal to other times: filtered forward and backward at its own rate, then cubic interpolation. The filter must stand below
-/// half the rate of `times_s`, or what lies above folds back.
+/// Resamples a signal: filters forward and backward at its own rate, then interpolates with cubics.
+/// The cut-off must be below half the rate of `times_s` to avoid aliasing.
 ///
 /// # Errors
-/// A filter that does not fit `rate_hz`.
+/// A filter that is not valid at `rate_hz`.
 pub fn filter_and_resample(
     signal: &[f64],
     rate_hz: f64,
@@ -56,7 +56,7 @@ fn value_at(signal: &[f64], position: f64, how: Interpolation) -> f64 {
     }
     let neighbour = |k: Option<usize>| k.and_then(|k| signal.get(k)).copied().filter(|x| x.is_finite());
     let line = x1 + u * (x2 - x1);
-    // Newton's form on the samples that are there; a bow is a second difference
+    // Newton's form on the available samples; the curvature is a second difference.
     match (neighbour(i.checked_sub(1)), neighbour(Some(i + 2))) {
         (Some(x0), Some(x3)) => {
             let (left, right) = (x0 - 2.0 * x1 + x2, x1 - 2.0 * x2 + x3);

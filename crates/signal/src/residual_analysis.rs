@@ -1,15 +1,18 @@
-//! Winter's residual analysis: what a low-pass takes away at each cut-off, and where that stops being noise.
+//! Winter's residual analysis: what a low-pass removes at each cut-off, and below which cut-off it
+//! removes signal.
 //!
-//! A table for people who choose a cut-off. At high cut-offs a filter removes noise only, and the residual grows almost in a straight
-//! line as the cut-off falls; that line's value at zero frequency estimates the noise. The suggested cut-off is the one whose residual
-//! equals that noise: signal lost and noise kept are then of one size (D. A. Winter, Biomechanics and Motor Control of Human Movement).
+//! Helps users to choose a cut-off. At high cut-offs a filter removes noise only, and the residual
+//! increases almost linearly as the cut-off decreases; the value of that line at zero frequency
+//! estimates the noise. The suggested cut-off is the one whose residual equals that noise, so that
+//! signal distortion and remaining noise are of equal size (D. A. Winter, Biomechanics and Motor
+//! Control of Human Movement).
 
 use crate::butterworth::{Butterworth, DesignError, LowPass};
 use serde::{Deserialize, Serialize};
 
-/// Fewest cut-offs that make a line.
+/// Minimum number of cut-offs for a line.
 const FEWEST_IN_LINE: usize = 5;
-/// Share of the variance that a line has to explain to be called straight.
+/// Fraction of the variance that a line must explain to be accepted as straight.
 const STRAIGHT: f64 = 0.98;
 
 /// Cut-off against residual.
@@ -19,9 +22,10 @@ pub struct ResidualAnalysis {
     pub cutoff_hz: Vec<f64>,
     /// Root mean square of signal minus filtered signal, in the signal's unit.
     pub residual_rms: Vec<f64>,
-    /// Noise by extrapolating the straight part to zero frequency, in the signal's unit; none where no straight part was found.
+    /// Noise by extrapolating the straight part to zero frequency, in the signal's unit; `None` if
+    /// no straight part was found.
     pub noise_rms: Option<f64>,
-    /// Where the residual equals the noise, Hz.
+    /// Cut-off at which the residual equals the noise, Hz.
     pub suggested_cutoff_hz: Option<f64>,
 }
 
@@ -35,7 +39,7 @@ pub fn default_cutoffs(rate_hz: f64) -> Vec<f64> {
 /// `shape` gives order and correction; its cut-off is replaced by each of `cutoffs_hz`, which must ascend.
 ///
 /// # Errors
-/// An order or cut-off that no filter has at this rate.
+/// An order or cut-off that is not valid at this rate.
 pub fn residual_analysis(
     channels: &[&[f64]],
     rate_hz: f64,
@@ -82,12 +86,12 @@ fn line(x: &[f64], y: &[f64]) -> Line {
         yy += (y - my) * (y - my);
     }
     let slope = xy / xx;
-    // a residual grows towards low cut-offs; anything else is no noise line
+    // A residual must increase towards low cut-offs; otherwise the line does not describe noise.
     let explained = if slope < 0.0 && yy > 0.0 { xy * xy / (xx * yy) } else { 0.0 };
     Line { at_zero: my - slope * mx, explained }
 }
 
-/// First cut-off at which the falling residual reaches the level, by linear interpolation.
+/// First cut-off at which the decreasing residual reaches the level, by linear interpolation.
 fn crossing(x: &[f64], y: &[f64], level: f64) -> Option<f64> {
     let i = y.iter().position(|y| *y <= level)?;
     if i == 0 {
@@ -105,7 +109,7 @@ mod tests {
     fn noise_and_band_of_a_known_signal_are_found() {
         let rate = 200.0;
         let mut seed = 7u64;
-        // sum of twelve uniform numbers: nearly normal, standard deviation 1
+        // Sum of twelve uniform numbers: nearly normal, standard deviation 1.
         let mut normal = || {
             (0..12).fold(-6.0, |s, _| {
                 seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);

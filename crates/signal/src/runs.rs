@@ -1,4 +1,5 @@
-//! Stretches of a signal without missing samples: every filter and derivative works on these and never across a gap.
+//! Stretches of a signal without missing samples. Filters and derivatives are applied within these
+//! and never across a gap.
 
 use std::ops::Range;
 
@@ -47,7 +48,8 @@ mod tests {
             let runs = runs_where(holds.len(), |i| holds[i]);
             let covered: Vec<bool> = (0..holds.len()).map(|i| runs.iter().any(|r| r.contains(&i))).collect();
             prop_assert_eq!(&covered, &holds);
-            // ascending, not empty, and at least one index that does not hold between two of them
+            // Ascending, not empty, and separated by at least one index for which the condition
+            // does not hold.
             prop_assert!(runs.iter().all(|r| !r.is_empty()));
             prop_assert!(runs.windows(2).all(|w| w[0].end < w[1].start));
         }

@@ -1,4 +1,4 @@
-//! Power spectral density by Welch's method, for judging noise and choosing filters.
+//! Power spectral density by Welch's method, to assess noise and choose filters.
 
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -10,7 +10,8 @@ pub struct Spectrum {
     pub frequency_hz: Vec<f64>,
     /// Density, signal unit squared per Hz; its integral over frequency is the variance.
     pub density: Vec<f64>,
-    /// Segments averaged; zero where the signal had no whole segment, and then the density is NaN.
+    /// Number of segments averaged; zero if the signal had no complete segment, in which case the
+    /// density is NaN.
     pub segments: usize,
 }
 
@@ -22,7 +23,8 @@ pub fn welch(signal: &[f64], rate_hz: f64, segment: usize) -> Spectrum {
     let frequency_hz = (0..bins).map(|k| k as f64 * rate_hz / n as f64).collect();
     let window: Vec<f64> = (0..n).map(|i| 0.5 - 0.5 * (TAU * i as f64 / n as f64).cos()).collect();
     let scale = 1.0 / (rate_hz * window.iter().map(|w| w * w).sum::<f64>());
-    // a table of the circle serves every bin: segments are short, and a plain sum is exact and fast enough
+    // One table of the circle is used for every bin: segments are short, and a plain sum is
+    // accurate and fast enough.
     let circle: Vec<(f64, f64)> = (0..n).map(|i| (TAU * i as f64 / n as f64).sin_cos()).collect();
     let mut density = vec![0.0; bins];
     let mut segments = 0;
@@ -45,7 +47,7 @@ pub fn welch(signal: &[f64], rate_hz: f64, segment: usize) -> Spectrum {
                         at -= n;
                     }
                 }
-                // negative frequencies are folded in, except the two bins that are their own mirror
+                // Negative frequencies are added, except for the two bins that mirror themselves.
                 let fold = if k == 0 || 2 * k == n { 1.0 } else { 2.0 };
                 *d += fold * scale * (re * re + im * im);
             }

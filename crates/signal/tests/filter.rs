@@ -1,4 +1,5 @@
-//! The filter against scipy's goldens (`tests/peers/signal_scipy.py`), and its fast versions against the plain one.
+//! The filter compared with scipy's reference values (`tests/peers/signal_scipy.py`), and its fast
+//! versions with the scalar one.
 #![allow(clippy::unwrap_used, reason = "a golden that cannot be read fails the test")]
 
 use aloft_signal::{Butterworth, CutoffCorrection, DesignError, LowPass};
@@ -45,7 +46,7 @@ fn validate_winter_design_cutoffs() {
         assert!((facts.true_minus3db_hz - cutoff).abs() < 1e-10);
         assert_eq!(facts.effective_order, 2 * order);
     }
-    // published figures for two passes of second order
+    // Published values for two passes of second order.
     let winter =
         |rate, cutoff| LowPass { correction: CutoffCorrection::Winter, ..spec(2, cutoff) }.describe(rate).unwrap();
     for (rate, cutoff, design) in [
@@ -94,7 +95,8 @@ fn gaps_split_runs_and_short_runs_are_lost() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 
-    /// Many channels at once, in both layouts, with and without gaps, equal the plain filter bit for bit.
+    /// Many channels at once, in both layouts, with and without gaps, equal the scalar filter bit
+    /// for bit.
     #[test]
     fn prop_many_channels_equal_the_plain_filter(
         order in 1usize..=12,

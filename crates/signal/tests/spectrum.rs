@@ -1,4 +1,4 @@
-//! Welch's method against scipy's goldens (`tests/peers/signal_scipy.py`).
+//! Welch's method compared with scipy's reference values (`tests/peers/signal_scipy.py`).
 #![allow(clippy::unwrap_used, reason = "a golden that cannot be read fails the test")]
 
 use aloft_signal::welch;

@@ -1,4 +1,5 @@
-//! From the bytes of a recording to a trial in SI with short gaps filled: the demonstration's first recording.
+//! From the bytes of a recording to a trial in SI units with short gaps filled: first recording of
+//! the demonstration.
 //!
 //! `cargo bench -p aloft-trial`
 #![allow(missing_docs, reason = "criterion makes the functions")]

@@ -1,14 +1,15 @@
-//! Spikes and label swaps: found and reported, repaired only when asked.
+//! Detects spikes and label swaps in marker trajectories; repairs them only on request.
 //!
-//! A spike is a marker that leaves its path for a few frames and comes back, further than a body can accelerate. A swap is two
-//! markers of one segment whose distances to their mates fit far better with the labels exchanged.
+//! A spike: a marker leaves its path for a few frames and returns, with an acceleration that a body
+//! cannot reach. A swap: two markers of one segment whose distances to the segment's other markers
+//! fit far better with the labels exchanged.
 
 use crate::{Markers, Trial};
 use aloft_signal::median;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// What counts as an artefact.
+/// Thresholds for artefacts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ArtefactOptions {
@@ -18,9 +19,9 @@ pub struct ArtefactOptions {
     pub spike_frames: usize,
     /// Smallest spike, m.
     pub spike_floor_m: f64,
-    /// Accelerations up to this are believed, m/s².
+    /// Accelerations up to this are considered plausible, m/s².
     pub plausible_acceleration_mps2: f64,
-    /// Smallest mean distance error that may be a swap, m.
+    /// Smallest mean distance error that is reported as a swap, m.
     pub swap_floor_m: f64,
 }
 
@@ -36,7 +37,7 @@ impl Default for ArtefactOptions {
     }
 }
 
-/// What was found.
+/// Kind of artefact.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FindingKind {
@@ -49,10 +50,10 @@ pub enum FindingKind {
     },
 }
 
-/// One artefact.
+/// One artefact found.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
-    /// What.
+    /// Kind.
     pub kind: FindingKind,
     /// Marker.
     pub marker: String,
@@ -60,7 +61,8 @@ pub struct Finding {
     pub first_frame: usize,
     /// Last frame.
     pub last_frame: usize,
-    /// Distance from the path (spike) or mean error of the distances to the mates (swap), m.
+    /// Distance from the path (spike) or mean error of the distances to the segment's other markers
+    /// (swap), m.
     pub size_m: f64,
     /// Whether it was repaired.
     pub repaired: bool,
@@ -97,7 +99,8 @@ fn find_spikes(markers: &mut Markers, marker: usize, options: &ArtefactOptions, 
     let track = &mut markers.trajectories[marker];
     let n = track.len();
     let visible = |p: &Vector3<f64>| p.iter().all(|x| x.is_finite());
-    // The usual distance from the middle of the neighbours tells noise and ordinary acceleration.
+    // The median distance from the midpoint of the neighbours measures noise and ordinary
+    // acceleration.
     let mut usual: Vec<f64> =
         track.windows(3).filter(|w| w.iter().all(visible)).map(|w| (w[1] - (w[0] + w[2]) * 0.5).norm()).collect();
     let usual = median(&mut usual);
@@ -113,7 +116,8 @@ fn find_spikes(markers: &mut Markers, marker: usize, options: &ArtefactOptions, 
                 break;
             }
             let chord_s = (width + 1) as f64 * step_s;
-            // A body under constant acceleration a leaves the chord of a time span T by at most a T²/8.
+            // Under constant acceleration a, a path deviates from the chord over a time T by at
+            // most a T²/8.
             let bound = options.plausible_acceleration_mps2 * chord_s * chord_s / 8.0;
             let limit = options.spike_floor_m.max(bound).max(12.0 * usual * (width * width) as f64);
             let (a, b) = (track[frame - 1], track[end]);
@@ -124,7 +128,8 @@ fn find_spikes(markers: &mut Markers, marker: usize, options: &ArtefactOptions, 
                 least = least.min(off);
                 most = most.max(off);
             }
-            // Out and back: every frame between is off, and the way back is short against the excursion.
+            // Out and back: all frames in between are off the chord, and the chord is short
+            // compared with the excursion.
             if least > limit && (b - a).norm() < 0.7 * most + usual * (width + 1) as f64 * 4.0 {
                 findings.push(Finding {
                     kind: FindingKind::Spike,
@@ -151,7 +156,7 @@ fn find_swaps(markers: &mut Markers, members: &[usize], options: &ArtefactOption
     if n < 3 {
         return;
     }
-    // Usual distances; the medians hold as long as a swap lasts less than half of the recording.
+    // Typical distances; the medians are valid if a swap lasts less than half of the recording.
     let mut usual = vec![f64::NAN; n * n];
     for i in 0..n {
         for j in i + 1..n {

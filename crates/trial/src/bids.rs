@@ -1,5 +1,5 @@
-//! BIDS-Motion: `_motion.tsv` (numbers without a header) with its `_channels.tsv`, to a [`Trial`]. Position channels are markers;
-//! BIDS has no force plates.
+//! Reads BIDS-Motion, `_motion.tsv` (numbers without a header) with its `_channels.tsv`, into a
+//! [`Trial`]. Position channels are markers; BIDS has no force plates.
 //!
 //! Format: Brain Imaging Data Structure 1.9, modality-specific files, *Motion*.
 
@@ -16,13 +16,15 @@ pub struct BidsMotion<'a> {
     pub motion: &'a str,
     /// `_channels.tsv`.
     pub channels: &'a str,
-    /// `SamplingFrequency` of `_motion.json`, Hz; none: the channels' column `sampling_frequency`.
+    /// `SamplingFrequency` of `_motion.json`, Hz; if absent, the column `sampling_frequency` of the
+    /// channels.
     pub rate_hz: Option<f64>,
-    /// `SpatialAxes` of the reference frame (`_channels.json`), such as `ALS`: where each axis points; none: Z is up.
+    /// `SpatialAxes` of the reference frame (`_channels.json`), such as `ALS`: direction of each
+    /// axis; if absent, Z is up.
     pub spatial_axes: Option<&'a str>,
 }
 
-/// One position channel: its column, the marker and the axis, metres a unit.
+/// One position channel: column, marker, axis, and metres per unit.
 struct Channel {
     column: usize,
     marker: usize,
@@ -34,7 +36,7 @@ impl Trial {
     /// Reads a BIDS-Motion recording. `n/a` is missing.
     ///
     /// # Errors
-    /// Names the file's line that breaks the format; or no frames, no position channels, no rate.
+    /// Malformed line (the error names it), or no frames, position channels or sampling rate.
     pub fn from_bids_motion(name: &str, source: &BidsMotion<'_>, options: &ImportOptions) -> Result<Self, TrialError> {
         if source.motion.trim().is_empty() {
             return Err(TrialError::EmptyFile { trial: name.to_owned() });
@@ -140,12 +142,14 @@ fn read_channels(trial: &mut Trial, text: &str, options: &ImportOptions) -> Resu
         };
         let own = cell(name_at);
         let point = place("tracked_point").map(cell).filter(|p| !p.is_empty() && !p.eq_ignore_ascii_case("n/a"));
-        // without a tracked point the name says it, with its axis at the end: `LKNE_x`
+        // Without a tracked point the channel name identifies the marker, with the axis at the end:
+        // `LKNE_x`.
         let bare =
             own.strip_suffix(['x', 'y', 'z', 'X', 'Y', 'Z']).map_or(own, |n| n.trim_end_matches(['_', '-', '.']));
         let label = point.unwrap_or(bare);
         let label = if options.strip_prefix { strip_subject(label) } else { label }.to_owned();
-        // a point's channels follow one another; the same point again is another marker of that name
+        // The channels of a point are consecutive; a repeated point is another marker of the same
+        // name.
         let known = labels.len().checked_sub(1).filter(|last| labels[*last] == label);
         let marker = match known {
             Some(last) if !channels.iter().any(|c| c.marker == last && c.axis == axis) => last,

@@ -1,4 +1,5 @@
-//! What can be wrong with a recording. One line each: trial, place, what was found, what was expected, what to do.
+//! Errors of import. Each message is one line: trial, place, value found, value expected, and a
+//! hint.
 
 /// Errors of this crate; every variant names the trial.
 #[derive(Debug, thiserror::Error)]
@@ -34,7 +35,7 @@ pub enum TrialError {
         #[doc(hidden)]
         found: String,
     },
-    /// The sampling rate cannot be.
+    /// The sampling rate is out of range.
     #[error("{trial}: {place}: sampling rate {found} Hz; expected 0.001 to 1000000 Hz")]
     Rate {
         #[doc(hidden)]
@@ -44,7 +45,7 @@ pub enum TrialError {
         #[doc(hidden)]
         found: f64,
     },
-    /// A text file (TRC, MOT, STO) breaks its format at one place.
+    /// Malformed line in a text file (TRC, MOT, STO).
     #[error("{trial}: {format} line {line}: found {found}, expected {expected}")]
     Text {
         #[doc(hidden)]

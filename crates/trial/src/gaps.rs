@@ -1,23 +1,25 @@
 //! Gaps in marker trajectories: short ones are filled and recorded, long ones stay missing.
 //!
-//! Where three mates of the same segment are visible, the missing marker is carried by their rigid body, with the residual that it
-//! has at both edges of the gap interpolated in the segment's frame: soft tissue has moved it there, and a fill without it would
-//! jump. Otherwise a short gap gets a cubic. The same can be done later with the poses of a model ([`fill_gaps_with_poses`]).
+//! If three other markers of the same segment are visible, the missing marker is placed by their
+//! rigid body. Its residual at both edges of the gap is interpolated in the segment's frame,
+//! because soft tissue displaces the marker there and a fill without it would jump. Otherwise a
+//! short gap is filled with a cubic. Gaps can also be filled later from the poses of a model
+//! ([`fill_gaps_with_poses`]).
 
 use crate::{Markers, Trial};
 use aloft_body::rigid::fit_pose;
 use nalgebra::{Isometry3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Limits of filling.
+/// Limits of gap filling.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct GapOptions {
-    /// Longest gap that a cubic may bridge, s.
+    /// Longest gap that a cubic may fill, s.
     pub cubic_limit_s: f64,
-    /// Longest gap that segment mates (or model poses) may bridge, s.
+    /// Longest gap that other markers of the segment (or model poses) may fill, s.
     pub rigid_limit_s: f64,
-    /// Smallest spread of the mates about a line, m: below it they do not define a pose.
+    /// Minimum spread of the other markers about a line, m; below it they do not define a pose.
     pub min_spread_m: f64,
 }
 
@@ -31,11 +33,11 @@ impl Default for GapOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FillMethod {
-    /// Cubic with the slopes at both edges.
+    /// Cubic that matches the slopes at both edges.
     Cubic,
-    /// Rigid body of so many segment mates, residual interpolated.
+    /// Rigid body of this many other markers of the segment, residual interpolated.
     RigidBody {
-        /// Mates used.
+        /// Number of markers used.
         mates: usize,
     },
     /// Pose of the model's link, residual interpolated.
@@ -51,7 +53,7 @@ pub struct GapFill {
     pub first_frame: usize,
     /// Last filled frame.
     pub last_frame: usize,
-    /// How.
+    /// Method of filling.
     pub method: FillMethod,
 }
 
@@ -64,8 +66,9 @@ pub(crate) fn missing_runs(track: &[Vector3<f64>]) -> Vec<Range> {
     aloft_signal::runs_where(track.len(), missing).into_iter().map(|r| (r.start, r.end)).collect()
 }
 
-/// Fills what may be filled. `segments` are groups of labels that move together ([`crate::MarkerSet::segments`]); empty: cubic only.
-/// Mates must have been measured: a filled marker never carries another one, so the order of markers does not matter.
+/// Fills gaps within the limits. `segments` lists the labels on each rigid segment
+/// ([`crate::MarkerSet::segments`]); if empty, only cubics are used. Only measured markers define a
+/// rigid body, never filled ones, so the result does not depend on the order of markers.
 pub fn fill_gaps(trial: &mut Trial, segments: &[Vec<String>], options: &GapOptions) -> Vec<GapFill> {
     let rate_hz = trial.markers.rate_hz;
     let limit = |seconds: f64| (seconds * rate_hz + 1e-9).max(0.0) as usize;
@@ -103,8 +106,9 @@ pub fn fill_gaps(trial: &mut Trial, segments: &[Vec<String>], options: &GapOptio
     fills
 }
 
-/// Fills gaps up to `rigid_limit_s` from known link poses: each entry names a marker and gives `world_from_link` for every frame
-/// (translation NaN where the pose is unknown). The marker's place in the link is interpolated between the edges of the gap.
+/// Fills gaps up to `rigid_limit_s` from known link poses: each entry names a marker and gives
+/// `world_from_link` for every frame (translation NaN where the pose is unknown). The marker's
+/// position in the link frame is interpolated between the edges of the gap.
 pub fn fill_gaps_with_poses(
     trial: &mut Trial,
     carriers: &[(String, &[Isometry3<f64>])],
@@ -130,12 +134,13 @@ pub fn fill_gaps_with_poses(
     fills
 }
 
-/// Frames at each edge over which the marker's place in the segment is averaged.
+/// Frames at each edge over which the marker's position in the segment is averaged.
 const EDGE_FRAMES: usize = 4;
-/// Frames at each side that define the shape of the mates.
+/// Frames on each side that define the relative positions of the other markers.
 const SHAPE_FRAMES: usize = 25;
 
-/// Carries a marker through a gap by its mates; gives the number of mates, or `None` where they do not suffice.
+/// Fills a gap from the other markers of the segment; returns their number, or `None` if they do
+/// not suffice.
 fn rigid_fill(
     filled: &mut Markers,
     measured: &Markers,
@@ -144,7 +149,7 @@ fn rigid_fill(
     gap: Range,
     min_spread_m: f64,
 ) -> Option<usize> {
-    // Mates seen in the whole gap and at its edges.
+    // Other markers visible in the whole gap and at its edges.
     let from = gap.0.saturating_sub(EDGE_FRAMES);
     let to = (gap.1 + EDGE_FRAMES).min(measured.n_frames);
     let mates: Vec<usize> = mates
@@ -158,7 +163,7 @@ fn rigid_fill(
     let cloud = |frame: usize| -> Option<Vec<Vector3<f64>>> {
         mates.iter().map(|&mate| measured.position(mate, frame)).collect()
     };
-    // Shape: the mates' mean place around the gap, every frame laid over the first one.
+    // Relative positions: mean of the other markers around the gap, each frame fitted to the first.
     let around: Vec<usize> =
         (gap.0.saturating_sub(SHAPE_FRAMES)..(gap.1 + SHAPE_FRAMES).min(measured.n_frames)).collect();
     let reference = cloud(gap.0)?;
@@ -182,8 +187,9 @@ fn rigid_fill(
     fill_in_moving_frame(&mut filled.trajectories[marker], gap, pose).then_some(mates.len())
 }
 
-/// Fills one gap with the place that the marker has in a moving frame at the edges, linear between them (constant where only one
-/// edge exists). False, and nothing changed, where a pose or both edges are missing.
+/// Fills one gap from the marker's position in a moving frame at the edges, interpolated linearly
+/// (constant if only one edge exists). Returns false, with nothing changed, if a pose or both edges
+/// are missing.
 fn fill_in_moving_frame(
     track: &mut [Vector3<f64>],
     gap: Range,
@@ -221,7 +227,8 @@ fn fill_in_moving_frame(
     true
 }
 
-/// Cubic between both edges; slopes from a parabola through up to five frames at each side. False at the ends of a recording.
+/// Fills a gap with a cubic between both edges; slopes from a parabola through up to five frames on
+/// each side. Returns false at the ends of a recording.
 fn cubic_fill(track: &mut [Vector3<f64>], gap: Range) -> bool {
     if gap.0 == 0 || gap.1 >= track.len() {
         return false;
@@ -254,8 +261,8 @@ fn cubic_fill(track: &mut [Vector3<f64>], gap: Range) -> bool {
     true
 }
 
-/// Slope a frame at the first of up to five consecutive points, walking away from the gap: least-squares parabola (line with two
-/// or three points); `None` with one point.
+/// Slope per frame at the first of up to five consecutive points, counted away from the gap:
+/// least-squares parabola (line for two or three points); `None` for one point.
 fn edge_slope(points: &[Vector3<f64>]) -> Option<Vector3<f64>> {
     // Rows of the pseudo-inverse for the linear coefficient of a parabola at the first point.
     const FIVE: [f64; 5] = [-54.0 / 70.0, 13.0 / 70.0, 40.0 / 70.0, 27.0 / 70.0, -26.0 / 70.0];

@@ -1,4 +1,4 @@
-//! Sources to [`Trial`]: C3D, or TRC with MOT. Everything leaves in SI and in the world frame.
+//! Imports C3D, or TRC with MOT, as a [`Trial`] in SI units and the world frame.
 
 use crate::mot::read_ground_reactions;
 use crate::options::{disambiguate, require_content, to_world};
@@ -12,11 +12,12 @@ use std::collections::BTreeSet;
 impl Trial {
     /// Reads a C3D file from memory. `name` is the trial's name (the file's stem).
     ///
-    /// Lengths become metres, plates become wrenches on the subject about the world origin, events count seconds from the first
-    /// frame, unlabelled points (`*12`) are dropped, repeated labels are kept and numbered; what was odd stands in `warnings`.
+    /// Lengths become metres, plates become wrenches on the subject about the world origin, and
+    /// events count seconds from the first frame. Unlabelled points (`*12`) are dropped; repeated
+    /// labels are kept and numbered. Irregularities are listed in `warnings`.
     ///
     /// # Errors
-    /// The bytes are not C3D, or hold no frames, no labelled marker, no usable rate or unit.
+    /// The bytes are not C3D, or contain no frames, no labelled marker, or no usable rate or unit.
     pub fn from_c3d(name: &str, bytes: &[u8], options: &ImportOptions) -> Result<Self, TrialError> {
         if bytes.is_empty() {
             return Err(TrialError::EmptyFile { trial: name.to_owned() });
@@ -26,7 +27,7 @@ impl Trial {
         Self::from_c3d_file(name, &file, options)
     }
 
-    /// As [`Trial::from_c3d`], from a file that was read already.
+    /// As [`Trial::from_c3d`], from a file already parsed.
     ///
     /// # Errors
     /// No frames, no labelled marker, no usable rate or unit.
@@ -48,7 +49,7 @@ impl Trial {
     /// Reads TRC markers and, where given, ground reactions from MOT or STO text.
     ///
     /// # Errors
-    /// Names the line that breaks the format; or no frames, no markers.
+    /// Malformed line (the error names it), or no frames or markers.
     pub fn from_trc_mot(
         name: &str,
         trc_text: &str,
@@ -87,7 +88,7 @@ fn recorded_in_header(text: &str) -> Option<recorded::RecordedAt> {
     recorded::of_pairs(&pairs, "header")
 }
 
-/// Markers and computed points, in metres (computed: the unit that the source states), source axes.
+/// Reads markers (metres) and computed points (unit of the source), in source axes.
 fn read_points(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Result<(), TrialError> {
     let metres = length_unit(trial, file, options)?;
     let markers: Vec<usize> = (0..file.points.len()).filter(|&i| file.points[i].kind == PointKind::Marker).collect();
@@ -156,7 +157,8 @@ fn read_points(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Re
     Ok(())
 }
 
-/// Unit of a kind of computed point: POINT:ANGLE_UNITS … where the file has it, else what the usual programs write.
+/// Unit of a kind of computed point: POINT:ANGLE_UNITS etc. where present, otherwise the unit that
+/// common programs write.
 fn computed_unit(file: &C3dFile, kind: PointKind) -> String {
     let (parameter, habit) = match kind {
         PointKind::Angle => ("ANGLE_UNITS", "deg"),
@@ -186,7 +188,7 @@ fn length_unit(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Re
     Ok(1e-3)
 }
 
-/// Says so when all markers together are absurdly near or far.
+/// Warns if the extent of all markers is implausibly small or large.
 fn warn_of_scale(trial: &mut Trial) {
     let mut low = Vector3::repeat(f64::INFINITY);
     let mut high = Vector3::repeat(f64::NEG_INFINITY);
@@ -205,7 +207,8 @@ fn warn_of_scale(trial: &mut Trial) {
     }
 }
 
-/// Labels of at most four characters that repeat, while the descriptions are all there and all different.
+/// True when labels of at most four characters repeat while all descriptions are present and
+/// different.
 fn labels_were_cut(file: &C3dFile, markers: &[usize]) -> bool {
     let mut labels = BTreeSet::new();
     let mut descriptions = BTreeSet::new();
@@ -224,9 +227,9 @@ fn labels_were_cut(file: &C3dFile, markers: &[usize]) -> bool {
     repeats
 }
 
-/// Plates as wrenches, SI, source axes.
+/// Reads plates as wrenches in SI units and source axes.
 fn read_plates(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) {
-    // A corrected unit holds for corners and moment arms as well.
+    // A corrected unit also applies to corners and moment arms.
     let corrected = options.point_unit.as_ref().filter(|unit| **unit != file.point_unit).map(|unit| {
         let mut copy = file.clone();
         copy.point_unit.clone_from(unit);
@@ -261,7 +264,8 @@ fn read_plates(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) {
     }
 }
 
-/// Events, seconds since the first frame of this recording; those outside it are kept with a warning.
+/// Reads events, in seconds since the first frame of this recording; events outside it are kept
+/// with a warning.
 fn read_events(trial: &mut Trial, file: &C3dFile) {
     let start_s = (f64::from(file.first_frame) - 1.0).max(0.0) / file.point_rate_hz;
     let length_s = file.n_frames as f64 / file.point_rate_hz;
@@ -282,7 +286,8 @@ fn read_events(trial: &mut Trial, file: &C3dFile) {
     }
 }
 
-/// The reaction on a subject points up. A plate whose loaded samples point down stores the action on the plate: turned, with a warning.
+/// Ensures that the reaction on the subject points up. A plate whose loaded samples point down
+/// stores the action on the plate; it is inverted, with a warning.
 fn correct_reaction_sign(trial: &mut Trial) {
     for plate in &mut trial.plates {
         let strongest = plate.force_n.iter().map(|f| f.z.abs()).filter(|z| z.is_finite()).fold(0.0, f64::max);

@@ -1,11 +1,12 @@
-//! Marker sets applied to recordings: labels become canonical, and what is missing or unknown is listed.
+//! Applies marker sets to recordings: renames labels to canonical ones and lists missing and
+//! unknown markers.
 
 use crate::{MarkerSet, Trial, WarningKind};
 use aloft_c3d::split_subject;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What came of applying a marker set to a recording.
+/// Result of applying a marker set to a recording.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct MarkerSetMatch {
     /// Name of the set.
@@ -14,22 +15,23 @@ pub struct MarkerSetMatch {
     pub present: Vec<String>,
     /// Labels that were changed: (in the source, canonical).
     pub renamed: Vec<(String, String)>,
-    /// Of those, the ones found only by ignoring case and separators.
+    /// The renamed labels that were found only by ignoring case and separators.
     pub guessed: Vec<(String, String)>,
-    /// Tracked markers of every trial that the recording lacks, or holds without a single visible frame.
+    /// Markers tracked in every trial that the recording lacks, or contains without a single
+    /// visible frame.
     pub missing: Vec<String>,
     /// Markers of the static trial that the recording lacks.
     pub missing_static: Vec<String>,
-    /// Labels of the recording that the set does not know.
+    /// Labels of the recording that are not in the set.
     pub unknown: Vec<String>,
 }
 
-/// Letters and digits only, lower case.
+/// The label reduced to lower-case letters and digits.
 fn normalized(label: &str) -> String {
     label.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
 }
 
-/// How a recorded label was recognised; smaller is surer.
+/// How a recorded label was matched; smaller is more certain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Sureness {
     Same,
@@ -56,7 +58,7 @@ impl Lookup {
                 if sureness < best.1 {
                     *best = (index, sureness);
                 }
-                // Two markers with the same letters cannot be told apart loosely.
+                // Two markers with the same letters are ambiguous in a loose match.
                 loose
                     .entry(normalized(label))
                     .and_modify(|known| {
@@ -67,7 +69,7 @@ impl Lookup {
                     .or_insert(Some(index));
             }
         }
-        // What a laboratory states itself comes first.
+        // Aliases stated by the laboratory take precedence.
         for (recorded, canonical) in extra_aliases {
             if let Some(index) = set.markers.iter().position(|m| &m.label == canonical) {
                 exact.insert(recorded.clone(), (index, Sureness::Same));
@@ -93,7 +95,8 @@ impl Lookup {
         self.loose.get(&key).copied().flatten().map(|index| (index, Sureness::Guess))
     }
 
-    /// For each marker of the set the recorded label that names it most surely (index into `labels`).
+    /// For each marker of the set, the recorded label with the most certain match (index into
+    /// `labels`).
     fn assign(&self, labels: &[String], n_markers: usize) -> Vec<Option<(usize, Sureness)>> {
         let mut best: Vec<Option<(usize, Sureness)>> = vec![None; n_markers];
         for (recorded, label) in labels.iter().enumerate() {
@@ -107,9 +110,10 @@ impl Lookup {
     }
 }
 
-/// Gives the recording the canonical labels of a set: exact names and aliases first, then `Subject:` prefixes cut, then case and
-/// separators ignored (with a warning). `extra_aliases` maps labels of this laboratory to canonical ones. Unknown markers keep
-/// their labels; nothing is removed.
+/// Renames labels to the canonical ones of a set: exact names and aliases first, then without the
+/// prefix `Subject:`, then ignoring case and separators (with a warning). `extra_aliases` maps
+/// labels of this laboratory to canonical ones. Unknown markers keep their labels; nothing is
+/// removed.
 pub fn apply_marker_set(
     trial: &mut Trial,
     set: &MarkerSet,
@@ -146,7 +150,7 @@ pub fn apply_marker_set(
         trial.markers.labels.iter().zip(&known).filter(|(_, known)| !**known).map(|(label, _)| label.clone()).collect();
     for (marker, found) in set.markers.iter().zip(&assigned) {
         if let Some((recorded, _)) = *found {
-            // A stranger with the canonical name would now stand twice.
+            // An unknown marker with the canonical name would now be a duplicate.
             if let Some(stranger) = trial.markers.index(&marker.label)
                 && stranger != recorded
             {
@@ -162,9 +166,11 @@ pub fn apply_marker_set(
     outcome
 }
 
-/// How well each set fits the recording, best first: the share of the set's required markers that the recording has, times the
-/// share of the recording's labels that the set knows to the power 1/4 (virtual and extra markers are common), times the share of
-/// all its markers that are there, optional ones too, to the power 1/16 (of two sets that fit, the smaller one). 1 is a perfect fit.
+/// Score of each set for the recording, best first: the fraction of the set's required markers that
+/// are present, times the fraction of the recording's labels in the set to the power 1/4 (virtual
+/// and extra markers are common), times the fraction of all its markers that are present, optional
+/// ones included, to the power 1/16 (prefers the smaller of two matching sets). 1 is a perfect
+/// match.
 pub fn recognise(trial: &Trial, sets: &[MarkerSet]) -> Vec<(String, f64)> {
     let mut scores: Vec<(String, f64)> = sets
         .iter()

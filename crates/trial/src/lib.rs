@@ -1,6 +1,6 @@
 //! Recordings in SI and one declared world frame (Z up): markers, plates, events, gaps, quality.
 //!
-//! Missing is missing: a marker that was not seen is NaN, from import to export, never zero and never the last value.
+//! Missing markers are NaN from import to export, never zero and never the last value.
 
 pub mod artefacts;
 pub mod bids;

@@ -1,14 +1,15 @@
-//! Marker sets: which label sits on which link and which landmark it marks. Data in `configs/markersets/`, never code.
+//! Marker sets: link and anatomical landmark of each label. Stored as data in
+//! `configs/markersets/`.
 
 use serde::{Deserialize, Serialize};
 
-/// A marker set as its file states it.
+/// A marker set as stored in its file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MarkerSet {
     /// Identifier, also the file's stem.
     pub name: String,
-    /// One line for people.
+    /// One-line description.
     pub title: String,
     /// Name of the model in `configs/models/` whose links the markers name.
     pub model: String,
@@ -27,10 +28,10 @@ pub struct MarkerDefinition {
     pub label: String,
     /// Link that carries it.
     pub link: String,
-    /// Anatomical landmark that it marks, where it marks one (`asis_l`, `knee_medial_r`, `hip_center_l` …).
+    /// Anatomical landmark that it marks, if any (`asis_l`, `knee_medial_r`, `hip_center_l` …).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub landmark: Option<String>,
-    /// Other labels that mean the same marker.
+    /// Other labels of the same marker.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub aliases: Vec<String>,
     /// Weight in inverse kinematics.

@@ -1,8 +1,10 @@
 //! MOT and STO tables, and ground reaction forces in them, to [`Plate`]s (still in source axes).
 //!
-//! Both header styles are read: `key=value` lines and the older `name …`, `datacolumns …`; the table starts after `endheader`
-//! with a line of labels. Stated counts and times are held against what is there (`crate::rows`): missing rows become missing samples, and a
-//! table that breaks off or is out of order is told at its line. Forces act at a point p and come with a free moment T: the moment about the world origin is p × F + T.
+//! Both header styles are read: `key=value` lines and the older `name …`, `datacolumns …`; the
+//! table starts after `endheader` with a line of labels. Stated counts and times are checked
+//! against the rows present (`crate::rows`): missing rows become missing samples, and a truncated
+//! or unordered table is reported with its line. Forces act at a point p and come with a free
+//! moment T: the moment about the world origin is p × F + T.
 
 use crate::rows::{Clock, Ending, Source, Stamp, clock, decimals, ending};
 use crate::trc::shorten;
@@ -14,25 +16,25 @@ use nalgebra::Vector3;
 pub struct Table {
     /// Column labels, `time` first.
     pub labels: Vec<String>,
-    /// `columns[label][row]`, as many as labels.
+    /// `columns[label][row]`, one column per label.
     pub columns: Vec<Vec<f64>>,
     /// Header lines before `endheader`.
     pub header: Vec<String>,
     /// Line of each row in the text, counted from 1.
     pub lines: Vec<usize>,
-    /// What was odd: a table that breaks off, counts that contradict what is there.
+    /// Irregularities: a truncated table, counts that contradict the rows present.
     pub warnings: Vec<Warning>,
-    /// Rows that the header states, and its line.
+    /// Number of rows stated in the header, and the line that states it.
     stated_rows: Option<(usize, usize)>,
-    /// Decimals of each row's time.
+    /// Decimals of the time in each row.
     decimals: Vec<i32>,
 }
 
 impl Table {
-    /// Reads MOT or STO text. `trial` is for messages.
+    /// Reads MOT or STO text. `trial` is used in messages.
     ///
     /// # Errors
-    /// Names the line, what stands there and what was expected.
+    /// Malformed line: the error names it with the value found and the value expected.
     pub fn from_mot(trial: &str, text: &str) -> Result<Self, TrialError> {
         let broken = |line: usize, found: &str, expected: &str| TrialError::Text {
             trial: trial.to_owned(),
@@ -88,7 +90,7 @@ impl Table {
             let cut_here = open_end && at + 1 == data.len() && index + 1 == lines.len();
             let mut row = match read_row(&broken, *index, line, out.labels.len()) {
                 Ok(row) => row,
-                // a last line that breaks off is what a copy that stopped early looks like
+                // An incomplete last line indicates a truncated copy.
                 Err(_) if cut_here => {
                     out.break_off(index + 1);
                     continue;
@@ -132,7 +134,7 @@ impl Table {
         ));
     }
 
-    /// Places the rows in time and holds their number against the stated one.
+    /// Assigns the rows to samples and checks their number against the stated one.
     fn clock(&self, trial: &str, warnings: &mut Vec<Warning>) -> Result<Clock, TrialError> {
         let of = Source { trial, format: "MOT" };
         let mut stamps = Vec::with_capacity(self.lines.len());
@@ -181,7 +183,7 @@ fn stated(
     Ok(None)
 }
 
-/// The numbers of a row; NaN for those that are none.
+/// The numbers of a row; NaN for cells that are not numbers.
 fn read_row(
     broken: &impl Fn(usize, &str, &str) -> TrialError,
     index: usize,
@@ -204,7 +206,7 @@ fn read_row(
     Ok(row)
 }
 
-/// What a ground reaction column holds.
+/// Quantity of a ground reaction column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Quantity {
     Force,
@@ -278,7 +280,7 @@ pub(crate) fn read_ground_reactions(trial: &mut Trial, text: &str, first_frame_t
         trial.warn(WarningKind::Plates, "MOT holds a single row, which has no rate: no plates");
         return Ok(());
     }
-    // the row of each sample; none where it is missing
+    // Row of each sample; `None` where it is missing.
     let mut rows: Vec<Option<usize>> = vec![None; clock.n];
     for (row, place) in clock.places.iter().enumerate() {
         rows[*place] = Some(row);
@@ -360,7 +362,7 @@ pub(crate) fn read_ground_reactions(trial: &mut Trial, text: &str, first_frame_t
             let force_n = Vector3::new(table.columns[fx][row], table.columns[fy][row], table.columns[fz][row]);
             let point_m = vector(point, row) * scale;
             let free_nm = vector(moment, row) * scale;
-            // Off contact some programs write an undefined point: no force, no moment.
+            // Without contact, some programs write an undefined point: no force, no moment.
             let arm = if force_n == Vector3::zeros() { Vector3::zeros() } else { point_m.cross(&force_n) };
             plate.force_n.push(force_n);
             plate.moment_nm.push(arm + free_nm);

@@ -1,23 +1,26 @@
-//! Choices of import that a pipeline may state, and the little reading helpers that all formats share.
+//! Import options, and helpers shared by the readers of all formats.
 
 use crate::rows::RATES_HZ;
 use crate::world::{rotate, up_axis_from_plates};
 use crate::{Trial, TrialError, UpAxis, Warning, WarningKind};
 use serde::{Deserialize, Serialize};
 
-/// How a recording is read.
+/// Import options.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImportOptions {
-    /// Axis of the source that points up; none: told by the plates, else by the format's habit (C3D Z, TRC Y).
+    /// Axis of the source that points up; if absent, determined from the plates, otherwise by the
+    /// convention of the format (C3D Z, TRC Y).
     pub up_axis: Option<UpAxis>,
-    /// Cut `Subject:` from labels.
+    /// Remove the prefix `Subject:` from labels.
     pub strip_prefix: bool,
-    /// Length unit of the source where it states none or a wrong one (`mm`, `cm`, `dm`, `m`, `in`, `ft`).
+    /// Length unit of the source if it states none or a wrong one (`mm`, `cm`, `dm`, `m`, `in`,
+    /// `ft`).
     pub point_unit: Option<String>,
-    /// Take full names from POINT:DESCRIPTIONS where labels were cut to four characters.
+    /// Take full names from POINT:DESCRIPTIONS if labels were truncated to four characters.
     pub full_names: bool,
-    /// In text formats: three exact zeros mean that the marker was not seen (only in markers that are elsewhere non-zero).
+    /// In text formats: three exact zeros mean a missing marker (only in markers that are non-zero
+    /// elsewhere).
     pub zero_is_missing: bool,
 }
 
@@ -27,7 +30,7 @@ impl Default for ImportOptions {
     }
 }
 
-/// Gives repeated labels a number (`RKNE`, `RKNE#2`) and says so. Both stay.
+/// Numbers repeated labels (`RKNE`, `RKNE#2`), with a warning. All are kept.
 pub(crate) fn disambiguate(labels: &mut [String], warnings: &mut Vec<Warning>) {
     let mut seen: std::collections::BTreeMap<String, usize> = std::collections::BTreeMap::new();
     let taken: std::collections::BTreeSet<String> = labels.iter().cloned().collect();
@@ -53,8 +56,9 @@ pub(crate) fn disambiguate(labels: &mut [String], warnings: &mut Vec<Warning>) {
     }
 }
 
-/// Turns the recording into the world frame: the stated axis, else what the plates tell, else what the file `declares`, else the
-/// format's habit.
+/// Rotates the recording into the world frame. The vertical axis is, in this order, the one in the
+/// options, the one found from the plates, the one that the file declares, or the convention of the
+/// format.
 pub(crate) fn to_world(trial: &mut Trial, options: &ImportOptions, declared: Option<UpAxis>, habit: UpAxis) {
     let told = up_axis_from_plates(trial).or(declared.map(|up| (up, "the file's screen axes")));
     let up = match (options.up_axis, told) {
@@ -77,7 +81,7 @@ pub(crate) fn to_world(trial: &mut Trial, options: &ImportOptions, declared: Opt
     rotate(trial, up);
 }
 
-/// The checks that every source must pass to become a trial.
+/// Checks that every imported recording must pass.
 pub(crate) fn require_content(trial: &Trial, found: impl FnOnce() -> String) -> Result<(), TrialError> {
     if trial.markers.labels.is_empty() {
         return Err(TrialError::NoMarkers { trial: trial.name.clone(), found: found() });

@@ -1,4 +1,4 @@
-//! What a recording is worth: one row a marker, and reasons out of a closed list for the trial.
+//! Quality of a recording: one row per marker, and reasons from a closed list for the trial.
 
 use crate::artefacts::{Finding, FindingKind};
 use crate::gaps::{GapFill, missing_runs};
@@ -8,17 +8,17 @@ use aloft_signal::median;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Limits above which something is worth a word.
+/// Thresholds for reporting.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct QualityOptions {
-    /// Gaps longer than this are named, s.
+    /// Gaps longer than this are reported, s.
     pub long_gap_s: f64,
-    /// Noise of a marker above this is named, m (one axis).
+    /// Marker noise above this is reported, m (one axis).
     pub noise_limit_m: f64,
-    /// Recordings shorter than this are named, s.
+    /// Recordings shorter than this are reported, s.
     pub short_trial_s: f64,
-    /// Whether the laboratory should have plates.
+    /// Whether force plates are expected.
     pub plates_expected: bool,
 }
 
@@ -28,12 +28,12 @@ impl Default for QualityOptions {
     }
 }
 
-/// One marker in one trial. Gaps are those of the measurement, before any fill.
+/// Quality of one marker in one trial. Gaps are counted before filling.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MarkerQuality {
     /// Label.
     pub label: String,
-    /// Frames in which it was measured, as a fraction of all.
+    /// Fraction of frames in which the marker was measured.
     pub present_fraction: f64,
     /// Number of gaps.
     pub gaps: usize,
@@ -43,25 +43,26 @@ pub struct MarkerQuality {
     pub filled_frames: usize,
     /// Spikes found.
     pub spikes: usize,
-    /// Label swaps found in which it takes part.
+    /// Label swaps found that involve this marker.
     pub swaps: usize,
-    /// Standard deviation of the noise along one axis, m, root mean square of the three axes; NaN where too few frames.
+    /// Standard deviation of the noise along one axis, m, root mean square of the three axes; NaN
+    /// with too few frames.
     pub noise_rms_m: f64,
 }
 
-/// How much a reason weighs.
+/// Severity of a reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Severity {
-    /// Good to know.
+    /// For information.
     Note,
-    /// Results may suffer.
+    /// Results may be less accurate.
     Warning,
     /// The trial cannot be used.
     Unusable,
 }
 
-/// Why a trial deserves attention: the whole list.
+/// Reasons to review a trial: the complete list.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "reason", rename_all = "snake_case")]
 pub enum QualityReason {
@@ -71,7 +72,7 @@ pub enum QualityReason {
     NoMarkers,
     /// The recording is very short.
     ShortTrial {
-        /// Its length, s.
+        /// Duration, s.
         duration_s: f64,
     },
     /// A marker of the set is not in the recording, or never visible.
@@ -79,7 +80,7 @@ pub enum QualityReason {
         /// Label.
         marker: String,
     },
-    /// A gap that stayed missing.
+    /// A gap that was not filled.
     LongGap {
         /// Label.
         marker: String,
@@ -92,44 +93,44 @@ pub enum QualityReason {
     Spikes {
         /// Label.
         marker: String,
-        /// How many.
+        /// Number of spikes.
         count: usize,
     },
     /// Two labels are exchanged for some frames.
     LabelSwap {
         /// Label.
         marker: String,
-        /// The other.
+        /// Label of the other marker.
         with: String,
         /// First frame (index from 0).
         first_frame: usize,
         /// Last frame.
         last_frame: usize,
     },
-    /// A marker with more noise than usual.
+    /// A marker with noise above the limit.
     NoisyMarker {
         /// Label.
         marker: String,
         /// Standard deviation along one axis, m.
         noise_rms_m: f64,
     },
-    /// Plates were expected, none is there.
+    /// Plates were expected but are absent.
     NoPlates,
-    /// A plate whose force stands still at its extreme value.
+    /// A plate whose force stays at its extreme value.
     PlateSaturated {
         /// Plate.
         plate: String,
         /// Samples at the extreme value.
         samples: usize,
     },
-    /// A plate with samples that are no numbers.
+    /// A plate with samples that are not numbers.
     PlateIncomplete {
         /// Plate.
         plate: String,
-        /// Such samples.
+        /// Number of such samples.
         samples: usize,
     },
-    /// A plate that records nothing but zeros.
+    /// A plate that records only zeros.
     PlateSilent {
         /// Plate.
         plate: String,
@@ -137,7 +138,7 @@ pub enum QualityReason {
 }
 
 impl QualityReason {
-    /// How much it weighs.
+    /// Severity of this reason.
     pub fn severity(&self) -> Severity {
         match self {
             Self::EmptyTrial | Self::NoMarkers => Severity::Unusable,
@@ -179,17 +180,18 @@ impl std::fmt::Display for QualityReason {
 pub struct TrialQuality {
     /// Trial.
     pub trial: String,
-    /// Frames.
+    /// Number of frames.
     pub n_frames: usize,
-    /// Length, s.
+    /// Duration, s.
     pub duration_s: f64,
-    /// One row a marker, in the order of the recording.
+    /// One row per marker, in the order of the recording.
     pub markers: Vec<MarkerQuality>,
-    /// What deserves attention, gravest first.
+    /// Reasons to review the trial, most severe first.
     pub reasons: Vec<QualityReason>,
 }
 
-/// Looks at a trial after labelling, artefact search and filling; `fills` and `findings` are what those gave.
+/// Assesses a trial after labelling, artefact detection and filling; `fills` and `findings` are
+/// their results.
 pub fn assess(
     trial: &Trial,
     matched: Option<&MarkerSetMatch>,
@@ -203,7 +205,7 @@ pub fn assess(
     let mut rows = Vec::with_capacity(markers.labels.len());
     let mut any_visible = false;
     for (label, track) in markers.labels.iter().zip(&markers.trajectories) {
-        // What was filled had been missing.
+        // Filled samples count as missing.
         let mut measured = track.clone();
         let mut filled_frames = 0;
         for fill in fills.iter().filter(|fill| &fill.marker == label) {
@@ -283,8 +285,9 @@ pub fn assess(
     TrialQuality { trial: trial.name.clone(), n_frames: markers.n_frames, duration_s, markers: rows, reasons }
 }
 
-/// Standard deviation of white noise along one axis, from fourth differences: their variance is C(8,4) = 70 times that of the
-/// noise, while smooth motion all but vanishes. The median over the frames keeps impacts out.
+/// Standard deviation of white noise along one axis, from fourth differences: their variance is
+/// C(8,4) = 70 times that of the noise, while smooth motion nearly cancels. The median over the
+/// frames excludes impacts.
 fn noise_rms_m(track: &[Vector3<f64>]) -> f64 {
     let mut sum = 0.0;
     for axis in 0..3 {
@@ -296,14 +299,14 @@ fn noise_rms_m(track: &[Vector3<f64>]) -> f64 {
         if differences.len() < 20 {
             return f64::NAN;
         }
-        // Median of the absolute value of a normal variable: 0.6745 standard deviations.
+        // The median absolute value of a normal variable is 0.6745 standard deviations.
         let deviation = median(&mut differences) / 0.674_489_75;
         sum += deviation * deviation / 70.0;
     }
     (sum / 3.0).sqrt()
 }
 
-/// Saturation, holes and silence of a plate.
+/// Checks a plate for saturation, missing samples and lack of signal.
 fn plate_reasons(plate: &Plate) -> Vec<QualityReason> {
     let mut reasons = Vec::new();
     let incomplete = plate.force_n.iter().filter(|f| !f.iter().all(|x| x.is_finite())).count();

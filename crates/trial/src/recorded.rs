@@ -1,21 +1,22 @@
-//! When a recording was made, as its own file states it. Names of files and times of the file system are no evidence: copying, exporting
-//! and unpacking change them.
+//! Time at which a recording was made, as stated in its own file. File names and file-system times
+//! are not used, because copying, exporting and unpacking change them.
 
 use aloft_c3d::C3dFile;
 use serde::{Deserialize, Serialize};
 
-/// An instant that a file states.
+/// A time stated in a file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordedAt {
-    /// Seconds since 1970-01-01 00:00 on the laboratory's clock (time zones are not told apart).
+    /// Seconds since 1970-01-01 00:00 on the laboratory's clock (time zones are ignored).
     pub clock_s: f64,
-    /// How exactly it is stated, s: 1 with seconds, 60 with minutes, 86400 for a mere date.
+    /// Resolution, s: 1 with seconds, 60 with minutes, 86400 for a date alone.
     pub resolution_s: f64,
-    /// Where it stands: `TRIAL:CREATION_DATE`.
+    /// Where it is stated, for example `TRIAL:CREATION_DATE`.
     pub place: String,
 }
 
-/// Names of parameters or header keys that hold a date, with or without time. Birth dates and dates of software are none of them.
+/// Names of parameters or header keys that hold a date, with or without time. Birth dates and
+/// software dates are not among them.
 const DATES: [&str; 19] = [
     "CREATION_DATE",
     "RECORDING_DATE",
@@ -37,7 +38,7 @@ const DATES: [&str; 19] = [
     "ACQ_TIME",
     "START_DATE",
 ];
-/// Names that hold a time of day beside a date in the same group.
+/// Names that hold the time of day for a date in the same group.
 const TIMES: [&str; 9] = [
     "CREATION_TIME",
     "RECORDING_TIME",
@@ -50,7 +51,7 @@ const TIMES: [&str; 9] = [
     "START_TIME",
 ];
 
-/// The most exact instant among the parameters of a C3D file.
+/// The time of highest resolution among the parameters of a C3D file.
 pub(crate) fn of_c3d(file: &C3dFile) -> Option<RecordedAt> {
     let mut best: Option<RecordedAt> = None;
     for group in &file.groups.groups {
@@ -66,12 +67,13 @@ pub(crate) fn of_c3d(file: &C3dFile) -> Option<RecordedAt> {
     best
 }
 
-/// The most exact instant among `key=value` lines of a text header (MOT, STO) or pairs of a TRC header.
+/// The time of highest resolution among `key=value` lines of a text header (MOT, STO) or pairs of a
+/// TRC header.
 pub(crate) fn of_pairs(pairs: &[(String, String)], place: &str) -> Option<RecordedAt> {
     of_texts(pairs).map(|(name, at)| RecordedAt { place: format!("{place} `{name}`"), ..at })
 }
 
-/// A stated instant, such as `acq_time` of BIDS.
+/// Parses a stated time, such as `acq_time` of BIDS.
 pub fn recorded_at(text: &str, place: &str) -> Option<RecordedAt> {
     let (date, time) = instant(text);
     let (clock_s, resolution_s) = joined(date?, time);
@@ -110,7 +112,7 @@ fn of_texts(texts: &[(String, String)]) -> Option<(String, RecordedAt)> {
     best
 }
 
-/// Days since 1970 and seconds of the day, with the resolution of the latter, to an instant.
+/// Joins days since 1970 and seconds of the day (with their resolution) into one time.
 fn joined(day: i64, time: Option<(f64, f64)>) -> (f64, f64) {
     let (seconds, resolution) = time.unwrap_or((0.0, 86_400.0));
     (day as f64 * 86_400.0 + seconds, resolution)
@@ -118,8 +120,9 @@ fn joined(day: i64, time: Option<(f64, f64)>) -> (f64, f64) {
 
 /// Date (days since 1970) and time of day (s, resolution s) in a text.
 ///
-/// Dates: `2023-02-01`, `2023/02/01`, `20230201`, `01.02.2023`, `01-Feb-2023`, `Feb 1 2023`; of `03/04/2023` the first is the day (of one
-/// session only differences matter). Times: `14:05`, `14:05:09.25`, `2:05 PM`, `140509` behind a compact date.
+/// Dates: `2023-02-01`, `2023/02/01`, `20230201`, `01.02.2023`, `01-Feb-2023`, `Feb 1 2023`; in
+/// `03/04/2023` the first number is the day (only differences within a session matter). Times:
+/// `14:05`, `14:05:09.25`, `2:05 PM`, `140509` after a compact date.
 fn instant(text: &str) -> (Option<i64>, Option<(f64, f64)>) {
     let mut clean: String = text.trim().trim_end_matches(['Z', 'z', '\0']).to_owned();
     // `2023-02-01T00:12:58`: the T between digits
@@ -168,7 +171,7 @@ fn instant(text: &str) -> (Option<i64>, Option<(f64, f64)>) {
     (day, time)
 }
 
-/// Three parts of a date.
+/// Parses the three parts of a date.
 fn date_of(parts: &[&str]) -> Option<i64> {
     let number = |p: &str| p.parse::<i64>().ok();
     let year = |p: &str| {
@@ -208,7 +211,8 @@ fn month(word: &str) -> Option<i64> {
     word.chars().all(char::is_alphabetic).then_some(at as i64 + 1)
 }
 
-/// Days since 1970-01-01 of a date in the Gregorian calendar; none outside of 1980 to 2100 or where there is no such day.
+/// Days since 1970-01-01 of a Gregorian date; `None` outside 1980 to 2100 or if the day does not
+/// exist.
 fn days(year: i64, month: i64, day: i64) -> Option<i64> {
     let leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
     let lengths = [31, if leap { 29 } else { 28 }, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];

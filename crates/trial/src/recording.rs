@@ -1,4 +1,4 @@
-//! The recording itself.
+//! The recording: markers, plates, events and computed points.
 
 use crate::{RecordedAt, Warning, WarningKind};
 use aloft_c3d::PointKind;
@@ -12,7 +12,7 @@ pub struct Markers {
     pub rate_hz: f64,
     /// Number of the first frame in the source (1-based as in C3D).
     pub first_frame: u32,
-    /// Frames.
+    /// Number of frames.
     pub n_frames: usize,
     /// Labels, canonical after a marker set was applied.
     pub labels: Vec<String>,
@@ -39,7 +39,7 @@ pub struct Plate {
     pub name: String,
     /// Sampling rate of the forces, Hz (the analog rate).
     pub rate_hz: f64,
-    /// Corners, m, world frame (empty where the source does not say).
+    /// Corners, m, world frame (empty if the source does not state them).
     pub corners_m: Vec<Vector3<f64>>,
     /// Force on the subject, N, world frame.
     pub force_n: Vec<Vector3<f64>>,
@@ -52,22 +52,23 @@ pub struct Plate {
 pub struct Event {
     /// Label, for example `Foot Off`.
     pub label: String,
-    /// Context, for example `Left`; empty where the source has none.
+    /// Context, for example `Left`; empty if the source has none.
     pub context: String,
     /// Seconds since the first frame of this recording.
     pub time_s: f64,
 }
 
-/// A computed point (angle, force, moment, power, scalar) that some software stored among the markers; units as the source states.
+/// A computed point (angle, force, moment, power, scalar) that software stored among the markers;
+/// units as in the source.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ComputedPoint {
     /// Label.
     pub label: String,
-    /// What it is; never [`PointKind::Marker`].
+    /// Kind; never [`PointKind::Marker`].
     pub kind: PointKind,
     /// Unit as the source states it.
     pub unit: String,
-    /// Values frame by frame; NaN where missing.
+    /// Values per frame; NaN where missing.
     pub values: Vec<Vector3<f64>>,
 }
 
@@ -76,8 +77,9 @@ impl ComputedPoint {
     pub(crate) fn is_vector(&self) -> bool {
         matches!(self.kind, PointKind::Force | PointKind::Moment)
     }
-    /// True for vectors in laboratory axes (ground reactions). Joint forces and moments are stored in the axes of a segment
-    /// that the file does not define, angles are no vectors, and powers and scalars have no direction.
+    /// True for vectors in laboratory axes (ground reactions). Joint forces and moments are stored
+    /// in the axes of a segment that the file does not define, angles are not vectors, and powers
+    /// and scalars have no direction.
     pub fn in_laboratory_axes(&self) -> bool {
         self.is_vector() && self.label.to_ascii_lowercase().contains("groundreaction")
     }
@@ -90,29 +92,29 @@ pub struct Trial {
     pub name: String,
     /// Markers.
     pub markers: Markers,
-    /// Plates; empty where the laboratory has none.
+    /// Plates; empty if the recording has none.
     pub plates: Vec<Plate>,
     /// Events.
     pub events: Vec<Event>,
-    /// Computed points, kept apart.
+    /// Computed points, kept separate from the markers.
     pub computed: Vec<ComputedPoint>,
-    /// Rotation that was applied to everything to make Z the vertical.
+    /// Rotation applied to all data to make Z vertical.
     pub world_from_source: Rotation3<f64>,
-    /// When the recording was made, where its file says so.
+    /// When the recording was made, if its file states it.
     pub recorded: Option<RecordedAt>,
     /// Time of the first frame by the frame numbers or the time column of the source, s.
     pub start_s: f64,
-    /// What was odd.
+    /// Irregularities found during import.
     pub warnings: Vec<Warning>,
 }
 
 impl Trial {
-    /// Notes something odd.
+    /// Adds a warning.
     pub(crate) fn warn(&mut self, kind: WarningKind, message: impl Into<String>) {
         self.warnings.push(Warning::new(kind, message));
     }
 
-    /// Frames that a truncated recording holds, and those that it declares; none for a whole one.
+    /// Frames present and frames declared in a truncated recording; `None` for a complete one.
     pub fn truncated(&self) -> Option<(usize, usize)> {
         self.warnings.iter().find_map(|w| match w.kind {
             WarningKind::Truncated { held, stated } => Some((held, stated)),
@@ -120,7 +122,7 @@ impl Trial {
         })
     }
 
-    /// Rows that a truncated file of forces holds, and those that it declares; none for a whole one.
+    /// Rows present and rows declared in a truncated force file; `None` for a complete one.
     pub fn forces_truncated(&self) -> Option<(usize, usize)> {
         self.warnings.iter().find_map(|w| match w.kind {
             WarningKind::ForcesTruncated { held, stated } => Some((held, stated)),

@@ -1,20 +1,21 @@
-//! Rows of text recordings (TRC, MOT, STO): which samples they are, and whether all are there.
+//! Rows of text recordings (TRC, MOT, STO): assigns rows to samples and finds missing ones.
 //!
-//! A text file is easily cut, sorted or edited, and each row says for itself when it was measured. So the time column, the frame numbers, the stated
-//! rate and the stated number of rows are held against each other. A missing row is a missing sample: it never changes the rate.
+//! Text files are easily cut, sorted or edited, but each row states its own time. The time column,
+//! the frame numbers, the stated rate and the stated number of rows are therefore checked against
+//! each other. A missing row is a missing sample; it never changes the rate.
 
 use crate::{TrialError, Warning, WarningKind};
 
-/// Rates outside of this are no sampling rates of a recording, Hz.
+/// Range of plausible sampling rates, Hz.
 pub(crate) const RATES_HZ: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
 
-/// Share of a step by which a time may be off its place, beside the rounding of the column.
+/// Tolerance of a time as a fraction of a step, in addition to the rounding of the column.
 const JITTER: f64 = 0.3;
 
-/// Difference of a stated rate from that of the times that is let pass.
+/// Tolerated relative difference between the stated rate and the rate of the time column.
 const RATE_TOLERANCE: f64 = 0.005;
 
-/// What one row says about its place in time.
+/// Time information of one row.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Stamp {
     /// Line in the file, counted from 1.
@@ -23,22 +24,22 @@ pub(crate) struct Stamp {
     pub time_s: f64,
     /// Decimals with which the time is printed.
     pub decimals: i32,
-    /// Frame number, where the format has one.
+    /// Frame number, if the format has one.
     pub number: Option<i64>,
 }
 
-/// The samples that the rows stand for.
+/// Assignment of rows to samples.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Clock {
     /// Sampling rate, Hz; NaN for a single row of a file that states none.
     pub rate_hz: f64,
     /// Sample of each row, ascending from 0.
     pub places: Vec<usize>,
-    /// Samples in all, missing ones included.
+    /// Number of samples, including missing ones.
     pub n: usize,
 }
 
-/// Whose rows these are, for messages.
+/// Source of the rows, for messages.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Source<'a> {
     pub trial: &'a str,
@@ -64,11 +65,11 @@ pub(crate) fn decimals(cell: &str) -> i32 {
     behind as i32 - exponent.parse::<i32>().unwrap_or(0)
 }
 
-/// Places the rows in time.
+/// Assigns rows to samples.
 ///
 /// # Errors
-/// Names the line where times or frame numbers do not increase, where the step of time is no multiple of the others, or where so many rows are
-/// missing that the rest is no recording.
+/// Times or frame numbers that do not increase, a time step that is not a multiple of the others,
+/// or too many missing rows; the error names the line.
 pub(crate) fn clock(
     of: Source<'_>,
     rows: &[Stamp],
@@ -79,7 +80,8 @@ pub(crate) fn clock(
         return Ok(Clock { rate_hz: stated_hz.unwrap_or(f64::NAN), places: Vec::new(), n: 0 });
     };
     let rounding = 10_f64.powi(-rows.iter().map(|r| r.decimals).max().unwrap_or(0).clamp(-9, 15));
-    // a column with too few digits for its rate repeats itself: then frame numbers and the stated rate tell the time
+    // With too few digits for the rate, times repeat: then frame numbers and the stated rate are
+    // used.
     let coarse = stated_hz.is_some_and(|hz| rounding * hz > 0.9) && first.number.is_some();
     for pair in rows.windows(2) {
         let (a, b) = (pair[0], pair[1]);
@@ -111,7 +113,7 @@ pub(crate) fn clock(
     let places = by_time(of, rows, rounding)?;
     let steps = places.last().copied().unwrap_or(1).max(1);
     let measured_hz = steps as f64 / (last.time_s - first.time_s);
-    // times are printed with few digits: a rate within 0.05 % of a whole number is that number
+    // Times are printed with few digits: a rate within 0.05 % of a whole number is rounded to it.
     let whole = measured_hz.round();
     let measured_hz = if whole > 0.0 && (measured_hz / whole - 1.0).abs() < 5e-4 { whole } else { measured_hz };
     let rate_hz = match stated_hz {
@@ -146,7 +148,7 @@ pub(crate) fn clock(
     fill(of, rows, places, rate_hz, warnings)
 }
 
-/// Samples by frame number, where the times agree with these numbers at the stated rate.
+/// Samples from frame numbers, if the times agree with them at the stated rate.
 fn by_number(rows: &[Stamp], rate_hz: f64, rounding: f64) -> Option<Vec<usize>> {
     let first = rows.first()?;
     let start = first.number?;
@@ -170,11 +172,11 @@ fn rounding_dominates(rounding: f64, length_s: f64) -> bool {
     rounding > RATE_TOLERANCE * length_s
 }
 
-/// Samples by time alone: every step is a whole multiple of the usual one.
+/// Samples from times alone: every step is a whole multiple of the typical one.
 fn by_time(of: Source<'_>, rows: &[Stamp], rounding: f64) -> Result<Vec<usize>, TrialError> {
     let steps_s: Vec<f64> = rows.windows(2).map(|p| p[1].time_s - p[0].time_s).collect();
     let median_s = aloft_signal::median(&mut steps_s.clone());
-    // the mean of single steps knows the step better than one rounded step does
+    // The mean of single steps is more accurate than one rounded step.
     let single: Vec<f64> = steps_s.iter().copied().filter(|d| (0.5..1.5).contains(&(d / median_s))).collect();
     let step_s = if single.is_empty() { median_s } else { single.iter().sum::<f64>() / single.len() as f64 };
     let uneven = |i: usize| {
@@ -192,7 +194,7 @@ fn by_time(of: Source<'_>, rows: &[Stamp], rounding: f64) -> Result<Vec<usize>, 
         }
         places.push(places[i] + k as usize);
     }
-    // steps that are a little off one by one add up where the rate changes on the way
+    // If the rate changes within the recording, small deviations of the steps accumulate.
     let (start, n) = (rows[0].time_s, places[places.len() - 1] as f64);
     let mean_s = (rows[rows.len() - 1].time_s - start) / n;
     let off = |i: usize| (rows[i].time_s - start - places[i] as f64 * mean_s).abs();
@@ -203,7 +205,7 @@ fn by_time(of: Source<'_>, rows: &[Stamp], rounding: f64) -> Result<Vec<usize>, 
     }
 }
 
-/// Says which rows are missing; an error where they are too many.
+/// Reports missing rows; an error if there are too many.
 fn fill(
     of: Source<'_>,
     rows: &[Stamp],
@@ -235,18 +237,18 @@ fn fill(
     Ok(Clock { rate_hz, places, n })
 }
 
-/// How the last line of a text ends that has no line break behind it.
+/// State of the last line of a text without a final line break.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Ending {
     /// Its last number is as long as those above it.
     Whole,
     /// Its last number is shorter than those above it, which are all alike.
     Cut,
-    /// Numbers differ in length from row to row: nothing tells.
+    /// Numbers differ in length from row to row: undecidable.
     Doubtful,
 }
 
-/// Judges the last number of an unterminated file by those above it in the same column.
+/// Compares the last number of an unterminated file with those above it in the same column.
 pub(crate) fn ending<'a>(last: &str, above: impl Iterator<Item = &'a str>) -> Ending {
     let own = decimals(last);
     let mut of_column = above.filter(|c| c.parse::<f64>().is_ok_and(f64::is_finite)).map(decimals);

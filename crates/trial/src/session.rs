@@ -1,6 +1,8 @@
-//! Where in a session each recording lies: from what the files state, or from order and lengths.
+//! Times of the recordings in a session: stated in the files, or estimated from order and
+//! durations.
 //!
-//! A drift between the clocks of plates and cameras grows over the session, so it can only be seen if the recordings' times are known.
+//! Drift between the clocks of plates and cameras grows over the session; estimating it requires
+//! the times of the recordings.
 
 use crate::RecordedAt;
 use serde::{Deserialize, Serialize};
@@ -10,17 +12,18 @@ use serde::{Deserialize, Serialize};
 pub struct SessionRecording {
     /// Name.
     pub name: String,
-    /// When it was made, where its file says so.
+    /// When it was made, if its file states it.
     pub recorded: Option<RecordedAt>,
     /// Time of its first frame by the frame numbers or times of its file, s.
     pub start_s: f64,
     /// Length, s.
     pub duration_s: f64,
-    /// Whether its time is needed; others (a static trial) only tell when the session began.
+    /// Whether its time is needed; other recordings (a static trial) only mark the start of the
+    /// session.
     pub needed: bool,
 }
 
-/// What the times of a session come from.
+/// Source of the session times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SessionSource {
@@ -28,7 +31,7 @@ pub enum SessionSource {
     Dates,
     /// Frame numbers or times of the files that run on from recording to recording.
     RunningClock,
-    /// Order and lengths of the recordings: as if each began when the one before ended.
+    /// Order and durations of the recordings, as if each began at the end of the previous one.
     OrderAndLengths,
 }
 
@@ -37,18 +40,18 @@ pub enum SessionSource {
 pub struct SessionTimes {
     /// Start of each recording since the start of the first, s; NaN where unknown and not needed.
     pub start_s: Vec<f64>,
-    /// Where they come from.
+    /// Source of the times.
     pub source: SessionSource,
-    /// The same in words, with the reason where better sources were not used.
+    /// Description of the source, with the reason why better sources were not used.
     pub words: String,
 }
 
-/// A minute or better tells recordings apart.
+/// Coarsest resolution that separates recordings, s.
 const RESOLUTION_S: f64 = 60.0;
-/// Stamps may lie this much closer than the recordings are long, s.
+/// Tolerance by which two time stamps may be closer than the duration of the recording, s.
 const SLACK_S: f64 = 1.0;
 
-/// Times of the recordings of a session, given in the order in which they are taken to be made where nothing else tells.
+/// Times of the recordings of a session, given in the order to assume if no times are stated.
 pub fn session_times(recordings: &[SessionRecording]) -> SessionTimes {
     let reason = match by_dates(recordings) {
         Ok(times) => return times,
@@ -73,7 +76,7 @@ pub fn session_times(recordings: &[SessionRecording]) -> SessionTimes {
     SessionTimes { start_s, source: SessionSource::OrderAndLengths, words }
 }
 
-/// Times by dates; else why they do not serve.
+/// Times from dates, or the reason why dates cannot be used.
 fn by_dates(recordings: &[SessionRecording]) -> Result<SessionTimes, String> {
     let needed = || recordings.iter().filter(|r| r.needed);
     let dated: Vec<(&SessionRecording, &RecordedAt)> =
@@ -94,7 +97,7 @@ fn by_dates(recordings: &[SessionRecording]) -> Result<SessionTimes, String> {
     order.sort_by(|a, b| a.0.total_cmp(&b.0));
     for pair in order.windows(2) {
         let (gap, resolution) = (pair[1].0 - pair[0].0, pair[0].2.max(pair[1].2));
-        // stamps may be of the start or of the end of each recording
+        // A stamp may mark the start or the end of a recording.
         if gap + resolution + SLACK_S < pair[0].1.min(pair[1].1) {
             return Err(format!(
                 "{} states {gap:.0} s between `{}` and `{}`, less than they are long: times of an export, not of recording",
@@ -118,8 +121,9 @@ fn by_dates(recordings: &[SessionRecording]) -> Result<SessionTimes, String> {
     })
 }
 
-/// Times by frame numbers or time columns, where these run on through the session: no two recordings overlap, and not more than one begins
-/// at zero. Two recordings can do so by chance (both trimmed), so there must be three.
+/// Times from frame numbers or time columns, if these continue through the session: no two
+/// recordings overlap, and at most one begins at zero. Two recordings can meet this by chance (both
+/// trimmed), so at least three are required.
 fn by_clock(recordings: &[SessionRecording]) -> Option<SessionTimes> {
     let mut order: Vec<&SessionRecording> = recordings.iter().filter(|r| r.needed).collect();
     order.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
@@ -154,7 +158,7 @@ mod tests {
 
     #[test]
     fn dates_are_used_where_they_can_be_of_recordings() {
-        // one a minute, past midnight
+        // One recording per minute, past midnight.
         for (first_h, n) in [(9, 8), (23, 90)] {
             let stamp = |k: usize| {
                 let minute = first_h * 60 + k;
@@ -181,7 +185,7 @@ mod tests {
         lengths(&session(6, |_| None), "no file states");
         lengths(&session(6, |_| Some("2024-03-09".to_owned())), "without time of day");
         lengths(&session(6, |k| (k != 3).then(|| format!("2024-03-09 10:{k:02}:00"))), "1 of 5 recordings");
-        // a batch export writes a file a second
+        // A batch export writes one file per second.
         lengths(&session(6, |k| Some(format!("2024-03-09 10:00:{k:02}"))), "times of an export");
         lengths(&session(6, |_| Some("2024-03-09 10:00:00".to_owned())), "times of an export");
     }
@@ -195,7 +199,7 @@ mod tests {
         let times = session_times(&recordings);
         assert_eq!(times.source, SessionSource::RunningClock);
         assert!((times.start_s[4] - 3.0 * 31.5).abs() < 1e-9 && times.start_s[0].is_nan());
-        // each counted from its own first frame, or trimmed at will
+        // Each counted from its own first frame, or trimmed arbitrarily.
         for r in &mut recordings {
             r.start_s = 0.4;
         }

@@ -1,7 +1,9 @@
-//! TRC text (markers) to the marker part of a [`Trial`], still in source axes. Empty cells and `NaN` are missing.
+//! Reads TRC text (markers) into the marker part of a [`Trial`], still in source axes. Empty cells
+//! and `NaN` are missing.
 //!
-//! The stated counts, the frame numbers and the times are held against what is there ([`crate::rows`]): missing rows become missing frames, and
-//! a table that breaks off, is shifted or out of order is told at its line.
+//! The stated counts, the frame numbers and the times are checked against the rows present
+//! ([`crate::rows`]): missing rows become missing frames, and a truncated, shifted or unordered
+//! table is reported with its line.
 
 use crate::options::disambiguate;
 use crate::rows::{Ending, RATES_HZ, Source, Stamp, clock, decimals, ending};
@@ -13,7 +15,7 @@ use std::collections::BTreeMap;
 /// Reads the markers into `trial` (metres, source axes) and returns the time of the first frame, s.
 ///
 /// # Errors
-/// Names the line, what stands there and what was expected.
+/// Malformed line: the error names it with the value found and the value expected.
 pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -> Result<f64, TrialError> {
     let name = trial.name.clone();
     let broken = |line: usize, found: &str, expected: &str| TrialError::Text {
@@ -92,7 +94,7 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
     for (at, (index, line)) in data.iter().enumerate() {
         let cut_here = open_end && at + 1 == data.len() && index + 1 == lines.len();
         match read_row(&broken, *index, line, &labels, metres) {
-            // a last line that breaks off is what a copy that stopped early looks like
+            // An incomplete last line indicates a truncated copy.
             Ok(row) if cut_here && row.cells < 2 + 3 * n_markers => break_off(&mut warnings, index + 1),
             Err(_) if cut_here => break_off(&mut warnings, index + 1),
             Err(e) => return Err(e),
@@ -103,7 +105,7 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
                     let above =
                         |c: usize| data[..at].iter().filter_map(move |(_, l)| l.split('\t').nth(c).map(str::trim));
                     match last.map(|c| (c, ending(cells[c], above(c)))) {
-                        // a tab behind the number closes it
+                        // A tab after the number terminates it.
                         _ if line.ends_with('\t') => {}
                         Some((_, Ending::Whole)) => {}
                         Some((_, Ending::Cut)) => {
@@ -223,7 +225,7 @@ fn read_row(
         let own = [cell(2 + 3 * m), cell(3 + 3 * m), cell(4 + 3 * m)];
         let empty = own.iter().filter(|c| c.is_empty()).count();
         if empty == 1 || empty == 2 {
-            // a lost cell shifts all that stands behind it
+            // A missing cell shifts all that follow.
             let found = format!("{} of 3 coordinates of {label}", 3 - empty);
             return Err(broken(index, &found, "all three, or empty cells for a marker that was not seen"));
         }
@@ -243,7 +245,7 @@ fn read_row(
     Ok(Row { stamp, points, cells: held })
 }
 
-/// A marker at exactly (0, 0, 0) in some frames and elsewhere in others was not seen there.
+/// A marker at exactly (0, 0, 0) in some frames but not in all was missing in those frames.
 fn zeros_to_missing(tracks: &mut [Vec<Vector3<f64>>]) {
     for track in tracks {
         let seen_elsewhere = track.iter().any(|p| p.iter().any(|&x| x.is_finite() && x != 0.0));

@@ -1,62 +1,62 @@
-//! What was odd in a recording: the kind, on which programs decide, beside the words, which people read.
+//! Import warnings: a kind, on which programs decide, and a message for people.
 
 use aloft_c3d::WarningKind as C3dKind;
 use serde::{Deserialize, Serialize};
 
-/// What a warning is about. Programs decide on this and never on the words.
+/// Kind of a warning. Programs decide on the kind, never on the message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum WarningKind {
-    /// The recording ends before the frames that it declares; those that it holds were read.
+    /// The recording ends before the declared number of frames; the frames present were read.
     Truncated {
         /// Frames in the file.
         held: usize,
         /// Frames declared.
         stated: usize,
     },
-    /// The file of forces beside the markers ends before the rows that it declares.
+    /// The force file that accompanies the markers ends before the declared number of rows.
     ForcesTruncated {
         /// Rows in the file.
         held: usize,
         /// Rows declared.
         stated: usize,
     },
-    /// Statements of the source contradict each other; the words say which was taken.
+    /// Contradictory statements in the source; the message names the one used.
     Contradiction,
-    /// The source does not state something that a reader needs; the words say what was taken.
+    /// A required value is missing in the source; the message names the value used instead.
     Missing,
-    /// Labels: repeated, cut, unlabelled, of several subjects, or read loosely.
+    /// Labels: repeated, truncated, unlabelled, of several subjects, or matched loosely.
     Labels,
-    /// Parameter section of a C3D file: odd records that were skipped or repaired.
+    /// Parameter section of a C3D file: malformed records that were skipped or repaired.
     Parameters,
-    /// Events outside of the recording, or that could not be placed.
+    /// Events outside the recording, or without a usable time.
     Events,
-    /// Force plates: left out, without a place, turned, or with doubtful units.
+    /// Force plates: omitted, without a position, inverted, or with doubtful units.
     Plates,
     /// Analog channels of a C3D file and their scaling.
     Analogs,
-    /// Rows of a text file that are missing or break off.
+    /// Rows of a text file that are missing or incomplete.
     Rows,
     /// The vertical axis, or vectors that are not in laboratory axes.
     Axes,
     /// The unit of length is doubtful.
     Units,
-    /// Read from a result that kept the words alone.
+    /// Read from a stored result that kept only the message.
     Unspecified,
 }
 
-/// Something odd that did not stop the reading.
+/// An irregularity that did not prevent reading.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Warning {
-    /// What it is about.
+    /// Kind.
     pub kind: WarningKind,
-    /// In words, with the place in the source and what was done about it.
+    /// Message, with the place in the source and the action taken.
     pub message: String,
 }
 
 impl Warning {
-    /// A warning of a kind, in words.
+    /// Creates a warning from a kind and a message.
     pub fn new(kind: WarningKind, message: impl Into<String>) -> Self {
         Self { kind, message: message.into() }
     }

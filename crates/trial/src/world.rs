@@ -1,4 +1,5 @@
-//! One declared world frame: Z up, metres. Turns a source's vertical into Z, for everything in the recording at once.
+//! The world frame: Z up, metres. Rotates all data of a recording so that the source's vertical
+//! becomes Z.
 
 use crate::{Trial, WarningKind};
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -10,10 +11,10 @@ pub enum UpAxis {
     /// +X.
     #[serde(rename = "x", alias = "+x", alias = "X", alias = "+X")]
     X,
-    /// +Y, the habit of OpenSim.
+    /// +Y, the convention of OpenSim.
     #[serde(rename = "y", alias = "+y", alias = "Y", alias = "+Y")]
     Y,
-    /// +Z, the habit of capture systems.
+    /// +Z, the convention of capture systems.
     #[serde(rename = "z", alias = "+z", alias = "Z", alias = "+Z")]
     Z,
     /// −X.
@@ -83,10 +84,10 @@ impl std::fmt::Display for UpAxis {
     }
 }
 
-/// What the recording itself says about its vertical, still in source axes: the axis, and what told it.
+/// Vertical axis found in the recording, still in source axes, and the evidence for it.
 ///
-/// Plates lie flat (their corners share one coordinate), forces on a subject point along one axis on average, and markers are
-/// above the plates. With no plates nothing is said.
+/// Plates are horizontal (their corners share one coordinate), forces on a subject point along one
+/// axis on average, and markers are above the plates. `None` without plates.
 pub(crate) fn up_axis_from_plates(trial: &Trial) -> Option<(UpAxis, &'static str)> {
     let mut axis = None;
     for plate in &trial.plates {
@@ -110,7 +111,7 @@ pub(crate) fn up_axis_from_plates(trial: &Trial) -> Option<(UpAxis, &'static str
         }
     }
     let axis = axis?;
-    // The side on which the markers are is up; with no plate corners the force decides.
+    // The side with the markers is up; without plate corners the force decides.
     let level = trial.plates.iter().find_map(|p| p.corners_m.first().map(|c| c[axis]));
     let mut above = 0_i64;
     if let Some(level) = level {
@@ -127,7 +128,8 @@ pub(crate) fn up_axis_from_plates(trial: &Trial) -> Option<(UpAxis, &'static str
     Some((UpAxis::from_index(axis, positive), told))
 }
 
-/// Index of the coordinate that all corners share, if they do within 5 % of the plate's size and no other one does.
+/// Index of the coordinate that all corners share within 5 % of the plate's size, if exactly one
+/// does.
 fn flat_axis(corners_m: &[Vector3<f64>]) -> Option<usize> {
     if corners_m.len() < 4 {
         return None;
@@ -145,7 +147,7 @@ fn flat_axis(corners_m: &[Vector3<f64>]) -> Option<usize> {
     (others > 0.05 && spans[thin] < 0.05 * others).then_some(thin)
 }
 
-/// Rotates markers, plates and laboratory vectors together and remembers the rotation.
+/// Rotates markers, plates and laboratory vectors together and stores the rotation.
 pub(crate) fn rotate(trial: &mut Trial, up: UpAxis) {
     if up == UpAxis::Z {
         return;

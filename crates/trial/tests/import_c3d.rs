@@ -1,4 +1,4 @@
-//! C3D import of the recordings beside the project.
+//! C3D import of the recordings of the data folder.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests, not library code")]
 
 #[path = "../../../tests/shared_data.rs"]

@@ -1,4 +1,5 @@
-//! Every committed marker set parses, names only links and landmarks that exist, and fits the recordings it was made for.
+//! Every committed marker set parses, names only existing links and landmarks, and fits the
+//! recordings it was made for.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests, not library code")]
 
 #[path = "../../../tests/shared_data.rs"]

@@ -1,4 +1,4 @@
-//! Gaps, spikes, swaps and quality on a made-up segment whose truth is known.
+//! Gaps, spikes, swaps and quality on a synthetic segment with known truth.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests, not library code")]
 
 use aloft_trial::{
@@ -29,7 +29,7 @@ fn noise(seed: u64, sd: f64) -> f64 {
     ((x >> 11) as f64 / (1_u64 << 53) as f64 - 0.5) * 12.0_f64.sqrt() * sd
 }
 
-/// A rigid segment with soft tissue under its first marker.
+/// A rigid segment whose first marker moves with soft tissue.
 fn segment(sd: f64) -> (Trial, Vec<Vec<String>>) {
     let labels: Vec<String> = ["A", "B", "C", "D"].map(str::to_owned).to_vec();
     let mut trial = Trial { name: "made".to_owned(), ..Trial::default() };
@@ -70,11 +70,12 @@ fn rigid_fill_follows_segment_and_soft_tissue() {
         let worst = (fill.first_frame..=fill.last_frame)
             .map(|f| (trial.markers.trajectories[marker][f] - truth.markers.trajectories[marker][f]).norm())
             .fold(0.0, f64::max);
-        // At the end of a recording nothing says where the soft tissue went.
+        // At the end of a recording the displacement of the soft tissue is unknown.
         let limit = if fill.first_frame == 0 { 0.006 } else { 0.002 };
         assert!(worst < limit, "{fill:?}: {worst}");
     }
-    // Marker D was away while C was: C has only two mates there and the gap is short enough for a cubic.
+    // Marker D was missing together with C, so C has only two other markers; the gap is short
+    // enough for a cubic.
     assert_eq!(fills[2].method, FillMethod::Cubic);
     assert_eq!(fills[0].method, FillMethod::RigidBody { mates: 3 });
     // The long gap stays missing.

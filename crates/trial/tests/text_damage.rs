@@ -1,5 +1,5 @@
-//! Text recordings (TRC, MOT, STO) cut at every place and edited at random: what comes out is what went in, or an error, or stands beside a
-//! warning; and no damage changes the time at which a sample was measured.
+//! Text recordings (TRC, MOT, STO) truncated at every position and edited at random: the import
+//! returns the original data, an error or a warning, and no damage changes the time of a sample.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests, not library code")]
 
 use aloft_trial::{ImportOptions, Trial};
@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 
 const FRAMES: usize = 80;
 
-/// A small generator of numbers, so that a failure names the seed that made it.
+/// Small random number generator; a failure names the seed that reproduces it.
 struct Random(u64);
 
 impl Random {
@@ -17,7 +17,7 @@ impl Random {
     }
 }
 
-/// How numbers are printed.
+/// Number format.
 #[derive(Clone, Copy, Debug)]
 enum Style {
     Fixed,
@@ -84,8 +84,9 @@ fn read(trc: &str, mot: Option<&str>) -> Result<Trial, String> {
     Trial::from_trc_mot("t", trc, mot, &ImportOptions::default()).map_err(|e| e.to_string())
 }
 
-/// What is wrong with a result of a damaged file, given that of the whole one; nothing where it is right or says that it is not.
-/// `shift` is the number of samples by which the damaged recording begins later.
+/// Compares the import of a damaged file with that of the intact one; an error unless the result is
+/// correct or carries a warning. `shift` is the number of samples by which the damaged recording
+/// begins later.
 fn judge(whole: &Trial, read: &Trial, shift: [usize; 2]) -> Result<(), String> {
     let silent = read.warnings.is_empty();
     let rates_differ = (read.markers.rate_hz / whole.markers.rate_hz - 1.0).abs() > 1e-3;
@@ -187,7 +188,7 @@ fn files_cut_at_any_place_are_told() {
             let (t, m) = (text(&trc(style, 100.0, variant)), text(&mot(style, 200.0, variant)));
             let whole = read(&t, Some(&m)).unwrap();
             assert!(whole.warnings.is_empty(), "{:?}", whole.warnings);
-            // every byte of one of them, every third of the others
+            // Every byte for one of them, every third for the others.
             let step = if matches!((style, variant), (Style::Fixed, true)) { 1 } else { 3 };
             for cut in (0..t.len()).step_by(step) {
                 of_markers.take(&format!("{style:?} {variant} byte {cut}"), &whole, read(&t[..cut], Some(&m)), [0, 0]);
@@ -281,7 +282,8 @@ fn edit(lines: &mut Vec<String>, first: usize, columns: usize, random: &mut Rand
             (format!("a cell too many in row {at} at {k}"), 0)
         }
         8 => {
-            // times of a clock that stops for half a step in the middle, or runs at another rate from there on
+            // Times of a clock that pauses for half a step in the middle or runs at another rate
+            // from there on.
             let at = first + rows / 4 + random.below(rows / 2);
             let scale = if random.below(2) == 0 { 1.0 } else { 1.37 };
             let of = |l: &str| l.split('\t').nth(time).unwrap().parse::<f64>().unwrap();
@@ -299,7 +301,7 @@ fn edit(lines: &mut Vec<String>, first: usize, columns: usize, random: &mut Rand
             (format!("cell {k} of row {at} replaced"), 0)
         }
         _ => {
-            // all rows read as they were, only the stated counts are wrong
+            // All rows are unchanged; only the stated counts are wrong.
             ("header".to_owned(), 0)
         }
     }

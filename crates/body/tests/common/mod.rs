@@ -4,7 +4,7 @@
 use aloft_body::{JointSpec, LinkInertia, LinkSpec, Model, ModelSpec, Phi};
 use nalgebra::{Matrix3, Vector3};
 
-/// SplitMix64: enough for test inputs.
+/// SplitMix64: sufficient for test inputs.
 pub struct Random(pub u64);
 
 impl Random {
@@ -42,7 +42,8 @@ impl Random {
         }
     }
 
-    /// A tree of `n` links; half of the places are without rotation, so that parallel axes in a row occur.
+    /// A tree of `n` links; half of the joint placements are without rotation, so that consecutive
+    /// parallel axes occur.
     pub fn tree(&mut self, n: usize) -> Model {
         let links = (0..n)
             .map(|i| LinkSpec {
@@ -57,7 +58,7 @@ impl Random {
         Model::from_spec(&ModelSpec { name: "random".into(), links }).unwrap()
     }
 
-    /// A body that positive density can have.
+    /// A body with positive density.
     pub fn inertia(&mut self) -> LinkInertia {
         let mass = 0.5 + self.symmetric(0.4);
         let a = Matrix3::from_fn(|_, _| self.symmetric(0.2));

@@ -1,5 +1,5 @@
-//! Small files made with the builder, one for each thing that a reader must get right, and the way to the recordings
-//! beside the workspace.
+//! Small files made with the builder, one for each rule of the reader, and access to the recordings
+//! of the data folder.
 
 #![allow(dead_code, reason = "each test file uses its part")]
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "test code outside a test function")]
@@ -39,13 +39,14 @@ pub fn c3d_files(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// A smooth path on a grid of 0.125, which integers and all three float formats hold exactly.
+/// A smooth path on a grid of 0.125, which integers and all three float formats represent exactly.
 fn path(seed: usize, frames: usize) -> Vec<[f32; 3]> {
     let wave = |k: usize, f: usize| (((f * (k + 3) + 7 * k) % 97) as f32 - 48.0) * 2.125 + seed as f32;
     (0..frames).map(|f| [wave(seed, f), wave(seed + 1, f) * 2.0, 900.0 + wave(seed + 2, f)]).collect()
 }
 
-/// Five markers with gaps, residuals, cameras; a computed point; two plates; events; own parameters.
+/// Five markers with gaps, residuals, cameras; a computed point; two plates; events; custom
+/// parameters.
 pub fn laboratory(order: ByteOrder, storage: Storage) -> C3dFile {
     let frames = 24;
     let mut builder = C3dBuilder::new(100.0).stored_as(order, storage, 0.125).analog_rate_hz(300.0).first_frame(11);
@@ -105,7 +106,7 @@ pub fn laboratory(order: ByteOrder, storage: Storage) -> C3dFile {
         .unwrap()
 }
 
-/// Plates of the types asked for: 1, 3, 4 or 5.
+/// Plates of the requested types: 1, 3, 4 or 5.
 pub fn plate_types(kinds: &[i32]) -> C3dFile {
     let frames = 12;
     let square = |x: f64| [[x + 400.0, 300.0, 0.0], [x + 400.0, 0.0, 0.0], [x, 0.0, 0.0], [x, 300.0, 0.0]];
@@ -168,7 +169,7 @@ pub fn plate_types(kinds: &[i32]) -> C3dFile {
     builder.build().unwrap()
 }
 
-/// 300 points, more than one list of labels holds.
+/// 300 points, more than fit into one list of labels.
 pub fn many_labels() -> C3dFile {
     (0..300).fold(C3dBuilder::new(100.0), |b, i| b.marker(&format!("M{i:03}"), path(i, 2))).build().unwrap()
 }
@@ -212,7 +213,7 @@ pub fn from_wrench() -> C3dFile {
         .unwrap()
 }
 
-/// No points at all.
+/// No points.
 pub fn channels_only() -> C3dFile {
     let emg = |k: usize| (0..64).map(|s| ((s * k) % 17) as f64).collect();
     C3dBuilder::new(1.0).analog_rate_hz(8.0).analog("E1", "uV", emg(3)).analog("E2", "uV", emg(5)).build().unwrap()
@@ -237,7 +238,7 @@ pub fn fixtures() -> Vec<(&'static str, C3dFile)> {
     ]
 }
 
-/// 70,000 frames of one point, more than the header can count.
+/// 70,000 frames of one point, more than the header can represent.
 pub fn long_file() -> C3dFile {
     C3dBuilder::new(100.0)
         .stored_as(ByteOrder::Intel, Storage::Integer, 0.125)

@@ -1,4 +1,4 @@
-//! The joint estimation of geometry and postures.
+//! Joint estimation of geometry and postures.
 
 use super::CalibrateOptions;
 use super::reference::Reference;
@@ -12,13 +12,15 @@ use aloft_trial::Trial;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use rayon::prelude::*;
 
-/// Frames whose equations are added up in one piece; fixed, so that sums do not depend on the number of threads.
+/// Frames whose equations are summed in one block; fixed, so that sums do not depend on the number
+/// of threads.
 const PIECE: usize = 16;
 
 /// Median length of a vector with three independent normal components of standard deviation 1.
 const MEDIAN_LENGTH: f64 = 1.538;
 
-/// Standard deviation a component of vectors with these lengths, by their median; 0 for none. Reorders.
+/// Standard deviation per component of vectors with these lengths, from their median; 0 without
+/// vectors. Reorders the slice.
 fn typical_deviation(lengths: &mut [f64]) -> f64 {
     aloft_signal::upper_median(lengths).map_or(0.0, |median| median / MEDIAN_LENGTH)
 }
@@ -28,19 +30,19 @@ fn typical_deviation(lengths: &mut [f64]) -> f64 {
 struct Frame {
     /// Measured positions of the problem's markers, m.
     targets: Vec<Vector3<f64>>,
-    /// Posture, hinges counted from the static posture.
+    /// Posture, with hinge angles relative to the static posture.
     q: Vec<f64>,
     is_static: bool,
 }
 
-/// Where each unknown stands in the parameter vector.
+/// Index of each unknown in the parameter vector.
 #[derive(Debug, Clone)]
 struct Layout {
     /// Of each tracked marker.
     marker: Vec<usize>,
-    /// Of each link's joint centre, `NONE` where there is none.
+    /// Of each link's joint centre, `NONE` if it has none.
     center: Vec<usize>,
-    /// Of each hinge axis, `NONE` where there is none.
+    /// Of each hinge axis, `NONE` for other joints.
     axis: Vec<usize>,
     size: usize,
 }
@@ -54,16 +56,16 @@ pub(crate) struct Uncertainty {
     pub axis_rad: Vec<f64>,
 }
 
-/// All of a calibration's state.
+/// State of a calibration.
 #[derive(Debug, Clone)]
 pub(crate) struct Bundle {
     /// Weights of a moving frame.
     moving: Problem,
-    /// The same with the weights of the static posture.
+    /// The same with the weights for the static posture.
     standing: Problem,
-    /// Subject's marker behind each tracked one.
+    /// Index of the subject's marker for each tracked one.
     marker_of: Vec<usize>,
-    /// Where landmarks put everything: centre of the priors.
+    /// Geometry from landmarks: centre of the priors.
     landmarks: Reference,
     present: Reference,
     frames: Vec<Frame>,
@@ -72,7 +74,7 @@ pub(crate) struct Bundle {
     precision: DVector<f64>,
 }
 
-/// Sums over frames, postures eliminated.
+/// Sums over frames, with postures eliminated.
 struct Sums {
     matrix: DMatrix<f64>,
     gradient: DVector<f64>,
@@ -91,7 +93,8 @@ impl Bundle {
     ) -> Self {
         problem.markers.retain(|m| trials.iter().any(|t| t.markers.index(&m.label).is_some()));
         let marker_of: Vec<usize> = problem.markers.iter().filter_map(|m| subject.marker_index(&m.label)).collect();
-        // the priors' centres in the frames of the present subject: orientation and angles belong to it
+        // Centres of the priors, in the frames of the present subject, because orientation and
+        // angles refer to it.
         let landmarks =
             Reference { rotation: present.rotation.clone(), angle: present.angle.clone(), ..landmarks.clone() };
         problem.hinges.clear();
@@ -132,7 +135,8 @@ impl Bundle {
             }
             frames.push(Frame { targets, q: rezeroed(motion.q(id.frame), &problem), is_static: false });
         }
-        // each marker errs in its own measure: skin over the trunk moves farther than skin over the foot
+        // Each marker has its own error level: skin over the trunk moves farther than skin over the
+        // foot.
         let noise_m: Vec<f64> =
             distances.iter_mut().map(|d| options.marker_noise_m.max(typical_deviation(d))).collect();
         for (marker, noise_m) in problem.markers.iter_mut().zip(&noise_m) {
@@ -216,7 +220,7 @@ impl Bundle {
         IkError::Calibration { subject: self.moving.tree.links[0].name.clone(), frames: self.frames.len(), problem }
     }
 
-    /// Brings every posture to its minimum for the present geometry; the sum of the costs.
+    /// Minimises the cost of every posture for the present geometry; returns the sum of the costs.
     fn settle(&mut self) -> f64 {
         let (moving, standing) = (&self.moving, &self.standing);
         let costs: Vec<f64> = self
@@ -273,7 +277,7 @@ impl Bundle {
         if !solver.prepare(&frame.q) {
             return;
         }
-        // how far each link has turned since the static posture
+        // Rotation of each link since the static posture.
         for (i, turned) in scratch.turned.iter_mut().enumerate() {
             *turned = solver.pose.rotation[i] * self.present.rotation[i].transpose();
         }
@@ -322,7 +326,8 @@ impl Bundle {
         }
     }
 
-    /// How a marker moves with each unknown of the geometry, and with each coordinate of the posture.
+    /// Derivatives of a marker's position with respect to each geometry unknown and each posture
+    /// coordinate.
     fn columns_of(&self, k: usize, q: &[f64], solver: &Solver<'_>, scratch: &mut Scratch) {
         let tree = &solver.problem.tree;
         let marker = &solver.problem.markers[k];
@@ -362,7 +367,7 @@ impl Bundle {
         }
     }
 
-    /// Geometry `from` moved by a step.
+    /// Sets the geometry to `from` plus a step.
     fn advance(&mut self, from: &Reference, step: &DVector<f64>) {
         let three = |at: usize| Vector3::new(step[at], step[at + 1], step[at + 2]);
         for (k, &m) in self.marker_of.iter().enumerate() {
@@ -409,7 +414,8 @@ impl Bundle {
         0.5 * self.deviation().iter().zip(&self.precision).map(|(d, p)| p * d * d).sum::<f64>()
     }
 
-    /// The calibrated subject and how sure its geometry is. `like` is the subject that this round started from.
+    /// The calibrated subject and the uncertainty of its geometry. `like` is the subject at the
+    /// start of this round.
     pub fn finish(&self, like: &Subject) -> Result<(Subject, Uncertainty), IkError> {
         let Sums { mut matrix, .. } = self.sums();
         for i in 0..self.layout.size {
@@ -431,7 +437,7 @@ impl Bundle {
     }
 }
 
-/// Scratch of one piece of frames.
+/// Scratch memory for one block of frames.
 struct Scratch {
     turned: Vec<Matrix3<f64>>,
     columns: Vec<(usize, Vector3<f64>)>,

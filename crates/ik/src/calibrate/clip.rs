@@ -1,4 +1,5 @@
-//! The frames of a recording that a calibration looks at, cut out of it: all else of a recording can go.
+//! The frames of a recording that a calibration uses, copied so that the rest of the recording can
+//! be freed.
 
 use super::select::spread;
 use super::{CalibrateOptions, FrameId, Selection};
@@ -9,19 +10,19 @@ use aloft_body::{Motion, Subject};
 use aloft_trial::{Markers, Trial};
 use std::ops::Range;
 
-/// Frames of one trial, each with the few before it from which it is tracked.
+/// Frames of one trial, each with the few preceding frames from which it is tracked.
 #[derive(Debug, Clone)]
 pub struct Clip {
-    /// Markers of the subject in the kept frames, one after the other.
+    /// Markers of the subject in the kept frames, concatenated.
     trial: Trial,
-    /// Kept frames that follow each other in the recording.
+    /// Ranges of kept frames that are consecutive in the recording.
     runs: Vec<Range<usize>>,
-    /// Frames that take part, among the kept ones, and whether they are held out.
+    /// Frames that take part, as indices into the kept ones, and whether they are held out.
     chosen: Vec<(usize, bool)>,
 }
 
 impl Clip {
-    /// Cuts so many frames for use out of a trial, and as many for a check ([`super::shares`]).
+    /// Copies `share` frames for use from a trial, and as many for a check ([`super::shares`]).
     ///
     /// # Errors
     /// [`IkError::TooFewMarkers`] when fewer than three markers are common to trial and subject.
@@ -49,7 +50,8 @@ impl Clip {
         Ok(Self { trial: cut(trial, &all, &kept), runs, chosen })
     }
 
-    /// The chosen frames with their postures; those that cannot be solved or fit far worse than the trial's others are left out.
+    /// The chosen frames with their postures. Frames that cannot be solved, or fit far worse than
+    /// the others of the trial, are omitted.
     pub(crate) fn track(&self, subject: &Subject, options: &IkOptions) -> Result<Tracked, IkError> {
         let (problem, sources) = self.problem(subject, options)?;
         let mut whole = Piece::default();
@@ -86,13 +88,13 @@ impl Clip {
 pub(crate) struct Tracked {
     /// Markers of these frames.
     pub trial: Trial,
-    /// Their postures, and how well they fit.
+    /// Their postures and fit.
     pub result: IkResult,
     held_out: Vec<bool>,
 }
 
 impl Tracked {
-    /// Finds the postures for another geometry, starting from the present ones.
+    /// Solves the postures for another geometry, starting from the present ones.
     pub fn track_again(&mut self, subject: &Subject, options: &IkOptions) -> Result<(), IkError> {
         let (problem, sources) = problem_of(subject, &self.trial, options)?;
         let piece = track_each(&problem, options, &self.trial, &sources, &self.result);
@@ -101,7 +103,7 @@ impl Tracked {
     }
 }
 
-/// The frames of all trials by their part.
+/// The frames of all trials, grouped by role.
 pub(crate) fn selection(tracked: &[Tracked]) -> Selection {
     let mut selection = Selection::default();
     for (trial, t) in tracked.iter().enumerate() {
@@ -164,10 +166,10 @@ mod tests {
         let options = CalibrateOptions::default();
         let n = subject.markers.len();
         let seen: Vec<usize> = (0..400).map(|f| if (100..130).contains(&f) { n - 1 } else { n }).collect();
-        // a calibration looks at what is seen; gaps are bridged in motions only
+        // A calibration uses measured markers only; gaps are bridged in motions only.
         let plain = IkOptions { bridge_gaps_s: 0.0, ..options.ik.clone() };
         let whole = solve(&subject, &trial, &plain).unwrap();
-        // apart, side by side, and all of them
+        // Separate, adjacent, and all of them.
         for (share, kept) in [(10, 20 * 9), (40, 400), (300, 400)] {
             let clip = Clip::of(&subject, &trial, share, &options).unwrap();
             let chosen = spread(&seen, FEWEST_MARKERS, share);

@@ -1,18 +1,22 @@
-//! Joint centres, hinge axes and marker places from the moving trials themselves.
+//! Estimates joint centres, hinge axes and marker positions from moving trials.
 //!
-//! Landmarks place a joint centre to a centimetre; a few seconds of movement place it to a few millimetres, because
-//! two links can only turn about where their joint is. All that is unknown is estimated at once, on markers alone:
-//! places of joint centres and markers in the static posture, directions of hinge axes, and the posture of every frame.
-//! Postures are eliminated frame by frame (variable projection: each is minimised for the present geometry, and its
-//! block leaves the normal equations by a Schur complement), so what remains is one dense system of some 150 unknowns.
+//! Landmarks locate a joint centre to a centimetre; a few seconds of movement locate it to a few
+//! millimetres, because two links can only rotate about their common joint. All unknowns are
+//! estimated together, from markers alone: positions of joint centres and markers in the static
+//! posture, directions of hinge axes, and the posture of every frame. Postures are eliminated frame
+//! by frame (variable projection: each is minimised for the present geometry, and its block is
+//! removed from the normal equations by a Schur complement), which leaves one dense system of about
+//! 150 unknowns.
 //!
-//! Geometry is held as *places in the static posture* ([`reference`]): the prior of each is then what landmarks say of
-//! it and nothing else, whether or not neighbouring places move. Directions that no data fix – the orientation of
-//! frames at spherical joints, the place of a hinge along its axis, the pose of the root – are held by these priors.
+//! Geometry is stored as *positions in the static posture* ([`reference`]), so the prior of each
+//! position depends on its landmarks only, whether or not neighbouring positions move. Directions
+//! that the data do not determine – the orientation of frames at spherical joints, the position of
+//! a hinge along its axis, the pose of the root – are fixed by these priors.
 //!
-//! What follows for the user of a calibrated [`Subject`]: link frames have moved a little, so numbers in link frames
-//! from before are stale. `static_q` is recomputed, and the inertial prior is carried along so that it stays where it was in the static
-//! posture; to lay anthropometry over the new segment lengths call `aloft_scale::attach_prior` afterwards.
+//! Consequences for the user of a calibrated [`Subject`]: link frames have moved slightly, so
+//! earlier values in link frames are no longer valid. `static_q` is recomputed, and the inertial
+//! prior is transformed so that it stays in place in the static posture; to apply anthropometry to
+//! the new segment lengths, call `aloft_scale::attach_prior` afterwards.
 
 mod bundle;
 mod clip;
@@ -40,18 +44,18 @@ use select::{FrameId, Selection};
 pub struct Calibration {
     /// The calibrated subject; `static_q` is the static posture in the new coordinates.
     pub subject: Subject,
-    /// What moved, and what it gained.
+    /// Changes of the geometry and of the fit.
     pub report: CalibrationReport,
 }
 
-/// Refines joint centres, hinge axes and marker coordinates of a subject over moving trials.
+/// Refines joint centres, hinge axes and marker coordinates of a subject from moving trials.
 ///
-/// The static posture takes part as data: the subject's markers at `static_q`. Frames are chosen over all trials, the same
-/// ones on every call. Forces are not used.
+/// The static posture takes part as data: the subject's markers at `static_q`. Frames are chosen
+/// over all trials, identically on every call. Forces are not used.
 ///
 /// # Errors
-/// As [`crate::solve()`]; [`IkError::NothingToCalibrate`] when no trial has a solved frame; [`IkError::Calibration`] when the system
-/// of equations cannot be solved.
+/// As [`crate::solve()`]; [`IkError::NothingToCalibrate`] if no trial has a solved frame;
+/// [`IkError::Calibration`] if the system of equations cannot be solved.
 pub fn calibrate(subject: &Subject, trials: &[&Trial], options: &CalibrateOptions) -> Result<Calibration, IkError> {
     options.check()?;
     let lengths: Vec<usize> = trials.iter().map(|t| t.markers.n_frames).collect();
@@ -63,7 +67,8 @@ pub fn calibrate(subject: &Subject, trials: &[&Trial], options: &CalibrateOption
     calibrate_clips(subject, &clips, options)
 }
 
-/// The same from frames that were cut out of the trials before ([`shares`], [`Clip::of`]): memory does not grow with the trials.
+/// As [`calibrate()`], from frames already copied from the trials ([`shares`], [`Clip::of`]):
+/// memory use does not grow with the trials.
 ///
 /// # Errors
 /// As [`calibrate()`].

@@ -1,4 +1,4 @@
-//! What can be chosen in a calibration.
+//! Options of a calibration.
 
 use crate::{IkError, IkOptions};
 use serde::{Deserialize, Serialize};
@@ -10,30 +10,32 @@ use std::collections::BTreeMap;
 pub struct CalibrateOptions {
     /// Frames to use, over all trials.
     pub frames: usize,
-    /// Least standard deviation of a marker, each axis, m: noise and soft tissue together. Where the median residual at the
-    /// start of a round says more, that is used.
+    /// Minimum standard deviation of a marker, each axis, m: noise and soft tissue together. If the
+    /// median residual at the start of a round is larger, that is used.
     pub marker_noise_m: f64,
-    /// Weight of one frame. Small, because soft tissue errs alike in neighbouring frames and in every jump.
+    /// Weight of one frame. Small, because soft-tissue errors are similar in neighbouring frames
+    /// and in every jump.
     pub frame_weight: f64,
     /// Weight of the static posture.
     pub static_weight: f64,
-    /// Standard deviation of where a marker was placed, each axis, m.
+    /// Standard deviation of the marker placement, each axis, m.
     pub marker_sd_m: f64,
-    /// Standard deviation of the landmarks' joint centres, each axis, m, by child link.
+    /// Standard deviation of the joint centres from landmarks, each axis, m, by child link.
     pub joint_sd_m: BTreeMap<String, f64>,
-    /// The same for joints that are not named.
+    /// The same for joints not listed.
     pub other_joint_sd_m: f64,
-    /// Standard deviation of the landmarks' hinge axes, rad, by child link.
+    /// Standard deviation of the hinge axes from landmarks, rad, by child link.
     pub axis_sd_rad: BTreeMap<String, f64>,
-    /// The same for hinges that are not named.
+    /// The same for hinges not listed.
     pub other_axis_sd_rad: f64,
-    /// A marker's pull stops growing at this multiple of the median distance (Huber's loss, against soft tissue).
+    /// Multiple of the median distance at which the influence of a marker is limited (Huber's loss,
+    /// against soft tissue).
     pub huber_factor: f64,
-    /// Steps of one round.
+    /// Maximum number of steps per round.
     pub max_iterations: usize,
     /// Rounds: after each one the frames are tracked again with the new geometry.
     pub rounds: usize,
-    /// Tracking.
+    /// Options of tracking.
     pub ik: IkOptions,
 }
 
@@ -80,7 +82,7 @@ impl CalibrateOptions {
     /// Checks the numbers.
     ///
     /// # Errors
-    /// [`IkError::Option`] for the first one that cannot be used.
+    /// [`IkError::Option`] for the first invalid value.
     pub fn check(&self) -> Result<(), IkError> {
         self.ik.check()?;
         let named = |option, map: &BTreeMap<String, f64>| map.values().map(|v| (option, *v)).collect::<Vec<_>>();

@@ -1,4 +1,4 @@
-//! A subject's geometry as places in the static posture, and back.
+//! Conversion between a subject's geometry and positions in the static posture.
 
 use crate::IkError;
 use crate::problem::Problem;
@@ -6,7 +6,7 @@ use crate::tree::{NONE, Tree, axis_angle_matrix, matrix_quaternion};
 use aloft_body::{JointKind, State, Subject};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
 
-/// Places in the world in which the static posture stands, m.
+/// Positions in the world frame of the static posture, m.
 #[derive(Debug, Clone)]
 pub(crate) struct Reference {
     /// Orientation of each link; constant during a calibration.
@@ -15,7 +15,7 @@ pub(crate) struct Reference {
     pub center: Vec<Vector3<f64>>,
     /// Direction of each hinge, zero for other joints.
     pub axis: Vec<Vector3<f64>>,
-    /// Every marker of the subject.
+    /// Position of every marker of the subject.
     pub marker: Vec<Vector3<f64>>,
     /// Hinge angle in the static posture, zero for other joints.
     pub angle: Vec<f64>,
@@ -49,7 +49,8 @@ impl Reference {
         Ok(Self { rotation, center, axis, marker, angle })
     }
 
-    /// Writes the geometry into a tracking problem whose hinges count their angle from the static posture.
+    /// Writes the geometry into a tracking problem whose hinge angles are relative to the static
+    /// posture.
     pub fn apply(&self, problem: &mut Problem, marker_of: &[usize]) {
         for (i, link) in problem.tree.links.iter_mut().enumerate() {
             if link.parent == NONE {
@@ -67,12 +68,13 @@ impl Reference {
         }
     }
 
-    /// The subject with this geometry. Hinges keep their axis in link coordinates (z stays z): the link's frame turns with it.
-    /// `posture` is the static posture in the coordinates of [`Reference::apply`].
+    /// The subject with this geometry. Hinges keep their axis in link coordinates (z stays z): the
+    /// frame of the link rotates with it. `posture` is the static posture in the coordinates of
+    /// [`Reference::apply`].
     pub fn subject(&self, like: &Subject, posture: &[f64], tree: &Tree) -> Result<Subject, IkError> {
         let old = Self::of(like)?;
         let mut subject = like.clone();
-        // orientation of the new link frames in the static posture
+        // Orientation of the new link frames in the static posture.
         let mut turned = self.rotation.clone();
         for (i, link) in like.model.links.iter().enumerate() {
             if let JointKind::Revolute(direction) = link.joint.kind {
@@ -101,7 +103,8 @@ impl Reference {
         for (marker, place) in subject.markers.iter_mut().zip(&self.marker) {
             marker.position_m = turned[marker.link].transpose() * (place - self.center[marker.link]);
         }
-        // the static posture: poses of the links as tracked, then joint coordinates of the new frames
+        // The static posture: poses of the links as tracked, then joint coordinates of the new
+        // frames.
         let mut pose = tree.pose();
         tree.forward(posture, &mut pose);
         let new_rotation: Vec<Matrix3<f64>> =

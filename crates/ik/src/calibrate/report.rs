@@ -1,4 +1,4 @@
-//! What a calibration moved, and what it gained on frames that it did not see.
+//! Changes made by a calibration, and the improvement on held-out frames.
 
 use super::bundle::Uncertainty;
 use super::clip::Tracked;
@@ -9,7 +9,7 @@ use aloft_body::{JointKind, Subject};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// One joint, landmarks against calibration.
+/// One joint: landmarks against calibration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct JointChange {
     /// Child link of the joint.
@@ -18,11 +18,11 @@ pub struct JointChange {
     pub landmark_m: Vector3<f64>,
     /// Calibrated joint centre, the same frame, m.
     pub calibrated_m: Vector3<f64>,
-    /// Distance of the two, m.
+    /// Distance between the two, m.
     pub moved_m: f64,
     /// Standard deviation of the calibrated centre, root mean square over axes, m.
     pub sd_m: f64,
-    /// Turn of a hinge's axis, rad; none for other joints.
+    /// Rotation of a hinge's axis, rad; `None` for other joints.
     pub axis_turned_rad: Option<f64>,
     /// Standard deviation of the calibrated axis, rad; none for other joints.
     pub axis_sd_rad: Option<f64>,
@@ -33,9 +33,9 @@ pub struct JointChange {
 pub struct MarkerChange {
     /// Label.
     pub label: String,
-    /// How far its place in the static posture moved, m.
+    /// Displacement of its position in the static posture, m.
     pub moved_m: f64,
-    /// Root mean square distance over the frames used and held out before, m.
+    /// Root mean square distance before the calibration, over the frames used and held out, m.
     pub rms_before_m: f64,
     /// The same after, m.
     pub rms_after_m: f64,
@@ -48,7 +48,7 @@ pub struct TrialFit {
     pub trial: String,
     /// Frames used.
     pub frames_used: usize,
-    /// Root mean square over markers and the frames used and held out before, m.
+    /// Root mean square over markers before the calibration, over the frames used and held out, m.
     pub rms_before_m: f64,
     /// The same after, m.
     pub rms_after_m: f64,
@@ -59,15 +59,15 @@ pub struct TrialFit {
 pub struct CalibrationReport {
     /// Moving frames used.
     pub frames_used: usize,
-    /// Frames between them, kept aside.
+    /// Interleaved frames held out for the check.
     pub frames_held_out: usize,
     /// Steps of the estimation over all rounds.
     pub iterations: usize,
-    /// Root mean square over markers of the used frames before, m.
+    /// Root mean square over markers of the used frames before the calibration, m.
     pub used_rms_before_m: f64,
     /// The same after, m.
     pub used_rms_after_m: f64,
-    /// Root mean square over markers of the held-out frames before, m.
+    /// Root mean square over markers of the held-out frames before the calibration, m.
     pub held_out_rms_before_m: f64,
     /// The same after, m.
     pub held_out_rms_after_m: f64,
@@ -80,7 +80,7 @@ pub struct CalibrationReport {
 }
 
 impl CalibrationReport {
-    /// The figures before.
+    /// Values before the calibration.
     pub(crate) fn start(selection: &Selection, tracked: &[Tracked]) -> Self {
         Self {
             frames_used: selection.used.len(),
@@ -105,7 +105,7 @@ impl CalibrationReport {
         }
     }
 
-    /// The figures after.
+    /// Values after the calibration.
     pub(crate) fn finish(
         &mut self,
         calibrated: &Subject,
@@ -119,7 +119,7 @@ impl CalibrationReport {
         for (fit, tracked) in self.trials.iter_mut().zip(tracked) {
             fit.rms_after_m = tracked.result.report.rms_m;
         }
-        // a trial of which no frame took part has nothing to say
+        // A trial without used frames has no figures.
         self.trials.retain(|fit| fit.rms_before_m.is_finite() && fit.rms_after_m.is_finite());
         let now = Reference::of(calibrated)?;
         for (label, rms) in marker_rms(tracked) {

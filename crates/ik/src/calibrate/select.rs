@@ -1,4 +1,4 @@
-//! Which frames take part, and which are kept aside to see what a calibration gains.
+//! Selects the frames that a calibration uses, and those held out to measure the improvement.
 
 use super::CalibrateOptions;
 
@@ -16,10 +16,10 @@ pub(crate) struct Selection {
     pub held_out: Vec<FrameId>,
 }
 
-/// How many frames of each trial a calibration uses (it looks at as many again, held out): the same number of each, as far as
-/// the lengths allow.
+/// Number of frames of each trial that a calibration uses (it holds out as many again): the same
+/// number from each trial, as far as the lengths allow.
 pub fn shares(lengths: &[usize], options: &CalibrateOptions) -> Vec<usize> {
-    // trials with few frames leave their share to the others
+    // The unused share of short trials goes to the others.
     let mut share = vec![0; lengths.len()];
     let mut order: Vec<usize> = (0..lengths.len()).collect();
     order.sort_by_key(|&t| (lengths[t], t));
@@ -32,8 +32,9 @@ pub fn shares(lengths: &[usize], options: &CalibrateOptions) -> Vec<usize> {
     share
 }
 
-/// Spreads `2 share` frames evenly over a trial's time, among those with enough markers. In each stretch of time the frame with
-/// the most markers is taken, the one nearest the middle among equals; stretches alternate between use (false) and check (true).
+/// Spreads `2 share` frames evenly over a trial's time, among those with enough markers. In each
+/// interval the frame with the most markers is taken, on a tie the one nearest the middle;
+/// intervals alternate between use (false) and check (true).
 pub(crate) fn spread(seen: &[usize], fewest: usize, share: usize) -> Vec<(usize, bool)> {
     let frames: Vec<usize> = (0..seen.len()).filter(|&f| seen[f] >= fewest).collect();
     let stretches = 2 * share.min(frames.len().div_ceil(2));
@@ -56,7 +57,7 @@ mod tests {
         let options = CalibrateOptions { frames: 100, ..CalibrateOptions::default() };
         assert_eq!(shares(&[1000, 20, 1000], &options), [45, 10, 45]);
         assert_eq!(shares(&[5, 3], &options), [3, 2]);
-        // more trials than frames: one each, until there are none left
+        // More trials than frames: one frame each until none are left.
         assert_eq!(shares(&[10; 150], &options).iter().sum::<usize>(), 100);
     }
 

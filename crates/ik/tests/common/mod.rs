@@ -1,4 +1,5 @@
-//! Subjects and trials made in the test itself: the geometry of a simulated person, a two-link chain, smooth motions.
+//! Synthetic subjects and trials: the geometry of a simulated person, a two-link chain, smooth
+//! motions.
 #![allow(dead_code, clippy::unwrap_used, reason = "test support: each test file uses a part of it, and may panic")]
 
 use aloft_body::subject::PriorSd;
@@ -54,7 +55,7 @@ pub fn person() -> Subject {
         weight: 1.0,
     });
     let mut subject = subject("person", &spec, markers.collect());
-    // upright in a Z-up world, limbs a little bent
+    // Upright in a Z-up world, limbs slightly bent.
     let up = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
     subject.static_q[2] = 0.85;
     subject.static_q[3..7].copy_from_slice(up.coords.as_slice());
@@ -106,7 +107,7 @@ pub fn chain() -> Subject {
     subject("chain", &spec, markers.collect())
 }
 
-/// A smooth motion about the resting posture: one value of q a frame. `size` scales the joint angles.
+/// A smooth motion about the resting posture: one q per frame. `size` scales the joint angles.
 pub fn motion(subject: &Subject, n_frames: usize, rate_hz: f64, size: f64, seed: u64) -> Vec<Vec<f64>> {
     let model = &subject.model;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -125,7 +126,7 @@ pub fn motion(subject: &Subject, n_frames: usize, rate_hz: f64, size: f64, seed:
                     Some("shank") => -1.0,
                     _ => continue,
                 };
-                // limbs bend one way
+                // Limbs bend in one direction.
                 dv[link.joint.v_offset] = side * (dv[link.joint.v_offset].abs() + 0.05);
             }
             let mut q = vec![0.0; model.nq];

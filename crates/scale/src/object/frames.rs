@@ -1,4 +1,4 @@
-//! The refined geometry in the frames that the specification defines.
+//! Expresses the refined geometry in the frames defined by the specification.
 
 use super::ObjectInput;
 use super::links::{Links, error};
@@ -14,7 +14,7 @@ fn local(links: &Links<'_>, bundle: &Bundle, label: &str) -> Option<Vector3<f64>
     links.markers.iter().position(|(_, l)| *l == label).map(|k| bundle.markers[k].position_m)
 }
 
-/// Where the specification wants a link's frame, in the bundle's working frame of that link.
+/// A link's frame as specified, in the bundle's working frame of that link.
 ///
 /// `parent_origin` is the parent's final origin in this link's working frame at rest, `positive` the sense of a hinge there.
 fn wanted_frame(
@@ -33,7 +33,7 @@ fn wanted_frame(
         ObjectFrame::Markers { origin, y_axis, z_side } => {
             let (a, b) = (at(&y_axis[0])?, at(&y_axis[1])?);
             let axes = axes_y_z(&(b - a), &(at(z_side)? - a)).ok_or_else(flat)?;
-            // A ball joint's own centre is the origin of the working frame.
+            // The centre of a ball joint is the origin of the working frame.
             let origin = origin.as_ref().map_or(Ok(Vector3::zeros()), at)?;
             Ok(pose(&origin, &axes))
         }

@@ -13,7 +13,8 @@ use aloft_body::{JointSpec, LinkSpec, Model, ModelSpec};
 use aloft_trial::Trial;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
-/// Mean place of every marker in the static (the mean, not the median: white noise, and a thing on a table does not sway).
+/// Mean position of every marker in the static (the mean, not the median: the noise is white, and
+/// an object on a table does not sway).
 pub(super) fn static_markers(
     links: &Links<'_>,
     trial: &Trial,
@@ -154,7 +155,7 @@ pub(super) fn first_guess(
     if let Some(g) = spec.gravity_mps2 {
         model.gravity_mps2 = Vector3::new(0.0, 0.0, -g);
     }
-    // Working frame of each link against its cloud, and its pose in the world of the static.
+    // Working frame of each link relative to its cloud, and its pose in the world of the static.
     let mut cloud_from_link: Vec<Isometry3<f64>> = vec![Isometry3::identity(); n];
     let at_rest_pose = |l: usize, cloud_from_link: &[Isometry3<f64>]| {
         pose(&clouds.center[l], &UnitQuaternion::identity()) * cloud_from_link[l]
@@ -236,7 +237,8 @@ pub(super) fn first_guess(
         q
     };
     let rest: Vec<Isometry3<f64>> = (0..n).map(|l| at_rest_pose(l, &cloud_from_link)).collect();
-    // First frame: the static. It counts as many frames, but not so many that a slow drift of it would rule.
+    // First frame: the static. It has the weight of many frames, but not so many that a slow drift
+    // in it would dominate.
     let mut all = vec![BundleFrame {
         measured: at_rest.to_vec(),
         weight: static_frames.clamp(1, 200) as f64,

@@ -1,4 +1,4 @@
-//! Reads an object's specification into indices, and refuses what contradicts itself.
+//! Converts an object's specification into indices and rejects contradictions.
 
 use crate::ScaleError;
 use crate::object_spec::{ObjectFrame, ObjectJoint, ObjectSpec};

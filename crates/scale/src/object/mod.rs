@@ -21,28 +21,28 @@ use links::{Links, read_links};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// What scaling of an object needs.
+/// Input for scaling an object.
 #[derive(Debug, Clone, Copy)]
 pub struct ObjectInput<'a> {
-    /// What the laboratory says about it.
+    /// Specification by the laboratory.
     pub spec: &'a ObjectSpec,
-    /// The trial in which it lies still with all angles zero.
+    /// The trial in which the object lies still with all angles zero.
     pub static_trial: &'a Trial,
-    /// Trials in which the joints move. More trials (the throws themselves) make the geometry better still.
+    /// Trials in which the joints move. More trials (including the throws) improve the geometry.
     pub motion_trials: &'a [&'a Trial],
 }
 
-/// Choices of an object's scaling.
+/// Options of object scaling.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ObjectOptions {
     /// How quiet frames are found in the static trial.
     pub quiet: QuietOptions,
-    /// Frames of all motion trials together that take part, evenly spaced.
+    /// Number of frames used from all motion trials together, evenly spaced.
     pub max_frames: usize,
-    /// Iterations of the refinement.
+    /// Maximum number of iterations of the refinement.
     pub max_iterations: usize,
-    /// A joint whose two segments disagree by more than this after the first guess is no such joint, m.
+    /// A joint is rejected if its two segments disagree by more than this after the first guess, m.
     pub joint_limit_m: f64,
 }
 
@@ -52,7 +52,7 @@ impl Default for ObjectOptions {
     }
 }
 
-/// A joint that was found.
+/// One estimated joint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ObjectJointReport {
     /// Child link.
@@ -68,22 +68,24 @@ pub struct ObjectJointReport {
     pub range_rad: (f64, f64),
 }
 
-/// What scaling of an object found.
+/// Results of object scaling.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ObjectReport {
     /// Frames used for the refinement.
     pub frames: usize,
-    /// Iterations it took.
+    /// Iterations of the refinement.
     pub iterations: usize,
-    /// Marker noise per coordinate that remains, m: the cameras' noise when the object is rigid and its joints are what they are said to be.
+    /// Remaining marker noise per coordinate, m: the camera noise if the object is rigid and its
+    /// joints are as specified.
     pub noise_m: f64,
     /// Observations left out as outliers.
     pub outliers: usize,
-    /// Root mean square residual of each marker, m, in the order of the subject's markers; none for one never seen in motion.
+    /// Root mean square residual of each marker, m, in the order of the subject's markers; `None`
+    /// for a marker never seen in motion.
     pub marker_rms_m: Vec<(String, Option<f64>)>,
     /// Joints.
     pub joints: Vec<ObjectJointReport>,
-    /// Oddities in words.
+    /// Warnings in words.
     pub warnings: Vec<String>,
 }
 
@@ -92,15 +94,16 @@ pub struct ObjectReport {
 pub struct ScaledObject {
     /// Model, markers, prior.
     pub subject: Subject,
-    /// What was found.
+    /// Results of the estimation.
     pub report: ObjectReport,
 }
 
 /// Builds an object's model from a static trial and trials in which it moves.
 ///
 /// # Errors
-/// [`ScaleError::Object`] for a specification that contradicts itself or a marker that the trials do not have;
-/// [`ScaleError::Functional`] when the motion does not show the joints; [`ScaleError::NoFrames`].
+/// [`ScaleError::Object`] for a contradictory specification or a marker missing in the trials;
+/// [`ScaleError::Functional`] if the motion does not determine the joints;
+/// [`ScaleError::NoFrames`].
 pub fn scale_object(input: &ObjectInput<'_>, options: &ObjectOptions) -> Result<ScaledObject, ScaleError> {
     let links = read_links(input.spec)?;
     let statics = StaticPose::find(input.static_trial, None, &options.quiet)?;

@@ -6,10 +6,10 @@ use aloft_body::subject::PriorSd;
 use aloft_body::{LinkInertia, Model, ModelMarker};
 use nalgebra::{Matrix3, Vector3};
 
-/// Least half-thickness of a link for its prior, m.
+/// Minimum half-thickness of a link for its prior, m.
 const THICKNESS_M: f64 = 0.01;
 
-/// Uniform ellipsoids around markers and joints: rough, but enough to find flights.
+/// Uniform ellipsoids around markers and joints: rough, but sufficient to find flights.
 pub(super) fn size_prior(
     links: &Links<'_>,
     model: &Model,
@@ -43,7 +43,7 @@ pub(super) fn size_prior(
         .map(|((center, scatter, volume), link)| {
             let share = link.mass_fraction.unwrap_or_else(|| (1.0 - stated).max(0.0) * volume / open.max(1e-30));
             let mass_kg = (share * total).max(1e-6 * total);
-            // Markers sit on the surface: a solid's second moment is about half of theirs.
+            // Markers are on the surface: the second moment of a solid is about half of theirs.
             let second = scatter * (0.5 * mass_kg);
             let mut inertia = LinkInertia {
                 mass_kg,
