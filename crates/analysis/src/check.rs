@@ -1,4 +1,4 @@
-//! `check`: configuration, labels and files; changes nothing.
+//! `check`: checks configuration, labels and files; changes nothing.
 
 use aloft_pipeline::graph::Recording;
 use aloft_pipeline::stages::filter::low_pass;
@@ -9,12 +9,12 @@ use aloft_workspace::error::PipelineError;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// What was found.
+/// Result of the check.
 #[derive(Debug, Clone, Serialize)]
 pub struct Check {
-    /// One row a recording.
+    /// One row per recording.
     pub trials: Vec<CheckRow>,
-    /// About the study as a whole.
+    /// Remarks about the study as a whole.
     pub remarks: Vec<String>,
 }
 
@@ -23,13 +23,13 @@ pub struct Check {
 pub struct CheckRow {
     /// Trial.
     pub name: String,
-    /// Its part, or `excluded`.
+    /// Role, or `excluded`.
     pub role: String,
     /// Frames.
     pub frames: Option<usize>,
     /// Rate, Hz.
     pub rate_hz: Option<f64>,
-    /// Markers of the set that were found, of all.
+    /// Markers of the set that were found, out of all.
     pub markers: String,
     /// Plates.
     pub plates: Option<usize>,
@@ -39,7 +39,7 @@ pub struct CheckRow {
     pub remarks: Vec<String>,
 }
 
-/// Reads every recording and says what is missing.
+/// Reads every recording and reports what is missing.
 pub fn check(study: &Study) -> Result<Check, PipelineError> {
     let trials: Vec<CheckRow> = study
         .trials

@@ -1,4 +1,4 @@
-//! `inspect`: what is in a recording, and what is wrong with it.
+//! `inspect`: the contents of a recording, and problems in it.
 
 use aloft_c3d::C3dFile;
 use aloft_pipeline::stages::import::{abridged, read_file};
@@ -11,7 +11,7 @@ use aloft_workspace::error::PipelineError;
 use serde::Serialize;
 use std::path::Path;
 
-/// What a recording holds.
+/// Contents of a recording.
 #[derive(Debug, Clone, Serialize)]
 pub struct Inspection {
     /// Version of this structure.
@@ -66,7 +66,7 @@ pub struct PlateLine {
     pub peak_vertical_n: f64,
 }
 
-/// Reads the file and looks at everything in it.
+/// Reads the file and examines its contents.
 pub fn inspect(file: &Path) -> Result<Inspection, PipelineError> {
     let name = aloft_study::study::stem_of(file);
     let trial = read_file(&name, file, None, &ImportOptions::default())
@@ -135,7 +135,7 @@ fn residuals(trial: &aloft_trial::Trial) -> Option<ResidualAnalysis> {
 /// Cut-offs of the table, Hz.
 const CUTOFFS_HZ: [f64; 16] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0, 25.0, 30.0];
 
-/// For people.
+/// The inspection as text.
 pub fn to_text(i: &Inspection) -> String {
     let mut lines = vec![format!("{}: {} frames at {} Hz ({:.2} s)", i.file, i.frames, i.rate_hz, i.duration_s)];
     let labels: Vec<String> = i.markers.iter().map(|m| m.label.clone()).collect();

@@ -1,4 +1,5 @@
-//! `summary`: one row a trial over all subjects and sessions, with reasons of quality control out of a closed list.
+//! `summary`: one row per trial over all subjects and sessions, with quality-control reasons from a
+//! closed list.
 
 use crate::freshness::{NotCurrent, freshness};
 use aloft_pipeline::graph::{Manifests, Scope};
@@ -16,13 +17,14 @@ use polars::prelude::{Column, DataFrame, PolarsError};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Marker error above which a trial is named, mm (RMS over markers and frames).
+/// Marker error above which a trial is flagged, mm (RMS over markers and frames).
 const IK_LIMIT_MM: f64 = 20.0;
-/// Scaling error above which a session is named, mm.
+/// Scaling error above which a session is flagged, mm.
 const SCALING_LIMIT_MM: f64 = 10.0;
-/// Deviation of the fall from g that is named, percent.
+/// Deviation of the free-fall acceleration from g above which a trial is flagged, percent.
 const FREE_FALL_LIMIT_PERCENT: f64 = 10.0;
-/// Share of body weight above which the comparison is named (Hicks et al., J. Biomech. Eng. 137, 2015, section 4).
+/// Error as a share of body weight above which the comparison is flagged (Hicks et al., J. Biomech.
+/// Eng. 137, 2015, section 4).
 const COMPARISON_LIMIT: f64 = 0.05;
 
 /// The table of all trials.
@@ -38,7 +40,7 @@ pub struct Summary {
     pub stale: Vec<StaleOf>,
 }
 
-/// Such a result and whose it is.
+/// A result that is not current, with its subject and session.
 #[derive(Debug, Clone, Serialize)]
 pub struct StaleOf {
     /// Subject.
@@ -50,7 +52,7 @@ pub struct StaleOf {
     pub result: NotCurrent,
 }
 
-/// A reason in words.
+/// Explanation of a reason.
 #[derive(Debug, Clone, Serialize)]
 pub struct ReasonText {
     /// The word in the table.
@@ -63,7 +65,7 @@ pub struct ReasonText {
     pub advice: &'static str,
 }
 
-/// One trial. Figures are none where the stage that gives them has no result.
+/// One trial. A value is none if the stage that provides it has no result.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct SummaryRow {
     /// Subject.
@@ -76,7 +78,7 @@ pub struct SummaryRow {
     pub role: String,
     /// `ok`, `warning`, `failed`, `excluded`.
     pub qc: String,
-    /// Reasons, gravest first: words of [`QcReason`].
+    /// Reasons, most serious first: words of [`QcReason`].
     pub reasons: Vec<QcReason>,
     /// Length, s.
     pub duration_s: Option<f64>,
@@ -118,7 +120,8 @@ pub struct SummaryRow {
     pub again: Option<String>,
 }
 
-/// The command that repeats just one trial (or one session's study-wide stages), for a shell; `words` name pipeline and folders.
+/// Shell command that repeats only one trial (or the study-wide stages of one session); `words`
+/// holds the pipeline and the folders.
 pub fn again(words: &str, id: &StudyId, trial: &str) -> String {
     let mut chosen = Vec::new();
     let trial = (trial != WHOLE_STUDY).then(|| trial.to_owned());
@@ -129,7 +132,8 @@ pub fn again(words: &str, id: &StudyId, trial: &str) -> String {
     format!("aloft run {words}{}{chosen}", if chosen.is_empty() { "" } else { " " })
 }
 
-/// Gathers the table from what the stages left; `words` name pipeline and folders in the commands that repeat a trial.
+/// Builds the table from the results of the stages; `words` holds the pipeline and the folders for
+/// the commands that repeat a trial.
 pub fn summary(set: &StudySet, words: &str) -> Result<Summary, PipelineError> {
     let (mut rows, mut stale) = (Vec::new(), Vec::new());
     for study in &set.members {
@@ -183,7 +187,7 @@ fn rows_of(study: &Study, words: &str) -> Result<Vec<SummaryRow>, PipelineError>
     let manifests = Manifests::read_and_examine(study, &ws, STAGES);
     let made = aloft_pipeline::made::as_made(study);
     let grid = super::status::grid(study, &ws, &manifests)?;
-    // a stage of the whole session that failed leaves its trials without what follows
+    // after a failed session-wide stage, the trials have no results from later stages
     let failed_study = STAGES.iter().filter(|s| s.scope == Scope::Study).find_map(|s| {
         manifests.get(s.name, WHOLE_STUDY).and_then(|m| match &m.outcome {
             Outcome::Failed(f) => Some((s.name, f.clone())),
@@ -247,7 +251,7 @@ fn count(m: Option<&Manifest>, key: &str) -> Option<u64> {
     m.and_then(|m| m.summary.get(key)).and_then(serde_json::Value::as_u64)
 }
 
-/// Figures of one trial and the reasons that follow from them.
+/// Values of one trial and the reasons that follow from them.
 fn figures(row: &mut SummaryRow, study: &Study, trial: &TrialEntry, manifests: &Manifests) {
     let own = |stage: &str| manifests.get(stage, &trial.name).filter(|m| m.is_ok());
     let once = |stage: &str| manifests.get(stage, WHOLE_STUDY).filter(|m| m.is_ok());
@@ -299,7 +303,7 @@ fn figures(row: &mut SummaryRow, study: &Study, trial: &TrialEntry, manifests: &
     if [row.contact_force_n, row.flight_force_n].iter().flatten().any(|e| *e > COMPARISON_LIMIT * weight) {
         row.reasons.push(QcReason::ComparisonLarge);
     }
-    // remarks that no reason of the list covers; import, ik and flight have reasons of their own
+    // remarks that no reason of the list covers; import, ik and flight have their own reasons
     let covered = |stage: &str| matches!(stage, "import" | "ik" | "flight");
     let remarks = STAGES.iter().any(|s| {
         matches!(s.scope, Scope::Trial(_)) && !covered(s.name) && own(s.name).is_some_and(|m| !m.warnings.is_empty())
@@ -310,7 +314,7 @@ fn figures(row: &mut SummaryRow, study: &Study, trial: &TrialEntry, manifests: &
 }
 
 impl Summary {
-    /// The table as a polars frame: one column a field; reasons separated by `;`.
+    /// The table as a polars frame: one column per field; reasons separated by `;`.
     pub fn to_frame(&self) -> Result<DataFrame, PolarsError> {
         let text = |f: fn(&SummaryRow) -> Option<String>, name: &str| {
             Column::new(name.into(), self.rows.iter().map(f).collect::<Vec<Option<String>>>())
@@ -353,7 +357,8 @@ impl Summary {
         )
     }
 
-    /// Writes `summary.csv`, `summary.parquet` and `summary.txt`, each whole or not at all; returns the CSV's path.
+    /// Writes `summary.csv`, `summary.parquet` and `summary.txt`, each completely or not at all;
+    /// returns the path of the CSV file.
     pub fn write(&self, folder: &Path) -> Result<PathBuf, PipelineError> {
         let path = folder.join("summary.csv");
         let wrong = |e: PolarsError| PipelineError::Table { path: path.clone(), problem: e.to_string() };
@@ -373,7 +378,7 @@ impl Summary {
         Ok(path)
     }
 
-    /// The table for people, with what its reasons mean below it.
+    /// The table as text, followed by the meaning of its reasons.
     pub fn to_text(&self) -> String {
         let several = self.rows.iter().any(|r| r.session.is_some());
         let mut header = vec!["subject"];
