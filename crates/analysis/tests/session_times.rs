@@ -117,7 +117,7 @@ fn validate_a_drift_is_recovered_with_order_and_lengths() {
             && calendar.start_s("jump06") < calendar.start_s("exercise01")
     );
     assert!((coefficient / expected - 1.0).abs() < 0.15 && ratio < 0.8, "{coefficient:e} {expected:e} {ratio}");
-    // recordings back to back at about the true spacing: the drift of the clock is found to within
-    // a third
+    // recordings back to back, each about as long as the spacing: the drift of the clock is found
+    // to within a third
     assert!((coefficient / (1e-6 * ppm) - 1.0).abs() < 0.35, "{coefficient:e}");
 }
