@@ -1,4 +1,4 @@
-//! Each command: open the study, ask the pipeline, render for people or as JSON.
+//! Each command opens the study, calls the library, and renders the answer as text or JSON.
 
 use crate::args::{AnglesArg, Cli, Command, EffectAction, EngineArg, PipelineArgs, RowsArg};
 use crate::each::{broken, each, each_result, fail, heading, notice};
@@ -19,12 +19,12 @@ use aloft_study::study::{Overrides, Study, StudyId};
 use aloft_workspace::error::PipelineError;
 use clap::CommandFactory;
 
-/// Why a command stopped.
+/// Reason why a command stopped.
 #[derive(Debug)]
 pub enum Stop {
-    /// The reader of our output went away.
+    /// The reader of our output closed the pipe.
     PipeClosed,
-    /// Something is wrong.
+    /// An error.
     Error(miette::Report),
 }
 
@@ -48,7 +48,7 @@ pub fn open(args: &PipelineArgs) -> Result<Study, Stop> {
     Ok(Study::open(&args.pipeline, &overrides(args))?)
 }
 
-/// All subjects and sessions that the words choose.
+/// All subjects and sessions selected on the command line.
 pub fn open_all(args: &PipelineArgs) -> Result<StudySet, Stop> {
     Ok(StudySet::open(&args.pipeline, &overrides(args))?)
 }
@@ -170,7 +170,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
         }
         Command::Report { pipeline, strict, out: target } => {
             let set = open_all(&pipeline)?;
-            // a page over the whole study only where the whole study was asked for
+            // write the page over the whole study only if the whole study was selected
             if set.several && target.is_none() && pipeline.subject.is_empty() && pipeline.session.is_empty() {
                 let done = aloft_report::write_set(&set)?;
                 for page in &done.pages {
@@ -205,7 +205,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
                 AnglesArg::Isb => Angles::Isb,
             });
             let ask = |study: &Study| {
-                // in a study of several each subject and session has a folder of its own
+                // in a study of several, each subject and session gets its own folder
                 let to = to.as_ref().map(|to| export::place_of(to, &study.id));
                 let options = export::ExportOptions { to, formats: format.clone(), trials: trial.clone(), angles };
                 export::export(study, &options)
@@ -355,7 +355,8 @@ fn run(args: &PipelineArgs, selection: &Selection, jobs: Option<usize>) -> Resul
             }
         }
     }
-    // jobs side by side would write each other's summary; `aloft summary` tells it when they are done
+    // parallel jobs would overwrite each other's summary; `aloft summary` writes it when they are
+    // done
     if !selection.shared {
         let summary = summary::summary(&set, &words_of(args))?;
         let written = summary.write(&set.workspace)?;
@@ -369,7 +370,7 @@ fn run(args: &PipelineArgs, selection: &Selection, jobs: Option<usize>) -> Resul
     Ok(if trouble { Success::Partial } else { Success::Full })
 }
 
-/// The words after a command's name that name pipeline and folders again, for a shell.
+/// Arguments that repeat the pipeline and folders after a command's name, for a shell.
 pub fn words_of(args: &PipelineArgs) -> String {
     let folder = |flag: &str, path: &Option<std::path::PathBuf>| {
         path.iter().flat_map(|p| quote::option(flag, &p.display().to_string())).collect::<Vec<_>>()
@@ -430,7 +431,7 @@ fn show_run(id: &StudyId, done: &RunReport, args: &PipelineArgs) {
     }
 }
 
-/// One line: how many tasks were done, were up to date, failed, could not follow.
+/// One line: how many tasks ran, were up to date, failed, or were blocked by failures.
 fn totals<'r>(reports: impl Iterator<Item = &'r RunReport>, seconds: f64) -> String {
     let (mut ran, mut current, mut failed, mut blocked) = (0, 0, 0, 0);
     for done in reports {
@@ -535,7 +536,7 @@ fn show_status(found: &status::Status) -> Result<(), Stop> {
     out(t)
 }
 
-/// One result with its making; or, without trial and stage, everything that is not up to date.
+/// How one result was made; without trial and stage, everything that is not up to date.
 fn explain(args: &PipelineArgs, trial: Option<&str>, stage: Option<&str>) -> Result<Success, Stop> {
     let set = open_all(args)?;
     let mut shown = 0;

@@ -1,4 +1,5 @@
-//! A pipeline bound to the recordings of one subject (one session of it): which there are, what part each plays, and who moved.
+//! A pipeline bound to the recordings of one subject (one session): its recordings, their roles,
+//! and the facts about the subject.
 
 use crate::catalog;
 use crate::config::{FlightConfig, IkConfig, ImportConfig, PipelineConfig, error_at_key};
@@ -17,13 +18,13 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// The part that a recording plays.
+/// Role of a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
-    /// Standing still.
+    /// Quiet standing.
     Static,
-    /// Functional calibration.
+    /// Functional calibration motion.
     Calibration,
     /// Motion to identify from.
     Identify,
@@ -32,7 +33,7 @@ pub enum Role {
 }
 
 impl Role {
-    /// The word that users see.
+    /// Word shown to users.
     pub fn word(self) -> &'static str {
         match self {
             Self::Static => "static",
@@ -50,7 +51,7 @@ impl Role {
 /// One recording of the study.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrialEntry {
-    /// Name, unique in the study: the file's stem, with folders where stems repeat.
+    /// Name, unique in the study: the file's stem, with folders if stems repeat.
     pub name: String,
     /// Its part.
     pub role: Role,
@@ -58,17 +59,17 @@ pub struct TrialEntry {
     pub file: PathBuf,
     /// MOT file with forces, for TRC.
     pub forces: Option<PathBuf>,
-    /// Group of recordings that it belongs to (`trials.groups`), where one is named.
+    /// Group of recordings that it belongs to (`trials.groups`), if any.
     pub group: Option<String>,
     /// Files that describe the recording: channels and metadata of BIDS-Motion.
     pub beside: Vec<PathBuf>,
-    /// Why it is left out, where it is.
+    /// Reason for its exclusion, if it is excluded.
     pub excluded: Option<String>,
-    /// Settings of its own, where they differ from the session's.
+    /// Its own settings, if they differ from the session's.
     pub settings: Option<TrialSettings>,
 }
 
-/// Which subject's which session a study is; both are none for a pipeline of one subject.
+/// Subject and session of a study; both are none for a pipeline of one subject.
 #[derive(Debug, Clone, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct StudyId {
     /// Subject.
@@ -87,11 +88,11 @@ impl std::fmt::Display for StudyId {
 /// A pipeline bound to the recordings of one subject and session.
 #[derive(Debug, Clone)]
 pub struct Study {
-    /// Which subject and session, in a study of several.
+    /// Subject and session, in a study of several.
     pub id: StudyId,
     /// The configuration.
     pub config: PipelineConfig,
-    /// Where it was read from.
+    /// File it was read from.
     pub config_path: PathBuf,
     /// Its text, for messages.
     pub config_text: String,
@@ -103,7 +104,7 @@ pub struct Study {
     pub trials: Vec<TrialEntry>,
     /// Recordings that match no pattern, relative to the data folder.
     pub unmatched: Vec<PathBuf>,
-    /// Who moved.
+    /// Facts about the subject or object.
     pub facts: Facts,
     /// The model.
     pub model: ModelSpec,
@@ -113,28 +114,29 @@ pub struct Study {
     pub object: Option<ObjectSpec>,
     /// Effects of the model's present revision.
     pub effects: Vec<crate::revision::ModelEffect>,
-    /// Base parameters of the plain model, with which columns of effects place the centre of mass; empty before they are known.
+    /// Base parameters of the model without effects, from which columns of effects take the centre
+    /// of mass; empty before they are known.
     pub plain_base: Vec<f64>,
-    /// Effects that the pipeline defines or names beside the catalogue.
+    /// Effects that the pipeline defines or names in addition to the catalogue.
     pub own_effects: Vec<OwnEffect>,
     /// The anthropometric tables (unused for objects).
     pub anthropometry: aloft_scale::Anthropometry,
 }
 
-/// What the command line may replace.
+/// Settings that the command line can replace.
 #[derive(Debug, Clone, Default)]
 pub struct Overrides {
     /// `--data`.
     pub data: Option<PathBuf>,
     /// `--workspace`.
     pub workspace: Option<PathBuf>,
-    /// `--subject`: names or patterns; all where empty.
+    /// `--subject`: names or patterns; all if empty.
     pub subjects: Vec<String>,
-    /// `--session`: names or patterns; all where empty.
+    /// `--session`: names or patterns; all if empty.
     pub sessions: Vec<String>,
 }
 
-/// Where one study of a set lies.
+/// Folders of one study of a set.
 #[derive(Debug)]
 pub(crate) struct Place<'a> {
     pub id: StudyId,
@@ -142,20 +144,21 @@ pub(crate) struct Place<'a> {
     pub data: PathBuf,
     /// Folder of its results.
     pub workspace: PathBuf,
-    /// The subject's folder, in a study of several.
+    /// The subject's folder, in a study of several subjects.
     pub subject_folder: Option<PathBuf>,
     /// The whole study's folder of recordings.
     pub root: &'a Path,
 }
 
 impl Study {
-    /// Reads the pipeline file, finds the recordings and the subject's facts. For a study of several subjects this is an error
-    /// unless the overrides leave just one; see [`StudySet::open`].
+    /// Reads the pipeline file and finds the recordings and the subject's facts. For a study of
+    /// several subjects this is an error unless the overrides select exactly one; see
+    /// [`StudySet::open`].
     pub fn open(path: &Path, overrides: &Overrides) -> Result<Self, PipelineError> {
         StudySet::open(path, overrides)?.only()
     }
 
-    /// Binds a checked pipeline to one place.
+    /// Binds a checked pipeline to one set of folders.
     pub(crate) fn bind(pipeline: &PipelineFile, place: Place<'_>) -> Result<Self, PipelineError> {
         let (file, text, dir) = (pipeline.name(), &pipeline.text, pipeline.folder());
         let whose = Whose {
@@ -228,7 +231,7 @@ impl Study {
         })
     }
 
-    /// What the columns of the model's effects are made from.
+    /// The model's effects with everything that their columns are computed from.
     pub fn model_effects(&self) -> ModelEffects {
         let used = |id: &str| self.effects.iter().any(|e| e.id() == id);
         ModelEffects {
@@ -246,17 +249,17 @@ impl Study {
         Ok(Self { effects: revisions.effects(), plain_base: revisions.plain_base(), ..self.clone() })
     }
 
-    /// How a trial (or the session, for none) is read.
+    /// Import settings of a trial (or of the session, for none).
     pub fn import_of<'s>(&'s self, trial: Option<&'s TrialEntry>) -> &'s ImportConfig {
         trial.and_then(|t| t.settings.as_ref()).map_or(&self.config.import, |s| &s.import)
     }
 
-    /// Inverse kinematics of a trial.
+    /// Settings of inverse kinematics for a trial.
     pub fn ik_of<'s>(&'s self, trial: Option<&'s TrialEntry>) -> &'s IkConfig {
         trial.and_then(|t| t.settings.as_ref()).map_or(&self.config.ik, |s| &s.ik)
     }
 
-    /// Search for flights in a trial.
+    /// Settings of flight detection for a trial.
     pub fn flight_of<'s>(&'s self, trial: Option<&'s TrialEntry>) -> &'s FlightConfig {
         trial.and_then(|t| t.settings.as_ref()).map_or(&self.config.flight, |s| &s.flight)
     }
@@ -296,7 +299,7 @@ fn not_a_pattern(p: &str, e: &globset::Error, key: &str, file: &str, text: &str)
     )
 }
 
-/// A pattern of the pipeline, compiled; an error points at `key`.
+/// Compiles a pattern of the pipeline; an error points at `key`.
 pub(crate) fn pattern(p: &str, key: &str, file: &str, text: &str) -> Result<GlobMatcher, PipelineError> {
     let glob = GlobBuilder::new(p).literal_separator(true).build();
     glob.map(|g| g.compile_matcher()).map_err(|e| not_a_pattern(p, &e, key, file, text))
@@ -311,20 +314,21 @@ fn globs(patterns: &[String], key: &str, file: &str, text: &str) -> Result<GlobS
     builder.build().map_err(|e| not_a_pattern("", &e, key, file, text))
 }
 
-/// True for files that hold a recording, by their extension.
+/// True for recording files, judged by extension.
 pub fn is_recording(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d") || e.eq_ignore_ascii_case("trc")) || is_bids(path)
 }
 
-/// Ending of the numbers of a BIDS-Motion recording.
+/// Suffix of the data file of a BIDS-Motion recording.
 const BIDS_MOTION: &str = "_motion.tsv";
 
-/// True for the numbers of a BIDS-Motion recording.
+/// True for the data file of a BIDS-Motion recording.
 pub fn is_bids(path: &Path) -> bool {
     path.file_name().is_some_and(|n| n.to_string_lossy().ends_with(BIDS_MOTION))
 }
 
-/// Files that describe a BIDS-Motion recording, those that are there: channels, their frame, metadata.
+/// Existing files that describe a BIDS-Motion recording: channels, their frame of reference,
+/// metadata.
 pub fn bids_beside(path: &Path) -> Vec<PathBuf> {
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let Some(stem) = name.strip_suffix(BIDS_MOTION) else { return Vec::new() };
@@ -333,7 +337,8 @@ pub fn bids_beside(path: &Path) -> Vec<PathBuf> {
         .map(|end| path.with_file_name(format!("{stem}_{end}")))
         .filter(|p| p.is_file())
         .collect();
-    // `sub-01_ses-02_scans.tsv`, a folder above the recordings, says when each was made
+    // `sub-01_ses-02_scans.tsv`, in the folder of the recordings or the one above, states when each
+    // was made
     let entities: Vec<&str> = stem.split('_').take_while(|e| e.starts_with("sub-") || e.starts_with("ses-")).collect();
     if let (false, Some(folder)) = (entities.is_empty(), path.parent()) {
         let scans = format!("{}_scans.tsv", entities.join("_"));
@@ -342,7 +347,7 @@ pub fn bids_beside(path: &Path) -> Vec<PathBuf> {
     beside
 }
 
-/// The name of a recording without its ending.
+/// The name of a recording without its extension.
 pub fn stem_of(path: &Path) -> String {
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     match name.strip_suffix(BIDS_MOTION) {
@@ -351,8 +356,9 @@ pub fn stem_of(path: &Path) -> String {
     }
 }
 
-/// Recordings below a folder, relative to it, in order of names. Results (workspaces, exports, `derivatives`) and hidden folders
-/// are not looked into. Links to files count: data sets of DataLad or git-annex consist of them.
+/// Recordings below a folder, relative to it, sorted by name. Folders of results (workspaces,
+/// exports, `derivatives`) and hidden folders are skipped. Links to files count, because data sets
+/// of DataLad or git-annex consist of them.
 pub fn recordings_below(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
     let mut found = Vec::new();
     let walk = walkdir::WalkDir::new(folder).sort_by_file_name().into_iter().filter_entry(|e| {
@@ -469,13 +475,14 @@ fn find_trials(
     Ok((trials, unmatched))
 }
 
-/// A name as file systems see it that do not tell `Jump` from `jump`.
+/// A name as compared by file systems that ignore case.
 pub fn fold(name: &str) -> String {
     name.to_lowercase()
 }
 
-/// Each recording that takes part has results and exported files of its own: its name must be a folder's name, and no other's, also where
-/// upper and lower case are one. Told before anything is read or written.
+/// Checks the names of all recordings that are not excluded, before anything is read or written.
+/// Each recording has its own results and exported files, so its name must be valid as a folder
+/// name and differ from all others, also on file systems that ignore case.
 fn names_are_usable(trials: &[TrialEntry], data: &Path) -> Result<(), PipelineError> {
     let shown = |t: &TrialEntry| quote::visible(&t.file.strip_prefix(data).unwrap_or(&t.file).display().to_string());
     let mut seen: BTreeMap<String, &TrialEntry> = BTreeMap::new();
