@@ -36,7 +36,8 @@ pub struct Selection {
     pub dry_run: bool,
     /// Work on the workspace at the same time as other runs, each on tasks of its own.
     pub shared: bool,
-    /// Wait for another run that holds the workspace, instead of failing with its name.
+    /// Wait for another run that holds the workspace, instead of failing with an error that names
+    /// it.
     pub wait: bool,
 }
 
@@ -493,7 +494,7 @@ fn run_tasks(
         Ok(None)
     };
     std::thread::scope(|scope| {
-        // an own thread, not one of rayon's: those may all be waiting for it
+        // a separate thread, not one of rayon's: those may all be waiting for it
         let placing = std::thread::Builder::new().spawn_scoped(scope, place);
         let placing = placing.map_err(|e| PipelineError::request(format!("cannot begin a thread: {e}")))?;
         let results: Vec<Result<Option<Done>, PipelineError>> = lanes.each(todo, |task| one(task, &hand_over));
