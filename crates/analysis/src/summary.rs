@@ -78,7 +78,7 @@ pub struct SummaryRow {
     pub role: String,
     /// `ok`, `warning`, `failed`, `excluded`.
     pub qc: String,
-    /// Reasons, most serious first: words of [`QcReason`].
+    /// Reasons, gravest first: words of [`QcReason`].
     pub reasons: Vec<QcReason>,
     /// Length, s.
     pub duration_s: Option<f64>,

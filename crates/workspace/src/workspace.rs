@@ -43,7 +43,7 @@ pub enum Outcome {
 pub struct Manifest {
     /// Stage name.
     pub stage: String,
-    /// Trial name, or [`WHOLE_STUDY`].
+    /// Trial, or [`WHOLE_STUDY`].
     pub trial: String,
     /// Version of the stage's code.
     pub version: u32,
