@@ -52,11 +52,11 @@ const MOTIONS: usize = 6;
 pub struct NoiseBias {
     /// Name.
     pub name: String,
-    /// Estimate from the data as they are.
+    /// Estimate from the data as recorded.
     pub value: f64,
-    /// By how much noise has moved it.
+    /// Bias that the noise causes.
     pub bias: f64,
-    /// Standard error of that, from the spread among draws.
+    /// Standard error of the bias, from the spread among draws.
     pub bias_se: f64,
     /// Standard error of the parameter.
     pub se: f64,
@@ -71,19 +71,20 @@ pub struct ErrorsInVariables {
     pub rows: String,
     /// Estimator.
     pub estimator: String,
-    /// Flights that took part.
+    /// Number of flights used.
     pub flights: usize,
-    /// Added variances, in units of the data's own.
+    /// Variances of the added noise, in units of the data's own.
     pub levels: Vec<f64>,
-    /// Draws of each level.
+    /// Random draws per level.
     pub replicates: usize,
-    /// Largest bias of any parameter in its standard errors.
+    /// Largest bias of any parameter, in standard errors of that parameter.
     pub largest_in_se: f64,
-    /// Parameters whose bias exceeds half a standard error and is no chance (twice its own standard error).
+    /// Parameters whose bias exceeds half a standard error and is significant (twice its own
+    /// standard error).
     pub biased: usize,
-    /// Every parameter but the mass.
+    /// Every parameter except the mass.
     pub parameters: Vec<NoiseBias>,
-    /// In words.
+    /// Summary in words.
     pub words: String,
 }
 
@@ -92,13 +93,13 @@ pub struct ErrorsInVariables {
 pub struct Assessment {
     /// Version of this structure.
     pub version: u32,
-    /// Hash of the identification that it speaks of.
+    /// Hash of the identification that was assessed.
     pub of: String,
     /// Window lengths.
     pub window: Option<WindowChoice>,
     /// Errors in variables, weak rows first.
     pub errors_in_variables: Vec<ErrorsInVariables>,
-    /// Kinds of motion, the most useful first.
+    /// Kinds of motion, most useful first.
     pub motions: Vec<MotionAdvice>,
     /// What could not be tried, and why.
     pub notes: Vec<String>,

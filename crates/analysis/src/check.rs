@@ -21,7 +21,7 @@ pub struct Check {
 /// One recording.
 #[derive(Debug, Clone, Serialize)]
 pub struct CheckRow {
-    /// Trial.
+    /// Trial name.
     pub name: String,
     /// Role, or `excluded`.
     pub role: String,
@@ -31,11 +31,11 @@ pub struct CheckRow {
     pub rate_hz: Option<f64>,
     /// Markers of the set that were found, out of all.
     pub markers: String,
-    /// Plates.
+    /// Number of force plates.
     pub plates: Option<usize>,
     /// True when the recording cannot be used.
     pub broken: bool,
-    /// In words.
+    /// Remarks.
     pub remarks: Vec<String>,
 }
 

@@ -16,18 +16,18 @@ use serde::Serialize;
 pub struct ComparisonView {
     /// Version of this structure.
     pub version: u32,
-    /// Who.
+    /// Subject name.
     pub subject: String,
     /// The comparison: `held_out`, `flight`, `trials`, `beside`, `noise_floor`, `words` …
     #[serde(flatten)]
     pub comparison: Comparison,
-    /// About the parameters that were compared.
+    /// Summary of the compared parameters.
     pub parameters: ParametersBrief,
-    /// Kinematics: marker RMS and flights a trial.
+    /// Kinematics: marker RMS and flights of each trial.
     pub kinematics: Vec<KinematicsRow>,
-    /// Landmark against calibrated geometry; none for objects and where nothing was calibrated.
+    /// Landmark against calibrated geometry; none for objects, or if nothing was calibrated.
     pub calibration: Option<CalibrationView>,
-    /// The body weighed by the plates' impulse from flight to flight; none without such contacts.
+    /// Body mass from the impulse of the force plates between flights; none without such contacts.
     pub impulse_mass: Option<ImpulseMassView>,
 }
 
@@ -40,9 +40,9 @@ pub struct ImpulseMassView {
     pub range_kg: [f64; 2],
     /// Contacts between two flights.
     pub contacts: usize,
-    /// What the pipeline was told, kg.
+    /// Stated mass, kg.
     pub stated_kg: f64,
-    /// Where both disagree: what to look at.
+    /// What to check if the two masses disagree.
     pub doubt: Option<String>,
 }
 
@@ -51,7 +51,8 @@ pub struct ImpulseMassView {
 pub struct CalibrationView {
     /// Whether the calibrated geometry is used (`calibrate: {enabled: auto}` keeps it when held-out marker error falls).
     pub used: bool,
-    /// Marker RMS of frames that took no part in the calibration: landmarks, calibrated; m.
+    /// Marker RMS on frames that were not used for calibration: landmark geometry, calibrated
+    /// geometry; m.
     pub held_out_rms_m: [f64; 2],
     /// Joints and markers, landmarks against calibration.
     pub report: CalibrationReport,
@@ -60,22 +61,22 @@ pub struct CalibrationView {
 /// Summary of the parameters.
 #[derive(Debug, Clone, Serialize)]
 pub struct ParametersBrief {
-    /// Rows.
+    /// Kind of rows.
     pub rows: &'static str,
     /// σ_{N−1}/σ_N.
     pub sigma_ratio: f64,
     /// Singular values.
     pub sigma: Sigma,
-    /// Flights that took part.
+    /// Number of flights used.
     pub flights: usize,
 }
 
 /// One trial's kinematics.
 #[derive(Debug, Clone, Serialize)]
 pub struct KinematicsRow {
-    /// Trial.
+    /// Trial name.
     pub trial: String,
-    /// Its part.
+    /// Role.
     pub role: &'static str,
     /// Root mean square marker error, mm.
     pub marker_rms_mm: Option<f64>,

@@ -281,7 +281,7 @@ pub fn answer_of(study: &Study, revision: usize) -> PathBuf {
 pub struct SelfTested {
     /// Version of this structure.
     pub version: u32,
-    /// Who.
+    /// Subject name.
     pub subject: String,
     /// The table.
     pub self_test: SelfTest,

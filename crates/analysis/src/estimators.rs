@@ -31,7 +31,7 @@ use serde::Serialize;
 /// Mean absolute errors of a wrench: predicted minus measured.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct ErrorsBrief {
-    /// Frames, or windows.
+    /// Number of frames or windows.
     pub count: usize,
     /// Force by axis, N.
     pub force_n: [Option<f64>; 3],
@@ -84,15 +84,16 @@ pub struct EstimatorRow {
     pub frames: Option<ErrorsBrief>,
     /// Errors over weak windows.
     pub windows: Option<ErrorsBrief>,
-    /// Errors on frames with the constant offset of plates that were never unloaded still in them; none where all were tared.
+    /// Errors on frames without removing the constant offset of plates that were never unloaded;
+    /// none if all plates were tared.
     pub frames_as_measured: Option<ErrorsBrief>,
     /// σ_{N−1}/σ_N of the flights' rows.
     pub sigma_ratio: Option<f64>,
-    /// Whether the numbers may be shown as identified, and why not.
+    /// Whether the numbers may be shown as identified, and if not, why.
     pub gate: Option<Gate>,
     /// Weight of the prior.
     pub prior_weight: Option<f64>,
-    /// Why there are no figures.
+    /// Reason if there are no figures.
     pub failed: Option<String>,
 }
 
@@ -101,11 +102,11 @@ pub struct EstimatorRow {
 pub struct EstimatorsView {
     /// Version of this structure.
     pub version: u32,
-    /// Who.
+    /// Subject name.
     pub subject: String,
     /// `held-out contact` or `held-out flight`.
     pub judged_on: &'static str,
-    /// Which trials the errors are from and why these are held out.
+    /// Trials that the errors come from, and why these count as held out.
     pub held_out: String,
     /// Length of the windows, s.
     pub window_s: f64,
@@ -115,7 +116,7 @@ pub struct EstimatorsView {
     pub noise_frames: Option<ErrorsBrief>,
     /// The same over windows.
     pub noise_windows: Option<ErrorsBrief>,
-    /// What should be known when reading the table.
+    /// Notes for reading the table.
     pub notes: Vec<String>,
 }
 
@@ -341,13 +342,13 @@ fn row(
 pub struct LeftOutTrial {
     /// Trial; `all` for the mean over frames of all trials.
     pub trial: String,
-    /// Its part in the pipeline.
+    /// Role in the pipeline.
     pub role: &'static str,
     /// Errors on contact frames; none without plates.
     pub contact: Option<ErrorsBrief>,
     /// Errors over weak windows in contact.
     pub contact_windows: Option<ErrorsBrief>,
-    /// Errors on flight frames, where nothing should act.
+    /// Errors on flight frames, where no external force should act.
     pub flight: Option<ErrorsBrief>,
     /// Errors over weak windows in flight.
     pub flight_windows: Option<ErrorsBrief>,
@@ -358,11 +359,11 @@ pub struct LeftOutTrial {
 pub struct LeftOutModel {
     /// `prior`, `flights`, `contact`, `flights and contact`.
     pub model: &'static str,
-    /// How contact was weighted against flights with all trials in.
+    /// Weight of contact relative to flights, determined with all trials included.
     pub balance: Option<KindBalance>,
-    /// Why there are no figures.
+    /// Reason if there are no figures.
     pub failed: Option<String>,
-    /// Trial by trial; the last is the mean over all.
+    /// One entry per trial; the last is the mean over all.
     pub trials: Vec<LeftOutTrial>,
 }
 
@@ -371,9 +372,9 @@ pub struct LeftOutModel {
 pub struct LeaveOneOutView {
     /// Version of this structure.
     pub version: u32,
-    /// Who.
+    /// Subject name.
     pub subject: String,
-    /// What takes part.
+    /// Data that take part, in words.
     pub words: String,
     /// Models.
     pub models: Vec<LeftOutModel>,

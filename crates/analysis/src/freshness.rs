@@ -17,11 +17,12 @@ pub struct NotCurrent {
     pub stage: String,
     /// Trial, or `_study` for a stage that runs once.
     pub trial: String,
-    /// `stale`: made from something else than what is there now; `missing`: never made; `damaged`: its files are not what was written.
+    /// `stale`: made from other inputs or settings than the present ones; `missing`: never made;
+    /// `damaged`: its files differ from what was written.
     pub state: String,
     /// Why.
     pub because: String,
-    /// True where it is stale only because something before it is.
+    /// True if it is stale only because a result upstream is.
     pub follows: bool,
 }
 

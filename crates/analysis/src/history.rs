@@ -16,7 +16,7 @@ use serde::Serialize;
 pub struct History {
     /// Version of this structure.
     pub version: u32,
-    /// Who.
+    /// Subject name.
     pub subject: String,
     /// Revisions, oldest first.
     pub revisions: Vec<HistoryRow>,
@@ -25,31 +25,33 @@ pub struct History {
 /// One revision.
 #[derive(Debug, Clone, Serialize)]
 pub struct HistoryRow {
-    /// Number.
+    /// Revision number.
     pub revision: usize,
-    /// What made it.
+    /// Action that made it.
     pub action: String,
     /// Effects of the model.
     pub effects: Vec<String>,
-    /// Held-out error over weak windows where the effect acts (`judged_on`), N: force root mean square, moments over a lever of 0.1 m.
+    /// Held-out error over weak windows where the effect acts (`judged_on`), N: root mean square
+    /// force, with moments over a lever arm of 0.1 m.
     pub held_out_error: Option<f64>,
     /// The same for the revision before.
     pub held_out_error_before: Option<f64>,
-    /// The noise floor, N: the held-out error that a perfect model would leave, drawn from the errors of the markers and the plates.
+    /// Noise floor, N: the held-out error that a perfect model would leave, simulated from the
+    /// errors of the markers and the plates.
     pub noise_floor: Option<f64>,
-    /// 95 % interval of the floor, N: where the error of a perfect model falls.
+    /// 95 % interval of the noise floor, N: the range in which the error of a perfect model falls.
     pub noise_floor_ci95: Option<[f64; 2]>,
-    /// Held-out error over noise floor.
+    /// Held-out error divided by the noise floor.
     pub times_floor: Option<f64>,
-    /// True where the held-out error is not above the floor's interval.
+    /// True if the held-out error is not above the interval of the noise floor.
     pub at_floor: Option<bool>,
     /// Share of the mean square error that noise does not explain.
     pub explainable: Option<f64>,
-    /// What the held-out error is taken on: `held-out flight` or `held-out contact`.
+    /// Motion on which the held-out error is computed: `held-out flight` or `held-out contact`.
     pub judged_on: Option<String>,
-    /// In flight, N.
+    /// Error and noise floor in flight, N.
     pub flight: Option<Judged>,
-    /// In held-out contact, N.
+    /// Error and noise floor in held-out contact, N.
     pub contact: Option<Judged>,
     /// Error in flight, N.
     pub flight_error: Option<f64>,
@@ -65,7 +67,7 @@ pub struct HistoryRow {
     pub largest_change: Option<(String, f64)>,
     /// Change of every base parameter against the revision before: name and change.
     pub base_change: Vec<(String, f64)>,
-    /// Set when the gain is void, with the reason.
+    /// Reason why the gain does not count; none if it counts.
     pub void: Option<String>,
 }
 
@@ -78,7 +80,7 @@ pub struct HistoryCoefficient {
     pub value: f64,
     /// Standard error.
     pub se: f64,
-    /// 95 % interval, that of `parameters`; none where the standard error is not known.
+    /// 95 % interval, the same as in `parameters`; none if the standard error is not known.
     pub ci95: Option<[f64; 2]>,
 }
 

@@ -24,7 +24,7 @@ pub struct Inspection {
     pub rate_hz: f64,
     /// Length, s.
     pub duration_s: f64,
-    /// Markers with the fraction of frames in which each is seen.
+    /// Markers, each with the fraction of frames in which it is visible.
     pub markers: Vec<MarkerLine>,
     /// Computed points.
     pub computed: Vec<String>,
@@ -34,11 +34,12 @@ pub struct Inspection {
     pub analogs: Vec<String>,
     /// Events.
     pub events: Vec<aloft_trial::Event>,
-    /// What a low-pass would take away from all markers together at each cut-off, m (Winter); a help for choosing one.
+    /// Winter's residual analysis: what a low-pass filter at each cut-off would remove from all
+    /// markers together, m; helps to choose a cut-off.
     pub residual_analysis: Option<ResidualAnalysis>,
-    /// Built-in marker sets by how well they fit, best first.
+    /// Built-in marker sets and how well they fit, best first.
     pub marker_sets: Vec<(String, f64)>,
-    /// What is odd.
+    /// Warnings.
     pub warnings: Vec<String>,
 }
 
@@ -47,7 +48,7 @@ pub struct Inspection {
 pub struct MarkerLine {
     /// Label.
     pub label: String,
-    /// Fraction of frames.
+    /// Fraction of frames in which it is visible.
     pub present: f64,
     /// Gaps.
     pub gaps: usize,

@@ -15,14 +15,15 @@ use serde::Serialize;
 pub struct ParametersView {
     /// Version of this structure.
     pub version: u32,
-    /// Who.
+    /// Subject name.
     pub subject: String,
     /// Rows: `weak` or `paper`.
     pub rows_used: &'static str,
     /// The parameters.
     #[serde(flatten)]
     pub parameters: Parameters,
-    /// Window lengths, errors in variables, motions to add: what `--assess` found for these parameters; none where it was not asked for.
+    /// Window lengths, errors in variables and recommended motions from `--assess` for these
+    /// parameters; none if it was not run.
     pub assessment: Option<Assessment>,
 }
 

@@ -17,7 +17,7 @@ pub struct Status {
     pub version: u32,
     /// Stage names, in order.
     pub stages: Vec<&'static str>,
-    /// One row a trial, and one for the whole study.
+    /// One row per trial, and one for the whole study.
     pub rows: Vec<StatusRow>,
 }
 
@@ -26,9 +26,10 @@ pub struct Status {
 pub struct StatusRow {
     /// Trial, or [`WHOLE_STUDY`].
     pub trial: String,
-    /// Its part.
+    /// Role.
     pub role: String,
-    /// One word a stage: `ok`, `warning`, `stale`, `damaged`, `failed`, `blocked`, `missing`, `excluded`, or empty where the stage does not apply.
+    /// State of each stage: `ok`, `warning`, `stale`, `damaged`, `failed`, `blocked`, `missing`,
+    /// `excluded`, or empty if the stage does not apply.
     pub cells: Vec<String>,
 }
 

@@ -32,11 +32,11 @@ const COMPARISON_LIMIT: f64 = 0.05;
 pub struct Summary {
     /// Version of this structure.
     pub version: u32,
-    /// One row a trial; and one for each subject or session of which no trial can be named.
+    /// One row per trial, and one for each subject or session whose trials are not known.
     pub rows: Vec<SummaryRow>,
     /// What each reason that occurs means, and what to do about it.
     pub reasons: Vec<ReasonText>,
-    /// Results that are not what the pipeline and the recordings would give now.
+    /// Results that differ from what the pipeline and the recordings would give now.
     pub stale: Vec<StaleOf>,
 }
 
@@ -55,9 +55,9 @@ pub struct StaleOf {
 /// Explanation of a reason.
 #[derive(Debug, Clone, Serialize)]
 pub struct ReasonText {
-    /// The word in the table.
+    /// Word used in the table.
     pub reason: &'static str,
-    /// How many rows have it.
+    /// Number of rows with this reason.
     pub trials: usize,
     /// What it means.
     pub meaning: &'static str,
@@ -72,51 +72,52 @@ pub struct SummaryRow {
     pub subject: String,
     /// Session.
     pub session: Option<String>,
-    /// Trial, or `_study` for a subject that cannot be worked on.
+    /// Trial, or `_study` for a subject that cannot be processed.
     pub trial: String,
-    /// Its part.
+    /// Role.
     pub role: String,
     /// `ok`, `warning`, `failed`, `excluded`.
     pub qc: String,
-    /// Reasons, gravest first: words of [`QcReason`].
+    /// Reasons, most serious first: words of [`QcReason`].
     pub reasons: Vec<QcReason>,
     /// Length, s.
     pub duration_s: Option<f64>,
-    /// Markers of the set that were found.
+    /// Number of markers of the set that were found.
     pub markers: Option<u64>,
-    /// Markers of the set that are missing.
+    /// Number of markers of the set that are missing.
     pub missing_markers: Option<u64>,
-    /// Gaps of all markers, as measured.
+    /// Number of gaps over all markers, as measured.
     pub gaps: Option<u64>,
-    /// The longest of them, s.
+    /// Longest gap, s.
     pub longest_gap_s: Option<f64>,
-    /// Root mean square distance of the static trial's markers from rigid segments, mm (one figure a session).
+    /// Root mean square distance of the static trial's markers from rigid segments, mm (one value
+    /// per session).
     pub scaling_error_mm: Option<f64>,
     /// Root mean square marker error of inverse kinematics, mm.
     pub ik_error_mm: Option<f64>,
-    /// Frames without a posture.
+    /// Frames for which inverse kinematics found no posture.
     pub unsolved_frames: Option<u64>,
     /// Flights.
     pub flights: Option<u64>,
-    /// Time in flight, s.
+    /// Total time in flight, s.
     pub flight_s: Option<f64>,
-    /// Mean acceleration of the centre of mass in flight against g, percent.
+    /// Deviation of the mean acceleration of the centre of mass in flight from g, percent.
     pub free_fall_error_percent: Option<f64>,
-    /// σ_{N−1}/σ_N of the session's flights (one figure a session).
+    /// σ_{N−1}/σ_N of the session's flights (one value per session).
     pub sigma_ratio: Option<f64>,
-    /// Model against plates: mean absolute force error in contact, N.
+    /// Mean absolute force error of the model against the plates in contact, N.
     pub contact_force_n: Option<f64>,
     /// The same for moments, N·m.
     pub contact_moment_nm: Option<f64>,
-    /// Model in flight: mean absolute residual force, N.
+    /// Mean absolute residual force of the model in flight, N.
     pub flight_force_n: Option<f64>,
     /// The same for moments, N·m.
     pub flight_moment_nm: Option<f64>,
-    /// What happened, in words, where something failed or was left out.
+    /// What failed or was left out, in words.
     pub message: Option<String>,
     /// What to do about it.
     pub hint: Option<String>,
-    /// The command that repeats just this trial, where something failed.
+    /// Command that repeats only this trial, if something failed.
     pub again: Option<String>,
 }
 

@@ -17,17 +17,17 @@ pub struct Verified {
     pub version: u32,
     /// The folder.
     pub workspace: String,
-    /// Results that were looked at.
+    /// Number of results checked.
     pub results: usize,
-    /// Files of them and beside them.
+    /// Number of files in these results and next to them.
     pub files: usize,
-    /// Their size.
+    /// Their total size.
     pub bytes: u64,
-    /// Files that are not what was written.
+    /// Files that differ from what was written.
     pub damaged: Vec<Damage>,
     /// Results of recordings or stages that the study no longer has, `stage/trial`; nothing reads them.
     pub unused: Vec<String>,
-    /// Results that are not what the pipeline and the recordings would give now.
+    /// Results that differ from what the pipeline and the recordings would give now.
     pub stale: Vec<NotCurrent>,
 }
 
@@ -36,9 +36,9 @@ pub struct Verified {
 pub struct Damage {
     /// Folder of a result, or file, relative to the workspace.
     pub place: String,
-    /// What is wrong with it.
+    /// Problems found.
     pub problems: Vec<String>,
-    /// What makes it again.
+    /// How to make it again.
     pub mend: String,
 }
 

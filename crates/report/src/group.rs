@@ -26,7 +26,7 @@ pub struct Member<'a> {
 pub struct Absent {
     /// Name in the study.
     pub name: String,
-    /// Why.
+    /// Reason.
     pub reason: String,
     /// True if it was excluded on purpose.
     pub on_purpose: bool,

@@ -101,9 +101,9 @@ impl From<StoredCoefficient> for ReachedCoefficient {
 pub struct Judged {
     /// Error, N.
     pub error_n: f64,
-    /// The noise floor, N; none where it is not known.
+    /// Noise floor, N; none if it is not known.
     pub noise_n: Option<f64>,
-    /// 95 % interval of the floor, N: where the error of a perfect model falls.
+    /// 95 % interval of the noise floor, N: the range in which the error of a perfect model falls.
     #[serde(default)]
     pub noise_ci95: Option<[f64; 2]>,
 }

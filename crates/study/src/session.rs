@@ -18,7 +18,7 @@ pub struct Calendar {
     start_s: BTreeMap<String, f64>,
     /// Where the times come from.
     pub source: SessionSource,
-    /// The same in words.
+    /// The source in words.
     pub words: String,
 }
 

@@ -41,7 +41,7 @@ pub struct StudySet {
 pub struct BrokenMember {
     /// Subject and session.
     pub id: StudyId,
-    /// Why.
+    /// Reason.
     pub failure: StageFailure,
 }
 

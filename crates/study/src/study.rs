@@ -53,7 +53,7 @@ impl Role {
 pub struct TrialEntry {
     /// Name, unique in the study: the file's stem, with folders if stems repeat.
     pub name: String,
-    /// Its part.
+    /// Role.
     pub role: Role,
     /// C3D or TRC file.
     pub file: PathBuf,

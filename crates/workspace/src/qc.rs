@@ -45,7 +45,7 @@ macro_rules! reasons {
             pub fn code(self) -> &'static str {
                 match self { $(Self::$variant => $code,)* }
             }
-            /// What it means.
+            /// Meaning of the reason.
             pub fn meaning(self) -> &'static str {
                 match self { $(Self::$variant => $meaning,)* }
             }

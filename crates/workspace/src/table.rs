@@ -34,7 +34,7 @@ impl Table {
         &self.names
     }
 
-    /// Rows.
+    /// Number of rows.
     pub fn height(&self) -> usize {
         self.columns.first().map_or(0, Vec::len)
     }

@@ -43,7 +43,7 @@ pub enum Outcome {
 pub struct Manifest {
     /// Stage name.
     pub stage: String,
-    /// Trial, or [`WHOLE_STUDY`].
+    /// Trial name, or [`WHOLE_STUDY`].
     pub trial: String,
     /// Version of the stage's code.
     pub version: u32,
@@ -463,7 +463,7 @@ impl Workspace {
         Ok(())
     }
 
-    /// The folder.
+    /// The root folder.
     pub fn root(&self) -> &Path {
         &self.root
     }

@@ -36,7 +36,7 @@ pub struct ExportOptions {
 /// Result of an export.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
 pub struct Exported {
-    /// The folder.
+    /// The export folder.
     pub folder: PathBuf,
     /// Number of new files.
     pub added: usize,

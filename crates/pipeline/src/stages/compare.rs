@@ -60,7 +60,7 @@ pub struct Params {
     pub compare: CompareConfig,
     /// Filter for motion and plates.
     pub filter: FilterConfig,
-    /// Rows.
+    /// Settings of the rows.
     pub regressor: RegressorConfig,
     /// Identification.
     pub identify: IdentifyConfig,
@@ -118,9 +118,9 @@ impl StageWork for Work {
 
 /// One trial with everything that the comparison reads.
 pub struct ComparedTrial {
-    /// Name.
+    /// Trial name.
     pub name: String,
-    /// Its part.
+    /// Role.
     pub role: Role,
     /// Filtered motion.
     pub filtered: Motion,
