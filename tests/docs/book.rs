@@ -1,4 +1,5 @@
-//! The book as a whole: every page is in the summary, every link leads somewhere, every finding is listed.
+//! Checks of the whole book: every page is in the summary, every link has a target, every finding
+//! is listed.
 
 use crate::generate::Pages;
 use crate::{docs, root};
@@ -46,7 +47,7 @@ fn links(text: &str) -> Vec<(usize, String)> {
         if listing {
             continue;
         }
-        // code in a line holds no links
+        // inline code contains no links
         let plain: String = line.split('`').step_by(2).collect::<Vec<_>>().join("code");
         let mut rest = plain.as_str();
         while let Some(at) = rest.find("](") {
@@ -179,7 +180,8 @@ fn pictures_are_small_and_shown() {
 
 #[test]
 fn prop_quoted_messages_exist() {
-    // the headings of the troubleshooting page quote messages; every fixed part of one stands somewhere in the code
+    // the headings of the troubleshooting page quote messages; every fixed part of a quotation must
+    // occur in the code
     let text = std::fs::read_to_string(docs().join("troubleshooting.md")).unwrap();
     let mut sources = String::new();
     for file in crate::source::rust_files(&root().join("crates")) {

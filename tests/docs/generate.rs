@@ -1,4 +1,5 @@
-//! Pages that come from the code: commands, pipeline keys, stages, effects, formats, quality reasons, messages, the JSON contract.
+//! Pages generated from the code: commands, pipeline keys, stages, effects, formats, quality
+//! reasons, messages, the JSON contract.
 
 use crate::json_contract;
 use crate::source::{self, Item, Items, markdown, module_doc, snake};
@@ -17,7 +18,7 @@ fn from(place: &str) -> String {
     format!("<!-- Made from {place}; tests/docs writes it again. -->\n\n")
 }
 
-/// `|` within a cell of a table.
+/// Escapes `|` within a cell of a table.
 pub fn cell(text: &str) -> String {
     text.replace('|', "\\|").replace('\n', " ")
 }
@@ -311,7 +312,7 @@ fn formats(pages: &mut Pages) {
     pages.insert("reference/formats/README.md".into(), index);
 }
 
-/// Lists of reasons that people meet in tables, with their file and enum.
+/// Lists of reasons shown in tables, each with its file and enum.
 const REASONS: &[(&str, &str, &str, &str)] = &[
     (
         "Recording",
@@ -416,7 +417,7 @@ fn prop_generated_pages_are_those_of_the_code() {
     let pages = pages();
     let folder = docs();
     let mut stale: Vec<String> = Vec::new();
-    // pages of what is gone
+    // pages for items that no longer exist
     for part in ["reference/stages", "reference/effects", "reference/formats"] {
         for entry in std::fs::read_dir(folder.join(part)).into_iter().flatten() {
             let path = entry.unwrap().path();

@@ -1,4 +1,5 @@
-//! What `--json` holds, read from the structures that are written, and checked against what the commands really write.
+//! The page on the contents of `--json` output: generated from the structures that are written, and
+//! checked against the actual output of the commands.
 
 use crate::source::{Item, Items, Uses, snake};
 use crate::{aloft, root};
@@ -19,11 +20,11 @@ const COMMANDS: &[(&str, &str, &str)] = &[
     ("verify", "pipeline", "Verified"),
 ];
 
-/// Commands that show results and say with `stale` which of these are not up to date.
+/// Commands that show results, and report under `stale` which of these are not up to date.
 const WITH_STALE: [&str; 6] =
     ["parameters", "compare", "compare --estimators", "compare --leave-one-out", "discover", "history"];
 
-/// The page.
+/// Generates the page.
 pub fn page() -> String {
     let items = Items::read(&root().join("crates"));
     let mut out = "<!-- Made from the structures that the commands write; tests/docs writes it again. -->\n\n# JSON of the commands\n\n".to_owned();

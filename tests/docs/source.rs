@@ -1,5 +1,6 @@
-//! Reads what our own source files say: module documentation, structures with their fields, lists of variants, error messages.
-//! It knows the plain style of this repository, not the whole language.
+//! Reads documentation from the source files: module documentation, structures with their fields,
+//! lists of variants, error messages. It handles the plain style of this repository, not the whole
+//! language.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -58,7 +59,7 @@ pub fn markdown(lines: &[&str], level: usize) -> String {
     out.trim_end().to_owned()
 }
 
-/// `[`X`]`, `[`X`](y)` and `[name](crate::…)` lose their link.
+/// Removes the links from `[`X`]`, `[`X`](y)` and `[name](crate::…)`.
 pub fn without_code_links(line: &str) -> String {
     let mut out = String::new();
     let mut rest = line;
@@ -98,20 +99,21 @@ pub struct Field {
     pub flatten: bool,
 }
 
-/// A structure or a list of variants.
+/// Fields in order.
 #[derive(Debug, Clone)]
 pub enum Item {
     /// Fields in order.
     Struct(Vec<Field>),
-    /// Variants in order: name (that of serde, where it is renamed), documentation; and whether serde writes them in snake case.
+    /// Variants in order: name (serde's, if it is renamed) and documentation; and whether serde
+    /// writes them in snake case.
     Enum(Vec<(String, String)>, bool),
 }
 
-/// Items by crate and name, each with the names that its file takes from other crates.
+/// Items by crate and name, each with the names that its file imports from other crates.
 #[derive(Debug, Default)]
 pub struct Items(BTreeMap<(String, String), (Item, Uses)>);
 
-/// Name to the crate that it is taken from.
+/// Maps a name to the crate that it is imported from.
 pub type Uses = BTreeMap<String, String>;
 
 impl Items {
@@ -132,8 +134,8 @@ impl Items {
         all
     }
 
-    /// An item as a file of a crate means it: of the crate that the file takes the name from, of its own crate, or of the only crate
-    /// that has it.
+    /// The item that a name in a file of a crate refers to: from the crate that the file imports
+    /// the name from, else from its own crate, else from the only crate that has it.
     pub fn get(&self, from: &str, uses: &Uses, name: &str) -> Option<(&str, &Item, &Uses)> {
         for krate in [uses.get(name).map(String::as_str), Some(from)].into_iter().flatten() {
             if let Some(((k, _), (item, uses))) = self.0.get_key_value(&(krate.to_owned(), name.to_owned())) {
@@ -148,7 +150,7 @@ impl Items {
     }
 }
 
-/// Names of `use aloft_…::{…};`.
+/// Names imported by `use aloft_…::{…};`.
 fn uses(text: &str) -> Uses {
     let mut out = Uses::new();
     for statement in text.split(';') {
@@ -223,7 +225,7 @@ fn variants(body: &[&str]) -> Vec<(String, String)> {
     out
 }
 
-/// `CamelCase` as serde writes it in snake case.
+/// Converts `CamelCase` to snake case as serde does.
 pub fn snake(name: &str) -> String {
     let mut out = String::new();
     for (i, c) in name.char_indices() {
@@ -235,7 +237,7 @@ pub fn snake(name: &str) -> String {
     out
 }
 
-/// One message of an error type: what it means, the text with placeholders, the hint.
+/// One message of an error type: its meaning, the text with placeholders, the hint.
 #[derive(Debug)]
 pub struct Message {
     /// Documentation.
@@ -260,7 +262,7 @@ pub fn messages(text: &str) -> Vec<(String, Vec<Message>)> {
         } else if let Some(d) = line.strip_prefix("    ///") {
             doc.push(d.trim());
         } else if line.starts_with("    #[") {
-            // an attribute may run over several lines
+            // an attribute may span several lines
             loop {
                 attributes.push_str(lines[i].trim());
                 attributes.push('\n');

@@ -1,8 +1,10 @@
-//! Transcripts in the pages: each `console` listing is run, in order, in a folder that holds the repository's pipelines and fixtures;
-//! what the binary says must be what the page shows, numbers apart (they differ in their last digits from machine to machine).
+//! Transcripts in the pages: each `console` listing is run, in order, in a folder that holds the
+//! repository's pipelines and fixtures. The output of the binary must match the page, except for
+//! numbers, whose last digits differ between machines.
 //!
-//! The first word after `console` limits a listing: `console,head=12` shows the first twelve lines and an ellipsis. Other programs than
-//! `aloft` that may stand in a listing are those of every Unix shell: `ls`, `cat`, `head`, `sed`, `cp`.
+//! The first word after `console` limits a listing: `console,head=12` shows the first twelve lines
+//! and an ellipsis. Besides `aloft`, a listing may only use standard Unix programs: `ls`, `cat`,
+//! `head`, `sed`, `cp`.
 
 use crate::{AGAIN, docs, root, updating};
 use std::path::Path;
@@ -46,7 +48,8 @@ fn run(command: &str, place: &Path) -> String {
     text.lines().map(str::trim_end).collect::<Vec<_>>().join("\n")
 }
 
-/// What must agree: words, in order. Numbers, their signs and spaces, the frames of tables may differ.
+/// The part of a text that must match: its words, in order. Numbers, their signs, spaces and table
+/// frames may differ.
 fn words(text: &str) -> Vec<String> {
     text.split(|c: char| c.is_whitespace() || "┌┐└┘├┤┬┴┼─│═╞╡╪┆╌|+".contains(c))
         .map(|w| w.trim_matches(|c: char| c.is_ascii_digit() || ".,-–−%±eE…".contains(c)))
@@ -142,7 +145,7 @@ fn prop_the_tutorial_of_a_person_is_what_the_program_says() {
     check(&["tutorial/your-recordings.md", "tutorial/by-other-programs.md"]);
 }
 
-/// Whether `part` are some of the words of `whole`, in their order.
+/// True if the words of `part` occur in `whole`, in the same order.
 fn are_among(part: &[String], whole: &[String]) -> bool {
     let mut rest = whole.iter();
     part.iter().all(|word| rest.any(|w| w == word))
@@ -150,7 +153,8 @@ fn are_among(part: &[String], whole: &[String]) -> bool {
 
 #[test]
 fn lines_that_the_readme_shows_are_in_the_tutorial() {
-    // the tutorial's transcripts are run; the README shows some of their lines, of wide tables some columns
+    // the tutorial's transcripts are run; the README shows some of their lines, and for wide tables
+    // some columns
     let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
     let lines: Vec<&str> = readme.lines().collect();
     let mut tutorial = Vec::new();
@@ -164,7 +168,7 @@ fn lines_that_the_readme_shows_are_in_the_tutorial() {
     let mut n = 0;
     for listing in listings(&lines) {
         for (i, line) in lines[listing.begin..listing.end].iter().enumerate() {
-            // what stands behind the command in a comment is the README's own
+            // a comment after the command is not part of the transcript
             let shown = words(line.split("  #").next().unwrap());
             let found = tutorial.iter().any(|whole| are_among(&shown, whole));
             assert!(found, "README.md, line {}: no line of the tutorial says `{line}`", listing.begin + i + 1);

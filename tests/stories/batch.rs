@@ -1,4 +1,5 @@
-//! A study of several subjects and sessions: one command, one table, and each failure with the command that repeats just it.
+//! A study of several subjects and sessions: one command, one table, and for each failure the
+//! command that repeats only it.
 
 use crate::support::{expect, folder, json, lab, repo};
 use std::fs;
@@ -14,7 +15,8 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// Two objects, the second recorded on two days; the recordings are the same, so that results can be compared.
+/// Two objects, the second recorded on two days. The recordings are the same, so that results can
+/// be compared.
 fn study(at: &Path) -> PathBuf {
     let lab = lab("fixtures/scenarios/chain_small.yaml", at);
     let study = at.join("study");
@@ -69,7 +71,7 @@ fn one_command_does_all_subjects_and_says_what_failed_and_how_to_repeat_it() {
     assert!(again.contains("--subject bar_b --session day1 --trial throws_01"), "{again}");
     assert!(out.contains("15 trials: ") && out.contains("3 excluded") && out.contains("unreadable_file"), "{out}");
 
-    // the table: one row a trial, and the same figures for the same recordings
+    // the table has one row per trial, and the same values for the same recordings
     let csv = fs::read_to_string(ws.join("summary.csv")).unwrap();
     let table = rows(&csv);
     assert_eq!(table.len(), 16, "{csv}");
@@ -86,7 +88,8 @@ fn one_command_does_all_subjects_and_says_what_failed_and_how_to_repeat_it() {
     }
     assert!(ws.join("summary.parquet").is_file() && ws.join("summary.txt").is_file());
 
-    // the pipeline's settings are inherited: another cut-off on the second day alone, another gap limit in one trial alone
+    // the pipeline's settings are inherited: another cut-off only on the second day, another gap
+    // limit only in one trial
     let parameters = |place: &str| -> serde_json::Value {
         let text = fs::read_to_string(ws.join(place).join("manifest.json")).unwrap();
         serde_json::from_str::<serde_json::Value>(&text).unwrap()["parameters"].clone()
@@ -96,7 +99,7 @@ fn one_command_does_all_subjects_and_says_what_failed_and_how_to_repeat_it() {
     assert_eq!(parameters("bar_a/import/throws_02")["import"]["fill_gaps_s"], 0.05);
     assert_eq!(parameters("bar_a/import/throws_01")["import"]["fill_gaps_s"], 0.1);
 
-    // the command that the failure names, after the file was mended, does just that
+    // after the file was repaired, the command named by the failure repeats exactly that trial
     fs::copy(data.join("bar_a/throws_01.c3d"), data.join("bar_b/day1/throws_01.c3d")).unwrap();
     let words: Vec<String> = again.split("again: aloft ").nth(1).unwrap().split(' ').map(str::to_owned).collect();
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
@@ -105,7 +108,7 @@ fn one_command_does_all_subjects_and_says_what_failed_and_how_to_repeat_it() {
     let (out, err) = expect(&[&["run", &p], &base[..]].concat(), 0);
     assert!(out.contains("0 failed"), "{out}\n{err}");
 
-    // every command takes all or some
+    // every command accepts all subjects or a selection
     let status = json(&[&["status", &p], &base[..], &["--json"]].concat());
     assert_eq!(status["studies"].as_array().unwrap().len(), 3);
     let compared = json(&[&["compare", &p], &base[..], &["--json", "--subject", "bar_b"]].concat());
@@ -116,7 +119,7 @@ fn one_command_does_all_subjects_and_says_what_failed_and_how_to_repeat_it() {
     let (_, err) = expect(&[&["status", &p], &base[..], &["--subject", "nobody"]].concat(), 2);
     assert!(err.contains("bar_a") && err.contains("bar_b day1"), "{err}");
 
-    // one subject of the study gives what it gives alone
+    // a subject gives the same results within the study as on its own
     let alone = dir.path().join("alone");
     let one = PIPELINE.replace("subjects:\n  folders: [\"bar_*\"]\n  sessions: [\"day*\"]\n", "");
     let (a, b) = (one.find("overrides:").unwrap(), one.find("trials:").unwrap());
@@ -143,7 +146,7 @@ fn overrides_are_checked_where_they_are_written() {
     let err = check(&PIPELINE.replace("\"bar_*\"", "bar_a, bar_x"));
     assert!(err.contains("bar_x"), "{err}");
 
-    // a file beside the recordings, with an error of its own, stops its session alone
+    // an error in a file beside the recordings stops only its session
     let p = pipeline(dir.path(), PIPELINE);
     let file = Path::new(&data).join("bar_b/day1/overrides.yaml");
     fs::write(&file, "filter:\n  cutoff: 6.0\n").unwrap();
@@ -174,7 +177,7 @@ fn a_subject_without_a_mass_does_not_stop_the_others() {
     );
     fs::write(data.join("participants.tsv"), "participant_id\tmass\nbar_a\t0.997\nbar_b\tn/a\nbar_c\t1\n").unwrap();
     expect(&words, 0);
-    // one subject's folder alone is known by the study's table, too
+    // the study's table also applies to the folder of a single subject
     let one = fs::read_to_string(repo("pipelines/chain.yaml")).unwrap();
     let alone = dir.path().join("one.yaml");
     fs::write(&alone, one).unwrap();
@@ -215,7 +218,7 @@ fn the_study_has_a_page_that_leads_to_its_subjects() {
         expect(&all, code).0
     };
     ask("run", &["--subject", "bar_b"], 0);
-    // a workflow of one subject asks for its own verdict
+    // the workflow of one subject gives its own verdict
     let file = dir.path().join("bar_b.smk").display().to_string();
     ask("workflow", &["--subject", "bar_b", "--out", &file], 0);
     let text = fs::read_to_string(&file).unwrap();
@@ -226,7 +229,7 @@ fn the_study_has_a_page_that_leads_to_its_subjects() {
     assert!(plan.to_string().contains("compare/_study"), "{plan:#}");
     ask("workflow", &["--subject", "bar_b", "--verdict"], 0);
     ask("workflow", &["--verdict"], 1);
-    // a subject that was never run does not keep the others from their pages
+    // a subject that was never run does not prevent the pages of the others
     let pages = ask("report", &[], 1);
     assert_eq!(pages.lines().count(), 3, "{pages}");
     assert!(!ws.join("bar_a/report.html").exists());
@@ -239,7 +242,7 @@ fn the_study_has_a_page_that_leads_to_its_subjects() {
         assert!(html.contains(&format!("href=\"{page}\"")), "no link to {page}");
         crate::report::check_page(&fs::read_to_string(ws.join(page)).unwrap(), &["overview", "methods"]);
     }
-    // one subject alone: its own page, the study's is left as it is
+    // for one subject only its own page is written; the study's page stays unchanged
     let before = fs::metadata(ws.join("report.html")).unwrap().modified().unwrap();
     assert_eq!(ask("report", &["--subject", "bar_a"], 0).matches("report.html").count(), 1);
     assert_eq!(fs::metadata(ws.join("report.html")).unwrap().modified().unwrap(), before);

@@ -1,4 +1,5 @@
-//! A laboratory in which much is broken: one clear line for each, exit code 1, and every healthy trial is done.
+//! A laboratory with many broken files: one clear line for each, exit code 1, and every intact
+//! trial is processed.
 
 use crate::support::{aloft, expect, folder, json, lab, repo};
 use std::fs;
@@ -47,7 +48,7 @@ fn results_of_a_recording_that_breaks_later_are_not_used_any_more() {
     let row = status["rows"].as_array().unwrap().iter().find(|r| r["trial"] == "throws_02").unwrap();
     assert_eq!(row["cells"][0], "failed");
     assert!(row["cells"].as_array().unwrap().iter().any(|c| c == "blocked"), "{row}");
-    // mended: as if nothing had been
+    // after repair, the results are as if nothing had been broken
     fs::write(data.join("throws_02.c3d"), whole).unwrap();
     let (_, err) = expect(&[&["run"], &words[..]].concat(), 0);
     assert!(err.lines().all(|l| !l.starts_with("failed")), "{err}");
@@ -84,7 +85,7 @@ fn a_result_that_the_disk_does_not_take_fails_alone_and_says_which_file() {
         assert!(failed[0].contains(".tmp") && failed[0].contains("cannot move"), "{err}");
         assert!(err.contains("hint: make room on the disk"), "{err}");
         if extra.is_none() {
-            // a change of the model is not built on this
+            // a change of the model is not based on such a result
             let (_, err) = expect(&[&["effect", "add", words[0], "quadratic_drag"], &words[1..]].concat(), 2);
             assert!(err.contains("could not be written"), "{err}");
             assert_eq!(fs::read(ws.join("model.json")).ok(), model);

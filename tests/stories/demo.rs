@@ -1,4 +1,4 @@
-//! The story of the README on the recordings in the repository.
+//! The demonstration in the README, on the recordings in the repository.
 
 use crate::report::{check_page, figures};
 use crate::support::{expect, folder, json, repo};
@@ -27,7 +27,7 @@ fn the_demonstration_goes_from_recordings_to_a_report() {
     assert!(compared["parameters"]["sigma_ratio"].is_number());
     assert!(compared["trials"].as_array().is_some_and(|t| !t.is_empty()));
 
-    // the loop: what is missing, add it, watch the error fall
+    // the loop: find what is missing, add it, see the error fall
     let before =
         json(&["history", &demo, "--workspace", &ws, "--json"])["revisions"][0]["held_out_error"].as_f64().unwrap();
     let found = json(&["discover", &demo, "--workspace", &ws, "--json"]);
@@ -64,7 +64,7 @@ fn the_demonstration_goes_from_recordings_to_a_report() {
     ] {
         assert!(html.contains(told), "the page does not tell of: {told}");
     }
-    // the story from its beginning: the answer to the plain model and the answer after the drag was added
+    // the report shows both answers: for the model without effects, and after the drag was added
     assert!(html.contains("asked of the plain model") && html.contains("asked of the model with quadratic_drag"));
     let players = figures(&html).iter().filter(|f| f["joints"].is_object()).count();
     assert_eq!(players, 3, "one player a recording");

@@ -1,4 +1,5 @@
-//! How far results may be trusted: every estimator on the same held-out motion, trials left out, advice that can be followed.
+//! How far results can be trusted: every estimator on the same held-out motion, trials left out,
+//! and recommendations that help when followed.
 
 use crate::support::{expect, folder, json, lab, repo};
 use std::fs;
@@ -29,7 +30,7 @@ fn estimators_of_the_demonstration_stand_side_by_side() {
     let ws = dir.path().join("ws").display().to_string();
     let demo = repo("pipelines/demo.yaml");
     let words = ["compare", &demo, "--workspace", &ws, "--estimators", "--json"];
-    // nothing ran yet: say what to do
+    // nothing has been run yet: the message states what to do
     let (_, err) = expect(&words, 2);
     assert!(err.contains("aloft run"), "{err}");
     expect(&["run", &demo, "--workspace", &ws], 0);
@@ -50,17 +51,17 @@ fn estimators_of_the_demonstration_stand_side_by_side() {
         found["table"].as_array().unwrap().iter().filter(|r| r["chosen"] == true).collect();
     assert_eq!(chosen.len(), 1);
     assert_eq!(chosen[0]["estimator"], "mass_constrained");
-    // the row of the pipeline's choice is what `compare` itself shows
+    // the row of the pipeline's own choice equals the output of `compare`
     let plain = json(&["compare", &demo, "--workspace", &ws, "--json"]);
     assert_eq!(chosen[0]["windows"]["force_n"], plain["flight_weak"]["force_n"]["mae"]);
-    // identified beats what was assumed
+    // identified parameters predict better than the prior
     let prior = windows(find(&found, "calibrated", None, None));
     assert!(windows(chosen[0]).1 < 0.5 * prior.1, "{:?} {prior:?}", windows(chosen[0]));
     let (text, _) = expect(&words[..5], 0);
     for word in ["calibrated", "landmarks", "null_vector", "mass_constrained *", "noise floor", "passed"] {
         assert!(text.contains(word), "{word} in\n{text}");
     }
-    // two runs say the same
+    // two runs give the same result
     assert_eq!(found, json(&words));
 }
 
@@ -83,10 +84,11 @@ fn a_person_is_predicted_better_from_weak_rows_and_from_contact() {
     ] {
         assert!(best.0 < other.0 && best.1 < other.1, "{best:?} {other:?}");
     }
-    // four trials are too few for calibration to gain much in the wrench; it must not cost anything
+    // four trials are too few for calibration to improve the wrench much, but it must not make it
+    // worse
     let landmarks = of("landmarks", Some("weak"), Some("regularised"));
     assert!(best.0 < 1.1 * landmarks.0 && best.1 < 1.1 * landmarks.1, "{best:?} {landmarks:?}");
-    // eight short flights do not determine 128 parameters on their own, and the gate says so
+    // eight short flights do not determine 128 parameters on their own, and the gate reports this
     assert_eq!(find(&found, "calibrated", Some("paper"), Some("null_vector"))["gate"]["passed"], false);
     assert_eq!(find(&found, "calibrated", Some("weak"), Some("regularised"))["gate"]["passed"], true);
 
@@ -104,7 +106,8 @@ fn a_person_is_predicted_better_from_weak_rows_and_from_contact() {
     let weight = balance["balance"]["contact_weight"].as_f64().unwrap();
     assert!(weight > 0.0 && weight <= 1.0);
 
-    // what calibration moved is shown, and that it was kept because held-out markers fit better
+    // the output shows what calibration moved, and that it was kept because it fits held-out
+    // markers better
     let plain = json(&[&["compare"], &base[..], &["--json"]].concat());
     let rms: Vec<f64> =
         plain["calibration"]["held_out_rms_m"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect();
@@ -112,7 +115,8 @@ fn a_person_is_predicted_better_from_weak_rows_and_from_contact() {
     assert!(plain["calibration"]["report"]["joints"].as_array().unwrap().len() >= 10);
     let (text, _) = expect(&[&["compare"], &base[..]].concat(), 0);
     assert!(text.contains("calibration used: marker RMS"), "{text}");
-    // the plates' impulse from flight to flight weighs the person: as the scale does, within plate drift
+    // the plates' impulse between flights gives the body mass, which equals the scale's within
+    // plate drift
     let weighed = &plain["impulse_mass"];
     let (mass, stated) = (weighed["mass_kg"].as_f64().unwrap(), weighed["stated_kg"].as_f64().unwrap());
     assert!((mass / stated - 1.0).abs() < 0.01, "{weighed:#}");
@@ -135,7 +139,7 @@ fn chain(at: &Path, name: &str, throws: &str) -> String {
 fn the_motion_that_is_advised_improves_the_parameters_that_it_names() {
     let dir = folder();
     let pipeline = repo("pipelines/chain.yaml");
-    // thrown so that it hardly turns and its hinge hardly moves
+    // thrown so that the body hardly turns and its hinge hardly moves
     let gentle = chain(dir.path(), "gentle", "spin_radps: [0.3, 0.6], joint_rate_radps: 0.4");
     let ws = dir.path().join("ws_gentle").display().to_string();
     let base = [&pipeline, "--data", &gentle, "--workspace", &ws];
@@ -150,12 +154,12 @@ fn the_motion_that_is_advised_improves_the_parameters_that_it_names() {
     assert!(noise.iter().all(|n| n["parameters"].as_array().unwrap().len() == 16), "{noise:#?}");
     let motion = &assessment["motions"][0];
     assert!(motion["gain"].as_f64().unwrap() > 0.2, "{motion:#}");
-    // it stays in the workspace and is shown from there
+    // the assessment is stored in the workspace and shown from there
     assert_eq!(&json(&[&["parameters"], &base[..], &["--json"]].concat())["assessment"], assessment);
     let (text, _) = expect(&[&["parameters"], &base[..]].concat(), 0);
     assert!(text.contains("errors in variables: ") && text.contains("motions that would improve"), "{text}");
 
-    // follow it: a spin of the whole body where it says so, a moving hinge otherwise
+    // follow the recommendation: a spin of the whole body if it says so, otherwise a moving hinge
     let words = motion["motion"].as_str().unwrap();
     let throws = if words.contains("whole body turning") {
         "spin_radps: [3.0, 4.0], joint_rate_radps: 0.4"

@@ -1,4 +1,4 @@
-//! Hand-over: files for other programs, a README, and nothing of somebody else's overwritten.
+//! Export: files for other programs, a README, and no foreign file is overwritten.
 
 use crate::support::{expect, folder, lab, repo};
 use std::fs;
@@ -21,7 +21,7 @@ fn an_export_is_written_explained_and_never_overwrites() {
     assert!(err.contains("aloft run"), "nothing was run yet: {err}");
     expect(&[&["run"], &base[..]].concat(), 0);
 
-    // one trial, two formats; then everything beside it
+    // one trial in two formats; then everything else in addition
     export(&["--format", "trc,csv", "--trial", "throws_01"], 0);
     assert!(out.join("MarkerData/throws_01.trc").is_file() && out.join("Tables/throws_01.csv").is_file());
     assert!(!out.join("Models").exists() && !out.join("MarkerData/throws_02.trc").exists());
@@ -66,11 +66,11 @@ fn an_export_is_written_explained_and_never_overwrites() {
     assert_eq!(hash("pipeline.yaml").len(), 64);
     assert!(!readme.contains(&dir.path().display().to_string()), "paths in the README are relative");
 
-    // again: nothing changes
+    // a second export changes nothing
     let (_, err) = export(&[], 0);
     assert!(err.contains("as before") && !err.contains("new") && !err.contains(" changed"), "{err}");
 
-    // another cut-off: filtered files follow, markers stay
+    // another cut-off changes the filtered files but not the markers
     let before = (hash("MarkerData/throws_02.trc"), hash("IK/throws_02_ik_filtered.mot"));
     fs::write(&pipeline, text.replace("cutoff_hz: 10.0", "cutoff_hz: 8.0")).unwrap();
     let (_, err) = export(&["--format", "trc"], 2);
@@ -83,7 +83,7 @@ fn an_export_is_written_explained_and_never_overwrites() {
     assert_eq!(hash("MarkerData/throws_02.trc"), before.0);
     assert_ne!(hash("IK/throws_02_ik_filtered.mot"), before.1);
 
-    // what somebody edited, and what was never ours, stays
+    // files edited by the user and foreign files are kept
     let edited = out.join("Tables/throws_01.csv");
     fs::write(&edited, "my own columns").unwrap();
     let (_, err) = export(&[], 2);

@@ -1,4 +1,4 @@
-//! What helps to find one's way: examples for every command, the manual page, completions.
+//! Help texts: examples for every command, the manual page, shell completions.
 
 use crate::support::expect;
 

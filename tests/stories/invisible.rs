@@ -1,4 +1,5 @@
-//! Effects that the recordings cannot show: refused by `effect add`, and without any number where an older study holds them.
+//! Effects that the recordings cannot show: `effect add` refuses them, and if an older study holds
+//! them, they are shown without any number.
 
 use crate::support::{aloft, expect, folder, json, repo};
 use aloft_effects::{Choice, EFFECTS, Scene};
@@ -7,7 +8,8 @@ use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Base parameters and links of a workspace: value and unit of size (the value, or its standard error where that is larger).
+/// Base parameters and links of a workspace: name, value and scale (the value, or its standard
+/// error if that is larger).
 fn numbers(parameters: &Value) -> Vec<(String, f64, f64)> {
     let mut out = Vec::new();
     for b in parameters["base"].as_array().unwrap() {
@@ -22,7 +24,7 @@ fn numbers(parameters: &Value) -> Vec<(String, f64, f64)> {
     out
 }
 
-/// A model as an older study may hold it: written past `effect add`.
+/// Writes a model as an older study may hold it, without the checks of `effect add`.
 fn hold(workspace: &str, effects: Vec<ModelEffect>) {
     let workspace = Path::new(workspace);
     let mut all = Revisions::load(workspace).unwrap();
@@ -37,7 +39,7 @@ fn effect(key: &str, trials: &[&str]) -> ModelEffect {
     ModelEffect { key: key.to_owned(), trials, ..ModelEffect::default() }
 }
 
-/// Every effect of the catalogue on its first and its last target.
+/// Every effect of the catalogue with its first and its last target.
 fn keys(workspace: &str) -> Vec<String> {
     let path = find(Path::new(workspace), "subject.json");
     let subject: aloft_body::Subject = serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap();
@@ -61,12 +63,12 @@ fn find(workspace: &Path, name: &str) -> PathBuf {
     places.map(|e| e.unwrap().path().join(name)).find(|p| p.is_file()).expect("a result of calibrate")
 }
 
-/// A message without the frame that it is shown in.
+/// A message without the frame in which it is printed.
 fn one_line(message: &str) -> String {
     message.replace(['│', '×'], " ").split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Rounding only.
+/// Tolerance for rounding errors.
 const BOUND: f64 = 1e-9;
 
 #[test]
@@ -99,7 +101,7 @@ fn no_effect_moves_parameters_in_trials_that_it_does_not_touch() {
     }
     println!("{tried} effects; largest movement of a parameter, its error or a mass: {worst:.1e}");
     assert!(tried >= 25, "{tried}");
-    // the commands that show results say so too, and none shows a number
+    // the commands that show results report this too, and none of them shows a number
     let ladder = json(&["history", &demo, "--workspace", &ws, "--json"]);
     assert!(ladder["revisions"][1]["coefficients"].as_array().unwrap().is_empty(), "{ladder}");
     expect(&["report", &demo, "--workspace", &ws], 0);
@@ -120,7 +122,7 @@ fn effect_add_refuses_what_rows_cannot_show_and_changes_nothing() {
         let ladder = json(&["history", &human, "--workspace", &ws, "--json"]);
         assert!(ladder["revisions"].as_array().unwrap().iter().all(|r| r["effects"].as_array().unwrap().is_empty()));
     };
-    // effects of the plates in flights: every one of them
+    // all effects of the plates, in flights
     for effect in
         ["plate_time_offset", "plate_gain", "plate_tare[plate1]", "plate_rotation[plate1]", "plate_origin[plate2]"]
     {
@@ -140,7 +142,7 @@ fn an_effect_is_not_added_twice_under_two_names() {
     let said = one_line(&said);
     assert!(said.contains("does the same as `quadratic_drag.drag_area`"), "{said}");
     assert_eq!(before, json(&["parameters", &demo, "--workspace", &ws, "--json"]));
-    // a model that holds both all the same: one coefficient too many, and nothing absurd
+    // a model that holds both nevertheless: one coefficient too many, but no absurd values
     hold(&ws, vec![effect("quadratic_drag", &[]), effect("quadratic_drag[links]", &[])]);
     expect(&["run", &demo, "--workspace", &ws], 0);
     let found = json(&["parameters", &demo, "--workspace", &ws, "--json"]);

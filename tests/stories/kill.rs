@@ -1,4 +1,5 @@
-//! A run that is killed at any moment resumes, repeats nothing that was finished, and ends with what an undisturbed run gives.
+//! A run killed at any moment can be resumed: it repeats nothing that was finished, and ends with
+//! the results of an undisturbed run.
 
 use crate::support::{folder, lab, repo};
 use std::collections::BTreeMap;
@@ -7,7 +8,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Every file of the results; of manifests all but the time that the work took.
+/// Every file of the results; manifests without the time that the work took.
 fn results(ws: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut all = BTreeMap::new();
     let mut open = vec![ws.to_path_buf()];
@@ -26,7 +27,7 @@ fn results(ws: &Path) -> BTreeMap<String, Vec<u8>> {
             if name.ends_with("manifest.json") {
                 let mut manifest: serde_json::Value =
                     serde_json::from_slice(&bytes).unwrap_or_else(|e| panic!("{name} is half-written: {e}"));
-                // and the hash over it
+                // and the hash that covers it
                 manifest["check"] = serde_json::Value::Null;
                 manifest["seconds"] = serde_json::Value::Null;
                 bytes = manifest.to_string().into_bytes();
@@ -57,7 +58,7 @@ impl Lab {
         command
     }
 
-    /// Runs to the end; returns how many tasks were done and how many were up to date.
+    /// Runs to the end; returns the numbers of tasks that ran and that were up to date.
     fn finish(&self, variant: usize, ws: &Path) -> (usize, usize) {
         let output = self.run(variant, ws).output().unwrap();
         let err = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -68,7 +69,8 @@ impl Lab {
     }
 }
 
-/// Kills at so many moments, spread over the whole run; some runs begin with nothing, some replace results of another cut-off.
+/// Kills runs at `times` moments spread over the whole run; some runs begin with nothing, some
+/// replace results of another cut-off.
 fn killed(times: usize, signal: &str) {
     let dir = folder();
     let data = lab("fixtures/scenarios/chain_small.yaml", dir.path()).display().to_string();
@@ -102,7 +104,7 @@ fn killed(times: usize, signal: &str) {
         let ws = dir.path().join(format!("ws{round}"));
         let variant = round % 2;
         if round % 4 >= 2 {
-            // results of the other cut-off stand there already
+            // start from the results of the other cut-off
             lab.finish(1 - variant, &ws);
         }
         // up to five kills before the run may end
@@ -114,13 +116,13 @@ fn killed(times: usize, signal: &str) {
                 kills += usize::from(done.success());
             }
             child.wait().unwrap();
-            // whatever stands in its place is whole: a result of one of the two pipelines
+            // every result in place is complete: it belongs to one of the two pipelines
             for (name, bytes) in if ws.is_dir() { results(&ws) } else { BTreeMap::new() } {
                 let whole = wanted.iter().any(|w| w.get(&name).is_some_and(|b| *b == bytes));
                 assert!(whole || name.ends_with("manifest.json"), "kill {kills}: {name} is not whole");
             }
         }
-        // nothing that was finished is done again
+        // nothing that was finished is repeated
         let before = if ws.is_dir() { results(&ws) } else { BTreeMap::new() };
         let finished =
             before.iter().filter(|(n, b)| is_a_result(n) && wanted[variant].get(*n).is_some_and(|w| w == *b)).count();
@@ -160,7 +162,8 @@ fn interrupted_at_a_few_moments() {
     killed(3, "-INT");
 }
 
-/// The whole proof: `cargo test --release -p aloft-cli --test stories killed_at_fifty -- --ignored --nocapture`.
+/// The full test: `cargo test --release -p aloft-cli --test stories killed_at_fifty -- --ignored
+/// --nocapture`.
 #[test]
 #[cfg(unix)]
 #[ignore = "takes a minute"]
@@ -175,7 +178,7 @@ fn the_second_of_two_runs_says_who_holds_the_workspace_or_waits() {
     let lab = Lab { data, pipelines: [repo("pipelines/chain.yaml"), repo("pipelines/chain.yaml")] };
     let ws = dir.path().join("ws");
     lab.finish(0, &ws);
-    // this process holds the workspace as a run does
+    // this process holds the workspace lock as a run does
     let held = fs::File::options().write(true).open(ws.join(".lock")).unwrap();
     held.lock().unwrap();
     let note = r#"{"pid": 4711, "host": "lab-pc", "since": "2026-03-01 14:05:09 UTC"}"#;
@@ -183,7 +186,7 @@ fn the_second_of_two_runs_says_who_holds_the_workspace_or_waits() {
     let output = lab.run(0, &ws).output().unwrap();
     let err = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(2), "{err}");
-    // the message may be broken over lines
+    // the message may be wrapped
     let words: Vec<&str> = err.split_whitespace().filter(|w| *w != "│").collect();
     assert!(words.join(" ").contains("process 4711 on lab-pc since 2026-03-01 14:05:09 UTC"), "{err}");
     assert!(err.contains("--wait"), "{err}");
@@ -192,7 +195,7 @@ fn the_second_of_two_runs_says_who_holds_the_workspace_or_waits() {
     assert!(waiting.try_wait().unwrap().is_none(), "it did not wait");
     held.unlock().unwrap();
     assert!(waiting.wait().unwrap().success());
-    // reading needs no lock
+    // reading works while the lock is held
     held.lock().unwrap();
     let status = Command::new(env!("CARGO_BIN_EXE_aloft"))
         .args(["status", &lab.pipelines[0], "--data", &lab.data, "--workspace", &ws.display().to_string()])
@@ -201,7 +204,8 @@ fn the_second_of_two_runs_says_who_holds_the_workspace_or_waits() {
     assert!(status.status.success());
 }
 
-/// Breaks where it is told of a task that was done: for a plain run that is the thread that puts results into their places.
+/// Panics when a completed task is reported; in a plain run this happens on the thread that puts
+/// results in place.
 struct Breaks;
 
 impl aloft_pipeline::progress::Progress for Breaks {
@@ -217,7 +221,7 @@ fn a_defect_beside_the_work_ends_the_run_and_leaves_whole_results() {
     use aloft_study::study::{Overrides, Study};
     let dir = folder();
     let data = lab("fixtures/scenarios/chain_small.yaml", dir.path());
-    // more results than may wait
+    // more results than the queue holds
     for i in 10..90 {
         fs::copy(data.join("throws_01.c3d"), data.join(format!("throws_{i}.c3d"))).unwrap();
     }
@@ -229,7 +233,7 @@ fn a_defect_beside_the_work_ends_the_run_and_leaves_whole_results() {
     assert!(error.contains("an internal error"), "{error}");
     let placed = results(&ws).keys().filter(|n| is_a_result(n)).count();
     assert!((1..80).contains(&placed), "{placed}");
-    // in a run that shares the workspace it is a thread of the work itself
+    // in a run that shares the workspace, it happens on a worker thread
     let shared = Selection { shared: true, ..selection.clone() };
     assert!(std::panic::catch_unwind(|| runner::run(&study, &shared, &Breaks)).is_err());
     let placed = results(&ws).keys().filter(|n| is_a_result(n)).count();

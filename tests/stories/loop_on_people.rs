@@ -1,4 +1,5 @@
-//! The loop on a person: something hidden is found, added, and the error falls to what the twin without it has.
+//! The loop on a person: a hidden effect is found and added, and the error falls to that of the
+//! twin without it.
 
 use crate::support::{expect, folder, json, repo};
 use std::fs;
@@ -35,8 +36,9 @@ fn a_line_that_nobody_wrote_down_is_found_and_the_error_falls_to_the_twins() {
     assert!(number(&rung["contact"]["error_n"]) < number(&ladder["revisions"][0]["contact"]["error_n"]));
     assert!(rung["void"].is_null() && number(&rung["marker_rms_mm"]) == number(&rung["marker_rms_before_mm"]));
 
-    // the sealed truth: the line pulls where it pulled, with its stiffness; how far away it is tied is hardly seen from jumps on one spot, where
-    // the anchor's distance and the line's rest length trade for each other
+    // compared with the sealed truth: the line's attachment and stiffness are recovered; its length
+    // is hardly determined by jumps on one spot, where the anchor's distance and the line's rest
+    // length trade off against each other
     let truth: serde_json::Value =
         serde_json::from_str(&fs::read_to_string(repo("fixtures/human_tethered/truth/truth.json")).unwrap()).unwrap();
     let hidden = &truth["hidden"][0];
@@ -48,7 +50,7 @@ fn a_line_that_nobody_wrote_down_is_found_and_the_error_falls_to_the_twins() {
     let [x, y, z] = [0, 1, 2].map(|axis: usize| number(&hidden["anchor_m"][axis]));
     let apart = line.angle(&(nalgebra::Vector3::new(x, y, z) - pelvis)).to_degrees();
     assert!(apart < 8.0, "{apart}° between the lines");
-    // and their standard errors say so
+    // and their standard errors show this
     for (name, value) in [("anchor_z", z), ("rest_length", number(&hidden["rest_length_m"]))] {
         let unknown = nonlinear.iter().find(|n| n["name"] == name).unwrap();
         assert!((number(&unknown["value"]) - value).abs() < 2.0 * number(&unknown["se"]), "{unknown}, truth {value} m");

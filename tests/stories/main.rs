@@ -1,4 +1,5 @@
-//! Stories: what a user types, on recordings that the tests make for themselves, through the real binary.
+//! Stories: commands as a user types them, on recordings that the tests create, through the real
+//! binary.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests fail by panicking")]
 
 mod batch;

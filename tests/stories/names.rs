@@ -1,5 +1,6 @@
-//! Names are data: recordings, subjects, sessions and folders with names that a shell, Python, HTML or a file system could take for something
-//! else go through every command. Nothing in them is executed, none is lost, and a printed command means just the trial that it names.
+//! Recordings, subjects, sessions and folders whose names have a special meaning to a shell,
+//! Python, HTML or a file system pass through every command. No part of a name is executed, none is
+//! lost, and a printed command refers to exactly the trial that it names.
 #![cfg(unix)]
 
 use crate::support::{aloft, expect, folder, json, repo};
@@ -8,7 +9,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Names of recordings; each creates a file `pwned…` where a shell or Python executes it.
+/// Names of recordings; each creates a file `pwned…` if a shell or Python executes it.
 const HOSTILE: [&str; 15] = [
     "a b",
     "$(touch pwned_a)",
@@ -33,7 +34,8 @@ fn copy(name: &str, to: &Path) {
     fs::copy(Path::new(&repo("fixtures/demo")).join(name), to).unwrap();
 }
 
-/// A laboratory with the demonstration's recordings under hostile names, and broken ones of which a command is printed.
+/// A laboratory with the demonstration's recordings under hostile names, and broken ones for which
+/// a command is printed.
 fn laboratory(at: &Path, names: &[&str]) {
     fs::create_dir_all(at).unwrap();
     for name in ["static.c3d", "hinge_calib.c3d", "object.yaml"] {
@@ -45,7 +47,7 @@ fn laboratory(at: &Path, names: &[&str]) {
     }
 }
 
-/// A line as a shell carries it out, in a folder where `aloft` is a command.
+/// Runs a line in a shell, in a folder where `aloft` is a command.
 fn shell(line: &str, at: &Path) -> Output {
     let program = Path::new(env!("CARGO_BIN_EXE_aloft"));
     let path = format!("{}:{}", program.parent().unwrap().display(), std::env::var("PATH").unwrap_or_default());
@@ -94,7 +96,7 @@ fn hostile_names_go_through_every_command() {
         assert!(out.starts_with("import of ") && out.contains(": ok"), "{name:?}: {out}");
     }
 
-    // the printed command repeats just the trial that it names
+    // the printed command repeats exactly the trial that it names
     let summary = json(&[&["summary"], &base[..], &["--json"]].concat());
     let mut repeated = BTreeSet::new();
     for row in summary["rows"].as_array().unwrap().iter().filter(|r| r["again"].is_string()) {
@@ -111,7 +113,7 @@ fn hostile_names_go_through_every_command() {
     }
     assert_eq!(repeated, HOSTILE.iter().map(|n| format!("{n}!")).collect());
 
-    // every recording has files of its own
+    // every recording has its own exported files
     let out = dir.path().join("out $(touch pwned_g)");
     let to = out.display().to_string();
     call(&["export"], &["--to", &to], 1);
@@ -127,13 +129,13 @@ fn hostile_names_go_through_every_command() {
     }
     assert_eq!((trc.len(), tables.len()), (HOSTILE.len() + 2, HOSTILE.len() + 2));
 
-    // the page shows names and executes none
+    // the page shows the names and executes none of them
     call(&["report"], &[], 0);
     let page = fs::read_to_string(Path::new(&ws).join("report.html")).unwrap();
     assert!(!page.contains("<script>alert(1)"), "a name is a script in the page");
     assert!(page.contains("alert(1)"), "the page names the recording");
 
-    // the Snakefile is the same for every study; names stand in the JSON beside it
+    // the Snakefile is the same for every study; the names are in the JSON file next to it
     let snakefile = dir.path().join("Snake $(touch pwned_h)");
     call(&["workflow"], &["--out", &snakefile.display().to_string()], 0);
     let code = fs::read_to_string(&snakefile).unwrap();
@@ -146,14 +148,14 @@ fn hostile_names_go_through_every_command() {
         serde_json::from_str(&fs::read_to_string(aloft_analysis::workflow::plan_path(&snakefile)).unwrap()).unwrap();
     let trials = plan["studies"]["names"]["trials"].as_object().unwrap();
     assert_eq!(trials.len(), 2 * HOSTILE.len() + 2);
-    // what a job of each trial types runs that trial alone
+    // the command of each trial's job runs only that trial
     for trial in trials.values().filter(|t| t["role"] == "identify") {
         let choice: Vec<&str> = trial["choice"].as_array().unwrap().iter().map(|c| c.as_str().unwrap()).collect();
         let (planned, _) = call(&["run"], &[&choice[..], &["--only", "import", "--force", "--dry-run"]].concat(), 0);
         assert_eq!(planned.lines().filter(|l| l.starts_with("import")).count(), 1, "{choice:?}\n{planned}");
     }
 
-    // a pipeline that `init` writes for such a folder finds every recording again
+    // a pipeline written by `init` for such a folder finds every recording again
     let written = dir.path().join("init `touch pwned_i`.yaml");
     expect(&["init", &d, "--out", &written.display().to_string()], 0);
     let table = aloft(&["check", &written.display().to_string()]).stdout;
@@ -210,7 +212,7 @@ fn hostile_subjects_and_sessions_are_studies_like_others() {
 
 #[test]
 fn recordings_that_would_share_results_are_refused_before_anything_runs() {
-    // pairs of paths below the data folder, and whether both can be used
+    // pairs of paths below the data folder, and whether both can be used together
     let pairs: [(&str, &str, bool); 12] = [
         ("a/throws_1.c3d", "b/throws_1.c3d", true),
         ("a-b/x.c3d", "a/b/x.c3d", false),

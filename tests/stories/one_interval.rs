@@ -1,10 +1,10 @@
-//! A number has one interval: whatever shows it, in tables, JSON, ladder and report, shows the same.
+//! Each number has one interval: tables, JSON, history and report all show the same.
 
 use crate::support::{expect, folder, json, repo};
 use serde_json::Value;
 use std::fs;
 
-/// Half the width of an interval; none where it is null.
+/// Half-width of an interval; none if it is null.
 fn half(ci95: &Value) -> Option<f64> {
     let [low, high] = [ci95.get(0)?.as_f64()?, ci95.get(1)?.as_f64()?];
     Some(0.5 * (high - low))
@@ -25,7 +25,7 @@ fn shown(text: &str, name: &str) -> Vec<f64> {
     out
 }
 
-/// Equal but for the two digits that are printed.
+/// Asserts equality to the two digits that are printed.
 fn assert_same(printed: f64, half: f64, place: &str) {
     assert!((printed - half).abs() <= 0.051 * half, "{place}: ± {printed} for ± {half}");
 }
@@ -51,7 +51,7 @@ fn every_surface_shows_the_same_interval() {
             compared += printed.len();
         }
     }
-    // an estimate at a bound is none
+    // an estimate at a bound has no interval
     for round in found["rounds"].as_array().unwrap() {
         for c in round["candidates"].as_array().unwrap() {
             for e in c["coefficients"].as_array().unwrap().iter().chain(c["nonlinear"].as_array().unwrap()) {
@@ -82,7 +82,8 @@ fn every_surface_shows_the_same_interval() {
             printed.iter().for_each(|p| assert_same(*p, half, &format!("{name} in {place}")));
             compared += printed.len();
         }
-        // the candidate fit of the discovery and the identification of the model agree within their intervals
+        // the fit of the candidate in the discovery and the identification of the model agree
+        // within their intervals
         let own = name.rsplit('.').next().unwrap();
         let all = found["found"][0]["coefficients"].as_array().unwrap();
         let before = all.iter().find(|c| c["name"] == own).unwrap();

@@ -1,4 +1,5 @@
-//! Running again: nothing when nothing changed; just what follows when a parameter changed.
+//! Repeated runs: nothing runs if nothing changed; only what depends on it runs if a parameter
+//! changed.
 
 use crate::support::{expect, folder, lab, repo};
 use std::fs;
@@ -20,7 +21,7 @@ fn only_what_follows_from_a_change_is_done_again() {
     let (_, err) = run(&[]);
     assert!(err.contains(" 0 done") || err.starts_with("0 done"), "nothing changed, nothing is done: {err}");
 
-    // touched, not changed
+    // file time changed, content unchanged
     let first = fs::read_dir(&data)
         .unwrap()
         .filter_map(|e| e.ok())
@@ -31,14 +32,14 @@ fn only_what_follows_from_a_change_is_done_again() {
     let (_, err) = run(&[]);
     assert!(err.contains("0 done"), "{err}");
 
-    // another cut-off: filter and what follows, never inverse kinematics
+    // another cut-off: the filter and later stages run again, inverse kinematics does not
     fs::write(&pipeline, text.replace("cutoff_hz: 10.0", "cutoff_hz: 8.0")).unwrap();
     let (out, _) = run(&["--dry-run"]);
     assert!(out.contains("filter") && out.contains("cutoff_hz"), "{out}");
     assert!(!out.lines().any(|l| l.starts_with("ik ")), "{out}");
     let (explained, _) = expect(&[&["explain", &p], &base[..], &["throws_01", "filter"]].concat(), 0);
     assert!(explained.contains("stale") && explained.contains("cutoff_hz"), "{explained}");
-    // what stands after the change knows of it, too
+    // `explain` of a later result also names the change
     let (explained, _) = expect(&[&["explain", &p], &base[..], &["throws_01"]].concat(), 0);
     assert!(explained.contains("regressor of throws_01") && explained.contains("will be done again"), "{explained}");
     assert!(!explained.lines().any(|l| l.starts_with("ik ")), "{explained}");
@@ -51,7 +52,7 @@ fn only_what_follows_from_a_change_is_done_again() {
     let (explained, _) = expect(&[&["explain", &p], &base[..]].concat(), 0);
     assert!(explained.contains("everything is up to date"), "{explained}");
 
-    // a recording with other content is named in words
+    // a recording with changed content is named in the explanation
     let other = fs::read(Path::new(&data).join("throws_02.c3d")).unwrap();
     fs::write(Path::new(&data).join("throws_01.c3d"), other).unwrap();
     let (explained, _) = expect(&[&["explain", &p], &base[..], &["throws_01", "import"]].concat(), 0);

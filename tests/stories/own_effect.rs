@@ -1,12 +1,12 @@
-//! An effect of one's own: a law written as formulas is found, added, and gives what the built-in law gives; what is wrong in it is shown
-//! at its character.
+//! A user-defined effect: a law written as formulas is found, added, and gives the same result as
+//! the built-in law; errors in it are reported at their character.
 
 use crate::support::{expect, folder, json, repo};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
 
-/// The demonstration's pipeline with a section added, in a folder of its own.
+/// The demonstration's pipeline with an added section, in its own folder.
 fn pipeline(at: &Path, name: &str, more: &str) -> String {
     let text = fs::read_to_string(repo("pipelines/demo.yaml")).unwrap();
     let text = text.replace("../fixtures/demo", &repo("fixtures/demo"));
@@ -34,7 +34,7 @@ fn a_law_written_as_formulas_is_found_and_gives_what_the_catalogue_gives() {
     let (shown, _) = expect(&["effect", "show", "my_drag", &p], 0);
     assert!(shown.contains("## Physics") && shown.contains("area1 * speed * v_z"), "{shown}");
 
-    // alone it is named; beside the catalogue it is one of those that say the same
+    // alone it is named; with the catalogue it is one of several that cannot be told apart
     let found = json(&["discover", &p, "--workspace", &own, "--only", "my_drag", "--json"]);
     assert_eq!(
         (&found["verdict"], &found["effects"][0]),
@@ -50,7 +50,7 @@ fn a_law_written_as_formulas_is_found_and_gives_what_the_catalogue_gives() {
 
     expect(&["effect", "add", &p, "my_drag", "--workspace", &own], 0);
     let mine = coefficients(&json(&["history", &p, "--workspace", &own, "--json"]));
-    // the catalogue's law with its centres where the formula has them: in the links' centres of mass
+    // the catalogue's law acting where the formula acts: in the links' centres of mass
     expect(&["run", &p, "--workspace", &built_in], 0);
     expect(&["effect", "add", &p, "quadratic_drag[links]", "--workspace", &built_in], 0);
     let theirs = coefficients(&json(&["history", &p, "--workspace", &built_in, "--json"]));
@@ -59,7 +59,8 @@ fn a_law_written_as_formulas_is_found_and_gives_what_the_catalogue_gives() {
         assert!(*a > 0.005 && *se < 0.1 * a && (a - b).abs() < 1e-9 * b, "{a} for {b}");
     }
 
-    // another law in the file makes the results stale, and removing the effect takes the model back
+    // changing the law in the file makes the results stale; removing the effect restores the
+    // earlier model
     let text = fs::read_to_string(repo("configs/effects/my_drag.yaml")).unwrap();
     fs::write(dir.path().join("mine.yaml"), text.replace("-0.5 *", "-0.25 *")).unwrap();
     fs::write(&p, fs::read_to_string(&p).unwrap().replace("[my_drag]", "[mine.yaml]")).unwrap();
@@ -118,7 +119,8 @@ fn what_is_wrong_in_a_law_is_shown_at_its_character() {
 fn a_law_that_gives_no_numbers_is_said_to_be_not_tried() {
     let dir = folder();
     let ws = dir.path().join("ws").display().to_string();
-    // nowhere a number; no number in the first 50 ms of each flight; a number only at some starting values; too great to be squared
+    // no number at all; no number in the first 50 ms of each flight; a number only at some starting
+    // values; too large to be squared
     let laws = [
         ("nowhere", "-c * v_x / (speed - speed)", ""),
         ("late", "-c * v_x / speed * sqrt((since_start - delay) / delay)", ""),
@@ -145,7 +147,8 @@ fn a_law_that_gives_no_numbers_is_said_to_be_not_tried() {
     fs::write(&path, format!("{text}\n{define}")).unwrap();
     let p = path.display().to_string();
     expect(&["run", &p, "--workspace", &ws], 0);
-    // nothing acts on the twin: without a word about the four laws the answer would be "nothing missing"
+    // nothing acts on the twin: without a remark about the four laws the answer would be "nothing
+    // missing"
     let only = ["--only", "linear_drag", "--only", "nowhere", "--only", "late", "--only", "in_part", "--only", "huge"];
     let found = json(&[&["discover", p.as_str(), "--workspace", &ws, "--json"], &only[..]].concat());
     let left: Vec<(&str, bool)> = found["not_tried"]
@@ -174,10 +177,10 @@ fn a_law_that_gives_no_numbers_is_said_to_be_not_tried() {
         !first.ends_with("nothing missing") && said.contains("left out: `nowhere` was not tried, because"),
         "{said}"
     );
-    // where nothing could be tried there is no answer
+    // if nothing could be tried, there is no answer
     let none = json(&["discover", &p, "--workspace", &ws, "--json", "--only", "nowhere"]);
     assert_eq!(none["verdict"], "not_detectable", "{none}");
-    // nor can it be added; the model stays as it was
+    // such a law cannot be added either; the model stays as it was
     for id in ["nowhere", "late"] {
         let (_, err) = expect(&["effect", "add", &p, id, "--workspace", &ws], 2);
         let err: Vec<&str> = err.split(['\n', '│', ' ']).map(str::trim).filter(|w| !w.is_empty()).collect();

@@ -1,6 +1,7 @@
-//! What every report page keeps to: it stands alone, its data can be read, and it tells the story.
+//! Requirements on every report page: it is self-contained, its data can be read, and it holds the
+//! expected chapters.
 
-/// Checks a page; `chapters` are identifiers that it must hold.
+/// Checks a page; `chapters` are identifiers that it must contain.
 pub fn check_page(html: &str, chapters: &[&str]) {
     assert!(html.len() < 10_000_000, "{} bytes", html.len());
     let own = without_plotting_library(html);
@@ -34,7 +35,8 @@ pub fn check_page(html: &str, chapters: &[&str]) {
     }
 }
 
-/// The page without the plotting library, whose text is not ours: the one script that is longer than a megabyte.
+/// The page without the plotting library, which is third-party text: the only script longer than a
+/// megabyte.
 fn without_plotting_library(html: &str) -> String {
     let start =
         html.find("<script type=\"text/plain\" id=\"plotting-library\">").expect("the plotting library is inside");
@@ -55,7 +57,7 @@ pub fn figures(html: &str) -> Vec<serde_json::Value> {
         .collect()
 }
 
-/// Every axis of a chart says what it shows, with its unit where it is a quantity.
+/// Checks that every axis of a chart has a title, with a unit if it is a quantity.
 fn units(figure: &serde_json::Value) {
     let layout = figure["layout"].as_object().unwrap();
     let heat = figure["data"][0]["type"] == "heatmap";

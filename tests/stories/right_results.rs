@@ -1,4 +1,5 @@
-//! Nothing stale, damaged or half-done is shown as a result: every setting, every file, every moment of a change.
+//! No stale, damaged or incomplete data is shown as a result: tested for every setting, every file
+//! and every moment of a change.
 
 use crate::support::{expect, folder, repo};
 use serde_json::Value;
@@ -47,7 +48,7 @@ impl Lab {
         self.command(words, ws).output().unwrap()
     }
 
-    /// Asks and expects an exit code; stdout and stderr.
+    /// Runs a command and expects an exit code; returns stdout and stderr.
     fn expect(&self, words: &[&str], ws: &str, code: i32) -> (String, String) {
         let output = self.ask(words, ws);
         let text = |b: &[u8]| String::from_utf8_lossy(b).into_owned();
@@ -64,7 +65,7 @@ impl Lab {
         assert!(text.contains("two-link-chain") && text.contains("cutoff_hz: 10.0"), "the pipeline is another one");
         let mut all: Value = serde_json::from_str(json).unwrap();
         change(all.as_object_mut().unwrap());
-        // JSON is YAML
+        // JSON is valid YAML
         fs::write(self.place("p.yaml"), all.to_string()).unwrap();
     }
 }
@@ -85,7 +86,7 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// Every file of stages' results; of manifests all but the time that the work took.
+/// Every file of the stages' results; manifests without the time that the work took.
 fn results(ws: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut all = BTreeMap::new();
     let mut open = vec![ws.to_path_buf()];
@@ -102,7 +103,7 @@ fn results(ws: &Path) -> BTreeMap<String, Vec<u8>> {
                 if name.ends_with("manifest.json") {
                     let mut manifest: Value = serde_json::from_slice(&bytes).unwrap();
                     (manifest["seconds"], manifest["check"]) = (Value::Null, Value::Null);
-                    // messages of failures name files of the workspace
+                    // failure messages contain paths of the workspace
                     bytes = manifest.to_string().replace(&ws.display().to_string(), "WORKSPACE").into_bytes();
                 }
                 all.insert(name, bytes);
@@ -112,7 +113,8 @@ fn results(ws: &Path) -> BTreeMap<String, Vec<u8>> {
     all
 }
 
-/// Another value for a setting, by its schema: each variant of a choice, a number that is not the default.
+/// Other values for a setting, from its schema: each variant of a choice, a number that is not the
+/// default.
 fn others(schema: &Value, root: &Value) -> Vec<Value> {
     let target = schema["$ref"].as_str().and_then(|r| root.pointer(r.trim_start_matches('#'))).unwrap_or(schema);
     let default = schema.get("default").unwrap_or(&Value::Null);
@@ -142,7 +144,7 @@ fn others(schema: &Value, root: &Value) -> Vec<Value> {
 const SECTIONS: [&str; 9] =
     ["import", "scale", "calibrate", "ik", "filter", "flight", "regressor", "identify", "compare"];
 
-/// What a case does to the settings.
+/// Change of the settings in one case.
 type Change = Box<dyn Fn(&mut serde_json::Map<String, Value>)>;
 
 #[test]
@@ -167,7 +169,7 @@ fn every_setting_changed_in_turn_gives_what_a_fresh_run_gives() {
             }
         }
     }
-    // what the schema cannot vary by itself
+    // values that cannot be derived from the schema
     put("scale", "hip", "bell".into());
     put("scale", "anthropometry", "dumas".into());
     put("import", "aliases", serde_json::json!({"nothing": "m1"}));
@@ -241,7 +243,7 @@ fn every_damaged_file_is_found_and_made_again() {
         found += usize::from(out.contains(result));
         let (out, _) = lab.expect(&["status"], "ws", 0);
         assert!(out.contains("damaged"), "{name}: {out}");
-        // shown nowhere
+        // not shown by any command
         lab.expect(&["report"], "ws", 2);
         let (_, err) = lab.expect(&["run"], "ws", 0);
         assert!(err.contains("damaged: ") && err.contains("made again"), "{name}: {err}");
@@ -294,7 +296,7 @@ fn every_command_that_shows_results_says_what_is_stale() {
     shown(true, "10.0 → 5.0");
     lab.pipeline(|_| ());
     shown(false, "");
-    // another recording of the same size and time
+    // another recording with the same size and time
     let (one, two) = (lab.place("lab/throws_01.c3d"), lab.place("lab/throws_02.c3d"));
     let mut bytes = fs::read(&one).unwrap();
     let time = fs::metadata(&one).unwrap().modified().unwrap();
@@ -306,7 +308,7 @@ fn every_command_that_shows_results_says_what_is_stale() {
     shown(true, "the content of the file throws_01.c3d");
     fs::write(&one, old).unwrap();
     shown(false, "");
-    // a recording that is new, one that is gone
+    // a new recording and a removed one
     fs::copy(&two, lab.place("lab/throws_09.c3d")).unwrap();
     shown(true, "never run");
     fs::remove_file(lab.place("lab/throws_09.c3d")).unwrap();
@@ -316,7 +318,7 @@ fn every_command_that_shows_results_says_what_is_stale() {
     shown(false, "");
 }
 
-/// What each revision reached, and whether anything is said to be stale.
+/// What each revision reached, and whether anything is reported as stale.
 fn ladder(lab: &Lab, ws: &str) -> (Vec<(String, Value)>, bool) {
     let output = lab.ask(&["history", "--json"], ws);
     if output.status.code() == Some(2) {
@@ -328,7 +330,8 @@ fn ladder(lab: &Lab, ws: &str) -> (Vec<(String, Value)>, bool) {
     (all, !json["stale"].as_array().unwrap().is_empty())
 }
 
-/// Effects that the comparison in a workspace was made with; none where it is not there.
+/// Number of effects with which the comparison in a workspace was made; none if there is no
+/// comparison.
 fn compared(ws: &Path) -> Option<usize> {
     let text = fs::read(ws.join("compare/_study/manifest.json")).ok()?;
     let manifest: Value = serde_json::from_slice(&text).unwrap();
@@ -363,7 +366,7 @@ fn a_change_of_the_model_that_is_killed_anywhere_is_whole_or_said_to_be_open() {
             assert_eq!(killed.status.code(), Some(86), "{}", String::from_utf8_lossy(&killed.stderr));
             kills += 1;
             let (now, stale) = ladder(&lab, "ws");
-            // no revision has another's error
+            // no revision has the error of another one
             for (i, (action, error)) in now.iter().enumerate() {
                 assert_eq!(*action, after[i].0);
                 assert!(error.is_null() || *error == after[i].1, "{change}, kill {n}: revision {i} has {error}");
@@ -371,14 +374,14 @@ fn a_change_of_the_model_that_is_killed_anywhere_is_whole_or_said_to_be_open() {
             let model = fs::read(lab.place("ws/model.json")).ok().map(|b| serde_json::from_slice::<Value>(&b).unwrap());
             let revisions = model.as_ref().and_then(|m| m["revisions"].as_array().cloned()).unwrap_or_default();
             let held = revisions.last().map_or(0, |r| r["effects"].as_array().unwrap().len());
-            // ahead or behind: the program says so
+            // results ahead of or behind the model are reported as stale
             assert!(compared(&lab.place("ws")) == Some(held) || stale, "{change}, kill {n}: nobody says so");
             if revisions.len() == after.len() {
                 assert!(!stale && now == after, "{change}, kill {n}");
                 continue;
             }
             open += usize::from(stale);
-            // the same again, or a run that goes back
+            // repeat the same command, or start a run that restores the earlier state
             if n % 3 == 0 {
                 lab.expect(&["run"], "ws", 0);
                 let (now, stale) = ladder(&lab, "ws");
@@ -439,16 +442,16 @@ fn commands_that_write_leave_nothing_half_done_when_they_are_killed() {
             }
             assert_eq!(killed.status.code(), Some(86), "{words:?} {n}: {}", String::from_utf8_lossy(&killed.stderr));
             kills += 1;
-            // what stands in its place is what was written
+            // every result in place is undamaged
             let json: Value = match lab.ask(&["verify", "--json"], "ws") {
                 o if o.status.code() == Some(2) => panic!("{words:?} {n}: {}", String::from_utf8_lossy(&o.stderr)),
                 o => serde_json::from_slice(&o.stdout).unwrap(),
             };
             for damage in json["damaged"].as_array().unwrap() {
-                // moved away for its successor, and put back by the next run
+                // the old result was moved away for its successor; the next run restores it
                 assert!(damage["problems"][0].as_str().unwrap().contains("is missing"), "{words:?} {n}: {damage}");
             }
-            // the same again is as if nothing had happened
+            // repeating the command gives the results of an uninterrupted one
             lab.expect(&words, "ws", 0);
             lab.expect(&["run"], "ws", 0);
             lab.expect(&["verify", "--strict"], "ws", 0);
@@ -477,7 +480,7 @@ fn two_changes_at_once_lose_nothing() {
             command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
         })
         .collect();
-    // a run beside them takes the model that stands when its turn comes
+    // a run at the same time uses the model that is current when it gets the lock
     let mut beside = lab.command(&["run", "--wait"], "ws").stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     let ended: Vec<bool> = all.iter_mut().map(|c| c.wait().unwrap().success()).collect();
     assert!(beside.wait().unwrap().success());
@@ -487,7 +490,7 @@ fn two_changes_at_once_lose_nothing() {
     let json: Value = serde_json::from_slice(&lab.ask(&["history", "--json"], "ws").stdout).unwrap();
     let held = json["revisions"][names.len()]["effects"].as_array().unwrap().len();
     assert_eq!(held, names.len());
-    // without --wait the second says who holds the workspace
+    // without --wait the second process reports who holds the workspace
     let held = fs::File::options().write(true).open(lab.place("ws/.lock")).unwrap();
     held.lock().unwrap();
     let (_, err) = lab.expect(&["effect", "remove", names[0]], "ws", 2);

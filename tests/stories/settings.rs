@@ -1,5 +1,6 @@
-//! Absurd numbers: every numeric setting of the schema, and every fact about the subject, is refused by `check` and `run` alike, at its line and
-//! with the range that the schema states; what is accepted stands in a list with the reason.
+//! Absurd numbers: for every numeric setting of the schema and every fact about the subject,
+//! `check` and `run` reject them alike, with the line and the range from the schema. Accepted
+//! values are in a list with the reason.
 
 use crate::support::{aloft, expect, folder, repo};
 use serde_json::{Value, json};
@@ -7,10 +8,10 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
-/// What no number of a laboratory is; the last three are no numbers at all.
+/// Values that no laboratory uses; the last three are not numbers.
 const ABSURD: [&str; 11] = [".nan", ".inf", "-.inf", "1e999", "1e38", "-1e38", "-1", "0", "abc", "\"5\"", "[1]"];
 
-/// Accepted out of these, by setting: the value, and why it means something.
+/// Those of these values that are accepted, by setting: the value, and why it is meaningful.
 const ACCEPTED: [(&str, &str, &str); 24] = [
     ("import.fill_gaps_s", "0", "no gap is filled"),
     ("import.rigid_fill_s", "0", "no gap is filled from the segment"),
@@ -68,7 +69,7 @@ fn numbers(root: &Value, schema: &Value, path: &[String], out: &mut Vec<Vec<Stri
     }
 }
 
-/// A pipeline in which every number has a place.
+/// A pipeline in which every number occurs.
 fn whole(data: &str) -> Value {
     let law = |id: &str, part: bool| {
         let point = json!({"link": "link0", "position_m": [0.0, 0.1, 0.0]});
@@ -95,13 +96,13 @@ fn whole(data: &str) -> Value {
     })
 }
 
-/// The pipeline's text, which is JSON but for the token in the place of one number.
+/// The pipeline's text: JSON, except for the token that replaces one number.
 fn with(data: &str, path: &[String], token: &str) -> String {
     let mut pipeline = whole(data);
     let mut at = &mut pipeline;
     for (i, key) in path.iter().enumerate() {
         at = match key.as_str() {
-            // the second law is the one of several parts
+            // the second law is the one with several parts
             "0" if i > 0 && path[i - 1] == "define" && path.contains(&"parts".to_owned()) => &mut at[1],
             "static_frames" => {
                 at["static_frames"] = json!({"trial": "throws_01", "first": 1, "last": 30});
@@ -155,7 +156,8 @@ fn absurd_settings_are_refused_by_check_and_run_alike() {
                 taken.insert((path.join("."), token));
                 let of_law = path[0] == "effects";
                 let weightless = path.last().is_some_and(|k| k == "gravity_mps2");
-                // what a law's bounds and weightlessness do to results is tested elsewhere
+                // the effects of a law's bounds and of weightlessness on results are tested
+                // elsewhere
                 if !of_override && !of_law && !weightless {
                     expect(&["run", &name, "--workspace", &ws], 0);
                 }
@@ -180,7 +182,7 @@ fn absurd_settings_are_refused_by_check_and_run_alike() {
     }
 }
 
-/// A laboratory like the demonstration's, with facts of its own.
+/// A laboratory like the demonstration's, with its own facts.
 fn laboratory(at: &Path, file: &str, text: &str) -> [String; 2] {
     let data = at.join("lab");
     let _ = fs::remove_dir_all(&data);
@@ -216,7 +218,7 @@ fn absurd_facts_are_refused_by_check_and_run_alike() {
     };
     let object = |v: &str| ("object.yaml", format!("name: x\ntotal_mass_kg: 1.0\nlab:\n  gravity: {v}\n"));
     type Maker<'a> = Box<dyn Fn(&str) -> (&'static str, String) + 'a>;
-    // the maker, what it accepts, and a value that is right
+    // the writer of the facts, the absurd values it accepts, and a valid value
     let makers: [(&str, Maker<'_>, &[&str], &str); 8] = [
         ("mass_kg", Box::new(yaml("mass_kg")), &[], "70.5"),
         ("total_mass_kg", Box::new(yaml("total_mass_kg")), &[], "0.9"),

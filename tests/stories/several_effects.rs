@@ -1,4 +1,5 @@
-//! More than one effect, one after the other; loads that only some recordings carry; what the comparison says of where it fails.
+//! Several effects, added one after the other; loads carried only in some recordings; the
+//! comparison's breakdown of the error.
 
 use crate::support::{expect, folder, json, lab, repo};
 use serde_json::Value;
@@ -24,7 +25,8 @@ fn drag_and_tilt_are_added_one_after_the_other() {
     let add = |key: &str| expect(&[&["effect", "add", words[0], key], &words[1..]].concat(), 0);
     add(keys[1]);
     let second = json(&[&["discover"], &words[..], &["--json"]].concat());
-    // with drag in the model a wind looks like a tilt: a class, of which the tilt is the most economical
+    // with drag in the model a wind looks like a tilt: the answer is a class, of which the tilt has
+    // the fewest unknowns
     assert!(["supported", "one_of"].contains(&second["verdict"].as_str().unwrap()), "{}", second["words"]);
     assert_eq!(second["effects"][0], "gravity_tilt");
     let (out, _) = add("gravity_tilt");
@@ -37,7 +39,7 @@ fn drag_and_tilt_are_added_one_after_the_other() {
     assert_eq!(rungs.len(), 3);
     let error = |i: usize| number(&rungs[i]["held_out_error"]);
     assert!(error(2) < 0.5 * error(1) && error(2) < 1.2 * number(&rungs[2]["noise_floor"]), "{ladder:#}");
-    // gravity leans by a quarter of its sine: 0.5° and 0.4° of 9.81 m/s²
+    // gravity is tilted: the coefficients are the sines of 0.5° and 0.4° times 9.81 m/s²
     let coefficient = |name: &str| {
         let all = rungs[2]["coefficients"].as_array().unwrap();
         number(&all.iter().find(|c| c["name"] == format!("gravity_tilt.{name}")).unwrap()["value"]).abs()
@@ -46,7 +48,8 @@ fn drag_and_tilt_are_added_one_after_the_other() {
     let truth = 9.80665 * (0.5f64.hypot(0.4)).to_radians().sin();
     assert!((lean - truth).abs() < 0.02 * truth, "{lean} for {truth} m/s²");
 
-    // what the model holds cannot be added again, and what it does not hold cannot be removed
+    // an effect that the model holds cannot be added again, and one that it does not hold cannot be
+    // removed
     let (_, err) = expect(&[&["effect", "add", words[0], "gravity_tilt"], &words[1..]].concat(), 2);
     assert!(err.contains("already"), "{err}");
     let (_, err) = expect(&[&["effect", "remove", words[0], "tether"], &words[1..]].concat(), 2);
@@ -84,7 +87,7 @@ fn a_load_that_some_recordings_carry_is_found_with_and_without_groups() {
     let (before, rung) = (number(&ladder["revisions"][0]["held_out_error"]), &ladder["revisions"][1]);
     let (after, mass) = (number(&rung["held_out_error"]), number(&rung["coefficients"][0]["value"]));
     assert!(after < 0.3 * before && (mass - 0.05).abs() < 0.003, "{before} N to {after} N, {mass} kg");
-    // a group that nobody belongs to, and a recording in two groups
+    // a group without recordings, and a recording in two groups
     for (wrong, words) in
         [("loaded: [\"x*\"]", "no recording is in the group"), ("loaded: [\"throws_0[3456].c3d\"]", "in the groups")]
     {
@@ -110,7 +113,7 @@ fn the_comparison_says_where_it_fails_and_what_of_it_noise_explains() {
     let floors = c["noise_floor"]["groups"].as_array().unwrap();
     assert_eq!(floors.len(), groups.len());
     assert_eq!(c["axes"].as_array().unwrap().len(), 6);
-    // drag grows with the square of the speed: so does what noise does not explain
+    // drag grows with the square of the speed, and so does the error that noise does not explain
     let by_speed: Vec<(f64, f64)> = groups
         .iter()
         .zip(floors)

@@ -1,4 +1,4 @@
-//! Helpers of the stories: folders that vanish, and the binary.
+//! Helpers for the stories: temporary folders, and calls of the binary.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -8,17 +8,17 @@ pub fn folder() -> tempfile::TempDir {
     tempfile::tempdir().unwrap()
 }
 
-/// The repository.
+/// Root folder of the repository.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// A file of the repository.
+/// Path of a file in the repository.
 pub fn repo(path: &str) -> String {
     root().join(path).display().to_string()
 }
 
-/// Runs `aloft` with the given words.
+/// Runs `aloft` with the given arguments.
 pub fn aloft(words: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_aloft")).args(words).env("NO_COLOR", "1").output().unwrap()
 }

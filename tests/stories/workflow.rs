@@ -1,4 +1,5 @@
-//! The jobs of a workflow, started by hand: side by side on one workspace, factors merged in a tree; the numbers are those of one run.
+//! The jobs of a workflow, started by hand in parallel on one workspace, with factors merged in a
+//! tree; the numbers equal those of a single run.
 
 use crate::support::{aloft, expect, folder, repo};
 use std::fs;
@@ -9,7 +10,7 @@ const RESULTS: [&str; 3] =
 #[test]
 fn jobs_side_by_side_give_the_numbers_of_one_run() {
     let dir = folder();
-    // ten recordings make a tree of two levels; one of them is broken
+    // ten recordings give a tree of two levels; one of them is broken
     let scenario = dir.path().join("ten.yaml");
     fs::write(
         &scenario,
@@ -98,10 +99,10 @@ fn jobs_side_by_side_give_the_numbers_of_one_run() {
     for part in ["rule import:", "rule regressor:", "rule merge:", "rule identify:", "rule verdict:", "--shared"] {
         assert!(text.contains(part), "the Snakefile lacks `{part}`");
     }
-    // a workspace that the workflow begins states the same format as one that the program begins
+    // a workspace created by the workflow states the same format as one created by the program
     let marker = fs::read_to_string(dir.path().join("shared/ALOFT_WORKSPACE.txt")).unwrap();
     assert!(text.contains(&serde_json::json!(marker).to_string()), "{marker}");
-    // written again over itself, never over what is not its own
+    // the workflow overwrites its own files, but never others
     call("workflow", "shared", &["--out", &file], 0);
     fs::write(&file, "all: thesis.pdf\n").unwrap();
     call("workflow", "shared", &["--out", &file], 2);

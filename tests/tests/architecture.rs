@@ -1,11 +1,12 @@
-//! Dependencies point one way, as ARCHITECTURE.md says; every crate has its caption there.
+//! Checks that dependencies point in one direction, as ARCHITECTURE.md states, and that every crate
+//! has its caption there.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Crates from bottom to top: each may use only those above it in this list.
+/// Crates from bottom to top: each may use only those listed before it.
 const ORDER: [&str; 21] = [
     "c3d",
     "body",
@@ -89,7 +90,8 @@ fn prop_science_reads_no_yaml_and_knows_no_terminal() {
             if *for_tests {
                 continue;
             }
-            // `workspace` writes parameters with YAML's data model, which has the numbers that JSON lacks
+            // `workspace` writes parameters with YAML's data model, which has the numbers that JSON
+            // lacks
             let yaml = ["serde_norway", "serde_yaml"].contains(&used.as_str());
             assert!(!yaml || ["workspace", "study", "tests"].contains(&own), "{own} must not use {used}");
             let tables = used.starts_with("polars");
@@ -122,8 +124,8 @@ fn sources(folder: &Path) -> Vec<(String, String)> {
     out
 }
 
-/// Discovery asks effects what they are (`About`, `ParameterKind`): it holds no effect's name, and
-/// guesses nothing from the names of effects or of their unknowns.
+/// Discovery asks effects for their properties (`About`, `ParameterKind`): its code contains no
+/// effect's name and guesses nothing from the names of effects or of their unknowns.
 #[test]
 fn discovery_knows_no_effect_by_its_name() {
     let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates");

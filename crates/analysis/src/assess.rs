@@ -1,8 +1,11 @@
-//! `parameters --assess`: how far the identified parameters may be trusted, by trials on the data at hand.
+//! `parameters --assess`: how far the identified parameters may be trusted, tested on the data at
+//! hand.
 //!
-//! Three questions, each answered by doing it: what would other window lengths have given; does the noise of the markers bias the
-//! estimate (SIMEX); which motion, recorded next, would improve the worst parameters most. Slower than identification itself, so it runs
-//! on request; the answer stays in the workspace and is shown with the parameters until they change.
+//! Three questions are answered by computation on the study's own recordings: which estimates other
+//! window lengths would have given; whether marker noise biases the estimate (SIMEX); which motion,
+//! recorded next, would improve the worst parameters most. This is slower than identification
+//! itself and therefore runs on request only; the answer is stored in the workspace and shown with
+//! the parameters until they change.
 
 use crate::results::{Made, with_results};
 use aloft_body::{BaseParameters, Motion, Phi};
@@ -30,29 +33,30 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// Window lengths that are tried, s; 0 is the default, by the length of each flight.
+/// Window lengths to try, s; 0 is the default, which depends on the length of each flight.
 const WINDOWS_S: [f64; 7] = [0.0, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4];
-/// Window of the rows on which all lengths are judged, s.
+/// Window length of the rows on which all candidates are judged, s.
 const YARDSTICK_S: f64 = 0.25;
-/// Variances of added noise in units of what the data carry.
+/// Variances of the added noise, in units of the noise variance in the data.
 const LEVELS: [f64; 4] = [0.0, 0.5, 1.0, 2.0];
-/// Draws of each level.
+/// Random draws per level.
 const REPLICATES: usize = 6;
-/// At most so many flights take part in the trials of windows and noise, evenly taken: more do not change the answer.
+/// Maximum number of flights used for the window and noise trials, evenly sampled: more do not
+/// change the answer.
 const MOST_FLIGHTS: usize = 24;
-/// Motions shown.
+/// Number of motions shown.
 const MOTIONS: usize = 6;
 
-/// What noise does to one parameter.
+/// Effect of marker noise on one parameter.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct NoiseBias {
     /// Name.
     pub name: String,
-    /// Estimate from the data as they are.
+    /// Estimate from the data as recorded.
     pub value: f64,
-    /// By how much noise has moved it.
+    /// Bias that the noise causes.
     pub bias: f64,
-    /// Standard error of that, from the spread among draws.
+    /// Standard error of the bias, from the spread among draws.
     pub bias_se: f64,
     /// Standard error of the parameter.
     pub se: f64,
@@ -60,26 +64,27 @@ pub struct NoiseBias {
     pub unit: String,
 }
 
-/// Errors in variables for one kind of rows.
+/// Errors-in-variables analysis for one kind of rows.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ErrorsInVariables {
     /// `weak` or `paper`.
     pub rows: String,
     /// Estimator.
     pub estimator: String,
-    /// Flights that took part.
+    /// Number of flights used.
     pub flights: usize,
-    /// Added variances, in units of the data's own.
+    /// Variances of the added noise, in units of the data's own.
     pub levels: Vec<f64>,
-    /// Draws of each level.
+    /// Random draws per level.
     pub replicates: usize,
-    /// Largest bias of any parameter in its standard errors.
+    /// Largest bias of any parameter, in standard errors of that parameter.
     pub largest_in_se: f64,
-    /// Parameters whose bias exceeds half a standard error and is no chance (twice its own standard error).
+    /// Parameters whose bias exceeds half a standard error and is significant (twice its own
+    /// standard error).
     pub biased: usize,
-    /// Every parameter but the mass.
+    /// Every parameter except the mass.
     pub parameters: Vec<NoiseBias>,
-    /// In words.
+    /// Summary in words.
     pub words: String,
 }
 
@@ -88,13 +93,13 @@ pub struct ErrorsInVariables {
 pub struct Assessment {
     /// Version of this structure.
     pub version: u32,
-    /// Hash of the identification that it speaks of.
+    /// Hash of the identification that was assessed.
     pub of: String,
     /// Window lengths.
     pub window: Option<WindowChoice>,
     /// Errors in variables, weak rows first.
     pub errors_in_variables: Vec<ErrorsInVariables>,
-    /// Kinds of motion, the most useful first.
+    /// Kinds of motion, most useful first.
     pub motions: Vec<MotionAdvice>,
     /// What could not be tried, and why.
     pub notes: Vec<String>,
@@ -108,20 +113,20 @@ fn identification(ws: &Workspace) -> Option<String> {
     ws.manifest("identify", WHOLE_STUDY).filter(|m| m.is_ok()).map(|m| m.output)
 }
 
-/// The assessment that lies in the workspace, if it speaks of the present parameters.
+/// The stored assessment, if it belongs to the present parameters.
 pub fn stored(study: &Study) -> Result<Option<Assessment>, PipelineError> {
     let ws = Workspace::open(&study.workspace);
     let found: Option<Assessment> = seal::read_if_there(&place(study))?;
     Ok(found.filter(|f| Some(&f.of) == identification(&ws).as_ref()))
 }
 
-/// One trial's material.
+/// Data of one trial.
 struct Recorded {
     rows: TrialRows,
     flights: Vec<Stretch>,
 }
 
-/// What all trials share.
+/// Data that all trials of the assessment share.
 struct Setting<'a> {
     study: &'a Study,
     recorded: &'a [Recorded],
@@ -132,7 +137,7 @@ struct Setting<'a> {
     mass_kg: f64,
 }
 
-/// Tries window lengths, noise and motions; keeps the answer in the workspace.
+/// Tries window lengths, noise levels and motions, and stores the answer in the workspace.
 pub fn assess(study: &Study) -> Result<Assessment, PipelineError> {
     let study = &aloft_pipeline::made::as_made(study);
     let ws = Workspace::open(&study.workspace);
@@ -180,7 +185,7 @@ fn load(made: &Made<'_>) -> Result<Vec<Recorded>, StageFailure> {
     Ok(all.into_iter().filter(|r| !r.flights.is_empty()).collect())
 }
 
-/// Every k-th flight so that at most `MOST_FLIGHTS` are left.
+/// Takes every k-th flight so that at most `MOST_FLIGHTS` remain.
 fn sample(recorded: &[Recorded]) -> Vec<(usize, Stretch)> {
     let all: Vec<(usize, Stretch)> =
         recorded.iter().enumerate().flat_map(|(i, r)| r.flights.iter().map(move |s| (i, s.clone()))).collect();

@@ -1,4 +1,4 @@
-//! `check`: configuration, labels and files; changes nothing.
+//! `check`: checks configuration, labels and files; changes nothing.
 
 use aloft_pipeline::graph::Recording;
 use aloft_pipeline::stages::filter::low_pass;
@@ -9,37 +9,37 @@ use aloft_workspace::error::PipelineError;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// What was found.
+/// Result of the check.
 #[derive(Debug, Clone, Serialize)]
 pub struct Check {
-    /// One row a recording.
+    /// One row per recording.
     pub trials: Vec<CheckRow>,
-    /// About the study as a whole.
+    /// Remarks about the study as a whole.
     pub remarks: Vec<String>,
 }
 
 /// One recording.
 #[derive(Debug, Clone, Serialize)]
 pub struct CheckRow {
-    /// Trial.
+    /// Trial name.
     pub name: String,
-    /// Its part, or `excluded`.
+    /// Role, or `excluded`.
     pub role: String,
     /// Frames.
     pub frames: Option<usize>,
     /// Rate, Hz.
     pub rate_hz: Option<f64>,
-    /// Markers of the set that were found, of all.
+    /// Markers of the set that were found, out of all.
     pub markers: String,
-    /// Plates.
+    /// Number of force plates.
     pub plates: Option<usize>,
     /// True when the recording cannot be used.
     pub broken: bool,
-    /// In words.
+    /// Remarks.
     pub remarks: Vec<String>,
 }
 
-/// Reads every recording and says what is missing.
+/// Reads every recording and reports what is missing.
 pub fn check(study: &Study) -> Result<Check, PipelineError> {
     let trials: Vec<CheckRow> = study
         .trials

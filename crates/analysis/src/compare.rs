@@ -1,4 +1,4 @@
-//! `compare`: model against measurement, from what the stage left; and the table of estimators.
+//! `compare`: model against measurement, read from the results of the stage `compare`.
 
 use aloft_compare::{Comparison, ModelComparison};
 use aloft_flight::ImpulseMass;
@@ -21,17 +21,17 @@ pub struct ComparisonView {
     /// The comparison: `held_out`, `flight`, `trials`, `beside`, `noise_floor`, `words` …
     #[serde(flatten)]
     pub comparison: Comparison,
-    /// About the parameters that were compared.
+    /// Summary of the compared parameters.
     pub parameters: ParametersBrief,
-    /// Kinematics: marker RMS and flights a trial.
+    /// Kinematics: marker RMS and flights of each trial.
     pub kinematics: Vec<KinematicsRow>,
-    /// Landmark against calibrated geometry; none for objects and where nothing was calibrated.
+    /// Landmark against calibrated geometry; none for objects, or if nothing was calibrated.
     pub calibration: Option<CalibrationView>,
-    /// The body weighed by the plates' impulse from flight to flight; none without such contacts.
+    /// Body mass from the impulse of the force plates between flights; none without such contacts.
     pub impulse_mass: Option<ImpulseMassView>,
 }
 
-/// The mass that the plates' impulse from flight to flight says, beside the stated one.
+/// Body mass from the impulse of the force plates between flights, compared with the stated mass.
 #[derive(Debug, Clone, Serialize)]
 pub struct ImpulseMassView {
     /// Median over contacts, kg.
@@ -40,42 +40,43 @@ pub struct ImpulseMassView {
     pub range_kg: [f64; 2],
     /// Contacts between two flights.
     pub contacts: usize,
-    /// What the pipeline was told, kg.
+    /// Stated mass, kg.
     pub stated_kg: f64,
-    /// Where both disagree: what to look at.
+    /// What to check if the two masses disagree.
     pub doubt: Option<String>,
 }
 
-/// What calibration of the geometry moved and gained.
+/// What calibration changed in the geometry and how much it reduced the marker error.
 #[derive(Debug, Clone, Serialize)]
 pub struct CalibrationView {
     /// Whether the calibrated geometry is used (`calibrate: {enabled: auto}` keeps it when held-out marker error falls).
     pub used: bool,
-    /// Marker RMS of frames that took no part in the calibration: landmarks, calibrated; m.
+    /// Marker RMS on frames that were not used for calibration: landmark geometry, calibrated
+    /// geometry; m.
     pub held_out_rms_m: [f64; 2],
     /// Joints and markers, landmarks against calibration.
     pub report: CalibrationReport,
 }
 
-/// About the parameters.
+/// Summary of the parameters.
 #[derive(Debug, Clone, Serialize)]
 pub struct ParametersBrief {
-    /// Rows.
+    /// Kind of rows.
     pub rows: &'static str,
     /// σ_{N−1}/σ_N.
     pub sigma_ratio: f64,
     /// Singular values.
     pub sigma: Sigma,
-    /// Flights that took part.
+    /// Number of flights used.
     pub flights: usize,
 }
 
 /// One trial's kinematics.
 #[derive(Debug, Clone, Serialize)]
 pub struct KinematicsRow {
-    /// Trial.
+    /// Trial name.
     pub trial: String,
-    /// Its part.
+    /// Role.
     pub role: &'static str,
     /// Root mean square marker error, mm.
     pub marker_rms_mm: Option<f64>,
@@ -85,7 +86,7 @@ pub struct KinematicsRow {
     pub gravity_error_percent: Option<f64>,
 }
 
-/// Reads what `compare` left.
+/// Reads the results of the stage `compare`.
 pub fn compare(study: &Study) -> Result<ComparisonView, PipelineError> {
     let study = &aloft_pipeline::made::as_made(study);
     let ws = Workspace::open(&study.workspace);
@@ -115,10 +116,10 @@ pub fn compare(study: &Study) -> Result<ComparisonView, PipelineError> {
     })
 }
 
-/// Masses from further apart than this share of the body's are doubted.
+/// Relative difference between the two masses above which they are doubted.
 const MASS_DOUBT: f64 = 0.02;
 
-/// Mass by impulse over all trials with plates and at least two flights.
+/// Mass from impulse over all trials with plates and at least two flights.
 pub fn impulse_mass(study: &Study, ws: &Workspace) -> Option<ImpulseMassView> {
     let mut masses: Vec<f64> = study
         .included()
@@ -143,7 +144,7 @@ pub fn impulse_mass(study: &Study, ws: &Workspace) -> Option<ImpulseMassView> {
     Some(ImpulseMassView { mass_kg, range_kg: [first, last], contacts: masses.len(), stated_kg, doubt })
 }
 
-/// The calibration's report with the decision that followed.
+/// The calibration report, and whether the calibrated geometry is used.
 pub fn calibration(ws: &Workspace) -> Option<CalibrationView> {
     let report: CalibrationReport = read_json(&ws.place("calibrate", WHOLE_STUDY).join("report.json")).ok()?;
     let used = ws.manifest("calibrate", WHOLE_STUDY)?.summary.get("used")?.as_bool()?;
@@ -172,7 +173,7 @@ pub fn kinematics(study: &Study, ws: &Workspace) -> Vec<KinematicsRow> {
         .collect()
 }
 
-/// What the error of a model is taken over, best first: held-out contact, else flight.
+/// Motion on which a model's error is judged: held-out contact if there is any, else flight.
 pub fn judged_on(c: &Comparison) -> &'static str {
     if c.first.held_out.frames > 0 { "held-out contact" } else { "held-out flight" }
 }
@@ -180,7 +181,8 @@ pub fn judged_on(c: &Comparison) -> &'static str {
 /// Force (N) and moment (N·m) on frames, force and moment over weak windows, by axis.
 pub type ErrorsByAxis = ([f64; 3], [f64; 3], [f64; 3], [f64; 3]);
 
-/// Mean absolute error of a model on what it is judged on: frames (N, N·m by axis) and weak windows.
+/// Mean absolute error of a model on the motion on which it is judged: frames (N, N·m by axis) and
+/// weak windows.
 pub fn errors_of(model: &ModelComparison) -> ErrorsByAxis {
     if model.held_out.frames > 0 {
         let (f, w) = (&model.held_out, &model.held_out_weak);
@@ -191,7 +193,7 @@ pub fn errors_of(model: &ModelComparison) -> ErrorsByAxis {
     }
 }
 
-/// The mean over axes.
+/// Mean over the axes.
 pub fn mean(v: &[f64; 3]) -> f64 {
     v.iter().sum::<f64>() / 3.0
 }

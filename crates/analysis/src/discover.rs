@@ -1,4 +1,5 @@
-//! `discover`: which effect is missing, from the motion and the flights that the stages left; and how well that works on these recordings.
+//! `discover`: ranks the effects that the model may be missing, from the motion and the flights in
+//! the workspace, and tests how well this works on these recordings.
 
 use crate::results::with_results;
 use aloft_body::{BaseParameters, Subject};
@@ -25,26 +26,28 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// The volume in which the body moved, to which columns of some effects refer; kept beside a discovery for `effect add`.
+/// Region in which the body moved. The columns of some effects refer to it; it is stored with a
+/// discovery for `effect add`.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct Volume {
-    /// Middle, world, m.
+    /// Centre, world, m.
     pub middle_m: [f64; 3],
-    /// Standard deviation of the body's places about it, m.
+    /// Standard deviation of the body's positions about the centre, m.
     pub reach_m: f64,
 }
 
-/// An answer that is kept in the workspace, with what it speaks of.
+/// An answer stored in the workspace, with a hash of the results that it was computed from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Kept<T> {
-    /// Hash of the results that were looked at ([`looked_at`]).
+    /// Hash of the results that the answer was computed from ([`looked_at`]).
     pub made_from: String,
     /// The answer.
     #[serde(flatten)]
     pub answer: T,
 }
 
-/// Hash of the results that a ranking looks at: subject, motion, flights and plates of every trial. Effects of the model do not count.
+/// Hash of the results that a ranking reads: subject, motion, flights and plates of every trial.
+/// The effects of the model are not part of it.
 pub fn looked_at(study: &Study) -> String {
     let ws = Workspace::open(&study.workspace);
     let mut hasher = blake3::Hasher::new();
@@ -61,7 +64,7 @@ pub fn looked_at(study: &Study) -> String {
     hasher.finalize().to_hex().to_string()
 }
 
-/// Wraps an answer, unless the results changed while it was sought.
+/// Wraps an answer; an error if the results changed while it was computed.
 fn kept<T>(study: &Study, made_from: String, answer: T) -> Result<Kept<T>, PipelineError> {
     if looked_at(study) != made_from {
         return Err(PipelineError::request_hint(
@@ -72,7 +75,7 @@ fn kept<T>(study: &Study, made_from: String, answer: T) -> Result<Kept<T>, Pipel
     Ok(Kept { made_from, answer })
 }
 
-/// What the stages left of a study, ready to be ranked.
+/// Results of a study, loaded for ranking.
 pub struct Evidence {
     rows: Vec<TrialRows>,
     groups: Vec<Option<String>>,
@@ -84,18 +87,18 @@ pub struct Evidence {
     weak: WeakOptions,
 }
 
-/// What a ranking needs: the evidence as a session, the effects that are tried, those that the model holds.
+/// Input of a ranking: the evidence as a session, the effects to try, and the effects of the model.
 pub struct Bench<'a> {
     /// Rows and columns.
     pub session: Session<'a>,
-    /// Effects, the user's own last.
+    /// Effects to try, the user's own last.
     pub effects: Vec<&'a dyn Effect>,
     /// Effects of the model.
     pub accepted: Vec<Choice<'a>>,
 }
 
 impl Evidence {
-    /// Loads what the stages left.
+    /// Loads the results of the earlier stages.
     pub fn load(study: &Study) -> Result<Self, PipelineError> {
         let (subject, names, rows) = with_results(study, |made| {
             let subject = made.results.load_subject("calibrate")?;
@@ -163,7 +166,8 @@ impl Evidence {
     }
 }
 
-/// What the comparison found in flight or in contact; none where none was made.
+/// Held-out error and noise floor that the comparison found in flight or in contact; none without a
+/// comparison.
 fn standing(study: &Study, place: &str) -> Option<Standing> {
     let folder = Workspace::open(&study.workspace).place("compare", WHOLE_STUDY);
     let comparison = read_json::<Comparison>(&folder.join("comparison.json")).ok()?;
@@ -176,8 +180,8 @@ fn standing(study: &Study, place: &str) -> Option<Standing> {
     })
 }
 
-/// Ranks the catalogue and the study's own effects against the present model; keeps the answer beside the results for `effect add` and
-/// `report`.
+/// Ranks the catalogue and the study's own effects against the present model, and stores the answer
+/// next to the results for `effect add` and `report`.
 pub fn discover(study: &Study, options: &DiscoverOptions) -> Result<Discovery, PipelineError> {
     let made_from = looked_at(study);
     Evidence::load(study)?.with(study, |bench| found(study, bench, options, made_from))
@@ -202,7 +206,8 @@ fn found(
         let calendar = Calendar::of(study, &Workspace::open(&study.workspace));
         found.advice.push(format!("`{}` rests on the times of the session, from {}", c.effect, calendar.words));
     }
-    // what flights say without any plate or model comes before any verdict: one fault of time or lengths shows in several effects
+    // free fall is checked without any plate or model, so it is stated before any verdict: one
+    // error of the time base or of the length scale shows up in several effects
     let shows = |id: &String| aloft_effects::effect(id).is_ok_and(|e| e.about().shows_in_free_fall);
     if found.effects.iter().any(shows)
         && let Some(words) = free_fall(study)?
@@ -211,7 +216,7 @@ fn found(
     }
     let answer = kept(study, made_from, found)?;
     seal::write_whole(&study.workspace.join("discovery.json"), &answer)?;
-    // the answer to each revision of the model stays, so that the report can tell the story from its beginning
+    // the answer for each revision of the model is kept, so that the report can show all of them
     let revision = Revisions::load(&study.workspace)?.revisions.len().saturating_sub(1);
     let place = answer_of(study, revision);
     if let Some(folder) = place.parent() {
@@ -224,7 +229,8 @@ fn found(
     Ok(answer.answer)
 }
 
-/// What the stage `flight` says about the free acceleration, where it differs from the stated gravity in most trials with flights.
+/// Free acceleration measured by the stage `flight`, if it differs from the stated gravity in most
+/// trials with flights.
 fn free_fall(study: &Study) -> Result<Option<String>, PipelineError> {
     let workspace = Workspace::open(&study.workspace);
     let (mut trials, mut words) = (0, Vec::new());
@@ -247,7 +253,8 @@ fn free_fall(study: &Study) -> Result<Option<String>, PipelineError> {
     }))
 }
 
-/// Refuses an effect of the user's own whose law gives no numbers on these recordings; nothing could be computed with it.
+/// Rejects a user-defined effect whose law gives no numbers on these recordings, since nothing can
+/// be computed with it.
 pub fn refuse_without_numbers(study: &Study, effect: &ModelEffect) -> Result<(), PipelineError> {
     if !study.own_effects.iter().any(|o| o.spec.id == effect.id()) {
         return Ok(());
@@ -265,12 +272,12 @@ pub fn refuse_without_numbers(study: &Study, effect: &ModelEffect) -> Result<(),
     })
 }
 
-/// Where the answer to a revision of the model is kept.
+/// Path of the stored answer for a revision of the model.
 pub fn answer_of(study: &Study, revision: usize) -> PathBuf {
     study.workspace.join("discoveries").join(format!("revision_{revision}.json"))
 }
 
-/// How often effects injected into these recordings come out under their name.
+/// How often effects injected into these recordings are identified correctly.
 #[derive(Debug, Clone, Serialize)]
 pub struct SelfTested {
     /// Version of this structure.
@@ -281,7 +288,8 @@ pub struct SelfTested {
     pub self_test: SelfTest,
 }
 
-/// Injects effects of known size into the study's recordings and looks for them; the answer is kept beside the results.
+/// Injects effects of known size into the study's recordings and tries to find them; the answer is
+/// stored next to the results.
 pub fn self_test(
     study: &Study,
     options: &DiscoverOptions,
@@ -300,7 +308,7 @@ pub fn self_test(
     })
 }
 
-/// Options for some effects only, or without some.
+/// Options that restrict the ranking to some effects, or leave some out.
 pub fn options(only: Vec<String>, without: Vec<String>) -> DiscoverOptions {
     DiscoverOptions { only, without, ..DiscoverOptions::default() }
 }

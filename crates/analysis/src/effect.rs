@@ -1,4 +1,5 @@
-//! `effect list | show | add | remove`: what a model can hold, and the revisions that change it.
+//! `effect list | show | add | remove`: the effects that a model can hold, and the revisions that
+//! add or remove them.
 
 use crate::compare::compare;
 use crate::discover::{Kept, Volume, looked_at};
@@ -27,17 +28,19 @@ use std::time::Duration;
 pub struct EffectLine {
     /// Identifier.
     pub id: String,
-    /// A few words.
+    /// Short title.
     pub title: String,
     /// Physics or artefact.
     pub kind: EffectKind,
     /// Where it acts.
     pub acts: ActsIn,
-    /// `catalogue`, the file of an effect of one's own, or `example`: a built-in file that a pipeline can name.
+    /// `catalogue`, the file of a user-defined effect, or `example`: a built-in file that a
+    /// pipeline can name.
     pub from: String,
 }
 
-/// The catalogue, and what a pipeline defines or names; without a pipeline the built-in examples.
+/// Lists the catalogue, plus the effects that a pipeline defines or names; without a pipeline, plus
+/// the built-in examples.
 pub fn list(pipeline: Option<&Path>) -> Result<Vec<EffectLine>, PipelineError> {
     let mut out: Vec<EffectLine> = EFFECTS
         .iter()
@@ -82,13 +85,14 @@ fn own_of(path: &Path) -> Result<Vec<OwnEffect>, PipelineError> {
 pub struct EffectPage {
     /// Identifier.
     pub id: String,
-    /// A few words.
+    /// Short title.
     pub title: String,
     /// Markdown.
     pub documentation: String,
 }
 
-/// One effect's documentation with its coefficients, units and bounds: of the catalogue, of a pipeline's own, or of a built-in example.
+/// Documentation of one effect with its coefficients, units and bounds. The effect is one of the
+/// catalogue, of the pipeline, or a built-in example.
 pub fn show(id: &str, pipeline: Option<&Path>) -> Result<EffectPage, PipelineError> {
     if let Some(e) = EFFECTS.iter().copied().find(|e| e.id() == id) {
         let table = unknowns::table(e, &Examples::built_in()?);
@@ -153,8 +157,8 @@ fn scene(study: &Study) -> Result<Scene, PipelineError> {
     Ok(Scene::new(&subject.model, &subject.prior_phi(), &centers))
 }
 
-/// Adds an effect: a new revision, and what depends on it again. The workspace is held for the whole of it; `wait` waits for another
-/// process that holds it.
+/// Adds an effect as a new revision and brings the results that depend on it up to date. The
+/// workspace is locked throughout; `wait` waits for another process that holds the lock.
 pub fn add(
     study: &Study,
     key: &str,
@@ -178,7 +182,7 @@ pub fn add(
         chosen.volume_m = volume.map(|v| (v.middle_m, v.reach_m));
         chosen.nonlinear.extend(set.iter().cloned());
         if !set.is_empty() {
-            // parameters that somebody states are not fitted
+            // parameters stated by the user are not fitted
             chosen.widening.clear();
         }
         let known = KnownEffects::of(&study.own_effects, &scene)?;
@@ -198,8 +202,8 @@ pub fn add(
     })
 }
 
-/// What the last discovery says of an effect: its key with target, its nonlinear parameters, its trials. A key with a target asks for that
-/// target, and takes over only what was found for it.
+/// What the last discovery found for an effect: its key with target, its nonlinear parameters and
+/// its trials. A key with a target selects that target, and only what was found for it is used.
 fn suggestion(d: &Discovery, key: &str) -> Option<ModelEffect> {
     let values = |n: &[aloft_discover::Estimate]| -> BTreeMap<String, f64> {
         n.iter().map(|e| (e.name.clone(), e.value)).collect()
@@ -221,7 +225,7 @@ fn suggestion(d: &Discovery, key: &str) -> Option<ModelEffect> {
     )
 }
 
-/// Takes an effect out: a new revision without it.
+/// Removes an effect: a new revision without it.
 pub fn remove(
     study: &Study,
     key: &str,
@@ -243,9 +247,11 @@ pub fn remove(
     })
 }
 
-/// One transaction over the model, its results and its history. `model.json` is its record: the revision stands there as pending while
-/// its results are made, and becomes the model with what it reached in the one write that ends the transaction. Wherever this is cut short,
-/// the model is the one before, and results that are ahead of it are stale by their manifests.
+/// One transaction over the model, its results and its history, recorded in `model.json`. The new
+/// revision is stored there as pending while its results are computed; the single write that ends
+/// the transaction makes it the current model, together with what it reached. If the process is
+/// interrupted before that write, the earlier model stays in force, and results already computed
+/// for the new one are stale by their manifests.
 fn change(
     study: &Study,
     wait: bool,
@@ -255,7 +261,7 @@ fn change(
     let ws = Workspace::open(&study.workspace);
     let lock = ws.lock(if wait { Duration::MAX } else { Duration::ZERO })?;
     let mut notes = Vec::new();
-    // the model as it is now that nobody else can change it
+    // reload the model now that the lock keeps others from changing it
     let mut all = Revisions::load(&study.workspace)?;
     if let Some(cut) = all.pending.take() {
         notes.push(format!("`effect {}` was interrupted; the model is the one before it", cut.action));
@@ -303,7 +309,7 @@ fn change(
     Ok((report, history(&study.refreshed()?)?))
 }
 
-/// Why a model has no comparison after a run, where it has none.
+/// Reason why a model has no comparison after a run; none if it has one.
 fn no_comparison(report: &RunReport) -> Option<PipelineError> {
     let bad = |t: &&TaskReport| matches!(t.ended, Ended::Failed(_) | Ended::Blocked(_));
     report.tasks.iter().filter(|t| t.stage == "compare").find(bad)?;

@@ -1,7 +1,10 @@
-//! `compare --estimators` and `compare --leave-one-out`: the same held-out motion, predicted by every way of identifying.
+//! `compare --estimators` and `compare --leave-one-out`: predictions of the same held-out motion by
+//! every identification method.
 //!
-//! Both read what the stages left (motion, flights, plates, factors) and change nothing. The table of estimators repeats inverse
-//! kinematics with the landmarks' geometry where the pipeline calibrated, so that the gain of calibration stands beside that of rows and estimators.
+//! Both read the results of the stages (motion, flights, plates, factors) and change nothing. If
+//! the pipeline calibrated the geometry, the table of estimators repeats inverse kinematics with
+//! the landmark geometry, so that the gain from calibration can be compared with the gain from rows
+//! and estimators.
 
 use crate::compare::mean;
 use crate::results::{Made, with_results};
@@ -25,10 +28,10 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Mean absolute errors of a wrench: predicted less measured.
+/// Mean absolute errors of a wrench: predicted minus measured.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct ErrorsBrief {
-    /// Frames, or windows.
+    /// Number of frames or windows.
     pub count: usize,
     /// Force by axis, N.
     pub force_n: [Option<f64>; 3],
@@ -54,7 +57,7 @@ impl ErrorsBrief {
 }
 
 impl From<&WrenchErrors> for ErrorsBrief {
-    /// Root axes, about the root origin.
+    /// Errors in root axes, about the root origin.
     fn from(e: &WrenchErrors) -> Self {
         Self::new(e.frames, e.force_n.mae, e.moment_nm.mae)
     }
@@ -66,7 +69,7 @@ impl From<&WindowErrors> for ErrorsBrief {
     }
 }
 
-/// One way of identifying and what it predicts.
+/// One identification method and its prediction errors.
 #[derive(Debug, Clone, Serialize)]
 pub struct EstimatorRow {
     /// `calibrated` or `landmarks`; `as scaled` where the pipeline does not calibrate.
@@ -81,15 +84,16 @@ pub struct EstimatorRow {
     pub frames: Option<ErrorsBrief>,
     /// Errors over weak windows.
     pub windows: Option<ErrorsBrief>,
-    /// Errors on frames with the constant offset of plates that were never unloaded still in them; none where all were tared.
+    /// Errors on frames without removing the constant offset of plates that were never unloaded;
+    /// none if all plates were tared.
     pub frames_as_measured: Option<ErrorsBrief>,
     /// σ_{N−1}/σ_N of the flights' rows.
     pub sigma_ratio: Option<f64>,
-    /// Whether the numbers may be shown as identified, and why not.
+    /// Whether the numbers may be shown as identified, and if not, why.
     pub gate: Option<Gate>,
     /// Weight of the prior.
     pub prior_weight: Option<f64>,
-    /// Why there are no figures.
+    /// Reason if there are no figures.
     pub failed: Option<String>,
 }
 
@@ -102,7 +106,7 @@ pub struct EstimatorsView {
     pub subject: String,
     /// `held-out contact` or `held-out flight`.
     pub judged_on: &'static str,
-    /// Which trials the errors are from and why these are held out.
+    /// Trials that the errors come from, and why these count as held out.
     pub held_out: String,
     /// Length of the windows, s.
     pub window_s: f64,
@@ -112,7 +116,7 @@ pub struct EstimatorsView {
     pub noise_frames: Option<ErrorsBrief>,
     /// The same over windows.
     pub noise_windows: Option<ErrorsBrief>,
-    /// What should be known when reading the table.
+    /// Notes for reading the table.
     pub notes: Vec<String>,
 }
 
@@ -175,7 +179,7 @@ fn all_factors(made: &Made<'_>) -> Result<Vec<(Stretch, Factor)>, StageFailure> 
 
 type Tracked = (Subject, Vec<ComparedTrial>, Vec<(Stretch, Factor)>);
 
-/// Motion and factors with the landmarks' geometry; none where the pipeline uses it anyway.
+/// Motion and factors with the landmark geometry; none if the pipeline uses it anyway.
 fn landmarks(made: &Made<'_>, used: &Subject) -> Result<Option<Tracked>, StageFailure> {
     let subject = made.results.load_subject("scale")?;
     if subject.model == used.model && subject.markers == used.markers {
@@ -206,13 +210,13 @@ fn is_training(study: &Study, stretch: &Stretch, contact: bool) -> bool {
         && (contact || stretch.kind != StretchKind::Contact)
 }
 
-/// Every estimator from every kind of rows, and the prior, with one geometry.
-/// The floor that the stage `compare` found.
+/// The noise floor found by the stage `compare`.
 fn known_floor(made: &Made<'_>) -> Option<NoiseFloor> {
     let place = made.results.place("compare", WHOLE_STUDY).ok()?.join("comparison.json");
     read_json::<Comparison>(&place).ok()?.noise_floor
 }
 
+/// Every estimator from every kind of rows, and the prior, with one geometry.
 fn of_geometry(
     made: &Made<'_>,
     geometry: &'static str,
@@ -259,7 +263,8 @@ fn of_geometry(
     // the prior comes first: it always exists
     let mut candidates = vec![Candidate::links("prior", &base, &subject.prior_phi())];
     candidates.extend(found.iter().filter_map(|f| f.as_ref().ok().map(|(_, c)| c.clone())));
-    // the floor is that of the pipeline's own comparison: one number wherever it stands
+    // take the noise floor from the pipeline's own comparison, so that it is the same number
+    // everywhere
     let known = if noise { known_floor(made) } else { None };
     let floor = known.as_ref().map_or(Floor::Drawn(0, None), Floor::Known);
     let (comparison, _) = compare_models(&compared, subject, trials, &candidates, HeldOut::Validation, None, floor)?;
@@ -332,18 +337,18 @@ fn row(
     out
 }
 
-/// One trial, left out, predicted by one model.
+/// Prediction errors of one model for one left-out trial.
 #[derive(Debug, Clone, Serialize)]
 pub struct LeftOutTrial {
     /// Trial; `all` for the mean over frames of all trials.
     pub trial: String,
-    /// Its part in the pipeline.
+    /// Role in the pipeline.
     pub role: &'static str,
     /// Errors on contact frames; none without plates.
     pub contact: Option<ErrorsBrief>,
     /// Errors over weak windows in contact.
     pub contact_windows: Option<ErrorsBrief>,
-    /// Errors on flight frames, where nothing should act.
+    /// Errors on flight frames, where no external force should act.
     pub flight: Option<ErrorsBrief>,
     /// Errors over weak windows in flight.
     pub flight_windows: Option<ErrorsBrief>,
@@ -354,11 +359,11 @@ pub struct LeftOutTrial {
 pub struct LeftOutModel {
     /// `prior`, `flights`, `contact`, `flights and contact`.
     pub model: &'static str,
-    /// How contact was weighted against flights with all trials in.
+    /// Weight of contact relative to flights, determined with all trials included.
     pub balance: Option<KindBalance>,
-    /// Why there are no figures.
+    /// Reason if there are no figures.
     pub failed: Option<String>,
-    /// Trial by trial; the last is the mean over all.
+    /// One entry per trial; the last is the mean over all.
     pub trials: Vec<LeftOutTrial>,
 }
 
@@ -369,13 +374,14 @@ pub struct LeaveOneOutView {
     pub version: u32,
     /// Subject name.
     pub subject: String,
-    /// What takes part.
+    /// Data that take part, in words.
     pub words: String,
     /// Models.
     pub models: Vec<LeftOutModel>,
 }
 
-/// Each dynamic trial predicted from all others: by the prior, from flights, from contact, from both; from stored factors.
+/// Predicts each dynamic trial from all others by four models: the prior, flights, contact, and
+/// both. Uses stored factors.
 pub fn leave_one_out(study: &Study) -> Result<LeaveOneOutView, PipelineError> {
     let study = &aloft_pipeline::made::as_made(study);
     with_results(study, |made| {

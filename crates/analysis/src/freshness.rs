@@ -1,4 +1,4 @@
-//! Whether the results that a command shows are those of the pipeline and the recordings as they are now.
+//! Whether the results that a command shows match the present pipeline and recordings.
 
 use crate::status::{Standings, inputs_of, standings};
 use aloft_pipeline::graph::{Manifests, Standing};
@@ -10,29 +10,30 @@ use aloft_workspace::workspace::{WHOLE_STUDY, Workspace};
 use serde::Serialize;
 use std::collections::HashSet;
 
-/// A result that is not what the pipeline and the recordings would give now.
+/// A result that differs from what the pipeline and the recordings would give now.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct NotCurrent {
     /// Stage, or `model` for a change of the model's effects that was interrupted.
     pub stage: String,
     /// Trial, or `_study` for a stage that runs once.
     pub trial: String,
-    /// `stale`: made from something else than what is there now; `missing`: never made; `damaged`: its files are not what was written.
+    /// `stale`: made from other inputs or settings than the present ones; `missing`: never made;
+    /// `damaged`: its files differ from what was written.
     pub state: String,
     /// Why.
     pub because: String,
-    /// True where it is stale only because something before it is.
+    /// True if it is stale only because a result upstream is.
     pub follows: bool,
 }
 
-/// All such results of a study.
+/// All results of a study that are not current.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Freshness {
     /// In the order of the stages.
     pub stale: Vec<NotCurrent>,
 }
 
-/// Looks at every result, with every file compared with its hash.
+/// Checks every result and compares every file with its hash.
 pub fn freshness(study: &Study) -> Result<Freshness, PipelineError> {
     let ws = Workspace::open(&study.workspace);
     let manifests = Manifests::read_and_examine(study, &ws, STAGES);
@@ -52,7 +53,8 @@ pub fn freshness(study: &Study) -> Result<Freshness, PipelineError> {
     Ok(Freshness { stale })
 }
 
-/// The same from standings that are known. A result whose trial failed, or that could not follow one that failed, is up to date.
+/// The same from known task states. A result whose trial failed, or that was blocked by a failure,
+/// counts as up to date.
 pub fn of_standings(study: &Study, ws: &Workspace, standings: &Standings) -> Vec<NotCurrent> {
     let is_left = |stage: &str, trial: &str| ws.manifest(stage, trial).is_some_and(|m| m.is_ok());
     let mut out: Vec<NotCurrent> = Vec::new();
@@ -70,7 +72,7 @@ pub fn of_standings(study: &Study, ws: &Workspace, standings: &Standings) -> Vec
                 (Standing::Missing, None) => ("missing", "never run".to_owned(), false),
                 (Standing::Stale(changes), None) => ("stale", changes.join("; "), false),
                 (Standing::Missing, Some((s, t))) => ("missing", follows_from(s, t), true),
-                // what was made before something in front of it failed
+                // made before something upstream failed
                 (Standing::Blocked(reason), None) if is_left(stage.name, trial) => {
                     ("stale", format!("cannot be made any more: {reason}"), false)
                 }
@@ -98,7 +100,7 @@ fn follows_from(stage: &str, trial: &str) -> String {
     }
 }
 
-/// Lines that a notice has at most.
+/// Maximum number of lines of a notice.
 const LINES: usize = 4;
 
 impl Freshness {
@@ -107,7 +109,7 @@ impl Freshness {
         self.stale.is_empty()
     }
 
-    /// A short notice: what is not up to date by itself, and how much follows from it.
+    /// A short notice: the results that are out of date by themselves, and how many depend on them.
     pub fn words(&self) -> Vec<String> {
         let mut groups: Vec<(&NotCurrent, Vec<&str>)> = Vec::new();
         for one in self.stale.iter().filter(|n| !n.follows) {
@@ -142,7 +144,7 @@ impl Freshness {
         out
     }
 
-    /// Refuses to show what is damaged: results of these stages, or of all where none is named.
+    /// Refuses to show damaged results of these stages, or of all stages if none is named.
     pub fn refuse_damaged(&self, study: &Study, stages: &[&str]) -> Result<(), PipelineError> {
         let read = |n: &&NotCurrent| n.state == "damaged" && (stages.is_empty() || stages.contains(&n.stage.as_str()));
         let Some(one) = self.stale.iter().find(read) else { return Ok(()) };

@@ -1,4 +1,4 @@
-//! `history`: the ladder of a model's revisions, and what each reached.
+//! `history`: the revisions of a model, and what each of them reached.
 
 use crate::compare::{ComparisonView, compare};
 use aloft_effects::ActsIn;
@@ -22,34 +22,36 @@ pub struct History {
     pub revisions: Vec<HistoryRow>,
 }
 
-/// One rung.
+/// One revision.
 #[derive(Debug, Clone, Serialize)]
 pub struct HistoryRow {
-    /// Number.
+    /// Revision number.
     pub revision: usize,
-    /// What made it.
+    /// Action that made it.
     pub action: String,
     /// Effects of the model.
     pub effects: Vec<String>,
-    /// Held-out error over weak windows where the effect acts (`judged_on`), N: force root mean square, moments over a lever of 0.1 m.
+    /// Held-out error over weak windows where the effect acts (`judged_on`), N: root mean square
+    /// force, with moments over a lever arm of 0.1 m.
     pub held_out_error: Option<f64>,
     /// The same for the revision before.
     pub held_out_error_before: Option<f64>,
-    /// The noise floor, N: the held-out error that a perfect model would leave, drawn from the errors of the markers and the plates.
+    /// Noise floor, N: the held-out error that a perfect model would leave, simulated from the
+    /// errors of the markers and the plates.
     pub noise_floor: Option<f64>,
-    /// 95 % interval of the floor, N: where the error of a perfect model falls.
+    /// 95 % interval of the noise floor, N: the range in which the error of a perfect model falls.
     pub noise_floor_ci95: Option<[f64; 2]>,
-    /// Held-out error over noise floor.
+    /// Held-out error divided by the noise floor.
     pub times_floor: Option<f64>,
-    /// True where the held-out error is not above the floor's interval.
+    /// True if the held-out error is not above the interval of the noise floor.
     pub at_floor: Option<bool>,
     /// Share of the mean square error that noise does not explain.
     pub explainable: Option<f64>,
-    /// What the held-out error is taken on: `held-out flight` or `held-out contact`.
+    /// Motion on which the held-out error is computed: `held-out flight` or `held-out contact`.
     pub judged_on: Option<String>,
-    /// In flight, N.
+    /// Error and noise floor in flight, N.
     pub flight: Option<Judged>,
-    /// In held-out contact, N.
+    /// Error and noise floor in held-out contact, N.
     pub contact: Option<Judged>,
     /// Error in flight, N.
     pub flight_error: Option<f64>,
@@ -65,7 +67,7 @@ pub struct HistoryRow {
     pub largest_change: Option<(String, f64)>,
     /// Change of every base parameter against the revision before: name and change.
     pub base_change: Vec<(String, f64)>,
-    /// Set when the gain is void, with the reason.
+    /// Reason why the gain does not count; none if it counts.
     pub void: Option<String>,
 }
 
@@ -78,15 +80,16 @@ pub struct HistoryCoefficient {
     pub value: f64,
     /// Standard error.
     pub se: f64,
-    /// 95 % interval, that of `parameters`; none where the standard error is not known.
+    /// 95 % interval, the same as in `parameters`; none if the standard error is not known.
     pub ci95: Option<[f64; 2]>,
 }
 
-/// Reads the revisions, with what the present one reached.
+/// Reads the revisions, and adds what the present one reached.
 pub fn history(study: &Study) -> Result<History, PipelineError> {
     let mut all = Revisions::load(&study.workspace)?;
     let ws = Workspace::open(&study.workspace);
-    // results of another model are not this revision's: it keeps what was noted when it was made
+    // results of another model do not belong to this revision: keep what was recorded when it was
+    // made
     if let Some(last) = all.revisions.last_mut()
         && made_for(&ws, &last.effects)
     {
@@ -97,7 +100,8 @@ pub fn history(study: &Study) -> Result<History, PipelineError> {
     Ok(History { version: 1, subject: study.facts.person.name.clone(), revisions: rows })
 }
 
-/// True when the comparison in a workspace is that of a model with these effects, and of the parameters that lie beside it.
+/// True if the comparison in a workspace was made with these effects and with the parameters stored
+/// next to it.
 fn made_for(ws: &Workspace, effects: &[ModelEffect]) -> bool {
     let Some(compared) = ws.manifest("compare", WHOLE_STUDY) else { return false };
     let same = |(input, hash): (&String, &String)| {
@@ -111,8 +115,8 @@ fn acts_in(study: &Study, effect: &ModelEffect) -> ActsIn {
     own.or_else(|| aloft_effects::effect(effect.id()).ok().map(|e| e.acts())).unwrap_or(ActsIn::Both)
 }
 
-/// Where a revision is judged: where the effects act that it changed, in flight if they act in both. The first is judged where the
-/// second is.
+/// Where a revision is judged: where the effects that it changed act, or in flight if they act in
+/// both. The first revision is judged where the second is.
 fn judged(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) -> Option<bool> {
     let (a, b) = match i {
         0 => (revisions.first()?, revisions.get(1)?),
@@ -124,7 +128,7 @@ fn judged(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsI
     (!kinds.is_empty()).then(|| kinds.iter().any(|k| k.in_flight()))
 }
 
-/// Marker error may grow by this much before a gain is void.
+/// Factor by which the marker error may grow before a gain no longer counts.
 const WORSE_MARKERS: f64 = 1.02;
 
 fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) -> HistoryRow {
@@ -196,7 +200,7 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) 
     }
 }
 
-/// What the present results reach.
+/// What the present results reached.
 pub fn reached(study: &Study, view: &ComparisonView) -> Result<Reached, PipelineError> {
     let study = &aloft_pipeline::made::as_made(study);
     let c = &view.comparison;
@@ -218,7 +222,7 @@ pub fn reached(study: &Study, view: &ComparisonView) -> Result<Reached, Pipeline
         contact: of("contact"),
         sigma_ratio: view.parameters.sigma_ratio,
         marker_rms_mm: rms.iter().sum::<f64>() / rms.len().max(1) as f64,
-        // what the rows do not determine has no number to show
+        // coefficients that the rows do not determine have no value to show
         coefficients: parameters
             .effects
             .iter()

@@ -1,4 +1,5 @@
-//! `init`: looks at a folder of recordings and writes a commented pipeline for it. Nothing is overwritten.
+//! `init`: inspects a folder of recordings and writes a commented pipeline file for it. Existing
+//! files are not overwritten.
 
 use aloft_pipeline::stages::import::read_file;
 use aloft_study::catalog;
@@ -17,22 +18,22 @@ struct Seen {
     relative: String,
     stem: String,
     trial: Trial,
-    /// Unit of lengths as the file states it.
+    /// Length unit that the file states.
     unit: String,
 }
 
 /// How recordings are sorted into folders.
 struct Layout {
-    /// Subject folders, relative to the folder; none for one subject.
+    /// Subject folders, relative to the folder; empty for one subject.
     subjects: Vec<String>,
-    /// Names of session folders below them; none where there are none.
+    /// Names of the session folders in them; empty if there are none.
     sessions: Vec<String>,
 }
 
-/// Recordings that are read before the rest is taken to be alike.
+/// Number of recordings to read; the others are assumed to be alike.
 const LOOKED_AT: usize = 60;
 
-/// Looks, decides, writes; returns the path written.
+/// Inspects the recordings and writes a pipeline file; returns its path.
 pub fn init(folder: &Path, out: Option<&Path>) -> Result<PathBuf, PipelineError> {
     let target = out.map_or_else(|| PathBuf::from("aloft.yaml"), Path::to_path_buf);
     if target.exists() {
@@ -81,7 +82,7 @@ fn layout(folder: &Path) -> Result<Layout, PipelineError> {
     Ok(Layout { subjects: subjects.iter().map(name).collect(), sessions })
 }
 
-/// One pattern for names that differ by a number at their end, or the names themselves.
+/// One pattern for names that differ only by a number at their end, or else the names themselves.
 fn folder_patterns(names: &[String]) -> Vec<String> {
     let bare = |n: &String| n.trim_end_matches(|c: char| c.is_ascii_digit()).to_owned();
     let mut patterns: Vec<String> = names.iter().map(bare).collect();
@@ -94,7 +95,8 @@ fn folder_patterns(names: &[String]) -> Vec<String> {
     }
 }
 
-/// The pattern of all recordings that are called like this one: its BIDS task, or its name without the number at the end.
+/// Pattern for all recordings named like this one: its BIDS task, or its name without the number at
+/// the end.
 fn name_pattern(stem: &str) -> String {
     if let Some(task) = stem.split('_').find(|p| p.starts_with("task-")) {
         return format!("**/*{}*", quote::pattern(task));
@@ -104,13 +106,13 @@ fn name_pattern(stem: &str) -> String {
 }
 
 fn look(folder: &Path, layout: &Layout, files: &[PathBuf]) -> (Vec<Seen>, Vec<String>) {
-    // of many subjects, the first recordings of each kind and subject
+    // of many subjects, read the first recordings of each kind and subject
     let share = if layout.subjects.is_empty() { usize::MAX } else { LOOKED_AT.div_ceil(layout.subjects.len()).max(12) };
     let mut taken: BTreeMap<String, usize> = BTreeMap::new();
     let mut chosen: Vec<&PathBuf> = Vec::new();
     for file in files {
         let group = file.components().next().map(|c| c.as_os_str().to_string_lossy().into_owned()).unwrap_or_default();
-        // of names that differ by a number, two are enough to know the rest
+        // two recordings are enough for names that differ only by a number
         let kind = name_pattern(&stem_of(file));
         let n = taken.entry(format!("{group}/{kind}")).or_default();
         *n += 1;
@@ -139,7 +141,7 @@ fn look(folder: &Path, layout: &Layout, files: &[PathBuf]) -> (Vec<Seen>, Vec<St
     (seen, broken)
 }
 
-/// The unit of lengths that a file states: POINT:UNITS of C3D, `Units` of TRC.
+/// Length unit that a file states: POINT:UNITS of C3D, `Units` of TRC.
 fn stated_unit(path: &Path) -> String {
     if is_bids(path) {
         let channels = bids_beside(path).into_iter().find(|p| p.to_string_lossy().ends_with("_channels.tsv"));
@@ -163,14 +165,14 @@ fn stated_unit(path: &Path) -> String {
     place.and_then(|i| values.split('\t').nth(i)).map(|u| u.trim().to_owned()).unwrap_or_default()
 }
 
-/// Which axis of the recording points up.
+/// Axis of the recording that points up.
 fn up_axis(trial: &Trial) -> String {
     let up = trial.world_from_source.inverse() * Vector3::z();
     let (i, value) = up.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).unwrap_or((2, &1.0));
     format!("{}{}", if *value < 0.0 { "-" } else { "" }, ["X", "Y", "Z"].get(i).unwrap_or(&"Z"))
 }
 
-/// How many of the recordings have each value, in words.
+/// How many of the recordings have each value, as text.
 fn shares(values: impl Iterator<Item = String>) -> String {
     let mut counts: BTreeMap<String, usize> = BTreeMap::new();
     for v in values {
@@ -182,7 +184,7 @@ fn shares(values: impl Iterator<Item = String>) -> String {
     }
 }
 
-/// Standing still: the median marker moves less than 2 cm about its mean.
+/// True for quiet standing: the median marker moves less than 2 cm about its mean.
 fn is_still(trial: &Trial) -> bool {
     let mut spreads: Vec<f64> = trial
         .markers
@@ -201,7 +203,7 @@ fn is_still(trial: &Trial) -> bool {
     spreads.get(spreads.len() / 2).is_some_and(|s| *s < 0.02)
 }
 
-/// Recordings of one part: by name for one subject, by pattern for several.
+/// Recordings with one role: by name for one subject, by pattern for several.
 fn list(names: &[&Seen], layout: &Layout) -> String {
     let mut quoted: Vec<String> = names
         .iter()
@@ -369,7 +371,8 @@ fn yaml_list(names: &[String]) -> String {
     format!("[{}]", names.iter().map(|n| quote::yaml_quoted(n)).collect::<Vec<_>>().join(", "))
 }
 
-/// The folder relative to the pipeline file where that is a plain path, absolute otherwise.
+/// The data folder as written in the pipeline file: relative if that is a plain path, absolute
+/// otherwise.
 fn data_path(folder: &Path, target: &Path) -> String {
     let absolute = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
     let base =

@@ -1,4 +1,4 @@
-//! `inspect`: what is in a recording, and what is wrong with it.
+//! `inspect`: the contents of a recording, and problems in it.
 
 use aloft_c3d::C3dFile;
 use aloft_pipeline::stages::import::{abridged, read_file};
@@ -11,7 +11,7 @@ use aloft_workspace::error::PipelineError;
 use serde::Serialize;
 use std::path::Path;
 
-/// What a recording holds.
+/// Contents of a recording.
 #[derive(Debug, Clone, Serialize)]
 pub struct Inspection {
     /// Version of this structure.
@@ -24,7 +24,7 @@ pub struct Inspection {
     pub rate_hz: f64,
     /// Length, s.
     pub duration_s: f64,
-    /// Markers with the fraction of frames in which each is seen.
+    /// Markers, each with the fraction of frames in which it is visible.
     pub markers: Vec<MarkerLine>,
     /// Computed points.
     pub computed: Vec<String>,
@@ -34,11 +34,12 @@ pub struct Inspection {
     pub analogs: Vec<String>,
     /// Events.
     pub events: Vec<aloft_trial::Event>,
-    /// What a low-pass would take away from all markers together at each cut-off, m (Winter); a help for choosing one.
+    /// Winter's residual analysis: what a low-pass filter at each cut-off would remove from all
+    /// markers together, m; helps to choose a cut-off.
     pub residual_analysis: Option<ResidualAnalysis>,
-    /// Built-in marker sets by how well they fit, best first.
+    /// Built-in marker sets and how well they fit, best first.
     pub marker_sets: Vec<(String, f64)>,
-    /// What is odd.
+    /// Warnings.
     pub warnings: Vec<String>,
 }
 
@@ -47,7 +48,7 @@ pub struct Inspection {
 pub struct MarkerLine {
     /// Label.
     pub label: String,
-    /// Fraction of frames.
+    /// Fraction of frames in which it is visible.
     pub present: f64,
     /// Gaps.
     pub gaps: usize,
@@ -66,7 +67,7 @@ pub struct PlateLine {
     pub peak_vertical_n: f64,
 }
 
-/// Reads the file and looks at everything in it.
+/// Reads the file and examines its contents.
 pub fn inspect(file: &Path) -> Result<Inspection, PipelineError> {
     let name = aloft_study::recordings::stem_of(file);
     let trial = read_file(&name, file, None, &ImportOptions::default())
@@ -135,7 +136,7 @@ fn residuals(trial: &aloft_trial::Trial) -> Option<ResidualAnalysis> {
 /// Cut-offs of the table, Hz.
 const CUTOFFS_HZ: [f64; 16] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0, 25.0, 30.0];
 
-/// For people.
+/// The inspection as text.
 pub fn to_text(i: &Inspection) -> String {
     let mut lines = vec![format!("{}: {} frames at {} Hz ({:.2} s)", i.file, i.frames, i.rate_hz, i.duration_s)];
     let labels: Vec<String> = i.markers.iter().map(|m| m.label.clone()).collect();

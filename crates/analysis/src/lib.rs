@@ -1,4 +1,5 @@
-//! What the commands beside `run` tell: plain data, rendered by the binary.
+//! Computations behind the commands other than `run`. Results are plain data, which the binary
+//! renders.
 
 pub mod assess;
 pub mod check;

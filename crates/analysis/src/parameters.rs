@@ -1,4 +1,4 @@
-//! `parameters`: what was identified, with intervals and the prior beside it.
+//! `parameters`: the identified values with their intervals and the prior values.
 
 use crate::assess::{self, Assessment};
 use aloft_identify::Parameters;
@@ -22,11 +22,12 @@ pub struct ParametersView {
     /// The parameters.
     #[serde(flatten)]
     pub parameters: Parameters,
-    /// Window lengths, errors in variables, motions to add: what `--assess` found for these parameters; none where it was not asked for.
+    /// Window lengths, errors in variables and recommended motions from `--assess` for these
+    /// parameters; none if it was not run.
     pub assessment: Option<Assessment>,
 }
 
-/// Reads what `identify` left.
+/// Reads the results of `identify`.
 pub fn parameters(study: &Study, rows: Option<Rows>) -> Result<ParametersView, PipelineError> {
     let study = &aloft_pipeline::made::as_made(study);
     let rows = rows.unwrap_or(study.config.regressor.rows);

@@ -1,4 +1,5 @@
-//! The results of a study as commands compute on them: with the settings that they were made with, and none that is damaged.
+//! The results of a study as commands use them: with the settings that they were made with. Damaged
+//! results are refused.
 
 use aloft_pipeline::made::as_made;
 use aloft_pipeline::results::Results;
@@ -24,7 +25,7 @@ impl Made<'_> {
         Calendar::of(self.study, self.workspace)
     }
 
-    /// Names of the trials with rows that identification uses.
+    /// Names of the trials with rows that are used for identification.
     pub fn training(&self) -> Vec<String> {
         self.trials.iter().filter(|(_, role)| *role == Role::Identify).map(|(name, _)| name.clone()).collect()
     }

@@ -1,11 +1,12 @@
-//! `simulate`: a scenario to a laboratory folder of recordings with sealed truth. Nothing is overwritten.
+//! `simulate`: makes a laboratory folder of recordings from a scenario, with sealed truth. Existing
+//! files are not overwritten.
 
 use aloft_simulate::Scenario;
 use aloft_study::catalog;
 use aloft_workspace::error::PipelineError;
 use std::path::{Path, PathBuf};
 
-/// Makes the folder; returns what was written.
+/// Makes the folder; returns the paths written.
 pub fn simulate(scenario: &str, out: &Path, seed: Option<u64>) -> Result<Vec<PathBuf>, PipelineError> {
     if out.is_dir() && std::fs::read_dir(out).is_ok_and(|mut d| d.next().is_some()) {
         return Err(PipelineError::request_hint(

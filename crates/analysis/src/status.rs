@@ -1,4 +1,4 @@
-//! `status` and `explain`: how every stage of every trial stands, and why.
+//! `status` and `explain`: the state of every stage of every trial, and the reason for it.
 
 use crate::freshness::of_standings;
 use aloft_pipeline::graph::{self, Manifests, Need, Stage, Standing};
@@ -17,7 +17,7 @@ pub struct Status {
     pub version: u32,
     /// Stage names, in order.
     pub stages: Vec<&'static str>,
-    /// One row a trial, and one for the whole study.
+    /// One row per trial, and one for the whole study.
     pub rows: Vec<StatusRow>,
 }
 
@@ -26,20 +26,22 @@ pub struct Status {
 pub struct StatusRow {
     /// Trial, or [`WHOLE_STUDY`].
     pub trial: String,
-    /// Its part.
+    /// Role.
     pub role: String,
-    /// One word a stage: `ok`, `warning`, `stale`, `damaged`, `failed`, `blocked`, `missing`, `excluded`, or empty where the stage does not apply.
+    /// State of each stage: `ok`, `warning`, `stale`, `damaged`, `failed`, `blocked`, `missing`,
+    /// `excluded`, or empty if the stage does not apply.
     pub cells: Vec<String>,
 }
 
-/// A task's standing with what lies behind it.
+/// State of a task and the reasons for it.
 #[derive(Debug, Clone)]
 pub struct Explanation {
-    /// The standing.
+    /// State of the task.
     pub standing: Standing,
-    /// The last result's manifest.
+    /// Manifest of the last result.
     pub manifest: Option<Manifest>,
-    /// What stands before it and is not up to date, with the reason, in words: it changes this result, too, once it runs.
+    /// Upstream results that are not up to date, with the reasons. Once they run again, this result
+    /// changes, too.
     pub before: Vec<String>,
 }
 
@@ -55,14 +57,14 @@ fn stand(
     Ok(graph::standing(stage, trial, study, &inputs, manifests.get(stage.name, name)))
 }
 
-/// The grid. A stage below a stale one is stale, too.
+/// The grid. A stage downstream of a stale one is stale, too.
 pub fn status(study: &Study) -> Result<Status, PipelineError> {
     let ws = Workspace::open(&study.workspace);
     let manifests = Manifests::read_and_examine(study, &ws, STAGES);
     grid(study, &ws, &manifests)
 }
 
-/// The same from manifests that were read before.
+/// The same from manifests that were already read.
 pub fn grid(study: &Study, ws: &Workspace, manifests: &Manifests) -> Result<Status, PipelineError> {
     let standings = standings(study, ws, manifests)?;
     let behind: HashSet<(String, String)> =
@@ -90,7 +92,7 @@ pub fn grid(study: &Study, ws: &Workspace, manifests: &Manifests) -> Result<Stat
     Ok(Status { version: 1, stages: STAGES.iter().map(|s| s.name).collect(), rows })
 }
 
-/// Why one result stands as it does.
+/// Reason for the present state of one result.
 pub fn explain(study: &Study, trial: &str, stage: &str) -> Result<Explanation, PipelineError> {
     let stage = STAGES[stage_index(stage)?];
     let ws = Workspace::open(&study.workspace);
@@ -108,7 +110,7 @@ pub fn explain(study: &Study, trial: &str, stage: &str) -> Result<Explanation, P
     Ok(explanation(stage, task, study, &manifests, &standings))
 }
 
-/// How every task stands, by stage and trial.
+/// State of every task, by stage and trial.
 pub type Standings = HashMap<(&'static str, String), Standing>;
 
 pub(crate) fn standings(study: &Study, ws: &Workspace, manifests: &Manifests) -> Result<Standings, PipelineError> {
@@ -122,7 +124,8 @@ pub(crate) fn standings(study: &Study, ws: &Workspace, manifests: &Manifests) ->
     Ok(all)
 }
 
-/// Everything that is not up to date, stage by stage: `(stage, trial, why)`. One trial (with what is made of it), or all.
+/// All results that are not up to date, stage by stage: `(stage, trial, why)`; for one trial and
+/// what is made from it, or for all.
 pub fn explain_all(
     study: &Study,
     trial: Option<&str>,
@@ -183,7 +186,7 @@ fn explanation(
         open.extend(inputs_of(above, task, study));
     }
     before.sort();
-    // many trials, one reason: the first few tell
+    // many trials with the same reason: name only the first few
     if before.len() > 4 {
         let more = before.len() - 3;
         before.truncate(3);

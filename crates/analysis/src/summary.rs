@@ -1,4 +1,5 @@
-//! `summary`: one row a trial over all subjects and sessions, with reasons of quality control out of a closed list.
+//! `summary`: one row per trial over all subjects and sessions, with quality-control reasons from a
+//! closed list.
 
 use crate::freshness::{NotCurrent, freshness};
 use aloft_pipeline::graph::{Manifests, Scope};
@@ -17,13 +18,14 @@ use polars::prelude::{Column, DataFrame, PolarsError};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Marker error above which a trial is named, mm (RMS over markers and frames).
+/// Marker error above which a trial is flagged, mm (RMS over markers and frames).
 const IK_LIMIT_MM: f64 = 20.0;
-/// Scaling error above which a session is named, mm.
+/// Scaling error above which a session is flagged, mm.
 const SCALING_LIMIT_MM: f64 = 10.0;
-/// Deviation of the fall from g that is named, percent.
+/// Deviation of the free-fall acceleration from g above which a trial is flagged, percent.
 const FREE_FALL_LIMIT_PERCENT: f64 = 10.0;
-/// Share of body weight above which the comparison is named (Hicks et al., J. Biomech. Eng. 137, 2015, section 4).
+/// Error as a share of body weight above which the comparison is flagged (Hicks et al., J. Biomech.
+/// Eng. 137, 2015, section 4).
 const COMPARISON_LIMIT: f64 = 0.05;
 
 /// The table of all trials.
@@ -31,15 +33,15 @@ const COMPARISON_LIMIT: f64 = 0.05;
 pub struct Summary {
     /// Version of this structure.
     pub version: u32,
-    /// One row a trial; and one for each subject or session of which no trial can be named.
+    /// One row per trial, and one for each subject or session whose trials are not known.
     pub rows: Vec<SummaryRow>,
     /// What each reason that occurs means, and what to do about it.
     pub reasons: Vec<ReasonText>,
-    /// Results that are not what the pipeline and the recordings would give now.
+    /// Results that differ from what the pipeline and the recordings would give now.
     pub stale: Vec<StaleOf>,
 }
 
-/// Such a result and whose it is.
+/// A result that is not current, with its subject and session.
 #[derive(Debug, Clone, Serialize)]
 pub struct StaleOf {
     /// Subject.
@@ -51,12 +53,12 @@ pub struct StaleOf {
     pub result: NotCurrent,
 }
 
-/// A reason in words.
+/// Explanation of a reason.
 #[derive(Debug, Clone, Serialize)]
 pub struct ReasonText {
-    /// The word in the table.
+    /// Word used in the table.
     pub reason: &'static str,
-    /// How many rows have it.
+    /// Number of rows with this reason.
     pub trials: usize,
     /// What it means.
     pub meaning: &'static str,
@@ -64,62 +66,64 @@ pub struct ReasonText {
     pub advice: &'static str,
 }
 
-/// One trial. Figures are none where the stage that gives them has no result.
+/// One trial. A value is none if the stage that provides it has no result.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct SummaryRow {
     /// Subject.
     pub subject: String,
     /// Session.
     pub session: Option<String>,
-    /// Trial, or `_study` for a subject that cannot be worked on.
+    /// Trial, or `_study` for a subject that cannot be processed.
     pub trial: String,
-    /// Its part.
+    /// Role.
     pub role: String,
     /// `ok`, `warning`, `failed`, `excluded`.
     pub qc: String,
-    /// Reasons, gravest first: words of [`QcReason`].
+    /// Reasons, most serious first: words of [`QcReason`].
     pub reasons: Vec<QcReason>,
     /// Length, s.
     pub duration_s: Option<f64>,
-    /// Markers of the set that were found.
+    /// Number of markers of the set that were found.
     pub markers: Option<u64>,
-    /// Markers of the set that are missing.
+    /// Number of markers of the set that are missing.
     pub missing_markers: Option<u64>,
-    /// Gaps of all markers, as measured.
+    /// Number of gaps over all markers, as measured.
     pub gaps: Option<u64>,
-    /// The longest of them, s.
+    /// Longest gap, s.
     pub longest_gap_s: Option<f64>,
-    /// Root mean square distance of the static trial's markers from rigid segments, mm (one figure a session).
+    /// Root mean square distance of the static trial's markers from rigid segments, mm (one value
+    /// per session).
     pub scaling_error_mm: Option<f64>,
     /// Root mean square marker error of inverse kinematics, mm.
     pub ik_error_mm: Option<f64>,
-    /// Frames without a posture.
+    /// Frames for which inverse kinematics found no posture.
     pub unsolved_frames: Option<u64>,
     /// Flights.
     pub flights: Option<u64>,
-    /// Time in flight, s.
+    /// Total time in flight, s.
     pub flight_s: Option<f64>,
-    /// Mean acceleration of the centre of mass in flight against g, percent.
+    /// Deviation of the mean acceleration of the centre of mass in flight from g, percent.
     pub free_fall_error_percent: Option<f64>,
-    /// σ_{N−1}/σ_N of the session's flights (one figure a session).
+    /// σ_{N−1}/σ_N of the session's flights (one value per session).
     pub sigma_ratio: Option<f64>,
-    /// Model against plates: mean absolute force error in contact, N.
+    /// Mean absolute force error of the model against the plates in contact, N.
     pub contact_force_n: Option<f64>,
     /// The same for moments, N·m.
     pub contact_moment_nm: Option<f64>,
-    /// Model in flight: mean absolute residual force, N.
+    /// Mean absolute residual force of the model in flight, N.
     pub flight_force_n: Option<f64>,
     /// The same for moments, N·m.
     pub flight_moment_nm: Option<f64>,
-    /// What happened, in words, where something failed or was left out.
+    /// What failed or was left out, in words.
     pub message: Option<String>,
     /// What to do about it.
     pub hint: Option<String>,
-    /// The command that repeats just this trial, where something failed.
+    /// Command that repeats only this trial, if something failed.
     pub again: Option<String>,
 }
 
-/// The command that repeats just one trial (or one session's study-wide stages), for a shell; `words` name pipeline and folders.
+/// Shell command that repeats only one trial (or the study-wide stages of one session); `words`
+/// holds the pipeline and the folders.
 pub fn again(words: &str, id: &StudyId, trial: &str) -> String {
     let mut chosen = Vec::new();
     let trial = (trial != WHOLE_STUDY).then(|| trial.to_owned());
@@ -130,7 +134,8 @@ pub fn again(words: &str, id: &StudyId, trial: &str) -> String {
     format!("aloft run {words}{}{chosen}", if chosen.is_empty() { "" } else { " " })
 }
 
-/// Gathers the table from what the stages left; `words` name pipeline and folders in the commands that repeat a trial.
+/// Builds the table from the results of the stages; `words` holds the pipeline and the folders for
+/// the commands that repeat a trial.
 pub fn summary(set: &StudySet, words: &str) -> Result<Summary, PipelineError> {
     let (mut rows, mut stale) = (Vec::new(), Vec::new());
     for study in &set.members {
@@ -184,7 +189,7 @@ fn rows_of(study: &Study, words: &str) -> Result<Vec<SummaryRow>, PipelineError>
     let manifests = Manifests::read_and_examine(study, &ws, STAGES);
     let made = aloft_pipeline::made::as_made(study);
     let grid = super::status::grid(study, &ws, &manifests)?;
-    // a stage of the whole session that failed leaves its trials without what follows
+    // after a failed session-wide stage, the trials have no results from later stages
     let failed_study = STAGES.iter().filter(|s| s.scope == Scope::Study).find_map(|s| {
         manifests.get(s.name, WHOLE_STUDY).and_then(|m| match &m.outcome {
             Outcome::Failed(f) => Some((s.name, f.clone())),
@@ -248,7 +253,7 @@ fn count(m: Option<&Manifest>, key: &str) -> Option<u64> {
     m.and_then(|m| m.summary.get(key)).and_then(serde_json::Value::as_u64)
 }
 
-/// Figures of one trial and the reasons that follow from them.
+/// Values of one trial and the reasons that follow from them.
 fn figures(row: &mut SummaryRow, study: &Study, trial: &TrialEntry, manifests: &Manifests) {
     let own = |stage: &str| manifests.get(stage, &trial.name).filter(|m| m.is_ok());
     let once = |stage: &str| manifests.get(stage, WHOLE_STUDY).filter(|m| m.is_ok());
@@ -300,7 +305,7 @@ fn figures(row: &mut SummaryRow, study: &Study, trial: &TrialEntry, manifests: &
     if [row.contact_force_n, row.flight_force_n].iter().flatten().any(|e| *e > COMPARISON_LIMIT * weight) {
         row.reasons.push(QcReason::ComparisonLarge);
     }
-    // remarks that no reason of the list covers; import, ik and flight have reasons of their own
+    // remarks that no reason of the list covers; import, ik and flight have their own reasons
     let covered = |stage: &str| matches!(stage, "import" | "ik" | "flight");
     let remarks = STAGES.iter().any(|s| {
         matches!(s.scope, Scope::Trial(_)) && !covered(s.name) && own(s.name).is_some_and(|m| !m.warnings.is_empty())
@@ -311,7 +316,7 @@ fn figures(row: &mut SummaryRow, study: &Study, trial: &TrialEntry, manifests: &
 }
 
 impl Summary {
-    /// The table as a polars frame: one column a field; reasons separated by `;`.
+    /// The table as a polars frame: one column per field; reasons separated by `;`.
     pub fn to_frame(&self) -> Result<DataFrame, PolarsError> {
         let text = |f: fn(&SummaryRow) -> Option<String>, name: &str| {
             Column::new(name.into(), self.rows.iter().map(f).collect::<Vec<Option<String>>>())
@@ -354,7 +359,8 @@ impl Summary {
         )
     }
 
-    /// Writes `summary.csv`, `summary.parquet` and `summary.txt`, each whole or not at all; returns the CSV's path.
+    /// Writes `summary.csv`, `summary.parquet` and `summary.txt`, each completely or not at all;
+    /// returns the path of the CSV file.
     pub fn write(&self, folder: &Path) -> Result<PathBuf, PipelineError> {
         let path = folder.join("summary.csv");
         let wrong = |e: PolarsError| PipelineError::Table { path: path.clone(), problem: e.to_string() };
@@ -374,7 +380,7 @@ impl Summary {
         Ok(path)
     }
 
-    /// The table for people, with what its reasons mean below it.
+    /// The table as text, followed by the meaning of its reasons.
     pub fn to_text(&self) -> String {
         let several = self.rows.iter().any(|r| r.session.is_some());
         let mut header = vec!["subject"];

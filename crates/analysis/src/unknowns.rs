@@ -1,4 +1,4 @@
-//! What an effect of the catalogue leaves to be found: coefficients and parameters with units and bounds, for readers.
+//! Unknowns of a catalogue effect: its coefficients and parameters with units and bounds.
 
 use aloft_body::{Model, ModelSpec, Phi};
 use aloft_effects::{Effect, ParameterKind, Scene, Target};
@@ -8,7 +8,8 @@ use nalgebra::Vector3;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Bodies that effects are asked on: a person on two plates, and an object of two links.
+/// Example bodies on which the unknowns of effects are listed: a person on two plates, and an
+/// object of two links.
 #[derive(Debug)]
 pub struct Examples {
     /// A person of 15 links on two plates.
@@ -27,7 +28,7 @@ impl Examples {
     }
 }
 
-/// A body without numbers of its own, to ask effects what they fit on it.
+/// A body without numbers of its own, on which effects list what they would fit.
 fn scene(name: &str, plates: usize) -> Result<Scene, PipelineError> {
     let spec: ModelSpec = catalog::load("models", name, Path::new(""))?;
     let model = Model::from_spec(&spec).map_err(|e| PipelineError::request(e.to_string()))?;
@@ -40,7 +41,8 @@ fn scene(name: &str, plates: usize) -> Result<Scene, PipelineError> {
     Ok(Scene::new(&model, &vec![phi; model.n_links()], &centers))
 }
 
-/// Markdown: a row for every coefficient and parameter, why some have no bound, and how to add the effect.
+/// Markdown with one row for each coefficient and parameter, the reason why some have no bound, and
+/// how to add the effect.
 pub fn table(effect: &dyn Effect, examples: &Examples) -> String {
     let mut out = "## Coefficients\n\n| on | name | unit | bounds | enters |\n|---|---|---|---|---|\n".to_owned();
     let mut seen: Vec<&str> = Vec::new();
@@ -62,7 +64,7 @@ pub fn table(effect: &dyn Effect, examples: &Examples) -> String {
                 row(&c.name, &c.unit, &bounds(c.lower, c.upper), "linearly");
             }
             for p in effect.nonlinear(scene, *target) {
-                // where a link is held or pushed is bounded about a place of this example's link
+                // a point on a link is bounded about a position on this example's link
                 let about = if matches!(p.kind, ParameterKind::PointOnLink(_)) { " (example)" } else { "" };
                 row(&p.name, &p.unit, &format!("{}{about}", bounds(p.lower, p.upper)), "nonlinearly");
             }
@@ -95,7 +97,7 @@ fn bounds(low: f64, high: f64) -> String {
     }
 }
 
-/// A unit as people write it.
+/// A unit in readable form.
 pub fn unit(text: &str) -> String {
     text.replace('*', "·").replace("^2", "²").replace("^3", "³")
 }

@@ -1,4 +1,4 @@
-//! `verify`: every file of a workspace compared with the hash under which it was written.
+//! `verify`: compares every file of a workspace with the hash stored when it was written.
 
 use crate::freshness::{NotCurrent, freshness};
 use aloft_pipeline::stages::STAGES;
@@ -10,24 +10,24 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::path::Path;
 
-/// What `verify` found.
+/// Result of `verify`.
 #[derive(Debug, Clone, Serialize)]
 pub struct Verified {
     /// Version of this structure.
     pub version: u32,
     /// The folder.
     pub workspace: String,
-    /// Results that were looked at.
+    /// Number of results checked.
     pub results: usize,
-    /// Files of them and beside them.
+    /// Number of files in these results and next to them.
     pub files: usize,
-    /// Their size.
+    /// Their total size.
     pub bytes: u64,
-    /// Files that are not what was written.
+    /// Files that differ from what was written.
     pub damaged: Vec<Damage>,
     /// Results of recordings or stages that the study no longer has, `stage/trial`; nothing reads them.
     pub unused: Vec<String>,
-    /// Results that are not what the pipeline and the recordings would give now.
+    /// Results that differ from what the pipeline and the recordings would give now.
     pub stale: Vec<NotCurrent>,
 }
 
@@ -36,13 +36,14 @@ pub struct Verified {
 pub struct Damage {
     /// Folder of a result, or file, relative to the workspace.
     pub place: String,
-    /// What is wrong with it.
+    /// Problems found.
     pub problems: Vec<String>,
-    /// What makes it again.
+    /// How to make it again.
     pub mend: String,
 }
 
-/// Files that commands keep beside the results of stages, and the command that writes them again.
+/// Files that commands store next to the results of stages, each with the command that writes it
+/// again.
 const KEPT: [(&str, &str); 6] = [
     ("model.json", "put back a copy, or delete the file and add the effects again"),
     ("discovery.json", "`aloft discover`"),
@@ -52,10 +53,10 @@ const KEPT: [(&str, &str); 6] = [
     ("inputs.json", "`aloft run`"),
 ];
 
-/// Looks at everything in a study's workspace; changes nothing.
+/// Checks everything in a study's workspace; changes nothing.
 ///
 /// # Errors
-/// Another version's workspace; a folder that cannot be listed.
+/// The workspace was made by another version; a folder cannot be listed.
 pub fn verify(study: &Study) -> Result<Verified, PipelineError> {
     let ws = Workspace::open(&study.workspace);
     let mut out = Verified {
@@ -108,7 +109,7 @@ pub fn verify(study: &Study) -> Result<Verified, PipelineError> {
         }
     }
     out.stale = freshness(study)?.stale;
-    // a result whose folder is gone is not there to be compared, but something was made from it
+    // a missing folder cannot be compared with its hash, but later results were made from it
     for one in out.stale.iter().filter(|n| n.state == "missing" && n.stage != "model") {
         let key = format!("{}/{}", one.stage, one.trial);
         let manifests = found.iter().filter_map(|(s, t)| ws.manifest(s, t));

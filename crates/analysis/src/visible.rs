@@ -1,4 +1,5 @@
-//! What `effect add` asks before it changes anything: can the recordings of identification determine the effect at all?
+//! Check that `effect add` makes before it changes anything: can the recordings used for
+//! identification determine the effect at all?
 
 use crate::results::with_results;
 use aloft_effects::{ActsIn, Choice, Scene};
@@ -11,11 +12,12 @@ use aloft_study::study::Study;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use rayon::prelude::*;
 
-/// Trials that a message names at most.
+/// Maximum number of trials named in a message.
 const NAMED: usize = 4;
 
-/// Refuses the last of `effects` where the rows of identification determine none of its coefficients, or where it repeats another effect of
-/// the model; `choice` is the same effect bound to `scene`. Effects of which some coefficients are determined are let through: `parameters` says which are not.
+/// Refuses the last of `effects` if the rows of identification determine none of its coefficients,
+/// or if it duplicates another effect of the model; `choice` is the same effect bound to `scene`.
+/// An effect with some determined coefficients is accepted: `parameters` shows which are not.
 pub fn refuse_invisible(
     study: &Study,
     effects: &[ModelEffect],
@@ -77,7 +79,7 @@ pub fn refuse_invisible(
     Err(PipelineError::request_hint(problem, hint))
 }
 
-/// The rows in words: trials, flights, contact stretches.
+/// The rows in words: numbers of trials, flights and contact stretches.
 fn rows(factors: &[Factor]) -> String {
     let mut trials: Vec<&str> = factors.iter().map(|f| f.trial.as_str()).collect();
     trials.dedup();

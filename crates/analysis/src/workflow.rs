@@ -1,13 +1,16 @@
-//! `workflow`: the stage graph as a Snakefile. Each stage of each trial is a job on one shared folder of results; factors merge in a tree;
-//! the same file runs on the cores of one machine and through Snakemake's executors on a cluster.
+//! `workflow`: the stage graph as a Snakefile. Each stage of each trial is one job on a shared
+//! folder of results; factors are merged in a tree. The same file runs on the cores of one machine
+//! and, through Snakemake's executors, on a cluster.
 //!
-//! The Snakefile is the same for every study. Everything that a user named stands in a JSON file beside it (`Snakefile.json`), which is read as
-//! data: names of recordings, subjects and folders may hold anything. Marks of finished jobs carry names in the spelling of exported files
-//! ([`aloft_export::names::file`]), in which no two names are the same.
+//! The Snakefile is the same for every study. All names given by the user are in a JSON file next
+//! to it (`Snakefile.json`), which is read as data, so names of recordings, subjects and folders
+//! may contain any character. The mark files of finished jobs are named like exported files
+//! ([`aloft_export::names::file`]), which keeps their names unique.
 //!
-//! Snakemake decides by times which jobs to start, the jobs decide by content what there is to do: a job whose result is up to date ends
-//! at once. A trial that cannot be used is recorded as such, its jobs end well, and the study goes on without it; the last job of the
-//! workflow names it and fails. A job that was killed leaves no mark and runs again with the next call.
+//! Snakemake decides by file times which jobs to start; each job decides by content what there is
+//! to do, and ends at once if its result is up to date. A trial that cannot be used is recorded as
+//! such: its jobs end successfully and the study goes on without it; the last job of the workflow
+//! names the trial and fails. A job that was killed leaves no mark and runs again at the next call.
 
 use aloft_export::names;
 use aloft_pipeline::graph::{self, Manifests, Need, Scope, Stage, Standing};
@@ -21,7 +24,7 @@ use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// One subject's session of a workflow.
+/// One subject's session in a workflow.
 #[derive(Debug)]
 pub struct Member<'a> {
     /// Its recordings.
@@ -29,14 +32,15 @@ pub struct Member<'a> {
 }
 
 impl Member<'_> {
-    /// Name in paths: `sub-01~ses-1`, or the study's name where there is one only. Parts hold no `~`.
+    /// Name in paths: `sub-01~ses-1`, or the study's name if there is only one. The parts contain
+    /// no `~`.
     fn key(&self) -> String {
         let id = &self.study.id;
         let parts: Vec<String> = [&id.subject, &id.session].into_iter().flatten().map(|n| names::file(n)).collect();
         if parts.is_empty() { names::file(&self.study.config.name) } else { parts.join("~") }
     }
 
-    /// Words that choose it on the command line.
+    /// Command-line arguments that select it.
     fn words(&self) -> Vec<String> {
         let id = &self.study.id;
         [("subject", &id.subject), ("session", &id.session)]
@@ -53,7 +57,7 @@ pub struct Call {
     pub pipeline: PathBuf,
     /// `--data` and `--workspace` as the user gave them.
     pub words: Vec<String>,
-    /// `--subject` and `--session` as the user gave them: the verdict is on these.
+    /// `--subject` and `--session` as the user gave them: the final verdict covers these.
     pub chosen: Vec<String>,
     /// Folder of results of the whole study.
     pub workspace: PathBuf,
@@ -67,7 +71,8 @@ fn roles(stage: &Stage) -> Option<&'static [Role]> {
     }
 }
 
-/// First stage of the last run of stages that are made trial by trial before a study-wide one: those go to the cluster as one job a trial.
+/// Job group of a stage: the first of the consecutive per-trial stages that come last before a
+/// study-wide one. A group goes to the cluster as one job per trial.
 fn group(stage: &Stage) -> Option<String> {
     roles(stage)?;
     let at = STAGES.iter().position(|s| s.name == stage.name)?;
@@ -75,14 +80,14 @@ fn group(stage: &Stage) -> Option<String> {
     STAGES.get(first).map(|s| format!("from_{}", s.name))
 }
 
-/// What a job of a stage depends on beside files: its version and the parameters that it sees, as a short hash.
+/// Short hash of what a stage's jobs depend on besides files: its version and its parameters.
 fn seen(stage: &Stage, study: &Study) -> String {
     let parameters: Vec<Value> = stage.tasks(study).into_iter().map(|t| (stage.parameters)(study, t)).collect();
     let text = json!([stage.version, parameters]).to_string();
     blake3::hash(text.as_bytes()).to_hex()[..12].to_owned()
 }
 
-/// Results that no other stage reads, `stage/trial`: where these are there, all are.
+/// Results that no other stage reads, `stage/trial`: if these exist, all others do, too.
 fn ends(study: &Study) -> Vec<String> {
     let read = |name: &str, trial: Option<&TrialEntry>| {
         let plays = |roles: &[Role]| trial.is_some_and(|t| roles.contains(&t.role));
@@ -127,7 +132,7 @@ fn plan(member: &Member<'_>) -> Value {
     })
 }
 
-/// A string as Python reads it: JSON strings are Python strings.
+/// A string as a Python literal: JSON strings are Python strings.
 fn python(text: &str) -> String {
     Value::String(text.to_owned()).to_string()
 }
@@ -137,7 +142,7 @@ fn words_of_roles(roles: &[Role]) -> String {
     format!("[{}]", all.join(", "))
 }
 
-/// Inputs of a stage's rule, one line each.
+/// Inputs of a stage's rule, one per line.
 fn inputs(stage: &Stage) -> Vec<String> {
     let mut out = Vec::new();
     for need in stage.needs {
@@ -145,7 +150,7 @@ fn inputs(stage: &Stage) -> Vec<String> {
             Need::Recording => out.push("recordings".to_owned()),
             Need::Same(name) => out.push(format!("MARKS + \"/{{study}}/{name}/{{trial}}.done\"")),
             Need::Once(name) => out.push(format!("MARKS + \"/{{study}}/{name}/_study.done\"")),
-            // what stands behind the root of the merge tree need not be named one by one
+            // the inputs of the root of the merge tree need not be listed one by one
             Need::Every("regressor", _) if stage.name == "identify" => out.push("root_of_merges".to_owned()),
             Need::Every(..) if stage.needs.contains(&Need::Once("identify")) => {
                 if let Need::Every("regressor", roles) = need {
@@ -194,7 +199,8 @@ fn rule(stage: &Stage) -> String {
     out
 }
 
-/// Mark of the verdict: one for each choice of subjects, so that files for different ones can share a folder of results.
+/// Mark file of the verdict: one for each selection of subjects, so that Snakefiles for different
+/// selections can share a folder of results.
 fn verdict_name(chosen: &[String]) -> String {
     if chosen.is_empty() {
         return "verdict".to_owned();
@@ -203,7 +209,7 @@ fn verdict_name(chosen: &[String]) -> String {
     format!("verdict_{}", &hash[..8])
 }
 
-/// What the Snakefile reads: everything that has a name.
+/// Data that the Snakefile reads: everything that has a name.
 pub fn plan_of(members: &[Member<'_>], call: &Call) -> Result<Value, PipelineError> {
     let text = std::fs::read_to_string(&call.pipeline).map_err(PipelineError::io("read", &call.pipeline))?;
     let workspace = call.workspace.display().to_string();
@@ -229,7 +235,7 @@ pub fn plan_of(members: &[Member<'_>], call: &Call) -> Result<Value, PipelineErr
     }))
 }
 
-/// How our files begin, and what the plan says of itself.
+/// First words of the files written here, also stored in the plan.
 const WRITTEN_BY: &str = "Written by `aloft workflow";
 
 /// The Snakefile, the same for every study.
@@ -369,14 +375,14 @@ const MERGE_RULE: &str = r#"rule merge:
 
 "#;
 
-/// Where the study of a Snakefile stands.
+/// Path of the JSON file that belongs to a Snakefile.
 pub fn plan_path(snakefile: &Path) -> PathBuf {
     let mut name = snakefile.as_os_str().to_owned();
     name.push(".json");
     PathBuf::from(name)
 }
 
-/// Writes the Snakefile and its study; nothing else that a user placed is overwritten.
+/// Writes the Snakefile and its JSON file; other files in their place are not overwritten.
 pub fn write(members: &[Member<'_>], call: &Call, out: &Path) -> Result<(), PipelineError> {
     let plan = plan_of(members, call)?;
     let beside = plan_path(out);
@@ -397,20 +403,21 @@ pub fn write(members: &[Member<'_>], call: &Call, out: &Path) -> Result<(), Pipe
     write_whole(out, snakefile().as_bytes())
 }
 
-/// A result that a finished workflow does not have.
+/// A result that is missing from a finished workflow.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lacking {
     /// Stage.
     pub stage: &'static str,
     /// Trial, or [`WHOLE_STUDY`].
     pub trial: String,
-    /// Why; a hint where there is one.
+    /// Reason, with a hint if there is one.
     pub failure: StageFailure,
-    /// False where it only could not follow something else that failed.
+    /// False if it was only blocked by another failure.
     pub first: bool,
 }
 
-/// Every result of a study that is not there or not up to date, those that failed by themselves first.
+/// Every result of a study that is missing or not up to date, those that failed by themselves
+/// first.
 pub fn verdict(study: &Study) -> Result<Vec<Lacking>, PipelineError> {
     let workspace = Workspace::open(&study.workspace);
     let manifests = Manifests::read_and_examine(study, &workspace, STAGES);

@@ -1,4 +1,4 @@
-//! The demonstration as a BIDS-Motion dataset gives what it gives from C3D.
+//! The demonstration as a BIDS-Motion dataset gives the same results as from C3D.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests fail by panicking")]
 
 use aloft_c3d::C3dFile;
@@ -63,7 +63,7 @@ fn a_bids_dataset_gives_what_its_c3d_files_give() {
         as_bids(&demo.join(format!("{stem}.c3d")), &motion, &name);
     }
     fs::write(data.join("participants.tsv"), "participant_id\tmass\nsub-01\t0.997\n").unwrap();
-    // results of others inside the dataset are not recordings
+    // results of other programs inside the dataset are not recordings
     as_bids(&demo.join("static.c3d"), &data.join("derivatives/other/sub-01"), "sub-01_task-static_desc-clean");
     let bids = dir.path().join("bids.yaml");
     let text = "name: bids\nmodel: two_link\nmarker_set: two-link-chain\nobject: two_link_chain\n\
@@ -95,7 +95,7 @@ fn a_bids_dataset_gives_what_its_c3d_files_give() {
     for ((name, a), (_, b)) in base(&ws.join("sub-01/ses-01")).iter().zip(base(&other)) {
         assert!((a - b).abs() < 1e-9 * b.abs().max(1e-3), "{name}: {a} from BIDS, {b} from C3D");
     }
-    // another channel table is another recording
+    // a recording with another channel table counts as another recording
     let channels = motion.join("sub-01_ses-01_task-throw_run-02_tracksys-mocap_channels.tsv");
     let text = fs::read_to_string(&channels).unwrap();
     fs::write(&channels, text.replace("\tmm\n", "\tmm \n")).unwrap();

@@ -1,4 +1,5 @@
-//! A clock that drifts over a session is found from the files alone: by their dates, or by order and lengths where they state none.
+//! A clock drift over a session is found from the files alone: by their dates, or by order and
+//! lengths if they state no dates.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -48,7 +49,8 @@ fn laboratory(folder: &Path, ppm: f64, spacing_s: f64, stamp: impl Fn(usize) -> 
     starts
 }
 
-/// Runs the stages and looks for a drift; true starts, the calendar and the coefficient.
+/// Runs the stages and looks for a drift; returns the true starts, the calendar and the
+/// coefficient.
 fn drift(
     ppm: f64,
     spacing_s: f64,
@@ -70,11 +72,12 @@ fn drift(
     (starts, calendar, candidate.coefficients[0].value, candidate.held_out_ratio)
 }
 
-/// The coefficient that belongs to a calendar whose times differ from the true ones: delays are those of the truth.
+/// Coefficient expected for a calendar whose times differ from the true ones; the delays follow the
+/// true times.
 fn expected(ppm: f64, starts: &[(String, f64)], calendar: &Calendar) -> f64 {
     let jumps = starts.iter().filter(|s| s.0.starts_with("jump"));
     let (cross, square) = jumps.fold((0.0, 0.0), |s, (name, start)| {
-        // landings lie about the middle of a recording of three to four seconds
+        // landings lie near the middle of a recording of three to four seconds
         let (real, own) = (start + 2.0, calendar.start_s(name) + 2.0);
         (s.0 + real * own, s.1 + own * own)
     });
@@ -114,6 +117,7 @@ fn validate_a_drift_is_recovered_with_order_and_lengths() {
             && calendar.start_s("jump06") < calendar.start_s("exercise01")
     );
     assert!((coefficient / expected - 1.0).abs() < 0.15 && ratio < 0.8, "{coefficient:e} {expected:e} {ratio}");
-    // back to back recordings of about the spacing: the clock's own drift to a third
+    // recordings back to back, each about as long as the spacing: the drift of the clock is found
+    // to within a third
     assert!((coefficient / (1e-6 * ppm) - 1.0).abs() < 0.35, "{coefficient:e}");
 }

@@ -1,4 +1,4 @@
-//! Each command: open the study, ask the pipeline, render for people or as JSON.
+//! Each command opens the study, calls the library, and renders the answer as text or JSON.
 
 use crate::args::{AnglesArg, Cli, Command, EffectAction, EngineArg, PipelineArgs, RowsArg};
 use crate::each::{broken, each, each_result, fail, heading, notice};
@@ -132,7 +132,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
         }
         Command::Report { pipeline, strict, out: target } => {
             let set = open_all(&pipeline)?;
-            // a page over the whole study only where the whole study was asked for
+            // write the page over the whole study only if the whole study was selected
             if set.several && target.is_none() && pipeline.subject.is_empty() && pipeline.session.is_empty() {
                 let done = aloft_report::write_set(&set)?;
                 for page in &done.pages {
@@ -167,7 +167,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
                 AnglesArg::Isb => Angles::Isb,
             });
             let ask = |study: &Study| {
-                // in a study of several each subject and session has a folder of its own
+                // in a study of several, each subject and session gets its own folder
                 let to = to.as_ref().map(|to| export::place_of(to, &study.id));
                 let options = export::ExportOptions { to, formats: format.clone(), trials: trial.clone(), angles };
                 export::export(study, &options)
@@ -317,7 +317,8 @@ fn run(args: &PipelineArgs, selection: &Selection, jobs: Option<usize>) -> Resul
             }
         }
     }
-    // jobs side by side would write each other's summary; `aloft summary` tells it when they are done
+    // parallel jobs would overwrite each other's summary; `aloft summary` writes it when they are
+    // done
     if !selection.shared {
         let summary = summary::summary(&set, &words_of(args))?;
         let written = summary.write(&set.workspace)?;
@@ -381,7 +382,7 @@ fn show_run(id: &StudyId, done: &RunReport, args: &PipelineArgs) {
     }
 }
 
-/// One line: how many tasks were done, were up to date, failed, could not follow.
+/// One line: how many tasks ran, were up to date, failed, or were blocked by failures.
 fn totals<'r>(reports: impl Iterator<Item = &'r RunReport>, seconds: f64) -> String {
     let (mut ran, mut current, mut failed, mut blocked) = (0, 0, 0, 0);
     for done in reports {
@@ -486,7 +487,7 @@ fn show_status(found: &status::Status) -> Result<(), Stop> {
     out(t)
 }
 
-/// One result with its making; or, without trial and stage, everything that is not up to date.
+/// How one result was made; without trial and stage, everything that is not up to date.
 fn explain(args: &PipelineArgs, trial: Option<&str>, stage: Option<&str>) -> Result<Success, Stop> {
     let set = open_all(args)?;
     let mut shown = 0;

@@ -1,4 +1,5 @@
-//! One command over all subjects and sessions: a heading before each, one JSON document for all.
+//! Runs one command over all subjects and sessions: with a heading before each, or one JSON
+//! document for all.
 
 use crate::Success;
 use crate::args::{PipelineArgs, StrictArgs};
@@ -15,14 +16,14 @@ use aloft_workspace::error::PipelineError;
 use serde::Serialize;
 use std::cell::Cell;
 
-/// What a `--json` command says of a study of several.
+/// JSON output of a command for a study of several.
 #[derive(Debug, Serialize)]
 struct Several<T> {
     version: u32,
     studies: Vec<One<T>>,
 }
 
-/// An answer with the results it rests on that are not up to date.
+/// An answer together with the results it is based on that are not up to date.
 #[derive(Debug, Serialize)]
 struct WithStale<T> {
     #[serde(flatten)]
@@ -40,8 +41,9 @@ struct One<T> {
     error: Option<String>,
 }
 
-/// Asks for every study and shows each answer. For a study of one subject the answer stands alone, and an error is the
-/// command's; for several, one that cannot answer does not stop the others.
+/// Computes and shows the answer for every study. For a study of one subject the answer is shown
+/// without a heading, and an error is the command's error; for several, one that fails does not
+/// stop the others.
 pub fn each<T: Serialize>(
     args: &PipelineArgs,
     as_json: bool,
@@ -91,8 +93,8 @@ pub fn each<T: Serialize>(
     Ok(if trouble { Success::Partial } else { Success::Full })
 }
 
-/// The same for a command that shows results: it says which are not up to date, and refuses to show damaged results of the stages that
-/// it `reads` (none named: of all).
+/// The same for a command that shows results: it reports which are not up to date, and refuses to
+/// show damaged results of the stages that it `reads` (of all stages if none is named).
 pub fn each_result<T: Serialize>(
     args: &PipelineArgs,
     strict: StrictArgs,
@@ -114,7 +116,7 @@ pub fn each_result<T: Serialize>(
     Ok(strict.judge(done, late.get()))
 }
 
-/// Says on stderr which results are not up to date.
+/// Reports on stderr which results are not up to date.
 pub fn notice(study: &Study, fresh: &Freshness) {
     if fresh.is_current() {
         return;
@@ -127,7 +129,7 @@ pub fn notice(study: &Study, fresh: &Freshness) {
 }
 
 impl StrictArgs {
-    /// How a command ended, with results that are not up to date or without.
+    /// Outcome of a command, depending on whether some results are not up to date.
     pub fn judge(self, done: Success, late: bool) -> Success {
         if self.strict && late { Success::Partial } else { done }
     }
@@ -138,7 +140,7 @@ pub fn heading(id: &StudyId) -> Result<(), Stop> {
     out(format!("== {}", visible(&id.to_string())))
 }
 
-/// Says of every member that cannot be worked on why; true where there is one.
+/// Reports every member that cannot be processed and why; true if there is one.
 pub fn broken(set: &StudySet) -> bool {
     for b in &set.broken {
         fail(&b.id, &b.failure);
@@ -146,7 +148,7 @@ pub fn broken(set: &StudySet) -> bool {
     !set.broken.is_empty()
 }
 
-/// Says which subject or session failed, and what to do about it.
+/// Reports which subject or session failed, and what to do about it.
 pub fn fail(id: &StudyId, failure: &aloft_workspace::error::StageFailure) {
     note(format!("failed: {id}: {}", failure.problem));
     if let Some(hint) = &failure.hint {

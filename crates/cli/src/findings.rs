@@ -1,4 +1,4 @@
-//! What `discover`, `effect` and `history` find, as tables and words for people.
+//! Output of `discover`, `effect` and `history` as tables and text.
 
 use crate::args::PipelineArgs;
 use crate::open::words_of;
@@ -35,7 +35,7 @@ fn names(list: &[String]) -> String {
     list.join(", ")
 }
 
-/// The verdict in the words that are documented for it.
+/// The verdict in its documented wording.
 fn verdict(d: &Discovery) -> String {
     let kind = |id: &String| d.candidates.iter().find(|c| c.effect == *id).map(|c| c.kind);
     let artefact = !d.effects.is_empty() && d.effects.iter().all(|e| kind(e) == Some(EffectKind::Artefact));
@@ -59,7 +59,7 @@ fn verdict(d: &Discovery) -> String {
     }
 }
 
-/// The noise floor with its interval, for a sentence.
+/// The noise floor with its interval, as part of a sentence.
 pub fn floor_in_words(noise_floor: f64, ci95: Option<[f64; 2]>) -> String {
     if !noise_floor.is_finite() {
         return "unknown (no comparison was made)".to_owned();
@@ -68,7 +68,7 @@ pub fn floor_in_words(noise_floor: f64, ci95: Option<[f64; 2]>) -> String {
     format!("{} N{interval}", significant(noise_floor, 3))
 }
 
-/// What is missing.
+/// The discovery as text.
 pub fn discovery(d: &Discovery, at: &PipelineArgs) -> Result<(), Stop> {
     out(format!("verdict: {}", verdict(d)))?;
     out(&d.words)?;
@@ -163,12 +163,13 @@ pub fn discovery(d: &Discovery, at: &PipelineArgs) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Effects that chance could have put ahead.
+/// Effects that cannot be told from this one: chance could explain the difference in rank (p >
+/// 0.05).
 fn like(c: &Candidate) -> Vec<&str> {
     c.confused_with.iter().filter(|x| x.p_value > 0.05).map(|x| x.effect.as_str()).take(3).collect()
 }
 
-/// How often injected effects come out under their name.
+/// How often injected effects are identified correctly.
 pub fn self_test(s: &SelfTest) -> Result<(), Stop> {
     out("effects injected into these recordings, at multiples of the smallest size that could be seen")?;
     let mut t = table(&["times smallest", "injected", "right name", "right name or class", "wrong name", "missed"]);
@@ -200,7 +201,7 @@ pub fn self_test(s: &SelfTest) -> Result<(), Stop> {
     out(t)
 }
 
-/// The ladder.
+/// The revisions of the model.
 pub fn history(h: &History) -> Result<(), Stop> {
     let mut t = table(&[
         "revision",

@@ -1,5 +1,5 @@
-//! The `aloft` command. `main` maps results to exit codes: 0 all well; 1 some trials failed (the others are done and kept);
-//! 2 the command or configuration is wrong.
+//! The `aloft` command. `main` maps results to exit codes: 0 success; 1 some trials failed (the
+//! results of the others are kept); 2 the command or configuration is wrong.
 
 mod args;
 mod commands;
@@ -17,7 +17,7 @@ mod workflow;
 use clap::Parser;
 use std::process::ExitCode;
 
-/// How a command ended when it could be carried out.
+/// Outcome of a command that could be carried out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Success {
     /// Everything worked.

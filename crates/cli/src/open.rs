@@ -20,12 +20,12 @@ pub fn open(args: &PipelineArgs) -> Result<Study, Stop> {
     Ok(Study::open(&args.pipeline, &overrides(args))?)
 }
 
-/// All subjects and sessions that the words choose.
+/// All subjects and sessions selected on the command line.
 pub fn open_all(args: &PipelineArgs) -> Result<StudySet, Stop> {
     Ok(StudySet::open(&args.pipeline, &overrides(args))?)
 }
 
-/// The words after a command's name that name pipeline and folders again, for a shell.
+/// Arguments that repeat the pipeline and folders after a command's name, for a shell.
 pub fn words_of(args: &PipelineArgs) -> String {
     let folder = |flag: &str, path: &Option<std::path::PathBuf>| {
         path.iter().flat_map(|p| quote::option(flag, &p.display().to_string())).collect::<Vec<_>>()

@@ -1,4 +1,4 @@
-//! One progress bar with the time left, on a terminal only.
+//! One progress bar with the time left, shown only on a terminal.
 
 use aloft_pipeline::progress::{Forecast, Plan, Progress};
 use aloft_pipeline::runner::{Ended, TaskReport};
@@ -6,7 +6,7 @@ use aloft_study::recordings::StudyId;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::Mutex;
 
-/// One bar for a number of equal steps.
+/// A bar for a number of equal steps.
 #[derive(Debug)]
 pub struct Counted(ProgressBar);
 
@@ -20,7 +20,7 @@ impl Counted {
         bar.set_prefix(name.to_owned());
         Self(bar)
     }
-    /// So many steps of all are done.
+    /// Sets the number of steps done, of all.
     pub fn at(&self, done: usize, all: usize) {
         self.0.set_length(all as u64);
         self.0.set_position(done as u64);
@@ -33,7 +33,7 @@ impl Drop for Counted {
     }
 }
 
-/// The bar of a run.
+/// The progress bar of a run.
 #[derive(Debug, Default)]
 pub struct Bars {
     current: Mutex<Option<(ProgressBar, Forecast)>>,
@@ -52,7 +52,7 @@ impl Bars {
     }
 }
 
-/// Seconds as people say them.
+/// A duration in readable form.
 fn duration(seconds: f64) -> String {
     let s = seconds.round().max(0.0) as u64;
     match s {

@@ -1,4 +1,4 @@
-//! Tables and messages for people. Data goes to stdout, messages to stderr.
+//! Tables and messages as text. Data goes to stdout, messages to stderr.
 
 use crate::stop::Stop;
 use aloft_analysis::parameters::half_of;
@@ -19,7 +19,7 @@ pub fn table(header: &[&str]) -> Table {
     table
 }
 
-/// Prints to stdout; a closed pipe ends the command quietly.
+/// Prints to stdout; a closed pipe ends the command without a message.
 pub fn out(text: impl std::fmt::Display) -> Result<(), Stop> {
     writeln!(std::io::stdout(), "{text}").map_err(|e| match e.kind() {
         std::io::ErrorKind::BrokenPipe => Stop::PipeClosed,
@@ -27,22 +27,23 @@ pub fn out(text: impl std::fmt::Display) -> Result<(), Stop> {
     })
 }
 
-/// Prints a line to stderr: one line, whatever the names in it hold, and nothing in it reaches the terminal as a command.
+/// Prints one line to stderr. Line breaks and control characters in names are escaped, so that they
+/// cannot act on the terminal.
 pub fn note(text: impl std::fmt::Display) {
     let _ = writeln!(std::io::stderr(), "{}", visible(&text.to_string()));
 }
 
-/// Prints a command that can be copied to a shell, as it is: line breaks stand in quotes.
+/// Prints a command that can be copied to a shell, unchanged: line breaks are inside quotes.
 pub fn command(label: &str, text: &str) {
     let _ = writeln!(std::io::stderr(), "{label}: {text}");
 }
 
-/// Prints an error with its place and hint.
+/// Prints an error with its location and hint.
 pub fn error(report: &miette::Report) {
     let _ = writeln!(std::io::stderr(), "{report:?}");
 }
 
-/// Half of a 95 % interval with two significant digits; a dash where there is none.
+/// Half-width of a 95 % interval with two significant digits; a dash if there is none.
 pub fn half(ci95: Option<[f64; 2]>) -> String {
     significant(half_of(ci95).unwrap_or(f64::NAN), 2)
 }
@@ -56,7 +57,7 @@ pub fn plus_minus(ci95: Option<[f64; 2]>, at_bound: bool) -> String {
     }
 }
 
-/// A number with so many significant digits.
+/// A number with this many significant digits.
 pub fn significant(value: f64, digits: usize) -> String {
     if !value.is_finite() {
         return "–".to_owned();

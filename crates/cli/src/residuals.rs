@@ -1,4 +1,5 @@
-//! The comparison as tables for people: where the error sits, and what of it noise does not explain.
+//! The comparison as tables: the distribution of the error, and the part that noise does not
+//! explain.
 
 use crate::args::ByArg;
 use crate::render::{out, significant, table};
@@ -21,7 +22,7 @@ const ALL: [ByArg; 10] = [
     ByArg::Segment,
 ];
 
-/// The whole comparison, or the breakdowns that were asked for.
+/// The whole comparison, or the requested breakdowns.
 pub fn comparison(view: &ComparisonView, by: &[ByArg]) -> Result<(), Stop> {
     let c = &view.comparison;
     if by.is_empty() {
@@ -94,7 +95,8 @@ fn trials(view: &ComparisonView) -> Result<(), Stop> {
     out(format!("\n{t}"))
 }
 
-/// One breakdown: error, noise and what noise does not explain, on frames and over weak windows.
+/// One breakdown: error, noise and the part that noise does not explain, on frames and over weak
+/// windows.
 fn groups(view: &ComparisonView, by: GroupedBy) -> Result<(), Stop> {
     let c = &view.comparison;
     let list: Vec<&Group> = c.first.breakdown.iter().filter(|g| g.by == by).collect();

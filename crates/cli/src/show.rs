@@ -1,4 +1,4 @@
-//! Results as tables for people.
+//! Results as tables.
 
 use crate::render::{half, out, plus_minus, significant, table};
 use crate::stop::Stop;
@@ -10,7 +10,7 @@ pub(crate) fn three(v: &[f64; 3]) -> String {
     v.iter().map(|x| significant(*x, 3)).collect::<Vec<_>>().join(" ")
 }
 
-/// Base parameters, links, singular values, and how far they may be believed.
+/// Base parameters, links, singular values, and how far they can be trusted.
 pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
     let p = &view.parameters;
     out(format!(
@@ -81,7 +81,7 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
     }
 }
 
-/// The few lines that end a run.
+/// The short summary at the end of a run.
 pub fn brief(view: &ComparisonView) -> Result<(), Stop> {
     let c = &view.comparison;
     out(format!(
@@ -114,7 +114,7 @@ pub fn brief(view: &ComparisonView) -> Result<(), Stop> {
     against_floor(c)
 }
 
-/// The held-out error over weak windows beside the noise floor, in flight and in contact.
+/// The held-out error over weak windows compared with the noise floor, in flight and in contact.
 pub fn against_floor(c: &Comparison) -> Result<(), Stop> {
     for a in &c.against_floor {
         let Some(floor) = &a.floor else { continue };
@@ -133,7 +133,7 @@ pub fn against_floor(c: &Comparison) -> Result<(), Stop> {
     Ok(())
 }
 
-/// One line of a subject or session among several.
+/// One line for a subject or session among several.
 pub fn one_line(view: &ComparisonView) -> Result<(), Stop> {
     let c = &view.comparison;
     let (f, n, wf, wn) = errors_of(&c.first);

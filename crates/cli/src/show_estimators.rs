@@ -1,4 +1,5 @@
-//! How far results may be trusted, for people: the table of estimators, leaving trials out, the assessment, the calibration.
+//! Tables on how far results can be trusted: the table of estimators, leaving trials out, the
+//! assessment, the calibration.
 
 use crate::render::{out, significant, table};
 use crate::stop::Stop;
@@ -18,7 +19,7 @@ fn means(errors: Option<&ErrorsBrief>) -> [String; 2] {
     [number(errors.and_then(|e| e.force_mean_n)), number(errors.and_then(|e| e.moment_mean_nm))]
 }
 
-/// Rows × estimators × geometry.
+/// Table of rows × estimators × geometry.
 pub fn estimators(view: &EstimatorsView) -> Result<(), Stop> {
     out(format!("{}: {}: {}", view.subject, view.judged_on, view.held_out))?;
     let window = format!("{} s windows N", view.window_s);
@@ -172,7 +173,7 @@ pub fn assessment(a: &Assessment) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Landmark against calibrated geometry.
+/// Landmark geometry compared with calibrated geometry.
 pub fn calibration(c: &CalibrationView) -> Result<(), Stop> {
     let r = &c.report;
     let [before, after] = c.held_out_rms_m;
@@ -198,7 +199,7 @@ pub fn calibration(c: &CalibrationView) -> Result<(), Stop> {
     out(format!("{t}\n"))
 }
 
-/// The body weighed while it jumps.
+/// Body mass from the impulse of the plates between flights.
 pub fn impulse_mass(w: &ImpulseMassView) -> Result<(), Stop> {
     out(format!(
         "mass by impulse of the plates from flight to flight: {:.2} kg ({:.2} to {:.2} over {} contacts){}",

@@ -2,12 +2,12 @@
 
 use aloft_workspace::error::PipelineError;
 
-/// Why a command stopped.
+/// Reason why a command stopped.
 #[derive(Debug)]
 pub enum Stop {
-    /// The reader of our output went away.
+    /// The reader of our output closed the pipe.
     PipeClosed,
-    /// Something is wrong.
+    /// An error.
     Error(miette::Report),
 }
 

@@ -1,4 +1,4 @@
-//! `aloft workflow`: writes the Snakefile, or says what a finished workflow lacks.
+//! `aloft workflow`: writes the Snakefile, or reports which results a finished workflow lacks.
 
 use crate::Success;
 use crate::args::PipelineArgs;
@@ -11,7 +11,7 @@ use aloft_study::quote;
 use aloft_study::studies::StudySet;
 use std::path::Path;
 
-/// `--data` and `--workspace` as they were given.
+/// `--data` and `--workspace` as given by the user.
 fn folders(args: &PipelineArgs) -> Vec<String> {
     [("data", &args.data), ("workspace", &args.workspace)]
         .into_iter()
@@ -19,7 +19,7 @@ fn folders(args: &PipelineArgs) -> Vec<String> {
         .collect()
 }
 
-/// `--subject` and `--session` as they were given.
+/// `--subject` and `--session` as given by the user.
 fn chosen(args: &PipelineArgs) -> Vec<String> {
     [("subject", &args.subject), ("session", &args.session)]
         .into_iter()
@@ -27,7 +27,7 @@ fn chosen(args: &PipelineArgs) -> Vec<String> {
         .collect()
 }
 
-/// Carries it out.
+/// Runs the command.
 pub fn run(args: &PipelineArgs, out: &Path, say: bool) -> Result<Success, Stop> {
     let set = open_all(args)?;
     let cannot = broken(&set);
@@ -47,7 +47,7 @@ pub fn run(args: &PipelineArgs, out: &Path, say: bool) -> Result<Success, Stop> 
     Ok(if cannot { Success::Partial } else { Success::Full })
 }
 
-/// Says what a finished workflow lacks.
+/// Reports which results a finished workflow lacks.
 fn judge(set: &StudySet, cannot: bool) -> Result<Success, Stop> {
     let (mut first, mut behind) = (0, 0);
     for study in &set.members {

@@ -1,9 +1,11 @@
-//! One self-contained page that tells the story: lights, text, tables, charts, a player for 3-D recordings. Works offline.
+//! One self-contained HTML page with lights, text, tables, charts and a player for 3-D recordings.
+//! Works offline.
 //!
-//! The page is generic on purpose: what is told, and in which order, is decided where the results are known (`pipeline`);
-//! how it looks is decided here. A [`Page`] has [`Chapter`]s, of which the reader sees one at a time; a chapter has
-//! [`Section`]s of [`Block`]s. Numbers travel inside the page, packed ([`pack`]), and are drawn when they come into view:
-//! a page of many recordings opens at once. Every table and figure saves its numbers as CSV.
+//! The page is generic on purpose: its contents and their order are decided in `report`, where the
+//! results are known; its appearance is decided here. A [`Page`] has [`Chapter`]s, of which the
+//! reader sees one at a time; a chapter has [`Section`]s of [`Block`]s. Numbers are stored packed
+//! inside the page ([`pack`]) and drawn when they come into view, so that a page of many recordings
+//! opens at once. The numbers of every table and figure can be saved as CSV.
 
 mod figure;
 pub mod pack;

@@ -1,7 +1,8 @@
-//! Numbers as text that is short, and quick to read for a browser.
+//! Encodes numbers as text that is short and fast for a browser to read.
 //!
-//! Short lists stay JSON numbers. Long ones become base64 of little-endian values, `{"$": "f4" | "i2", "b": …}`; `i2` has a
-//! step `"s"` by which integers are multiplied. Missing values are null in lists, NaN in `f4`, −32768 in `i2`.
+//! Short lists stay JSON numbers. Long ones become base64 of little-endian values, `{"$": "f4" |
+//! "i2", "b": …}`; `i2` has a step `"s"` by which the integers are multiplied. Missing values are
+//! null in lists, NaN in `f4`, −32768 in `i2`.
 
 use serde_json::{Value, json};
 
@@ -29,7 +30,7 @@ pub fn base64(bytes: &[u8]) -> String {
     out
 }
 
-/// One number with six significant digits; null where it is not finite.
+/// One number with six significant digits; null if it is not finite.
 pub fn number(value: f64) -> Value {
     if !value.is_finite() {
         return Value::Null;
@@ -46,7 +47,7 @@ pub fn numbers(values: &[f64]) -> Value {
     json!({"$": "f4", "b": base64(&bytes)})
 }
 
-/// A list of numbers in multiples of `step`, or of a larger step where the largest of them asks for it.
+/// A list of numbers in multiples of `step`, or of a larger step if the largest number requires it.
 pub fn steps(values: impl IntoIterator<Item = f64>, step: f64) -> Value {
     let values: Vec<f64> = values.into_iter().collect();
     let largest = values.iter().filter(|v| v.is_finite()).fold(0.0_f64, |m, v| m.max(v.abs()));

@@ -1,20 +1,20 @@
-//! The page: chapters of sections of blocks.
+//! Structure of the page: chapters of sections of blocks.
 
 use crate::{Figure, Table};
 use serde::Serialize;
 
-/// A traffic light; always shown with its sign and its word, never as colour alone.
+/// A traffic light; always shown with its symbol and its word, never by colour alone.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Light {
     /// Neither good nor bad.
     #[default]
     Neutral,
-    /// As it should be.
+    /// Within the expected limits.
     Good,
     /// Usable, with a remark.
     Fair,
-    /// Not to be relied on.
+    /// Not reliable.
     Poor,
 }
 
@@ -28,7 +28,7 @@ impl Light {
             Self::Poor => "poor",
         }
     }
-    /// Good below `good`, fair below `fair`, else poor; neutral where the value is missing.
+    /// Good below `good`, fair below `fair`, else poor; neutral if the value is missing.
     pub fn below(value: f64, good: f64, fair: f64) -> Self {
         if !value.is_finite() {
             Self::Neutral
@@ -42,20 +42,20 @@ impl Light {
     }
 }
 
-/// One figure of merit.
+/// A card with one figure of merit.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Card {
-    /// What it is.
+    /// Name of the figure.
     pub label: String,
     /// Its value with unit.
     pub value: String,
-    /// A line below, for scale.
+    /// Explanatory line below it, for comparison.
     pub note: String,
     /// Judgement.
     pub light: Light,
 }
 
-/// One piece of a section.
+/// One element of a section.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Block {
@@ -64,19 +64,19 @@ pub enum Block {
         /// Plain text.
         text: String,
     },
-    /// A remark that should not be missed.
+    /// A remark that should not be overlooked.
     Remark {
         /// Plain text.
         text: String,
         /// Judgement.
         light: Light,
     },
-    /// Remarks or sentences one below the other.
+    /// Remarks or sentences, one per line.
     List {
-        /// Plain text each.
+        /// Plain text of each.
         items: Vec<String>,
     },
-    /// Figures of merit side by side.
+    /// Figures of merit, side by side.
     Cards {
         /// The cards.
         cards: Vec<Card>,
@@ -91,21 +91,21 @@ pub enum Block {
         /// The figure.
         figure: Figure,
     },
-    /// What only some readers want: shown on request.
+    /// Details for some readers, shown on request.
     Folded {
-        /// What it holds.
+        /// Title of the folded part.
         title: String,
         /// Contents.
         blocks: Vec<Block>,
     },
-    /// Text to take away, with a button that copies it.
+    /// Text with a button that copies it.
     Copy {
         /// Plain text.
         text: String,
     },
     /// Commands to type.
     Commands {
-        /// One a line.
+        /// One command per line.
         lines: Vec<String>,
     },
 }
@@ -153,14 +153,14 @@ impl Section {
     }
 }
 
-/// What a reader sees at a time.
+/// A chapter; the reader sees one at a time.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Chapter {
     /// Identifier in links, unique on the page.
     pub id: String,
-    /// Title, in the list of chapters, too.
+    /// Title, also shown in the list of chapters.
     pub title: String,
-    /// Heading in the list of chapters under which it stands.
+    /// Heading in the list of chapters under which the chapter is listed.
     pub group: String,
     /// Judgement, shown in the list.
     pub light: Light,
@@ -175,14 +175,14 @@ pub struct Page {
     pub title: String,
     /// Line below the title.
     pub subtitle: String,
-    /// Chapters in order; those of one group stand together.
+    /// Chapters in order; those of one group are adjacent.
     pub chapters: Vec<Chapter>,
-    /// Small print: versions, hashes.
+    /// Footer lines: versions, hashes.
     pub footer: Vec<String>,
 }
 
 impl Page {
-    /// True when a figure on it is drawn by `chart` or `player`.
+    /// True if a figure on the page is drawn by `drawn_by` (`chart` or `player`).
     pub fn has(&self, drawn_by: &str) -> bool {
         fn any(blocks: &[Block], drawn_by: &str) -> bool {
             blocks.iter().any(|b| match b {

@@ -1,18 +1,19 @@
-//! A recording in three dimensions, to be played: bones, measured and model markers, forces.
+//! Player for a recording in three dimensions: bones, measured and model markers, forces.
 //!
-//! Drawn on a plain canvas by the page's own script, so that any number of recordings stand on one page (browsers limit
-//! WebGL views to a few) and old machines keep up.
+//! It is drawn on a plain canvas by the page's own script, so that a page can hold any number of
+//! recordings (browsers limit WebGL views to a few) and old computers are fast enough.
 
 use crate::figure::{Figure, Words};
 use crate::pack;
 use serde_json::{Value, json};
 
-/// A kind of arrow, one or several a frame.
+/// A kind of arrow, with one or several arrows per frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Arrows {
     /// Name in the legend.
     pub name: String,
-    /// `frames[frame][arrow]`: foot and tip, m; NaN where there is none. The same number of arrows in every frame.
+    /// `frames[frame][arrow]`: start and tip, m; NaN if there is none. Every frame has the same
+    /// number of arrows.
     pub frames: Vec<Vec<[[f64; 3]; 2]>>,
 }
 
@@ -21,7 +22,7 @@ pub struct Arrows {
 pub struct Animation {
     /// Time of each frame, s.
     pub times_s: Vec<f64>,
-    /// True for frames in the air.
+    /// True for frames in flight.
     pub in_flight: Vec<bool>,
     /// Frame shown first.
     pub first: usize,
@@ -39,13 +40,14 @@ pub struct Animation {
     pub modelled: Vec<Vec<[f64; 3]>>,
     /// Forces.
     pub arrows: Vec<Arrows>,
-    /// What one metre of arrow stands for, N.
+    /// Force that corresponds to one metre of arrow, N.
     pub newtons_per_m: f64,
     /// Corners of force plates.
     pub plates: Vec<Vec<[f64; 3]>>,
 }
 
-/// Positions are kept to a tenth of a millimetre within ±3.2 m; beyond, the packing takes larger steps.
+/// Positions are stored with a resolution of 0.1 mm within ±3.2 m; for larger values the packing
+/// uses larger steps.
 const STEP_M: f64 = 1e-4;
 
 fn flat(frames: &[Vec<[f64; 3]>]) -> impl Iterator<Item = f64> + '_ {

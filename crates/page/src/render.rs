@@ -1,4 +1,4 @@
-//! Page to HTML, with one template.
+//! Renders the page as HTML with one template.
 
 use crate::Page;
 use minijinja::syntax::SyntaxConfig;
@@ -14,22 +14,24 @@ pub enum ReportError {
     Template(#[from] minijinja::Error),
 }
 
-/// plotly.js, the bundle with Cartesian charts alone (MIT, `vendor/plotly-LICENSE`).
+/// plotly.js, the bundle with Cartesian charts only (MIT, `vendor/plotly-LICENSE`).
 const PLOTLY: &str = include_str!("../vendor/plotly-cartesian.min.js");
 
-/// The plotting library as text: the browser reads the program only when a chart comes into view.
+/// The plotting library as text: the browser parses it only when a chart comes into view.
 fn plotting_script() -> String {
     format!("<script type=\"text/plain\" id=\"plotting-library\">{PLOTLY}</script>")
 }
 
-/// A judgement: its sign, and its word where asked for. Signs differ in shape, so that colour is never needed.
+/// A judgement: its symbol, and its word if requested. The symbols differ in shape, so that colour
+/// is not needed.
 fn light(name: &str, with_word: &str) -> Value {
     let word = if with_word.is_empty() || name == "neutral" {
         String::new()
     } else {
         format!("<b class=\"word {name}\">{name}</b> ")
     };
-    // in a list the word is there for those who hear the page; a neutral sign in running text says nothing
+    // in a list the word is included for screen readers; in running text a neutral judgement has no
+    // symbol
     let sign = match (with_word.is_empty(), name) {
         (false, "neutral") => String::new(),
         (true, n) if n != "neutral" => {
@@ -42,7 +44,7 @@ fn light(name: &str, with_word: &str) -> Value {
     Value::from_safe_string(format!("{sign}{word}"))
 }
 
-/// Text with what stands between backticks set as code.
+/// Text in which parts between backticks are set as code.
 fn prose(text: &str) -> Value {
     let escape = |t: &str| t.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;");
     let parts: Vec<&str> = text.split('`').collect();
@@ -52,7 +54,7 @@ fn prose(text: &str) -> Value {
     Value::from_safe_string(if paired { parts.iter().enumerate().map(set).collect() } else { escape(text) })
 }
 
-/// Renders the page as one HTML text that needs nothing else.
+/// Renders the page as one HTML text without external files.
 pub fn render(page: &Page) -> Result<String, ReportError> {
     let mut env = Environment::new();
     env.set_auto_escape_callback(|_| AutoEscape::Html);
@@ -61,7 +63,7 @@ pub fn render(page: &Page) -> Result<String, ReportError> {
     env.add_template("blocks.html", include_str!("../templates/blocks.html"))?;
     env.add_function("light", light);
     env.add_function("prose", prose);
-    // the plotting library only where something is plotted: pages without charts stay small
+    // include the plotting library only if there are charts: pages without charts stay small
     let charts = page.has("chart");
     let html = env.get_template("page.html")?.render(context! {
         page => Serde(page),

@@ -3,26 +3,27 @@
 use crate::Light;
 use serde::Serialize;
 
-/// Columns whose longest cell has no more characters are not broken into lines.
+/// Columns whose longest cell has at most this many characters are not wrapped.
 const SHORT: usize = 28;
 
 /// One cell.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Cell {
-    /// What it says.
+    /// Text.
     pub text: String,
-    /// Where it leads: the identifier of a chapter or section with `#` in front, or a relative path; empty for nowhere.
+    /// Link target: the identifier of a chapter or section with `#` in front, or a relative path;
+    /// empty for none.
     pub link: String,
-    /// Judgement, shown as a sign and a word before the text.
+    /// Judgement, shown as a symbol and a word before the text.
     pub light: Option<Light>,
 }
 
 impl Cell {
-    /// The same, leading somewhere.
+    /// The same cell with a link.
     pub fn to(self, link: impl Into<String>) -> Self {
         Self { link: link.into(), ..self }
     }
-    /// A judgement with its word.
+    /// A cell with a judgement and its word.
     pub fn light(light: Light, text: impl Into<String>) -> Self {
         Self { text: text.into(), light: Some(light), ..Self::default() }
     }
@@ -43,20 +44,21 @@ impl From<&str> for Cell {
 /// A table of text.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Table {
-    /// What it holds.
+    /// Title.
     pub title: String,
-    /// What to see in it.
+    /// Caption: what the table shows.
     pub caption: String,
     /// Column heads, with units.
     pub header: Vec<String>,
-    /// Rows; the first cell of each is its name.
+    /// Rows; the first cell of each row is its name.
     pub rows: Vec<Vec<Cell>>,
-    /// Class of each column: empty for numbers (right), `w` for words (left), `w n` for words too short to wrap.
+    /// CSS class of each column: empty for numbers (right), `w` for words (left), `w n` for words
+    /// too short to wrap.
     classes: Vec<&'static str>,
 }
 
 impl Table {
-    /// A table; columns in which every cell is a number, or missing, are set as numbers.
+    /// A table; columns in which every cell is a number or missing are set as numbers.
     pub fn new<C: Into<Cell>>(title: &str, caption: &str, header: &[&str], rows: Vec<Vec<C>>) -> Self {
         let rows: Vec<Vec<Cell>> = rows.into_iter().map(|r| r.into_iter().map(Into::into).collect()).collect();
         let class = |i: usize| {
@@ -80,7 +82,8 @@ impl Table {
     }
 }
 
-/// True for what reads as numbers: digits, signs, exponents, and the dash of a missing value.
+/// True for text that looks like numbers: digits, signs, exponents, and the dash of a missing
+/// value.
 fn is_number(text: &str) -> bool {
     text.is_empty()
         || text == "–"

@@ -1,4 +1,5 @@
-//! The demonstration's study: from recordings to comparison, and again with nothing changed.
+//! Runs the demonstration study from recordings to comparison, and a second time with nothing
+//! changed.
 //!
 //! `cargo bench -p aloft-pipeline`
 #![allow(missing_docs, reason = "criterion makes the functions")]

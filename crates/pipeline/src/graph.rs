@@ -1,4 +1,4 @@
-//! The stage graph: what each stage reads, which parameters it sees, and which tasks a study consists of.
+//! The stage graph: which results and parameters each stage reads, and the tasks of a study.
 
 use crate::results::Results;
 use crate::stages::STAGES;
@@ -12,31 +12,31 @@ use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
-/// Whether a stage runs once a trial or once a study.
+/// Whether a stage runs once per trial or once per study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scope {
     /// Once for each trial of the given roles.
     Trial(&'static [Role]),
-    /// Once.
+    /// Once per study.
     Study,
 }
 
-/// One thing that a stage reads.
+/// One input of a stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Need {
-    /// The recording's files.
+    /// Files of the recording.
     Recording,
-    /// A stage's result for the same trial.
+    /// Result of a stage for the same trial.
     Same(&'static str),
-    /// A study-wide stage's result.
+    /// Result of a study-wide stage.
     Once(&'static str),
-    /// A stage's results for all trials of the given roles (those that succeeded).
+    /// Results of a stage for all trials of the given roles (those that succeeded).
     Every(&'static str, &'static [Role]),
-    /// As `Every`, and also the trial that `trials.static_frames` names.
+    /// As `Every`, and also the trial named by `trials.static_frames`.
     EveryOrStaticFrames(&'static str, &'static [Role]),
 }
 
-/// What a stage hands back beside its files.
+/// What a stage returns besides its files.
 #[derive(Debug, Clone, Default)]
 pub struct StageReport {
     /// Warnings.
@@ -52,48 +52,50 @@ impl StageReport {
     }
 }
 
-/// The work of a stage. All that it may know of the study is in its parameters, and these are the cache key.
+/// The work of a stage. Everything that it may know of the study is in its parameters, which are
+/// also the cache key.
 pub trait StageWork {
-    /// The parameters that the stage reads. Serialised, they are the cache key: a result is stale when they change.
+    /// The parameters that the stage reads. Serialised, they are the cache key: a result becomes
+    /// stale when they change.
     type Params: Serialize;
 
-    /// Takes the parameters out of the study; `trial` for stages that run once a trial.
+    /// Takes the parameters from the study; `trial` is given for stages that run once per trial.
     fn params(study: &Study, trial: Option<&TrialEntry>) -> Self::Params;
 
     /// Computes the result: reads through `inputs`, writes into `inputs.out`.
     ///
     /// # Errors
-    /// Anything that makes the result impossible, with a hint for the user.
+    /// Any problem that makes the result impossible, with a hint for the user.
     fn run(params: &Self::Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure>;
 }
 
-/// A stage: its documentation, its place in the graph and its work.
+/// A stage: its documentation, its inputs and its work.
 #[derive(Debug)]
 pub struct Stage {
     /// Name that users type.
     pub name: &'static str,
-    /// Raised whenever the code's results change.
+    /// Version; to be raised whenever the results of the code change.
     pub version: u32,
-    /// Once a trial or once.
+    /// Once per trial or once per study.
     pub scope: Scope,
-    /// What it reads, for people.
+    /// Inputs, in words for the documentation.
     pub reads: &'static str,
-    /// What it gives, for people.
+    /// Results, in words for the documentation.
     pub gives: &'static str,
-    /// What it reads, for the graph.
+    /// Inputs, for the graph.
     pub needs: &'static [Need],
-    /// The parameters as they stand in a manifest: [`parameters_of`] the stage's work.
+    /// The parameters as stored in a manifest: [`parameters_of`] the stage's work.
     pub parameters: fn(&Study, Option<&TrialEntry>) -> Value,
     /// The work: [`run_of`] it.
     pub run: fn(&Study, Option<&TrialEntry>, &StageInputs<'_>) -> Result<StageReport, StageFailure>,
 }
 
-/// Parameters of a stage's work as they stand in a manifest.
+/// Parameters of a stage's work as stored in a manifest.
 pub fn parameters_of<W: StageWork>(study: &Study, trial: Option<&TrialEntry>) -> Value {
     key(&W::params(study, trial))
 }
 
-/// Runs a stage's work with the parameters that the study gives it.
+/// Runs a stage's work with the parameters taken from the study.
 ///
 /// # Errors
 /// As [`StageWork::run`].
@@ -106,7 +108,7 @@ pub fn run_of<W: StageWork>(
 }
 
 impl Stage {
-    /// Trials for which the stage runs; the whole study counts as one.
+    /// Trials for which the stage runs; a study-wide stage has one task, without a trial.
     pub fn tasks<'s>(&self, study: &'s Study) -> Vec<Option<&'s TrialEntry>> {
         match self.scope {
             Scope::Study => vec![None],
@@ -115,7 +117,7 @@ impl Stage {
     }
 }
 
-/// A recording's files.
+/// Files of a recording.
 #[derive(Debug, Clone)]
 pub struct Recording {
     /// The trial's name.
@@ -127,32 +129,33 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Of a trial.
+    /// The recording of a trial.
     pub fn of(trial: &TrialEntry) -> Self {
         Self { name: trial.name.clone(), file: trial.file.clone(), forces: trial.forces.clone() }
     }
 }
 
-/// All that the work of a stage may use beside its parameters.
+/// Everything that the work of a stage may use besides its parameters.
 #[derive(Debug)]
 pub struct StageInputs<'a> {
-    /// The results that the stage names.
+    /// The results that the stage declares as inputs.
     pub results: Results<'a>,
-    /// Where to write.
+    /// Folder to write into.
     pub out: &'a Path,
-    /// The trial, for stages that run once a trial.
+    /// Name of the trial, for stages that run once per trial.
     trial: Option<&'a str>,
     recording: Option<Recording>,
     ready: &'a [(String, String)],
-    /// Every trial that takes part in the study with its role, whether or not its results are there.
+    /// Every trial of the study that is not excluded, with its role, whether or not its results
+    /// exist.
     expected: Vec<(String, Role)>,
-    /// Where an earlier result of the same task lies, if it is sound.
+    /// Folder of an earlier result of the same task, if that result is intact.
     earlier: Option<PathBuf>,
     data: &'a Path,
 }
 
 impl<'a> StageInputs<'a> {
-    /// Those of one task.
+    /// Inputs of one task.
     pub(crate) fn new(
         stage: &Stage,
         trial: Option<&'a TrialEntry>,
@@ -175,22 +178,22 @@ impl<'a> StageInputs<'a> {
         }
     }
 
-    /// Names of the trials for which `stage` is among the inputs, sorted.
+    /// Names of the trials whose result of `stage` is among the inputs, sorted.
     pub fn trials_of(&self, stage: &str) -> Vec<String> {
         self.ready.iter().filter(|(s, t)| s == stage && t != WHOLE_STUDY).map(|(_, t)| t.clone()).collect()
     }
 
-    /// The same with the trials' roles, of those whose role is wanted.
+    /// The same with the trials' roles, only for the roles wanted.
     pub fn trials_with_role(&self, stage: &str, wanted: impl Fn(Role) -> bool) -> Vec<String> {
         self.trials_of(stage).into_iter().filter(|t| self.role(t).is_some_and(&wanted)).collect()
     }
 
-    /// True where a result is among the inputs.
+    /// True if a result is among the inputs.
     pub fn has(&self, stage: &str, trial: &str) -> bool {
         self.ready.iter().any(|(s, t)| s == stage && t == trial)
     }
 
-    /// Every input: `(stage, trial)`.
+    /// All inputs: `(stage, trial)`.
     pub fn all(&self) -> &[(String, String)] {
         self.ready
     }
@@ -200,44 +203,46 @@ impl<'a> StageInputs<'a> {
         self.expected.iter().find(|(name, _)| name == trial).map(|(_, role)| *role)
     }
 
-    /// Every trial that takes part in the study with its role, for messages and for the order of merging.
+    /// Every trial of the study that is not excluded, with its role; for messages and for the order
+    /// of merging.
     pub fn expected(&self) -> &[(String, Role)] {
         &self.expected
     }
 
-    /// The folder of recordings, for messages.
+    /// Folder of the recordings, for messages.
     pub fn data(&self) -> &Path {
         self.data
     }
 
-    /// Where an earlier result of the same task lies, if it is sound: what it keeps for later must carry its own key.
+    /// Folder of an earlier result of the same task, if that result is intact. Anything reused from
+    /// it must carry its own key.
     pub fn earlier(&self) -> Option<&Path> {
         self.earlier.as_deref()
     }
 
-    /// Name of the trial; an error for stages without one (which would be a defect of the stage's definition).
+    /// Name of the trial; an error for a stage without one (a mistake in the stage's definition).
     pub fn trial(&self) -> Result<&'a str, StageFailure> {
         self.trial.ok_or_else(|| StageFailure::new("the stage was called without a trial"))
     }
 
-    /// The recording; an error for stages that do not name it among their needs.
+    /// The recording; an error for a stage that does not declare it as an input.
     pub fn recording(&self) -> Result<&Recording, StageFailure> {
         self.recording.as_ref().ok_or_else(|| StageFailure::new("the stage was called without a recording"))
     }
 }
 
-/// One task's inputs as they stand now.
+/// Present state of the inputs of one task.
 #[derive(Debug, Clone)]
 pub struct TaskInputs {
     /// Hash of each input.
     pub hashes: BTreeMap<String, String>,
     /// Upstream results that can be read.
     pub ready: Vec<(String, String)>,
-    /// Upstream results without which the task cannot run, with the reason.
+    /// Missing upstream results that prevent the task from running, with the reasons.
     pub blocked_by: Vec<String>,
-    /// Upstream results that are damaged: they must be made again before they are read.
+    /// Damaged upstream results: they must be made again before they are read.
     pub damaged: Vec<String>,
-    /// What is wrong with the files of the task's own result.
+    /// Problems in the files of the task's own result.
     pub own_damage: Vec<String>,
 }
 
@@ -246,7 +251,7 @@ pub struct TaskInputs {
 pub struct Manifests(HashMap<(String, String), Manifest>);
 
 impl Manifests {
-    /// Reads every manifest that the stages of a study may have left.
+    /// Reads every manifest that the stages of a study may have written.
     pub fn read(study: &Study, workspace: &Workspace, stages: &[&Stage]) -> Self {
         let mut all = HashMap::new();
         for stage in stages {
@@ -266,7 +271,8 @@ impl Manifests {
         });
         Self(found.collect())
     }
-    /// As [`Manifests::read`], with every file of the results compared with its hash, side by side.
+    /// Like [`Manifests::read`], but also compares every file of the results with its hash, in
+    /// parallel.
     pub fn read_and_examine(study: &Study, workspace: &Workspace, stages: &[&Stage]) -> Self {
         let tasks: Vec<(&str, &str)> = stages
             .iter()
@@ -281,8 +287,9 @@ impl Manifests {
     pub fn get(&self, stage: &str, trial: &str) -> Option<&Manifest> {
         self.0.get(&(stage.to_owned(), trial.to_owned()))
     }
-    /// Why a result must not be used: it failed or is missing, or something that it was made from (of the same trial or of the whole
-    /// study) has failed since. Results that were made before a recording broke do not outlive it.
+    /// Why a result must not be used: it failed or is missing, or something that it was made from
+    /// (of the same trial or of the whole study) has failed since. A result made before its
+    /// recording became unusable is therefore not used any more.
     pub fn trouble(&self, stage: &str, trial: &str) -> Option<String> {
         match self.get(stage, trial) {
             None => return Some(format!("{stage} has not run")),
@@ -296,13 +303,13 @@ impl Manifests {
             Need::Recording | Need::Every(..) | Need::EveryOrStaticFrames(..) => None,
         })
     }
-    /// Puts a manifest in.
+    /// Adds a manifest.
     pub fn insert(&mut self, manifest: Manifest) {
         self.0.insert((manifest.stage.clone(), manifest.trial.clone()), manifest);
     }
 }
 
-/// Gathers what a task reads.
+/// Collects the inputs of a task.
 pub fn inputs(
     stage: &Stage,
     trial: Option<&TrialEntry>,
@@ -341,7 +348,7 @@ pub fn inputs(
                 if let Some(t) = trial {
                     for path in std::iter::once(&t.file).chain(&t.forces).chain(&t.beside) {
                         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-                        // forces may lie in another folder under the same name
+                        // forces may be in another folder under the same name
                         let again = (2..).map(|i| format!("file {name} ({i})"));
                         let key = std::iter::once(format!("file {name}")).chain(again);
                         let hash = workspace.input_hash(path)?;
@@ -379,27 +386,27 @@ pub fn inputs(
     Ok(out)
 }
 
-/// How a task stands.
+/// State of a task.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Standing {
-    /// Up to date, without remarks.
+    /// Up to date, without warnings.
     Ok,
-    /// Up to date, with remarks.
+    /// Up to date, with warnings.
     Warning,
     /// Never run.
     Missing,
-    /// Made from something else than what is there now: what changed.
+    /// Made from other inputs or settings than the present ones: what changed.
     Stale(Vec<String>),
-    /// Its files are not what was written: what is wrong with them.
+    /// Its files differ from what was written: the problems found.
     Damaged(Vec<String>),
     /// Ran and failed.
     Failed(StageFailure),
-    /// Cannot run, because of this.
+    /// Cannot run, for this reason.
     Blocked(String),
 }
 
 impl Standing {
-    /// The word in the grid.
+    /// Word in the status grid.
     pub fn word(&self) -> &'static str {
         match self {
             Self::Ok => "ok",
@@ -411,13 +418,13 @@ impl Standing {
             Self::Blocked(_) => "blocked",
         }
     }
-    /// True when nothing needs to be done.
+    /// True if nothing needs to be done.
     pub fn is_current(&self) -> bool {
         matches!(self, Self::Ok | Self::Warning)
     }
 }
 
-/// Compares a task's manifest with what is there now.
+/// Compares a task's manifest with its present inputs.
 pub fn standing(
     stage: &Stage,
     trial: Option<&TrialEntry>,

@@ -1,14 +1,15 @@
-//! Trials side by side: as many as there are threads, and no more.
+//! Processes trials in parallel, at most one per thread.
 //!
-//! A thread of rayon that waits inside one trial begins another one, and inside that a third: their recordings would all be held at
-//! once. Here every trial has one thread to itself, and the loops inside it run on that thread.
+//! A rayon thread that waits inside one trial would start a second one, and inside that a third, so
+//! that all their recordings would be in memory at once. Here each trial has one thread to itself,
+//! and the loops inside it run on that thread.
 
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex, PoisonError};
 
-/// Threads that are handed out one at a time; shared by all studies of a run.
+/// Threads that are assigned one at a time; shared by all studies of a run.
 pub struct Lanes {
     threads: usize,
     free: Mutex<Vec<ThreadPool>>,
@@ -17,7 +18,7 @@ pub struct Lanes {
 }
 
 impl Lanes {
-    /// As many as rayon has threads, for so many studies at a time.
+    /// As many single threads as rayon has, for `studies` studies in parallel.
     pub fn new(studies: usize) -> Self {
         let threads = rayon::current_num_threads();
         let pools: Vec<ThreadPool> =
@@ -25,12 +26,14 @@ impl Lanes {
         Self { threads: pools.len(), free: Mutex::new(pools), freed: Condvar::new(), studies: studies.max(1) }
     }
 
-    /// What one study has of something of which all studies together have so many: one at least.
+    /// One study's share of a resource that all studies together may use `of_all` times; at least
+    /// one.
     pub fn share(&self, of_all: usize) -> usize {
         (of_all / self.studies).max(1)
     }
 
-    /// Calls `work` for every item; results in the order of the items. Fewer items than threads share all threads instead.
+    /// Calls `work` for every item; results are in the order of the items. If there are fewer items
+    /// than threads, rayon distributes the work over all threads instead.
     pub fn each<T: Sync, R: Send>(&self, items: &[T], work: impl Fn(&T) -> R + Sync) -> Vec<R> {
         if items.len() < self.threads || self.threads < 2 {
             return items.par_iter().map(&work).collect();
@@ -88,7 +91,7 @@ mod tests {
             sum
         };
         let plain: Vec<usize> = items.iter().map(|i| (0..2000).map(|k| k % (i + 1)).sum()).collect();
-        // two studies share them
+        // two studies share the threads
         std::thread::scope(|scope| {
             for _ in 0..2 {
                 scope.spawn(|| assert_eq!(lanes.each(&items, work), plain));

@@ -1,7 +1,7 @@
 //! The stage graph, the stages, and the runner that brings their results up to date.
 //!
-//! [`runner::run_all`] runs the stages of [`stages::STAGES`] for every trial of a study, each result in its workspace, and only what is
-//! missing or stale.
+//! [`runner::run_all`] runs the stages of [`stages::STAGES`] for every trial of a study, stores
+//! each result in its workspace, and computes only what is missing or stale.
 
 pub mod graph;
 mod lanes;

@@ -1,4 +1,5 @@
-//! How the results in a workspace were made: settings out of their manifests, for every sentence that says so.
+//! How the results in a workspace were made: the settings read from their manifests, for all texts
+//! that state them.
 
 use crate::graph::Scope;
 use crate::stages::STAGES;
@@ -11,14 +12,14 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-/// Results of a stage that are there and did not fail, by trial.
+/// Existing, successful results of a stage, by trial.
 fn made(study: &Study, ws: &Workspace, stage: &str) -> Vec<(String, Manifest)> {
     let Some(stage) = STAGES.iter().find(|s| s.name == stage) else { return Vec::new() };
     let names = stage.tasks(study).into_iter().map(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()));
     names.filter_map(|n| Some((n.to_owned(), ws.manifest(stage.name, n).filter(Manifest::is_ok)?))).collect()
 }
 
-/// The value under a key of a stage's parameters that most of its results were made with.
+/// The value under a key of a stage's parameters with which most of its results were made.
 fn most<T: DeserializeOwned>(manifests: &[(String, Manifest)], key: &str) -> Option<T> {
     let mut count: BTreeMap<String, (usize, &Value)> = BTreeMap::new();
     for (_, m) in manifests {
@@ -36,8 +37,8 @@ fn put<T>(place: &mut T, found: Option<T>) {
     }
 }
 
-/// The study with the settings that its results were made with, where they differ from those that stand in the pipeline now. Recordings,
-/// names and places are those of now.
+/// The study with the settings that its results were made with, where these differ from the present
+/// pipeline. Recordings, names and paths are the present ones.
 pub fn as_made(study: &Study) -> Study {
     let ws = Workspace::open(&study.workspace);
     let of = |stage: &str| made(study, &ws, stage);
@@ -80,18 +81,19 @@ pub fn as_made(study: &Study) -> Study {
     out
 }
 
-/// Effects of a model as they stand in a manifest.
+/// Effects of a model as stored in a manifest.
 pub fn effects_of(parameters: &Value) -> Vec<ModelEffect> {
     parameters.get("model").and_then(|m| serde_json::from_value(m.clone()).ok()).unwrap_or_default()
 }
 
-/// The effects that the comparison's parameters were identified with; none where nothing was compared.
+/// Effects with which the comparison's parameters were identified; none if nothing was compared.
 pub fn compared_effects(ws: &Workspace) -> Option<Vec<ModelEffect>> {
     let m = ws.manifest("compare", WHOLE_STUDY).filter(Manifest::is_ok)?;
     Some(effects_of(m.parameters.get("effects")?))
 }
 
-/// Hash of the settings and recordings that all results were made from, without the effects of the model.
+/// Hash of the settings and recordings from which all results were made, without the effects of the
+/// model.
 pub fn made_with(study: &Study, ws: &Workspace) -> String {
     let mut hasher = blake3::Hasher::new();
     for stage in STAGES {
@@ -108,7 +110,8 @@ pub fn made_with(study: &Study, ws: &Workspace) -> String {
     hasher.finalize().to_hex().to_string()
 }
 
-/// Settings in which the recordings' results differ from each other, in words: by overrides, or because only some were made again.
+/// Settings that differ between the results of different recordings, in words. Causes are
+/// overrides, or recomputing only some of the results.
 pub fn differences(study: &Study, ws: &Workspace) -> Vec<String> {
     let mut out = Vec::new();
     for stage in STAGES.iter().filter(|s| matches!(s.scope, Scope::Trial(_))) {
@@ -121,7 +124,8 @@ pub fn differences(study: &Study, ws: &Workspace) -> Vec<String> {
                 leaves.entry(path).or_default().entry(value).or_default().push(name);
             }
         }
-        // what differs is told where it was set, not in every stage that sees it
+        // report a difference in the section where the setting belongs, not for every stage that
+        // reads it
         for (path, values) in leaves.into_iter().filter(|(p, v)| v.len() > 1 && p.starts_with(stage.name)) {
             let words: Vec<String> = values
                 .iter()

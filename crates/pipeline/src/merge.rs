@@ -1,8 +1,9 @@
-//! Flight factors merged in a tree that depends on nothing but the study's list of trials: eight trials make a node of the first level,
-//! eight nodes one of the next. A trial that failed leaves its place empty. So the result is the same to the last bit whether one
-//! process merges all, or many machines one node each (`aloft workflow`), and a node that was made before serves again.
+//! Merges flight factors in a tree that depends only on the study's list of trials: eight trials
+//! form a node of the first level, eight nodes one of the next. A failed trial leaves its place
+//! empty. The result is therefore the same to the last bit whether one process merges everything or
+//! many machines merge one node each (`aloft workflow`), and existing nodes can be reused.
 //!
-//! Contact stretches are not in the tree: identification weighs them against the flights first.
+//! Contact stretches are not in the tree: identification weights them against the flights first.
 
 use crate::graph::{Manifests, StageInputs};
 use crate::stages::STAGES;
@@ -15,16 +16,16 @@ use serde_json::json;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-/// Children of a node.
+/// Number of children of a node.
 pub const FAN_IN: usize = 8;
 
 /// Folder of the nodes in a workspace.
 const FOLDER: &str = "merge";
 
-/// The stage whose factors are the leaves.
+/// Stage whose factors are the leaves.
 const LEAVES: &str = regressor::STAGE.name;
 
-/// Raised when what a node holds changes.
+/// Version of the stored nodes; to be raised when their contents change.
 const VERSION: u32 = 1;
 
 /// The tree over a study's identification trials.
@@ -33,7 +34,7 @@ pub struct Tree {
     trials: Vec<String>,
 }
 
-/// Place of a node: level from 1 at the trials upwards, index from 0.
+/// Position of a node: level counted from 1 at the trials upwards, index from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Node {
     /// Level.
@@ -64,14 +65,15 @@ impl Tree {
         Self { trials: study.included().filter(|t| t.role == Role::Identify).map(|t| t.name.clone()).collect() }
     }
 
-    /// The same from the trials that a stage expects.
+    /// The tree of the trials that a stage expects.
     fn expected(trials: &[(String, Role)]) -> Self {
         Self {
             trials: trials.iter().filter(|(_, role)| *role == Role::Identify).map(|(name, _)| name.clone()).collect(),
         }
     }
 
-    /// Number of nodes of each level, the first level first; the last is one. Empty without trials.
+    /// Number of nodes in each level, first level first; the last level has one node. Empty without
+    /// trials.
     pub fn levels(&self) -> Vec<usize> {
         let mut out = Vec::new();
         let mut below = self.trials.len();
@@ -98,7 +100,7 @@ impl Tree {
         (first..(first + FAN_IN).min(below)).map(|index| Node { level: node.level - 1, index }).collect()
     }
 
-    /// Merges one factor a trial (none where it gave none) up to the root.
+    /// Merges one factor per trial (none for a trial without one) up to the root.
     fn merge(
         &self,
         leaf: impl Fn(&str) -> Result<Option<Factor>, StageFailure>,
@@ -119,7 +121,7 @@ fn merged(children: &[Option<Factor>]) -> Result<Option<Factor>, StageFailure> {
     }
 }
 
-/// Flights of one kind of rows among a trial's factors, merged.
+/// Merged flights of one kind of rows among a trial's factors; none without such flights.
 fn leaf(factors: &[(Stretch, Factor)], trial: &str, rows: RowKind) -> Result<Option<Factor>, StageFailure> {
     let flights: Vec<Option<Factor>> = factors
         .iter()
@@ -131,8 +133,9 @@ fn leaf(factors: &[(Stretch, Factor)], trial: &str, rows: RowKind) -> Result<Opt
 
 const KINDS: [RowKind; 2] = [RowKind::Weak, RowKind::Acceleration];
 
-/// All flights of the study's identification trials in one factor: the root of the tree, from its stored node where that is up to
-/// date, from `factors` (those of the trials, any order of kinds) otherwise. The result is the same.
+/// All flights of the study's identification trials merged into one factor: the root of the tree.
+/// It is read from its stored node if that is up to date, and merged from `factors` (those of the
+/// trials, in any order of kinds) otherwise. The result is the same.
 pub fn root(
     inputs: &StageInputs<'_>,
     factors: &[(Stretch, Factor)],
@@ -153,7 +156,7 @@ pub fn root(
     tree.merge(|trial| leaf(factors, trial, rows))
 }
 
-/// What a node is made from, as it stands now; none where a part of it has not been made.
+/// Present inputs of a node; none if one of them has not been made.
 fn inputs(tree: &Tree, node: Node, workspace: &Workspace, manifests: &Manifests) -> Option<BTreeMap<String, String>> {
     if node.level == 1 {
         let made = tree.trials_of(node).iter().filter_map(|t| {
@@ -178,7 +181,7 @@ fn current(tree: &Tree, node: Node, workspace: &Workspace, manifests: &Manifests
     manifest.differences(VERSION, &json!({}), &now).is_empty().then_some(manifest)
 }
 
-/// Makes one node; true when there was something to do.
+/// Makes one node; true if there was something to do.
 pub fn make(study: &Study, node: Node) -> Result<bool, PipelineError> {
     let tree = Tree::of(study);
     let levels = tree.levels();
@@ -212,7 +215,7 @@ pub fn make(study: &Study, node: Node) -> Result<bool, PipelineError> {
         }
     }
     let mut below: Vec<Vec<(Stretch, Factor)>> = Vec::new();
-    // in the order of the tree, which is not that of the names
+    // in the order of the tree, which is not the order of the names
     let parts: Vec<String> = match node.level {
         1 => tree.trials_of(node).iter().map(|t| format!("{LEAVES}/{t}")).collect(),
         _ => tree.nodes_below(node).iter().map(|n| format!("{FOLDER}/{n}")).collect(),

@@ -1,24 +1,26 @@
-//! How a run goes on, for whoever watches: what begins, what ended, and how long the rest will take.
+//! Reports the progress of a run: what begins, what ended, and how long the rest will take.
 
 use crate::runner::TaskReport;
 use crate::stages::STAGES;
 use aloft_study::recordings::StudyId;
 use std::time::Instant;
 
-/// What a run will look at: for each stage, in the order of [`STAGES`], how many tasks at most, and how long one took last time.
+/// Extent of a run: for each stage, in the order of [`STAGES`], the maximum number of tasks, and
+/// how long one took last time.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Plan {
-    /// Tasks of each stage.
+    /// Number of tasks of each stage.
     pub tasks: Vec<usize>,
-    /// Mean wall time of a task of each stage in earlier runs, s; none where there were none.
+    /// Mean wall time of a task of each stage in earlier runs, s; none if there were none.
     pub seconds: Vec<Option<f64>>,
 }
 
-/// Told how a run goes on. Calls come from several threads.
+/// Receives the progress of a run. Methods are called from several threads.
 pub trait Progress: Sync {
     /// The run begins.
     fn begin(&self, _plan: &Plan) {}
-    /// A stage of a study begins: so many tasks are up to date or cannot run, so many are to be done.
+    /// A stage of a study begins: `settled` tasks are up to date or cannot run, `tasks` are to be
+    /// done.
     fn stage(&self, study: &StudyId, name: &'static str, settled: usize, tasks: usize);
     /// A task ended.
     fn task(&self, study: &StudyId, report: &TaskReport);
@@ -26,7 +28,7 @@ pub trait Progress: Sync {
     fn end(&self) {}
 }
 
-/// Tells nobody.
+/// Ignores all progress.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 
@@ -35,7 +37,7 @@ impl Progress for Silent {
     fn task(&self, _study: &StudyId, _report: &TaskReport) {}
 }
 
-/// Rough wall time of a task of each stage before anything was measured, s: only the ratios matter.
+/// Rough wall time of a task of each stage before any measurement, s: only the ratios matter.
 fn assumed_seconds(stage: &str) -> f64 {
     match stage {
         "calibrate" => 1.5,
@@ -54,7 +56,7 @@ struct StageTimes {
     before: Option<f64>,
 }
 
-/// Estimates how long the rest of a run takes, from the times of the tasks that ended and of earlier runs.
+/// Estimates the remaining time of a run from the times of completed tasks and of earlier runs.
 #[derive(Debug, Clone)]
 pub struct Forecast {
     stages: Vec<StageTimes>,
@@ -62,7 +64,7 @@ pub struct Forecast {
 }
 
 impl Forecast {
-    /// Before anything ran.
+    /// The forecast before anything ran.
     pub fn new(plan: &Plan) -> Self {
         let stages = (0..STAGES.len())
             .map(|i| StageTimes {
@@ -75,14 +77,14 @@ impl Forecast {
         Self { stages, started: Instant::now() }
     }
 
-    /// Some tasks of a stage need not run.
+    /// Counts tasks of a stage that need not run.
     pub fn settled(&mut self, stage: &str, tasks: usize) {
         if let Some(s) = self.stage(stage) {
             s.remaining = s.remaining.saturating_sub(tasks);
         }
     }
 
-    /// A task of a stage ended after so many seconds.
+    /// Counts a task of a stage that ended after `seconds`.
     pub fn ended(&mut self, stage: &str, seconds: f64) {
         if let Some(s) = self.stage(stage) {
             s.remaining = s.remaining.saturating_sub(1);
@@ -95,24 +97,25 @@ impl Forecast {
         STAGES.iter().position(|s| s.name == name).and_then(|i| self.stages.get_mut(i))
     }
 
-    /// Tasks that ended and all that were planned, less those that need not run.
+    /// Number of completed tasks and of all planned ones, without those that need not run.
     pub fn tasks(&self) -> (usize, usize) {
         let done: usize = self.stages.iter().map(|s| s.done).sum();
         (done, done + self.stages.iter().map(|s| s.remaining).sum::<usize>())
     }
 
-    /// Seconds left; none before the first task ended.
+    /// Remaining time, s; none before the first task ended.
     pub fn seconds_left(&self) -> Option<f64> {
         self.seconds_left_after(self.started.elapsed().as_secs_f64())
     }
 
-    /// The same, when so many seconds have passed since the beginning.
+    /// The same after `elapsed` seconds since the beginning.
     pub fn seconds_left_after(&self, elapsed: f64) -> Option<f64> {
         let busy: f64 = self.stages.iter().map(|s| s.seconds).sum();
         if busy <= 0.0 || elapsed <= 0.0 {
             return None;
         }
-        // what was assumed of a stage that has not ended yet is scaled by how wrong the assumption was on the others
+        // the assumed times of stages not yet run are scaled by the ratio of measured to assumed
+        // time of the others
         let expected: f64 =
             self.stages.iter().enumerate().map(|(i, s)| s.done as f64 * s.before.unwrap_or(assumed(i))).sum();
         let scale = if expected > 0.0 { busy / expected } else { 1.0 };
@@ -157,7 +160,7 @@ mod tests {
         for _ in 0..4 {
             f.ended("import", 2.0);
         }
-        // four tasks of 2 s in 4 s: two side by side, six tasks left
+        // four tasks of 2 s took 4 s, so two ran in parallel; six tasks are left
         assert!(f.seconds_left_after(4.0).is_some_and(|s| (s - 6.0).abs() < 1e-9));
         assert_eq!(f.tasks(), (4, 10));
         f.settled("import", 6);
@@ -169,7 +172,8 @@ mod tests {
         let mut f = Forecast::new(&plan(2, 2));
         f.ended("import", 0.06);
         f.ended("import", 0.06);
-        // import took twice what was assumed, so inverse kinematics will, too: 2 × 0.30 s, one after the other
+        // import took twice the assumed time, so inverse kinematics is expected to as well: 2 ×
+        // 0.30 s, one after the other
         let left = f.seconds_left_after(0.12);
         assert!(left.is_some_and(|s| (s - 0.6).abs() < 1e-9), "{left:?}");
     }

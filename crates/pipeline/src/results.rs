@@ -1,4 +1,5 @@
-//! Reading what stages left in a workspace: by later stages, each limited to the results that it names, and by commands.
+//! Reads the results of stages from a workspace: for later stages, limited to the inputs that they
+//! declare, and for commands.
 
 use aloft_body::{Motion, Subject};
 use aloft_flight::{FlightReport, PlateTare, apply_tare};
@@ -14,7 +15,7 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, Copy)]
 pub struct Results<'a> {
     workspace: &'a Workspace,
-    /// The results `(stage, trial)` that may be read; all where none.
+    /// The results `(stage, trial)` that may be read; none means all.
     allowed: Option<&'a [(String, String)]>,
 }
 
@@ -24,7 +25,7 @@ impl<'a> Results<'a> {
         Self { workspace, allowed: None }
     }
 
-    /// The inputs of one task.
+    /// The results that are inputs of one task.
     pub(crate) fn limited(workspace: &'a Workspace, allowed: &'a [(String, String)]) -> Self {
         Self { workspace, allowed: Some(allowed) }
     }
@@ -32,7 +33,8 @@ impl<'a> Results<'a> {
     /// The folder of a result.
     ///
     /// # Errors
-    /// A stage that reads what its definition does not name: its results would not become stale with their input.
+    /// A stage tries to read a result that it does not declare as an input; its own results would
+    /// not become stale with that input.
     pub fn place(&self, stage: &str, trial: &str) -> Result<PathBuf, StageFailure> {
         if self.allowed.is_some_and(|all| !all.iter().any(|(s, t)| s == stage && t == trial)) {
             return Err(StageFailure::with_hint(
@@ -43,12 +45,12 @@ impl<'a> Results<'a> {
         Ok(self.workspace.place(stage, trial))
     }
 
-    /// What a result was made from; none where it is not there.
+    /// Manifest of a result; none if there is no such result.
     pub fn manifest(&self, stage: &str, trial: &str) -> Option<Manifest> {
         self.place(stage, trial).ok().and_then(|_| self.workspace.manifest(stage, trial))
     }
 
-    /// The workspace itself, for what is not the result of a stage.
+    /// The workspace itself, for files that are not results of a stage.
     pub(crate) fn workspace(&self) -> &'a Workspace {
         self.workspace
     }
@@ -63,24 +65,24 @@ impl<'a> Results<'a> {
         Ok(load_markers(&self.place("import", trial)?)?)
     }
 
-    /// The imported recording without its trajectories, the tare of its plates taken off.
+    /// The imported recording without its trajectories, with tared plates.
     pub fn load_tared_plates(&self, trial: &str) -> Result<Trial, StageFailure> {
         let mut recording = load_trial_without_points(&self.place("import", trial)?)?;
         apply_tare(&mut recording, &self.load_tares(trial)?);
         Ok(recording)
     }
 
-    /// What the plates of a trial read when nothing stands on them.
+    /// Readings of a trial's plates when nothing stands on them.
     pub fn load_tares(&self, trial: &str) -> Result<Vec<PlateTare>, StageFailure> {
         Ok(read_json(&self.place("flight", trial)?.join("tare.json"))?)
     }
 
-    /// The motion that a stage gave for a trial.
+    /// The motion of a trial as written by a stage.
     pub fn load_motion(&self, stage: &str, trial: &str) -> Result<Motion, StageFailure> {
         Ok(load_motion(&self.place(stage, trial)?)?)
     }
 
-    /// The subject as `scale` or `calibrate` left it.
+    /// The subject as written by `scale` or `calibrate`.
     pub fn load_subject(&self, stage: &str) -> Result<Subject, StageFailure> {
         Ok(read_json(&self.place(stage, WHOLE_STUDY)?.join("subject.json"))?)
     }
@@ -95,7 +97,7 @@ impl<'a> Results<'a> {
         Ok(read_json(&self.place("flight", trial)?.join("flights.json"))?)
     }
 
-    /// What was identified from one kind of rows, if it was.
+    /// Parameters identified from one kind of rows; none if they were not identified.
     pub fn load_parameters(&self, rows: Rows) -> Result<Option<Parameters>, StageFailure> {
         let path = self.place("identify", WHOLE_STUDY)?.join(parameters_file(rows));
         if path.is_file() { Ok(Some(read_json(&path)?)) } else { Ok(None) }

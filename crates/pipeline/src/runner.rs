@@ -1,5 +1,6 @@
-//! Runs the stages of a study: what is stale, in order, trials side by side; a failure never stops the others. Subjects and
-//! sessions go side by side, too: all their trials share one pool of threads.
+//! Runs the stale stages of a study in order, with trials in parallel; a failure never stops the
+//! other trials. Subjects and sessions run in parallel, too: the trials of all of them share one
+//! pool of threads.
 
 use crate::graph::{self, Manifests, Stage, StageInputs, Standing};
 use crate::lanes::Lanes;
@@ -19,24 +20,25 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, mpsc};
 use std::time::{Duration, Instant};
 
-/// What to run.
+/// Selection of what to run.
 #[derive(Debug, Clone, Default)]
 pub struct Selection {
     /// First stage.
     pub from: Option<String>,
-    /// The only stage.
+    /// Only this stage.
     pub only: Option<String>,
     /// Last stage.
     pub until: Option<String>,
-    /// Patterns of trial names; all where empty.
+    /// Patterns of trial names; all if empty.
     pub trials: Vec<String>,
-    /// Run also what is up to date.
+    /// Also run what is up to date.
     pub force: bool,
-    /// Say what would run, and run nothing.
+    /// Report what would run, and run nothing.
     pub dry_run: bool,
-    /// Work beside other runs on the same workspace, each on tasks of its own.
+    /// Work on the workspace at the same time as other runs, each on tasks of its own.
     pub shared: bool,
-    /// Wait for another run that holds the workspace, instead of saying who it is.
+    /// Wait for another run that holds the workspace, instead of failing with an error that names
+    /// it.
     pub wait: bool,
 }
 
@@ -46,44 +48,45 @@ impl Selection {
     }
 }
 
-/// How one task ended in this run.
+/// Outcome of one task in this run.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Ended {
     /// It ran and gave results.
     Ran,
     /// It was up to date.
     UpToDate,
-    /// It would run (dry run), because of this.
+    /// It would run (dry run), for this reason.
     WouldRun(String),
     /// It ran and failed.
     Failed(StageFailure),
-    /// It could not run, because of this.
+    /// It could not run, for this reason.
     Blocked(String),
 }
 
-/// One line of the record of a run.
+/// Report of one task.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TaskReport {
     /// Stage.
     pub stage: &'static str,
     /// Trial, or [`WHOLE_STUDY`].
     pub trial: String,
-    /// How it ended.
+    /// Outcome.
     pub ended: Ended,
-    /// What was odd.
+    /// Warnings.
     pub warnings: Vec<String>,
     /// Wall time, s.
     pub seconds: f64,
 }
 
-/// The record of a run.
+/// Report of a run.
 #[derive(Debug, Clone, Default)]
 pub struct RunReport {
-    /// Every task in order of stages, then trials.
+    /// All tasks, in order of stages, then trials.
     pub tasks: Vec<TaskReport>,
-    /// What the run found in the workspace and mended, or left alone, in words.
+    /// What the run found in the workspace and repaired or left alone, in words.
     pub notes: Vec<String>,
-    /// What the disk did not take, in words: these tasks are among the failed ones, and leave what stood there before.
+    /// Results that could not be written to disk, in words: their tasks count as failed, and the
+    /// earlier results remain in place.
     pub unwritten: Vec<String>,
     /// Wall time, s.
     pub seconds: f64,
@@ -105,22 +108,23 @@ impl RunReport {
     pub fn up_to_date(&self) -> usize {
         self.tasks.iter().filter(|t| t.ended == Ended::UpToDate).count()
     }
-    /// True when some task failed or could not run.
+    /// True if some task failed or could not run.
     pub fn has_trouble(&self) -> bool {
         self.tasks.iter().any(|t| matches!(t.ended, Ended::Failed(_) | Ended::Blocked(_)))
     }
 }
 
-/// One subject's session in the record of a run.
+/// Report of a run for one subject's session.
 #[derive(Debug)]
 pub struct StudyRun {
-    /// Which.
+    /// Subject and session.
     pub id: StudyId,
-    /// What was done; an error where the run could not begin (nothing of this study was changed then).
+    /// The tasks; an error if the run could not begin (in that case nothing of this study was
+    /// changed).
     pub report: Result<RunReport, PipelineError>,
 }
 
-/// The record of a run over several studies.
+/// Report of a run over several studies.
 #[derive(Debug, Default)]
 pub struct BatchReport {
     /// In the order of the studies.
@@ -130,17 +134,17 @@ pub struct BatchReport {
 }
 
 impl BatchReport {
-    /// Reports of the studies that could begin.
+    /// Reports of the studies whose run could begin.
     pub fn reports(&self) -> impl Iterator<Item = (&StudyId, &RunReport)> {
         self.runs.iter().filter_map(|r| r.report.as_ref().ok().map(|report| (&r.id, report)))
     }
-    /// True when some task failed or could not run, or some study could not begin.
+    /// True if some task failed or could not run, or some study could not begin.
     pub fn has_trouble(&self) -> bool {
         self.runs.iter().any(|r| r.report.as_ref().map_or(true, RunReport::has_trouble))
     }
 }
 
-/// The stage of a name, or an error that lists them.
+/// Index of the stage with this name; an error that lists all stages if there is none.
 pub fn stage_index(name: &str) -> Result<usize, PipelineError> {
     STAGES.iter().position(|s| s.name == name).ok_or_else(|| {
         let known: Vec<&str> = STAGES.iter().map(|s| s.name).collect();
@@ -164,7 +168,8 @@ fn stage_range(selection: &Selection) -> Result<(usize, usize), PipelineError> {
     Ok((from, until))
 }
 
-/// Trials that the patterns name, over all studies; none where no pattern is given. A pattern that matches nothing is an error.
+/// Trials that match the patterns, over all studies; none if no pattern is given. A pattern that
+/// matches nothing is an error.
 pub fn trial_filter(studies: &[&Study], patterns: &[String]) -> Result<Option<GlobSet>, PipelineError> {
     if patterns.is_empty() {
         return Ok(None);
@@ -192,7 +197,7 @@ struct Task<'s> {
     inputs: graph::TaskInputs,
 }
 
-/// What the selection may run at most, and how long it took before.
+/// Maximum number of tasks that the selection may run, and how long they took before.
 fn plan(studies: &[&Study], (from, until): (usize, usize), filter: Option<&GlobSet>) -> Plan {
     let mut plan = Plan { tasks: vec![0; STAGES.len()], seconds: vec![None; STAGES.len()] };
     for i in from..until {
@@ -204,7 +209,7 @@ fn plan(studies: &[&Study], (from, until): (usize, usize), filter: Option<&GlobS
                     continue;
                 }
                 plan.tasks[i] += 1;
-                // a few of the last times are enough for a forecast
+                // a few earlier times are enough for a forecast
                 if j < 3
                     && let Some(m) = workspace.manifest(STAGES[i].name, task.map_or(WHOLE_STUDY, |t| &t.name))
                     && m.is_ok()
@@ -219,7 +224,7 @@ fn plan(studies: &[&Study], (from, until): (usize, usize), filter: Option<&GlobS
     plan
 }
 
-/// A run that wants the workspace for itself.
+/// True for a run that needs the workspace for itself.
 fn alone(selection: &Selection) -> bool {
     !selection.dry_run && !selection.shared
 }
@@ -234,8 +239,9 @@ pub fn run(study: &Study, selection: &Selection, progress: &dyn Progress) -> Res
     done
 }
 
-/// Brings everything up to date for somebody who holds the workspace already; the study's effects are taken as they are. A result that
-/// cannot be written is an error here: what is built on this run would be made from old ones.
+/// Brings everything up to date while the caller already holds the workspace; the study's effects
+/// are taken as they are. A result that cannot be written is an error here, because what follows
+/// would be built on old results.
 pub fn run_held(study: &Study, _held: &WorkspaceLock, progress: &dyn Progress) -> Result<RunReport, PipelineError> {
     let range = (0, STAGES.len());
     progress.begin(&plan(&[study], range, None));
@@ -250,8 +256,9 @@ pub fn run_held(study: &Study, _held: &WorkspaceLock, progress: &dyn Progress) -
     }
 }
 
-/// Runs the selected stages of every member of a set. Their trials share the pool of threads; a member that cannot begin, or
-/// whose tasks fail, never stops the others. An error is one that concerns all: a wrong stage or pattern, a workspace in use.
+/// Runs the selected stages of every member of a set. Their trials share the pool of threads; a
+/// member that cannot begin, or whose tasks fail, never stops the others. An error is returned only
+/// if it concerns all members: a wrong stage or pattern, or a workspace in use.
 pub fn run_all(set: &StudySet, selection: &Selection, progress: &dyn Progress) -> Result<BatchReport, PipelineError> {
     let started = Instant::now();
     if !set.several {
@@ -270,7 +277,8 @@ pub fn run_all(set: &StudySet, selection: &Selection, progress: &dyn Progress) -
     let next = AtomicUsize::new(0);
     let slots: Vec<Mutex<Option<Result<RunReport, PipelineError>>>> =
         members.iter().map(|_| Mutex::new(None)).collect();
-    // one more study under way than threads keeps every thread busy while a study-wide stage runs on one
+    // one study more than there are threads keeps every thread busy while a study-wide stage runs
+    // on one
     let side_by_side = members.len().min(rayon::current_num_threads() + 1);
     let lanes = Lanes::new(side_by_side);
     std::thread::scope(|scope| {
@@ -343,7 +351,7 @@ fn run_stages(
     progress: &dyn Progress,
 ) -> Result<RunReport, PipelineError> {
     let started = Instant::now();
-    // jobs of a cluster look at what they read only
+    // jobs of a cluster read only the manifests of their own inputs
     let mut manifests = if selection.shared {
         Manifests::read(study, workspace, STAGES)
     } else {
@@ -375,7 +383,8 @@ fn run_stages(
             }
             let ended = match standing {
                 Standing::Blocked(reason) if !upstream_changes => Some(Ended::Blocked(reason)),
-                // outside of what was chosen, else it had been made again by now
+                // the damaged result was not selected; otherwise it would have been made again by
+                // now
                 _ if !inputs.damaged.is_empty() && !upstream_changes => {
                     Some(Ended::Blocked(format!("{} is damaged and was not chosen", inputs.damaged.join(", "))))
                 }
@@ -411,7 +420,7 @@ fn run_stages(
         line.sort_by(|a, b| a.trial.cmp(&b.trial));
         report.tasks.extend(line);
     }
-    // runs side by side would overwrite each other's list; each result's own manifest holds its hashes
+    // parallel runs would overwrite each other's list; the manifest of each result holds its hashes
     if !selection.dry_run
         && !selection.shared
         && let Err(e) = workspace.save_input_hashes()
@@ -422,13 +431,15 @@ fn run_stages(
     Ok(report)
 }
 
-/// What to do where the disk does not take a result.
+/// Advice if a result cannot be written to disk.
 const TO_THE_DISK: &str = "make room on the disk or make it writable, and run again: what is done is kept";
 
-/// A task that ended: its manifest, its report, and why its result is not in its place, where it is not.
+/// A completed task: its manifest, its report, and the reason if its result could not be put in
+/// place.
 type Done = (Manifest, TaskReport, Option<String>);
 
-/// Runs the tasks of a stage. Their results go to the disk beside the work on the next ones, all that wait at once.
+/// Runs the tasks of a stage. While the next tasks run, finished results are written to disk, all
+/// waiting ones at once.
 fn run_tasks(
     stage: &'static Stage,
     todo: &[Task<'_>],
@@ -438,7 +449,7 @@ fn run_tasks(
     lanes: &Lanes,
     progress: &dyn Progress,
 ) -> Result<Vec<Done>, PipelineError> {
-    // each result that waits holds an open file, and systems allow as few as 256 of them
+    // each waiting result holds an open file, and some systems allow only 256 of them
     let at_once = lanes.share(32);
     let syncs = lanes.share(disk::SYNCS);
     let tell = |done: Done| {
@@ -446,10 +457,10 @@ fn run_tasks(
         done
     };
     let (hand_over, handed) = mpsc::sync_channel::<(Complete, TaskReport)>(at_once);
-    // it owns the receiver: should it panic, nobody waits for it
+    // the closure owns the receiver, so that no sender waits forever if it panics
     let place = move || {
         let mut out = Vec::new();
-        // ends when every sender is gone
+        // the loop ends when every sender is dropped
         while let Ok(first) = handed.recv() {
             let batch = std::iter::once(first).chain(handed.try_iter().take(at_once - 1));
             let (batch, reports): (Vec<Complete>, Vec<TaskReport>) = batch.unzip();
@@ -458,7 +469,7 @@ fn run_tasks(
         }
         out
     };
-    // none where the result was handed over
+    // returns none if the result was handed over
     let one = |task: &Task<'_>,
                hand_over: &mpsc::SyncSender<(Complete, TaskReport)>|
      -> Result<Option<Done>, PipelineError> {
@@ -475,7 +486,8 @@ fn run_tasks(
             Err(e) => return Ok(Some(tell(not_made(stage, task, study, e)))),
         };
         if selection.shared {
-            // a job that shares the workspace holds the lock on its result until the result is in its place
+            // a job that shares the workspace keeps the lock on its result until the result is in
+            // place
             let placed = workspace.place_all(vec![complete], syncs).into_iter().zip([report]);
             return Ok(placed.map(|((manifest, done), report)| tell(in_place(manifest, report, done))).next());
         }
@@ -483,7 +495,7 @@ fn run_tasks(
         Ok(None)
     };
     std::thread::scope(|scope| {
-        // this thread uses none of rayon's: those may all wait for it
+        // a separate thread, not one of rayon's: those may all be waiting for it
         let placing = std::thread::Builder::new().spawn_scoped(scope, place);
         let placing = placing.map_err(|e| PipelineError::request(format!("cannot begin a thread: {e}")))?;
         let results: Vec<Result<Option<Done>, PipelineError>> = lanes.each(todo, |task| one(task, &hand_over));
@@ -496,7 +508,7 @@ fn run_tasks(
     })
 }
 
-/// The thread that puts results into their places panicked.
+/// Error if the thread that puts results in place panicked.
 fn stopped() -> PipelineError {
     PipelineError::request_hint(
         "results could not be put into their places: an internal error",
@@ -504,7 +516,8 @@ fn stopped() -> PipelineError {
     )
 }
 
-/// A task whose result was put into its place; one for which this went wrong has failed, also for what reads it in this run.
+/// A task after its result was put in place. If that went wrong, the task counts as failed, also
+/// for tasks of this run that read it.
 fn in_place(mut manifest: Manifest, mut report: TaskReport, done: Result<(), PipelineError>) -> Done {
     let Err(e) = done else { return (manifest, report, None) };
     let problem = format!("the result could not be written: {e}");
@@ -541,7 +554,8 @@ fn upstream_will_change(
     })
 }
 
-/// Whether one of some stages reads what a stage gives for a trial (none: for the whole study), directly or through others.
+/// Whether one of some stages reads the result of a stage for a trial (none: for the whole study),
+/// directly or through others.
 fn reads(by: &[&Stage], name: &str, trial: Option<&TrialEntry>, study: &Study) -> bool {
     use graph::{Need, Scope};
     let still = study.config.trials.static_frames.as_ref().map(|f| f.trial.as_str());
@@ -595,7 +609,7 @@ fn refuse_if_not_current(
     Ok(())
 }
 
-/// What another run made of a task since this one looked.
+/// The result of a task that another run has completed since this run looked.
 fn made_meanwhile(
     stage: &Stage,
     task: &Task<'_>,
@@ -614,7 +628,8 @@ fn made_meanwhile(
     Some((manifest, report))
 }
 
-/// A recording that changed between its hash and its reading would give a result under a wrong name.
+/// Checks that a recording did not change between hashing and reading; otherwise the result would
+/// be stored under a wrong hash.
 fn unchanged_meanwhile(stage: &Stage, task: &Task<'_>, workspace: &Workspace) -> Result<(), StageFailure> {
     let Some(trial) = task.trial.filter(|_| stage.needs.contains(&graph::Need::Recording)) else { return Ok(()) };
     for path in std::iter::once(&trial.file).chain(&trial.forces).chain(&trial.beside) {
@@ -629,7 +644,7 @@ fn unchanged_meanwhile(stage: &Stage, task: &Task<'_>, workspace: &Workspace) ->
     Ok(())
 }
 
-/// What is known of a result before it is made.
+/// Manifest of a result before it is made.
 fn empty_manifest(stage: &Stage, task: &Task<'_>, study: &Study) -> Manifest {
     Manifest {
         stage: stage.name.to_owned(),
@@ -673,7 +688,7 @@ fn run_task(
     let (outcome, done) = match result {
         Ok(done) => (Outcome::Ok, done),
         Err(failure) => {
-            // what a failed stage wrote is not a result
+            // files written by a failed stage are not a result
             disk::remove_dir_all(&scratch)?;
             disk::create_dir_all(&scratch)?;
             (Outcome::Failed(failure), graph::StageReport::default())

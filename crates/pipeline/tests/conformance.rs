@@ -1,4 +1,5 @@
-//! Every entry of the explicit slices conforms: stages, effects, built-in configurations; and the documents say so.
+//! Checks that every entry of the explicit slices conforms: stages, effects, built-in
+//! configurations; and that the documents list them.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests fail by panicking")]
 
 use aloft_pipeline::graph::Need;

@@ -1,6 +1,8 @@
-//! Identification where nothing falls: in orbit, and on the moon. From C3D files to base parameters, against the truth of the simulation.
+//! Identification without gravity (in orbit) and with low gravity (on the moon): from C3D files to
+//! base parameters, compared with the truth of the simulation.
 //!
-//! The flights are those of the truth: this test is about rows and estimates, not about finding flights.
+//! The flights are taken from the truth: this test is about rows and estimates, not about finding
+//! flights.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests fail by panicking")]
 
 use aloft_body::{BaseParameters, Subject};
@@ -15,7 +17,8 @@ use aloft_workspace::artifact::load_motion;
 use aloft_workspace::workspace::{WHOLE_STUDY, Workspace};
 use std::path::Path;
 
-/// A laboratory with this gravity on disk, its pipeline run until the motion is filtered, and its truth.
+/// Writes a laboratory with this gravity to disk and runs its pipeline until the motion is
+/// filtered; returns the study and its truth.
 fn laboratory(gravity_mps2: f64, folder: &Path) -> (Study, serde_json::Value) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let text = std::fs::read_to_string(root.join("fixtures/scenarios/demo.yaml")).unwrap();
@@ -57,7 +60,7 @@ fn validate_a_chain_is_identified_at_any_gravity() {
                 (load_motion(&ws.place("ik", name)).unwrap(), load_motion(&ws.place("filter", name)).unwrap());
             for (i, flight) in recording["flight_intervals"].as_array().unwrap().iter().enumerate() {
                 let frame = |k: usize| flight[k].as_u64().unwrap() as usize;
-                // two frames inside the flight of the truth at both ends, as detection would leave
+                // two frames shorter than the true flight at both ends, as detection would leave it
                 let stretch = Stretch::flight(name.clone(), i, frame(0) + 2, frame(1) - 1);
                 let options = WeakOptions::default();
                 let of = |noise: Option<&Noise<'_>>| {
@@ -93,6 +96,6 @@ fn validate_a_chain_is_identified_at_any_gravity() {
             }
         }
     }
-    // rows are stated in a unit that does not vanish with gravity
+    // rows are scaled by a unit that does not vanish with gravity
     assert!((found[0].1 / found[1].1 - 1.0).abs() < 0.5, "{found:?}");
 }

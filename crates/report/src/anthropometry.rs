@@ -1,4 +1,4 @@
-//! Identified segments against the anthropometric tables.
+//! Compares identified segment parameters with the anthropometric tables.
 
 use super::parameters::link_table;
 use super::story::Story;
@@ -90,7 +90,7 @@ pub fn section(story: &Story<'_>, p: &Parameters) -> Option<Section> {
     ))
 }
 
-/// The links by each table, on this person's geometry; empty for objects.
+/// Inertias of the links by each table, for this person's geometry; empty for objects.
 fn tables(story: &Story<'_>) -> Vec<(String, Vec<LinkInertia>)> {
     let Some(subject) = story.subject.as_ref().filter(|_| story.study.object.is_none()) else { return Vec::new() };
     let Ok(anatomy) = read_json::<StaticAnatomy>(&story.ws.place("scale", WHOLE_STUDY).join("anatomy.json")) else {

@@ -1,4 +1,4 @@
-//! What refining the geometry over all recordings gained.
+//! Result of the geometry calibration over all recordings.
 
 use super::story::Story;
 use super::words::{card, number};
@@ -6,7 +6,7 @@ use aloft_page::{Block, Dots, Figure, Light, Section, Table, Words};
 use aloft_workspace::workspace::{WHOLE_STUDY, read_json};
 use serde::Deserialize;
 
-/// What `calibrate` left, missing values allowed.
+/// Contents of the report of `calibrate`; missing values are allowed.
 #[derive(Debug, Deserialize)]
 struct Report {
     frames_used: usize,
@@ -36,7 +36,7 @@ fn mm(m: Option<f64>) -> f64 {
     m.map_or(f64::NAN, |m| 1e3 * m)
 }
 
-/// The section; none for objects and where nothing was calibrated.
+/// The section; none for objects, or if nothing was calibrated.
 pub fn section(story: &Story<'_>) -> Option<Section> {
     let r: Report = read_json(&story.ws.place("calibrate", WHOLE_STUDY).join("report.json")).ok()?;
     let used = story

@@ -1,14 +1,14 @@
-//! The ranking of candidates with their intervals, and what looks alike.
+//! Ranking of the candidate effects with their intervals, and which of them are hard to tell apart.
 
 use super::words::{number, plus_minus, unit};
 use aloft_discover::{Candidate, Discovery};
 use aloft_effects::EffectKind;
 use aloft_page::{Block, Cell, Columns, Dots, Figure, HeatMap, Line, Section, Table, Words};
 
-/// How many candidates are drawn.
+/// Number of candidates drawn.
 const SHOWN: usize = 14;
 
-/// The ranking; `suffix` keeps identifiers apart where there are several.
+/// The ranking; `suffix` keeps the identifiers unique if the page has several rankings.
 pub fn ranking(d: &Discovery, suffix: &str) -> Section {
     let real: Vec<&Candidate> = d.candidates.iter().filter(|c| !c.placebo).collect();
     let shown: Vec<&Candidate> = real.iter().take(SHOWN).copied().collect();
@@ -100,7 +100,7 @@ fn table(real: &[&Candidate]) -> Table {
     )
 }
 
-/// How alike the signals of the best candidates are.
+/// How similar the signals of the best candidates are.
 fn confusions(shown: &[&Candidate]) -> Option<Block> {
     let rows: Vec<&Candidate> = shown.iter().copied().filter(|c| !c.confused_with.is_empty()).take(8).collect();
     if rows.is_empty() {

@@ -1,4 +1,5 @@
-//! The story of what is missing: verdict, ranking, look-alikes, ladder, what to record next.
+//! The search for missing effects: verdict, ranking, confusable effects, history of the model,
+//! recommended recordings.
 
 use super::STUDY;
 use super::candidates;
@@ -52,7 +53,7 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
     Chapter { id: "discovery".into(), title: "What is missing".into(), group: STUDY.into(), light, sections }
 }
 
-/// How a verdict is shown.
+/// Traffic light of a verdict.
 pub fn verdict_light(v: Verdict) -> Light {
     match v {
         Verdict::NothingMissing => Light::Good,
@@ -72,7 +73,7 @@ fn verdict_word(v: Verdict) -> &'static str {
     }
 }
 
-/// The answer against one revision of the model.
+/// The answer for one revision of the model.
 fn answer(story: &Story<'_>, revision: usize, d: &Discovery, several: bool, older: bool) -> Section {
     let held = story.history.revisions.get(revision).map(|r| r.effects.join(", ")).filter(|e| !e.is_empty());
     let model = held.map_or_else(|| "the plain model".to_owned(), |e| format!("the model with {e}"));

@@ -1,10 +1,10 @@
-//! Winter's residual analysis: a table for people who choose a cut-off.
+//! Winter's residual analysis as a table, for choosing a cut-off frequency.
 
 use super::story::Story;
 use super::words::{maybe, number};
 use aloft_page::{Cell, Figure, Line, Panel, Section, Series, Table, Words};
 
-/// The section; none where no recording was analysed.
+/// The section; none if no recording was analysed.
 pub fn section(story: &Story<'_>) -> Option<Section> {
     let all: Vec<_> = story.dynamic().filter_map(|t| Some((t, t.analysis.as_ref()?))).collect();
     if all.is_empty() {

@@ -1,4 +1,4 @@
-//! Mean and standard deviation over flights: what remains of the wrench in the air, and how joints move.
+//! Mean and standard deviation over flights: residual wrench in the air, and joint angles.
 
 use super::series::COMPONENTS;
 use super::story::{Story, TrialStory};
@@ -8,7 +8,7 @@ use aloft_page::{Band, Block, Figure, Panel, Section, Words};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Points over a flight.
+/// Number of points per flight.
 const POINTS: usize = 51;
 
 /// The section; none with fewer than two flights.
@@ -30,7 +30,7 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
     })
 }
 
-/// `POINTS` values over a range, by linear interpolation.
+/// Resamples a range to `POINTS` values by linear interpolation.
 fn stretched(values: &[f64], range: &Range<usize>) -> Vec<f64> {
     let (first, span) = (range.start as f64, (range.len() - 1) as f64);
     (0..POINTS)
@@ -45,7 +45,7 @@ fn stretched(values: &[f64], range: &Range<usize>) -> Vec<f64> {
         .collect()
 }
 
-/// Mean and standard deviation at each point over those curves that have it.
+/// Mean and standard deviation at each point, over the curves that have a value there.
 fn band(name: &str, curves: &[Vec<f64>], colour: Option<&'static str>) -> Band {
     let x = (0..POINTS).map(|i| 100.0 * i as f64 / (POINTS - 1) as f64).collect();
     let (mut mean, mut sd) = (Vec::new(), Vec::new());
@@ -63,7 +63,7 @@ fn ranges<'b>(t: &'b TrialStory<'_>) -> impl Iterator<Item = Range<usize>> + 'b 
     t.flights.iter().flat_map(|r| r.flights.iter().map(aloft_flight::Flight::frames)).filter(|r| r.len() > 2)
 }
 
-/// What the models still ask for in the air.
+/// Residual wrench of the models in flight.
 fn residuals(story: &Story<'_>) -> Option<Figure> {
     let collect = |model: &str, key: &str| -> Vec<Vec<f64>> {
         story
@@ -92,7 +92,8 @@ fn residuals(story: &Story<'_>) -> Option<Figure> {
     panels.iter().any(|p| !p.bands.is_empty()).then(|| Figure::panels(words, "flight, %", 2, &panels, &[]))
 }
 
-/// Flexion of each joint by link: of hinges their angle, of others the first of the angles about z, x, y (of the child against its parent).
+/// Flexion of each joint by link: the angle of a hinge; for other joints the first of the angles
+/// about z, x, y (of the child relative to its parent).
 fn flexion(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Vec<Vec<f64>>> {
     let (motion, model) = (t.motion.as_ref()?, &story.subject.as_ref()?.model);
     let mut state = State::new(model);
@@ -152,7 +153,8 @@ fn angles(story: &Story<'_>) -> Option<Figure> {
     (!panels.is_empty()).then(|| Figure::panels(words, "flight, %", columns, &panels, &[]))
 }
 
-/// The joint that a link of the human model hangs on; other links keep their own name.
+/// Name of the joint that connects a link of the human model to its parent; for other links, the
+/// link's own name.
 fn joint_name(stem: &str) -> String {
     match stem {
         "torso" => "Lumbar",

@@ -1,4 +1,5 @@
-//! The page of a study of several subjects: a row a subject, lights, distributions over the group, links to the subjects' pages.
+//! The page of a study of several subjects: one row per subject with lights, distributions over the
+//! group, and links to the subjects' pages.
 
 use super::story::Story;
 use super::words::{anchor, card, count, maybe, number, with_half};
@@ -15,26 +16,27 @@ use std::collections::BTreeMap;
 pub struct Member<'a> {
     /// Name in the study.
     pub name: String,
-    /// Its own study.
+    /// The subject's own study.
     pub study: &'a Study,
-    /// Where its page lies, relative to this one; empty where it has none.
+    /// Path of its page, relative to this one; empty if it has none.
     pub link: String,
 }
 
-/// A subject that has no results, and why.
+/// A subject without results, and the reason.
 pub struct Absent {
     /// Name in the study.
     pub name: String,
-    /// Why.
+    /// Reason.
     pub reason: String,
-    /// True where it was left out on purpose.
+    /// True if it was excluded on purpose.
     pub on_purpose: bool,
 }
 
 /// A recording: name, judgement, marker error (mm), flights, reasons.
 type TrialLine = (String, Light, Option<f64>, Option<usize>, String);
 
-/// What the group's page keeps of a subject: figures only, so that hundreds fit into memory.
+/// Data of one subject on the group page: figures only, so that hundreds of subjects fit into
+/// memory.
 struct Row {
     name: String,
     link: String,
@@ -50,11 +52,11 @@ struct Row {
     force: [Option<f64>; 2],
     moment: [Option<f64>; 2],
     verdict: Option<(Verdict, String)>,
-    /// Share of the body mass of each link: identified and prior.
+    /// Share of each link in the body mass: identified and prior.
     shares: Vec<(String, f64, f64)>,
     /// Mean error of each marker over recordings, mm.
     markers: BTreeMap<String, f64>,
-    /// Name, judgement, marker error, flights, first remark.
+    /// Name, judgement, marker error, flights and first remark of each recording.
     trials: Vec<TrialLine>,
     failure: Option<String>,
 }
@@ -154,7 +156,7 @@ fn row(m: &Member<'_>) -> Row {
                 motion.residual_m.iter().skip(i).step_by(n).filter(|r| r.is_finite()).copied().collect();
             if !own.is_empty() {
                 let rms = 1e3 * (own.iter().map(|r| r * r).sum::<f64>() / own.len() as f64).sqrt();
-                // mean over recordings, taken at the end
+                // accumulates the sum; divided by the number of recordings at the end
                 *out.markers.entry(label.clone()).or_default() += rms;
             }
         }
@@ -185,7 +187,7 @@ fn spread(values: &[f64]) -> (f64, f64) {
     (m, (values.iter().map(|v| (v - m).powi(2)).sum::<f64>() / (n - 1.0)).sqrt())
 }
 
-/// `mean ± SD` of what there is.
+/// `mean ± SD` of the values that exist.
 fn mean_sd(values: impl Iterator<Item = Option<f64>>) -> String {
     let values: Vec<f64> = values.flatten().filter(|v| v.is_finite()).collect();
     match values.len() {
@@ -342,7 +344,7 @@ fn distributions(rows: &[Row]) -> Chapter {
     Chapter { id: "group".into(), title: "Over the group".into(), group: STUDY.into(), light: Light::Neutral, sections }
 }
 
-/// Shares of the body mass: mean and standard deviation over subjects.
+/// Share of each link in the body mass: mean and standard deviation over subjects.
 fn segments(rows: &[Row]) -> Option<Section> {
     let mut names: Vec<&str> = Vec::new();
     for (name, _, _) in rows.iter().flat_map(|r| &r.shares) {
@@ -405,7 +407,7 @@ fn markers(rows: &[Row]) -> Option<Section> {
     Some(Section::new("group-markers", "Markers", "", vec![Figure::heat_map(words, &map).into()]))
 }
 
-/// Which effects were named, and for whom.
+/// Effects that were named, and the subjects they were named for.
 fn effects(rows: &[Row]) -> Option<Section> {
     let mut named: BTreeMap<String, Vec<String>> = BTreeMap::new();
     for r in rows {

@@ -1,4 +1,5 @@
-//! How well the model follows the markers, what calibration gained, what happens in flight, and which cut-off suits.
+//! How well the model fits the markers, what calibration improved, the free-fall check, and the
+//! residual analysis for choosing a cut-off.
 
 use super::story::Story;
 use super::{STUDY, calibration, filtering, flights, lights};

@@ -1,4 +1,4 @@
-//! The ladder: each revision of the model and the error that it left.
+//! The revisions of the model and the error that each of them left.
 
 use super::story::Story;
 use super::words::{maybe, number, plus_minus};
@@ -6,7 +6,7 @@ use aloft_analysis::history::HistoryRow;
 use aloft_page::{Block, Cell, Figure, Light, Panel, Section, Series, Table, Words};
 use aloft_study::revision::Judged;
 
-/// The section; none where the model was never changed.
+/// The section; none if the model was never changed.
 pub fn section(story: &Story<'_>) -> Option<Section> {
     let rungs = &story.history.revisions;
     if rungs.len() < 2 {
@@ -57,7 +57,7 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         "Each revision of the model and the error that it left on {judged}. A gain that is paid for with worse markers is void."
     );
     let mut blocks: Vec<Block> = vec![figure.into(), table.into()];
-    // first and last rung on the same ground: where the last was judged
+    // compare the first and the last revision on the same motion: that on which the last was judged
     let in_flight = judged.contains("flight");
     let on = |r: &HistoryRow| if in_flight { r.flight } else { r.contact };
     if let (Some(first), Some(last)) = (rungs.first().and_then(on), rungs.last())

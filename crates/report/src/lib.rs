@@ -1,6 +1,8 @@
-//! `report`: the page that tells the story of a study to someone who was not there.
+//! `report`: an HTML page that presents the results of a study to readers who did not take part in
+//! it.
 //!
-//! One file a chapter. `story` reads the workspace once; `lights` judges; the chapters choose what to say.
+//! There is one file per chapter. `story` reads the workspace once; `lights` holds the limits for
+//! judgements; the chapters select and present the results.
 
 mod anthropometry;
 mod calibration;
@@ -35,10 +37,10 @@ use story::Story;
 
 /// Heading of the chapters about the whole study.
 const STUDY: &str = "Study";
-/// Heading of the chapters about one recording each.
+/// Heading of the chapters about single recordings.
 const RECORDINGS: &str = "Recordings";
 
-/// Builds the page and writes it; returns where.
+/// Builds the page and writes it; returns its path.
 pub fn write(study: &Study, out: Option<&Path>) -> Result<PathBuf, PipelineError> {
     let html = render(&page(study)?).map_err(|e| PipelineError::request(e.to_string()))?;
     let path = out.map_or_else(|| study.workspace.join("report.html"), Path::to_path_buf);

@@ -1,4 +1,4 @@
-//! Judgements: limits from the field's practice, one place for all of them.
+//! Judgements: all limits of the report in one place, chosen from common practice in the field.
 
 use super::story::{Story, TrialStory};
 use super::words::number;
@@ -6,17 +6,19 @@ use aloft_flight::FlightReport;
 use aloft_page::Light;
 use aloft_study::study::Role;
 
-/// Marker error, RMS, mm: 20 mm is the usual limit of inverse kinematics (OpenSim's best practices).
+/// Marker error, RMS, mm: 20 mm is the usual limit for inverse kinematics (OpenSim's best
+/// practices).
 pub fn marker_rms(mm: f64) -> Light {
     Light::below(mm, 10.0, 20.0)
 }
 
-/// Acceleration of the centre of mass in flight against g, percent: tables alone reach one or two.
+/// Deviation of the acceleration of the centre of mass in flight from g, percent: table inertias
+/// alone reach one or two percent.
 pub fn free_fall(percent: f64) -> Light {
     Light::below(percent.abs(), 3.0, 10.0)
 }
 
-/// Marker samples never measured, percent.
+/// Share of marker samples that were never measured, percent.
 pub fn missing(percent: f64) -> Light {
     Light::below(percent, 5.0, 20.0)
 }
@@ -34,7 +36,7 @@ pub fn gap(ratio: f64) -> Light {
     }
 }
 
-/// An error beside that of the prior on the same frames.
+/// Compares an error with that of the prior on the same frames.
 pub fn beside(own: f64, prior: Option<f64>) -> Light {
     match prior {
         Some(p) if own < 0.95 * p => Light::Good,
@@ -44,7 +46,7 @@ pub fn beside(own: f64, prior: Option<f64>) -> Light {
     }
 }
 
-/// What there is to say against a recording, the gravest first.
+/// Problems of a recording, most serious first.
 pub fn remarks(t: &TrialStory<'_>) -> Vec<(Light, String)> {
     let mut out: Vec<(Light, String)> = Vec::new();
     for (stage, f) in &t.failures {
@@ -70,7 +72,8 @@ pub fn remarks(t: &TrialStory<'_>) -> Vec<(Light, String)> {
     {
         out.push((missing(p), format!("{p:.0} % of the marker samples are missing")));
     }
-    // plates that were never unloaded cannot be tared: worth saying, but no fault of the recording
+    // plates that were never unloaded cannot be tared: mentioned, but not counted as a fault of the
+    // recording
     let untared: Vec<String> = t.flights.iter().flat_map(FlightReport::untared).map(String::from).collect();
     let weight = |w: &String| if untared.contains(w) { Light::Neutral } else { Light::Fair };
     out.extend(t.warnings.iter().map(|w| (weight(w), w.clone())));
@@ -89,7 +92,7 @@ pub fn trial(t: &TrialStory<'_>) -> Light {
     remarks(t).iter().map(|r| r.0).max().unwrap_or(Light::Good).max(Light::Good)
 }
 
-/// Judgement of all recordings together, and how many of each kind there are.
+/// Judgement of all recordings together, and the number of recordings with each judgement.
 pub fn recordings(story: &Story<'_>) -> (Light, String) {
     let used: Vec<Light> = story.trials.iter().filter(|t| t.entry.excluded.is_none()).map(trial).collect();
     let of = |l: Light| used.iter().filter(|u| **u == l).count();

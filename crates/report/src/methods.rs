@@ -1,4 +1,5 @@
-//! A paragraph to paste, where the numbers come from, and commands to go on.
+//! The methods paragraph to paste into a paper, the provenance of the numbers, and commands for
+//! further analysis.
 
 use super::STUDY;
 use super::story::Story;
@@ -74,7 +75,7 @@ fn paragraph(story: &Story<'_>) -> String {
     text
 }
 
-/// Versions of the program that made the results.
+/// Versions of the program that produced the results.
 fn programs(story: &Story<'_>) -> String {
     let made = STAGES.iter().flat_map(|stage| {
         let names = stage.tasks(story.study).into_iter().map(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()));
@@ -83,7 +84,7 @@ fn programs(story: &Story<'_>) -> String {
     made.collect::<std::collections::BTreeSet<String>>().into_iter().collect::<Vec<_>>().join(" and ")
 }
 
-/// What each stage saw.
+/// Provenance table: what each stage read.
 fn provenance(story: &Story<'_>) -> Table {
     let rows = STAGES
         .iter()
@@ -114,7 +115,7 @@ fn provenance(story: &Story<'_>) -> Table {
     )
 }
 
-/// The name of an author as written.
+/// An author's name, capitalised.
 fn capital(name: &str) -> String {
     let mut letters = name.chars();
     letters.next().map_or(String::new(), |c| c.to_uppercase().chain(letters).collect())

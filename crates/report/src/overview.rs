@@ -1,4 +1,4 @@
-//! What was identified, how well it predicts, and what came in.
+//! What was identified, how well it predicts, and which recordings were used.
 
 use super::STUDY;
 use super::discovery::verdict_light;
@@ -114,7 +114,7 @@ fn cards(story: &Story<'_>) -> Vec<Card> {
     cards
 }
 
-/// True when the model holds by now what an earlier answer named.
+/// True if the model now contains what an earlier answer named.
 fn was_added(story: &Story<'_>, d: &Discovery) -> bool {
     let holds = |effects: &[String], id: &String| effects.iter().any(|key| key.split('[').next() == Some(id));
     let last = story.history.revisions.last();
@@ -124,7 +124,8 @@ fn was_added(story: &Story<'_>, d: &Discovery) -> bool {
     })
 }
 
-/// Says what on this page is not what the pipeline and the recordings would give now.
+/// States which results on this page differ from what the pipeline and the recordings would give
+/// now.
 pub fn banner(freshness: &Freshness) -> Vec<Block> {
     if freshness.is_current() {
         return Vec::new();

@@ -1,4 +1,4 @@
-//! What was identified, with intervals, beside the prior.
+//! Identified parameters with intervals, compared with the prior.
 
 use super::STUDY;
 use super::anthropometry;
@@ -8,7 +8,7 @@ use super::words::{card, maybe, number, plus_minus, three};
 use aloft_identify::{BaseEstimate, EffectEstimate, Origin, Parameters, half_of};
 use aloft_page::{Block, Chapter, Dots, Figure, Light, Section, Table, Words};
 
-/// The chapter; none where nothing was identified.
+/// The chapter; none if nothing was identified.
 pub fn chapter(story: &Story<'_>) -> Option<Chapter> {
     let p = &story.found.as_ref()?.parameters;
     let light = match (p.gate.passed, p.gate.reasons.is_empty()) {
@@ -28,7 +28,7 @@ pub fn chapter(story: &Story<'_>) -> Option<Chapter> {
     })
 }
 
-/// How far the numbers may be believed.
+/// How far the numbers can be trusted.
 fn trust(p: &Parameters) -> Section {
     let of = |word: &str| p.base.iter().filter(|b| b.standing() == word).count();
     let table = p.base.iter().filter(|b| b.from == Origin::Table).count();
@@ -94,7 +94,8 @@ fn base(p: &Parameters) -> Section {
     let has_prior = p.base.iter().any(|b| b.prior_sd.is_some_and(|s| s > 0.0));
     let mut blocks = Vec::new();
     if has_prior {
-        // the change against the prior in its own standard deviations: one axis for kg, kg·m and kg·m²
+        // the change from the prior in prior standard deviations, so that kg, kg·m and kg·m² share
+        // one axis
         let mut chosen: Vec<&BaseEstimate> =
             p.base.iter().filter(|b| b.prior.is_some() && b.prior_sd.is_some_and(|s| s > 0.0)).collect();
         let change = |b: &BaseEstimate| (b.value - b.prior.unwrap_or(f64::NAN)) / b.prior_sd.unwrap_or(f64::NAN);

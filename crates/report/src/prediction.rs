@@ -1,4 +1,4 @@
-//! Measured against predicted wrench, model by model and recording by recording.
+//! Measured and predicted wrench for each model and recording.
 
 use super::story::Story;
 use super::words::{number, three};
@@ -6,7 +6,7 @@ use super::{STUDY, residuals, series};
 use aloft_analysis::compare::{ComparisonView, errors_of, judged_on, mean};
 use aloft_page::{Block, Cell, Chapter, Section, Table};
 
-/// The chapter; none where nothing was compared.
+/// The chapter; none if nothing was compared.
 pub fn chapter(story: &Story<'_>) -> Option<Chapter> {
     let view = story.comparison.as_ref()?;
     let c = &view.comparison;
@@ -22,7 +22,7 @@ pub fn chapter(story: &Story<'_>) -> Option<Chapter> {
     })
 }
 
-/// Curves of one held-out recording, and the models side by side.
+/// Curves of one held-out recording, and a comparison of the models.
 fn curves(story: &Story<'_>, view: &ComparisonView) -> Section {
     let c = &view.comparison;
     let held = |t: &&aloft_compare::TrialComparison| t.held_out_contact && t.contact.frames > 0;
@@ -51,7 +51,7 @@ fn curves(story: &Story<'_>, view: &ComparisonView) -> Section {
     )
 }
 
-/// Every model on the same frames of the same motion.
+/// Errors of every model on the same frames of the same motion.
 pub fn model_table(view: &ComparisonView) -> Table {
     let c = &view.comparison;
     let mut rows: Vec<Vec<String>> = c
@@ -86,7 +86,7 @@ pub fn model_table(view: &ComparisonView) -> Table {
     )
 }
 
-/// Recording by recording.
+/// Errors of each recording.
 fn by_trial(story: &Story<'_>, view: &ComparisonView) -> Section {
     let rows = view
         .comparison

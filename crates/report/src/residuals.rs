@@ -1,10 +1,10 @@
-//! Where the error sits: maps over groups of frames, and the segments that could carry it.
+//! Distribution of the error: maps over groups of frames, and the segments that may cause it.
 
 use super::words::number;
 use aloft_compare::{Comparison, Group, GroupedBy};
 use aloft_page::{Block, Columns, Dots, Figure, HeatMap, Section, Table, Words};
 
-/// Maps by what frames have in common, and attribution to segments.
+/// Maps by groups of frames, and attribution of the error to segments.
 pub fn sections(c: &Comparison) -> Vec<Section> {
     let mut out = Vec::new();
     let some = |wanted: &dyn Fn(GroupedBy) -> bool| -> Vec<&Group> {
@@ -37,7 +37,7 @@ pub fn sections(c: &Comparison) -> Vec<Section> {
     out
 }
 
-/// Groups that are one thing each: they have maps of their own.
+/// True for groups that are a single flight or trial: they have maps of their own.
 fn single(by: GroupedBy) -> bool {
     matches!(by, GroupedBy::Flight | GroupedBy::Trial)
 }
@@ -51,7 +51,8 @@ fn maps(groups: &[&Group], by: &str) -> Vec<Block> {
     let map = |title: &str, unit: &str, get: &dyn Fn(&Group) -> [f64; 6]| {
         let axes = ["root x", "root y", "root z", "world x", "world y", "world z"];
         let values: Vec<Vec<f64>> = groups.iter().map(|g| get(g).to_vec()).collect();
-        // contact and flight differ by their own nature: a row is shaded beside the rows of its own kind
+        // contact and flight differ by nature, so a row is shaded relative to the rows of its own
+        // kind
         let usual = |by: GroupedBy, axis: usize| {
             let own: Vec<f64> = groups.iter().zip(&values).filter(|(g, _)| g.by == by).map(|(_, v)| v[axis]).collect();
             own.iter().sum::<f64>() / own.len() as f64

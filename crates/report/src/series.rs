@@ -1,4 +1,4 @@
-//! Curves of one recording, thinned for a screen.
+//! Curves of one recording, thinned to a resolution suitable for the screen.
 
 use super::story::{Story, TrialStory};
 use aloft_body::State;
@@ -15,21 +15,22 @@ pub const COMPONENTS: [(&str, &str, &str); 6] = [
     ("moment_z_nm", "Moment z", "N·m"),
 ];
 
-/// Bytes of the page that curves of all recordings may take together.
+/// Size limit for the curves of all recordings together, bytes of the page.
 const ROOM: usize = 2_000_000;
 
-/// Points a curve, so that all recordings fit the page.
+/// Number of points per curve, chosen so that all recordings fit into the page.
 pub fn points_for(n_trials: usize) -> usize {
-    // 18 curves a recording, 16/3 bytes a point
+    // 18 curves per recording, 16/3 bytes per point
     (ROOM / (n_trials.max(1) * 18 * 16 / 3)).clamp(120, 800)
 }
 
-/// Every k-th value, so that about `points` remain. The curves are low-passed far below the thinned rate.
+/// Takes every k-th value so that about `points` remain. The curves are low-pass filtered far below
+/// the thinned rate.
 pub fn thin(values: &[f64], points: usize) -> Vec<f64> {
     values.iter().step_by(values.len().div_ceil(points.max(1)).max(1)).copied().collect()
 }
 
-/// Flights as stretches of time, from a mask over frames.
+/// Flights as time intervals, from a mask over frames.
 pub fn shades(time: &[f64], in_flight: &[f64]) -> Vec<Shade> {
     let mut out = Vec::new();
     let mut start = None;
@@ -47,7 +48,8 @@ pub fn shades(time: &[f64], in_flight: &[f64]) -> Vec<Shade> {
     out
 }
 
-/// What the plates of a recording read at rest, in root axes about the root's origin, `[component][frame]`; none where they were tared.
+/// Reading of a recording's plates at rest, in root axes about the root origin,
+/// `[component][frame]`; none if the plates were tared.
 fn offset(story: &Story<'_>, t: &TrialStory<'_>) -> Option<[Vec<f64>; 6]> {
     let trials = &story.comparison.as_ref()?.comparison.first.trials;
     let offset = trials.iter().find(|c| c.trial == t.entry.name && c.untared)?.offset.as_ref()?;
@@ -71,7 +73,7 @@ fn offset(story: &Story<'_>, t: &TrialStory<'_>) -> Option<[Vec<f64>; 6]> {
     Some(out)
 }
 
-/// Measured and predicted wrench of a recording, six components, flights shaded.
+/// Measured and predicted wrench of a recording: six components, flights shaded.
 pub fn wrench(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
     let points = points_for(story.n_dynamic());
     let offset = offset(story, t);

@@ -1,4 +1,4 @@
-//! The pages of a study of several: one a subject and session, and one over all of them.
+//! The pages of a study of several subjects: one per subject and session, and one over all of them.
 
 use super::group::{Absent, Member};
 use aloft_study::recordings::StudyId;
@@ -9,16 +9,17 @@ use std::path::PathBuf;
 /// What was written, and what could not be.
 #[derive(Debug)]
 pub struct SetReport {
-    /// Pages, that of the whole study first.
+    /// Pages, with that of the whole study first.
     pub pages: Vec<PathBuf>,
     /// Subjects and sessions without a page, and why.
     pub failed: Vec<(StudyId, PipelineError)>,
 }
 
-/// Writes the page of every subject and session into its workspace, and `report.html` of the study into the study's.
+/// Writes the page of every subject and session into its workspace, and `report.html` of the whole
+/// study into the study's workspace.
 ///
 /// # Errors
-/// No subject has results; the study's page cannot be written.
+/// No subject has results; the page of the whole study cannot be written.
 pub fn write_set(set: &StudySet) -> Result<SetReport, PipelineError> {
     let (mut pages, mut failed, mut members) = (Vec::new(), Vec::new(), Vec::new());
     for study in &set.members {

@@ -1,4 +1,5 @@
-//! The playable skeleton of a recording: markers against model, forces of plates and the force that the model asks for.
+//! Animated skeleton of a recording: measured and model markers, plate forces, and the external
+//! force that the identified model requires.
 
 use super::story::{Story, TrialStory};
 use aloft_body::{Motion, State, Subject};
@@ -11,16 +12,16 @@ use aloft_workspace::workspace::read_json;
 use nalgebra::Vector3;
 use std::ops::Range;
 
-/// Bytes of the page that players of all recordings may take together.
+/// Size limit for the animations of all recordings together, bytes of the page.
 const ROOM: usize = 2_400_000;
-/// Frames a second that a player shows at most.
+/// Maximum frame rate of an animation, Hz.
 const RATE_HZ: f64 = 30.0;
-/// Up to so many links the markers tell the shape.
+/// For objects with at most this many links, all markers are drawn to show the shape.
 const FEW_LINKS: usize = 4;
-/// Below this a plate's centre of pressure says nothing, N.
+/// Vertical force below which a plate's centre of pressure is meaningless, N.
 const LOADED_N: f64 = 20.0;
 
-/// The player; none where the motion was not solved.
+/// The animation; none if the motion was not solved.
 pub fn figure(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
     let (subject, motion) = (story.subject.as_ref()?, t.motion.as_ref()?);
     let mut trial = load_trial(&story.ws.place("import", &t.entry.name)).ok()?;
@@ -66,7 +67,7 @@ pub fn figure(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
     if a.times_s.is_empty() {
         return None;
     }
-    // a flight, half way up, is the telling picture
+    // show first the middle of a flight, the most informative frame
     let from = range.start;
     a.first = flights
         .iter()
@@ -94,7 +95,8 @@ pub fn figure(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
     Some(Figure::animation(Words::new(&format!("{}: markers, model and forces", t.entry.name), &caption), &a))
 }
 
-/// Frames to show and every how many: the whole recording where there is room, else what lies about its flights.
+/// Frames to show, and the step between them: the whole recording if it fits, else the part around
+/// its flights.
 fn window(story: &Story<'_>, t: &TrialStory<'_>, subject: &Subject, motion: &Motion) -> (Range<usize>, usize) {
     let points = subject.model.n_links() + 6 + 2 * subject.markers.len() + 6;
     let frames = (ROOM / story.n_dynamic() / (points * 8)).clamp(48, 420);
@@ -107,12 +109,12 @@ fn window(story: &Story<'_>, t: &TrialStory<'_>, subject: &Subject, motion: &Mot
     let all = t.flights.iter().flat_map(|r| &r.flights);
     let about = all.clone().map(|f| f.start).min().zip(all.map(|f| f.end).max());
     let (start, end) = about.map_or((0, n), |(a, b)| (a.saturating_sub(lead), (b + lead).min(n)));
-    // somewhat slower pictures rather than less of the motion
+    // lower the frame rate rather than cut the motion shorter
     let step = step.max((end - start).div_ceil(frames).min(2 * step));
     (start..end.min(start + frames * step), step)
 }
 
-/// The identified model's force, frame by frame, root axes.
+/// External force required by the identified model, frame by frame, root axes.
 fn asked_force(t: &TrialStory<'_>) -> Option<Vec<Vector3<f64>>> {
     let columns = t.series.as_ref()?;
     let axis = |a: &str| columns.get(&format!("identified.force_{a}_n"));
@@ -120,7 +122,7 @@ fn asked_force(t: &TrialStory<'_>) -> Option<Vec<Vector3<f64>>> {
     Some((0..x.len()).map(|f| Vector3::new(x[f], y[f], z[f])).collect())
 }
 
-/// One arrow a plate at its centre of pressure on the floor.
+/// One arrow per plate, at its centre of pressure on the floor.
 fn plate_arrows(trial: &Trial, time_s: f64, newtons_per_m: f64) -> Vec<[[f64; 3]; 2]> {
     let none = [[f64::NAN; 3]; 2];
     let arrow = |p: &aloft_trial::Plate| {
@@ -132,7 +134,7 @@ fn plate_arrows(trial: &Trial, time_s: f64, newtons_per_m: f64) -> Vec<[[f64; 3]
     trial.plates.iter().map(|p| arrow(p).unwrap_or(none)).collect()
 }
 
-/// 1, 2 or 5 times a power of ten, near a value.
+/// The nearest value of the form 1, 2 or 5 times a power of ten.
 fn round_number(x: f64) -> f64 {
     let power = 10f64.powf(x.max(1e-9).log10().floor());
     let lead = x / power;
@@ -148,7 +150,8 @@ fn round_number(x: f64) -> f64 {
         }
 }
 
-/// Ends of links that carry no other link: the marker farthest out. Of things with few links every marker, so that they have a shape.
+/// Ends of links that carry no other link: the marker farthest out. For objects with few links
+/// every marker, so that they have a visible shape.
 fn tips(subject: &Subject) -> Vec<(usize, Vector3<f64>)> {
     if subject.model.n_links() <= FEW_LINKS {
         return subject.markers.iter().map(|m| (m.link, m.position_m)).collect();
@@ -162,7 +165,7 @@ fn tips(subject: &Subject) -> Vec<(usize, Vector3<f64>)> {
         .collect()
 }
 
-/// Origins of the links, then the ends of [`tips`].
+/// Origins of the links, followed by the ends from [`tips`].
 fn joint_names(subject: &Subject) -> Vec<String> {
     let links = &subject.model.links;
     let ends =

@@ -1,4 +1,4 @@
-//! Everything that the page tells of, read once.
+//! The data of the page, read from the workspace once.
 
 use aloft_analysis::compare::{ComparisonView, KinematicsRow, compare, kinematics};
 use aloft_analysis::discover::{Kept, answer_of, looked_at};
@@ -20,61 +20,64 @@ use aloft_workspace::workspace::{Manifest, Outcome, WHOLE_STUDY, Workspace, read
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// A study as the page sees it. What a stage did not reach is missing, never an error: the page says so.
+/// A study as the page presents it. A result that does not exist is missing, never an error: the
+/// page states that.
 pub struct Story<'a> {
     /// The study.
     pub study: &'a Study,
-    /// Its results.
+    /// Its workspace.
     pub ws: Workspace,
-    /// Recordings, in the study's order.
+    /// Recordings, in the order of the study.
     pub trials: Vec<TrialStory<'a>>,
     /// The model after calibration.
     pub subject: Option<Subject>,
     /// Model against measurement.
     pub comparison: Option<ComparisonView>,
-    /// What was identified.
+    /// The identified parameters.
     pub found: Option<ParametersView>,
-    /// What `discover` said of each revision of the model, oldest first: number of the revision and the answer.
+    /// Answers of `discover` for each revision of the model, oldest first: number of the revision
+    /// and answer.
     pub discoveries: Vec<(usize, Kept<Discovery>)>,
-    /// Hash of the results that `discover` would look at.
+    /// Hash of the results that `discover` would read.
     pub looked_at: String,
     /// Revisions of the model.
     pub history: History,
     /// Results that are not up to date.
     pub freshness: Freshness,
-    /// Failures of stages over the whole study.
+    /// Failures of study-wide stages.
     pub failures: Vec<(&'static str, StageFailure)>,
 }
 
 /// One recording.
 pub struct TrialStory<'a> {
-    /// What it is.
+    /// Name, role and files.
     pub entry: &'a TrialEntry,
-    /// The import's figures.
+    /// Manifest of the import.
     pub import: Option<Manifest>,
     /// Quality of the recording.
     pub quality: Option<ImportRecord>,
     /// Marker error, flights, free fall.
     pub kinematics: Option<KinematicsRow>,
-    /// Joint motion as found; none where it was not solved.
+    /// Joint motion from inverse kinematics; none if it was not solved.
     pub motion: Option<Motion>,
     /// Flights.
     pub flights: Option<FlightReport>,
-    /// What each cut-off would take away.
+    /// Residual analysis: what each cut-off would remove.
     pub analysis: Option<ResidualAnalysis>,
     /// Measured and predicted wrench by column.
     pub series: Option<HashMap<String, Vec<f64>>>,
     /// Stages that failed.
     pub failures: Vec<(&'static str, StageFailure)>,
-    /// What stages remarked.
+    /// Warnings of the stages.
     pub warnings: Vec<String>,
 }
 
 impl<'a> Story<'a> {
-    /// Reads a workspace: `study` as its results were made, `now` as it stands.
+    /// Reads a workspace: `study` with the settings that its results were made with, `now` with the
+    /// present ones.
     ///
     /// # Errors
-    /// Nothing was run in it; a file in it is damaged.
+    /// The workspace has no results; a file in it is damaged.
     pub fn read(study: &'a Study, now: &Study) -> Result<Self, PipelineError> {
         let ws = Workspace::open(&study.workspace);
         if !study.trials.iter().any(|t| ws.manifest("import", &t.name).is_some()) {
@@ -109,23 +112,23 @@ impl<'a> Story<'a> {
         })
     }
 
-    /// Recordings whose motion is analysed and that were not left out.
+    /// Recordings whose motion is analysed and that were not excluded.
     pub fn dynamic(&self) -> impl Iterator<Item = &TrialStory<'a>> {
         self.trials.iter().filter(|t| t.entry.role.is_dynamic() && t.entry.excluded.is_none())
     }
 
-    /// How many recordings share the page's room.
+    /// Number of recordings that share the size limit of the page.
     pub fn n_dynamic(&self) -> usize {
         self.dynamic().count().max(1)
     }
 
-    /// The last answer of `discover`.
+    /// The latest answer of `discover`.
     pub fn discovery(&self) -> Option<&Discovery> {
         self.discoveries.last().map(|d| &d.1.answer)
     }
 }
 
-/// Answers kept for each revision of the model, else the last one alone.
+/// The answers stored for each revision of the model; if there are none, the latest answer.
 fn discoveries(study: &Study) -> Result<Vec<(usize, Kept<Discovery>)>, PipelineError> {
     let revisions = aloft_study::revision::Revisions::load(&study.workspace)?.revisions.len();
     let mut all: Vec<(usize, Kept<Discovery>)> = Vec::new();
@@ -166,12 +169,12 @@ impl<'a> TrialStory<'a> {
         }
     }
 
-    /// The chapter about it.
+    /// Identifier of the chapter about this recording.
     pub fn anchor(&self) -> String {
         super::words::anchor("trial", &self.entry.name)
     }
 
-    /// A figure that the import noted.
+    /// A figure from the manifest of the import.
     pub fn noted(&self, key: &str) -> Option<f64> {
         self.import.as_ref()?.summary.get(key)?.as_f64()
     }
@@ -181,7 +184,7 @@ impl<'a> TrialStory<'a> {
         Some(self.noted("frames")? / self.noted("rate_hz")?)
     }
 
-    /// Marker samples that were never measured, percent.
+    /// Share of marker samples that were never measured, percent.
     pub fn missing_percent(&self) -> Option<f64> {
         let markers = &self.quality.as_ref()?.quality.markers;
         let present: f64 = markers.iter().map(|m| m.present_fraction).sum();

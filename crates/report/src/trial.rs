@@ -5,7 +5,7 @@ use super::words::{anchor, card, maybe, number};
 use super::{RECORDINGS, lights, series, skeleton};
 use aloft_page::{Block, Card, Chapter, Columns, Figure, HeatMap, Light, Section, Table, Words};
 
-/// Columns of the map of markers over time.
+/// Number of columns in the map of marker errors over time.
 const COLUMNS: usize = 110;
 
 /// The chapter.

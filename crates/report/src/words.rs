@@ -1,9 +1,9 @@
-//! Numbers and names as text.
+//! Formats numbers and names as text.
 
 use aloft_identify::half_of;
 use aloft_page::{Card, Light};
 
-/// A number with as many digits as a reader wants; a dash where it is missing.
+/// A number with a sensible number of digits; a dash if it is missing.
 pub fn number(x: f64) -> String {
     if !x.is_finite() {
         return "–".to_owned();
@@ -24,28 +24,28 @@ pub fn number(x: f64) -> String {
     }
 }
 
-/// The number, where there is one.
+/// The number, or a dash if it is missing.
 pub fn maybe(x: Option<f64>) -> String {
     x.map_or_else(|| "–".to_owned(), number)
 }
 
-/// Three components.
+/// Three components as text.
 pub fn three(v: &[f64; 3]) -> String {
     v.iter().map(|x| number(*x)).collect::<Vec<_>>().join("  ")
 }
 
-/// Value and half of its 95 % interval, where it has one.
+/// Value and half-width of its 95 % interval, if it has one.
 pub fn plus_minus(value: f64, ci95: Option<[f64; 2]>) -> String {
     half_of(ci95).map_or_else(|| number(value), |half| with_half(value, half))
 }
 
-/// Value and half of an interval about it; what rounding alone makes of equal values is none.
+/// Value and half-width of an interval about it. A half-width at rounding level is shown as zero.
 pub fn with_half(value: f64, half: f64) -> String {
     let half = if half.abs() < 1e-9 * value.abs() { 0.0 } else { half };
     format!("{} ± {}", number(value), number(half))
 }
 
-/// A unit as people write it: `m^2` becomes m², `N*s/m` N·s/m; `1` is none.
+/// A unit in readable form: `m^2` becomes m², `N*s/m` becomes N·s/m; `1` becomes empty.
 pub fn unit(u: &str) -> String {
     if u == "1" { String::new() } else { u.replace("^2", "²").replace("^3", "³").replace('*', "·") }
 }
@@ -55,13 +55,13 @@ pub fn count(n: usize, one: &str) -> String {
     if n == 1 { format!("1 {one}") } else { format!("{n} {one}s") }
 }
 
-/// An identifier that may stand in a link: letters, digits and hyphens.
+/// An identifier that is valid in a link: letters, digits and hyphens.
 pub fn anchor(prefix: &str, name: &str) -> String {
     let clean: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect();
     format!("{prefix}-{clean}")
 }
 
-/// A name short enough for a heading: up to its first comma or bracket, and no longer than a line.
+/// A name short enough for a heading: up to the first comma or bracket, and at most one line long.
 pub fn short(name: &str) -> String {
     let head = name.split([',', '(', ';']).next().unwrap_or(name).trim();
     if head.chars().count() <= 48 {
@@ -71,7 +71,7 @@ pub fn short(name: &str) -> String {
     }
 }
 
-/// A figure of merit.
+/// A card with one figure of merit.
 pub fn card(label: &str, value: String, note: impl Into<String>, light: Light) -> Card {
     Card { label: label.to_owned(), value, note: note.into(), light }
 }

@@ -1,4 +1,5 @@
-//! Where names like `human34` or `de_leva` become data: a file beside the pipeline, or the set built into the binary.
+//! Looks up named configurations such as `human34` or `de_leva`: in a file beside the pipeline, or
+//! in the set built into the binary.
 
 use crate::config::parse_yaml;
 use aloft_workspace::error::PipelineError;
@@ -27,7 +28,8 @@ pub fn names(kind: &str) -> Vec<String> {
     names
 }
 
-/// Finds `name` of a `kind`: a path relative to the pipeline, then `../configs/<kind>/<name>.yaml` beside it, then the built-in set.
+/// Finds `name` of a `kind`: first as a path relative to the pipeline, then as
+/// `../configs/<kind>/<name>.yaml` beside it, then in the built-in set.
 pub fn find(kind: &str, name: &str, pipeline_dir: &Path) -> Result<Source, PipelineError> {
     let looks_like_path = name.contains(['/', '\\', '.']);
     let mut candidates: Vec<PathBuf> = Vec::new();
@@ -54,7 +56,7 @@ pub fn find(kind: &str, name: &str, pipeline_dir: &Path) -> Result<Source, Pipel
     ))
 }
 
-/// [`find`] and parse.
+/// Finds a configuration as [`find`] does, and parses it.
 pub fn load<T: DeserializeOwned>(kind: &str, name: &str, pipeline_dir: &Path) -> Result<T, PipelineError> {
     let source = find(kind, name, pipeline_dir)?;
     parse_yaml(&source.origin, &source.text)

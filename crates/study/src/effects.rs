@@ -1,4 +1,5 @@
-//! The effects that a study knows: the catalogue, and those that its pipeline defines or names.
+//! The effects available to a study: those of the catalogue, and those that its pipeline defines or
+//! names.
 
 use crate::catalog;
 use crate::config::PipelineConfig;
@@ -12,28 +13,28 @@ use serde::ser::{SerializeMap, SerializeSeq};
 use serde::{Serialize, Serializer};
 use std::path::Path;
 
-/// An effect that somebody wrote, and where it stands.
+/// A user-defined effect and where it is defined.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OwnEffect {
-    /// What it says.
+    /// The definition.
     pub spec: FormulaEffect,
-    /// File, as the user knows it.
+    /// Name of the file as the user gave it.
     pub origin: String,
     /// Text of the file.
     text: String,
-    /// Path of the effect in the file: empty for a file of its own.
+    /// Path of the effect within the file; empty if the file holds only this effect.
     path: String,
 }
 
 impl OwnEffect {
-    /// A file that holds one effect: a name in `configs/effects/` or a path.
+    /// Reads a file that holds one effect, given as a name in `configs/effects/` or a path.
     pub fn read(name: &str, dir: &Path) -> Result<Self, PipelineError> {
         let source = catalog::find("effects", name, dir)?;
         let spec = ranges::parse(&source.origin, &source.text)?;
         Ok(Self { spec, origin: source.origin, text: source.text, path: String::new() })
     }
 
-    /// Reads its formulas; what is wrong is shown at its character.
+    /// Compiles its formulas; an error points at the character.
     pub fn compile(&self, scene: &Scene) -> Result<CompiledFormula, PipelineError> {
         self.spec.compile(scene).map_err(|e| self.shown(&e))
     }
@@ -57,7 +58,7 @@ impl OwnEffect {
     }
 }
 
-/// Effects that the pipeline defines or names, each with its own identifier.
+/// Effects that the pipeline defines or names, each with a unique identifier.
 pub fn own_effects(
     config: &PipelineConfig,
     file: &str,
@@ -92,38 +93,39 @@ pub fn own_effects(
     Ok(own)
 }
 
-/// Tries the formulas on the bare model, so that a wrong one is told before anything runs.
+/// Compiles the formulas for the bare model, so that an error is reported before anything runs.
 pub fn check_formulas(own: &[OwnEffect], model: &ModelSpec) -> Result<(), PipelineError> {
     if own.is_empty() {
         return Ok(());
     }
-    // a model that cannot be built is told of elsewhere
+    // a model that cannot be built is reported elsewhere
     let Ok(model) = Model::from_spec(model) else { return Ok(()) };
     let phi = vec![Phi::zeros(); model.n_links()];
     let scene = Scene::new(&model, &phi, &[]);
     own.iter().try_for_each(|o| o.compile(&scene).map(|_| ()))
 }
 
-/// True for an effect that asks when in the session a recording was made.
+/// True for an effect that depends on when in the session a recording was made.
 pub fn asks_session_time(id: &str) -> bool {
     aloft_effects::effect(id).is_ok_and(|e| e.about().uses_session_time)
 }
 
-/// The effects of a model, with all that their columns are made from.
+/// The effects of a model, with everything that their columns are computed from.
 #[derive(Debug, Clone, Default)]
 pub struct ModelEffects {
     /// The effects.
     pub model: Vec<ModelEffect>,
-    /// Definitions of those that the user wrote.
+    /// Definitions of the user-defined ones.
     pub own: Vec<OwnEffect>,
-    /// Base parameters of the plain model, with which columns place the centre of mass; empty before they are known.
+    /// Base parameters of the model without effects, from which columns take the centre of mass;
+    /// empty before they are known.
     pub about: Vec<f64>,
-    /// Order of the session's recordings as the laboratory lists it, where an effect depends on it.
+    /// Order of the session's recordings as listed by the laboratory, if an effect depends on it.
     pub recordings: Option<Vec<String>>,
 }
 
 impl Serialize for ModelEffects {
-    /// As part of a cache key: an empty list for the plain model.
+    /// As part of a cache key: an empty list for the model without effects.
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         if self.model.is_empty() {
             return to.serialize_seq(Some(0))?.end();
@@ -141,7 +143,7 @@ impl Serialize for ModelEffects {
     }
 }
 
-/// The effects of a study bound to a body: what rankings and models choose from.
+/// The effects of a study bound to a body, from which rankings and models choose.
 #[derive(Debug)]
 pub struct KnownEffects {
     formulas: Vec<CompiledFormula>,
@@ -153,7 +155,7 @@ impl KnownEffects {
         Ok(Self { formulas: own.iter().map(|o| o.compile(scene)).collect::<Result<_, _>>()? })
     }
 
-    /// All of them, the catalogue first.
+    /// All effects, those of the catalogue first.
     pub fn all(&self) -> Vec<&dyn Effect> {
         let built_in = EFFECTS.iter().copied();
         built_in.chain(self.formulas.iter().map(|f| f as &dyn Effect)).collect()

@@ -1,4 +1,5 @@
-//! Who moved: facts about the subject or object, from the pipeline or from what the laboratory wrote down beside the recordings.
+//! Facts about the subject or object, from the pipeline or from the laboratory's files beside the
+//! recordings.
 
 use crate::config::{GRAVITY_MPS2, HEIGHT_M, MASS_KG, PipelineConfig, SubjectConfig, error_at_key};
 use crate::place::{error_at, find};
@@ -11,16 +12,17 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Facts about the subject or object with the laboratory's gravity.
+/// Facts about the subject or object, and the laboratory's gravity.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Facts {
     /// Name, sex, height, mass.
     pub person: PersonFacts,
     /// Magnitude of gravity, m/s².
     pub gravity_mps2: f64,
-    /// Where each fact was found, for the report.
+    /// Source of each fact, for the report.
     pub sources: Vec<String>,
-    /// Recordings in the order in which the laboratory lists them (`trials: [{file: …}, …]`), without endings; empty where it does not.
+    /// Recordings in the order in which the laboratory lists them (`trials: [{file: …}, …]`),
+    /// without extensions; empty if it does not.
     #[serde(default)]
     pub recordings: Vec<String>,
 }
@@ -32,16 +34,16 @@ impl Facts {
     }
 }
 
-/// Where facts may lie.
+/// Places where facts may be stored.
 #[derive(Debug)]
 pub(crate) struct FactPlaces<'a> {
     /// Folder of the recordings.
     pub data: &'a Path,
-    /// The subject's folder, in a study of several.
+    /// The subject's folder, in a study of several subjects.
     pub subject_folder: Option<&'a Path>,
     /// The whole study's folder.
     pub root: &'a Path,
-    /// Whose.
+    /// Subject and session.
     pub id: &'a StudyId,
 }
 
@@ -78,7 +80,7 @@ struct LabFacts {
 }
 
 impl LabFacts {
-    /// Magnitude of gravity, m/s², or what is wrong with it.
+    /// Magnitude of gravity, m/s²; an error if it is not valid.
     fn gravity_mps2(&self) -> Result<Option<f64>, String> {
         use serde_yaml::Value;
         let number = |v: &Value| match v {
@@ -104,7 +106,7 @@ impl LabFacts {
 }
 
 impl FactsFile {
-    /// What is not known here is taken from `other`.
+    /// Takes facts that are missing here from `other`.
     fn or(self, other: Self) -> Self {
         Self {
             name: self.name.or(other.name),
@@ -119,8 +121,9 @@ impl FactsFile {
     }
 }
 
-/// Facts that lie beside the recordings, the nearest first: the session's file, its row in the subject's `sessions.tsv`, the
-/// subject's file, the laboratory's file of that subject, its row in `participants.tsv`.
+/// Facts from files beside the recordings, the nearest first: the session's file, its row in the
+/// subject's `sessions.tsv`, the subject's file, the laboratory's file of that subject, its row in
+/// `participants.tsv`.
 fn beside(at: &FactPlaces<'_>) -> Result<(FactsFile, Vec<String>), PipelineError> {
     let mut found = Vec::new();
     found.extend(facts_file(at.data)?);
@@ -138,7 +141,7 @@ fn beside(at: &FactPlaces<'_>) -> Result<(FactsFile, Vec<String>), PipelineError
         found.extend(row.map(|f| (f, PARTICIPANTS.to_owned())));
     } else if found.is_empty() {
         found.extend(participants(at.data)?.map(|f| (f, PARTICIPANTS.to_owned())));
-        // one subject's folder out of a study
+        // the data folder is one subject's folder of a study
         if let (true, Ok(folder)) = (found.is_empty(), at.data.canonicalize())
             && let (Some(parent), Some(name)) = (folder.parent(), folder.file_name())
         {
@@ -165,7 +168,7 @@ fn one_file(path: &Path) -> Result<Option<FactsFile>, PipelineError> {
     }
     let text = std::fs::read_to_string(path).map_err(PipelineError::io("read", path))?;
     let name = path.display().to_string();
-    // `gravity_mps2`, as the pipeline calls it, has the range of `gravity_m_s2`
+    // `gravity_mps2`, the pipeline's name, has the same range as `gravity_m_s2`
     let facts: FactsFile = ranges::parse(&name, &text)?;
     let again = facts.gravity_m_s2.filter(|g| !(GRAVITY_MPS2.0..=GRAVITY_MPS2.1).contains(g));
     let (key, wrong) = match (facts.lab.as_ref().map(LabFacts::gravity_mps2), again) {
@@ -182,7 +185,7 @@ fn one_file(path: &Path) -> Result<Option<FactsFile>, PipelineError> {
     }
 }
 
-/// Finds the facts; an error where the mass is not known.
+/// Finds the facts; an error if the mass is not known.
 pub(crate) fn find_facts(
     config: &PipelineConfig,
     at: &FactPlaces<'_>,
@@ -247,7 +250,7 @@ pub(crate) fn find_facts(
     })
 }
 
-/// Names of recordings in a list, without endings.
+/// Names of recordings in a list, without extensions.
 fn listed(trials: &serde_yaml::Value) -> Vec<String> {
     let name = |entry: &serde_yaml::Value| {
         let file = entry.as_str().or_else(|| entry.get("file")?.as_str())?;
@@ -259,11 +262,11 @@ fn listed(trials: &serde_yaml::Value) -> Vec<String> {
 /// Name of the table of participants (BIDS).
 pub const PARTICIPANTS: &str = "participants.tsv";
 
-/// A table with tabs between its columns.
+/// A table with tab-separated columns.
 struct Tsv {
     path: PathBuf,
     header: Vec<String>,
-    /// Rows with their lines in the file, counted from 1.
+    /// Rows with their line numbers in the file, counted from 1.
     rows: Vec<(usize, Vec<String>)>,
 }
 
@@ -290,7 +293,8 @@ impl Tsv {
         self.rows.iter().find(|(_, r)| self.get(r, &[key]).is_some_and(|v| same_name(v, name)))
     }
 
-    /// The number under the first of these columns that there is; `unit` is the size of its unit for each value.
+    /// The number in the first of these columns that exists; `unit` gives the size of the unit for
+    /// each value.
     fn number(
         &self,
         (line, row): &(usize, Vec<String>),
@@ -314,7 +318,7 @@ impl Tsv {
     }
 
     fn facts(&self, row: &(usize, Vec<String>), key: &str) -> Result<FactsFile, PipelineError> {
-        // nobody is three metres tall: larger numbers are centimetres
+        // nobody is three metres tall, so larger numbers are centimetres
         let metres = |h: f64| if h > 3.0 { 0.01 } else { 1.0 };
         let height = match self.number(row, &["height", "height_m", "stature"], HEIGHT_M, metres)? {
             Some(height) => Some(height),
@@ -330,19 +334,19 @@ impl Tsv {
     }
 }
 
-/// `sub-01` and `01` are the same.
+/// True if two names denote the same subject: `sub-01` and `01` are equal.
 fn same_name(a: &str, b: &str) -> bool {
     let bare = |s: &str| s.strip_prefix("sub-").or_else(|| s.strip_prefix("ses-")).unwrap_or(s).to_owned();
     a == b || bare(a) == bare(b)
 }
 
-/// The facts in a table's row of that name.
+/// Facts from the row of a table with that name.
 fn row_of(path: &Path, key: &str, name: &str) -> Result<Option<FactsFile>, PipelineError> {
     let table = Tsv::read(path)?;
     table.and_then(|t| t.row(key, name).map(|r| t.facts(r, key))).transpose()
 }
 
-/// Identifiers of a folder's `participants.tsv`, in order; none without such a table.
+/// Identifiers in a folder's `participants.tsv`, in order; none without such a table.
 pub(crate) fn participant_ids(folder: &Path) -> Result<Vec<String>, PipelineError> {
     let table = Tsv::read(&folder.join(PARTICIPANTS))?;
     Ok(table

@@ -1,8 +1,10 @@
-//! Configuration inherited from the study to the subject, the session and the trial.
+//! Configuration inherited from the study by the subject, the session and the trial.
 //!
-//! What is nearer to the trial wins, key by key: the pipeline's sections; its `overrides` for the subject; `overrides.yaml`
-//! in the subject's folder; its `overrides` for the session; `overrides.yaml` in the session's folder; its `overrides` for the
-//! trial. Every layer is checked by itself where it is written, so that an error points at its own line.
+//! For each key, the setting nearest to the trial applies. The layers are, from the most general:
+//! the pipeline's sections; its `overrides` for the subject; `overrides.yaml` in the subject's
+//! folder; its `overrides` for the session; `overrides.yaml` in the session's folder; its
+//! `overrides` for the trial. Every layer is checked separately where it is written, so that an
+//! error points at its own line.
 
 use crate::config::{
     FlightConfig, IkConfig, ImportConfig, Override, PipelineConfig, Sections, TrialsConfig, error_at_item, parse_yaml,
@@ -17,36 +19,36 @@ use std::path::{Path, PathBuf};
 /// Name of the file that holds a subject's or session's own settings beside the recordings.
 pub const OVERRIDES_FILE: &str = "overrides.yaml";
 
-/// The settings that may differ for a single trial.
+/// Settings that can differ between trials.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrialSettings {
-    /// Reading of recordings.
+    /// Settings for reading recordings.
     pub import: ImportConfig,
-    /// Markers to joint motion.
+    /// Settings of inverse kinematics.
     pub ik: IkConfig,
-    /// Search for free flight.
+    /// Settings for the detection of flights.
     pub flight: FlightConfig,
 }
 
-/// A pipeline file, parsed and checked, with its text for messages.
+/// A parsed and checked pipeline file, with its text for messages.
 #[derive(Debug, Clone)]
 pub struct PipelineFile {
-    /// Where it was read from.
+    /// Path it was read from.
     pub path: PathBuf,
     /// Its text.
     pub text: String,
-    /// As it stands, before any override.
+    /// The configuration as written, before any override.
     pub config: PipelineConfig,
     base: Value,
     sets: Vec<Value>,
 }
 
-/// Whose settings are wanted.
+/// Subject, session and folders for which settings are wanted.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Whose<'a> {
-    /// Subject; none in a study of one.
+    /// Subject; none in a study of one subject.
     pub subject: Option<&'a str>,
-    /// Session, where there are any.
+    /// Session, if there are any.
     pub session: Option<&'a str>,
     /// The subject's folder.
     pub subject_folder: Option<&'a Path>,
@@ -81,12 +83,12 @@ impl PipelineFile {
         Ok(Self { path: path.to_path_buf(), text, config, base, sets })
     }
 
-    /// The file's name for messages.
+    /// Name of the file for messages.
     pub fn name(&self) -> String {
         self.path.display().to_string()
     }
 
-    /// The folder that the file's relative paths start from.
+    /// The folder that relative paths in the file refer to.
     pub fn folder(&self) -> PathBuf {
         self.path.parent().map(Path::to_path_buf).unwrap_or_default()
     }
@@ -105,7 +107,7 @@ impl PipelineFile {
         Ok(config)
     }
 
-    /// The settings of one trial of that session; none where nothing differs.
+    /// The settings of one trial of that session; none if they do not differ.
     pub fn trial_settings(
         &self,
         session: &PipelineConfig,
@@ -138,7 +140,7 @@ impl PipelineFile {
     }
 }
 
-/// The last frame of a range does not stand before its first.
+/// Checks that the last frame of a range does not precede its first.
 fn in_order(trials: Option<&TrialsConfig>, file: &str, text: &str, before: &str) -> Result<(), PipelineError> {
     let Some(frames) = trials.and_then(|t| t.static_frames.as_ref()).filter(|f| f.last < f.first) else {
         return Ok(());
@@ -152,7 +154,7 @@ fn applies(over: &Override, whose: Whose<'_>) -> bool {
     fits(over.subject.as_deref(), whose.subject) && fits(over.session.as_deref(), whose.session)
 }
 
-/// True where there is no pattern, or it matches the name.
+/// True if there is no pattern, or if it matches the name.
 pub fn fits(wanted: Option<&str>, name: Option<&str>) -> bool {
     match (wanted, name) {
         (None, _) => true,
@@ -175,7 +177,7 @@ fn layer_from(folder: Option<&Path>, value: &mut Value) -> Result<(), PipelineEr
     Ok(())
 }
 
-/// Mappings key by key, everything else whole.
+/// Merges mappings key by key; replaces all other values.
 fn merge(into: &mut Value, from: &Value) {
     match (into, from) {
         (Value::Mapping(a), Value::Mapping(b)) => {

@@ -1,7 +1,8 @@
 //! A pipeline file bound to recordings.
 //!
-//! A [`studies::StudySet`] is a pipeline file with a folder of recordings; each subject and session in it is a [`study::Study`]: its
-//! configuration with everything inherited, its trials and their roles, the facts about the subject, and the effects of the model's revision.
+//! A [`studies::StudySet`] is a pipeline file with a folder of recordings. Each subject and session
+//! in it is a [`study::Study`]: its configuration after inheritance, its trials and their roles,
+//! the facts about the subject, and the effects of the model's present revision.
 
 pub mod catalog;
 pub mod config;

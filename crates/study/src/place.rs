@@ -1,4 +1,4 @@
-//! Where in a YAML text something stands: errors found after parsing point at it all the same.
+//! Locates nodes in a YAML text, so that errors found after parsing can point at their place, too.
 
 use aloft_workspace::error::PipelineError;
 use miette::{NamedSource, SourceOffset, SourceSpan};
@@ -11,7 +11,7 @@ enum Step {
     Item(usize),
 }
 
-/// Reads `effects.define[0].parts[1].force[2]`.
+/// Parses a path such as `effects.define[0].parts[1].force[2]`.
 fn steps(path: &str) -> Vec<Step> {
     let mut out = Vec::new();
     for word in path.split('.').filter(|w| !w.is_empty()) {
@@ -24,7 +24,7 @@ fn steps(path: &str) -> Vec<Step> {
     out
 }
 
-/// Walks along the steps and fails where they end, so that the parser says where that is.
+/// Follows the steps and fails at their end, so that the parser reports that position.
 struct Walk<'a>(&'a [Step]);
 
 const HERE: &str = "here";
@@ -80,15 +80,16 @@ impl<'de> Visitor<'de> for Walk<'_> {
     }
 }
 
-/// Byte at which the node of a path begins; as far along the path as the text goes.
+/// Byte at which the node of a path begins; if the path does not exist in full, that of its last
+/// existing node.
 pub fn find(text: &str, path: &str) -> Option<usize> {
     let error = Walk(&steps(path)).deserialize(serde_yaml::Deserializer::from_str(text)).err()?;
     let at = error.location()?;
     (at.index() < text.len()).then(|| at.index())
 }
 
-/// Byte of a character of a string value that begins at byte `start` (quotes included); its first byte where the text is written otherwise
-/// than the value (folded, with escapes).
+/// Byte of a character in a string value that begins at byte `start` (quotes included). If the text
+/// is written differently from the value (folded, with escapes), the value's first byte.
 pub fn inside(text: &str, start: usize, value: &str, characters: usize) -> usize {
     let rest = &text[start..];
     let begin = match rest.chars().next() {

@@ -1,26 +1,30 @@
-//! Names are data: every name that the program prints as part of a command, a pattern or YAML goes through here.
+//! Quotes names: every name that the program prints as part of a command, a pattern or YAML passes
+//! through this module.
 //!
-//! Recordings, subjects, sessions and folders may be called anything that a file system allows. A command that is printed for copying must mean
-//! the same to a shell as to us, whatever the names in it hold.
+//! Recordings, subjects, sessions and folders may have any name that a file system allows. A
+//! command printed for copying must mean the same to a shell as to this program, whatever
+//! characters the names contain.
 
 use std::path::Path;
 
-/// A word as a POSIX shell reads it back: as it is where nothing in it is special, in single quotes otherwise.
+/// Quotes a word for a POSIX shell: unchanged if nothing in it is special, otherwise in single
+/// quotes.
 pub fn word(text: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "_-./:=@%+,".contains(c);
-    // `a=b` at the start of a line would set a variable; no printed command begins with a name
+    // `a=b` at the start of a line would set a variable, but no printed command begins with a name
     if !text.is_empty() && text.chars().all(plain) {
         return text.to_owned();
     }
     format!("'{}'", text.replace('\'', r"'\''"))
 }
 
-/// The words of a command as one line for a shell.
+/// Joins the words of a command into one line for a shell.
 pub fn line<T: AsRef<str>>(words: impl IntoIterator<Item = T>) -> String {
     words.into_iter().map(|w| word(w.as_ref())).collect::<Vec<_>>().join(" ")
 }
 
-/// A path as a word on its own: one that begins with `-` would be read as an option.
+/// A path as a separate argument. A path that begins with `-` is changed so that it is not read as
+/// an option.
 pub fn argument(path: &Path) -> String {
     let text = path.display().to_string();
     if text.starts_with('-') { format!("./{text}") } else { text }
@@ -36,7 +40,7 @@ pub fn option(flag: &str, value: &str) -> Vec<String> {
     if value.starts_with('-') { vec![format!("--{flag}={value}")] } else { vec![format!("--{flag}"), value.to_owned()] }
 }
 
-/// The pattern that matches just this name.
+/// The pattern that matches exactly this name.
 pub fn pattern(name: &str) -> String {
     let mut out = String::with_capacity(name.len());
     for c in name.chars() {
@@ -46,7 +50,7 @@ pub fn pattern(name: &str) -> String {
                 out.push(c);
                 out.push(']');
             }
-            // where `\` separates folders it cannot stand in a name
+            // on systems where `\` separates folders, it cannot occur in a name
             '\\' if !cfg!(windows) => out.push_str("\\\\"),
             c => out.push(c),
         }
@@ -54,7 +58,8 @@ pub fn pattern(name: &str) -> String {
     out
 }
 
-/// A string in YAML, on one line: as it is where YAML reads it as the same string, in double quotes otherwise.
+/// A string in YAML, on one line: unquoted if YAML reads it as the same string, otherwise in double
+/// quotes.
 pub fn yaml(text: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "_-./".contains(c);
     let letter = text.chars().next().is_some_and(|c| c.is_alphabetic() || c == '_');
@@ -74,7 +79,7 @@ pub fn yaml_quoted(text: &str) -> String {
             '\\' => out.push_str("\\\\"),
             '\n' => out.push_str("\\n"),
             '\t' => out.push_str("\\t"),
-            // control characters, and what YAML takes for a line break or no character
+            // control characters, and characters that YAML treats as line breaks or does not allow
             c if c.is_control() || matches!(c, '\u{2028}' | '\u{2029}' | '\u{feff}' | '\u{fffe}' | '\u{ffff}') => {
                 out.push_str(&format!("\\U{:08x}", u32::from(c)));
             }
@@ -85,7 +90,7 @@ pub fn yaml_quoted(text: &str) -> String {
     out
 }
 
-/// A text on one line, for comments and tables: control characters as they are written in source code.
+/// A text on one line, for comments and tables: control characters are escaped as in source code.
 pub fn visible(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -103,7 +108,7 @@ pub fn visible(text: &str) -> String {
 mod tests {
     use super::*;
 
-    /// Names that hold what shells, patterns and YAML treat as special: every pair of pieces.
+    /// Names that contain what shells, patterns and YAML treat as special: every pair of pieces.
     fn hostile() -> Vec<String> {
         let pieces = [
             "a",

@@ -1,7 +1,8 @@
-//! Numbers within their ranges, told where they stand.
+//! Checks numbers against their ranges and reports where a wrong one is.
 //!
-//! The ranges are those of the JSON schema, which is made from the types in [`crate::config`]: one declaration serves `aloft schema`, `aloft check`
-//! and `aloft run`. A value is held against its range before anything is computed from it.
+//! The ranges are those of the JSON schema, which is generated from the types in [`crate::config`]:
+//! one declaration serves `aloft schema`, `aloft check` and `aloft run`. A value is checked against
+//! its range before anything is computed from it.
 
 use crate::config::{not_yaml, parse_yaml};
 use crate::place::{error_at, find};
@@ -11,7 +12,7 @@ use serde::de::DeserializeOwned;
 use serde_json::Value as Json;
 use serde_yaml::Value;
 
-/// A value that cannot be: where it stands, what is wrong, what it is for.
+/// An invalid value: its place, the problem, and the description of the setting.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outside {
     /// Path of keys, for example `overrides[1].set.filter.cutoff_hz`.
@@ -22,10 +23,10 @@ pub struct Outside {
     pub hint: Option<String>,
 }
 
-/// Parses YAML and holds every number against its range.
+/// Parses YAML and checks every number against its range.
 ///
 /// # Errors
-/// Points at the place of what cannot be.
+/// Points at the place of the invalid value.
 pub fn parse<T: DeserializeOwned + JsonSchema>(file: &str, text: &str) -> Result<T, PipelineError> {
     let value: Value = serde_yaml::from_str(text).map_err(|error| not_yaml(file, text, &error))?;
     match outside::<T>(&value) {
@@ -34,13 +35,13 @@ pub fn parse<T: DeserializeOwned + JsonSchema>(file: &str, text: &str) -> Result
     }
 }
 
-/// The first value that lies outside of its range, or is no number where one is asked for.
+/// The first value that is outside its range, or is not a number where one is required.
 pub fn outside<T: JsonSchema>(value: &Value) -> Option<Outside> {
     let schema = schemars::schema_for!(T).to_value();
     Walk { root: &schema }.at(&schema, value, &mut String::new())
 }
 
-/// Refuses NaN and infinite numbers anywhere in a YAML text.
+/// Rejects NaN and infinite numbers anywhere in a YAML text.
 pub fn finite(file: &str, text: &str) -> Result<(), PipelineError> {
     let Ok(value) = serde_yaml::from_str::<Value>(text) else { return Ok(()) };
     match not_finite(&value, &mut String::new()) {
@@ -67,7 +68,7 @@ fn step<T>(path: &mut String, with: &str, inside: impl FnOnce(&mut String) -> Op
     out
 }
 
-/// The number of a YAML value; NaN for one that is too great to be written.
+/// The number of a YAML value; NaN for one too large to represent.
 fn number(value: &Value) -> Option<f64> {
     match value {
         Value::Number(n) => n.as_f64(),
@@ -128,7 +129,7 @@ impl Walk<'_> {
         }
     }
 
-    /// A single value against a schema that asks for a number.
+    /// Checks a single value against a schema that requires a number.
     fn scalar(schema: &Json, value: &Value, path: &str) -> Option<Outside> {
         let whole = wants(schema)?;
         let limit = |key: &str| schema.get(key).and_then(Json::as_f64);
@@ -159,12 +160,13 @@ impl Walk<'_> {
     }
 }
 
-/// A number without a row of zeros.
+/// Shortest form of a number: with an exponent instead of a row of zeros.
 fn shortest(x: f64) -> String {
     if x != 0.0 && x.is_finite() && !(1e-4..1e7).contains(&x.abs()) { format!("{x:e}") } else { format!("{x}") }
 }
 
-/// Whether a schema asks for a number and nothing else (null aside), and whether for a whole one.
+/// Whether a schema requires a number and nothing else (apart from null), and whether it must be
+/// whole.
 fn wants(schema: &Json) -> Option<bool> {
     let words: Vec<&str> = match schema.get("type")? {
         Json::String(s) => vec![s],

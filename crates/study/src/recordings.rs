@@ -6,7 +6,7 @@ use globset::{GlobBuilder, GlobMatcher, GlobSet, GlobSetBuilder};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Which subject's which session a study is; both are none for a pipeline of one subject.
+/// Subject and session of a study; both are none for a pipeline of one subject.
 #[derive(Debug, Clone, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct StudyId {
     /// Subject.
@@ -32,7 +32,7 @@ fn not_a_pattern(p: &str, e: &globset::Error, key: &str, file: &str, text: &str)
     )
 }
 
-/// A pattern of the pipeline, compiled; an error points at `key`.
+/// Compiles a pattern of the pipeline; an error points at `key`.
 pub(crate) fn pattern(p: &str, key: &str, file: &str, text: &str) -> Result<GlobMatcher, PipelineError> {
     let glob = GlobBuilder::new(p).literal_separator(true).build();
     glob.map(|g| g.compile_matcher()).map_err(|e| not_a_pattern(p, &e, key, file, text))
@@ -47,7 +47,7 @@ pub(crate) fn globs(patterns: &[String], key: &str, file: &str, text: &str) -> R
     builder.build().map_err(|e| not_a_pattern("", &e, key, file, text))
 }
 
-/// True for files that hold a recording, by their extension.
+/// True for recording files, judged by extension.
 pub fn is_recording(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d") || e.eq_ignore_ascii_case("trc")) || is_bids(path)
 }
@@ -112,7 +112,7 @@ pub fn recordings_below(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
     Ok(found)
 }
 
-/// A name as file systems see it that do not tell `Jump` from `jump`.
+/// A name as compared by file systems that ignore case.
 pub fn fold(name: &str) -> String {
     name.to_lowercase()
 }

@@ -1,4 +1,5 @@
-//! Revisions of a model: which effects it holds. Each `effect add` or `remove` writes a new one; the old stay.
+//! Revisions of a model: the effects that it holds. Each `effect add` or `remove` writes a new one;
+//! earlier ones are kept.
 
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::seal;
@@ -14,13 +15,15 @@ pub struct ModelEffect {
     /// Values of its nonlinear parameters.
     #[serde(default)]
     pub nonlinear: BTreeMap<String, f64>,
-    /// Trials in which it acts (a payload that some of them carry); all where empty.
+    /// Trials in which it acts (for example, a payload carried in some of them); all if empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub trials: Vec<String>,
-    /// By how much the standard error of each coefficient grows because the nonlinear parameters were fitted to the same recordings.
+    /// How much the standard error of each coefficient grows because the nonlinear parameters were
+    /// fitted to the same recordings.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub widening: BTreeMap<String, f64>,
-    /// Middle and reach of the volume that its columns refer to, m, where the discovery that found it had one.
+    /// Centre and extent of the region that its columns refer to, m, if the discovery that found it
+    /// used one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub volume_m: Option<([f64; 3], f64)>,
 }
@@ -32,18 +35,18 @@ impl ModelEffect {
     }
 }
 
-/// What a revision reached.
+/// Results of a revision.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Reached {
-    /// Hash of the comparison that says so.
+    /// Hash of the comparison that these results are from.
     #[serde(default)]
     pub from: String,
-    /// Hash of the settings and recordings that it was made from, without the effects: errors of revisions that differ in it cannot be
-    /// compared.
+    /// Hash of the settings and recordings that it was made from, without the effects. Errors of
+    /// revisions with different hashes cannot be compared.
     #[serde(default)]
     pub made_with: String,
-    /// In flight: held-out error over weak windows, N (force root mean square, with moments over a lever of 0.1 m), and what noise alone
-    /// makes of it. None without flights.
+    /// In flight: held-out error over weak windows, N (root mean square force, with moments over a
+    /// lever arm of 0.1 m), and the noise floor. None without flights.
     #[serde(default)]
     pub flight: Option<Judged>,
     /// The same in held-out contact.
@@ -59,7 +62,7 @@ pub struct Reached {
     pub base: Vec<(String, f64)>,
 }
 
-/// A coefficient of an effect, as identification gave it.
+/// A coefficient of an effect, as identified.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(from = "StoredCoefficient")]
 pub struct ReachedCoefficient {
@@ -69,11 +72,12 @@ pub struct ReachedCoefficient {
     pub value: f64,
     /// Standard error.
     pub se: f64,
-    /// 95 % interval; none where the standard error is not known, and in models written before intervals were kept.
+    /// 95 % interval; none if the standard error is not known, and in models written before
+    /// intervals were stored.
     pub ci95: Option<[f64; 2]>,
 }
 
-/// Earlier models kept name, value and standard error.
+/// Formats of a stored coefficient: earlier models stored name, value and standard error.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum StoredCoefficient {
@@ -91,28 +95,29 @@ impl From<StoredCoefficient> for ReachedCoefficient {
     }
 }
 
-/// A held-out error over weak windows, and the noise floor: what a perfect model would leave.
+/// A held-out error over weak windows, and the noise floor: the error that a perfect model would
+/// leave.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Judged {
     /// Error, N.
     pub error_n: f64,
-    /// The noise floor, N; none where it is not known.
+    /// Noise floor, N; none if it is not known.
     pub noise_n: Option<f64>,
-    /// 95 % interval of the floor, N: where the error of a perfect model falls.
+    /// 95 % interval of the noise floor, N: the range in which the error of a perfect model falls.
     #[serde(default)]
     pub noise_ci95: Option<[f64; 2]>,
 }
 
 impl Judged {
-    /// Error over floor.
+    /// Error divided by the noise floor.
     pub fn times_floor(&self) -> Option<f64> {
         self.noise_n.map(|n| self.error_n / n).filter(|t| t.is_finite())
     }
-    /// True where a perfect model could have left as much.
+    /// True if a perfect model could have left an error this large.
     pub fn at_floor(&self) -> Option<bool> {
         self.noise_ci95.map(|[_, most]| self.error_n <= most)
     }
-    /// Share of the mean square that noise does not explain.
+    /// Share of the mean square error that noise does not explain.
     pub fn explainable(&self) -> Option<f64> {
         let noise = self.noise_n?;
         (self.error_n > 0.0).then(|| (1.0 - (noise / self.error_n).powi(2)).max(0.0))
@@ -122,13 +127,13 @@ impl Judged {
 /// One revision.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Revision {
-    /// Number, from 0 (the plain model).
+    /// Number, from 0 (the model without effects).
     pub number: usize,
-    /// What made it: `start`, `add drag`, `remove drag`.
+    /// Action that made it: `start`, `add drag`, `remove drag`.
     pub action: String,
     /// Effects of the model.
     pub effects: Vec<ModelEffect>,
-    /// What it reached, once it was run.
+    /// What it reached, once it has been run.
     pub reached: Option<Reached>,
 }
 
@@ -137,8 +142,9 @@ pub struct Revision {
 pub struct Revisions {
     /// In order.
     pub revisions: Vec<Revision>,
-    /// The revision that `effect add` or `effect remove` is making: it counts once its results are there. One that stands here while nobody
-    /// holds the workspace was interrupted.
+    /// The revision that `effect add` or `effect remove` is making; it takes effect once its
+    /// results exist. If it is present while nobody holds the workspace, the change was
+    /// interrupted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pending: Option<Revision>,
 }
@@ -151,7 +157,7 @@ impl Default for Revisions {
 }
 
 impl Revisions {
-    /// Reads `model.json` of a workspace; the plain model where there is none.
+    /// Reads `model.json` of a workspace; returns the model without effects if there is none.
     pub fn load(workspace: &Path) -> Result<Self, PipelineError> {
         let path = workspace.join("model.json");
         let read = seal::read_if_there::<Self>(&path).map_err(|e| match e {
@@ -165,7 +171,7 @@ impl Revisions {
         if all.revisions.is_empty() { Ok(Self::default()) } else { Ok(all) }
     }
 
-    /// Writes it, whole or not at all.
+    /// Writes `model.json`, completely or not at all.
     pub fn save(&self, workspace: &Path) -> Result<(), PipelineError> {
         seal::write_whole(&workspace.join("model.json"), self)
     }
@@ -175,13 +181,14 @@ impl Revisions {
         self.revisions.last().map(|r| r.effects.clone()).unwrap_or_default()
     }
 
-    /// Base parameters of the plain model, with which columns of effects place the body's centre of mass; empty before it was identified.
+    /// Base parameters of the model without effects, from which columns of effects take the body's
+    /// centre of mass; empty before it was identified.
     pub fn plain_base(&self) -> Vec<f64> {
         let reached = self.revisions.first().and_then(|r| r.reached.as_ref());
         reached.map(|r| r.base.iter().map(|b| b.1).collect()).unwrap_or_default()
     }
 
-    /// The revision that would follow.
+    /// The next revision.
     pub fn next(&self, action: String, effects: Vec<ModelEffect>) -> Revision {
         Revision { number: self.revisions.len(), action, effects, reached: None }
     }

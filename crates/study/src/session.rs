@@ -1,4 +1,4 @@
-//! Where in the session each recording of a study lies, for effects that grow over it.
+//! Times of a study's recordings within the session, for effects that grow over it.
 
 use crate::study::{Role, Study};
 use aloft_trial::{SessionRecording, SessionSource, session_times};
@@ -9,25 +9,27 @@ use std::collections::BTreeMap;
 /// Times of a study's recordings.
 #[derive(Debug, Clone)]
 pub struct Calendar {
-    /// Start of each recording since the first one of the session, s.
+    /// Start of each recording relative to the first one of the session, s.
     start_s: BTreeMap<String, f64>,
     /// Where the times come from.
     pub source: SessionSource,
-    /// The same in words.
+    /// The source in words.
     pub words: String,
 }
 
 impl Calendar {
-    /// From what `import` left of each recording of a study; see [`Calendar::from_order`].
+    /// Computed from the imports of all recordings of a study; see [`Calendar::from_order`].
     pub fn of(study: &Study, workspace: &Workspace) -> Self {
         let trials: Vec<(String, Role)> = study.included().map(|t| (t.name.clone(), t.role)).collect();
         Self::from_order(&study.facts.recordings, &trials, workspace)
     }
 
-    /// From what `import` left of each recording; those that it could not read are left out.
+    /// Computed from the imports of the recordings; recordings that could not be imported are left
+    /// out.
     ///
-    /// Where no file tells a time, the order is that of the laboratory's list beside the recordings, else that of a usual session: static,
-    /// calibration, then the others by name, numbers in names by their value.
+    /// If no file states a time, the order is that of the laboratory's list beside the recordings.
+    /// Without a list it is that of a usual session: static, calibration, then the others by name,
+    /// with numbers in names compared by value.
     pub fn from_order(listed: &[String], trials: &[(String, Role)], workspace: &Workspace) -> Self {
         let mut trials: Vec<&(String, Role)> = trials.iter().collect();
         trials.sort_by_key(|(name, role)| {
@@ -65,7 +67,7 @@ impl Calendar {
     }
 }
 
-/// A name with its numbers by value, so that `jump2` comes before `jump10`.
+/// Splits a name so that its numbers are compared by value: `jump2` comes before `jump10`.
 fn natural(name: &str) -> Vec<(u64, String)> {
     let mut parts: Vec<(u64, String)> = Vec::new();
     let mut rest = name;

@@ -1,6 +1,8 @@
-//! A study of many subjects and sessions: one [`Study`] for each session, with a workspace folder of its own.
+//! A study of many subjects and sessions: one [`Study`] for each session, with a workspace folder
+//! of its own.
 //!
-//! Results lie in `WORKSPACE/<subject>/<session>/<stage>/<trial>/`; a study of one subject keeps `WORKSPACE/<stage>/<trial>/`.
+//! Results are in `WORKSPACE/<subject>/<session>/<stage>/<trial>/`; for a study of one subject in
+//! `WORKSPACE/<stage>/<trial>/`.
 
 use crate::config::error_at_key;
 use crate::facts::participant_ids;
@@ -22,24 +24,25 @@ pub struct StudySet {
     pub data: PathBuf,
     /// Folder of results.
     pub workspace: PathBuf,
-    /// True when the study is laid out as several subjects or sessions (even where only one is selected).
+    /// True if the study is laid out as several subjects or sessions (even if only one is
+    /// selected).
     pub several: bool,
-    /// Subjects and sessions that can be worked on, sorted.
+    /// Subjects and sessions that can be processed, sorted.
     pub members: Vec<Study>,
-    /// Those that cannot: no recordings, no body mass …
+    /// Those that cannot be processed: no recordings, no body mass …
     pub broken: Vec<BrokenMember>,
-    /// Those left out by the pipeline, with the reason.
+    /// Those excluded by the pipeline, with the reason.
     pub excluded: Vec<(StudyId, String)>,
-    /// About the layout, in words: participants without folders, overrides that match nothing.
+    /// Remarks about the layout: participants without folders, overrides that match nothing.
     pub remarks: Vec<String>,
 }
 
-/// A subject or session that cannot be worked on.
+/// A subject or session that cannot be processed.
 #[derive(Debug)]
 pub struct BrokenMember {
-    /// Which.
+    /// Subject and session.
     pub id: StudyId,
-    /// Why.
+    /// Reason.
     pub failure: StageFailure,
 }
 
@@ -119,7 +122,7 @@ impl StudySet {
         Ok(set)
     }
 
-    /// The only study; an error that says how to choose where there are several.
+    /// The only study; if there are several, an error that explains how to choose.
     pub fn only(mut self) -> Result<Study, PipelineError> {
         if self.members.len() == 1 && self.broken.is_empty() {
             return self.members.pop().ok_or_else(|| PipelineError::request("no study"));
@@ -137,7 +140,7 @@ impl StudySet {
         ))
     }
 
-    /// Number of trials that take part, over all members.
+    /// Number of trials that are not excluded, over all members.
     pub fn n_trials(&self) -> usize {
         self.members.iter().map(|m| m.included().count()).sum()
     }
@@ -207,7 +210,8 @@ impl StudySet {
         Ok(Some(folders))
     }
 
-    /// Each subject and session has a folder of results of its own, also where upper and lower case are one.
+    /// Checks that each subject and session has a results folder of its own, also on file systems
+    /// that ignore case.
     fn ids_are_distinct(&self, folders: &[Folder]) -> Result<(), PipelineError> {
         let mut seen: BTreeMap<(String, Option<String>), &Folder> = BTreeMap::new();
         for folder in folders.iter().filter(|f| self.exclusion(&f.id).is_none()) {
@@ -229,7 +233,7 @@ impl StudySet {
         Ok(())
     }
 
-    /// The last part of a subject's path, or all of it where two would have the same name.
+    /// The last part of a subject's path, or the whole path if two would have the same name.
     fn subject_name(&self, folder: &Path, all: &[PathBuf]) -> String {
         let last = |p: &Path| p.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         if all.iter().filter(|p| fold(&last(p)) == fold(&last(folder))).count() == 1 {
@@ -254,7 +258,7 @@ impl StudySet {
             .filter(|e| e.path().strip_prefix(base).is_ok_and(|r| matchers.iter().any(|m| m.is_match(r))))
             .map(walkdir::DirEntry::into_path)
             .collect();
-        // a name that is written out must be there
+        // a name written without wildcards must exist
         for p in patterns.iter().filter(|p| !p.contains(['*', '?', '[', '{'])) {
             let folder = base.join(p);
             if key == "folders" && !found.contains(&folder) {
@@ -302,7 +306,7 @@ fn joined(relative: &Path) -> String {
     relative.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect::<Vec<_>>().join("-")
 }
 
-/// The folder of a participant: by its identifier, with or without `sub-`.
+/// The folder of a participant, named by its identifier with or without `sub-`.
 fn named_folder(root: &Path, id: &str) -> Option<PathBuf> {
     let bare = id.strip_prefix("sub-").unwrap_or(id);
     [id.to_owned(), bare.to_owned(), format!("sub-{bare}")].iter().map(|n| root.join(n)).find(|p| p.is_dir())
@@ -341,8 +345,9 @@ fn folders_of(pipeline: &PipelineFile, overrides: &Overrides) -> Result<(PathBuf
     Ok((data, workspace))
 }
 
-/// Guesses the subjects' folders of a study for which there is no pipeline yet: those that `participants.tsv` names, `sub-*`, or
-/// folders that each hold recordings of the same names. Fewer than two: none.
+/// Guesses the subject folders of a study that has no pipeline yet: those named in
+/// `participants.tsv`, `sub-*`, or folders that each hold recordings of the same names. Returns
+/// none if there are fewer than two.
 pub fn guess_subjects(root: &Path) -> Result<Vec<PathBuf>, PipelineError> {
     let of_table: Vec<PathBuf> = participant_ids(root)?.iter().filter_map(|id| named_folder(root, id)).collect();
     if !of_table.is_empty() {
@@ -372,7 +377,8 @@ pub fn guess_subjects(root: &Path) -> Result<Vec<PathBuf>, PipelineError> {
             with.push((folder, names));
         }
     }
-    // one subject's recordings sorted into folders by kind share no names; several subjects' do
+    // folders into which one subject's recordings are sorted by kind share no names; folders of
+    // several subjects do
     let shares =
         |i: usize| with.iter().enumerate().any(|(j, (_, other))| j != i && other.iter().any(|n| with[i].1.contains(n)));
     let alike: Vec<PathBuf> = (0..with.len()).filter(|i| shares(*i)).map(|i| with[i].0.clone()).collect();

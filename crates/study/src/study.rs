@@ -1,4 +1,5 @@
-//! A pipeline bound to the recordings of one subject (one session of it): which there are, what part each plays, and who moved.
+//! A pipeline bound to the recordings of one subject (one session): its recordings, their roles,
+//! and the facts about the subject.
 
 use crate::catalog;
 use crate::config::{FlightConfig, IkConfig, ImportConfig, PipelineConfig, error_at_key};
@@ -17,13 +18,13 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// The part that a recording plays.
+/// Role of a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
-    /// Standing still.
+    /// Quiet standing.
     Static,
-    /// Functional calibration.
+    /// Functional calibration motion.
     Calibration,
     /// Motion to identify from.
     Identify,
@@ -32,7 +33,7 @@ pub enum Role {
 }
 
 impl Role {
-    /// The word that users see.
+    /// Word shown to users.
     pub fn word(self) -> &'static str {
         match self {
             Self::Static => "static",
@@ -50,32 +51,32 @@ impl Role {
 /// One recording of the study.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrialEntry {
-    /// Name, unique in the study: the file's stem, with folders where stems repeat.
+    /// Name, unique in the study: the file's stem, with folders if stems repeat.
     pub name: String,
-    /// Its part.
+    /// Role.
     pub role: Role,
     /// C3D or TRC file.
     pub file: PathBuf,
     /// MOT file with forces, for TRC.
     pub forces: Option<PathBuf>,
-    /// Group of recordings that it belongs to (`trials.groups`), where one is named.
+    /// Group of recordings that it belongs to (`trials.groups`), if any.
     pub group: Option<String>,
     /// Files that describe the recording: channels and metadata of BIDS-Motion.
     pub beside: Vec<PathBuf>,
-    /// Why it is left out, where it is.
+    /// Reason for its exclusion, if it is excluded.
     pub excluded: Option<String>,
-    /// Settings of its own, where they differ from the session's.
+    /// Its own settings, if they differ from the session's.
     pub settings: Option<TrialSettings>,
 }
 
 /// A pipeline bound to the recordings of one subject and session.
 #[derive(Debug, Clone)]
 pub struct Study {
-    /// Which subject and session, in a study of several.
+    /// Subject and session, in a study of several.
     pub id: StudyId,
     /// The configuration.
     pub config: PipelineConfig,
-    /// Where it was read from.
+    /// File it was read from.
     pub config_path: PathBuf,
     /// Its text, for messages.
     pub config_text: String,
@@ -87,7 +88,7 @@ pub struct Study {
     pub trials: Vec<TrialEntry>,
     /// Recordings that match no pattern, relative to the data folder.
     pub unmatched: Vec<PathBuf>,
-    /// Who moved.
+    /// Facts about the subject or object.
     pub facts: Facts,
     /// The model.
     pub model: ModelSpec,
@@ -97,28 +98,29 @@ pub struct Study {
     pub object: Option<ObjectSpec>,
     /// Effects of the model's present revision.
     pub effects: Vec<crate::revision::ModelEffect>,
-    /// Base parameters of the plain model, with which columns of effects place the centre of mass; empty before they are known.
+    /// Base parameters of the model without effects, from which columns of effects take the centre
+    /// of mass; empty before they are known.
     pub plain_base: Vec<f64>,
-    /// Effects that the pipeline defines or names beside the catalogue.
+    /// Effects that the pipeline defines or names in addition to the catalogue.
     pub own_effects: Vec<OwnEffect>,
     /// The anthropometric tables (unused for objects).
     pub anthropometry: aloft_scale::Anthropometry,
 }
 
-/// What the command line may replace.
+/// Settings that the command line can replace.
 #[derive(Debug, Clone, Default)]
 pub struct Overrides {
     /// `--data`.
     pub data: Option<PathBuf>,
     /// `--workspace`.
     pub workspace: Option<PathBuf>,
-    /// `--subject`: names or patterns; all where empty.
+    /// `--subject`: names or patterns; all if empty.
     pub subjects: Vec<String>,
-    /// `--session`: names or patterns; all where empty.
+    /// `--session`: names or patterns; all if empty.
     pub sessions: Vec<String>,
 }
 
-/// Where one study of a set lies.
+/// Folders of one study of a set.
 #[derive(Debug)]
 pub(crate) struct Place<'a> {
     pub id: StudyId,
@@ -126,20 +128,21 @@ pub(crate) struct Place<'a> {
     pub data: PathBuf,
     /// Folder of its results.
     pub workspace: PathBuf,
-    /// The subject's folder, in a study of several.
+    /// The subject's folder, in a study of several subjects.
     pub subject_folder: Option<PathBuf>,
     /// The whole study's folder of recordings.
     pub root: &'a Path,
 }
 
 impl Study {
-    /// Reads the pipeline file, finds the recordings and the subject's facts. For a study of several subjects this is an error
-    /// unless the overrides leave just one; see [`StudySet::open`].
+    /// Reads the pipeline file and finds the recordings and the subject's facts. For a study of
+    /// several subjects this is an error unless the overrides select exactly one; see
+    /// [`StudySet::open`].
     pub fn open(path: &Path, overrides: &Overrides) -> Result<Self, PipelineError> {
         StudySet::open(path, overrides)?.only()
     }
 
-    /// Binds a checked pipeline to one place.
+    /// Binds a checked pipeline to one set of folders.
     pub(crate) fn bind(pipeline: &PipelineFile, place: Place<'_>) -> Result<Self, PipelineError> {
         let (file, text, dir) = (pipeline.name(), &pipeline.text, pipeline.folder());
         let whose = Whose {
@@ -212,7 +215,7 @@ impl Study {
         })
     }
 
-    /// What the columns of the model's effects are made from.
+    /// The model's effects with everything that their columns are computed from.
     pub fn model_effects(&self) -> ModelEffects {
         let used = |id: &str| self.effects.iter().any(|e| e.id() == id);
         ModelEffects {
@@ -230,17 +233,17 @@ impl Study {
         Ok(Self { effects: revisions.effects(), plain_base: revisions.plain_base(), ..self.clone() })
     }
 
-    /// How a trial (or the session, for none) is read.
+    /// Import settings of a trial (or of the session, for none).
     pub fn import_of<'s>(&'s self, trial: Option<&'s TrialEntry>) -> &'s ImportConfig {
         trial.and_then(|t| t.settings.as_ref()).map_or(&self.config.import, |s| &s.import)
     }
 
-    /// Inverse kinematics of a trial.
+    /// Settings of inverse kinematics for a trial.
     pub fn ik_of<'s>(&'s self, trial: Option<&'s TrialEntry>) -> &'s IkConfig {
         trial.and_then(|t| t.settings.as_ref()).map_or(&self.config.ik, |s| &s.ik)
     }
 
-    /// Search for flights in a trial.
+    /// Settings of flight detection for a trial.
     pub fn flight_of<'s>(&'s self, trial: Option<&'s TrialEntry>) -> &'s FlightConfig {
         trial.and_then(|t| t.settings.as_ref()).map_or(&self.config.flight, |s| &s.flight)
     }
@@ -363,8 +366,9 @@ fn find_trials(
     Ok((trials, unmatched))
 }
 
-/// Each recording that takes part has results and exported files of its own: its name must be a folder's name, and no other's, also where
-/// upper and lower case are one. Told before anything is read or written.
+/// Checks the names of all recordings that are not excluded, before anything is read or written.
+/// Each recording has its own results and exported files, so its name must be valid as a folder
+/// name and differ from all others, also on file systems that ignore case.
 fn names_are_usable(trials: &[TrialEntry], data: &Path) -> Result<(), PipelineError> {
     let shown = |t: &TrialEntry| quote::visible(&t.file.strip_prefix(data).unwrap_or(&t.file).display().to_string());
     let mut seen: BTreeMap<String, &TrialEntry> = BTreeMap::new();

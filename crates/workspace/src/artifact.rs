@@ -1,4 +1,4 @@
-//! How the things that flow between stages lie on disk.
+//! File formats of the data that stages exchange.
 
 use crate::error::PipelineError;
 use crate::table::Table;
@@ -25,7 +25,7 @@ struct TrialHead {
     recorded: Option<RecordedAt>,
     start_s: f64,
     warnings: Vec<String>,
-    /// What each of `warnings` is about.
+    /// Subject of each of the `warnings`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     warning_kinds: Vec<WarningKind>,
 }
@@ -113,12 +113,12 @@ pub fn load_trial(dir: &Path) -> Result<Trial, PipelineError> {
     load(read_json(&dir.join("trial.json"))?, dir, true)
 }
 
-/// The same without trajectories and computed points, for what needs plates and times only.
+/// The same without trajectories and computed points, for callers that need only plates and times.
 pub fn load_trial_without_points(dir: &Path) -> Result<Trial, PipelineError> {
     load(read_json(&dir.join("trial.json"))?, dir, false)
 }
 
-/// The same without plates and computed points: a third of the bytes of a trial.
+/// The same without plates and computed points: a third of the size of a trial.
 pub fn load_markers(dir: &Path) -> Result<Trial, PipelineError> {
     let mut head: TrialHead = read_json(&dir.join("trial.json"))?;
     head.plates.clear();
@@ -136,7 +136,7 @@ pub fn trial_length(dir: &Path) -> Result<usize, PipelineError> {
     Ok(read_json::<TrialHead>(&dir.join("trial.json"))?.n_frames)
 }
 
-/// When an imported recording was made and how long it is, for its place in the session.
+/// When an imported recording was made and how long it is, to place it in the session.
 pub fn session_recording(dir: &Path, needed: bool) -> Result<SessionRecording, PipelineError> {
     let head: TrialHead = read_json(&dir.join("trial.json"))?;
     Ok(SessionRecording {

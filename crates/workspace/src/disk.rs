@@ -1,8 +1,9 @@
-//! Changes of the disk: whole files, safe on the disk before they are visible, under temporary names that say whose they are.
+//! All changes on disk. Files are written completely and flushed to disk before they become
+//! visible; temporary names identify the process that owns them.
 //!
-//! Every operation that changes a workspace goes through this module. Tests stop the process between any two of them:
-//! `ALOFT_STOP_BEFORE=n` ends it before the n-th operation, and with `ALOFT_STOP_TORN=1` in the middle of it, where that operation
-//! writes a file.
+//! Every operation that changes a workspace goes through this module. Tests stop the process
+//! between any two of them: `ALOFT_STOP_BEFORE=n` ends it before the n-th operation, or with
+//! `ALOFT_STOP_TORN=1` in the middle of that operation if it writes a file.
 
 use crate::error::PipelineError;
 use std::fs::{File, TryLockError};
@@ -23,7 +24,7 @@ fn stop_at() -> Option<(u64, bool)> {
     })
 }
 
-/// Counts an operation; true where it is to be torn.
+/// Counts an operation; true if it is to be interrupted in the middle.
 fn torn() -> bool {
     static DONE: AtomicU64 = AtomicU64::new(0);
     let Some((at, torn)) = stop_at() else { return false };
@@ -34,7 +35,7 @@ fn torn() -> bool {
     this == at
 }
 
-/// Announces an operation that another writer (a table, a page) carries out.
+/// Counts an operation that another writer (a table, a page) carries out.
 pub fn step() {
     if torn() {
         std::process::exit(STOPPED);
@@ -51,19 +52,19 @@ fn write_all(file: &mut File, bytes: &[u8], path: &Path) -> Result<(), PipelineE
     Ok(())
 }
 
-/// Writes a file that nobody reads yet.
+/// Writes a file that is not yet visible to readers.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), PipelineError> {
     let mut file = File::create(path).map_err(PipelineError::io("create", path))?;
     write_all(&mut file, bytes, path)
 }
 
-/// Renames.
+/// Renames a file or folder.
 pub fn rename(from: &Path, to: &Path) -> Result<(), PipelineError> {
     step();
     std::fs::rename(from, to).map_err(PipelineError::io("move", from))
 }
 
-/// Creates a folder with those above it.
+/// Creates a folder and its parents.
 pub fn create_dir_all(path: &Path) -> Result<(), PipelineError> {
     if path.is_dir() {
         return Ok(());
@@ -72,7 +73,7 @@ pub fn create_dir_all(path: &Path) -> Result<(), PipelineError> {
     std::fs::create_dir_all(path).map_err(PipelineError::io("create", path))
 }
 
-/// Removes a folder with everything in it.
+/// Removes a folder with its contents.
 pub fn remove_dir_all(path: &Path) -> Result<(), PipelineError> {
     step();
     std::fs::remove_dir_all(path).map_err(PipelineError::io("clear", path))
@@ -83,11 +84,12 @@ pub fn sync(path: &Path) -> Result<(), PipelineError> {
     File::open(path).and_then(|f| f.sync_all()).map_err(PipelineError::io("write to the disk", path))
 }
 
-/// Files that one run waits for at a time.
+/// Maximum number of files that one run flushes to disk at the same time.
 pub const SYNCS: usize = 8;
 
-/// Waits until each of many files is on the disk, so many at a time: side by side the system writes them together, in a seventh of
-/// the time. What went wrong with each, in their order.
+/// Waits until each of many files is on the disk, `at_once` at a time. In parallel the system
+/// writes them together, in a seventh of the time. Returns the result for each file, in their
+/// order.
 pub fn sync_each(paths: &[PathBuf], at_once: usize) -> Vec<Result<(), PipelineError>> {
     let next = AtomicUsize::new(0);
     let slots: Vec<OnceLock<Result<(), PipelineError>>> = paths.iter().map(|_| OnceLock::new()).collect();
@@ -101,7 +103,7 @@ pub fn sync_each(paths: &[PathBuf], at_once: usize) -> Vec<Result<(), PipelineEr
     };
     std::thread::scope(|scope| {
         for _ in 1..at_once.min(paths.len()) {
-            // where the system gives no more threads, those that there are do it
+            // if the system provides no more threads, the existing ones do the work
             if std::thread::Builder::new().spawn_scoped(scope, work).is_err() {
                 break;
             }
@@ -111,7 +113,8 @@ pub fn sync_each(paths: &[PathBuf], at_once: usize) -> Vec<Result<(), PipelineEr
     paths.iter().zip(slots).map(|(path, slot)| slot.into_inner().unwrap_or_else(|| sync(path))).collect()
 }
 
-/// Waits until the names in a folder are on the disk; a system without that notion has nothing to wait for.
+/// Waits until the names in a folder are on the disk; does nothing on systems that have no such
+/// operation.
 pub fn sync_folder(path: &Path) -> Result<(), PipelineError> {
     if cfg!(unix) { sync(path) } else { Ok(()) }
 }
@@ -119,7 +122,8 @@ pub fn sync_folder(path: &Path) -> Result<(), PipelineError> {
 /// Ending of a file that is being written.
 const NEW: &str = ".new";
 
-/// This process in a temporary name: computer, process, and a number that no other name of the process has.
+/// Identifier of this process for temporary names: computer, process, and a number that no other
+/// name of this process has.
 pub(crate) fn token() -> String {
     static NEXT: AtomicU64 = AtomicU64::new(0);
     let host: String = crate::workspace::host_name()
@@ -130,7 +134,7 @@ pub(crate) fn token() -> String {
     format!("{host}-{}-{}", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed))
 }
 
-/// A file that exists while its owner works and is locked by it: what belongs to a locked file is in use.
+/// A file that exists and is locked while its owner works: what belongs to a locked file is in use.
 #[derive(Debug)]
 pub(crate) struct Owned {
     pub path: PathBuf,
@@ -138,7 +142,7 @@ pub(crate) struct Owned {
 }
 
 impl Owned {
-    /// Creates and locks a file of the name that `named` makes of a token.
+    /// Creates and locks a file; `named` gives its name for a token.
     pub fn create(named: impl Fn(&str) -> PathBuf) -> Result<(Self, String), PipelineError> {
         loop {
             let token = token();
@@ -150,7 +154,8 @@ impl Owned {
                 .write(true)
                 .open(&path)
                 .map_err(PipelineError::io("create", &path))?;
-            // whoever clears up may have found it in the moment before the lock; a file system without locks is taken as it is
+            // a process that clears up may have found the file before it was locked; on a file
+            // system without locks it is accepted as it is
             let taken = matches!(file.try_lock(), Err(TryLockError::WouldBlock));
             if !taken && path.is_file() {
                 return Ok((Self { path, file }, token));
@@ -159,13 +164,13 @@ impl Owned {
     }
 }
 
-/// True when the owner of a file that [`Owned::create`] made is gone.
+/// True if the owner of a file made by [`Owned::create`] no longer runs.
 pub(crate) fn abandoned(path: &Path) -> bool {
     let Ok(file) = File::options().read(true).write(true).open(path) else { return false };
     match file.try_lock() {
         Ok(()) => true,
         Err(TryLockError::WouldBlock) => false,
-        // without locks: a process of this computer that no longer runs
+        // without locks, check whether the process still runs on this computer
         Err(TryLockError::Error(_)) => {
             let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
             let mut parts = name.trim_end_matches(NEW).trim_end_matches(".lock").rsplit('-');
@@ -179,7 +184,8 @@ pub(crate) fn abandoned(path: &Path) -> bool {
     }
 }
 
-/// A file on its way to its place: written under a name of this process, then renamed. Removed when dropped before that.
+/// A file being written under a temporary name of this process, to be renamed to its final name.
+/// Removed if dropped before that.
 #[derive(Debug)]
 pub struct Temporary {
     own: Owned,
@@ -188,19 +194,20 @@ pub struct Temporary {
 }
 
 impl Temporary {
-    /// Beside its later place, locked for as long as this process works on it.
+    /// Creates a temporary file next to its final place, locked for as long as this process works
+    /// on it.
     pub fn beside(target: &Path) -> Result<Self, PipelineError> {
         let name = target.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         let (own, _) = Owned::create(|token| target.with_file_name(format!(".{name}.{token}{NEW}")))?;
         Ok(Self { own, target: target.to_path_buf(), placed: false })
     }
 
-    /// Where it is written.
+    /// Path to write to.
     pub fn path(&self) -> &Path {
         &self.own.path
     }
 
-    /// Puts it into its place, once its content is on the disk.
+    /// Renames it to its final name once its content is on the disk.
     pub fn place(mut self) -> Result<(), PipelineError> {
         self.own.file.sync_all().map_err(PipelineError::io("write to the disk", &self.own.path))?;
         rename(&self.own.path, &self.target)?;
@@ -223,7 +230,7 @@ pub(crate) fn is_temporary(name: &str) -> bool {
     name.starts_with('.') && name.ends_with(NEW)
 }
 
-/// Writes a file whole or not at all: beside its place, onto the disk, then renamed into place.
+/// Writes a file completely or not at all: next to its final place, flushed to disk, then renamed.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), PipelineError> {
     let mut new = Temporary::beside(path)?;
     write_all(&mut new.own.file, bytes, path)?;
@@ -265,7 +272,7 @@ mod tests {
         assert!(target.is_file() && !path.exists());
         drop(Temporary::beside(&target).unwrap());
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
-        // what a killed process leaves
+        // the files that a killed process leaves behind
         std::fs::write(&path, "").unwrap();
         assert!(abandoned(&path));
     }

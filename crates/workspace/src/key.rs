@@ -1,12 +1,12 @@
-//! Parameters of a stage as they stand in a manifest, so that different values are different keys.
+//! Parameters of a stage as stored in a manifest; different values have different keys.
 
 use serde::Serialize;
 use serde_json::Value;
 
-/// A parameter as it stands in a manifest. Different values are different keys: NaN, the infinities and −0 have words of their own,
-/// where JSON has `null` or `-0.0` that equals zero.
+/// A parameter as stored in a manifest. Different values have different keys: NaN, the infinities
+/// and −0 are stored as words, because JSON has only `null`, or `-0.0` that equals zero, for them.
 pub fn key(value: &impl Serialize) -> Value {
-    // YAML knows the numbers that JSON does not
+    // YAML can represent the numbers that JSON cannot
     serde_yaml::to_value(value).map_or_else(|e| Value::String(format!("cannot be written: {e}")), of_yaml)
 }
 
@@ -65,7 +65,7 @@ mod tests {
         for (i, a) in all.iter().enumerate() {
             for (j, b) in all.iter().enumerate() {
                 assert_eq!(key(a) == key(b), i == j, "{a:?} and {b:?}");
-                // and through the file
+                // also after writing to a file and reading back
                 let back: Value = serde_json::from_str(&key(a).to_string()).unwrap_or_default();
                 assert_eq!(back == key(b), i == j, "{a:?} and {b:?}");
             }

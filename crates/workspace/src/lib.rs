@@ -1,7 +1,8 @@
-//! Results on disk: where they lie, what they were made from, who may write, and whether they are still what was written.
+//! Results on disk: their location, what they were made from, who may write them, and whether their
+//! files are unchanged.
 //!
-//! A [`workspace::Workspace`] holds one folder for each stage and trial, with tables and a [`workspace::Manifest`]. This crate knows no stage by
-//! its name and reads no configuration.
+//! A [`workspace::Workspace`] holds one folder for each stage and trial, with tables and a
+//! [`workspace::Manifest`]. This crate knows no stage by its name and reads no configuration.
 
 pub mod artifact;
 pub mod disk;

@@ -1,25 +1,25 @@
-//! Reasons of quality control: the whole list. Tables, reports and programs may rely on these words; each has one meaning and
-//! one piece of advice.
+//! The complete list of quality-control reasons. Tables, reports and other programs may rely on
+//! these words; each has one meaning and one recommendation.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How much a reason weighs.
+/// Severity of a reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum QcLevel {
-    /// Nothing to say.
+    /// No problem.
     Ok,
-    /// Results may suffer.
+    /// Results may be affected.
     Warning,
     /// There is no result.
     Failed,
-    /// Left out on purpose.
+    /// Excluded on purpose.
     Excluded,
 }
 
 impl QcLevel {
-    /// The word in tables.
+    /// Word used in tables.
     pub fn word(self) -> &'static str {
         match self {
             Self::Ok => "ok",
@@ -41,11 +41,11 @@ macro_rules! reasons {
         impl QcReason {
             /// Every reason, in the order of this list.
             pub const ALL: &[Self] = &[$(Self::$variant,)*];
-            /// The word in tables.
+            /// Word used in tables.
             pub fn code(self) -> &'static str {
                 match self { $(Self::$variant => $code,)* }
             }
-            /// What it means.
+            /// Meaning of the reason.
             pub fn meaning(self) -> &'static str {
                 match self { $(Self::$variant => $meaning,)* }
             }
@@ -53,7 +53,7 @@ macro_rules! reasons {
             pub fn advice(self) -> &'static str {
                 match self { $(Self::$variant => $advice,)* }
             }
-            /// How much it weighs.
+            /// Severity.
             pub fn level(self) -> QcLevel {
                 match self { $(Self::$variant => QcLevel::$level,)* }
             }

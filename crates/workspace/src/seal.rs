@@ -1,4 +1,5 @@
-//! JSON files that carry a hash of themselves: one that was damaged, cut or changed by hand is found when it is read.
+//! JSON files that contain their own hash, so that a file that was damaged, truncated or edited is
+//! detected when it is read.
 //!
 //! The first key of such a file is `check`: BLAKE3 over the text without that key.
 
@@ -11,7 +12,7 @@ use std::path::Path;
 const BEFORE: &str = "{\n  \"check\": \"";
 const DIGITS: usize = 64;
 
-/// An object's JSON with its hash as first key.
+/// The JSON text of an object with its hash as first key.
 fn sealed(text: &str) -> String {
     let hash = blake3::hash(text.as_bytes()).to_hex();
     match &text[1..] {
@@ -20,7 +21,7 @@ fn sealed(text: &str) -> String {
     }
 }
 
-/// The JSON as it was before it was sealed; what is wrong in words.
+/// The JSON text as it was before it was sealed; the error describes the problem in words.
 fn unsealed(bytes: &[u8]) -> Result<String, String> {
     if bytes.is_empty() {
         return Err("the file is empty".to_owned());
@@ -47,12 +48,12 @@ fn text_of<T: Serialize>(path: &Path, value: &T) -> Result<String, PipelineError
     Ok(sealed(&text))
 }
 
-/// Writes an object as sealed JSON into a file that nobody reads yet.
+/// Writes an object as sealed JSON into a file that is not yet visible to readers.
 pub fn write<T: Serialize>(path: &Path, value: &T) -> Result<(), PipelineError> {
     disk::write(path, text_of(path, value)?.as_bytes())
 }
 
-/// Writes an object as sealed JSON, whole or not at all.
+/// Writes an object as sealed JSON, completely or not at all.
 pub fn write_whole<T: Serialize>(path: &Path, value: &T) -> Result<(), PipelineError> {
     disk::write_whole(path, text_of(path, value)?.as_bytes())
 }
@@ -60,7 +61,7 @@ pub fn write_whole<T: Serialize>(path: &Path, value: &T) -> Result<(), PipelineE
 /// Reads sealed JSON.
 ///
 /// # Errors
-/// The file cannot be read; it is not what was written ([`PipelineError::Damaged`]).
+/// The file cannot be read, or it differs from what was written ([`PipelineError::Damaged`]).
 pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T, PipelineError> {
     let bytes = std::fs::read(path).map_err(PipelineError::io("read", path))?;
     let damaged = |problem: String| PipelineError::Damaged { path: path.to_path_buf(), problem };
@@ -68,7 +69,7 @@ pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T, PipelineError> {
     serde_json::from_str(&body).map_err(|e| damaged(e.to_string()))
 }
 
-/// Reads sealed JSON where there is such a file.
+/// Reads sealed JSON if the file exists.
 pub fn read_if_there<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, PipelineError> {
     if path.exists() { read(path).map(Some) } else { Ok(None) }
 }

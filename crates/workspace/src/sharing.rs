@@ -1,21 +1,23 @@
-//! Many runs on one workspace at once, each on tasks of its own: the jobs of a cluster (`aloft run --shared`, `aloft merge`).
+//! Several runs on one workspace at the same time, each on tasks of its own: the jobs of a cluster
+//! (`aloft run --shared`, `aloft merge`).
 //!
-//! They share the workspace's lock among themselves, so that a plain run waits until none is left, and hold a lock of their own for each
-//! result that they make. Locks are those of the operating system (`flock`): they vanish with the process, and reach other
-//! machines where the file system carries them.
+//! They hold the workspace's lock jointly, so that a plain run waits until all of them have ended,
+//! and each holds a separate lock for the result that it is making. The locks are those of the
+//! operating system (`flock`): they are released when the process ends, and work across machines if
+//! the file system supports that.
 
 use crate::error::PipelineError;
 use crate::workspace::Workspace;
 use std::fs::{File, TryLockError};
 use std::path::Path;
 
-/// Held by each of several runs; released when dropped.
+/// Lock held jointly by several runs; released when dropped.
 #[derive(Debug)]
 pub struct SharedLock {
     _file: File,
 }
 
-/// Held while one result is made; released when dropped.
+/// Lock held while one result is made; released when dropped.
 #[derive(Debug)]
 pub struct TaskLock {
     _file: File,
@@ -32,18 +34,19 @@ fn open(path: &Path) -> Result<File, PipelineError> {
 }
 
 impl Workspace {
-    /// Takes part in the workspace beside others that do; says who holds it where a plain run does.
+    /// Joins other runs that share the workspace; an error if a plain run holds it.
     pub fn lock_shared(&self) -> Result<SharedLock, PipelineError> {
         let path = self.root().join(".lock");
         if !path.is_file() {
-            // the first of them makes the workspace; another one may be doing so in this moment
+            // the first of the shared runs creates the workspace; another process may be doing so
+            // at this moment
             match self.lock(std::time::Duration::ZERO) {
                 Ok(_) | Err(PipelineError::Locked { .. }) => {}
                 Err(e) => return Err(e),
             }
         }
         let file = open(&path)?;
-        // the one that makes the workspace holds it for a moment only
+        // the run that creates the workspace holds the lock only briefly
         for _ in 0..50 {
             match file.try_lock_shared() {
                 Ok(()) => {
@@ -60,7 +63,7 @@ impl Workspace {
         })
     }
 
-    /// Waits until nobody else makes this result.
+    /// Waits until no other process is making this result.
     pub fn lock_task(&self, stage: &str, trial: &str) -> Result<TaskLock, PipelineError> {
         let folder = self.root().join(".locks");
         std::fs::create_dir_all(&folder).map_err(PipelineError::io("create", &folder))?;

@@ -1,4 +1,4 @@
-//! Tables of numbers on disk: Parquet through polars, written whole or not at all.
+//! Tables of numbers on disk: Parquet through polars, written completely or not at all.
 
 use crate::error::PipelineError;
 use aloft_export::parquet::{self, Compression};
@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::fs::File;
 use std::path::Path;
 
-/// A table of `f64` columns of one length.
+/// A table of `f64` columns of equal length.
 #[derive(Debug, Clone, Default)]
 pub struct Table {
     names: Vec<String>,
@@ -21,7 +21,7 @@ impl Table {
         self.columns.push(values);
     }
 
-    /// Appends columns from a frame-by-frame buffer of `names.len()` values a frame.
+    /// Appends columns from a frame-by-frame buffer with `names.len()` values per frame.
     pub fn push_rows(&mut self, names: &[String], rows: &[f64]) {
         let width = names.len();
         for (i, name) in names.iter().enumerate() {
@@ -34,22 +34,22 @@ impl Table {
         &self.names
     }
 
-    /// Rows.
+    /// Number of rows.
     pub fn height(&self) -> usize {
         self.columns.first().map_or(0, Vec::len)
     }
 
-    /// Takes the columns out by position.
+    /// Returns the columns in order.
     pub fn into_columns(self) -> Vec<(String, Vec<f64>)> {
         self.names.into_iter().zip(self.columns).collect()
     }
 
-    /// Takes the columns out by name.
+    /// Returns the columns by name.
     pub fn into_map(self) -> HashMap<String, Vec<f64>> {
         self.names.into_iter().zip(self.columns).collect()
     }
 
-    /// The table as frame-by-frame buffer of columns `from..to`.
+    /// The columns `from..to` as a frame-by-frame buffer.
     pub fn rows(&self, from: usize, to: usize) -> Vec<f64> {
         let height = self.height();
         let mut out = Vec::with_capacity(height * (to - from));
@@ -59,15 +59,15 @@ impl Table {
         out
     }
 
-    /// As a polars frame. NaN stays NaN.
+    /// Converts to a polars frame. NaN stays NaN.
     pub fn to_frame(&self) -> PolarsResult<DataFrame> {
         let columns =
             self.names.iter().zip(&self.columns).map(|(n, c)| Column::new(n.as_str().into(), c.as_slice())).collect();
         DataFrame::new(self.height(), columns)
     }
 
-    /// Writes Parquet: values as they are, without compression (noise does not compress) and statistics; a column that repeats
-    /// a few values gets a dictionary.
+    /// Writes Parquet without compression (noise does not compress) and without statistics; a
+    /// column with only a few different values gets a dictionary.
     pub fn write(&self, path: &Path) -> Result<(), PipelineError> {
         crate::disk::step();
         let file = File::create(path).map_err(PipelineError::io("create", path))?;
@@ -97,7 +97,7 @@ impl Table {
     }
 }
 
-/// True when a sample of a column holds few different values.
+/// True if a sample of a column holds only a few different values.
 fn repeats(values: &[f64]) -> bool {
     const SAMPLE: usize = 64;
     let mut sample = [0; SAMPLE];
@@ -109,7 +109,7 @@ fn repeats(values: &[f64]) -> bool {
     sample.windows(2).filter(|w| w[0] != w[1]).count() < SAMPLE / 4
 }
 
-/// Writes any frame as Parquet, uncompressed; a column of text is written as a dictionary.
+/// Writes any frame as Parquet, uncompressed; text columns are written as dictionaries.
 pub fn write_frame(frame: &mut DataFrame, path: &Path) -> Result<(), PipelineError> {
     let file = File::create(path).map_err(PipelineError::io("create", path))?;
     let text: Vec<bool> = frame.columns().iter().map(|c| c.dtype().is_string()).collect();
@@ -117,7 +117,7 @@ pub fn write_frame(frame: &mut DataFrame, path: &Path) -> Result<(), PipelineErr
         .map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })
 }
 
-/// Writes any frame as CSV; what is missing is an empty field.
+/// Writes any frame as CSV; missing values are empty fields.
 pub fn write_csv(frame: &mut DataFrame, path: &Path) -> Result<(), PipelineError> {
     let problem = |problem: String| PipelineError::Table { path: path.to_path_buf(), problem };
     let mut writer = csv::Writer::from_path(path).map_err(|e| problem(e.to_string()))?;
@@ -144,7 +144,7 @@ pub fn write_csv(frame: &mut DataFrame, path: &Path) -> Result<(), PipelineError
 mod tests {
     use super::*;
 
-    /// What is written comes back bit by bit, through this writer and through polars' own beside it.
+    /// Tables read back are identical bit by bit, whether written by this writer or by polars' own.
     #[test]
     fn prop_tables_come_back_as_polars_would_write_them() {
         let dir = tempfile::tempdir().unwrap();

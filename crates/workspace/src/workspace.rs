@@ -1,4 +1,5 @@
-//! The folder of results: one folder a stage and trial with tables and a manifest, renamed into place when complete.
+//! The folder of results: one folder per stage and trial with tables and a manifest, renamed into
+//! place when complete.
 
 pub use crate::disk::write_whole;
 use crate::disk::{self, Owned, abandoned, is_temporary};
@@ -12,36 +13,37 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// File that tells a workspace from a folder of recordings.
+/// File that distinguishes a workspace from a folder of recordings.
 pub const MARKER: &str = "ALOFT_WORKSPACE.txt";
 
-/// Version of the layout of a workspace; the marker states it. 1 (stated nowhere) had no hashes of single files.
+/// Version of the layout of a workspace, stated in the marker file. Version 1 (not stated anywhere)
+/// had no hashes of single files.
 pub const FORMAT: u32 = 2;
 
-/// Text of the marker.
+/// Text of the marker file.
 pub fn marker_text() -> String {
     format!("Results of aloft. Everything here can be made again from the recordings.\nformat {FORMAT}\n")
 }
 
-/// Name that stands for the whole study where a trial's name would stand.
+/// Name used in place of a trial's name for results of the whole study.
 pub const WHOLE_STUDY: &str = "_study";
 
-/// How a stage ended.
+/// Outcome of a stage.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "status")]
 pub enum Outcome {
-    /// Tables are there.
+    /// The tables exist.
     Ok,
-    /// They are not.
+    /// The stage failed; there are no tables.
     Failed(StageFailure),
 }
 
-/// What a stage's result was made from, and how it ended.
+/// What the result of a stage was made from, and its outcome.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
-    /// Stage.
+    /// Stage name.
     pub stage: String,
-    /// Trial, or [`WHOLE_STUDY`].
+    /// Trial name, or [`WHOLE_STUDY`].
     pub trial: String,
     /// Version of the stage's code.
     pub version: u32,
@@ -49,15 +51,15 @@ pub struct Manifest {
     pub parameters: serde_json::Value,
     /// Hash of each input: recordings and upstream results.
     pub inputs: BTreeMap<String, String>,
-    /// How it ended.
+    /// Outcome.
     pub outcome: Outcome,
-    /// What was odd, in words.
+    /// Warnings.
     pub warnings: Vec<String>,
     /// Figures for tables.
     pub summary: BTreeMap<String, serde_json::Value>,
     /// Hash over all files of the result.
     pub output: String,
-    /// Each file of the result but this one.
+    /// Every file of the result except the manifest itself.
     #[serde(default)]
     pub files: BTreeMap<String, FileStamp>,
     /// Wall time of the stage, s.
@@ -66,10 +68,10 @@ pub struct Manifest {
     pub program: String,
 }
 
-/// A file as it was written.
+/// Size and hash of a file as it was written.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileStamp {
-    /// Length.
+    /// Size, bytes.
     pub bytes: u64,
     /// Hash of the content.
     pub blake3: String,
@@ -82,12 +84,13 @@ impl FileStamp {
 }
 
 impl Manifest {
-    /// True when the result can be used.
+    /// True if the result can be used.
     pub fn is_ok(&self) -> bool {
         self.outcome == Outcome::Ok
     }
 
-    /// What differs between the makings of two results, in words; empty when nothing does.
+    /// Differences between what this result was made from and the given version, parameters and
+    /// inputs, in words; empty if there are none.
     pub fn differences(
         &self,
         version: u32,
@@ -101,7 +104,7 @@ impl Manifest {
         describe_changes("", &self.parameters, parameters, &mut changes);
         for (name, hash) in inputs {
             match self.inputs.get(name) {
-                // comes and goes with the result of the same recording
+                // appears and disappears together with the result of the same recording
                 None if name.starts_with(ROLE) => {}
                 None => changes.push(format!("new input: {}", in_words(name))),
                 Some(old) if old != hash => changes.push(format!("input changed: {}", in_words(name))),
@@ -118,7 +121,7 @@ impl Manifest {
     }
 }
 
-/// Begins the key of an input that is the part which a recording plays.
+/// Prefix of the key of an input that is the role of a recording.
 pub const ROLE: &str = "role ";
 
 /// An input's key in words: `file jump01.c3d`, `ik/jump01` or `role jump01`.
@@ -157,7 +160,7 @@ fn describe_changes(path: &str, old: &serde_json::Value, new: &serde_json::Value
     }
 }
 
-/// Ending of an old result on its way out.
+/// Suffix of an old result that is being replaced.
 const OLD: &str = "~old";
 
 /// The workspace of one study.
@@ -165,17 +168,18 @@ const OLD: &str = "~old";
 pub struct Workspace {
     root: PathBuf,
     inputs: Mutex<BTreeMap<String, InputStamp>>,
-    /// Results that this process compared with their hashes, and what is wrong with them.
+    /// Results whose files this process compared with their hashes, with the problems found.
     examined: Mutex<HashMap<(String, String), Vec<String>>>,
 }
 
-/// A recording's hash and what it was found under.
+/// A recording's hash and the file metadata for which it holds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct InputStamp {
     #[serde(flatten)]
     identity: Identity,
     hash: String,
-    /// False when the file changed so shortly before it was read that another change might carry the same time.
+    /// False if the file changed so shortly before it was read that a further change might carry
+    /// the same time.
     #[serde(skip, default = "settled")]
     settled: bool,
 }
@@ -184,7 +188,8 @@ fn settled() -> bool {
     true
 }
 
-/// What changes with a file's content: a copy with the old size and time (`cp -p`) has another time of change or another inode.
+/// File metadata that change with a file's content: a copy with the old size and time (`cp -p`) has
+/// another change time or another inode.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Identity {
     bytes: u64,
@@ -194,11 +199,13 @@ struct Identity {
     device: u64,
 }
 
-/// A time of change must be so old before it is relied on, ns: file systems tick in up to two seconds.
+/// Minimum age of a change time before it is relied on, ns: file systems have a time resolution of
+/// up to two seconds.
 const TICK_NS: u64 = 2_000_000_000;
 
 impl Identity {
-    /// None where the system does not tell when a file was changed: then its content is read every time.
+    /// None if the system does not record when a file was changed: its content is then read every
+    /// time.
     #[cfg(unix)]
     fn of(meta: &std::fs::Metadata) -> Option<Self> {
         use std::os::unix::fs::MetadataExt;
@@ -223,7 +230,7 @@ impl Identity {
     }
 }
 
-/// A folder for a result in the making, not visible to readers; removed when dropped.
+/// A folder in which a result is being made, not visible to readers; removed when dropped.
 #[derive(Debug)]
 pub struct Scratch {
     path: PathBuf,
@@ -244,14 +251,15 @@ impl Drop for Scratch {
     }
 }
 
-/// A result with its manifest, not visible to readers yet; removed when dropped.
+/// A complete result with its manifest, not yet visible to readers; removed when dropped.
 #[derive(Debug)]
 pub struct Complete {
     scratch: Scratch,
     manifest: Manifest,
 }
 
-/// A workspace that another version of the program made; nothing is read from it or written to it.
+/// An error for a workspace that was made by another version of the program; such a workspace is
+/// neither read nor written.
 pub fn refuse_other_format(root: &Path) -> Result<(), PipelineError> {
     let marker = root.join(MARKER);
     let Ok(text) = std::fs::read_to_string(&marker) else { return Ok(()) };
@@ -274,14 +282,15 @@ pub fn refuse_other_format(root: &Path) -> Result<(), PipelineError> {
     ))
 }
 
-/// True for a folder with a model's revisions, or with a result of some stage.
+/// True for a folder that contains a model's revisions or a result of some stage.
 fn holds_results(root: &Path) -> bool {
     let below = |folder: &Path| std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path());
     root.join("model.json").exists()
         || below(root).flat_map(|stage| below(&stage).collect::<Vec<_>>()).any(|trial| trial.join(MANIFEST).is_file())
 }
 
-/// Holds the workspace for one run; released when dropped, and by the operating system when the process ends in any way.
+/// Lock on the workspace for one run; released when dropped, and by the operating system however
+/// the process ends.
 #[derive(Debug)]
 pub struct WorkspaceLock {
     _file: File,
@@ -294,14 +303,14 @@ impl Drop for WorkspaceLock {
     }
 }
 
-/// Who holds a workspace.
+/// The process that holds a workspace.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Holder {
-    /// Process.
+    /// Process id.
     pub pid: u32,
-    /// Computer.
+    /// Computer name.
     pub host: String,
-    /// Since when, UTC.
+    /// Start time, UTC.
     pub since: String,
 }
 
@@ -317,7 +326,7 @@ impl Holder {
     }
 }
 
-/// The computer's name, where the system tells.
+/// Name of the computer, if the system provides it.
 pub(crate) fn host_name() -> String {
     let from_files =
         ["/proc/sys/kernel/hostname", "/etc/hostname"].iter().find_map(|p| std::fs::read_to_string(p).ok());
@@ -329,7 +338,8 @@ pub(crate) fn host_name() -> String {
         .unwrap_or("this computer".into())
 }
 
-/// A time as `2026-03-01 14:05:09 UTC` (proleptic Gregorian calendar; days to civil dates after Hinnant's algorithm).
+/// A time formatted as `2026-03-01 14:05:09 UTC` (proleptic Gregorian calendar; days to civil dates
+/// after Hinnant's algorithm).
 pub fn utc(time: SystemTime) -> String {
     let seconds = time.duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
     let (days, rest) = ((seconds / 86_400) as i64, seconds % 86_400);
@@ -348,16 +358,18 @@ pub fn utc(time: SystemTime) -> String {
 impl Workspace {
     /// Opens a workspace for reading; nothing is created.
     pub fn open(root: &Path) -> Self {
-        // a list that is not there or damaged is made again: every recording is read
+        // a missing or damaged list is rebuilt by reading every recording
         let inputs = seal::read(&root.join(INPUTS)).unwrap_or_default();
         Self { root: root.to_path_buf(), inputs: Mutex::new(inputs), examined: Mutex::default() }
     }
 
-    /// Creates the folder where needed and takes the lock, waiting so long for who holds it; then says who does.
+    /// Creates the folder if needed and takes the lock, waiting up to `patience` for its holder;
+    /// after that the error names the holder.
     pub fn lock(&self, patience: Duration) -> Result<WorkspaceLock, PipelineError> {
         let marker = self.root.join(MARKER);
         let own = |name: &std::ffi::OsStr| is_temporary(&name.to_string_lossy());
-        // the marker is looked for last: whoever makes the workspace at this moment puts it there before anything else
+        // check the marker last: a process that is creating the workspace at this moment writes the
+        // marker first
         if self.root.is_dir()
             && std::fs::read_dir(&self.root).is_ok_and(|d| d.flatten().any(|e| !own(&e.file_name())))
             && !marker.is_file()
@@ -400,8 +412,8 @@ impl Workspace {
         Ok(WorkspaceLock { _file: file, note })
     }
 
-    /// Removes what killed processes were writing, and puts back what they had moved away. What a process that still runs
-    /// is writing stays: it holds a lock on it.
+    /// Removes the unfinished files of killed processes, and restores results that they had moved
+    /// away. Files of a process that still runs are left alone: it holds a lock on them.
     pub fn clear_abandoned(&self) -> Result<(), PipelineError> {
         for folder in [self.root.clone(), self.root.join("discoveries")] {
             for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -436,12 +448,13 @@ impl Workspace {
         Ok(())
     }
 
-    /// A run that was killed between moving an old result away and the new one in leaves the old one among its temporary folders: a
-    /// result that is missing in its place is put back, so that nothing finished is lost.
+    /// Restores an old result. A run that was killed after moving the old result away and before
+    /// moving the new one in leaves the old one among its temporary folders. If the result is
+    /// missing in its place, the old one is moved back, so that no finished result is lost.
     fn put_back(&self, old: &Path) -> Result<(), PipelineError> {
         let Ok(manifest) = seal::read::<Manifest>(&old.join(MANIFEST)) else { return Ok(()) };
         let place = self.place(&manifest.stage, &manifest.trial);
-        // the finished successor stands beside it and is worth more
+        // if the complete new result is next to it, that one is preferred
         let new = PathBuf::from(old.to_string_lossy().trim_end_matches(OLD));
         let whole = seal::read::<Manifest>(&new.join(MANIFEST)).is_ok();
         if !place.exists() {
@@ -450,23 +463,23 @@ impl Workspace {
         Ok(())
     }
 
-    /// The folder.
+    /// The root folder.
     pub fn root(&self) -> &Path {
         &self.root
     }
 
-    /// Where the result of a stage lies.
+    /// Folder for the result of a stage.
     pub fn place(&self, stage: &str, trial: &str) -> PathBuf {
         self.root.join(stage).join(trial)
     }
 
-    /// The manifest of a result, if it is there and as it was written.
+    /// The manifest of a result, if it exists and is undamaged.
     pub fn manifest(&self, stage: &str, trial: &str) -> Option<Manifest> {
         seal::read(&self.place(stage, trial).join(MANIFEST)).ok()
     }
 
-    /// What is wrong with the files of a result, each in words: nothing where they are as they were written, or where there is no result.
-    /// Every file is read once in a process.
+    /// Problems in the files of a result, in words; empty if they are unchanged or if there is no
+    /// result. Every file is read once per process.
     pub fn damage(&self, stage: &str, trial: &str) -> Vec<String> {
         let key = (stage.to_owned(), trial.to_owned());
         let lock = || self.examined.lock().unwrap_or_else(PoisonError::into_inner);
@@ -478,13 +491,14 @@ impl Workspace {
         found
     }
 
-    /// Forgets what [`Workspace::damage`] found: another process may have made the result again.
+    /// Discards the findings of [`Workspace::damage`], because another process may have made the
+    /// result again.
     pub fn forget(&self, stage: &str, trial: &str) {
         let mut known = self.examined.lock().unwrap_or_else(PoisonError::into_inner);
         known.remove(&(stage.to_owned(), trial.to_owned()));
     }
 
-    /// A fresh folder to write a result into, not yet visible to readers.
+    /// Creates a new folder to write a result into, not yet visible to readers.
     pub fn scratch(&self, stage: &str, trial: &str) -> Result<Scratch, PipelineError> {
         let folder = self.root.join(SCRATCH);
         disk::create_dir_all(&folder)?;
@@ -495,7 +509,7 @@ impl Workspace {
         Ok(scratch)
     }
 
-    /// Writes the manifest beside the tables. Nothing is visible to readers yet.
+    /// Writes the manifest next to the tables. Nothing is visible to readers yet.
     pub fn complete(&self, scratch: Scratch, mut manifest: Manifest) -> Result<Complete, PipelineError> {
         manifest.files = stamps(&scratch)?;
         manifest.output = hash_of(&manifest.files);
@@ -503,7 +517,8 @@ impl Workspace {
         Ok(Complete { scratch, manifest })
     }
 
-    /// Writes the manifest beside the tables, waits until all are on the disk, and renames the folder into place.
+    /// Writes the manifest next to the tables, waits until all files are on the disk, and renames
+    /// the folder into place.
     pub fn commit(&self, scratch: Scratch, manifest: Manifest) -> Result<Manifest, PipelineError> {
         let placed = self.place_all(vec![self.complete(scratch, manifest)?], disk::SYNCS);
         let (manifest, done) =
@@ -511,9 +526,9 @@ impl Workspace {
         done.map(|()| manifest)
     }
 
-    /// Puts results into their places, in this order: the content of all files is on the disk, so many at a time, then the names in
-    /// their folders, then the folders are renamed, then the new names are on the disk, then what was replaced is removed. A result with
-    /// which something goes wrong does not keep the others from their places.
+    /// Puts results in place, in this order: flush the content of all files to disk, `at_once` at a
+    /// time; flush the names in their folders; rename the folders; flush the new names; remove what
+    /// was replaced. A problem with one result does not affect the others.
     pub fn place_all(&self, batch: Vec<Complete>, at_once: usize) -> Vec<(Manifest, Result<(), PipelineError>)> {
         let mut done: Vec<Result<Option<PathBuf>, PipelineError>> = batch.iter().map(|_| Ok(None)).collect();
         let files = batch.iter().enumerate().flat_map(|(i, result)| {
@@ -544,7 +559,7 @@ impl Workspace {
             let done = done.and_then(|old| old.map_or(Ok(()), |old| disk::remove_dir_all(&old)));
             drop(scratch);
             if done.is_ok() {
-                // what was just written was hashed as it lies there
+                // the files just written were hashed as they are on the disk
                 let key = (manifest.stage.clone(), manifest.trial.clone());
                 self.examined.lock().unwrap_or_else(PoisonError::into_inner).insert(key, Vec::new());
             }
@@ -553,7 +568,7 @@ impl Workspace {
         out
     }
 
-    /// Gives where the result that stood there before is now.
+    /// Returns the present path of the result that was there before.
     fn rename_into_place(&self, result: &Complete) -> Result<Option<PathBuf>, PipelineError> {
         let Complete { manifest, scratch } = result;
         let place = self.place(&manifest.stage, &manifest.trial);
@@ -570,15 +585,15 @@ impl Workspace {
         let old = PathBuf::from(old);
         disk::rename(&place, &old)?;
         if let Err(e) = disk::rename(scratch, &place) {
-            // the next run does it where this does not succeed either
+            // if this fails, too, the next run does it
             let _ = disk::rename(&old, &place);
             return Err(e);
         }
         Ok(Some(old))
     }
 
-    /// Content hash of a recording; read again only when the file system says that it may have changed: by size, time, time of change, or
-    /// place on the disk.
+    /// Content hash of a recording. The file is read again only if the file system indicates a
+    /// possible change: in size, modification time, change time or inode.
     pub fn input_hash(&self, path: &Path) -> Result<String, PipelineError> {
         let identity = |path: &Path| -> Result<Option<Identity>, PipelineError> {
             Ok(Identity::of(&std::fs::metadata(path).map_err(PipelineError::io("read", path))?))
@@ -600,7 +615,7 @@ impl Workspace {
         Ok(hash)
     }
 
-    /// Keeps the hashes of the recordings for the next run.
+    /// Stores the hashes of the recordings for the next run.
     pub fn save_input_hashes(&self) -> Result<(), PipelineError> {
         let mut known = self.inputs.lock().map(|k| k.clone()).unwrap_or_default();
         known.retain(|_, stamp| stamp.settled);
@@ -615,13 +630,14 @@ impl Workspace {
 /// Hashes of recordings, so that they need not be read at every call.
 const INPUTS: &str = "inputs.json";
 
-/// Folder of what is being written.
+/// Folder for files being written.
 const SCRATCH: &str = ".tmp";
 
-/// Says what a result was made from and what belongs to it.
+/// File that states what a result was made from and which files belong to it.
 const MANIFEST: &str = "manifest.json";
 
-/// Waits until files or folders of results, each with the number of its result, are on the disk; the first error of a result counts.
+/// Waits until files or folders of results are on the disk, each given with the index of its
+/// result; the first error of each result is kept.
 fn wait_for<T>(paths: impl Iterator<Item = (usize, PathBuf)>, at_once: usize, done: &mut [Result<T, PipelineError>]) {
     let (of, paths): (Vec<usize>, Vec<PathBuf>) = paths.filter(|(i, _)| done[*i].is_ok()).unzip();
     for (i, answer) in of.into_iter().zip(disk::sync_each(&paths, at_once)) {
@@ -656,7 +672,7 @@ fn examine(place: &Path) -> Vec<String> {
             Ok(_) => {}
         }
     }
-    // hidden files are the business of the file system and of file managers
+    // hidden files belong to the file system or to file managers
     let names = std::fs::read_dir(place).into_iter().flatten().flatten();
     for name in names.map(|e| e.file_name().to_string_lossy().into_owned()) {
         if name != MANIFEST && !name.starts_with('.') && !manifest.files.contains_key(&name) {
@@ -678,7 +694,7 @@ fn stamps(folder: &Path) -> Result<BTreeMap<String, FileStamp>, PipelineError> {
     Ok(all)
 }
 
-/// One hash for all files of a result.
+/// Combined hash of all files of a result.
 fn hash_of(files: &BTreeMap<String, FileStamp>) -> String {
     let mut hasher = blake3::Hasher::new();
     for (name, stamp) in files {
@@ -696,7 +712,7 @@ pub fn write_json<T: Serialize>(path: &Path, value: &T) -> Result<(), PipelineEr
     disk::write(path, &text)
 }
 
-/// Writes pretty JSON whole or not at all.
+/// Writes pretty JSON, completely or not at all.
 pub fn write_json_whole<T: Serialize>(path: &Path, value: &T) -> Result<(), PipelineError> {
     let text = serde_json::to_vec_pretty(value)
         .map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })?;
@@ -751,7 +767,8 @@ mod tests {
             ws.commit(ws.scratch("ik", trial).unwrap(), manifest(trial, 1.0)).unwrap();
         }
         drop(lock);
-        // killed between the two renames: once with the new result complete, once with it half-written
+        // killed between the two renames: once with the new result complete, once with it
+        // half-written
         let moved = |trial: &str, token: &str| {
             let scratch = ws.root().join(SCRATCH).join(format!("{token}.ik-{trial}"));
             std::fs::create_dir_all(&scratch).unwrap();
@@ -762,7 +779,7 @@ mod tests {
         seal::write(&moved("a.1", "pc-1-0").join(MANIFEST), &manifest("a.1", 2.0)).unwrap();
         std::fs::write(moved("a.2", "pc-1-1").join(MANIFEST), "{\"stage\": \"i").unwrap();
         assert!(ws.manifest("ik", "a.1").is_none() && ws.manifest("ik", "a.2").is_none());
-        // what somebody is still writing stays
+        // files that a running process is still writing stay
         let live = ws.scratch("ik", "a.3").unwrap();
         let file = disk::Temporary::beside(&ws.root().join("discovery.json")).unwrap();
         let _lock = ws.lock(Duration::ZERO).unwrap();
@@ -793,7 +810,7 @@ mod tests {
             match way {
                 "file" => std::fs::remove_file(scratch.join("x.json")).unwrap(),
                 "folder" => std::fs::remove_dir_all(&scratch).unwrap(),
-                // the new folder cannot be renamed onto a file that comes there in between
+                // the new folder cannot be renamed onto a file that appears there in between
                 _ => {
                     std::fs::remove_dir_all(ws.place("ik", names[broken])).unwrap();
                     #[cfg(unix)]
@@ -873,7 +890,7 @@ mod tests {
         ws.save_input_hashes().unwrap();
         set("two", time);
         assert_ne!(Workspace::open(&root).input_hash(&path).unwrap(), first);
-        // one that has been at rest for a while is not read again: the list says what it is
+        // a file unchanged for a while is not read again: its hash is taken from the list
         std::thread::sleep(Duration::from_nanos(TICK_NS + 50_000_000));
         let ws = Workspace::open(&root);
         let second = ws.input_hash(&path).unwrap();
@@ -899,7 +916,7 @@ mod tests {
         assert!(lock("Results of aloft.\nformat 3\n", "newer").unwrap_err().contains("format 3"));
         assert!(lock("Results of aloft.\n", "older").unwrap_err().contains("no format"));
         assert!(lock("", "emptied").unwrap_err().contains("no format"));
-        // a marker that a workflow wrote into a new folder
+        // a marker written by a workflow into a new folder
         let root = dir.path().join("new");
         std::fs::create_dir(&root).unwrap();
         std::fs::write(root.join(MARKER), "Results of aloft.\n").unwrap();

@@ -1,7 +1,9 @@
-//! The export's folder: written beside and renamed into place, never over anything that is not the export's own.
+//! The export folder. Files are written to a temporary folder next to it and renamed into place;
+//! only the export's own files are ever replaced.
 //!
-//! `export.json` lists every file with its hash. A folder without it must be empty. A file that somebody changed since, or put where the
-//! export wants to write, stops the export before anything is touched; files that are not listed are left alone.
+//! `export.json` lists every file with its hash. A folder without it must be empty. A file that was
+//! modified since, or a foreign file where the export wants to write, stops the export before
+//! anything is changed; files that are not listed are left alone.
 
 use super::Exported;
 use aloft_export::OutFile;
@@ -17,7 +19,7 @@ const MANIFEST: &str = "export.json";
 /// A staged file.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Kept {
-    /// Place below the folder.
+    /// Path below the folder.
     pub path: String,
     /// One line for the README.
     pub what: String,
@@ -38,12 +40,12 @@ struct Manifest {
     /// Hash of the results that the files were made from.
     results: String,
     files: BTreeMap<String, Entry>,
-    /// Hashes that files may still have while an export is being written.
+    /// Hashes that files may also have while an export is being written.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     before: BTreeMap<String, String>,
 }
 
-/// An export's folder, checked, with a place for new files beside it.
+/// A checked export folder, with a temporary folder next to it for new files.
 #[derive(Debug)]
 pub(super) struct Folder {
     root: PathBuf,
@@ -53,7 +55,7 @@ pub(super) struct Folder {
 }
 
 impl Folder {
-    /// Checks the folder and makes the place for new files.
+    /// Checks the folder and creates the temporary folder for new files.
     pub fn prepare(root: &Path, state: &str) -> Result<Self, PipelineError> {
         let manifest = if root.join(MANIFEST).is_file() {
             read_json(&root.join(MANIFEST))?
@@ -93,7 +95,7 @@ impl Folder {
         Ok(Some(blake3::hash(&bytes).to_hex().to_string()))
     }
 
-    /// Files of the export that somebody changed since.
+    /// Refuses to go on if files of the export were modified since.
     fn refuse_changed(&self) -> Result<(), PipelineError> {
         let mut changed = Vec::new();
         for (path, entry) in &self.manifest.files {
@@ -118,18 +120,18 @@ impl Folder {
         ))
     }
 
-    /// True when the earlier export was made from the same results, so that its files may stay.
+    /// True if the earlier export was made from the same results, so that its files may stay.
     fn continues(&self) -> bool {
         self.manifest.results == self.state
     }
 
-    /// Files of an earlier export of the same results: path and what it is.
+    /// Files of an earlier export of the same results: path and description.
     pub fn earlier(&self) -> impl Iterator<Item = (&str, &str)> {
         let continues = self.continues();
         self.manifest.files.iter().filter(move |_| continues).map(|(p, e)| (p.as_str(), e.what.as_str()))
     }
 
-    /// Writes files beside the folder.
+    /// Writes files into the temporary folder.
     pub fn stage(&self, files: Vec<OutFile>) -> Result<Vec<Kept>, PipelineError> {
         let mut kept = Vec::with_capacity(files.len());
         for file in files {
@@ -144,7 +146,8 @@ impl Folder {
         Ok(kept)
     }
 
-    /// Renames everything into place. A `partial` export (some formats, some trials) does not take away what an export of earlier results left.
+    /// Renames everything into place. A `partial` export (some formats, some trials) does not
+    /// remove files of an export of earlier results.
     pub fn commit(self, files: Vec<Kept>, partial: bool, done: &mut Exported) -> Result<(), PipelineError> {
         let mut next =
             Manifest { version: 1, program: super::program(), results: self.state.clone(), ..Manifest::default() };
@@ -186,7 +189,7 @@ impl Folder {
             ));
         }
         if !self.root.is_dir() {
-            // nothing there: one rename makes the whole export appear
+            // the folder does not exist yet: one rename makes the whole export appear
             write_json(&self.scratch.path().join(MANIFEST), &next)?;
             let scratch = self.scratch.keep();
             return fs::rename(&scratch, &self.root).map_err(PipelineError::io("move", scratch));
@@ -291,7 +294,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let root = dir.path().join("out");
         write(&root, "a", &[("1.txt", "one"), ("2.txt", "two")]).unwrap();
-        // as it stands after the manifest and the first of two renames
+        // the state after the manifest was written and the first of two renames was made
         let hash = |t: &str| blake3::hash(t.as_bytes()).to_hex().to_string();
         let mut manifest: Manifest = read_json(&root.join(MANIFEST)).unwrap();
         manifest.results = "b".into();

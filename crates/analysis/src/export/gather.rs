@@ -1,4 +1,4 @@
-//! From a workspace to what the formats take.
+//! Converts the results in a workspace into the input of the export formats.
 
 use crate::parameters::parameters;
 use aloft_body::{LinkInertia, Subject};
@@ -19,7 +19,7 @@ pub fn program() -> String {
     format!("aloft {}", env!("CARGO_PKG_VERSION"))
 }
 
-/// The subject with the best inertias that there are.
+/// The subject with the best inertial parameters available.
 pub(super) fn subject(study: &Study, ws: &Workspace, convention: Convention) -> Result<SubjectExport, PipelineError> {
     let place = ws.place("calibrate", WHOLE_STUDY).join("subject.json");
     if !place.is_file() {
@@ -65,7 +65,7 @@ pub(super) fn entries<'s>(study: &'s Study, patterns: &[String]) -> Result<Vec<&
     Ok(study.included().filter(|t| filter.as_ref().is_none_or(|f| f.is_match(&t.name))).collect())
 }
 
-/// One trial, or why it cannot be exported.
+/// Data of one trial, or the reason why it cannot be exported.
 pub(super) fn trial(
     study: &Study,
     ws: &Workspace,
@@ -122,7 +122,7 @@ pub(super) fn trial(
     Ok(out.prepare(subject).map(|()| out).map_err(|e| e.to_string()))
 }
 
-/// What a reader of a trial's files should know.
+/// Remarks for readers of a trial's files.
 pub(super) fn trial_remarks(subject: &SubjectExport, trial: &TrialExport) -> Vec<String> {
     let mut out = Vec::new();
     let Some(series) = &trial.smooth else { return out };
@@ -141,7 +141,7 @@ pub(super) fn trial_remarks(subject: &SubjectExport, trial: &TrialExport) -> Vec
     out
 }
 
-/// Hash of everything that the files are made from.
+/// Hash of everything that the exported files are made from.
 pub(super) fn state(study: &Study, ws: &Workspace, subject: &SubjectExport) -> Result<String, PipelineError> {
     let mut hasher = blake3::Hasher::new();
     let mut add = |text: &str| {
@@ -173,7 +173,7 @@ pub(super) fn recordings(study: &Study, ws: &Workspace) -> Result<Vec<(String, S
     Ok(out)
 }
 
-/// Stages with version and the pipeline's section of the same name.
+/// Stages with their version and the pipeline section of the same name.
 pub(super) fn stages(study: &Study, ws: &Workspace) -> Vec<(String, u32, String)> {
     let sections = serde_json::to_value(&study.config).unwrap_or_default();
     STAGES

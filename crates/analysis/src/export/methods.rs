@@ -1,4 +1,5 @@
-//! The methods paragraph: what was done, with the figures of this study, ready to paste into a paper.
+//! The methods paragraph: describes the processing with the figures of this study, ready to paste
+//! into a paper.
 
 use crate::compare::compare;
 use crate::parameters::parameters;
@@ -10,7 +11,7 @@ use aloft_workspace::error::PipelineError;
 use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
 use std::collections::BTreeSet;
 
-/// Mean and standard deviation, for text.
+/// Mean and standard deviation as text.
 fn mean_sd(values: &[f64], decimals: usize) -> String {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
@@ -25,7 +26,7 @@ fn listed(values: &BTreeSet<String>) -> String {
     values.iter().cloned().collect::<Vec<_>>().join(" and ")
 }
 
-/// The paragraph.
+/// Writes the paragraph.
 pub(super) fn paragraph(study: &Study, ws: &Workspace, subject: &SubjectExport) -> Result<String, PipelineError> {
     let mut t = recordings(study, ws, subject);
     t.push_str(&kinematics(study, ws, subject)?);

@@ -1,4 +1,5 @@
-//! `export`: what a laboratory takes home. Formats are in the crate `aloft-export`; here a study is gathered and files are written.
+//! `export`: writes results for use in other programs. The formats are in the crate `aloft-export`;
+//! this module gathers the data of a study and writes the files.
 
 mod folder;
 mod gather;
@@ -20,33 +21,33 @@ use std::path::{Path, PathBuf};
 
 pub use gather::program;
 
-/// What to export.
+/// Options of an export.
 #[derive(Debug, Clone, Default)]
 pub struct ExportOptions {
-    /// Folder; `export` in the workspace where not given.
+    /// Target folder; `export` in the workspace if not given.
     pub to: Option<PathBuf>,
-    /// Formats by name; all where empty.
+    /// Formats by name; all if empty.
     pub formats: Vec<String>,
-    /// Patterns of trial names; all where empty.
+    /// Patterns of trial names; all if empty.
     pub trials: Vec<String>,
-    /// Joint angles instead of the pipeline's.
+    /// Joint-angle convention to use instead of the pipeline's.
     pub angles: Option<Angles>,
 }
 
-/// What an export did.
+/// Result of an export.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
 pub struct Exported {
-    /// The folder.
+    /// The export folder.
     pub folder: PathBuf,
-    /// Files that are new.
+    /// Number of new files.
     pub added: usize,
-    /// Files that have another content than before.
+    /// Number of files whose content changed.
     pub changed: usize,
-    /// Files that are as they were.
+    /// Number of unchanged files.
     pub unchanged: usize,
-    /// Files of an earlier export that no longer belong to it.
+    /// Number of removed files: those of an earlier export that no longer belong to it.
     pub removed: usize,
-    /// What to keep in mind.
+    /// Remarks for the user.
     pub remarks: Vec<String>,
     /// What could not be written: trial (or format) and reason.
     pub failures: Vec<(String, String)>,
@@ -64,11 +65,12 @@ fn convention_of(angles: Angles) -> Convention {
     }
 }
 
-/// Writes the export. A folder that holds anything else is refused; files of an earlier export are replaced only while they are as the
-/// export left them.
+/// Writes the export. A folder with other contents is refused; files of an earlier export are
+/// replaced only if they were not modified since.
 ///
 /// # Errors
-/// Nothing was run yet; a format or trial that does not exist; a folder with other content; a file that cannot be written.
+/// There are no results yet; an unknown format or trial; a folder with other contents; a file that
+/// cannot be written.
 pub fn export(now: &Study, options: &ExportOptions) -> Result<Exported, PipelineError> {
     let freshness = freshness(now)?;
     freshness.refuse_damaged(now, &[])?;
@@ -106,12 +108,13 @@ pub fn export(now: &Study, options: &ExportOptions) -> Result<Exported, Pipeline
     Ok(done)
 }
 
-/// Where a subject's or session's export lies below the folder of a whole study's.
+/// Export folder of one subject or session below that of the whole study.
 pub fn place_of(to: &Path, id: &StudyId) -> PathBuf {
     [&id.subject, &id.session].into_iter().flatten().fold(to.to_path_buf(), |path, part| path.join(names::file(part)))
 }
 
-/// Two files of an export never share a place, also where upper and lower case are one; nothing was put in place yet.
+/// Checks that no two files of an export have the same path, also on file systems that ignore case.
+/// Called before any file is put in place.
 fn paths_are_distinct(files: &[Kept]) -> Result<(), PipelineError> {
     let mut seen: BTreeMap<String, &Kept> = BTreeMap::new();
     for file in files {
@@ -125,7 +128,7 @@ fn paths_are_distinct(files: &[Kept]) -> Result<(), PipelineError> {
     Ok(())
 }
 
-/// What came of one trial.
+/// Files and remarks for one trial.
 #[derive(Debug, Default)]
 struct TrialFiles {
     files: Vec<Kept>,
@@ -161,7 +164,7 @@ fn one_trial(
     Ok(done)
 }
 
-/// README, pipeline and the list of everything.
+/// README, pipeline and the list of all files.
 fn describe(
     study: &Study,
     ws: &Workspace,
@@ -190,7 +193,7 @@ fn describe(
         text("pipeline.yaml", study.config_text.clone(), "the pipeline as it stood when exported"),
         text("methods.txt", format!("{methods}\n"), "paragraph for a paper, with the figures of this study"),
     ])?);
-    // what an earlier export of the same results left stays, and stands in the README, too
+    // files that an earlier export of the same results left stay, and are listed in the README, too
     let mut listed: BTreeMap<String, String> =
         folder.earlier().map(|(path, what)| (path.to_owned(), what.to_owned())).collect();
     listed.extend(files.iter().map(|f| (f.path.clone(), f.what.clone())));
@@ -201,7 +204,7 @@ fn describe(
     Ok(())
 }
 
-/// What is not up to date, failed or was left out.
+/// Remarks on results that are not up to date, failed or were left out.
 fn remarks(study: &Study, freshness: &Freshness) -> Result<Vec<String>, PipelineError> {
     let mut out = Vec::new();
     if !freshness.is_current() {

@@ -1,21 +1,21 @@
-//! Values with intervals beside names: estimates against tables, ratios of candidates.
+//! Dot plot of values with intervals by name: estimates against tables, ratios of candidates.
 
 use super::panels::COLOURS;
 use super::{Figure, Line, Words, axis, base_layout};
 use crate::pack;
 use serde_json::{Value, json};
 
-/// Signs that stay apart without colour.
+/// Symbols that can be distinguished without colour.
 const SIGNS: [&str; 6] = ["circle", "diamond-open", "square-open", "triangle-up-open", "cross-thin-open", "star-open"];
 
-/// One kind of value, with a value for each name.
+/// One kind of value, with one value per name.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Dots {
-    /// Name in the legend; empty: not in the legend.
+    /// Name in the legend; empty to leave it out of the legend.
     pub name: String,
-    /// Values; NaN for none.
+    /// Values; NaN if missing.
     pub values: Vec<f64>,
-    /// Lower and upper ends of intervals; empty for none.
+    /// Lower and upper ends of the intervals; empty if there are none.
     pub intervals: Vec<[f64; 2]>,
 }
 
@@ -24,7 +24,7 @@ impl Dots {
     pub fn new(name: impl Into<String>, values: Vec<f64>) -> Self {
         Self { name: name.into(), values, intervals: Vec::new() }
     }
-    /// Values with intervals of `half` on both sides.
+    /// Values with intervals of ± `half`.
     pub fn with_half(name: impl Into<String>, values: Vec<f64>, half: &[f64]) -> Self {
         let intervals = values.iter().zip(half).map(|(v, h)| [v - h, v + h]).collect();
         Self { name: name.into(), values, intervals }
@@ -32,9 +32,10 @@ impl Dots {
 }
 
 impl Figure {
-    /// Values with intervals, one line a name, the first name on top; upright reference lines.
+    /// Values with intervals, one line per name, the first name on top; with vertical reference
+    /// lines.
     pub fn dots(words: Words<'_>, x_title: &str, names: &[String], kinds: &[Dots], lines: &[Line]) -> Self {
-        // colours and signs belong to a kind, whether others are empty or not
+        // a kind keeps its colour and symbol even if others are empty
         let kinds: Vec<(usize, &Dots)> =
             kinds.iter().enumerate().filter(|(_, k)| k.values.iter().any(|v| v.is_finite())).collect();
         let n = kinds.len().max(1) as f64;
@@ -45,7 +46,7 @@ impl Figure {
             .iter()
             .enumerate()
             .map(|(place, (k, kind))| {
-                // kinds stand a little below one another, so that their intervals do not cover each other
+                // kinds are shifted slightly downwards, so that their intervals do not overlap
                 let shift = if apart { (place as f64 / (n - 1.0) - 0.5) * 0.56 } else { 0.0 };
                 let y: Vec<f64> = (0..names.len()).map(|i| i as f64 + shift).collect();
                 let colour = COLOURS[k % COLOURS.len()];

@@ -1,13 +1,13 @@
-//! Maps of values over two lists, shown by shade; small ones show the numbers, too.
+//! Heat maps of values over two lists; small ones also show the numbers.
 
 use super::{Figure, Words, axis, base_layout};
 use crate::pack;
 use serde_json::{Value, json};
 
-/// Maps of fewer cells than this show their numbers.
+/// Maps with fewer cells than this show their numbers.
 const NUMBERS_IN: usize = 260;
 
-/// What the columns of a map are.
+/// Columns of a map.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Columns {
     /// Names.
@@ -22,7 +22,7 @@ impl Default for Columns {
     }
 }
 
-/// A map of values.
+/// A heat map.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct HeatMap {
     /// Title of the columns, with unit.
@@ -31,19 +31,20 @@ pub struct HeatMap {
     pub x: Columns,
     /// Rows, the first on top.
     pub y: Vec<String>,
-    /// `z[row][column]`; NaN is left blank.
+    /// `z[row][column]`; NaN cells are blank.
     pub z: Vec<Vec<f64>>,
-    /// What is shown, with unit, for the colour bar.
+    /// Quantity shown, with unit, for the colour bar.
     pub unit: String,
-    /// Smallest step worth keeping, in the unit.
+    /// Resolution to keep, in the unit.
     pub step: f64,
-    /// Upper end of the colours; the largest value where not given.
+    /// Upper end of the colour scale; the largest value if not given.
     pub top: Option<f64>,
-    /// What the cells say and the CSV holds, where `z` is only their shade; and what that is, with unit.
+    /// Numbers for the cells and the CSV if `z` gives only their shade, and their quantity with
+    /// unit.
     pub values: Option<(Vec<Vec<f64>>, String)>,
 }
 
-/// Three significant digits.
+/// Formats with three significant digits.
 fn short(v: f64) -> String {
     let a = v.abs();
     if !v.is_finite() {
@@ -62,7 +63,7 @@ fn short(v: f64) -> String {
 }
 
 impl Figure {
-    /// A map of values.
+    /// Draws a heat map.
     pub fn heat_map(words: Words<'_>, map: &HeatMap) -> Self {
         let width = map.z.first().map_or(0, Vec::len);
         let cells = width * map.y.len();
@@ -87,7 +88,7 @@ impl Figure {
             layout[key]["showline"] = json!(false);
             layout[key]["zeroline"] = json!(false);
         }
-        // names keep their text: `01` is no number
+        // names stay text: `01` is not a number
         layout["yaxis"]["type"] = json!("category");
         if matches!(map.x, Columns::Names(_)) {
             layout["xaxis"]["type"] = json!("category");

@@ -1,6 +1,8 @@
-//! Figures: what they show, in words, and the drawing as the plotting library or the player wants it.
+//! Figures: a title and a caption in words, and the drawing as data for the plotting library or the
+//! player.
 //!
-//! Colours are names (`$c0` … `$c5`, `$ink`, `$dim`, `$grid`), which the page turns into its light or dark theme.
+//! Colours are names (`$c0` … `$c5`, `$ink`, `$dim`, `$grid`), which the page replaces with those
+//! of its light or dark theme.
 
 mod dots;
 mod map;
@@ -14,17 +16,17 @@ use crate::pack;
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 
-/// What a figure shows and what to see in it.
+/// Title and caption of a figure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Words<'a> {
-    /// What it shows: a few words.
+    /// Title: what it shows, in a few words.
     pub title: &'a str,
-    /// What to look for.
+    /// Caption: what to look for.
     pub caption: &'a str,
 }
 
 impl<'a> Words<'a> {
-    /// Both.
+    /// Title and caption.
     pub fn new(title: &'a str, caption: &'a str) -> Self {
         Self { title, caption }
     }
@@ -33,11 +35,11 @@ impl<'a> Words<'a> {
 /// A chart or a player.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Figure {
-    /// What it shows.
+    /// Title.
     pub title: String,
-    /// What to see.
+    /// Caption.
     pub caption: String,
-    /// Drawn by: `chart` or `player`.
+    /// Renderer: `chart` or `player`.
     pub drawn_by: &'static str,
     /// Height on the page, pixels.
     pub height: usize,
@@ -45,7 +47,7 @@ pub struct Figure {
     data: Value,
 }
 
-/// JSON that may stand inside a script element: `</` would end it, `<!--` would start a comment.
+/// JSON that is safe inside a script element: `</` would end it, `<!--` would start a comment.
 fn inside_script<S: Serializer>(value: &Value, to: S) -> Result<S::Ok, S::Error> {
     to.serialize_str(&value.to_string().replace('<', "\\u003c"))
 }
@@ -55,7 +57,7 @@ impl Figure {
         Self { title: words.title.to_owned(), caption: words.caption.to_owned(), drawn_by, height, data }
     }
 
-    /// The drawing.
+    /// The data of the drawing.
     pub fn data(&self) -> &Value {
         &self.data
     }
@@ -82,7 +84,7 @@ impl Pool {
     }
 }
 
-/// What all charts have in common.
+/// Layout common to all charts.
 fn base_layout() -> Value {
     json!({
         "margin": {"l": 62, "r": 18, "t": 44, "b": 48},

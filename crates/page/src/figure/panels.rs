@@ -1,10 +1,11 @@
-//! Curves in panels that share the abscissa.
+//! Line charts in panels that share the abscissa.
 
 use super::{Figure, Pool, Words, axis, base_layout};
 use crate::pack;
 use serde_json::{Value, json};
 
-/// Colours that stay apart for people who see colours differently (Okabe and Ito), as names of the page's theme.
+/// Colours that people with colour-vision deficiency can distinguish (Okabe and Ito), as names of
+/// the page's theme.
 pub(super) const COLOURS: [&str; 6] = ["$c0", "$c1", "$c2", "$c3", "$c4", "$c5"];
 const PANEL_PX: f64 = 138.0;
 const ROW_GAP_PX: f64 = 34.0;
@@ -13,21 +14,21 @@ const FLIGHT_LABELS: usize = 6;
 /// One curve.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Series {
-    /// Name in the legend; empty: not in the legend.
+    /// Name in the legend; empty to leave it out of the legend.
     pub name: String,
     /// Abscissae.
     pub x: Vec<f64>,
-    /// Ordinates; NaN leaves a gap.
+    /// Ordinates; NaN makes a gap.
     pub y: Vec<f64>,
-    /// Points at the values.
+    /// Draw points at the values.
     pub points: bool,
-    /// No line between points.
+    /// Draw no line between points.
     pub no_line: bool,
-    /// Dashed.
+    /// Draw the line dashed.
     pub dashed: bool,
-    /// Colour of the theme; the next free one where not given.
+    /// Colour of the theme; the next free one if not given.
     pub colour: Option<&'static str>,
-    /// Not in the legend; its name shows under the pointer and in the CSV.
+    /// Leave it out of the legend; its name is shown under the pointer and in the CSV.
     pub quiet: bool,
 }
 
@@ -36,30 +37,30 @@ impl Series {
     pub fn line(name: impl Into<String>, x: Vec<f64>, y: Vec<f64>) -> Self {
         Self { name: name.into(), x, y, ..Self::default() }
     }
-    /// The same, dashed.
+    /// The same curve, dashed.
     pub fn dashed(self) -> Self {
         Self { dashed: true, ..self }
     }
-    /// The same with points.
+    /// The same curve, with points.
     pub fn with_points(self) -> Self {
         Self { points: true, ..self }
     }
-    /// The same in a colour of the theme.
+    /// The same curve in a colour of the theme.
     pub fn coloured(self, colour: &'static str) -> Self {
         Self { colour: Some(colour), ..self }
     }
 }
 
-/// A shaded stretch of the abscissa: a flight.
+/// A shaded interval of the abscissa: a flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shade {
-    /// From.
+    /// Start.
     pub from: f64,
-    /// To.
+    /// End.
     pub to: f64,
 }
 
-/// A mean with a band about it.
+/// A mean with a band around it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Band {
     /// Name in the legend.
@@ -74,21 +75,21 @@ pub struct Band {
     pub colour: Option<&'static str>,
 }
 
-/// A line across a panel, for reference.
+/// A reference line across a panel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Line {
-    /// Where.
+    /// Position.
     pub at: f64,
-    /// Upright at an abscissa; else level at an ordinate.
+    /// Vertical at an abscissa; otherwise horizontal at an ordinate.
     pub upright: bool,
-    /// Words beside it.
+    /// Label next to it.
     pub label: String,
 }
 
 /// One panel.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Panel {
-    /// What it shows.
+    /// Title.
     pub title: String,
     /// Title of the ordinate, with unit.
     pub y: String,
@@ -98,11 +99,11 @@ pub struct Panel {
     pub bands: Vec<Band>,
     /// Reference lines.
     pub lines: Vec<Line>,
-    /// The ordinate starts at zero.
+    /// True if the ordinate starts at zero.
     pub from_zero: bool,
-    /// The ordinate is logarithmic.
+    /// True if the ordinate is logarithmic.
     pub log: bool,
-    /// Names at the abscissae 0, 1, 2 …; empty where it is a quantity.
+    /// Names at the abscissae 0, 1, 2 …; empty if the abscissa is a quantity.
     pub ticks: Vec<String>,
 }
 
@@ -201,7 +202,8 @@ fn reference(line: &Line, panel: usize) -> (Value, Value) {
 }
 
 impl Figure {
-    /// Panels in `columns` columns that share the abscissa, filled column by column, with flights shaded.
+    /// Panels in `columns` columns that share the abscissa, filled column by column, with flights
+    /// shaded.
     pub fn panels(words: Words<'_>, x_title: &str, columns: usize, panels: &[Panel], shades: &[Shade]) -> Self {
         let columns = columns.clamp(1, panels.len().max(1));
         let rows = panels.len().div_ceil(columns).max(1);

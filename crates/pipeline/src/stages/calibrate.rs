@@ -33,8 +33,8 @@ pub static STAGE: Stage = Stage {
     run: run_of::<Work>,
 };
 
-/// Parameters of the stage: objects are built again from their description, people refined with the priors of their tables; the role of a
-/// trial decides whether geometry may be fitted to it.
+/// Parameters of the stage. Objects are built again from their description, people are refined with
+/// the priors of their tables; the role of a trial decides whether geometry may be fitted to it.
 #[derive(Debug, Serialize)]
 pub struct Params {
     calibrate: CalibrateConfig,
@@ -44,7 +44,7 @@ pub struct Params {
     roles: Vec<(String, Role)>,
 }
 
-/// The stage's work.
+/// Work of the stage.
 #[derive(Debug)]
 pub struct Work;
 
@@ -71,7 +71,8 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     }
     let subject = inputs.results.load_subject("scale")?;
     let mut done = StageReport::default();
-    // every trial but the static one, whose posture the subject carries already, and those held out
+    // every trial except the static one, whose posture the subject already contains, and those held
+    // out
     let names = inputs.trials_with_role("import", |role| may_teach(config, role));
     let dynamic = names.iter().filter(|t| inputs.role(t).is_some_and(Role::is_dynamic)).count();
     if config.enabled == Switch::Off || dynamic == 0 {
@@ -122,7 +123,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     Ok(done)
 }
 
-/// Reads one trial after the other on each thread and keeps no more of it than the frames that take part.
+/// Each thread reads one trial after the other and keeps only the frames that take part.
 fn calibrate_over(
     inputs: &StageInputs<'_>,
     names: &[String],

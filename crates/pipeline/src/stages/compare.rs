@@ -39,7 +39,7 @@ pub static STAGE: Stage = Stage {
     reads: "parameters, held-out trials",
     gives: "model against measurement, everywhere",
     needs: &[
-        // which coordinates no marker sees, for the errors of the markers
+        // coordinates that no marker observes, needed for the errors of the markers
         Need::Once("scale"),
         Need::Once("calibrate"),
         Need::Once("identify"),
@@ -58,13 +58,13 @@ pub static STAGE: Stage = Stage {
 pub struct Params {
     /// Settings of the comparison.
     pub compare: CompareConfig,
-    /// Filter of motion and plates.
+    /// Filter for motion and plates.
     pub filter: FilterConfig,
-    /// Rows.
+    /// Settings of the rows.
     pub regressor: RegressorConfig,
     /// Identification.
     pub identify: IdentifyConfig,
-    /// Frames at both ends of a flight that the paper's rows leave out, s.
+    /// Time at both ends of a flight that the paper's rows leave out, s.
     pub margin_s: f64,
     /// True for objects.
     pub is_object: bool,
@@ -78,7 +78,7 @@ pub struct Params {
 }
 
 impl Params {
-    /// Of a study.
+    /// Parameters for a study.
     pub fn of(study: &Study) -> Self {
         let config = &study.config;
         let own = |t: &TrialEntry| {
@@ -102,7 +102,7 @@ impl Params {
     }
 }
 
-/// The stage's work.
+/// Work of the stage.
 #[derive(Debug)]
 pub struct Work;
 
@@ -116,33 +116,33 @@ impl StageWork for Work {
     }
 }
 
-/// One trial with all that the comparison reads.
+/// One trial with everything that the comparison reads.
 pub struct ComparedTrial {
-    /// Name.
+    /// Trial name.
     pub name: String,
-    /// Its part.
+    /// Role.
     pub role: Role,
     /// Filtered motion.
     pub filtered: Motion,
     /// Motion before filtering.
     pub unfiltered: Motion,
-    /// Plates, tared; none where the trial has none.
+    /// Plates, tared; none if the trial has none.
     pub measured: Option<Measured>,
     /// Flights.
     pub flights: Vec<Range<usize>>,
-    /// Frames in which everything that the body touches is measured.
+    /// Frames in which all external forces on the body are measured.
     pub complete: Vec<bool>,
-    /// Errors of the markers, where the noise floor is wanted.
+    /// Errors of the markers, if the noise floor is to be computed.
     pub errors: Option<DrawnErrors>,
-    /// Drift of the plates, where the noise floor is wanted.
+    /// Drift of the plates, if the noise floor is to be computed.
     pub drift: Option<PlateDrift>,
     /// Columns of the model's effects.
     pub effects: Option<EffectColumns>,
-    /// True when the plates were never unloaded, so that what they read at rest is not known.
+    /// True if the plates were never unloaded, so that their reading at rest is not known.
     pub untared: bool,
 }
 
-/// Errors of a trial's markers, as a comparison draws them.
+/// Errors of a trial's markers, from which the comparison draws.
 #[derive(Debug)]
 pub struct DrawnErrors(MarkerErrors);
 
@@ -153,7 +153,8 @@ impl PoseErrors for DrawnErrors {
 }
 
 impl ComparedTrial {
-    /// Adds the errors of the markers about the motion and the drift of the plates as the other trials show it, for the noise floor.
+    /// Adds the errors of the markers about the motion, and the drift of the plates estimated from
+    /// the other trials, for the noise floor.
     fn with_errors(
         mut self,
         params: &Params,
@@ -175,7 +176,7 @@ impl ComparedTrial {
         Ok(self)
     }
 
-    /// From the rows' material of a trial.
+    /// From the data of a trial's rows.
     pub fn of(
         params: &Params,
         results: Results<'_>,
@@ -214,7 +215,7 @@ impl ComparedTrial {
     }
 }
 
-/// What the plates of a trial read in its flights; none where they were not tared from flights.
+/// Readings of a trial's plates in its flights; none if they were not tared from flights.
 fn tare_readings(results: Results<'_>, name: &str) -> Result<TareReadings, StageFailure> {
     let tares = results.load_tares(name)?;
     let Some(first) = tares.first() else { return Ok(TareReadings::default()) };
@@ -229,18 +230,19 @@ fn tare_readings(results: Results<'_>, name: &str) -> Result<TareReadings, Stage
     let flights = results.load_flights(name)?.flights;
     let frames: usize = flights.iter().map(aloft_flight::Flight::n_frames).sum();
     let rate_hz = trial_rate(&results.place("import", name)?)?;
-    // 10 ms at both ends of each flight take no part in its reading
+    // 10 ms at both ends of each flight are left out of its reading
     let length_s = frames as f64 / rate_hz / flights.len().max(1) as f64 - 0.02;
     Ok(TareReadings { times_s: first.times_s.clone(), plates, length_s })
 }
 
-/// A motion without what comparison does not read: residuals of markers and standard deviations.
+/// A motion without the parts that the comparison does not read: marker residuals and standard
+/// deviations.
 fn lean(mut motion: Motion) -> Motion {
     (motion.residual_m, motion.marker_labels, motion.q_sd) = (Vec::new(), Vec::new(), Vec::new());
     motion
 }
 
-/// Loads the trials that every earlier stage brought through.
+/// Loads the trials for which every earlier stage succeeded.
 pub fn load_trials(
     params: &Params,
     results: Results<'_>,
@@ -257,7 +259,8 @@ pub fn load_trials(
         .collect()
 }
 
-/// In the air everything is known; on the ground only where plates are loaded: somebody who stands on a box before a drop loads none.
+/// Frames in which all external forces are known: in flight always; on the ground only while plates
+/// are loaded, because somebody who stands on a box before a drop loads none.
 fn completely_measured(measured: Option<&Measured>, flights: &[Range<usize>], frames: usize) -> Vec<bool> {
     (0..frames)
         .map(|f| {
@@ -267,32 +270,34 @@ fn completely_measured(measured: Option<&Measured>, flights: &[Range<usize>], fr
         .collect()
 }
 
-/// True when a trial that takes no part in identification was measured by plates: models are judged there. Else every trial in turn is
-/// left out.
+/// True if a trial that takes no part in identification was measured by plates; models are then
+/// judged on such trials. Otherwise every trial in turn is left out.
 pub fn has_validation(trials: &[ComparedTrial]) -> bool {
     trials.iter().any(|t| t.role == Role::Validate && t.measured.is_some())
 }
 
-/// How a pipeline's models are compared: which trials count as held out, and whether noise is estimated.
+/// Which trials count as held out when a pipeline's models are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HeldOut {
-    /// Trials that take no part; every trial where there are none (models come with one set of parameters a trial).
+    /// Trials that take no part in identification; every trial if there are none (models then have
+    /// one set of parameters per trial).
     Validation,
-    /// Every trial (models come with one set of parameters a trial).
+    /// Every trial (models have one set of parameters per trial).
     EveryTrial,
 }
 
-/// Where the noise floor of a comparison comes from.
+/// Source of a comparison's noise floor.
 #[derive(Debug, Clone, Copy)]
 pub enum Floor<'a> {
-    /// Drawn so many times, and sent through a model's parameters (those of the first model where none is given).
+    /// Drawn this many times and propagated through a model's parameters (of the first model if
+    /// none is given).
     Drawn(usize, Option<&'a Candidate>),
-    /// As an earlier comparison of the same motion found it.
+    /// Taken from an earlier comparison of the same motion.
     Known(&'a NoiseFloor),
 }
 
-/// Models of one subject against the measurement of trials. `left_out` says which trials' flights took no part in the first model; as
-/// `held_out` says where it is not given.
+/// Compares models of one subject with the measurement of trials. `left_out` states for which
+/// trials the flights took no part in the first model; if it is not given, `held_out` decides.
 pub fn compare_models(
     params: &Params,
     subject: &Subject,
@@ -315,7 +320,8 @@ pub fn compare_models(
 }
 
 impl ComparedTrial {
-    /// The trial at an index as a comparison sees it; `validation` where some trial is held out as a whole ([`has_validation`]).
+    /// The trial at an index as input of the comparison; `validation` is true if some trial is held
+    /// out as a whole ([`has_validation`]).
     fn input(&self, i: usize, held_out: HeldOut, validation: bool, left_out: Option<&[bool]>) -> TrialInput<'_> {
         let every = held_out == HeldOut::EveryTrial || !validation;
         TrialInput {
@@ -333,7 +339,7 @@ impl ComparedTrial {
     }
 }
 
-/// [`compare_models`] over trials that are read when their turn comes.
+/// [`compare_models`] over trials that are read one at a time.
 fn compare_with<T>(
     params: &Params,
     subject: &Subject,
@@ -360,7 +366,7 @@ fn compare_with<T>(
     compare_each(&body, candidates, trials, read, view, noise, &options).map_err(|Failed(failure)| failure)
 }
 
-/// A failure of reading a trial or of comparing it.
+/// Failure to read or compare a trial.
 struct Failed(StageFailure);
 
 impl From<CompareError> for Failed {
@@ -449,7 +455,8 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     Ok(done)
 }
 
-/// Parameters for each trial, identified without it, and what could not be held out.
+/// Parameters for each trial, identified without it, and remarks on trials that could not be left
+/// out.
 pub fn without_each_trial(
     params: &identify::Params,
     subject: &Subject,
@@ -477,16 +484,17 @@ pub fn without_each_trial(
     Ok((results.into_iter().map(|r| r.0).collect(), warnings))
 }
 
-/// A model for one trial.
+/// Model for one trial.
 struct Without {
     base: DVector<f64>,
     effects: Vec<(String, f64)>,
-    /// True when the trial took no part in it.
+    /// True if the trial took no part in its identification.
     left_out: bool,
     remark: Option<String>,
 }
 
-/// A model for each trial, identified without it; with the estimator and the weight of the prior that all trials chose.
+/// A model for each trial, identified without it, using the estimator and the weight of the prior
+/// chosen with all trials.
 fn each_without(
     predicting: &Predicting,
     trials: &[String],
@@ -509,7 +517,7 @@ fn each_without(
                 return of(all, true, None);
             }
             let found = without.remove(t).unwrap_or_else(|| {
-                // its factors are not among those that the estimator uses
+                // the trial's factors are not among those that the estimator uses
                 let kept: Vec<&Factor> = factors.iter().filter(|(s, _)| s.trial != *t).map(|(_, f)| f).collect();
                 predicting.solve(&kept)
             });
@@ -521,15 +529,16 @@ fn each_without(
         .collect()
 }
 
-/// The noise floor of an earlier comparison.
+/// The stored noise floor of an earlier comparison.
 #[derive(Serialize, Deserialize)]
 struct StoredFloor {
-    /// Hash of all that it follows from.
+    /// Hash of everything that it depends on.
     key: String,
     floor: NoiseFloor,
 }
 
-/// What the noise floor follows from: the motion, the plates, and how both are processed; never the effects of the model.
+/// Hash of everything that the noise floor depends on: the motion, the plates, and how both are
+/// processed; never the effects of the model.
 fn floor_key(params: &Params, inputs: &StageInputs<'_>, options: &CompareOptions) -> String {
     let mut hasher = blake3::Hasher::new();
     for (stage, trial) in inputs.all().iter().filter(|(s, _)| s != "regressor" && s != "identify") {
@@ -544,7 +553,7 @@ fn floor_key(params: &Params, inputs: &StageInputs<'_>, options: &CompareOptions
     hasher.finalize().to_hex().to_string()
 }
 
-/// The model without effects, through which noise is sent; none where nothing was identified.
+/// The model without effects, through which noise is propagated; none if nothing was identified.
 fn plain_model(
     params: &Params,
     inputs: &StageInputs<'_>,

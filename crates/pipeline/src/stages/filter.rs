@@ -29,7 +29,7 @@ pub struct Params {
     filter: FilterConfig,
 }
 
-/// The stage's work.
+/// Work of the stage.
 #[derive(Debug)]
 pub struct Work;
 
@@ -63,7 +63,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         .map_err(|e| StageFailure::with_hint(e.to_string(), "see `filter` in the pipeline"))?;
     save_motion(inputs.out, &smoothed, &subject.model)?;
     let mut done = StageReport::default();
-    // how much of the root's path each cut-off would take away: a help for choosing one
+    // how much of the root's path each cut-off would remove; helps to choose one
     let root: Vec<Vec<f64>> = (0..3).map(|i| motion.q.iter().skip(i).step_by(motion.nq).copied().collect()).collect();
     let channels: Vec<&[f64]> = root.iter().map(Vec::as_slice).collect();
     if let Ok(analysis) = residual_analysis(&channels, motion.rate_hz, spec, &default_cutoffs(motion.rate_hz)) {

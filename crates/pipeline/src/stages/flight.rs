@@ -36,7 +36,7 @@ pub struct Params {
     is_object: bool,
 }
 
-/// The stage's work.
+/// Work of the stage.
 #[derive(Debug)]
 pub struct Work;
 
@@ -55,8 +55,8 @@ impl StageWork for Work {
     }
 }
 
-/// Standard deviation of the ratio between measured and stated free acceleration that flights of a trial share: people (masses out of a
-/// table, soft tissue) and rigid objects.
+/// Standard deviation, common to the flights of a trial, of the ratio between measured and stated
+/// free acceleration: for people (table masses, soft tissue) and for rigid objects.
 const PERSON_RATIO_SD: f64 = 0.01;
 const RIGID_RATIO_SD: f64 = 0.003;
 
@@ -133,7 +133,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     Ok(done)
 }
 
-/// The body's mass by the impulse of the tared plates from flight to flight.
+/// The body's mass from the impulse of the tared plates between flights.
 fn weigh(
     trial: &Trial,
     subject: &Subject,

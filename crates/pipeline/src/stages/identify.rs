@@ -35,18 +35,19 @@ pub static STAGE: Stage = Stage {
 pub struct Params {
     /// Settings of identification.
     pub identify: IdentifyConfig,
-    /// The rows that the pipeline chose.
+    /// The rows chosen in the pipeline.
     pub rows: Rows,
     /// True for objects.
     pub is_object: bool,
-    /// By how much the standard error of each coefficient grows because the nonlinear parameters of its effect were fitted, by name. All that
-    /// follows from the model's effects stands under `effects`, so that revisions of the model can be compared (`made::made_with`).
+    /// How much the standard error of each coefficient grows because the nonlinear parameters of
+    /// its effect were fitted, by name. Everything that follows from the model's effects is stored
+    /// under `effects`, so that revisions of the model can be compared (`made::made_with`).
     #[serde(rename = "effects", skip_serializing_if = "Vec::is_empty")]
     pub widening: Vec<(String, f64)>,
 }
 
 impl Params {
-    /// Of a study.
+    /// Parameters for a study.
     pub fn of(study: &Study) -> Self {
         let widening =
             |e: &ModelEffect| e.widening.iter().map(|(n, by)| (format!("{}.{n}", e.key), *by)).collect::<Vec<_>>();
@@ -59,7 +60,7 @@ impl Params {
     }
 }
 
-/// The stage's work.
+/// Work of the stage.
 #[derive(Debug)]
 pub struct Work;
 
@@ -73,7 +74,8 @@ impl StageWork for Work {
     }
 }
 
-/// Flights (and contact stretches, where asked for) of the identification trials, from one kind of rows.
+/// Flights (and contact stretches, if requested) of the identification trials, from one kind of
+/// rows.
 pub fn training_factors(
     inputs: &StageInputs<'_>,
     rows: Rows,
@@ -89,7 +91,8 @@ pub fn training_factors(
     Ok(out)
 }
 
-/// The estimator for a kind of rows: the paper's rows go with the paper's estimator unless the pipeline says otherwise.
+/// Estimator for a kind of rows: the paper's rows use the paper's estimator unless the pipeline
+/// states another.
 pub fn estimator(params: &Params, rows: Rows) -> Estimator {
     let config = &params.identify;
     let weight = (config.prior_weight > 0.0).then_some(config.prior_weight);
@@ -102,7 +105,8 @@ pub fn estimator(params: &Params, rows: Rows) -> Estimator {
     }
 }
 
-/// What soft tissue makes of the weak rows of some factors, in their order; empty where a trial has none (objects).
+/// Effect of soft tissue on the weak rows of some factors, in their order; empty if a trial has
+/// none (objects).
 fn training_slides(inputs: &StageInputs<'_>, factors: &[(Stretch, Factor)]) -> Result<Vec<Slides>, StageFailure> {
     let mut of_trials: HashMap<&str, Vec<(Stretch, Slides)>> = HashMap::new();
     let mut out = Vec::with_capacity(factors.len());
@@ -133,7 +137,7 @@ pub fn identify_from(
     identify_with(params, subject, factors, None, &[], estimator, bootstrap)
 }
 
-/// The same with the flights merged already ([`merge::root`]) and with slides of soft tissue.
+/// The same with flights already merged ([`merge::root`]) and with soft-tissue slides.
 fn identify_with(
     params: &Params,
     subject: &Subject,
@@ -154,7 +158,8 @@ fn identify_with(
         .map_err(|e| StageFailure::new(e.to_string()))
 }
 
-/// Base parameters and coefficients of effects without intervals and without links: all that predictions need.
+/// Estimates base parameters and effect coefficients without intervals and without links: all that
+/// predictions need.
 pub struct Predicting {
     prior: Option<Prior>,
     mass_kg: f64,
@@ -163,7 +168,8 @@ pub struct Predicting {
 }
 
 impl Predicting {
-    /// In the manner of parameters that were identified: their estimator, their weight of the prior and of contact.
+    /// Uses the settings of identified parameters: their estimator, their weight of the prior and
+    /// of contact.
     pub fn like(subject: &Subject, parameters: &Parameters) -> Result<Self, StageFailure> {
         let fail = |e: aloft_identify::IdentifyError| StageFailure::new(e.to_string());
         let prior = match parameters.estimator {
@@ -177,7 +183,7 @@ impl Predicting {
         Ok(Self { prior, mass_kg: subject.facts.mass_kg, estimator: parameters.estimator, contact_weight })
     }
 
-    /// Those of some factors that the estimator uses, contact by its weight.
+    /// The factors that the estimator uses, with contact weighted.
     fn weighed(&self, factors: &[&Factor]) -> Vec<Factor> {
         let flights_only = matches!(self.estimator, Estimator::NullVector(_));
         factors
@@ -187,13 +193,14 @@ impl Predicting {
             .collect()
     }
 
-    /// From the factors of some stretches.
+    /// Estimates from the factors of some stretches.
     pub fn solve(&self, factors: &[&Factor]) -> Result<PointEstimate, StageFailure> {
         let merged = Factor::merge(&self.weighed(factors)).map_err(|e| StageFailure::new(e.to_string()))?;
         self.solve_merged(&merged)
     }
 
-    /// The same for each trial without its factors. Of `n` trials the merging costs `3 n` steps in all, not `n` for each.
+    /// The same for each trial without its factors. For `n` trials the merging costs `3 n` steps in
+    /// all, not `n` for each.
     pub fn solve_without_each(&self, factors: &[&Factor]) -> HashMap<String, Result<PointEstimate, StageFailure>> {
         let weighed = self.weighed(factors);
         let mut names: Vec<&str> = Vec::new();
@@ -207,7 +214,7 @@ impl Predicting {
                 })
             })
             .collect();
-        // nothing is left of a single trial
+        // with a single trial nothing is left
         let Ok(found) = leave_group_out(&weighed, &groups, |_, rest| self.solve_merged(rest)) else {
             return HashMap::new();
         };

@@ -30,7 +30,7 @@ pub struct Params {
     ik: IkConfig,
 }
 
-/// The stage's work.
+/// Work of the stage.
 #[derive(Debug)]
 pub struct Work;
 
@@ -44,7 +44,8 @@ impl StageWork for Work {
     }
 }
 
-/// How the markers of a trial are fitted; weights that the pipeline states go into the subject.
+/// Settings for fitting the markers of a trial; marker weights stated in the pipeline are written
+/// into the subject.
 pub fn fit_options(config: &IkConfig, results: Results<'_>, subject: &mut Subject) -> Result<IkOptions, StageFailure> {
     for (label, weight) in &config.weights {
         match subject.markers.iter_mut().find(|m| &m.label == label) {
@@ -60,7 +61,8 @@ pub fn fit_options(config: &IkConfig, results: Results<'_>, subject: &mut Subjec
     Ok(IkOptions { marker_sd_m: config.marker_sd_m, locked: results.load_locked()?, ..IkOptions::default() })
 }
 
-/// Tracks a trial with a subject's geometry: motion with continuous turns and signs, and the report.
+/// Tracks a trial with a subject's geometry: motion with continuous angles and quaternion signs,
+/// and the report.
 pub fn track(
     config: &IkConfig,
     results: Results<'_>,
@@ -71,7 +73,7 @@ pub fn track(
     let options = fit_options(config, results, &mut subject)?;
     let result = solve(&subject, &trial, &options).map_err(|e| StageFailure::new(e.to_string()))?;
     let mut motion = smooth(&subject.model, &result.motion, None).map_err(|e| StageFailure::new(e.to_string()))?;
-    // only the continuity of turns and signs is wanted here; derivatives belong to `filter`
+    // only the continuity of angles and signs is needed here; `filter` computes the derivatives
     motion.v.clear();
     motion.a.clear();
     Ok((subject, motion, result.report))

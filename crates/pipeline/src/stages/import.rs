@@ -36,7 +36,7 @@ pub struct Params {
     marker_set: MarkerSet,
 }
 
-/// The stage's work.
+/// Work of the stage.
 #[derive(Debug)]
 pub struct Work;
 
@@ -50,20 +50,20 @@ impl StageWork for Work {
     }
 }
 
-/// What `quality.json` holds.
+/// Contents of `quality.json`.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ImportRecord {
     /// Labels found, missing, unknown.
     pub matched: MarkerSetMatch,
     /// Every fill.
     pub fills: Vec<aloft_trial::GapFill>,
-    /// Spikes and swaps.
+    /// Spikes and label swaps.
     pub findings: Vec<aloft_trial::Finding>,
     /// Quality of the trial.
     pub quality: TrialQuality,
 }
 
-/// Reads a recording as the pipeline asks for it, before a marker set is applied.
+/// Reads a recording with the settings of the pipeline, before a marker set is applied.
 pub fn read_recording(import: &ImportConfig, recording: &Recording) -> Result<Trial, StageFailure> {
     let options = ImportOptions {
         up_axis: match import.up_axis {
@@ -147,7 +147,7 @@ fn read_bids(name: &str, file: &std::path::Path, options: &ImportOptions) -> Res
     Ok(trial)
 }
 
-/// `acq_time` of a recording in the table of its session's scans (BIDS).
+/// `acq_time` of a recording from the scans table of its session (BIDS).
 fn acquired(scans: &str, file: &std::path::Path) -> Option<aloft_trial::RecordedAt> {
     let mut lines = scans.lines().map(|l| l.split('\t').map(str::trim).collect::<Vec<_>>());
     let header = lines.next()?;
@@ -232,7 +232,8 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     Ok(done)
 }
 
-/// A file that ends before the stated number of frames is used as far as it goes, unless it holds less than the pipeline's `least_fraction`.
+/// A truncated file is used as far as it goes, unless it holds less than the pipeline's
+/// `least_fraction` of the declared frames.
 pub fn holds_enough(import: &ImportConfig, recording: &Recording, trial: &Trial) -> Result<(), StageFailure> {
     let markers = trial.truncated().map(|counts| (counts, &recording.file));
     let forces = trial.forces_truncated().zip(recording.forces.as_ref());
@@ -248,7 +249,7 @@ pub fn holds_enough(import: &ImportConfig, recording: &Recording, trial: &Trial)
     Ok(())
 }
 
-/// The first few of many names.
+/// The first few of a list of names.
 pub fn abridged(names: &[String]) -> String {
     let shown: Vec<&str> = names.iter().take(8).map(String::as_str).collect();
     if names.len() > 8 { format!("{} … ({} in all)", shown.join(", "), names.len()) } else { shown.join(", ") }

@@ -15,7 +15,8 @@ pub mod scale;
 
 use crate::graph::Stage;
 
-/// Every stage in the order in which they run. Help, status, README table and conformance tests are made from this slice.
+/// All stages in the order in which they run. Help, status, README table and conformance tests are
+/// generated from this slice.
 pub static STAGES: &[&Stage] = &[
     &import::STAGE,
     &scale::STAGE,

@@ -57,13 +57,13 @@ fn save(inputs: &StageInputs<'_>, scaled: &ScaledObject) -> Result<StageReport, 
     Ok(done)
 }
 
-/// The object from its static and calibration trials.
+/// Builds the object from its static and calibration trials.
 pub fn scale(object: &ObjectSpec, facts: &Facts, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
     let motion = load(inputs, |r| r == Role::Calibration)?;
     save(inputs, &build(object, facts, inputs, &motion)?)
 }
 
-/// The same, with every recording in which it moves and that is not held out.
+/// The same, using every recording in which it moves and that is not held out.
 pub fn refine(
     object: &ObjectSpec,
     facts: &Facts,
@@ -79,7 +79,7 @@ pub fn refine(
     save(inputs, &build(object, facts, inputs, &motion)?)
 }
 
-/// True for trials of a role that geometry may be fitted to.
+/// True if geometry may be fitted to trials of this role.
 pub fn may_teach(config: &CalibrateConfig, role: Role) -> bool {
     match role {
         Role::Static => false,

@@ -37,7 +37,7 @@ pub static STAGE: Stage = Stage {
         Need::Same("filter"),
         Need::Same("flight"),
         Need::Once("calibrate"),
-        // when each recording was made, for effects that grow over the session
+        // recording times, for effects that grow over the session
         Need::Every("import", &[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
     ],
     parameters: parameters_of::<Work>,
@@ -47,19 +47,19 @@ pub static STAGE: Stage = Stage {
 /// Parameters of the stage.
 #[derive(Debug, Serialize)]
 pub struct Params {
-    /// Length of the windows of weak rows, s; 0 chooses it from the flight.
+    /// Window length of weak rows, s; 0 chooses it from the flight.
     pub window_s: f64,
-    /// Weights of weak rows.
+    /// Weighting of weak rows.
     pub weighting: Weighting,
-    /// Slow part of the noise that whitens.
+    /// Slow part of the noise used for whitening.
     pub slow_noise: f64,
     /// White noise of a marker coordinate, m.
     pub marker_sd_m: f64,
-    /// Frames at both ends of a flight that the paper's rows leave out, s.
+    /// Time at both ends of a flight that the paper's rows leave out, s.
     pub margin_s: f64,
-    /// Filter of the motion, which filters plates alike.
+    /// Filter for the motion, also applied to the plates.
     pub filter: FilterConfig,
-    /// Whether contact takes part in identification.
+    /// Whether contact is used for identification.
     pub contact: bool,
     /// True for objects, which have no soft tissue.
     pub is_object: bool,
@@ -67,13 +67,13 @@ pub struct Params {
     pub role: Option<Role>,
     /// Effects of the model.
     pub effects: ModelEffects,
-    /// Order of the session's recordings, where the laboratory lists them.
+    /// Order of the session's recordings, if the laboratory lists them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub recordings: Vec<String>,
 }
 
 impl Params {
-    /// Of a study; `trial` gives the role.
+    /// Parameters for a study; `trial` gives the role.
     pub fn of(study: &Study, trial: Option<&TrialEntry>) -> Self {
         let regressor = &study.config.regressor;
         Self {
@@ -92,7 +92,7 @@ impl Params {
     }
 }
 
-/// The stage's work.
+/// Work of the stage.
 #[derive(Debug)]
 pub struct Work;
 
@@ -133,11 +133,11 @@ pub fn save_factors(dir: &Path, factors: &[(Stretch, Factor)]) -> Result<(), Pip
     table.write(&dir.join("factors.parquet"))
 }
 
-/// Reads what the stage wrote for a trial: each stretch with its factor.
+/// Reads the stage's files for a trial: each stretch with its factor.
 pub fn load_factors(dir: &Path) -> Result<Vec<(Stretch, Factor)>, PipelineError> {
     let heads: Vec<FactorHead> = read_json(&dir.join("factors.json"))?;
     if heads.is_empty() {
-        // a table without rows has no column to read
+        // a table without rows has no columns to read
         return Ok(Vec::new());
     }
     let path = dir.join("factors.parquet");
@@ -166,7 +166,8 @@ struct SlidesHead {
     observed: f64,
 }
 
-/// Writes `slides.json` and `slides.parquet`: what soft tissue makes of the weak rows of each stretch.
+/// Writes `slides.json` and `slides.parquet`: the effect of soft tissue on the weak rows of each
+/// stretch.
 fn save_slides(dir: &Path, slides: &[(Stretch, Slides)]) -> Result<(), PipelineError> {
     let heads: Vec<SlidesHead> = slides
         .iter()
@@ -184,7 +185,7 @@ fn save_slides(dir: &Path, slides: &[(Stretch, Slides)]) -> Result<(), PipelineE
     table.write(&dir.join("slides.parquet"))
 }
 
-/// Reads what the stage wrote for a trial of a person; nothing for objects.
+/// Reads the stage's slides for a trial of a person; nothing for objects.
 pub fn load_slides(dir: &Path) -> Result<Vec<(Stretch, Slides)>, PipelineError> {
     let head = dir.join("slides.json");
     if !head.is_file() {
@@ -208,7 +209,7 @@ pub fn load_slides(dir: &Path) -> Result<Vec<(Stretch, Slides)>, PipelineError> 
         .collect()
 }
 
-/// The kind of rows that a word of the configuration means.
+/// Kind of rows for the word used in the configuration.
 pub fn row_kind(rows: Rows) -> RowKind {
     match rows {
         Rows::Paper => RowKind::Acceleration,
@@ -216,7 +217,8 @@ pub fn row_kind(rows: Rows) -> RowKind {
     }
 }
 
-/// Contact stretches that plates measure completely: between flights (50 ms away from them), loaded with at least a fifth of the weight.
+/// Contact stretches that are completely measured by plates: between flights (50 ms away from
+/// them), loaded with at least a fifth of body weight.
 pub fn contact_stretches(
     trial: &Trial,
     flights: &FlightReport,
@@ -248,14 +250,16 @@ pub fn contact_stretches(
     out
 }
 
-/// Unit wrenches of the model's effects in every frame of a trial; none for a plain model.
+/// Unit wrenches of the model's effects in every frame of a trial; none for a model without
+/// effects.
 pub fn effect_columns(effects: &ModelEffects, rows: &TrialRows) -> Result<Option<EffectColumns>, StageFailure> {
     if effects.model.is_empty() {
         return Ok(None);
     }
     let scene = Scene::new(&rows.subject.model, &rows.subject.prior_phi(), &rows.plate_centers_m);
     let known = KnownEffects::of(&effects.own, &scene)?;
-    // with plates everywhere, so that comparison sees the effect between the stretches, too
+    // a trial with plates is covered completely, so that the comparison also sees the effect
+    // between the stretches
     let everywhere = !rows.plates.is_empty();
     let mut spans: Vec<Span> = Vec::new();
     let mut at = 0;
@@ -283,7 +287,7 @@ pub fn effect_columns(effects: &ModelEffects, rows: &TrialRows) -> Result<Option
         }
         let choice = known.choice(&scene, effect)?;
         let found = columns_about(&scene, &trial, &[choice], about).map_err(|e| StageFailure::new(e.to_string()))?;
-        // what only other trials carry
+        // effects that act only in other trials do not act here
         let acts = effect.trials.is_empty() || effect.trials.contains(&rows.motion.trial);
         for (all, own) in out.wrench.iter_mut().zip(&found.wrench) {
             let old = std::mem::replace(all, DMatrix::zeros(0, 0));
@@ -299,9 +303,9 @@ pub fn effect_columns(effects: &ModelEffects, rows: &TrialRows) -> Result<Option
     Ok(Some(out))
 }
 
-/// Everything of one trial that rows are made of.
+/// Everything that the rows of one trial are computed from.
 pub struct TrialRows {
-    /// The recording without its trajectories, plates tared.
+    /// The recording without its trajectories, with tared plates.
     pub trial: Trial,
     /// The subject.
     pub subject: Subject,
@@ -315,7 +319,7 @@ pub struct TrialRows {
     pub stretches: Vec<Stretch>,
     /// Plate wrench about the world origin at the frames, unfiltered.
     pub wrench: Option<Vec<Vector6<f64>>>,
-    /// The same through the filter of the motion.
+    /// The same, filtered like the motion.
     pub wrench_filtered: Option<Vec<Vector6<f64>>>,
     /// Each plate, unfiltered.
     pub plates: Vec<PlateSeries>,
@@ -323,13 +327,14 @@ pub struct TrialRows {
     pub plate_centers_m: Vec<Vector3<f64>>,
     /// Seconds from the start of the session to the first frame (0 without plates, where nothing depends on it).
     pub session_time_s: f64,
-    /// Where that time comes from; none without plates.
+    /// Source of that time; none without plates.
     pub calendar: Option<Calendar>,
 }
 
 impl TrialRows {
-    /// Loads what the earlier stages left for a trial. Plates go through the filter of the motion; the calendar says when in the session the
-    /// trial was recorded (made for trials with plates only).
+    /// Loads the results of the earlier stages for a trial. Plates are filtered like the motion;
+    /// the calendar tells when in the session the trial was recorded (computed only for trials with
+    /// plates).
     pub fn load(
         results: Results<'_>,
         filter: &FilterConfig,
@@ -342,7 +347,8 @@ impl TrialRows {
         Self::of(results, filter, calendar, name, subject.clone(), motion, filtered)
     }
 
-    /// The same for a motion at hand, such as one of another geometry: flights and plates are those of the trial.
+    /// The same for a given motion, for example one with another geometry; flights and plates are
+    /// those of the trial.
     pub fn of(
         results: Results<'_>,
         filter: &FilterConfig,
@@ -398,15 +404,15 @@ impl TrialRows {
     }
 }
 
-/// Factors by stretch, and what to keep in mind about them.
+/// Factors by stretch, and remarks about them.
 pub type FactorsAndRemarks = (Vec<(Stretch, Factor)>, Vec<String>);
 
-/// Factors of every stretch of a trial, from weak rows and from the paper's; and what was odd.
+/// Factors of every stretch of a trial, from weak rows and from the paper's rows, with remarks.
 pub fn factors_of(params: &Params, rows: &TrialRows) -> Result<FactorsAndRemarks, StageFailure> {
     factors_beside(params, rows, &mut Vec::new(), false)
 }
 
-/// The same, with what soft tissue makes of weak rows where `with_tissue` asks for it.
+/// The same, including the effect of soft tissue on weak rows if `with_tissue` is set.
 fn factors_beside(
     params: &Params,
     rows: &TrialRows,
@@ -455,12 +461,13 @@ fn factors_beside(
     Ok((factors, warnings))
 }
 
-/// Weak rows as the pipeline asks for them.
+/// Settings of weak rows from the pipeline.
 pub fn weak_options(window_s: f64) -> WeakOptions {
     WeakOptions { window_s: (window_s > 0.0).then_some(window_s), ..WeakOptions::default() }
 }
 
-/// Noise that whitens weak rows, where the pipeline asks for whitening: that of the markers, and a slow part for soft tissue.
+/// Noise for whitening weak rows, if the pipeline asks for it: marker noise, and a slow part for
+/// soft tissue.
 pub fn row_noise<'a>(params: &Params, subject: &'a Subject) -> Option<Noise<'a>> {
     (params.weighting == Weighting::Whitened).then(|| Noise {
         coordinates: CoordinateNoise::Markers { markers: &subject.markers, sd_m: params.marker_sd_m },
@@ -475,7 +482,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let subject = results.load_subject("calibrate")?;
     let rows = TrialRows::load(results, &params.filter, &calendar, inputs.trial()?, &subject)?;
     let mut slides = Vec::new();
-    // identification alone uses them
+    // only identification uses the slides
     let person = !params.is_object && params.role == Some(Role::Identify);
     let (factors, warnings) = factors_beside(params, &rows, &mut slides, person)?;
     let mut done = StageReport { warnings, ..StageReport::default() };
@@ -489,7 +496,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     if let Some(calendar) = &rows.calendar {
         done.note("session_time_s", rows.session_time_s);
         done.note("session_time_source", json!(calendar.source));
-        // a remark only where results depend on it
+        // remark on this only if the results depend on it
         if calendar.source == SessionSource::OrderAndLengths && params.effects.recordings.is_some() {
             done.warnings.push(format!("times of the session: {}", calendar.words));
         }

@@ -36,7 +36,7 @@ pub struct Params {
     static_frames: Option<StaticFrames>,
 }
 
-/// The stage's work.
+/// Work of the stage.
 #[derive(Debug)]
 pub struct Work;
 
@@ -69,7 +69,7 @@ fn hip_method(hip: &str) -> Result<HipMethod, StageFailure> {
     })
 }
 
-/// The static trial's name and, where frames of a dynamic trial serve, their range.
+/// Name of the static trial and, if frames of a dynamic trial are used instead, their range.
 fn static_source(
     params: &Params,
     inputs: &StageInputs<'_>,
