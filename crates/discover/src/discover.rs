@@ -1,4 +1,4 @@
-//! The rounds: rank, judge, add, rank again.
+//! Discovery rounds: rank the effects, judge the ranking, add the best, and repeat.
 
 use crate::addition::addition;
 use crate::candidate::Variant;
@@ -24,34 +24,35 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// How a discovery is made.
+/// Options of a discovery.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DiscoverOptions {
-    /// A held-out ratio above this is never believed.
+    /// Largest held-out ratio at which an effect can be accepted.
     pub belief: f64,
-    /// The same for faults of kinematics (soft tissue, joint centres, filters, camera volume, flight edges). Every recording has some of them, so
-    /// only a great one is worth a name, and only before any other effect was found.
+    /// The same limit for kinematic errors (soft tissue, joint centres, filters, camera volume,
+    /// flight edges). Every recording has some of them, so only a large one is named, and only
+    /// before any other effect was found.
     pub belief_kinematics: f64,
-    /// The same for faults of plates: every plate drifts a little.
+    /// The same limit for force-plate errors: every plate drifts a little.
     pub belief_plates: f64,
     /// Draws of flipped signs for the null distribution.
     pub null_draws: usize,
     /// Resamples of clusters for intervals.
     pub resamples: usize,
-    /// Effects that may be found one after the other.
+    /// Largest number of rounds per kind of motion, each adding an effect or a pair.
     pub rounds: usize,
-    /// Trials are the unit of evidence where there are at least this many, flights otherwise.
+    /// Trials are the unit of evidence if there are at least this many, flights otherwise.
     pub fewest_trials: usize,
-    /// Weight of the prior of the parameters (1: as uncertain as it says).
+    /// Weight of the prior of the parameters (1: the uncertainty that the prior states).
     pub prior_weight: f64,
-    /// Two effects are told apart when chance explains their difference less often than this.
+    /// Two effects count as distinguishable if the p-value of their difference is below this.
     pub significance: f64,
-    /// Only these effects; all when empty.
+    /// Only these effects are ranked; all when empty.
     pub only: Vec<String>,
-    /// Not these.
+    /// Effects to leave out.
     pub without: Vec<String>,
-    /// Seed of every draw.
+    /// Seed of all random draws.
     pub seed: u64,
 }
 
@@ -74,7 +75,7 @@ impl Default for DiscoverOptions {
     }
 }
 
-/// A pair of effects has to leave less than this share of the error of the best single one.
+/// A pair of effects has to reduce the error below this share of that of the best single effect.
 const PAIR: f64 = 0.93;
 
 /// All effects of the catalogue.
@@ -82,7 +83,8 @@ pub fn catalogue() -> Vec<&'static dyn Effect> {
     aloft_effects::EFFECTS.to_vec()
 }
 
-/// Which effect is missing? Ranks `effects` against the model that already holds `accepted`, adds what is believed, and goes on until nothing is.
+/// Searches for missing effects: ranks `effects` against the model that already holds `accepted`,
+/// adds the best effect that passes, and repeats until none does.
 ///
 /// # Errors
 /// [`DiscoverError::TooFew`] with fewer than two flights, [`DiscoverError::Numeric`] when the rows do not determine the parameters.
@@ -105,7 +107,8 @@ pub fn discover(
     }
     let mut before = f64::NAN;
     let mut after = f64::NAN;
-    // a variant found in flight also acts in contact, so its columns are made anew for every domain
+    // a variant found in flight also acts in contact, so its columns are recomputed for every
+    // domain
     let mut kept: Vec<Variant<'_>> = Vec::new();
     let mut left_out: Vec<NotTried> = Vec::new();
     for domain in domains {
@@ -114,7 +117,7 @@ pub fn discover(
             let extra = extra_columns(session, domain, accepted, &kept, &found);
             let problem = match Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight) {
                 Ok(problem) => problem,
-                // too few contact stretches are no reason to give up on flights
+                // too few contact stretches: keep the result from the flights
                 Err(DiscoverError::TooFew { .. }) if !rounds.is_empty() => break,
                 Err(e) => return Err(e),
             };
@@ -123,7 +126,8 @@ pub fn discover(
             let already: Vec<&str> = kept.iter().map(|v| v.effect.id()).collect();
             let (mut round, scores, rivals) =
                 run_round(session, &problem, &extra, effects, &already, model, has_flights, options);
-            // a law that gives no numbers has no rank: that is said, and never read as "nothing missing"
+            // an effect whose law gives no numbers cannot be ranked; report it, so that the result
+            // is not taken for "nothing missing"
             let unranked = |e: &dyn Effect| {
                 let listed = scores.iter().any(|s| s.effect.id() == e.id()) || already.contains(&e.id());
                 wanted(e, options)
@@ -150,7 +154,7 @@ pub fn discover(
             if let (Some(first), Some(_)) = (first_gain, chosen)
                 && gain < 0.01 * first
             {
-                // what is left of a great effect that was not modelled to the last per cent
+                // probably the remainder of a large effect that the model does not describe exactly
                 round.words = format!(
                     "what remains is below a tenth of the effect found before and may be left over from it; {}",
                     round.words
@@ -209,7 +213,7 @@ pub fn discover(
                 found.push(as_found(session, &rival.scored));
                 kept.push(rival.scored.variant.clone());
             }
-            // without a name there is nothing to build on
+            // no single effect is named, so further rounds have no definite model to extend
             if !sure && rounds.len() >= options.rounds {
                 break;
             }
@@ -251,7 +255,8 @@ pub fn discover(
     }
     candidates.sort_by(|a, b| a.held_out_ratio.total_cmp(&b.held_out_ratio));
     let weight = session.unit[0];
-    // errors as the comparison takes them, where one was made: the rows' own share of change, the comparison's newtons
+    // scale to the errors of the comparison, if one was made: relative change from the rows,
+    // newtons from the comparison
     let standing = session.standing[usize::from(!has_flights)];
     let scale = standing.map_or(weight, |s| s.held_out_error / before.sqrt());
     let first_of = |place: Domain| {
@@ -283,7 +288,8 @@ pub fn discover(
         warnings: session.warnings.clone(),
         not_tried: left_out,
     };
-    // the worst place against its floor: an error that no effect explains there is no "nothing missing"
+    // the domain farthest above its noise floor: if an unexplained error remains there, the verdict
+    // cannot be "nothing missing"
     let far = [words::domain(Domain::Flight), words::domain(Domain::Contact)]
         .into_iter()
         .zip(&session.standing)
@@ -327,10 +333,11 @@ fn run_round<'a>(
     null.sort_by(f64::total_cmp);
     let quantile = |share: f64| null.get((share * null.len() as f64) as usize).copied().unwrap_or(f64::NAN);
     let null_quantiles = [quantile(0.01), quantile(0.05), quantile(0.5)];
-    // with few clusters the signs have few patterns, and the original one is among them
+    // with few clusters there are few sign patterns, the original one among them
     let few = problem.clusters.len() < 5;
     let largest = limit_by_number(problem.clusters.len(), options);
-    // a null of few patterns, in which nonlinear parameters keep their starts, is too kind at 5 %
+    // with few sign patterns, and nonlinear parameters kept at their starts, the 5 % quantile is
+    // too lenient
     let clusters = problem.clusters.iter().filter(|c| !c.judged.is_empty()).count();
     let by_chance = null_quantiles[usize::from(clusters >= MANY_CLUSTERS)];
     let threshold = if few {
