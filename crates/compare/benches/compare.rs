@@ -1,4 +1,4 @@
-//! Model against measurement: one held-out trial of 900 frames of a three-link tree.
+//! Comparison of models with one held-out trial of 900 frames of a three-link tree.
 //!
 //! `cargo bench -p aloft-compare`
 #![allow(missing_docs, reason = "criterion makes the functions")]

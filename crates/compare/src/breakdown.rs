@@ -1,7 +1,8 @@
 //! The error in groups: by phase, flight, time in flight, speed, acceleration, turning, posture.
 //!
-//! Groups follow from the motion alone, never from a model, so that all models, and the noise floor, are taken over the same frames and
-//! windows. A window belongs to the groups of its middle frame.
+//! Groups follow from the motion alone, not from a model, so that all models and the noise floor
+//! are evaluated on the same frames and windows. A window belongs to the groups of its middle
+//! frame.
 
 use crate::errors::{Sums, WindowErrors, WrenchErrors, WrenchSums};
 use crate::frames::{FrameRecord, TrialFrames};
@@ -11,7 +12,7 @@ use crate::{NoiseFloor, Phase};
 use aloft_signal::quantile_of_sorted;
 use serde::{Deserialize, Serialize};
 
-/// By what frames are grouped.
+/// Criterion by which frames are grouped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GroupedBy {
@@ -34,7 +35,7 @@ pub enum GroupedBy {
 }
 
 impl GroupedBy {
-    /// The word for tables and for `--by`.
+    /// Name used in tables and for `--by`.
     pub fn word(self) -> &'static str {
         match self {
             Self::Trial => "trial",
@@ -49,7 +50,7 @@ impl GroupedBy {
     }
 }
 
-/// One group of frames, and of the weak windows about them.
+/// One group of frames and of the weak windows centred on them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Group {
     /// By what.
@@ -66,7 +67,7 @@ pub struct Group {
     pub windows: WindowErrors,
 }
 
-/// What a perfect model would leave in one group.
+/// Error that a perfect model would leave in one group.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GroupFloor {
     /// By what.
@@ -84,7 +85,8 @@ impl Group {
     pub fn floor<'a>(&self, floor: Option<&'a NoiseFloor>) -> Option<&'a GroupFloor> {
         floor?.groups.iter().find(|f| f.by == self.by && f.name == self.name)
     }
-    /// Share of the mean square error that noise does not explain, on frames and over windows; none where the noise is not known.
+    /// Share of the mean square error not explained by noise, on frames and over windows; none
+    /// where the noise is unknown.
     pub fn explainable(&self, floor: Option<&NoiseFloor>) -> (Option<f64>, Option<f64>) {
         let Some(f) = self.floor(floor) else { return (None, None) };
         let share = |n: usize, noise: usize, size: f64, by: f64| {
@@ -97,16 +99,16 @@ impl Group {
     }
 }
 
-/// Which frames of each trial a total is made of.
+/// Selects the frames of each trial that enter a total.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Counting {
-    /// Take trials that are not held out, too, because none is.
+    /// Include trials that are not held out, because none is.
     all_contact: bool,
     all_flight: bool,
 }
 
 impl Counting {
-    /// Held-out frames where there are any, else all.
+    /// Selects held-out frames if there are any, else all.
     pub fn new(inputs: &[TrialFacts], frames: &[TrialFrames]) -> Self {
         let any = |contact: bool| {
             inputs.iter().zip(frames).any(|(input, t)| {
@@ -130,7 +132,7 @@ impl Counting {
 const FIFTHS: usize = 5;
 const QUARTERS: usize = 4;
 
-/// The groups, and those of every frame.
+/// The groups, and the groups of every frame.
 #[derive(Debug, Clone)]
 pub(crate) struct Grouping {
     heads: Vec<Head>,
@@ -196,7 +198,7 @@ impl Grouping {
             .collect();
         let mut out =
             Self { heads: Vec::new(), of_frame: inputs.iter().map(|t| vec![Vec::new(); t.n_frames]).collect() };
-        // counted frames stand trial after trial: those of one trial
+        // counted frames are ordered by trial; this selects those of one trial
         let of_trial = |i: usize| {
             let start = counted.partition_point(|(trial, _)| *trial < i);
             &counted[start..start + counted[start..].partition_point(|(trial, _)| *trial == i)]
@@ -232,7 +234,7 @@ impl Grouping {
                 r.place.flight.is_some() && r.place.fraction >= from && (r.place.fraction < to || fifth + 1 == FIFTHS)
             });
         }
-        // ranges over contact where there is any; a flight is free of half of these questions
+        // ranges over contact if there is any; half of these criteria mean nothing in flight
         let contact = counted.iter().any(|(_, r)| r.place.phase.is_contact());
         let of_interest = |r: &FrameRecord| r.place.phase.is_contact() == contact;
         type Feature = fn(&FrameRecord) -> f64;
@@ -247,7 +249,7 @@ impl Grouping {
                 counted.iter().filter(|(_, r)| of_interest(r)).map(|(_, r)| feature(r)).collect();
             values.sort_by(f64::total_cmp);
             let Some(last) = values.last().copied() else { continue };
-            // as many decimals as tell the quarters apart
+            // as many decimals as distinguish the quartiles
             let bound = |q: usize| quantile_of_sorted(&values, q, QUARTERS).unwrap_or(f64::NAN);
             let quarters = (1..=QUARTERS).map(|q| bound(q) - bound(q - 1));
             let finest = quarters.filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);

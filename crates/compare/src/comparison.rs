@@ -1,4 +1,4 @@
-//! The whole comparison.
+//! Comparison of models with measurements over all trials.
 
 use crate::breakdown::{Counting, Grouping};
 use crate::errors::{Sums, WrenchSums};
@@ -16,7 +16,7 @@ use aloft_signal::LowPass;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// One model against the measurement of all trials.
+/// One model compared with the measurements of all trials.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ModelComparison {
     /// Name of the model.
@@ -77,7 +77,7 @@ pub struct TrialComparison {
     pub flight_weak: WindowErrors,
 }
 
-/// Everything: the first model in front, the others beside it.
+/// The whole comparison: the first model in full, then the others.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
     /// The first model.
@@ -100,12 +100,12 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// All models, the first in front.
+    /// All models, the first one first.
     pub fn models(&self) -> impl Iterator<Item = &ModelComparison> {
         std::iter::once(&self.first).chain(&self.beside)
     }
-    /// Share of the first model's mean square error that noise does not explain, `(frames, weak windows)`, in contact where
-    /// there is held-out contact, else in flight.
+    /// Share of the first model's mean square error not explained by noise, `(frames, weak
+    /// windows)`, in contact if there is held-out contact, else in flight.
     pub fn explainable(&self) -> Option<(f64, f64)> {
         let floor = self.noise_floor.as_ref()?;
         let m = &self.first;
@@ -118,7 +118,7 @@ impl Comparison {
     }
 }
 
-/// The held-out error over weak windows of one kind of motion beside the floor.
+/// The held-out error over weak windows of one kind of motion, with the noise floor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AgainstFloor {
     /// `flight` or `contact`.
@@ -152,7 +152,7 @@ impl AgainstFloor {
     }
 }
 
-/// The error along one axis, beside what noise makes there.
+/// The error along one axis, with the part caused by noise.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AxisRow {
     /// `body` (root axes) or `world`.
@@ -196,7 +196,7 @@ fn axis_rows(errors: &WrenchErrors, floor: Option<&WrenchErrors>) -> Vec<AxisRow
     out
 }
 
-/// How the motion was filtered, so that noise can be sent the same way.
+/// How the motion was filtered, so that drawn noise can be filtered the same way.
 #[derive(Clone, Copy)]
 pub struct Filtering<'a> {
     /// The filter of motion and plates.
@@ -205,25 +205,27 @@ pub struct Filtering<'a> {
     pub smooth: Smooth<'a>,
 }
 
-/// How the noise floor comes about.
+/// Source of the noise floor.
 #[derive(Clone, Copy)]
 pub enum Noise<'a> {
-    /// It stays unknown.
+    /// No noise floor.
     Unknown,
-    /// Drawn, and sent the way of the data through the parameters of a model (the first one where none is given).
+    /// Estimated by drawing noise and processing it like the data, with the parameters of a model
+    /// (the first one if none is given).
     Drawn {
         /// How the motion was filtered.
         filtering: Filtering<'a>,
         /// The model.
         of: Option<&'a Candidate>,
     },
-    /// As an earlier comparison of the same motion with the same options found it.
+    /// Taken from an earlier comparison of the same motion with the same options.
     Known(&'a NoiseFloor),
 }
 
-/// Compares models of one body with what was measured in several trials. Trials run in parallel; the result does not depend on how.
+/// Compares models of one body with the measurements of several trials. Trials run in parallel; the
+/// result does not depend on scheduling.
 ///
-/// The second part are the series of each trial, for plots.
+/// The second element of the result holds the series of each trial, for plots.
 ///
 /// # Errors
 /// No model; lengths that do not fit; motions without derivatives.
@@ -237,7 +239,7 @@ pub fn compare(
     compare_each(body, candidates, trials.len(), |i| Ok(&trials[i]), |_, t| **t, noise, options)
 }
 
-/// All that one trial gives.
+/// Results of one trial.
 struct Compared {
     facts: TrialFacts,
     frames: TrialFrames,
@@ -245,8 +247,8 @@ struct Compared {
     floor: TrialFloor,
 }
 
-/// The same for trials that are read when their turn comes and dropped afterwards: no more of them are held than there are threads.
-/// `read` gives a trial by its index, `input` views it.
+/// The same for trials that are read on demand and dropped afterwards: no more of them are in
+/// memory than there are threads. `read` gives a trial by its index, `input` borrows it as input.
 ///
 /// # Errors
 /// As [`compare`], and those of `read`.
@@ -415,7 +417,7 @@ fn model_comparison(
     }
 }
 
-/// Number of models that the sums of segments are about.
+/// Number of models for which segment sums are formed.
 fn segments_of(frames: &[TrialFrames]) -> usize {
     frames.first().map_or(0, |f| f.series.predicted.len())
 }

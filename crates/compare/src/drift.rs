@@ -1,11 +1,13 @@
-//! How force plates drift, from what they read unloaded in one flight after the other.
+//! Drift of force plates, estimated from their unloaded readings in successive flights.
 //!
-//! Amplifiers wander by some tenths of a newton in seconds. In a flight nothing touches a plate, so that its reading there is known; between
-//! and without flights it is not, and the wander is an error of the measurement that no model can explain. Over the seconds of a recording
-//! each plate is taken to drift steadily, force and moment about its centre at a rate of its own: the difference of the readings in two
-//! flights of a recording that are τ apart has variance `s² τ² + 2 n`, n the variance of one reading (white noise of the plates over
-//! the length of a flight). s² is estimated over the recordings of a subject other than the one that is judged, all plates together
-//! and both horizontal axes together, since a few recordings show only a few differences.
+//! Amplifiers drift by some tenths of a newton within seconds. In a flight nothing touches a plate,
+//! so that its true load is zero; between flights and without flights the drift is unknown, and it
+//! is an error of the measurement that no model can explain. Over the seconds of a recording each
+//! plate is assumed to drift linearly, with its own rate for force and moment about its centre: the
+//! difference of the readings in two flights of a recording that are τ apart has variance `s² τ² +
+//! 2 n`, n the variance of one reading (white noise of the plates over the length of a flight). s²
+//! is estimated over the recordings of a subject except the one being judged, with all plates and
+//! both horizontal axes pooled, since a few recordings give only a few differences.
 
 use nalgebra::{Vector3, Vector6};
 use rand_chacha::ChaCha8Rng;
@@ -14,25 +16,26 @@ use rand_distr::{Distribution, StandardNormal};
 /// Variance of a median over that of a mean, for normal noise.
 const MEDIAN: f64 = std::f64::consts::FRAC_PI_2;
 
-/// What the plates read unloaded in the flights of one recording.
+/// Unloaded readings of the plates in the flights of one recording.
 #[derive(Debug, Clone, Default)]
 pub struct TareReadings {
     /// Middle of each flight, s.
     pub times_s: Vec<f64>,
-    /// Of each plate: its centre (world, m), and in each flight its force (N) and moment about the world origin (N·m), world axes.
+    /// For each plate: its centre (world, m), and in each flight its force (N) and moment about the
+    /// world origin (N·m), world axes.
     pub plates: Vec<(Vector3<f64>, Vec<Vector6<f64>>)>,
-    /// Mean time over which a reading was taken, s.
+    /// Mean averaging time of a reading, s.
     pub length_s: f64,
 }
 
-/// Steady drift of the plates, and when a recording shows them unloaded.
+/// Linear drift of the plates, and the times at which a recording shows them unloaded.
 #[derive(Debug, Clone)]
 pub struct PlateDrift {
     /// Variance of the rate: force ((N/s)²) and moment about the plate's centre ((N·m/s)²), world axes.
     rate: Vector6<f64>,
     /// Centres of the plates, m.
     centers: Vec<Vector3<f64>>,
-    /// Times at which this recording's plates were seen unloaded, s: the drift is known there.
+    /// Times at which the plates of this recording were unloaded, s: the drift is known there.
     times_s: Vec<f64>,
 }
 
@@ -43,7 +46,8 @@ fn about(wrench: &Vector6<f64>, point: &Vector3<f64>) -> Vector6<f64> {
     Vector6::new(force.x, force.y, force.z, m.x, m.y, m.z)
 }
 
-/// White density of one plate about its centre, from that of the sum of `centers.len()` like plates about the world origin.
+/// White density of one plate about its centre, from that of the sum of `centers.len()` identical
+/// plates about the world origin.
 fn density_of_one(total: &Vector6<f64>, centers: &[Vector3<f64>]) -> Vector6<f64> {
     let n = centers.len().max(1) as f64;
     let force: Vector3<f64> = total.fixed_rows::<3>(0) / n;
@@ -57,13 +61,16 @@ fn density_of_one(total: &Vector6<f64>, centers: &[Vector3<f64>]) -> Vector6<f64
 }
 
 impl PlateDrift {
-    /// From the readings of other recordings. `noise_density` is the one-sided white density of the total wrench about the world origin, `times_s`
-    /// when the plates of the recording in question were unloaded. `None` where no other recording has two flights.
+    /// Estimates the drift from the readings of other recordings. `noise_density` is the one-sided
+    /// white density of the total wrench about the world origin, `times_s` the times at which the
+    /// plates of the recording in question were unloaded. `None` if no other recording has two
+    /// flights.
     pub fn of(others: &[&TareReadings], noise_density: &Vector6<f64>, times_s: Vec<f64>) -> Option<Self> {
         let (mut sum, mut squares) = (Vector6::zeros(), 0.0);
         for readings in others {
             let centers: Vec<Vector3<f64>> = readings.plates.iter().map(|p| p.0).collect();
-            // the density over twice the length is the variance of a mean; two readings are compared
+            // the variance of a mean is the density over twice the length; the difference of two
+            // readings has twice that
             let noise = density_of_one(noise_density, &centers) * (MEDIAN / readings.length_s.max(1e-3));
             for (center, wrench) in &readings.plates {
                 for j in 1..readings.times_s.len().min(wrench.len()) {
@@ -92,8 +99,8 @@ impl PlateDrift {
         self.rate
     }
 
-    /// The sum of the plates' drifts about the world origin at `n` frames, less what taring takes off: straight lines between the times at
-    /// which the recording shows the plates unloaded, constants beyond.
+    /// Sum of the plates' drifts about the world origin at `n` frames, after taring: linear between
+    /// the times at which the recording shows the plates unloaded, constant beyond.
     pub(crate) fn draw(&self, n: usize, rate_hz: f64, rng: &mut ChaCha8Rng) -> Vec<Vector6<f64>> {
         let mut rate = Vector6::zeros();
         for center in &self.centers {
@@ -174,7 +181,7 @@ mod tests {
             assert!((0.8..1.25).contains(&ratio), "axis {axis}: {ratio}");
         }
         let walk = found.draw(500, rate_hz, &mut rng);
-        // a straight line is known between two readings, and not beyond
+        // a linear drift is known between two readings, not beyond them
         assert!(
             walk[100].norm() < 1e-12 && walk[250].norm() < 1e-12 && walk[20].norm() > 1e-3 && walk[480].norm() > 1e-3
         );

@@ -1,6 +1,6 @@
-//! What can be wrong with the input of a comparison.
+//! Errors of this crate.
 
-/// Errors of this crate.
+/// Errors in the input of a comparison.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CompareError {

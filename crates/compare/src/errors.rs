@@ -1,11 +1,12 @@
-//! Error figures: sums over samples and what is reported of them.
+//! Error statistics: running sums over samples and the figures reported from them.
 //!
-//! Everywhere the error is *predicted − measured*. A figure over no samples is NaN, which is `null` in JSON.
+//! The error is always *predicted − measured*. A figure over no samples is NaN, which is `null` in
+//! JSON.
 
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
-/// Errors of a vector quantity, axis by axis (x, y, z), in the unit that the field's name says.
+/// Errors of a vector quantity, axis by axis (x, y, z), in the unit given by the field's name.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct AxisErrors {
     /// Mean of the absolute error.
@@ -49,7 +50,8 @@ pub struct WrenchErrors {
 }
 
 impl WrenchErrors {
-    /// One number for ranking: root mean square of the force error, and of the moment error over a lever of 0.1 m, N.
+    /// Scalar error for ranking: root mean square of the force error, and of the moment error over
+    /// a lever of 0.1 m, N.
     pub fn size(&self) -> f64 {
         size(&self.force_n, &self.moment_nm)
     }
@@ -73,14 +75,14 @@ impl WindowErrors {
     }
 }
 
-/// Lever that turns moments into forces where both are added, m.
+/// Lever that converts moments into forces where both are added, m.
 pub(crate) const MOMENT_LEVER_M: f64 = 0.1;
 
 fn size(force_n: &AxisErrors, moment_nm: &AxisErrors) -> f64 {
     force_n.norm_rms().hypot(moment_nm.norm_rms() / MOMENT_LEVER_M)
 }
 
-/// What is left of the wrench in the air, where it should be zero.
+/// Residual wrench in flight, where it should be zero.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct AxisResidual {
     /// Root mean square, axis by axis.
@@ -189,7 +191,7 @@ impl WrenchSums {
     }
 }
 
-/// Both halves of a wrench turned.
+/// Rotates force and moment of a wrench.
 pub(crate) fn rotated(w: &Vector6<f64>, rotation: &UnitQuaternion<f64>) -> Vector6<f64> {
     let (f, m) = halves(w);
     joined(&(rotation * f), &(rotation * m))
@@ -203,7 +205,7 @@ pub(crate) fn joined(f: &Vector3<f64>, m: &Vector3<f64>) -> Vector6<f64> {
     Vector6::new(f.x, f.y, f.z, m.x, m.y, m.z)
 }
 
-/// NaN is `null` in text formats and comes back as NaN.
+/// NaN is `null` in text formats and is read back as NaN.
 pub(crate) mod nullable {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 

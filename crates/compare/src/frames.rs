@@ -1,4 +1,4 @@
-//! Predicted against measured wrench, frame by frame, in root axes about the root origin.
+//! Predicted and measured wrench, frame by frame, in root axes about the root origin.
 
 use crate::errors::{WrenchSums, halves, joined, rotated};
 use crate::offset::{OffsetSamples, mass_ratio, sought};
@@ -17,23 +17,24 @@ pub struct TrialSeries {
     pub trial: String,
     /// Time since the first frame, s.
     pub time_s: Vec<f64>,
-    /// What the frame counts as; none where it does not count.
+    /// Phase of the frame; none if the frame is not used.
     pub phase: Vec<Option<Phase>>,
     /// True inside a flight, margins included.
     pub in_flight: Vec<bool>,
-    /// Measured by the plates, zero in flight, NaN where nothing complete was measured. As measured: the offset of an untared
-    /// recording ([`RecordingOffset`], another one for each model) is still in it.
+    /// Measured by the plates, zero in flight, NaN where the measurement is incomplete. The offset
+    /// of an untared recording ([`RecordingOffset`], a different one for each model) is not
+    /// subtracted.
     pub measured: Vec<Vector6<f64>>,
     /// Predicted, `predicted[model][frame]`, NaN where the frame has no motion.
     pub predicted: Vec<Vec<Vector6<f64>>>,
 }
 
-/// What else is known of a frame.
+/// Kinematic features of a frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Features {
-    /// Of the centre of mass, m/s.
+    /// Speed of the centre of mass, m/s.
     pub speed: f64,
-    /// Of the centre of mass, m/s².
+    /// Acceleration of the centre of mass, m/s².
     pub acceleration: f64,
     /// Angular speed of the root, rad/s.
     pub turning: f64,
@@ -41,13 +42,13 @@ pub(crate) struct Features {
     pub posture: f64,
 }
 
-/// A frame that counts.
+/// A frame that is used.
 pub(crate) struct FrameRecord {
     pub frame: usize,
     pub place: Place,
     pub world_from_root: Isometry3<f64>,
     pub features: Features,
-    /// Predicted − measured of each model, the recording's offset taken off.
+    /// Predicted − measured of each model, the recording's offset subtracted.
     pub residual: Vec<Vector6<f64>>,
 }
 
@@ -57,13 +58,13 @@ pub(crate) struct TrialFrames {
     pub series: TrialSeries,
     pub contact_segments: SegmentSums,
     pub flight_segments: SegmentSums,
-    /// The recording's offset by each model.
+    /// Offset of the recording for each model.
     pub offsets: Vec<Option<RecordingOffset>>,
-    /// Errors in contact with the offset still in them, of each model.
+    /// Errors in contact of each model, without subtracting the offset.
     pub contact_as_measured: Vec<WrenchSums>,
 }
 
-/// The world wrench about the world origin, seen from the root.
+/// Wrench in world axes about the world origin, transformed to root axes about the root origin.
 pub(crate) fn into_root(world: &Vector6<f64>, world_from_root: &Isometry3<f64>) -> Vector6<f64> {
     let (force, moment) = halves(world);
     let moment = moment - world_from_root.translation.vector.cross(&force);
@@ -76,7 +77,8 @@ pub(crate) fn solved(input: &TrialInput<'_>, frame: usize) -> bool {
     m.is_valid(frame) && m.v(frame).iter().chain(m.a(frame)).all(|x| x.is_finite())
 }
 
-/// Measured wrench of a frame, if everything that acted was measured. `series` picks the filtered or the unfiltered one.
+/// Measured wrench of a frame, if everything that acted was measured. `series` selects the filtered
+/// or the unfiltered one.
 pub(crate) fn complete<'a>(
     input: &TrialInput<'_>,
     series: Option<&'a [Vector6<f64>]>,
@@ -132,7 +134,7 @@ pub(crate) fn trial_frames(
         if let Some(effects) = input.effects {
             for (c, theta) in coefficients.iter().enumerate().filter(|(_, t)| t.iter().any(|x| *x != 0.0)) {
                 let world: Vector6<f64> = (&effects.wrench[f] * theta).fixed_rows::<6>(0).into();
-                // where no columns were made, the effect is not known and the frame does not count for it
+                // without columns the effect is unknown and the frame is skipped
                 if world.iter().all(|x| x.is_finite()) {
                     series.predicted[c][f] -= into_root(&world, &world_from_root);
                 }
@@ -178,7 +180,7 @@ pub(crate) fn trial_frames(
     TrialFrames { records: out_records, series, contact_segments, flight_segments, offsets, contact_as_measured }
 }
 
-/// Of the whole body, m/s², world.
+/// Acceleration of the whole body's centre of mass, m/s², world axes.
 fn center_of_mass_acceleration(state: &State, prior: &[Phi]) -> Vector3<f64> {
     let mass: f64 = prior.iter().map(|p| p[0]).sum();
     // a(p) = a(o) + (matrix) p, so the first moments give the sum over a link's mass
@@ -203,7 +205,7 @@ fn radius_of_gyration(state: &State, prior: &[Phi]) -> f64 {
     (prior.iter().enumerate().map(of_link).sum::<f64>() / mass).max(0.0).sqrt()
 }
 
-/// The measured wrench less the offset: what is predicted beyond it grows by as much.
+/// Subtracts the offset from the measured wrench, which adds it to the residuals.
 fn take_off(records: &mut [FrameRecord], offsets: &[Option<RecordingOffset>]) {
     for r in records.iter_mut().filter(|r| r.place.phase.is_contact()) {
         for (e, offset) in r.residual.iter_mut().zip(offsets) {
@@ -214,7 +216,7 @@ fn take_off(records: &mut [FrameRecord], offsets: &[Option<RecordingOffset>]) {
     }
 }
 
-/// Which link could carry the error, `[contact, flight]`.
+/// Projects the error on each link's columns, `[contact, flight]`.
 fn segments(body: &Body<'_>, models: usize, input: &TrialInput<'_>, records: &[FrameRecord]) -> [SegmentSums; 2] {
     let (model, motion) = (body.model, input.motion);
     let mut contact = SegmentSums::new(model.n_links(), models);

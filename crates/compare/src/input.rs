@@ -1,4 +1,4 @@
-//! What a comparison is made of: a body, models of it, and trials.
+//! Input of a comparison: a body, models of it, and trials.
 
 use crate::{CompareError, Measured, PlateDrift, PoseErrors};
 use aloft_body::{BaseParameters, Model, Motion, Phi};
@@ -14,7 +14,8 @@ pub struct Body<'a> {
     pub model: &'a Model,
     /// Its base parameters.
     pub base: &'a BaseParameters,
-    /// Link parameters that give the path about which weak windows take moments; errors are exact whatever they are.
+    /// Link parameters that give the path about which weak windows take moments; the errors are
+    /// exact for any values.
     pub prior: &'a [Phi],
 }
 
@@ -38,17 +39,19 @@ impl Candidate {
     pub fn base(name: impl Into<String>, parameters: DVector<f64>) -> Self {
         Self { name: name.into(), base: vec![parameters], effects: Vec::new() }
     }
-    /// From base parameters for each trial, in the order of the trials: what was identified without it.
+    /// From base parameters for each trial, in the order of the trials: those identified without
+    /// that trial.
     pub fn per_trial(name: impl Into<String>, parameters: Vec<DVector<f64>>) -> Self {
         Self { name: name.into(), base: parameters, effects: Vec::new() }
     }
-    /// Adds effects: their columns come with each trial and are found by name; a trial without such a column has no such effect.
+    /// Adds effects. Their columns come with each trial and are found by name; in a trial without
+    /// such a column the effect is absent.
     #[must_use]
     pub fn with_effects(mut self, effects: impl IntoIterator<Item = (String, f64)>) -> Self {
         self.effects = vec![effects.into_iter().collect()];
         self
     }
-    /// As [`Candidate::with_effects`], other coefficients for each trial.
+    /// As [`Candidate::with_effects`], with separate coefficients for each trial.
     #[must_use]
     pub fn with_effects_per_trial(mut self, effects: Vec<Vec<(String, f64)>>) -> Self {
         self.effects = effects;
@@ -83,32 +86,36 @@ impl Candidate {
 pub struct TrialInput<'a> {
     /// Filtered motion with velocities and accelerations.
     pub motion: &'a Motion,
-    /// The same motion before filtering, for weak windows and the noise floor; without it both are left out.
+    /// The same motion before filtering, for weak windows and the noise floor; without it neither
+    /// is computed.
     pub unfiltered: Option<&'a Motion>,
-    /// Measured wrench at the motion's frames, tared where it can be; without plates the trial speaks in flight only.
+    /// Measured wrench at the motion's frames, tared if possible; without plates only the flights
+    /// of the trial are used.
     pub measured: Option<&'a Measured>,
     /// Flights, `first..end` (end not included).
     pub flights: &'a [Range<usize>],
-    /// Frames in which everything that the body touches is measured; without it, all.
+    /// Frames in which everything that the body touches is measured; all if absent.
     pub complete: Option<&'a [bool]>,
-    /// Errors of this trial's markers, from which the noise floor is drawn. Without them the floor takes white noise of the coordinates,
-    /// read off the motion itself, and knows nothing of soft tissue.
+    /// Errors of this trial's markers, from which the noise floor is drawn. Without them the floor
+    /// uses white noise of the coordinates, estimated from the motion itself, and contains no soft
+    /// tissue.
     pub errors: Option<&'a dyn PoseErrors>,
-    /// How the plates drift, for the noise floor; without it they do not.
+    /// Drift of the plates, for the noise floor; none if absent.
     pub drift: Option<&'a PlateDrift>,
     /// Columns of effects at the motion's frames.
     pub effects: Option<&'a EffectColumns>,
     /// True when no contact frame of this trial was used to identify any of the models.
     pub held_out_contact: bool,
-    /// True when no flight of this trial was used.
+    /// True when no flight of this trial was used to identify any of the models.
     pub held_out_flight: bool,
-    /// True when a plate was loaded all the time, so that nothing tells what it reads unloaded. A constant wrench of the recording is
-    /// then taken off for each model ([`RecordingOffset`](crate::RecordingOffset)). Without effect in a trial that has flights.
+    /// True when a plate was loaded all the time, so that its unloaded reading is unknown. A
+    /// constant wrench is then subtracted from the recording for each model
+    /// ([`RecordingOffset`](crate::RecordingOffset)). No effect on a trial that has flights.
     pub untared: bool,
 }
 
 impl<'a> TrialInput<'a> {
-    /// A held-out trial without plates; set the fields that it has more.
+    /// A held-out trial without plates; set further fields as needed.
     pub fn new(motion: &'a Motion, flights: &'a [Range<usize>]) -> Self {
         Self {
             motion,
@@ -162,7 +169,7 @@ impl<'a> TrialInput<'a> {
     }
 }
 
-/// How errors are taken.
+/// Options of a comparison.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CompareOptions {
@@ -206,7 +213,7 @@ impl Default for CompareOptions {
     }
 }
 
-/// What is kept of a trial when its frames have been compared.
+/// Data kept of a trial after its frames have been compared.
 #[derive(Debug, Clone)]
 pub(crate) struct TrialFacts {
     pub name: String,
@@ -214,7 +221,7 @@ pub(crate) struct TrialFacts {
     pub flights: usize,
     pub held_out_contact: bool,
     pub held_out_flight: bool,
-    /// True where an offset of the recording is sought.
+    /// True if an offset of the recording is to be estimated.
     pub sought: bool,
 }
 

@@ -1,15 +1,19 @@
-//! Model against measurement: residuals by trial, phase, axis, segment.
+//! Compares models with measurements: residuals by trial, phase, axis, segment.
 //!
-//! Last of the science: takes identified parameters and held-out trials, and says how far the predicted wrench is from the measured
-//! one. The wrench is the one on the root, in root axes about the root origin; the error is *predicted − measured*. In contact the
-//! plates measure, filtered with the filter of the motion; in flight nothing acts, and what is predicted there is the error.
+//! Takes identified parameters and held-out trials, and computes how far the predicted wrench is
+//! from the measured one. The wrench is the one on the root, in root axes about the root origin;
+//! the error is *predicted − measured*. In contact the plates give the measured wrench, filtered
+//! with the filter of the motion; in flight the true wrench is zero, so the predicted wrench is the
+//! error.
 //!
-//! Three figures stand beside each other, because each alone misleads:
-//! single frames (what inverse dynamics would show, limited by the noise of second derivatives), weak windows (the model's own error),
-//! and the noise floor (what a perfect model would leave in either). Several models (identified, prior, …) are compared on the same motion.
+//! Three figures are reported together, because each alone is misleading: single frames (the error
+//! of inverse dynamics, limited by the noise of second derivatives), weak windows (the error of the
+//! model itself), and the noise floor (the error that a perfect model would leave in either).
+//! Several models (identified, prior, …) are compared on the same motion.
 //!
-//! Plates that were never unloaded in a recording cannot be tared. Where [`TrialInput::untared`] says so, a constant wrench of the
-//! recording is taken off for each model ([`RecordingOffset`]) and all figures are without it; `…_as_measured` are with it.
+//! Plates that were never unloaded in a recording cannot be tared. Where [`TrialInput::untared`] is
+//! set, a constant wrench is subtracted from the recording for each model ([`RecordingOffset`]),
+//! and all figures are without it; those named `…_as_measured` include it.
 //!
 //! ```no_run
 //! # fn f(body: aloft_compare::Body<'_>, motion: &aloft_body::Motion, flights: &[std::ops::Range<usize>],

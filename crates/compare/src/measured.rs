@@ -1,4 +1,5 @@
-//! What plates measured, brought to the frames of the motion: filtered like the motion, and unfiltered for weak windows.
+//! Measured wrench of the plates at the frames of the motion: filtered like the motion, and
+//! unfiltered for weak windows.
 
 use crate::CompareError;
 use crate::errors::joined;
@@ -12,19 +13,20 @@ use serde::{Deserialize, Serialize};
 pub struct Measured {
     /// Filtered with the low-pass of the motion.
     pub filtered: Vec<Vector6<f64>>,
-    /// Not filtered, except against folding where the plates are faster than the cameras.
+    /// Not filtered, except against aliasing where the plates are faster than the cameras.
     pub unfiltered: Vec<Vector6<f64>>,
-    /// White noise of the sum, one-sided density in N²/Hz and (N·m)²/Hz, from fourth differences of the plates' own samples: what is
-    /// left of a signal after them lies near half the plates' rate, where a body has nothing to say. A lower bound when
-    /// somebody filtered the plates before.
+    /// White noise of the sum, one-sided density in N²/Hz and (N·m)²/Hz, from fourth differences of
+    /// the plates' own samples. These retain frequencies near half the plates' rate, where body
+    /// motion contributes nothing. A lower bound if the plates were already filtered.
     pub noise_density: Vector6<f64>,
 }
 
-/// Samples closer than this to the marker rate need no filter against folding.
+/// Plates whose rate is within this factor of the marker rate need no anti-aliasing filter.
 const FASTER: f64 = 1.2;
 
-/// Brings plates to `n_frames` frames at `rate_hz` (frame k and analog sample 0 of the recording share the time of frame 0).
-/// Plates must be tared. With no plates everything is zero: nothing was touched that measures.
+/// Brings plates to `n_frames` frames at `rate_hz` (frame k and analog sample 0 of the recording
+/// share the time of frame 0). Plates must be tared. Without plates everything is zero: no
+/// instrumented surface was touched.
 ///
 /// # Errors
 /// A filter that does not fit a plate's rate.

@@ -1,23 +1,30 @@
-//! The floor: the held-out error over weak windows that a perfect model would leave on these recordings. Everything in the program that
-//! speaks of a noise floor shows this number.
+//! The noise floor: the held-out error over weak windows that a perfect model would leave on these
+//! recordings. Every noise floor shown by the program is this number.
 //!
-//! A perfect model has the body's true parameters, its true geometry and every force that acts; what it leaves is the error of the
-//! measurement. Errors of the markers ([`PoseErrors`]: noise of the cameras and soft tissue, as far as markers of a link move against each other)
-//! are drawn, added to the motion through inverse kinematics, and go the way of the data: the same windows, for frames the same filter and
-//! derivatives. Noise and drift of the plates likewise, from [`Measured::noise_density`](crate::Measured::noise_density) and [`PlateDrift`](crate::PlateDrift); where a constant of the
-//! recording is taken off the measurement ([`RecordingOffset`](crate::RecordingOffset)), one is taken off here. The wrench with errors less the
-//! wrench without, through one model's parameters, is one draw; the floor is the geometric mean of its root mean squares, and its interval is where the
-//! error of a single perfect model falls.
+//! A perfect model has the body's true parameters, its true geometry and every force that acts; its
+//! remaining error is the error of the measurement. Marker errors ([`PoseErrors`]: camera noise and
+//! soft tissue, as far as markers of a link move relative to each other) are drawn, added to the
+//! motion through inverse kinematics, and processed like the data: the same windows, for frames the
+//! same filter and derivatives. Noise and drift of the plates likewise, from
+//! [`Measured::noise_density`](crate::Measured::noise_density) and
+//! [`PlateDrift`](crate::PlateDrift); where a constant is subtracted from the recording
+//! ([`RecordingOffset`](crate::RecordingOffset)), one is subtracted here. One draw is the
+//! difference of the wrenches with and without errors, from one model's parameters. The floor is
+//! the geometric mean of the root mean squares of the draws, and its interval is the range of the
+//! error of a single perfect model.
 //!
-//! Markers alone speak here: no residual wrench enters, so that an effect that the model lacks cannot raise the floor and hide under it.
+//! Only marker errors enter, no residual wrench, so that an effect missing from the model cannot
+//! raise the floor and so remain undetected.
 //!
-//! Not in it: movement that the markers of a link make together over the bone, wrong joint centres, errors of the identified
-//! parameters. They count as explainable.
+//! Not included: movement common to the markers of a link relative to the bone, wrong joint
+//! centres, errors of the identified parameters. They count as explainable.
 //!
-//! Without errors of markers, the white noise of the coordinates is read off the motion: the difference of unfiltered and filtered coordinates,
-//! in the tangent of the filtered pose, is differenced four times; what is left lies near half the frame rate, where bodies have
-//! nothing to say, and for white noise has 70 times its variance (Σ binomial(4, k)²). Its covariance over all coordinates, without the
-//! frames that stand out, is that of the noise that is drawn. Where somebody smoothed the recordings before, such a floor is too low.
+//! Without marker errors, the white noise of the coordinates is estimated from the motion: the
+//! difference of unfiltered and filtered coordinates, in the tangent space of the filtered pose, is
+//! differenced four times. The result lies near half the frame rate, where body motion contributes
+//! nothing, and for white noise has 70 times its variance (Σ binomial(4, k)²). Its covariance over
+//! all coordinates, without outlying frames, is used for the drawn noise. If the recordings were
+//! already smoothed, this floor is too low.
 
 use crate::breakdown::{Counting, GroupFloor, GroupSums, Grouping};
 use crate::errors::{MOMENT_LEVER_M, Sums, WindowErrors, WrenchErrors, WrenchSums, halves, joined, rotated};
@@ -39,10 +46,11 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// Where errors of a motion come from.
+/// Source of the errors of a motion.
 pub trait PoseErrors: std::fmt::Debug + Sync {
-    /// The motion with errors drawn once more, in the frames for which `wanted` holds; coordinates alone are filled. The same `seed` and
-    /// `draw` give the same errors of the instruments in every trial of a subject.
+    /// The motion with one more draw of errors, in the frames for which `wanted` holds; only
+    /// coordinates are filled. The same `seed` and `draw` give the same instrument errors in every
+    /// trial of a subject.
     fn draw(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, seed: u64, draw: u64) -> Motion;
 }
 
@@ -65,7 +73,7 @@ pub struct Floor {
 }
 
 impl Floor {
-    /// From the sums of each repetition.
+    /// From the sums of each draw.
     fn of(draws: &[Sums]) -> Option<Self> {
         let mut all = Sums::default();
         draws.iter().for_each(|s| all.merge(s));
@@ -79,7 +87,7 @@ impl Floor {
         let logs: Vec<f64> = each.iter().map(|e| e.size().ln()).collect();
         let mean = noise_floor.ln();
         let variance = logs.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
-        // a new set of recordings against the mean of n of them
+        // prediction interval of a new set of recordings given the mean of n of them
         let reach = (student_975(n - 1.0) * (variance * (1.0 + 1.0 / n)).sqrt()).exp();
         let ci95 = reach.is_finite().then(|| [noise_floor / reach, noise_floor * reach]);
         Some(Self {
@@ -93,7 +101,8 @@ impl Floor {
     }
 }
 
-/// 97.5 % quantile of Student's t (Cornish and Fisher's expansion about the normal one; 0.6 % low at five degrees of freedom).
+/// 97.5 % quantile of Student's t (Cornish and Fisher's expansion about the normal quantile; 0.6 %
+/// low at five degrees of freedom).
 fn student_975(degrees: f64) -> f64 {
     let z = 1.959_964_f64;
     let [z3, z5, z7] = [z.powi(3), z.powi(5), z.powi(7)];
@@ -102,7 +111,7 @@ fn student_975(degrees: f64) -> f64 {
         + (3.0 * z7 + 19.0 * z5 + 17.0 * z3 - 15.0 * z) / (384.0 * degrees.powi(3))
 }
 
-/// Errors that a perfect model would leave: those of markers and plates.
+/// Errors that a perfect model would leave because of markers and plates.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NoiseFloor {
     /// On frames in contact, noise of plates included.
@@ -127,7 +136,7 @@ pub struct NoiseFloor {
 /// Filters a motion as the motion of the comparison was filtered; `None` where that fails.
 pub type Smooth<'a> = &'a (dyn Fn(&Motion) -> Option<Motion> + Sync);
 
-/// What noise made of the frames and windows of one trial.
+/// Effect of the noise on the frames and windows of one trial.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct TrialFloor {
     frames: Vec<FloorFrame>,
@@ -199,11 +208,11 @@ impl NoiseFloor {
     }
 }
 
-/// A coordinate's fourth difference this many standard deviations from zero marks a frame that is not noise.
+/// Fourth differences beyond this many standard deviations mark a frame as an outlier, not noise.
 const STANDS_OUT: f64 = 5.0;
 
-/// Lower triangular root of the covariance of the coordinates' white noise (nv × nv, m and rad), read off a recording before and
-/// after its filter; `None` without enough frames.
+/// Lower triangular root of the covariance of the coordinates' white noise (nv × nv, m and rad),
+/// estimated from a recording before and after its filter; `None` without enough frames.
 pub fn noise_root(model: &Model, filtered: &Motion, unfiltered: &Motion) -> Option<DMatrix<f64>> {
     let n = filtered.n_frames();
     let nv = model.nv;
@@ -237,7 +246,7 @@ pub fn noise_root(model: &Model, filtered: &Motion, unfiltered: &Motion) -> Opti
     covariance.cholesky().map(|c| c.l())
 }
 
-/// Draws noise for one trial and adds what it does to the wrench of the first model.
+/// Draws noise for one trial and accumulates its effect on the wrench of the first model.
 pub(crate) fn trial_floor(
     body: &Body<'_>,
     candidate: &Candidate,
@@ -298,7 +307,8 @@ fn with_noise(body: &Body<'_>, clean: &Motion, root: &DMatrix<f64>, rng: &mut Ch
     Motion { trial: clean.trial.clone(), rate_hz: clean.rate_hz, nq, nv: clean.nv, q, ..Motion::default() }
 }
 
-/// White noise of the plates at the frame rate (what is above half of it was filtered away), and their drift.
+/// White noise of the plates at the frame rate (frequencies above half of it were filtered out),
+/// and their drift.
 fn plate_noise(input: &TrialInput<'_>, clean: &Motion, rng: &mut ChaCha8Rng) -> Option<Vec<Vector6<f64>>> {
     let density = input.measured?.noise_density;
     let sd = density.map(|d| (0.5 * clean.rate_hz * d).sqrt());
@@ -324,7 +334,7 @@ fn low_passed(series: Vec<Vector6<f64>>, rate_hz: f64, filter: Option<LowPass>) 
     flat.chunks_exact(6).map(Vector6::from_column_slice).collect()
 }
 
-/// A frame that counts, without noise.
+/// A frame that is used, without noise.
 struct CalmFrame {
     frame: usize,
     place: Place,
@@ -403,13 +413,14 @@ fn add_frames(
     }
 }
 
-/// Link parameters of the candidate: any that have its base parameters.
+/// Link parameters of the candidate: any set with its base parameters.
 fn links(body: &Body<'_>, candidate: &Candidate, index: usize) -> Vec<Phi> {
     let full = &body.base.to_full * candidate.parameters(index);
     full.as_slice().chunks_exact(10).map(Phi::from_column_slice).collect()
 }
 
-/// Runs for windows, those that are flights marked. Contact that is not held out has no floor: it is shown nowhere.
+/// Runs for windows, with a flag for flights. Contact that is not held out has no floor, because it
+/// is not reported.
 fn runs(input: &TrialInput<'_>, motion: &Motion, options: &CompareOptions) -> Vec<(bool, Range<usize>)> {
     let (contact, flights) = stretches(input, motion, options);
     let contact = contact.into_iter().filter(|_| input.held_out_contact).map(|r| (false, r));
@@ -439,7 +450,8 @@ fn windows(
     Ok(out)
 }
 
-/// Adds one draw; from contact whose offset is sought, the constant wrench that fits the draw best is taken off.
+/// Adds one draw; in contact whose offset is estimated, the constant wrench that fits the draw best
+/// is subtracted.
 fn add_windows(
     out: &mut TrialFloor,
     draw: usize,

@@ -1,19 +1,25 @@
-//! What the plates of a recording read too much, where no unloaded moment tells.
+//! Constant offset of the plates in recordings in which they are never unloaded.
 //!
-//! Plates drift between recordings by about a newton and a fraction of a newton metre. A flight shows it; a trial whose plates were
-//! loaded from the first frame to the last does not, and the constant would pass for an error of the model. For such trials
-//! ([`TrialInput::untared`]) one constant wrench is taken off what was measured, in world axes about the world origin: plates stand
-//! still, so the offsets of all of them add up to one such wrench, wherever the subject goes. Six numbers for each recording, from
-//! that recording's own contact frames, and for each model its own six, so that none is favoured.
+//! Plates drift between recordings by about a newton and a fraction of a newton metre. A flight
+//! reveals the offset; a trial whose plates were loaded from the first frame to the last does not,
+//! and the constant would be mistaken for an error of the model. For such trials
+//! ([`TrialInput::untared`]) one constant wrench is subtracted from the measurement, in world axes
+//! about the world origin: plates do not move, so the offsets of all of them add up to one such
+//! wrench, wherever the subject goes. Each recording has six numbers, estimated from its own
+//! contact frames, and separately for each model, so that none is favoured.
 //!
-//! Over a recording the mean of the wrench about a fixed point is nearly free of the model's details: momentum ends as it began, and
-//! what is left is the weight at the mean place of the centre of mass. So horizontal force and vertical moment of the offset come from
-//! the momentum balance alone; vertical force needs the mass, and horizontal moments the mean place of the centre of mass. The
-//! mass should come from a scale ([`CompareOptions::mass_kg`](crate::CompareOptions::mass_kg)): then each model is brought to
-//! that mass while the offset is sought, and a model with a wrong mass keeps its error. No such help exists for the centre of mass: a
-//! constant error of the horizontal moments is hidden, up to the size of the offset. Errors as measured therefore stay beside.
+//! Over a recording the mean of the wrench about a fixed point hardly depends on the model's
+//! details: momentum ends as it began, and the remaining mean is the weight at the mean position of
+//! the centre of mass. Horizontal force and vertical moment of the offset therefore follow from the
+//! momentum balance alone; vertical force needs the mass, and horizontal moments the mean position
+//! of the centre of mass. The mass should come from a scale
+//! ([`CompareOptions::mass_kg`](crate::CompareOptions::mass_kg)): then each model is scaled to that
+//! mass while the offset is estimated, and a model with a wrong mass keeps its error. For the
+//! centre of mass there is no such reference: a constant error of the horizontal moments is hidden,
+//! up to the size of the offset. The errors as measured are therefore reported as well.
 //!
-//! Means are Huber's, about the mean place of the root (where the moments of noise in the force are small), axis by axis.
+//! Means are Huber's M-estimates, about the mean position of the root (where the moments of noise
+//! in the force are small), axis by axis.
 
 use crate::TrialInput;
 use crate::errors::{halves, joined, nullable};
@@ -21,7 +27,8 @@ use crate::measured::median_scale;
 use nalgebra::{Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
-/// Constant part of what was measured that one model does not find in the motion: taken off the measurement.
+/// Constant part of the measured wrench that one model does not predict; it is subtracted from the
+/// measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RecordingOffset {
     /// Force in world axes, N: measured less true.
@@ -41,18 +48,21 @@ impl RecordingOffset {
     }
 }
 
-/// Shortest contact from which an offset is taken, s: in less, a movement of the body is no different from a constant.
+/// Shortest contact from which an offset is estimated, s: over a shorter time a movement of the
+/// body cannot be distinguished from a constant.
 const SHORTEST_S: f64 = 2.0;
 /// Huber's constant in standard deviations: 99 % efficient for normal noise.
 const HUBER: f64 = 2.0;
 const ITERATIONS: usize = 50;
 
-/// True where an offset is to be sought. A flight unloads all plates: with one, they can be tared, and nothing is taken off.
+/// True if an offset is to be estimated. A flight unloads all plates, so a trial with a flight can
+/// be tared and needs no offset.
 pub(crate) fn sought(input: &TrialInput<'_>) -> bool {
     input.untared && input.measured.is_some() && input.flights.is_empty()
 }
 
-/// By how much the wrench of a model with mass `model_kg` is scaled while its offset is sought; none where it has no mass to scale.
+/// Factor that scales the wrench of a model with mass `model_kg` while its offset is estimated;
+/// none if it has no mass to scale.
 pub(crate) fn mass_ratio(known_kg: Option<f64>, model_kg: f64) -> Option<f64> {
     match known_kg {
         None => Some(1.0),
@@ -60,9 +70,9 @@ pub(crate) fn mass_ratio(known_kg: Option<f64>, model_kg: f64) -> Option<f64> {
     }
 }
 
-/// What each model leaves of the measured wrench, frame by frame.
+/// Measured wrench less the prediction of each model, frame by frame.
 pub(crate) struct OffsetSamples {
-    /// Of the root in the world, m.
+    /// Position of the root in the world, m.
     root: Vec<Vector3<f64>>,
     /// Measured − predicted, `[model][frame]`: world axes, about the root origin.
     excess: Vec<Vec<Vector6<f64>>>,
@@ -78,7 +88,7 @@ impl OffsetSamples {
         self.excess.iter_mut().zip(excess).for_each(|(all, e)| all.push(e));
     }
 
-    /// The offset by each model; none where too few frames have a number.
+    /// Offset for each model; none where too few frames have a value.
     pub fn offsets(&self, rate_hz: f64) -> Vec<Option<RecordingOffset>> {
         self.excess.iter().map(|excess| self.offset(excess, rate_hz)).collect()
     }
@@ -109,7 +119,8 @@ impl OffsetSamples {
     }
 }
 
-/// Huber's estimate of location, scale from the median absolute deviation; values must be finite.
+/// Huber's estimate of location, with the scale from the median absolute deviation; values must be
+/// finite.
 fn huber_mean(mut values: Vec<f64>) -> f64 {
     let Some(median) = aloft_signal::upper_median(&mut values) else { return f64::NAN };
     let mut deviations: Vec<f64> = values.iter().map(|x| (x - median).abs()).collect();
@@ -119,7 +130,7 @@ fn huber_mean(mut values: Vec<f64>) -> f64 {
     }
     let mut mean = median;
     for _ in 0..ITERATIONS {
-        // a step with clipped deviations: what lies within the limit counts as it is
+        // a step with clipped deviations; those within the limit have full weight
         let step = values.iter().map(|x| (x - mean).clamp(-limit, limit)).sum::<f64>() / values.len() as f64;
         mean += step;
         if step.abs() <= 1e-9 * limit {

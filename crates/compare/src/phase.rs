@@ -1,11 +1,11 @@
-//! Which frames count, and as what.
+//! Selects the frames that are used and assigns them a phase.
 
 use crate::CompareOptions;
 use aloft_signal::runs_where;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// What a frame is part of.
+/// Phase of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
@@ -15,19 +15,19 @@ pub enum Phase {
     TakeOff,
     /// In contact shortly after a flight.
     Landing,
-    /// In the air.
+    /// In flight.
     Flight,
 }
 
 impl Phase {
-    /// All, in the order of reports.
+    /// All phases, in the order of reports.
     pub const ALL: [Self; 4] = [Self::Contact, Self::TakeOff, Self::Landing, Self::Flight];
 
-    /// True in the three phases in which plates measure.
+    /// True in the three phases in which the plates give the measurement.
     pub fn is_contact(self) -> bool {
         self != Self::Flight
     }
-    /// The word for reports.
+    /// Name used in reports.
     pub fn word(self) -> &'static str {
         match self {
             Self::Contact => "contact",
@@ -38,18 +38,18 @@ impl Phase {
     }
 }
 
-/// Where a frame of a flight is in it.
+/// Phase of a frame, and its position in the flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Place {
     pub phase: Phase,
-    /// Index of the flight, in flight.
+    /// Index of the flight, for frames in flight.
     pub flight: Option<usize>,
     /// 0 at its first frame, 1 at its last.
     pub fraction: f64,
 }
 
-/// The place of every frame; `None` for frames that do not count: not solved, at the filter's edges, near a change between
-/// flight and contact, or in contact that is not measured.
+/// Place of every frame; `None` for frames that are not used: not solved, within the filter's end
+/// margins, near a transition between flight and contact, or in contact that is not measured.
 pub(crate) fn places(
     n_frames: usize,
     rate_hz: f64,
@@ -93,7 +93,8 @@ pub(crate) fn places(
     places
 }
 
-/// Runs of frames for weak windows: contact that is measured, away from flights; and flights as they are. No filter, so no edges of one.
+/// Runs of frames for weak windows: measured contact away from flights, and whole flights. These
+/// are not filtered and need no end margins.
 pub(crate) fn weak_stretches(
     n_frames: usize,
     rate_hz: f64,

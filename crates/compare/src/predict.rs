@@ -1,4 +1,4 @@
-//! The wrench that parameters predict, eight frames at a time.
+//! Predicts the wrench from parameters, eight frames at a time.
 
 use crate::Body;
 use aloft_body::{FrameBatch, LANES, Lanes, Motion};
@@ -16,7 +16,7 @@ pub(crate) fn wrenches(
     let mut batch = FrameBatch::new(body.model);
     let mut rows: Vec<Lanes> = vec![[0.0; LANES]; 6 * body.base.len()];
     for group in frames.chunks(LANES) {
-        // the last frame fills the lanes that the last batch leaves
+        // the last frame fills the unused lanes of the last batch
         let frame = |lane: usize| group[lane.min(group.len() - 1)];
         batch.forward_acceleration(
             body.model,
@@ -45,7 +45,7 @@ mod tests {
     use super::*;
     use aloft_body::{BaseParameters, Model, ModelSpec, State};
 
-    /// Eight frames at a time against one frame after the other.
+    /// Batches of eight frames give the same result as single frames.
     #[test]
     fn batches_predict_what_single_frames_do() {
         let spec: ModelSpec = serde_yaml::from_str(include_str!("../../../configs/models/human34.yaml")).unwrap();

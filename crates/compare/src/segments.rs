@@ -1,8 +1,9 @@
-//! Which link's part of the model could carry the error: the error projected on each link's own columns.
+//! Projects the error on each link's own columns, to show which link's parameters could cause it.
 //!
-//! For each link alone, the least-squares change of its ten parameters that explains most of the error, and the share of the mean square
-//! that it explains; and the same with one quadratic-drag force at its centre of mass. Shares of different links overlap and do not add up: a
-//! large one says where to look, not what is wrong.
+//! For each link alone: the least-squares change of its ten parameters that explains most of the
+//! error and the share of the mean square that it explains, and the same with one quadratic-drag
+//! force at its centre of mass. Shares of different links overlap and do not add up: a large one
+//! shows where to look, not what is wrong.
 
 use crate::errors::MOMENT_LEVER_M;
 use aloft_body::{Model, Phi, State};
@@ -12,7 +13,7 @@ use serde::{Deserialize, Serialize};
 type Square = SMatrix<f64, 10, 10>;
 type Ten = SVector<f64, 10>;
 
-/// What one link could explain.
+/// Share of the error that one link could explain.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SegmentShare {
     /// Link.
@@ -78,7 +79,7 @@ impl SegmentSums {
                 row /= MOMENT_LEVER_M;
             }
             link.normal += columns.tr_mul(&columns);
-            // |v| v at the link's centre of mass, seen from the root
+            // |v| v at the link's centre of mass, in root axes
             let mass = prior[j][0];
             let place =
                 if mass > 0.0 { Vector3::new(prior[j][1], prior[j][2], prior[j][3]) / mass } else { Vector3::zeros() };
@@ -118,11 +119,11 @@ impl SegmentSums {
             .iter()
             .zip(&model.links)
             .map(|(sums, link)| {
-                // error = predicted − measured, so the change that removes it has the other sign
+                // error = predicted − measured, so the change that removes it has the opposite sign
                 let change = -solve(&sums.normal, &sums.right[which]);
                 let explained = -change.dot(&sums.right[which]);
                 let (drag, right) = (sums.drag, sums.drag_right[which]);
-                // drag that the model lacks leaves the error −c |v| v
+                // drag missing from the model leaves the error −c |v| v
                 let coefficient = if drag > 0.0 { -right / drag } else { 0.0 };
                 SegmentShare {
                     link: link.name.clone(),
@@ -138,7 +139,7 @@ impl SegmentSums {
     }
 }
 
-/// Smallest solution of nearly singular normal equations, columns brought to one scale first.
+/// Minimum-norm solution of nearly singular normal equations, with columns scaled first.
 fn solve(normal: &Square, right: &Ten) -> Ten {
     let scale = Ten::from_fn(|i, _| {
         let d = normal[(i, i)];

@@ -1,7 +1,9 @@
-//! The same comparison over weak windows: `∫ψ (predicted − measured) dt / ∫ψ dt`, without filter or second derivatives.
+//! The comparison over weak windows: `∫ψ (predicted − measured) dt / ∫ψ dt`, without filter or
+//! second derivatives.
 //!
-//! On single frames the noise of twice-differentiated positions hides the model; over a window of 0.3 s it is an order of magnitude
-//! smaller, and what remains is the model's. World axes, moments about a smooth path near the centre of mass.
+//! On single frames the noise of twice-differentiated positions masks the error of the model; over
+//! a window of 0.3 s the noise is an order of magnitude smaller, and the remaining error is the
+//! model's. World axes, moments about a smooth path near the centre of mass.
 
 use crate::errors::{Sums, halves, joined};
 use crate::frames::complete;
@@ -17,9 +19,9 @@ use std::ops::Range;
 pub(crate) struct TrialWindows {
     pub contact: Vec<Sums>,
     pub flight: Vec<Sums>,
-    /// Contact with the recording's offset still in it.
+    /// Errors in contact, without subtracting the recording's offset.
     pub contact_as_measured: Vec<Sums>,
-    /// Every window, the offset taken off.
+    /// Every window, the offset subtracted.
     pub windows: Vec<Window>,
 }
 
@@ -78,7 +80,7 @@ pub(crate) fn trial_windows(
     Ok(out)
 }
 
-/// A wrench about the world origin with its moment about another point.
+/// A wrench about the world origin, with its moment taken about another point.
 pub(crate) fn about(wrench: &Vector6<f64>, point: &Vector3<f64>) -> Vector6<f64> {
     let (force, moment) = halves(wrench);
     joined(&force, &(moment - point.cross(&force)))
@@ -87,9 +89,9 @@ pub(crate) fn about(wrench: &Vector6<f64>, point: &Vector3<f64>) -> Vector6<f64>
 /// Window averages of one run.
 #[derive(Debug, Clone)]
 pub(crate) struct RunWindows {
-    /// Of the error, `[model][window]`.
+    /// Averages of the error, `[model][window]`.
     pub residual: Vec<Vec<Vector6<f64>>>,
-    /// Of the point about which moments are taken, one for each window, m.
+    /// Averages of the point about which moments are taken, one for each window, m.
     pub path: Vec<Vector3<f64>>,
     /// Middle frames.
     pub centers: Vec<usize>,
@@ -112,8 +114,8 @@ pub(crate) fn stretches(
     )
 }
 
-/// Window averages of the error in one run; empty where the run is shorter than a window (in contact) or than
-/// any window at all (flights use shorter windows when they must).
+/// Window averages of the error in one run; empty if the run is shorter than a window (in contact)
+/// or than the shortest window (flights use shorter windows if necessary).
 pub(crate) fn window_residuals(
     body: &Body<'_>,
     motion: &Motion,
@@ -139,7 +141,7 @@ pub(crate) fn window_residuals(
     }
 }
 
-/// A run as a stretch, and how windows lie in it; none where it is too short for one.
+/// A run as a stretch, and the layout of windows in it; none if it is too short for one.
 pub(crate) fn windows_of(
     motion: &Motion,
     index: usize,
@@ -174,7 +176,7 @@ fn residuals(rows: &WeakRows, parameters: &[&DVector<f64>], coefficients: &[DVec
     let errors = |(phi, theta): (&&DVector<f64>, &DVector<f64>)| {
         let error = |i: usize| -> f64 {
             let body: f64 = phi.iter().enumerate().map(|(j, x)| m[(i, j)] * x).sum();
-            // columns of effects carry their minus sign already
+            // columns of effects already include their minus sign
             let effects: f64 = theta.iter().enumerate().map(|(k, x)| m[(i, phi.len() + k)] * x).sum();
             (body + effects - m[(i, last)]) * per_second
         };

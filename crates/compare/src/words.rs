@@ -1,19 +1,19 @@
-//! Where the model is worst, in words.
+//! Describes in words where a model has its largest errors.
 
 use crate::breakdown::{Group, GroupedBy};
 use crate::{ModelComparison, NoiseFloor};
 
-/// Ratio from which a difference between groups is worth a sentence.
+/// Ratio from which a difference between groups is reported.
 const REMARKABLE: f64 = 1.5;
-/// Fewest frames of a group that is spoken of.
+/// Fewest frames of a group that is reported.
 const FEWEST_FRAMES: usize = 20;
-/// Fewest windows of a group that speak for it.
+/// Fewest windows of a group for its window error to be used.
 const FEWEST_WINDOWS: usize = 4;
 /// Share of the error from which a link is named.
 const LARGE_SHARE: f64 = 0.3;
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// Sentences on one model, the most useful first. `beside` are the models next to it.
+/// Sentences on one model, the most useful first. `beside` are the other models.
 pub(crate) fn words(model: &ModelComparison, beside: &[ModelComparison], floor: Option<&NoiseFloor>) -> Vec<String> {
     let mut out = Vec::new();
     let contact = model.held_out.frames > 0;
@@ -134,7 +134,7 @@ pub(crate) fn words(model: &ModelComparison, beside: &[ModelComparison], floor: 
     out
 }
 
-/// What was taken off recordings whose plates were never unloaded, and the error with it.
+/// Offsets subtracted from recordings whose plates were never unloaded, and the error with them.
 fn offsets(model: &ModelComparison) -> Vec<String> {
     let mut out = Vec::new();
     for t in model.trials.iter().filter(|t| t.untared && t.contact.frames > 0) {
@@ -172,7 +172,7 @@ fn signed(values: &[f64; 3]) -> String {
     values.map(|x| format!("{}{}", if x < 0.0 { "" } else { "+" }, figures(x))).join(", ")
 }
 
-/// Two decimals, and more where the first two are zeros: errors of small objects are small numbers.
+/// Two decimals, or more if the first two are zeros: errors of small objects are small numbers.
 fn figures(x: f64) -> String {
     let size = x.abs();
     if !(1e-9..0.1).contains(&size) {
@@ -182,7 +182,7 @@ fn figures(x: f64) -> String {
     format!("{x:.decimals$}")
 }
 
-/// Share of a mean square above the floor's.
+/// Share of a mean square not explained by the floor.
 pub(crate) fn explainable(size: f64, floor: f64) -> f64 {
     if size > 0.0 { (1.0 - (floor / size).powi(2)).max(0.0) } else { 0.0 }
 }
@@ -191,7 +191,8 @@ fn pair(force_n: f64, moment_nm: f64) -> String {
     format!("{} N and {} N·m", figures(force_n), figures(moment_nm))
 }
 
-/// Over windows where there are enough: on frames the noise of second derivatives hides the model.
+/// Error over windows if there are enough: on frames the noise of second derivatives masks the
+/// model.
 fn size(g: &Group) -> f64 {
     if g.windows.windows >= FEWEST_WINDOWS { g.windows.size() } else { g.errors.size() }
 }

@@ -92,7 +92,8 @@ fn motion(model: &Model, phase: f64) -> Motion {
     )
 }
 
-/// The wrench that moves the tree so, world axes about the world origin, and a quadratic drag on the arm taken away by the air.
+/// The wrench that causes this motion, world axes about the world origin, with a quadratic drag
+/// force of the air on the arm.
 fn wrench(model: &Model, phi: &[Phi], m: &Motion, drag: f64) -> (Vec<Vector6<f64>>, EffectColumns) {
     let mut state = State::new(model);
     let mut y = DMatrix::zeros(6, 10 * model.n_links());
@@ -148,7 +149,7 @@ fn the_true_model_has_no_error_and_a_wrong_one_shows_where() {
     assert!(c.first.held_out.size() > 5.0 && c.first.held_out_weak.size() > 5.0);
     assert_eq!(c.first.segments[0].link, "arm");
     assert!(c.first.segments[0].inertia_share > 0.999);
-    // the change that is found takes the wrong model back to the truth, as far as motion can tell
+    // the estimated change corrects the wrong model, as far as the motion determines it
     let mut healed = wrong.clone();
     healed[1] += Phi::from_column_slice(&c.first.segments[0].inertia_change);
     let (a, b) = (base.regroup(&healed), base.regroup(&truth));
@@ -209,13 +210,13 @@ fn flights_masks_and_parameters_of_each_trial() {
     let candidates = [Candidate::per_trial("each", vec![phi.clone(), nothing]), Candidate::base("all", phi)];
     let (c, series) =
         compare(&body, &candidates, &[first, second], Noise::Unknown, &CompareOptions::default()).unwrap();
-    // only the second trial is held out in contact, and there the first model predicts nothing at all
+    // only the second trial is held out in contact, and there the first model predicts zero
     assert_eq!(c.first.held_out.frames, N - 20);
     assert!(c.first.held_out.force_world_n.mae[2] > 300.0 && c.beside[0].held_out.size() < 1e-9);
     let trial = &c.first.trials[0];
     assert_eq!(trial.contact.frames, 290 - 10 + (500 - 430));
     assert!(trial.contact.size() < 1e-9);
-    // this motion is not ballistic: what is predicted in flight is the error
+    // this motion is not ballistic: the wrench predicted in flight is the error
     assert_eq!(c.first.flight.frames, 120 - 28);
     let mean: f64 = (314..406).map(|f| series[0].predicted[0][f][0].abs()).sum::<f64>() / 92.0;
     assert!((c.first.flight.residual_force_n.mae[0] - mean).abs() < 1e-9);
@@ -243,7 +244,7 @@ fn the_noise_floor_is_the_error_that_noise_makes() {
     }
     let raw = Motion { q, v: Vec::new(), a: Vec::new(), ..clean.clone() };
     let filtered = smooth(&model, &raw);
-    // plates: the true wrench, filtered like the motion, so that noise is all that is wrong
+    // plates: the true wrench, filtered like the motion, so that noise is the only error
     let mut flat: Vec<f64> = series.iter().flat_map(|w| <[f64; 6]>::from(*w)).collect();
     Butterworth::design(FILTER, RATE_HZ).unwrap().filtfilt_interleaved(&mut flat, 6);
     let plates = Measured {
@@ -264,7 +265,7 @@ fn the_noise_floor_is_the_error_that_noise_makes() {
     assert!((0.85..1.15).contains(&ratio), "frames: {} {}", c.first.held_out.size(), floor.contact.size());
     assert!((0.7..1.3).contains(&weak), "windows: {} {}", c.first.held_out_weak.size(), floor.contact_weak.size());
     assert!(floor.contact_weak.size() < 0.35 * floor.contact.size());
-    // one number with its interval, the same wherever it stands
+    // one floor with its interval, the same everywhere
     let one = floor.contact_floor.unwrap();
     assert!((one.noise_floor / floor.contact_weak.size() - 1.0).abs() < 0.1 && one.draws == 4);
     let ci95 = one.ci95.unwrap();
@@ -272,7 +273,8 @@ fn the_noise_floor_is_the_error_that_noise_makes() {
     let against = &c.against_floor[0];
     assert!(against.judged_on == "contact" && against.at_floor == Some(true), "{against:?}");
     assert!((against.times_floor.unwrap() - c.first.held_out_weak.size() / one.noise_floor).abs() < 1e-12);
-    // the floor stands beside every group and every axis, and taken over from an earlier comparison it is the same
+    // every group and every axis has a floor, and a floor taken from an earlier comparison is the
+    // same
     for group in &c.first.breakdown {
         let own = group.floor(c.noise_floor.as_ref()).unwrap();
         assert!(own.errors.frames == 4 * group.errors.frames, "{}", group.name);
@@ -283,7 +285,7 @@ fn the_noise_floor_is_the_error_that_noise_makes() {
     assert!(c.axes.iter().all(|a| a.explainable.iter().all(|e| e.is_some_and(|e| e < 0.5))));
     let (taken_over, _) = compare(&body, &candidates, &[trial], Noise::Known(floor), &options).unwrap();
     assert!(serde_json::to_value(&taken_over).unwrap() == serde_json::to_value(&c).unwrap());
-    // the same numbers on every run, and through text
+    // the numbers are the same on every run, and after serialisation
     let (again, _) = compare(&body, &candidates, &[trial], Noise::Drawn { filtering, of: None }, &options).unwrap();
     let text = serde_json::to_value(&c).unwrap();
     assert!(serde_json::to_value(&again).unwrap() == text);

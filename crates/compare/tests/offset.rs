@@ -1,4 +1,5 @@
-//! Plates that were never unloaded: a planted constant is found, taken off, and told; nothing else is touched.
+//! Plates that were never unloaded: a planted constant is estimated, subtracted and reported;
+//! nothing else changes.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up fails")]
 
@@ -15,7 +16,7 @@ use std::ops::Range;
 const RATE_HZ: f64 = 200.0;
 /// One period of the motion, 7.5 s, so that momentum ends as it began.
 const N: usize = 1500;
-/// What the plates read too much.
+/// Planted offset of the plates.
 const PLANTED: [f64; 6] = [0.8, -0.5, 1.1, -0.4, 0.35, 0.2];
 
 fn two_links() -> Model {
@@ -148,18 +149,18 @@ fn a_planted_offset_is_found_and_the_error_falls_back_to_that_of_tared_plates() 
     println!("weak windows: twin {:.3}, tared {:.3}, as measured {:.3}", tared.size(), weak.size(), measured.size());
     assert!(weak.windows > 50 && weak.size() < 1.05 * tared.size() && measured.size() > 3.0 * weak.size());
     assert!(weak.force_n.bias.iter().all(|b| b.abs() < 0.1) && weak.moment_nm.bias.iter().all(|b| b.abs() < 0.05));
-    // as measured, the planted constant is there, axis by axis
+    // the figures as measured contain the planted constant, axis by axis
     for axis in 0..3 {
         let grown = measured.force_n.bias[axis] - tared.force_n.bias[axis];
         assert!((grown + PLANTED[axis]).abs() < 1e-6, "{grown}");
     }
     assert!(near(&trial.contact_as_measured, &c.first.held_out_as_measured, 0.0));
-    // groups speak of the tared error
+    // groups use the error with the offset subtracted
     let contact = c.first.breakdown.iter().find(|g| g.by == GroupedBy::Phase).unwrap();
     assert!(near(&contact.errors, &c.first.held_out, 1e-12));
     assert!(c.words.iter().any(|w| w.contains("exercise01 were never unloaded") && w.contains("would hide")));
     assert!(c.words.iter().any(|w| w.starts_with("As measured")), "{:#?}", c.words);
-    // through text and back
+    // serialisation round trip
     let text = serde_json::to_value(&c).unwrap();
     assert!(text["trials"][0]["offset"]["force_n"][2].is_number());
     assert!(text["held_out_weak_as_measured"]["moment_nm"]["mae"][0].is_number());
@@ -180,7 +181,7 @@ fn what_is_planted_does_not_matter_to_any_model() {
             assert!((y.moment_nm[axis] - x.moment_nm[axis] - PLANTED[3 + axis]).abs() < 1e-6);
         }
     }
-    // an error that moves with the body stays
+    // an error that moves with the body remains
     assert!(a.beside[0].held_out_weak.size() > 2.0 * a.first.held_out_weak.size());
 }
 
@@ -200,7 +201,7 @@ fn tared_trials_and_trials_with_flights_keep_their_constants() {
     }
     let bias = |m: &aloft_compare::ModelComparison| m.held_out_weak.force_n.bias[2];
     assert!((bias(&tared.first) + PLANTED[2]).abs() < 0.1);
-    // a wrong mass stays in the error
+    // a wrong mass remains in the error
     assert!((bias(&tared.beside[0]) - bias(&tared.first) - 0.5 * 9.81).abs() < 0.1, "{}", bias(&tared.beside[0]));
 }
 
@@ -218,7 +219,7 @@ fn the_mass_from_a_scale_keeps_a_wrong_mass_in_sight() {
         own.beside[0].held_out_weak.size() == scale.beside[0].held_out_weak.size(),
         "the right mass: no difference"
     );
-    // what has no mass cannot be brought to one: its error stays as measured
+    // a model without mass cannot be scaled: its error stays as measured
     let nothing = &scale.beside[1];
     assert!(nothing.trials[0].offset.is_none() && nothing.held_out.force_world_n.bias[2] < -500.0);
 }
@@ -233,7 +234,7 @@ fn missing_frames_and_short_contact() {
     let c = run(&models, &plates, true, &[], None);
     let offset = c.first.trials[0].offset.unwrap();
     assert!(offset.frames < N - 20 && (offset.force_n[2] - PLANTED[2]).abs() < 0.2);
-    // less than two seconds: nothing is taken off, and that is said
+    // less than two seconds: nothing is subtracted, and the words say so
     for w in plates.filtered.iter_mut().skip(350) {
         w.fill(f64::NAN);
     }

@@ -1,5 +1,6 @@
-//! The comparison on a simulated subject of another simulator (`tests/peers/compare_subject.py`): its true parameters must give its wrench,
-//! and the smoothed motion must give its velocities and accelerations.
+//! Comparison on a subject simulated by another simulator (`tests/peers/compare_subject.py`): its
+//! true parameters must predict its wrench, and the smoothed motion must reproduce its velocities
+//! and accelerations.
 
 #![allow(clippy::unwrap_used, reason = "a golden that cannot be read fails the test")]
 
@@ -117,7 +118,7 @@ fn validate_derivatives_of_the_motion_are_those_of_another_simulator() {
         let raw = Motion { v: Vec::new(), a: Vec::new(), ..s.motion.clone() };
         let m = smooth(&model, &raw, None).unwrap();
         let n = m.n_frames();
-        // inside the flight, where there is one: landing is no smooth motion
+        // inside the flight if there is one, because landing is not a smooth motion
         let frames = s.flights.first().map_or(10..n - 10, |f| f.start + 4..f.end - 4);
         let rms = |x: &[f64], y: &[f64]| {
             let inner = frames.start * model.nv..frames.end * model.nv;

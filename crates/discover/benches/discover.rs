@@ -1,4 +1,5 @@
-//! Forty flights of a chain: the whole catalogue, and one linear effect more from stored factors and from rows.
+//! Forty flights of a chain: the whole catalogue, and one more linear effect from stored factors
+//! and from rows.
 #![allow(missing_docs, clippy::unwrap_used, reason = "a benchmark")]
 
 use aloft_body::{BaseParameters, Motion};

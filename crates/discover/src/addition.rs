@@ -1,8 +1,11 @@
-//! One effect more: what it does to the held-out error, from the rows (or stored factors) at hand.
+//! Adds one effect to a model and reports the change in held-out error, from a session's rows or
+//! stored factors.
 //!
-//! Nothing is searched and no frame is touched twice: the columns of the effect at its given nonlinear parameters join the model, parameters are
-//! refitted with and without them, and every trial (or flight) is predicted from the others. An effect of the air is judged in flight, one of the
-//! plates in contact; one that acts in both is judged in flight, where nothing else acts, and its contact error is given beside it.
+//! The effect's columns at its given nonlinear parameters join the model; nothing is searched and
+//! no frame is processed again. The parameters are refitted with and without these columns, and
+//! every trial (or flight) is predicted from the others. An effect of the air is judged in flight,
+//! one of the plates in contact. An effect that acts in both is judged in flight, where no other
+//! force acts, and its contact error is reported as well.
 
 use crate::DiscoverError;
 use crate::candidate::{Scored, Variant, score};
@@ -21,12 +24,13 @@ use aloft_effects::Choice;
 use aloft_regressor::StretchKind;
 use nalgebra::{DMatrix, DVector};
 
-/// Held-out error before and after one effect joins the model that already holds `accepted`, at the values of its nonlinear parameters. Works on a
-/// session from recordings and, for an effect that is linear or whose columns are stored, on one from [`Session::from_factors`].
+/// Held-out error before and after one effect joins the model that already holds `accepted`, at the
+/// given values of its nonlinear parameters. Works on a session from recordings and, for an effect
+/// that is linear or whose columns are stored, on one from [`Session::from_factors`].
 ///
 /// # Errors
-/// [`DiscoverError::TooFew`] with fewer than two flights (or contact stretches) on which it could be judged, [`DiscoverError::Numeric`] when its
-/// columns cannot be formed, or are nothing here.
+/// [`DiscoverError::TooFew`] with fewer than two flights (or contact stretches) on which the effect
+/// could be judged, [`DiscoverError::Numeric`] when its columns cannot be formed or are all zero.
 pub fn addition(
     session: &Session<'_>,
     accepted: &[Choice<'_>],
@@ -39,7 +43,7 @@ pub fn addition(
     let blocks = columns_of(session, choice, domain)?;
     let mut variant = Variant::new(session, choice.effect, choice.target, choice.nonlinear.clone());
     variant.group = session.trials.iter().map(|t| choice.acts_in(t)).collect();
-    // with the effect in the model what remains is smaller, and the prior weighs less
+    // with the effect in the model the residual is smaller, so the prior weighs less
     let whole: Vec<Vec<DMatrix<f64>>> = extra.iter().cloned().chain([blocks.clone()]).collect();
     let sharp = sharpened(session, &problem, &extra, &whole, options)?;
     let mut scored: Scored<'_> = score(&sharp, variant, &sharp.reduce(&sharp.gather(&blocks)));
@@ -62,7 +66,8 @@ pub fn addition(
     })
 }
 
-/// The ladder of a model: every effect in turn beside those before it, each judged on the windows where it acts.
+/// Ladder of a model: adds the effects in order, each to those before it and judged on the windows
+/// where it acts.
 ///
 /// # Errors
 /// As [`addition`].
@@ -74,11 +79,13 @@ pub fn ladder(
     (0..effects.len()).map(|i| addition(session, &effects[..i], &effects[i], options)).collect()
 }
 
-/// The multiple of `coefficients` of an effect that would be found in four of five sessions like this one, before anything is fitted: the size at
-/// which the held-out error without the effect exceeds that with it by the limit of belief, and 0.84 standard errors more.
+/// Multiple of `coefficients` of an effect that would be detected in four of five sessions like
+/// this one, computed before anything is fitted: the size at which the held-out error without the
+/// effect exceeds that with it by the acceptance limit, plus 0.84 standard errors.
 ///
 /// # Errors
-/// As [`addition`], and [`DiscoverError::Length`] for another number of coefficients than the effect has.
+/// As [`addition`], and [`DiscoverError::Length`] if the number of coefficients differs from that
+/// of the effect.
 pub fn detectable(
     session: &Session<'_>,
     accepted: &[Choice<'_>],

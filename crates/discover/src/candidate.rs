@@ -1,4 +1,4 @@
-//! One effect on one target with its columns, and its coefficients within their bounds.
+//! Columns of one effect on one target, and its coefficients within their bounds.
 
 use crate::problem::{Problem, Reduced};
 use crate::session::Session;
@@ -12,7 +12,7 @@ pub(crate) struct Variant<'a> {
     pub target: Target,
     pub nonlinear: Vec<f64>,
     pub coefficients: Vec<Coefficient>,
-    /// Nonlinear parameters that were fitted (0 at a given start).
+    /// Number of nonlinear parameters that were fitted (0 at a given start).
     pub fitted: usize,
     /// Trials on which a group effect acts (all where empty).
     pub group: Vec<bool>,
@@ -23,7 +23,8 @@ impl<'a> Variant<'a> {
         let coefficients = effect.coefficients(session.scene, target);
         Self { effect, target, nonlinear, coefficients, fitted: 0, group: Vec::new() }
     }
-    /// Columns by block at these or other values of the nonlinear parameters; `None` where they cannot be made or are not finite.
+    /// Columns by block at these or other values of the nonlinear parameters; `None` if they cannot
+    /// be computed or are not finite.
     pub fn blocks_at(&self, session: &Session<'_>, problem: &Problem, nonlinear: &[f64]) -> Option<Vec<DMatrix<f64>>> {
         let mut blocks = session.columns(self.effect, self.target, nonlinear, problem.domain)?;
         if !self.group.is_empty() {
@@ -42,18 +43,19 @@ impl<'a> Variant<'a> {
     pub fn columns(&self, session: &Session<'_>, problem: &Problem) -> Option<Vec<DMatrix<f64>>> {
         self.columns_at(session, problem, &self.nonlinear)
     }
-    /// Unknowns that the data decide.
+    /// Number of unknowns estimated from the data.
     pub fn unknowns(&self) -> usize {
         self.coefficients.len() + self.fitted
     }
 }
 
-/// A number whose square can still be added up.
+/// True if `x` is small enough that sums of its square do not overflow.
 pub(crate) fn is_usable(x: f64) -> bool {
     x.abs() < 1e100
 }
 
-/// Coefficients that minimise `θᵀSθ − 2cᵀθ` within bounds, and the gain `2cᵀθ − θᵀSθ`. Directions that the rows do not see stay zero.
+/// Coefficients that minimise `θᵀSθ − 2cᵀθ` within bounds, and the gain `2cᵀθ − θᵀSθ`. Directions
+/// that the rows do not determine stay zero.
 pub(crate) fn solve(s: &DMatrix<f64>, c: &DVector<f64>, coefficients: &[Coefficient]) -> (DVector<f64>, f64) {
     let k = c.len();
     let mut fixed: Vec<Option<f64>> = vec![None; k];
@@ -89,13 +91,14 @@ pub(crate) fn solve(s: &DMatrix<f64>, c: &DVector<f64>, coefficients: &[Coeffici
     (DVector::zeros(k), 0.0)
 }
 
-/// Least-norm solution in unit columns, directions below 1e-9 of the largest left out.
+/// Least-norm solution with columns scaled to unit length; directions below 1e-9 of the largest are
+/// left out.
 pub(crate) fn pseudo_solve(s: &DMatrix<f64>, c: &DVector<f64>) -> DVector<f64> {
     let inverse = pseudo_inverse(s);
     inverse * c
 }
 
-/// Pseudo-inverse of a Gram matrix in unit columns.
+/// Pseudo-inverse of a Gram matrix with columns scaled to unit length.
 pub(crate) fn pseudo_inverse(s: &DMatrix<f64>) -> DMatrix<f64> {
     let k = s.nrows();
     let scale = DVector::from_fn(k, |i, _| if s[(i, i)] > 0.0 { s[(i, i)].sqrt().recip() } else { 0.0 });
@@ -109,7 +112,7 @@ pub(crate) fn pseudo_inverse(s: &DMatrix<f64>) -> DMatrix<f64> {
     DMatrix::from_fn(k, k, |i, j| inner[(i, j)] * scale[i] * scale[j])
 }
 
-/// What held-out prediction says of one variant.
+/// Held-out score of one variant.
 #[derive(Clone)]
 pub(crate) struct Scored<'a> {
     pub variant: Variant<'a>,
@@ -121,17 +124,21 @@ pub(crate) struct Scored<'a> {
     pub fold_nonlinear: Vec<Vec<f64>>,
     pub fold_gain: Vec<f64>,
     pub fold_error: Vec<f64>,
-    /// Standard errors of coefficients and nonlinear parameters, all unknown together (Gauss-Newton); empty where no parameter was fitted.
+    /// Standard errors of coefficients and nonlinear parameters estimated jointly (Gauss-Newton);
+    /// empty where no parameter was fitted.
     pub joint_se: Vec<f64>,
-    /// Degrees of freedom of the jackknife, of coefficients and then of nonlinear parameters that were fitted.
+    /// Degrees of freedom of the jackknife: coefficients first, then the fitted nonlinear
+    /// parameters.
     pub freedom: Vec<f64>,
-    /// By how much each coefficient's standard error grows because nonlinear parameters were fitted; empty where none was.
+    /// Factor by which each coefficient's standard error grows because nonlinear parameters were
+    /// fitted; empty where none was.
     pub widening: Vec<f64>,
-    /// Gram of the columns, parameters taken out.
+    /// Gram matrix of the columns with the parameters projected out.
     pub s: DMatrix<f64>,
 }
 
-/// Degrees of freedom of a jackknife over folds: by the share of each column's evidence that every fold leaves out.
+/// Degrees of freedom of a jackknife over folds, from the share of each column's sum of squares
+/// that every fold leaves out.
 pub(crate) fn fold_freedom<'m>(s: &DMatrix<f64>, folds: impl Iterator<Item = &'m DMatrix<f64>>) -> Vec<f64> {
     let folds: Vec<&DMatrix<f64>> = folds.collect();
     (0..s.nrows())

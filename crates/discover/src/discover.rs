@@ -1,4 +1,4 @@
-//! The rounds: rank, judge, add, rank again.
+//! Discovery rounds: rank the effects, judge the ranking, add the best, and repeat.
 
 use crate::addition::addition;
 use crate::candidate::Variant;
@@ -24,7 +24,7 @@ use aloft_regressor::StretchKind;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-/// A pair of effects has to leave less than this share of the error of the best single one.
+/// A pair of effects has to reduce the error below this share of that of the best single effect.
 const PAIR: f64 = 0.93;
 
 /// All effects of the catalogue.
@@ -32,7 +32,8 @@ pub fn catalogue() -> Vec<&'static dyn Effect> {
     aloft_effects::EFFECTS.to_vec()
 }
 
-/// Which effect is missing? Ranks `effects` against the model that already holds `accepted`, adds what is believed, and goes on until nothing is.
+/// Searches for missing effects: ranks `effects` against the model that already holds `accepted`,
+/// adds the best effect that passes, and repeats until none does.
 ///
 /// # Errors
 /// [`DiscoverError::TooFew`] with fewer than two flights, [`DiscoverError::Numeric`] when the rows do not determine the parameters.
@@ -55,7 +56,8 @@ pub fn discover(
     }
     let mut before = f64::NAN;
     let mut after = f64::NAN;
-    // a variant found in flight also acts in contact, so its columns are made anew for every domain
+    // a variant found in flight also acts in contact, so its columns are recomputed for every
+    // domain
     let mut kept: Vec<Variant<'_>> = Vec::new();
     let mut left_out: Vec<NotTried> = Vec::new();
     for domain in domains {
@@ -64,7 +66,7 @@ pub fn discover(
             let extra = extra_columns(session, domain, accepted, &kept, &found);
             let problem = match Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight) {
                 Ok(problem) => problem,
-                // too few contact stretches are no reason to give up on flights
+                // too few contact stretches: keep the result from the flights
                 Err(DiscoverError::TooFew { .. }) if !rounds.is_empty() => break,
                 Err(e) => return Err(e),
             };
@@ -73,7 +75,8 @@ pub fn discover(
             let already: Vec<&str> = kept.iter().map(|v| v.effect.id()).collect();
             let (mut round, scores, rivals) =
                 run_round(session, &problem, &extra, effects, &already, model, has_flights, options);
-            // a law that gives no numbers has no rank: that is said, and never read as "nothing missing"
+            // an effect whose law gives no numbers cannot be ranked; report it, so that the result
+            // is not taken for "nothing missing"
             let unranked = |e: &dyn Effect| {
                 let listed = scores.iter().any(|s| s.effect.id() == e.id()) || already.contains(&e.id());
                 wanted(e, options)
@@ -100,7 +103,7 @@ pub fn discover(
             if let (Some(first), Some(_)) = (first_gain, chosen)
                 && gain < 0.01 * first
             {
-                // what is left of a great effect that was not modelled to the last per cent
+                // probably the remainder of a large effect that the model does not describe exactly
                 round.words = format!(
                     "what remains is below a tenth of the effect found before and may be left over from it; {}",
                     round.words
@@ -159,7 +162,7 @@ pub fn discover(
                 found.push(as_found(session, &rival.scored));
                 kept.push(rival.scored.variant.clone());
             }
-            // without a name there is nothing to build on
+            // no single effect is named, so further rounds have no definite model to extend
             if !sure && rounds.len() >= options.rounds {
                 break;
             }
@@ -201,7 +204,8 @@ pub fn discover(
     }
     candidates.sort_by(|a, b| a.held_out_ratio.total_cmp(&b.held_out_ratio));
     let weight = session.unit[0];
-    // errors as the comparison takes them, where one was made: the rows' own share of change, the comparison's newtons
+    // scale to the errors of the comparison, if one was made: relative change from the rows,
+    // newtons from the comparison
     let standing = session.standing[usize::from(!has_flights)];
     let scale = standing.map_or(weight, |s| s.held_out_error / before.sqrt());
     let first_of = |place: Domain| {
@@ -233,7 +237,8 @@ pub fn discover(
         warnings: session.warnings.clone(),
         not_tried: left_out,
     };
-    // the worst place against its floor: an error that no effect explains there is no "nothing missing"
+    // the domain farthest above its noise floor: if an unexplained error remains there, the verdict
+    // cannot be "nothing missing"
     let far = [words::domain(Domain::Flight), words::domain(Domain::Contact)]
         .into_iter()
         .zip(&session.standing)
@@ -277,10 +282,11 @@ fn run_round<'a>(
     null.sort_by(f64::total_cmp);
     let quantile = |share: f64| null.get((share * null.len() as f64) as usize).copied().unwrap_or(f64::NAN);
     let null_quantiles = [quantile(0.01), quantile(0.05), quantile(0.5)];
-    // with few clusters the signs have few patterns, and the original one is among them
+    // with few clusters there are few sign patterns, the original one among them
     let few = problem.clusters.len() < 5;
     let largest = limit_by_number(problem.clusters.len(), options);
-    // a null of few patterns, in which nonlinear parameters keep their starts, is too kind at 5 %
+    // with few sign patterns, and nonlinear parameters kept at their starts, the 5 % quantile is
+    // too lenient
     let clusters = problem.clusters.iter().filter(|c| !c.judged.is_empty()).count();
     let by_chance = null_quantiles[usize::from(clusters >= MANY_CLUSTERS)];
     let threshold = if few {

@@ -1,9 +1,9 @@
-//! What can keep a discovery from being made.
+//! Errors of this crate.
 
 use aloft_effects::EffectsError;
 use aloft_regressor::RegressorError;
 
-/// Errors of this crate.
+/// Errors of a discovery.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DiscoverError {

@@ -1,10 +1,13 @@
-//! Would the better of two effects be this much better if the other were the true one?
+//! Tests whether the better of two effects would have the same advantage if the other were true.
 //!
-//! Errors of kinematics that repeat from trial to trial favour the effect with more freedom, so neither the order of two held-out errors nor its
-//! consistency over trials decides between them. The recordings themselves tell how far such errors carry: the worse effect `b` is taken out of
-//! the rows as it was fitted, put back in other directions (or, where it has none, with the signs of what remains flipped by trial), and both
-//! effects are fitted again. What the better one gains there, where `b` is true, is what its gain on the recordings is measured against. The same the
-//! other way round: a richer effect that is true would be ahead of a simpler one by some measure, and where it is not, the simpler one stands.
+//! Kinematic errors that repeat from trial to trial favour the effect with more freedom, so neither
+//! the order of two held-out errors nor its consistency over trials decides between them. The size
+//! of this bias is estimated from the recordings: the worse effect `b` is subtracted from the rows
+//! as it was fitted, added again in other directions (or, if it has no direction, with the signs of
+//! the residuals flipped by trial), and both effects are fitted again. The advantage of the better
+//! effect in these data, where `b` is true, is the reference for its advantage on the recordings.
+//! The same test is made the other way round: a true richer effect would lead a simpler one by a
+//! certain amount; if its lead is smaller, the simpler effect is kept.
 
 use crate::candidate::{Scored, Variant, score, solve};
 use crate::nonlinear::{improve, score_fitted};
@@ -17,14 +20,15 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-/// Directions in which the rival is put back.
+/// Number of directions in which the rival is added again.
 const DRAWS: usize = 7;
-/// Standard deviations by which the advantage has to exceed those of the draws.
+/// Number of standard deviations by which the advantage has to exceed those of the draws.
 const BEYOND: f64 = 2.0;
-/// The same for an advantage that is too small: the truth must not be thrown out lightly.
+/// The same for an advantage that is too small; stricter, so that a true effect is rarely rejected.
 const BEYOND_FOR_LESS: f64 = 2.5;
 
-/// By how much `a` is ahead of `b` (logarithm of the ratio of squared errors) where one of them is true: over directions of the true one.
+/// Advantage of `a` over `b` (logarithm of the ratio of squared errors) if one of them is true,
+/// over directions of the true one.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Exchange {
     pub mean: f64,
@@ -34,17 +38,18 @@ pub(crate) struct Exchange {
 }
 
 impl Exchange {
-    /// True when an advantage is larger than the true effect would give.
+    /// True if an advantage is larger than the true effect would give.
     pub fn exceeded_by(&self, advantage: f64) -> bool {
         advantage > (self.mean + BEYOND * self.sd).max(self.most)
     }
-    /// True when an advantage is smaller than the true effect would give.
+    /// True if an advantage is smaller than the true effect would give.
     pub fn missed_by(&self, advantage: f64) -> bool {
         advantage < (self.mean - BEYOND_FOR_LESS * self.sd).min(self.least)
     }
 }
 
-/// The advantage of `a` over `b` where `truth` (one of them) is put into the recordings in other directions; `None` where that cannot be done.
+/// The advantage of `a` over `b` when `truth` (one of them) is added to the recordings in other
+/// directions; `None` where that cannot be done.
 pub(crate) fn exchange(
     session: &Session<'_>,
     problem: &Problem,
@@ -92,7 +97,7 @@ pub(crate) fn exchange(
     Some(Exchange { mean, sd, least, most })
 }
 
-/// Energy of a signal with the parameters taken out.
+/// Sum of squares of a signal with the parameters projected out.
 fn energy(problem: &Problem, columns: &[DMatrix<f64>], theta: &DVector<f64>) -> f64 {
     let (s, _) = problem.reduce_all(columns);
     theta.dot(&(s * theta))

@@ -1,10 +1,13 @@
-//! The held-out error and the floor of a comparison; and the white noise of the rows, by which a fit that is too good is recognised.
+//! Held-out error and noise floor from a comparison, and the white noise of the rows, which
+//! identifies fits that are too good.
 //!
-//! The floor that a discovery shows is that of the comparison ([`Standing`]): one number for the whole program. [`white_noise`] is only the mean
-//! square of weighted rows from white noise of the coordinates: a candidate that leaves far less has made up the body's own weight. The
-//! covariance of that noise is read off the recording: the third difference of the steps between frames is the fourth difference of the
-//! noise (70 times its variance), body motion has nothing there. Noise drawn with it is added to the motion once more, and the
-//! rows are formed again.
+//! The floor in a discovery is that of the comparison ([`Standing`]): one number for the whole
+//! program. [`white_noise`] is only the mean square of weighted rows caused by white noise of the
+//! coordinates: a candidate whose error is far below it has replaced the body's own weight. The
+//! covariance of that noise is estimated from the recording: the third difference of the steps
+//! between frames is the fourth difference of the noise (70 times its variance), to which body
+//! motion contributes nothing. Noise drawn from it is added to the motion, and the rows are formed
+//! again.
 
 use crate::session::{Block, Body, TrialInput, moment_length_m};
 use aloft_body::{Model, Motion};
@@ -15,24 +18,24 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
-/// What a comparison of the present model found over the windows of one kind of motion.
+/// Result of a comparison of the present model over the windows of one kind of motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Standing {
     /// Held-out error of the model, N: force, and moment over a lever of 0.1 m.
     pub held_out_error: f64,
-    /// What a perfect model would leave, N.
+    /// Error that a perfect model would leave, N.
     pub noise_floor: f64,
     /// 95 % interval of the floor, N.
     pub noise_floor_ci95: Option<[f64; 2]>,
 }
 
 impl Standing {
-    /// Error over floor.
+    /// Held-out error divided by the noise floor.
     pub(crate) fn times_floor(&self) -> f64 {
         self.held_out_error / self.noise_floor
     }
 
-    /// Above three times the floor, and above the interval of what a perfect model leaves.
+    /// True if the error exceeds three times the floor and the upper end of the floor's interval.
     pub(crate) fn is_far(&self) -> bool {
         let most = self.noise_floor_ci95.map_or(0.0, |ci| ci[1]).max(3.0 * self.noise_floor);
         self.noise_floor > 0.0 && most.is_finite() && self.held_out_error > most
@@ -106,7 +109,7 @@ fn with_noise(model: &Model, motion: &Motion, stretch: &Stretch, root: &DMatrix<
     out
 }
 
-/// Lower root of the covariance of the coordinates' white noise.
+/// Lower triangular root of the covariance of the coordinates' white noise.
 fn noise_root(model: &Model, trials: &[TrialInput<'_>]) -> Option<DMatrix<f64>> {
     let nv = model.nv;
     let mut all: Vec<DVector<f64>> = Vec::new();
@@ -132,7 +135,7 @@ fn noise_root(model: &Model, trials: &[TrialInput<'_>]) -> Option<DMatrix<f64>> 
     if all.len() < 2 * nv {
         return None;
     }
-    // frames that stand out in any coordinate are no noise
+    // outlying frames in any coordinate are not noise
     let median: Vec<f64> = (0..nv)
         .map(|c| {
             let mut x: Vec<f64> = all.iter().map(|d| d[c].abs()).collect();

@@ -1,4 +1,5 @@
-//! What a ranking means: what is plausible and believed, what cannot be told apart, and the verdict.
+//! Interprets a ranking: which effects are plausible and accepted, which cannot be told apart, and
+//! the verdict.
 
 use crate::candidate::{Scored, score};
 use crate::exchange::exchange;
@@ -14,11 +15,13 @@ use aloft_effects::{Effect, Family};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-/// Where the exchange of two effects cannot be made, the better has to leave less than this share of the other's error.
+/// Where the exchange test cannot be made, the better effect must leave less than this share of the
+/// other's error.
 const NEARLY: f64 = 0.94;
-/// Targets of a rival that are fitted again.
+/// Number of targets of a rival that are fitted again.
 const TARGETS: usize = 3;
-/// Two errors closer than this are the same: of bodies that are rigid, and of people, whose soft tissue repeats.
+/// Errors whose ratio is above this count as equal: rigid bodies, and people, whose soft tissue
+/// repeats.
 const SAME: [f64; 2] = [0.98, 0.96];
 
 /// The best variant of every target, best first.
@@ -36,7 +39,7 @@ pub(crate) fn alternatives(session: &Session<'_>, problem: &Problem, score: &Eff
     out
 }
 
-/// Largest ratio at which an effect may be believed.
+/// Largest ratio at which an effect can be accepted.
 pub(crate) fn limit(effect: &dyn Effect, first_round: bool, options: &DiscoverOptions) -> f64 {
     match effect.about().family {
         Family::Kinematics if first_round => options.belief_kinematics,
@@ -46,7 +49,8 @@ pub(crate) fn limit(effect: &dyn Effect, first_round: bool, options: &DiscoverOp
     }
 }
 
-/// Largest ratio that so many flights or trials can make believed: with few of them only a strong effect is.
+/// Largest ratio accepted with this number of flights or trials: with few of them only a strong
+/// effect is accepted.
 pub(crate) fn limit_by_number(clusters: usize, options: &DiscoverOptions) -> f64 {
     match clusters {
         0..5 => options.belief.min(0.80),
@@ -55,8 +59,9 @@ pub(crate) fn limit_by_number(clusters: usize, options: &DiscoverOptions) -> f64
     }
 }
 
-/// True for an error far below what noise alone leaves: columns that, with those of the model, make up the body's own weight and inertia fit
-/// anything, because in flight only the mass from the scale fixes how large the body is.
+/// True if the error is far below what noise alone leaves. Columns that, together with those of the
+/// model, reproduce the body's own weight and inertia fit anything, because in flight only the mass
+/// from the scale fixes the size of the parameters.
 pub(crate) fn is_trivial(session: &Session<'_>, problem: &Problem, mean_square: f64) -> bool {
     let noise = session.noise.map_or(0.0, |n| 0.5 * (n[0] + n[1]));
     mean_square < (0.04 * noise).max(1e-5 * problem.plain())
@@ -98,7 +103,7 @@ pub(crate) fn chosen_shares(scores: &[EffectScore<'_>], weights: &[Vec<f64>]) ->
     wins.iter().map(|n| n / weights.len().max(1) as f64).collect()
 }
 
-/// No coefficient at a bound that physics sets, none all zero.
+/// True if no coefficient is at a physical bound and not all are zero.
 pub(crate) fn plausible(scored: &Scored<'_>, estimates: &[Estimate]) -> bool {
     let bounds = &scored.variant.coefficients;
     let mut moved = false;
@@ -109,12 +114,12 @@ pub(crate) fn plausible(scored: &Scored<'_>, estimates: &[Estimate]) -> bool {
         }
         moved |= estimate.value != 0.0;
     }
-    // with one sign allowed, zero means that the data ask for the other
+    // a coefficient of one permitted sign is zero if the data ask for the other sign
     let main = bounds.first().is_some_and(|b| b.lower == 0.0 && estimates[0].value <= 0.0) && bounds.len() <= 2;
     moved && !main
 }
 
-/// Size at which the held-out ratio falls below the threshold in four of five sessions.
+/// Effect size at which the held-out ratio falls below the threshold in four of five sessions.
 pub(crate) fn minimum_detectable(problem: &Problem, scored: &Scored<'_>, noise_square: f64, threshold: f64) -> f64 {
     let unit = &scored.variant.coefficients[0].unit;
     let of_unit: Vec<usize> =
@@ -130,7 +135,7 @@ pub(crate) fn minimum_detectable(problem: &Problem, scored: &Scored<'_>, noise_s
     size + 0.84 * if se.is_finite() { se.min(size) } else { 0.0 }
 }
 
-/// Fills in what looks like what: every believed effect against all, the rest against the best.
+/// Fills in the confusions: every accepted effect against all others, the rest against the best.
 pub(crate) fn confusions(
     session: &Session<'_>,
     problem: &Problem,
@@ -169,11 +174,13 @@ pub(crate) fn confusions(
     }
 }
 
-/// A believed effect, fitted once more with the prior weighed as it is when the best of them is in the model.
+/// An accepted effect, refitted with the weight that the prior has when the best effect is in the
+/// model.
 pub(crate) struct Rival<'a> {
-    /// Place in the ranking.
+    /// Index in the ranking.
     pub index: usize,
-    /// False where it just missed the limit of belief: it may stand beside the others, and cannot throw one of them out.
+    /// False if it narrowly missed the acceptance limit: it may be named together with others, but
+    /// cannot rule one out.
     pub believed: bool,
     pub scored: Scored<'a>,
     /// Squared error by fold.
@@ -189,8 +196,8 @@ impl Rival<'_> {
     }
 }
 
-/// True for an effect that just misses the limit that the best one keeps: nothing but the limit tells them apart. Faults of plates and kinematics
-/// keep limits of their own.
+/// True for an effect that narrowly misses the limit that the best one passes, so that only the
+/// limit separates them. Plate and kinematic errors have limits of their own.
 fn close(effect: &dyn Effect, candidate: &Candidate, best: &Candidate, options: &DiscoverOptions) -> bool {
     candidate.plausible
         && !candidate.placebo
@@ -199,7 +206,8 @@ fn close(effect: &dyn Effect, candidate: &Candidate, best: &Candidate, options: 
         && (best.held_out_ratio..best.held_out_ratio / NEARLY).contains(&candidate.held_out_ratio)
 }
 
-/// The believed effects and those that just miss it as rivals, and the problem on which they were fitted.
+/// The accepted effects and those that narrowly miss acceptance, as rivals, and the problem on
+/// which they were fitted.
 pub(crate) fn rivals<'a>(
     session: &Session<'_>,
     problem: &Problem,
@@ -252,8 +260,8 @@ pub(crate) fn rivals<'a>(
     (Some(sharp), refitted)
 }
 
-/// Verdict and names: the believed effects that no other of them beats beyond chance and beyond what errors that repeat would give it, the most
-/// economical first.
+/// Verdict and names: the accepted effects that no other one beats by more than chance and
+/// repeating errors explain, the one with the fewest unknowns first.
 pub(crate) fn judge(
     session: &Session<'_>,
     problem: &Problem,
@@ -265,7 +273,8 @@ pub(crate) fn judge(
         let hopeless = problem.clusters.iter().filter(|c| !c.judged.is_empty()).count() < 4;
         return (if hopeless { Verdict::NotDetectable } else { Verdict::NothingMissing }, Vec::new(), Vec::new());
     };
-    // a generalisation has to be as much better as another effect would have to be: its freedom also follows errors that repeat
+    // a generalisation needs the same advantage as any other effect, because its extra freedom also
+    // fits repeating errors
     let simpler = believed()
         .filter(|r| {
             first.scored.variant.effect.about().contains.contains(&r.id())
@@ -277,11 +286,12 @@ pub(crate) fn judge(
         rivals.iter().filter(|r| r.index != best.index).map(|r| duel(session, problem, best, r, options)).collect();
     let mut class: Vec<&Rival<'_>> =
         rivals.iter().filter(|r| !duels.iter().any(|d| d.separated && d.effect == r.id())).collect();
-    // an effect that contains another counts only where it does better
+    // an effect that contains another one counts only if it does better
     let ids: Vec<String> = class.iter().filter(|r| r.believed).map(|r| r.id().to_owned()).collect();
     class.retain(|r| !r.scored.variant.effect.about().contains.iter().any(|c| ids.iter().any(|i| i == c)));
     let unknowns = |r: &Rival<'_>| r.scored.variant.unknowns();
-    // a richer effect that is not as far ahead of a simpler one as it would be if it were true
+    // a richer effect whose advantage over a simpler one is smaller than it would be if it were
+    // true
     let falls_short = |x: &Rival<'_>, y: &Rival<'_>| {
         let made = exchange(session, problem, &x.scored, &y.scored, &x.scored, options.seed ^ 0x5407);
         made.is_some_and(|m| m.missed_by((y.error() / x.error()).ln()))
@@ -297,7 +307,7 @@ pub(crate) fn judge(
     (if names.len() == 1 { Verdict::Supported } else { Verdict::OneOf }, names, duels)
 }
 
-/// Whether the recordings tell the effect `a` from the effect `b`, which errs more.
+/// Whether the recordings distinguish effect `a` from effect `b`, which has the larger error.
 fn duel(session: &Session<'_>, problem: &Problem, a: &Rival<'_>, b: &Rival<'_>, options: &DiscoverOptions) -> Duel {
     let ratio = (a.error() / b.error()).sqrt();
     let p_value = sign_flip_p(&a.fold_error, &b.fold_error, 2000, options.seed ^ 0xc1a5);
@@ -322,8 +332,8 @@ fn duel(session: &Session<'_>, problem: &Problem, a: &Rival<'_>, b: &Rival<'_>, 
 mod tests {
     use super::*;
 
-    /// The catalogue's faults of kinematics are named in a first round only; faults of plates have
-    /// a limit of their own.
+    /// Kinematic errors of the catalogue are named in a first round only; plate errors have a limit
+    /// of their own.
     #[test]
     fn belief_has_a_limit_for_each_family() {
         let options = DiscoverOptions::default();

@@ -1,4 +1,5 @@
-//! The model as it grows: columns of effects found, their coefficients together, and those that later ones made superfluous.
+//! The growing model: columns of the effects found, their joint coefficients, and removal of
+//! effects that later ones made redundant.
 
 use crate::DiscoverError;
 use crate::candidate::{Scored, Variant};
@@ -11,7 +12,7 @@ use crate::statistics::{jackknife_se, sign_flip_p};
 use aloft_effects::Choice;
 use nalgebra::{DMatrix, DVector};
 
-/// What a problem with one more effect in its model is made of.
+/// Ingredients of a problem with one more effect in its model.
 pub(crate) struct Refit<'a, 'b> {
     pub accepted: &'a [Choice<'b>],
     pub kept: &'a [Variant<'b>],
@@ -26,14 +27,15 @@ impl Refit<'_, '_> {
         extra.extend(extra_columns(session, domain, &[], std::slice::from_ref(variant), &[]));
         Problem::new(session, domain, &extra, self.options.fewest_trials, self.options.prior_weight).ok()
     }
-    /// Seed of every draw.
+    /// Seed of all random draws.
     pub fn seed(&self) -> u64 {
         self.options.seed
     }
 }
 
-/// Columns of effects in the model, by block; of nonlinear ones found in an earlier round also the derivatives by their parameters, so that a small
-/// error in these does not pass for another effect.
+/// Columns of effects in the model, by block; for nonlinear ones found in an earlier round also the
+/// derivatives with respect to their parameters, so that a small error in these is not mistaken for
+/// another effect.
 pub(crate) fn extra_columns(
     session: &Session<'_>,
     domain: Domain,
@@ -73,13 +75,14 @@ pub(crate) fn extra_columns(
         }
         out.push(columns);
     }
-    // an effect that does nothing here would leave the rows singular
+    // an effect with all-zero columns would make the rows singular
     out.retain(|e| e.iter().any(|m| m.norm_squared() > 0.0));
     out
 }
 
-/// The problem with the prior weighed by what remains when the columns `whole` are in the model (those of `extra` and one or more effects). An
-/// effect that is missing makes rows look noisy, which gives the prior more weight than it deserves; rivals are compared without that.
+/// The problem with the prior weighted by the residual left when the columns `whole` (those of
+/// `extra` and one or more effects) are in the model. A missing effect makes rows look noisy, which
+/// gives the prior too much weight; rivals are compared without that bias.
 pub(crate) fn sharpened(
     session: &Session<'_>,
     problem: &Problem,
@@ -95,7 +98,8 @@ pub(crate) fn sharpened(
     new(extra, Some(variance))
 }
 
-/// Takes out effects that those found later have made superfluous: a compromise found first, where two effects were at work.
+/// Removes effects that later ones made redundant, for example a compromise found first when two
+/// effects were at work.
 pub(crate) fn prune(
     session: &Session<'_>,
     accepted: &[Choice<'_>],
@@ -103,7 +107,8 @@ pub(crate) fn prune(
     found: &mut Vec<Found>,
     options: &DiscoverOptions,
 ) {
-    /// A loss of held-out error (root mean square) below this is none.
+    /// Ratio of held-out errors (root mean square) up to which removing an effect counts as no
+    /// loss.
     const LOSS: f64 = 1.03;
     let error = |kept: &[Variant<'_>], found: &[Found], domain: Domain| {
         let extra = extra_columns(session, domain, accepted, kept, found);
@@ -129,7 +134,8 @@ pub(crate) fn prune(
     }
 }
 
-/// The member of a class that goes into the model: the most economical that is believed, unless another is better beyond chance.
+/// Member of a class that is added to the model: the accepted one with the fewest unknowns, unless
+/// another is better beyond chance.
 pub(crate) fn to_build_on<'s, 'a>(
     rivals: &'s [Rival<'a>],
     names: &[String],
@@ -144,7 +150,7 @@ pub(crate) fn to_build_on<'s, 'a>(
     Some(if clearly { best } else { first })
 }
 
-/// Values of the coefficients with all effects found in the model at once.
+/// Coefficients with all effects found in the model at once.
 pub(crate) fn refit_found(
     session: &Session<'_>,
     accepted: &[Choice<'_>],
@@ -179,15 +185,16 @@ pub(crate) fn refit_found(
     }
 }
 
-/// True for a value at one of its bounds, but for rounding.
+/// True for a value at one of its bounds, within rounding.
 pub(crate) fn is_at_bound(value: f64, bounds: [f64; 2]) -> bool {
     let near = |b: f64| b.is_finite() && (value - b).abs() <= 1e-9 * b.abs().max(f64::MIN_POSITIVE);
     bounds.into_iter().any(near)
 }
 
-/// Coefficients and nonlinear parameters with standard errors: the jackknife's, and where parameters were fitted the larger of it and that of the
-/// joint fit. A fold takes one damped step, which does not follow directions in which two unknowns make up for each other (the distance of an anchor
-/// and the rest length of its tether, say).
+/// Coefficients and nonlinear parameters with standard errors: those of the jackknife or, where
+/// parameters were fitted, the larger of these and those of the joint fit. A fold takes one damped
+/// step, which does not follow directions in which two unknowns compensate each other (such as the
+/// distance of an anchor and the rest length of its tether).
 pub(crate) fn estimates(session: &Session<'_>, scored: &Scored<'_>) -> (Vec<Estimate>, Vec<Estimate>) {
     let joint = |i: usize| scored.joint_se.get(i).copied();
     let larger = |jackknife: f64, joint: Option<f64>| match joint {

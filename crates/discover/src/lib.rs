@@ -1,20 +1,28 @@
-//! Which effect is missing, how sure, and what it can be confused with.
+//! Finds missing effects, with their uncertainty and the effects that they can be confused with.
 //!
-//! A [`Session`] holds the weak rows of every flight and contact stretch in fixed weights, and makes columns of any effect for them.
+//! A [`Session`] holds the weak rows of every flight and contact stretch in fixed weights, and
+//! computes columns of any effect for them.
 //! [`discover`] refits the inertial parameters together with each candidate, predicts every trial (or flight, where trials are few) from the
 //! others, and compares errors:
 //!
 //! | step | module | what it does |
 //! |---|---|---|
-//! | evidence | `session`, `floor` | rows, columns of effects, what a perfect model would leave |
-//! | refit | `problem`, `candidate`, `nonlinear` | parameters taken out of columns, one Cholesky factor a fold; bounded coefficients; Gauss-Newton on the rest, again in each fold |
-//! | ranking | `rank`, `placebo`, `statistics` | choice of target inside each fold, intervals over clusters, sign-flip null over the whole library, effects that do not exist |
-//! | judgement | `discover`, `judge`, `exchange`, `ladder`, `pairs`, `words` | what is believed and what cannot be told apart, second rounds, pairs, pruning, words |
-//! | intervals | `repeating` | errors that repeat from trial to trial make intervals wider |
-//! | ladder | `addition` | one effect more: held-out error before and after, from rows or stored factors |
+//! | evidence | `session`, `floor` | rows, columns of effects, noise floor |
+//! | refit | `problem` | parameters projected out of columns, one Cholesky factor per fold |
+//! | refit | `candidate` | bounded coefficients |
+//! | refit | `nonlinear` | Gauss-Newton on the nonlinear parameters, again in each fold |
+//! | ranking | `rank` | choice of target inside each fold, sign-flip null over all effects |
+//! | ranking | `statistics` | intervals over clusters |
+//! | ranking | `placebo` | effects without physical basis |
+//! | judgement | `discover`, `ladder`, `pairs` | rounds, pruning, pairs of effects |
+//! | judgement | `judge`, `exchange` | accepted effects, effects that cannot be told apart |
+//! | judgement | `words` | the result in words |
+//! | intervals | `repeating` | wider intervals for errors that repeat from trial to trial |
+//! | ladder | `addition` | held-out error before and after one more effect |
 //! | self-test | `self_test` | inject and recover on the user's own recordings |
 //!
-//! Nothing is weighted by residuals: whitening with them would eat the effect that is sought.
+//! Nothing is weighted by residuals: whitening with them would remove part of the effect being
+//! sought.
 //!
 //! ```no_run
 //! # use aloft_body::{BaseParameters, Motion, Phi, Subject};

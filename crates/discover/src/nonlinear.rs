@@ -1,4 +1,5 @@
-//! Effects whose columns depend on further unknowns: variable projection over all rows, then once more in every fold.
+//! Effects whose columns depend on further unknowns: variable projection over all rows, then again
+//! in every fold.
 //!
 //! Starts are screened by the gain of their linear fit; the best are improved by damped Gauss-Newton steps on columns and derivatives
 //! together (Kaufman's form), within bounds. In a fold the parameters take one step from the common optimum with the derivatives there, so that a
@@ -81,7 +82,8 @@ fn step(
         .collect()
 }
 
-/// Improves a variant from its values of the nonlinear parameters by at most `steps` steps, with the gain reached; `None` where nothing is gained.
+/// Improves a variant from its values of the nonlinear parameters by at most `steps` steps; returns
+/// it with its gain, `None` if there is no improvement.
 pub(crate) fn improve<'a>(
     session: &Session<'_>,
     problem: &Problem,
@@ -119,7 +121,8 @@ pub(crate) fn improve<'a>(
     Some((Variant { nonlinear: at.p, fitted: parameters.len(), ..variant.clone() }, at.gain))
 }
 
-/// Standard errors of coefficients and nonlinear parameters, all unknown together, from the columns `[C | ∂(Cθ)/∂p]`.
+/// Standard errors of coefficients and nonlinear parameters estimated jointly, from the columns `[C
+/// | ∂(Cθ)/∂p]`.
 fn joint_se(
     problem: &Problem,
     parameters: &[NonlinearParameter],
@@ -127,26 +130,27 @@ fn joint_se(
     theta: &DVector<f64>,
 ) -> Vec<f64> {
     let se = |(i, v): (usize, &f64)| match i.checked_sub(theta.len()).map(|j| &parameters[j]) {
-        // no wider than not to know where between its bounds it lies
+        // at most the standard deviation of a uniform distribution between the bounds
         Some(q) if (q.upper - q.lower).is_finite() => v.sqrt().min((q.upper - q.lower) / 12f64.sqrt()),
         _ => v.sqrt(),
     };
     problem.covariance(wide, theta).diagonal().iter().enumerate().map(se).collect()
 }
 
-/// What a fold, left out, gives for an effect with nonlinear parameters.
+/// Fit of an effect with nonlinear parameters without the rows of one fold.
 struct FittedFold {
     theta: DVector<f64>,
     nonlinear: Vec<f64>,
     gain: f64,
     error: f64,
-    /// Gram matrix of the columns and their derivatives, parameters of the body taken out.
+    /// Gram matrix of the columns and their derivatives, with the body's parameters projected out.
     s: DMatrix<f64>,
 }
 
-/// By how much the standard errors of the first `k` unknowns grow because the others are unknown too, from the Gram matrix of all.
+/// Factors by which the standard errors of the first `k` unknowns grow because the others are
+/// unknown too, from the joint Gram matrix.
 fn widening(joint: &DMatrix<f64>, k: usize) -> Vec<f64> {
-    /// A coefficient that the others make up for completely.
+    /// Factor for a coefficient that the others compensate completely.
     const MOST: f64 = 1e3;
     let (whole, alone) = (pseudo_inverse(joint), pseudo_inverse(&joint.view((0, 0), (k, k)).into_owned()));
     let of = |i: usize| (whole[(i, i)] / alone[(i, i)]).sqrt();
@@ -167,7 +171,7 @@ pub(crate) fn joint_se_at(session: &Session<'_>, problem: &Problem, variant: &Va
         .unwrap_or_default()
 }
 
-/// Columns `[C | ∂(Cθ)/∂p]` of an effect at its values.
+/// Columns `[C | ∂(Cθ)/∂p]` of an effect at its present parameter values.
 pub(crate) fn columns_and_slopes(
     session: &Session<'_>,
     problem: &Problem,
@@ -180,7 +184,7 @@ pub(crate) fn columns_and_slopes(
     with_derivatives(session, problem, variant, &parameters, &Point { p, theta: theta.clone(), gain: 0.0, columns })
 }
 
-/// Scores a fitted variant, its nonlinear parameters refitted in every fold.
+/// Scores a fitted variant, with its nonlinear parameters refitted in every fold.
 pub(crate) fn score_fitted<'a>(session: &Session<'_>, problem: &Problem, variant: Variant<'a>) -> Option<Scored<'a>> {
     let parameters = variant.effect.nonlinear(session.scene, variant.target);
     let at = evaluate(session, problem, &variant, variant.nonlinear.clone())?;

@@ -6,7 +6,7 @@ use crate::session::{Session, Word};
 use aloft_effects::Effect;
 use serde::{Deserialize, Serialize};
 
-/// An effect whose law gives NaN or infinity on these recordings, and where.
+/// An effect whose law gives NaN or infinity on these recordings, with the place where it does.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NotTried {
     /// Identifier.
@@ -25,10 +25,11 @@ impl std::fmt::Display for NotTried {
     }
 }
 
-/// Combinations of target and starting values that are looked at.
+/// Largest number of combinations of target and starting values that are checked.
 const LOOKED_AT: usize = 60;
 
-/// Where the law of an effect gives no numbers; none where it does everywhere, or where it has no columns here at all.
+/// Where the law of an effect gives no numbers; none if it does everywhere, or if it has no columns
+/// here.
 pub(crate) fn not_tried(session: &Session<'_>, effect: &dyn Effect, domain: Domain) -> Option<NotTried> {
     let (mut made, mut wrong) = (0, 0);
     let mut first: Option<String> = None;

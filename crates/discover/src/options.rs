@@ -2,34 +2,35 @@
 
 use serde::{Deserialize, Serialize};
 
-/// How a discovery is made.
+/// Options of a discovery.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DiscoverOptions {
-    /// A held-out ratio above this is never believed.
+    /// Largest held-out ratio at which an effect can be accepted.
     pub belief: f64,
-    /// The same for faults of kinematics (soft tissue, joint centres, filters, camera volume, flight edges). Every recording has some of them, so
-    /// only a great one is worth a name, and only before any other effect was found.
+    /// The same limit for kinematic errors (soft tissue, joint centres, filters, camera volume,
+    /// flight edges). Every recording has some of them, so only a large one is named, and only
+    /// before any other effect was found.
     pub belief_kinematics: f64,
-    /// The same for faults of plates: every plate drifts a little.
+    /// The same limit for force-plate errors: every plate drifts a little.
     pub belief_plates: f64,
     /// Draws of flipped signs for the null distribution.
     pub null_draws: usize,
     /// Resamples of clusters for intervals.
     pub resamples: usize,
-    /// Effects that may be found one after the other.
+    /// Largest number of rounds per kind of motion, each adding an effect or a pair.
     pub rounds: usize,
-    /// Trials are the unit of evidence where there are at least this many, flights otherwise.
+    /// Trials are the unit of evidence if there are at least this many, flights otherwise.
     pub fewest_trials: usize,
-    /// Weight of the prior of the parameters (1: as uncertain as it says).
+    /// Weight of the prior of the parameters (1: the uncertainty that the prior states).
     pub prior_weight: f64,
-    /// Two effects are told apart when chance explains their difference less often than this.
+    /// Two effects count as distinguishable if the p-value of their difference is below this.
     pub significance: f64,
-    /// Only these effects; all when empty.
+    /// Only these effects are ranked; all when empty.
     pub only: Vec<String>,
-    /// Not these.
+    /// Effects to leave out.
     pub without: Vec<String>,
-    /// Seed of every draw.
+    /// Seed of all random draws.
     pub seed: u64,
 }
 

@@ -1,8 +1,9 @@
-//! Two effects at once: where a single one is a compromise between two others.
+//! Pairs of effects, for cases in which a single effect is a compromise between two others.
 //!
-//! Steady wind with drag, for instance, passes for drag in still air together with a tilt. When the best single effect has been chosen, all pairs of other
-//! effects are screened by the gain of their joint fit; the best are judged by held-out error, and one replaces the single effect if it is
-//! better by as much as a second effect would have to be.
+//! Steady wind with drag, for instance, can be mistaken for drag in still air together with a tilt.
+//! When the best single effect has been chosen, all pairs of other effects are screened by the gain
+//! of their joint fit; the best are judged by held-out error, and a pair replaces the single effect
+//! if it is better by as much as a second effect would have to be.
 
 use crate::candidate::{Scored, Variant, score, solve};
 use crate::judge::is_trivial;
@@ -15,11 +16,12 @@ use crate::statistics::sign_flip_p;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-/// Variants of an effect that take part, pairs that are judged.
+/// Number of variants of an effect that take part, and of pairs that are judged.
 const VARIANTS: usize = 3;
 const JUDGED: usize = 8;
 
-/// The pair that beats the effect `best` by `ratio`, with coefficients of each: `None` where there is none.
+/// The pair that beats the effect `best`, with `ratio` and the coefficients of each; `None` if
+/// there is none.
 pub(crate) fn better_pair<'a>(
     session: &Session<'_>,
     problem: &Problem,
@@ -43,7 +45,7 @@ pub(crate) fn better_pair<'a>(
             )
         })
         .collect();
-    // a compromise hides two effects that are no richer than itself
+    // a compromise stands for two effects with no more unknowns than itself
     let most = scores[best].scored[scores[best].best].variant.unknowns();
     let joint = |a: usize, b: usize| -> (Variant<'a>, Vec<DMatrix<f64>>) {
         let (ka, kb) = (parts[a].1.coefficients.len(), parts[b].1.coefficients.len());
@@ -95,7 +97,8 @@ pub(crate) fn better_pair<'a>(
         .collect();
     let own = |error: f64| !is_trivial(session, problem, error / problem.n_judged as f64);
     let (scored, a, b, mut error) = judged.into_iter().filter(|j| own(j.3)).min_by(|x, y| x.3.total_cmp(&y.3))?;
-    // the one with more nonlinear parameters was fitted alone: once more beside the other
+    // the effect with more nonlinear parameters was fitted alone; fit it again together with the
+    // other
     let nonlinear = |i: usize| parts[i].1.nonlinear.len();
     let (plain, bent) = if nonlinear(a) <= nonlinear(b) { (a, b) } else { (b, a) };
     let mut fold_error = scored.fold_error.clone();

@@ -1,4 +1,5 @@
-//! Effects that nature does not have. One that wins shows that something other than the named effects is at work.
+//! Placebo effects, which have no physical basis. If one wins, something other than the named
+//! effects is at work.
 
 use aloft_effects::{About, Coefficient, Columns, Effect, EffectKind, Scene, Series, Target};
 use nalgebra::Vector3;
@@ -6,11 +7,11 @@ use nalgebra::Vector3;
 /// A placebo.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Placebo {
-    /// Quadratic drag of the velocities that the body will have when the stretch is run backwards.
+    /// Quadratic drag computed from the velocities of the time-reversed stretch.
     ReversedDrag,
     /// The same for a flywheel in the root.
     ReversedFlywheel,
-    /// A spring to an arbitrary point.
+    /// A spring to an arbitrary anchor point.
     Spring(u8),
 }
 
@@ -68,7 +69,8 @@ impl Effect for Placebo {
                         let anchor = scene.volume_center_m + Vector3::new(angle.cos(), angle.sin(), height) * 1.3;
                         let at = here[0].point(&scene.link_com_m[0]);
                         let line = anchor - at;
-                        // pulls only where the body is farther than usual: no force that is constant to first order
+                        // the force vanishes at the typical distance, so it is not constant to
+                        // first order
                         let stretch = line.norm() - 1.3;
                         out.force_at(i, 0, &(line.normalize() * stretch), &at);
                     }

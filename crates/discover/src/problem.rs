@@ -1,8 +1,9 @@
-//! The refit: inertial parameters and a candidate together, by cluster left out.
+//! Joint refit of inertial parameters and a candidate, with one cluster left out at a time.
 //!
-//! With parameters scaled by the prior (x = x₀ + L z) every cluster g of rows is `A_g z + C_g θ ≈ b_g`. One Cholesky factor of
-//! `Σ AᵀA + w` for all rows and one for each fold take the parameters out of any column (Frisch and Waugh), so that a candidate costs a few
-//! small products. Weights of rows are fixed; nothing here is estimated from residuals but the weight of the prior.
+//! With parameters scaled by the prior (x = x₀ + L z) every cluster g of rows is `A_g z + C_g θ ≈
+//! b_g`. One Cholesky factor of `Σ AᵀA + w` for all rows and one for each fold project the
+//! parameters out of any column (Frisch and Waugh), so that a candidate costs a few small products.
+//! Weights of rows are fixed; only the weight of the prior is estimated from residuals.
 
 use crate::DiscoverError;
 use crate::session::Session;
@@ -10,7 +11,7 @@ use aloft_regressor::StretchKind;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
-/// Which rows decide.
+/// Rows used for judging.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Domain {
     /// Rows of flights, for fitting and judging.
@@ -27,16 +28,16 @@ pub(crate) struct Cluster {
     pub judged: Vec<usize>,
     gram: DMatrix<f64>,
     right: DVector<f64>,
-    /// Rows that went in.
+    /// Number of rows in the cluster.
     pub n_rows: usize,
-    /// Blocks of the session in order.
+    /// Blocks of the session, in order.
     pub blocks: Vec<usize>,
     pub trial: usize,
 }
 
 pub(crate) struct Fold {
     cholesky: Cholesky<f64, Dyn>,
-    /// Residual of the judged rows of the cluster left out.
+    /// Residual of the judged rows of the left-out cluster.
     pub test: DVector<f64>,
     pub error: f64,
     /// Sum of squares of the fit without the cluster.
@@ -57,11 +58,11 @@ pub(crate) struct Problem {
     pub n_judged: usize,
     /// Base parameters of the fit, the mass first.
     pub parameters: DVector<f64>,
-    /// Variance of a row by which the prior was weighed.
+    /// Variance of a row, which sets the weight of the prior.
     pub variance: f64,
 }
 
-/// Columns of a candidate with the parameters taken out.
+/// Columns of a candidate with the parameters projected out.
 pub(crate) struct Reduced {
     pub s: DMatrix<f64>,
     pub c: DVector<f64>,
@@ -87,7 +88,8 @@ impl Problem {
         Self::with_variance(session, domain, extra, fewest, prior_weight, None)
     }
 
-    /// The same, the variance of a row (which weighs the prior) given instead of estimated.
+    /// The same with a given variance of a row (which weights the prior) instead of an estimated
+    /// one.
     pub fn with_variance(
         session: &Session<'_>,
         domain: Domain,
@@ -281,16 +283,18 @@ impl Problem {
             .collect()
     }
 
-    /// Gram and right side of columns over all rows, parameters taken out.
+    /// Gram matrix and right-hand side of columns over all rows, with the parameters projected out.
     pub fn reduce_all(&self, columns: &[DMatrix<f64>]) -> (DMatrix<f64>, DVector<f64>) {
         let (ac, cc, cb) = self.products(columns, None);
         let x = self.cholesky.solve(&ac);
         unspanned(&cc, symmetric(&cc - ac.tr_mul(&x)), cb - x.tr_mul(&self.right))
     }
 
-    /// Covariance of the unknowns of `[C | ∂(Cθ)/∂p]` (the first `theta.len()` columns are `C`) at the optimum, parameters taken out: the inverse
-    /// of their Gram matrix times the variance of the residuals along them, by cluster (so that errors that repeat inside a flight count), and not
-    /// less than that of single rows. Directions that the rows do not see get a variance that is very large.
+    /// Covariance of the unknowns of `[C | ∂(Cθ)/∂p]` (the first `theta.len()` columns are `C`) at
+    /// the optimum, with the parameters projected out: the inverse of their Gram matrix times the
+    /// variance of the residuals along them, by cluster (so that errors that repeat within a flight
+    /// count), and at least that of single rows. Directions that the rows do not determine get a
+    /// very large variance.
     pub fn covariance(&self, columns: &[DMatrix<f64>], theta: &DVector<f64>) -> DMatrix<f64> {
         let (k, k_all) = (theta.len(), columns[0].ncols());
         let (ac, cc, _) = self.products(columns, None);
@@ -312,7 +316,7 @@ impl Problem {
         let unit = DMatrix::from_fn(k_all, k_all, |i, j| s[(i, j)] * scale[i] * scale[j]);
         let eigen = unit.symmetric_eigen();
         let roots = eigen.eigenvalues.map(|l| l.max(1e-12).sqrt().recip());
-        // unknowns in which the Gram matrix is one
+        // coordinates in which the Gram matrix is the identity
         let root = DMatrix::from_diagonal(&scale) * &eigen.eigenvectors * DMatrix::from_diagonal(&roots);
         let n = self.clusters.len() as f64;
         let seen = eigen.eigenvalues.iter().filter(|l| **l > 1e-9).count().max(1) as f64;
@@ -345,7 +349,7 @@ impl Problem {
         (ac, cc, cb)
     }
 
-    /// What one fold needs of a candidate.
+    /// The reduced columns of a candidate for one fold.
     pub fn reduce_fold(&self, g: usize, columns: &[DMatrix<f64>]) -> ReducedFold {
         self.fold_of(g, &columns[g], self.products(columns, Some(g)))
     }
@@ -367,7 +371,7 @@ impl Problem {
         }
     }
 
-    /// Everything that folds need of a candidate.
+    /// The reduced columns of a candidate for all folds.
     pub fn reduce(&self, columns: &[DMatrix<f64>]) -> Reduced {
         let parts: Vec<(DMatrix<f64>, DMatrix<f64>, DVector<f64>)> = self
             .clusters
@@ -384,7 +388,8 @@ impl Problem {
         Reduced { s, c, folds }
     }
 
-    /// Quantities that sign flips of the clusters' residuals need: for every fold the map from `Σ s_h Aᵀr` to the left-out residual.
+    /// Quantities needed for sign flips of the clusters' residuals: for every fold the map from `Σ
+    /// s_h Aᵀr` to the left-out residual.
     pub fn flip_parts(&self) -> FlipParts<'_> {
         let residuals: Vec<DVector<f64>> = (0..self.clusters.len()).map(|g| self.residual(g)).collect();
         let ar = self.clusters.iter().zip(&residuals).map(|(c, r)| c.a.tr_mul(r)).collect();
@@ -392,18 +397,18 @@ impl Problem {
     }
 }
 
-/// Residuals by cluster, ready to have their signs flipped.
+/// Residuals by cluster, prepared for sign flips.
 pub(crate) struct FlipParts<'a> {
     problem: &'a Problem,
     pub residuals: Vec<DVector<f64>>,
     ar: Vec<DVector<f64>>,
 }
 
-/// One draw of signs: what every fold sees.
+/// One fold under one draw of signs.
 pub(crate) struct FlippedFold {
     /// `M⁻¹ Σ_{h≠g} s_h A_hᵀ r_h`.
     pub x: DVector<f64>,
-    /// Residual of the judged rows of the cluster left out.
+    /// Residual of the judged rows of the left-out cluster.
     pub test: DVector<f64>,
     pub error: f64,
     /// Sum of squares of the fit without the cluster.
@@ -432,7 +437,7 @@ impl FlipParts<'_> {
             })
             .collect()
     }
-    /// `C_gᵀ r_g` and `A_gᵀ C_g` of a candidate by cluster: all that its folds need under flips.
+    /// `C_gᵀ r_g` and `A_gᵀ C_g` of a candidate by cluster: all that its folds need for sign flips.
     pub fn candidate(&self, columns: &[DMatrix<f64>]) -> (Vec<DVector<f64>>, Vec<DMatrix<f64>>) {
         let u = columns.iter().zip(&self.residuals).map(|(c, r)| c.tr_mul(r)).collect();
         let ac = columns.iter().zip(&self.problem.clusters).map(|(c, cl)| cl.a.tr_mul(c)).collect();
@@ -440,11 +445,13 @@ impl FlipParts<'_> {
     }
 }
 
-/// Share of a column's square outside the model's columns below which nothing but rounding (and the ridge) is left of it.
+/// Share of a column's square outside the span of the model's columns below which only rounding
+/// error (and the ridge) remains.
 const SPANNED: f64 = 1e-9;
 
-/// Gram matrix and right side of columns with the parameters taken out, zero for columns that lie in the span of the model's: what rounding
-/// leaves of those would pass for evidence. `whole` is the Gram matrix before.
+/// Gram matrix and right-hand side of columns with the parameters projected out, set to zero for
+/// columns in the span of the model's columns, whose rounding error would otherwise count as
+/// evidence. `whole` is the Gram matrix before the projection.
 fn unspanned(whole: &DMatrix<f64>, mut s: DMatrix<f64>, mut c: DVector<f64>) -> (DMatrix<f64>, DVector<f64>) {
     for i in 0..c.len() {
         if s[(i, i)] <= SPANNED * whole[(i, i)] {
@@ -460,7 +467,8 @@ fn symmetric(m: DMatrix<f64>) -> DMatrix<f64> {
     (&m + m.transpose()) * 0.5
 }
 
-/// Mean of the base parameters but the mass, and a root of their covariance, given the mass; column norms without a prior.
+/// Mean of the base parameters other than the mass and a root of their covariance, conditional on
+/// the mass; without a prior, column norms.
 fn given_mass(session: &Session<'_>, p: usize) -> Result<(DVector<f64>, DMatrix<f64>), DiscoverError> {
     let Some(prior) = &session.prior else {
         let norms = DVector::from_fn(p - 1, |j, _| {

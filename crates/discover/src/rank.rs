@@ -1,4 +1,5 @@
-//! Every effect against the model: variants, the choice among them inside each fold, and the null distribution of the best.
+//! Ranks every effect against the model: variants, selection among them inside each fold, and the
+//! null distribution of the best.
 
 use crate::candidate::{Scored, Variant, pseudo_inverse, score, solve};
 use crate::nonlinear::{improve, score_fitted};
@@ -10,14 +11,14 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-/// Rows that count as one independent observation: windows overlap by three quarters.
+/// Number of rows that count as one independent observation: windows overlap by three quarters.
 pub(crate) const OVERLAP: f64 = 3.0;
 
-/// Gauss-Newton steps of a first look, and of the final fit.
+/// Gauss-Newton steps of the first pass, and of the final fit.
 const QUICK_STEPS: usize = 5;
-/// Share of the squared error that an effect has to take before the shape of links is tried.
+/// Share of the squared error that an effect has to remove before `Target::Shape` is tried.
 const SHAPED: f64 = 0.5;
-/// Targets whose best start is fitted to the end.
+/// Number of targets whose best start is fitted with the full number of steps.
 const FINISHED: usize = 4;
 pub(crate) const FULL_STEPS: usize = 20;
 
@@ -25,9 +26,9 @@ pub(crate) const FULL_STEPS: usize = 20;
 pub(crate) struct EffectScore<'a> {
     pub effect: &'a dyn Effect,
     pub scored: Vec<Scored<'a>>,
-    /// The variant that all rows choose.
+    /// Index of the variant selected from all rows.
     pub best: usize,
-    /// Squared error by fold, the variant chosen without it.
+    /// Squared error by fold, with the variant selected without that fold.
     pub fold_error: Vec<f64>,
     pub placebo: bool,
     null: Vec<NullVariant>,
@@ -53,7 +54,7 @@ fn criterion(gain: f64, rss: f64, n_rows: f64, unknowns: usize) -> f64 {
     n_rows / OVERLAP * ((rss - gain).max(1e-9 * rss) / rss).ln() + 2.0 * unknowns as f64
 }
 
-/// Scores all variants of an effect; `None` where it cannot act here.
+/// Scores all variants of an effect; `None` if it cannot act here.
 pub(crate) fn score_effect<'a>(
     session: &Session<'_>,
     problem: &Problem,
@@ -93,7 +94,7 @@ pub(crate) fn score_effect<'a>(
         null.push(of_null);
     }
     if nonlinear && refine {
-        // a few steps everywhere, then the best to the end
+        // a few steps from every start, then all steps for the best
         let mut tried: Vec<(Variant<'a>, f64)> = promising(session, &scored)
             .into_par_iter()
             .filter_map(|variant| improve(session, problem, &variant, QUICK_STEPS))
@@ -119,7 +120,7 @@ pub(crate) fn score_effect<'a>(
     let pick = |gain: &dyn Fn(&Scored<'_>) -> f64, rss: f64, n_rows: f64| {
         let of: Vec<f64> = scored.iter().map(|s| criterion(gain(s), rss, n_rows, s.variant.unknowns())).collect();
         let least = of.iter().copied().fold(f64::INFINITY, f64::min);
-        // what the rows cannot tell apart goes to the link nearer to the root
+        // among targets that the rows cannot tell apart, prefer the link nearest to the root
         (0..scored.len())
             .filter(|&i| of[i] <= least + 1.0)
             .min_by(|&a, &b| scored[a].variant.target.cmp(&scored[b].variant.target).then(of[a].total_cmp(&of[b])))
@@ -135,7 +136,8 @@ pub(crate) fn score_effect<'a>(
     Some(EffectScore { effect, scored, best, fold_error, placebo, null })
 }
 
-/// The variants from which others start: the best of every target where there are few, of the seven best else, and the next two of the best.
+/// Variants used as starts: the best of every target, at most nine in all, and the next two of the
+/// best target.
 fn promising<'a>(session: &Session<'_>, scored: &[Scored<'a>]) -> Vec<Variant<'a>> {
     let mut order: Vec<usize> = (0..scored.len()).filter(|&i| scored[i].gain > 0.0).collect();
     order.sort_by(|&a, &b| scored[b].gain.total_cmp(&scored[a].gain));
@@ -156,7 +158,8 @@ fn promising<'a>(session: &Session<'_>, scored: &[Scored<'a>]) -> Vec<Variant<'a
 
 type Screened<'a> = Vec<(Variant<'a>, Vec<DMatrix<f64>>)>;
 
-/// Variants at given values with their columns: all targets at the starts that serve the first target best.
+/// Variants at given values with their columns: all targets at the starts that gave the largest
+/// gain on the first target.
 fn screen<'a>(session: &Session<'_>, problem: &Problem, effect: &'a dyn Effect, targets: &[Target]) -> Screened<'a> {
     const FEW: usize = 4;
     const MANY: usize = 60;
@@ -164,7 +167,7 @@ fn screen<'a>(session: &Session<'_>, problem: &Problem, effect: &'a dyn Effect, 
     let mut chosen: Option<Vec<usize>> = None;
     let mut gained = 0.0f64;
     for &target in targets {
-        // the shape of links only bends what a great effect leaves
+        // the shape of links only modifies an effect that already explains most of the error
         if target == Target::Shape && gained < SHAPED * problem.rss {
             continue;
         }
@@ -193,7 +196,7 @@ fn screen<'a>(session: &Session<'_>, problem: &Problem, effect: &'a dyn Effect, 
         if chosen.is_none() && starts.len() > FEW {
             chosen = Some(order.iter().take(FEW).map(|o| o.0).collect());
         }
-        // of a great many starts the best are kept, and a sample of the others for the null distribution
+        // of many starts keep the best, and a sample of the others for the null distribution
         let best: Vec<usize> = order.iter().take(MANY / 10).map(|o| o.0).collect();
         let stride = made.len().div_ceil(MANY).max(1);
         out.extend(made.into_iter().filter(|m| m.0 % stride == 0 || best.contains(&m.0)).map(|m| (m.2, m.3)));
@@ -201,7 +204,8 @@ fn screen<'a>(session: &Session<'_>, problem: &Problem, effect: &'a dyn Effect, 
     out
 }
 
-/// Trials in which a group effect acts: as the laboratory named them, else by the largest gap between the coefficients of single trials.
+/// Trials in which a group effect acts: as named by the laboratory, otherwise split at the largest
+/// gap between the coefficients of single trials.
 fn group(session: &Session<'_>, problem: &Problem, columns: &[DMatrix<f64>]) -> Option<Vec<bool>> {
     let n = session.trials.len();
     if session.groups.iter().any(Option::is_some) {
@@ -213,7 +217,7 @@ fn group(session: &Session<'_>, problem: &Problem, columns: &[DMatrix<f64>]) -> 
     if seen.len() < 4 {
         return None;
     }
-    // one column a trial, of the first coefficient
+    // one column per trial, of the first coefficient
     let wide: Vec<DMatrix<f64>> = columns
         .iter()
         .zip(&problem.clusters)
@@ -237,12 +241,14 @@ fn group(session: &Session<'_>, problem: &Problem, columns: &[DMatrix<f64>]) -> 
     Some(mask)
 }
 
-/// Smallest held-out ratio over the library in each draw of random signs of the clusters' residuals.
+/// Smallest held-out ratio over all effects for each draw of random signs of the clusters'
+/// residuals.
 pub(crate) fn null_ratios(problem: &Problem, scores: &[EffectScore<'_>], draws: usize, seed: u64) -> Vec<f64> {
     let flips = problem.flip_parts();
     let n = problem.clusters.len();
     let n_rows: f64 = problem.clusters.iter().map(|c| c.n_rows as f64).sum();
-    // few clusters have few sign patterns, of which a common sign does not count
+    // few clusters have few sign patterns; flipping all signs together does not count as another
+    // one
     let patterns = if n <= 12 { (1usize << (n - 1)) - 1 } else { usize::MAX };
     (0..draws.min(patterns))
         .into_par_iter()
@@ -297,7 +303,8 @@ pub(crate) fn null_ratios(problem: &Problem, scores: &[EffectScore<'_>], draws: 
         .collect()
 }
 
-/// Cosine of the fitted signal of `a` with what `b` can say, inertial parameters taken out: 1 where `b` says the same.
+/// Cosine of the fitted signal of `a` with its best approximation by `b`, inertial parameters
+/// projected out: 1 if `b` can reproduce it.
 pub(crate) fn cosine(session: &Session<'_>, problem: &Problem, a: &Scored<'_>, b: &Scored<'_>) -> f64 {
     let (Some(ca), Some(cb)) = (a.variant.columns(session, problem), b.variant.columns(session, problem)) else {
         return 0.0;
@@ -323,7 +330,7 @@ pub(crate) fn cosine(session: &Session<'_>, problem: &Problem, a: &Scored<'_>, b
     (inside / own).clamp(0.0, 1.0).sqrt()
 }
 
-/// True when an effect is judged in a domain.
+/// True if an effect is judged in a domain.
 pub(crate) fn judged_in(effect: &dyn Effect, domain: Domain, has_flights: bool) -> bool {
     match domain {
         Domain::Flight => effect.acts().in_flight(),

@@ -1,12 +1,15 @@
-//! Errors that repeat from trial to trial, which the scatter of a coefficient over trials does not show.
+//! Errors that repeat from trial to trial and therefore do not show in the scatter of a coefficient
+//! over trials.
 //!
-//! The prior of the inertial parameters is the same in every trial, and so is its error. With it a standard error is not less than that of the joint
-//! posterior, `√(σ²[S⁻¹]ₖₖ)` per independent row.
+//! The prior of the inertial parameters is the same in every trial, and so is its error. A standard
+//! error is therefore at least that of the joint posterior, `√(σ²[S⁻¹]ₖₖ)` per independent row.
 //!
-//! Soft tissue follows the posture, and a jump is like the last one: markers slide the same way in every trial. How far they slide, linearly in the
-//! angles of each joint, is a random number `δ ~ N(0, τ²)` (m/rad) a joint, angle and axis. The rows themselves say how large τ is (type II maximum
-//! likelihood, the inertial parameters and the model's effects taken out; MacKay, Neural Computation 4, 1992, 415-447), and the columns say what `δ`
-//! would make of a coefficient: `S⁻¹ Cᵀ D δ`, with the Gram matrix `S = CᵀC` and the columns `D` of the slides beside the model.
+//! Soft tissue displacement follows the posture, and jumps resemble each other: markers slide the
+//! same way in every trial. The slide, linear in the angles of each joint, is modelled as a random
+//! number `δ ~ N(0, τ²)` (m/rad) per joint, angle and axis. τ is estimated from the rows (type II
+//! maximum likelihood, with the inertial parameters and the model's effects projected out; MacKay,
+//! Neural Computation 4, 1992, 415-447), and the change of a coefficient caused by `δ` is `S⁻¹ Cᵀ D
+//! δ`, with the Gram matrix `S = CᵀC` and the columns `D` of the slides not explained by the model.
 
 use crate::candidate::{Variant, pseudo_inverse};
 use crate::options::DiscoverOptions;
@@ -19,11 +22,11 @@ use aloft_identify::satterthwaite;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-/// Values of τ²/σ² that are tried: a factor 2 apart.
+/// Values of τ²/σ² that are tried, a factor of 2 apart.
 const GRID: std::ops::Range<i32> = -20..60;
 
-/// Columns of the errors that repeat (markers that slide on every link), by block; `None` where no
-/// joint turns or stored rows are all there is.
+/// Columns of the repeating errors (markers that slide on every link), by block; `None` if no joint
+/// turns or only stored rows are available.
 fn slides(session: &Session<'_>, domain: Domain) -> Option<Vec<DMatrix<f64>>> {
     let repeating = EFFECTS.iter().copied().filter(|e| e.about().repeats);
     let all: Vec<(&dyn Effect, Target)> =
@@ -46,7 +49,7 @@ fn slides(session: &Session<'_>, domain: Domain) -> Option<Vec<DMatrix<f64>>> {
     })
 }
 
-/// τ² of the slides beside a complete model, (m/rad)².
+/// τ² of the slides, estimated with the complete model, (m/rad)².
 fn slide_variance(problem: &Problem, slides: &[DMatrix<f64>]) -> f64 {
     let (s, c) = problem.reduce_all(&problem.gather(slides));
     let eigen = s.symmetric_eigen();
@@ -72,7 +75,8 @@ fn slide_variance(problem: &Problem, slides: &[DMatrix<f64>]) -> f64 {
         .map_or(0.0, |best| best.1)
 }
 
-/// Makes the standard errors of an effect as large as errors that repeat make them: `others` are the columns of the rest of the model, `whole` those of all of it.
+/// Increases the standard errors of an effect by the repeating errors: `others` are the columns of
+/// the rest of the model, `whole` those of all of it.
 pub(crate) fn widen(
     session: &Session<'_>,
     domain: Domain,
@@ -87,7 +91,7 @@ pub(crate) fn widen(
         Problem::with_variance(session, domain, extra, options.fewest_trials, options.prior_weight, variance)
     };
     let Ok(complete) = new(whole, None) else { return };
-    // the prior weighed as the complete model leaves it
+    // weight the prior by the residual of the complete model
     let Ok(without) = new(others, Some(complete.variance)) else { return };
     let variance = slide_variance(&complete, &slides);
     let theta = nalgebra::DVector::from_iterator(coefficients.len(), coefficients.iter().map(|e| e.value));
@@ -109,7 +113,7 @@ pub(crate) fn widen(
     let row = if session.prior.is_some() { OVERLAP * complete.variance } else { 0.0 };
     for (i, e) in coefficients.iter_mut().chain(nonlinear.iter_mut()).enumerate().take(k) {
         let repeats = variance * reach.row(i).norm_squared();
-        // what repeats is known from many columns; the scatter over clusters is not
+        // the repeating part is estimated from many columns, the scatter over clusters from few
         let own = ((e.se * e.se).max(row * inverse[(i, i)]), e.freedom);
         let (total, freedom) = satterthwaite(&[own, (repeats, f64::INFINITY)]);
         *e = e.clone().with_error(total.sqrt(), freedom);

@@ -1,20 +1,21 @@
-//! What a discovery says: the contract of `aloft discover --json`.
+//! Result of a discovery, as written by `aloft discover --json`.
 
 use crate::not_tried::NotTried;
 use aloft_effects::{EffectKind, Target};
 use serde::{Deserialize, Serialize};
 
-/// The five answers.
+/// Verdict of a discovery.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// One effect is missing, and no other explains the recordings as well.
     Supported,
-    /// One of several effects is missing; these recordings cannot tell which.
+    /// One of several effects is missing; these recordings cannot distinguish them.
     OneOf,
-    /// The model explains what the recordings can show: its held-out error stands at the noise floor or near it.
+    /// The model explains what the recordings can show: its held-out error is at the noise floor or
+    /// near it.
     NothingMissing,
-    /// The held-out error stands far above the noise floor, and no effect of the catalogue explains it.
+    /// The held-out error is far above the noise floor, and no effect of the catalogue explains it.
     Unexplained,
     /// The recordings are too few or too noisy to tell.
     NotDetectable,
@@ -50,7 +51,8 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Gives the standard error and its degrees of freedom, and with them the interval. An estimate at its bound has none.
+    /// Sets the standard error and its degrees of freedom, and from them the interval. An estimate
+    /// at its bound has none.
     pub(crate) fn with_error(mut self, se: f64, freedom: f64) -> Self {
         (self.se, self.freedom) = if self.at_bound { (f64::NAN, f64::NAN) } else { (se, freedom) };
         self.ci95 = aloft_identify::interval95(self.value, self.se, self.freedom);
@@ -79,7 +81,7 @@ fn one() -> f64 {
     1.0
 }
 
-/// Another effect that looks alike.
+/// Another effect that this one can be confused with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Confusion {
     /// Identifier of the other.
@@ -153,7 +155,7 @@ pub struct Alternative {
     pub held_out_ratio: f64,
 }
 
-/// How two effects that explain the recordings were told apart, or not.
+/// Test of whether the recordings distinguish two effects that explain them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Duel {
     /// The effect that errs more.
@@ -171,10 +173,11 @@ pub struct Duel {
     pub separated: bool,
 }
 
-/// With fewer flights or trials than this a ratio has to lie below the 1 % quantile of the null distribution, with more below the 5 % quantile.
+/// With fewer flights or trials than this a ratio has to be below the 1 % quantile of the null
+/// distribution, otherwise below the 5 % quantile.
 pub(crate) const MANY_CLUSTERS: usize = 12;
 
-/// One round: the ranking against a model, and what was concluded.
+/// One round: the ranking against a model, and the conclusion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Round {
     /// `flight` or `contact`.
@@ -210,13 +213,14 @@ pub struct Round {
 }
 
 impl Round {
-    /// The quantile of the null distribution that limits belief here: its share (0.01 or 0.05) and the ratio below which chance comes so often.
+    /// Quantile of the null distribution that limits acceptance: its share (0.01 or 0.05) and the
+    /// ratio below which this share of sign-flipped data falls.
     pub fn by_chance(&self) -> (f64, f64) {
         if self.clusters < MANY_CLUSTERS { (0.01, self.null_quantiles[0]) } else { (0.05, self.null_quantiles[1]) }
     }
 }
 
-/// The answer to "which effect is missing?".
+/// Result of a discovery.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Discovery {
     /// Version of this layout.
@@ -261,7 +265,7 @@ pub struct Discovery {
     pub not_tried: Vec<NotTried>,
 }
 
-/// An effect as a model revision keeps it.
+/// An effect as stored in a model revision.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Found {
     /// Identifier.
@@ -278,7 +282,7 @@ pub struct Found {
     pub trials: Vec<String>,
 }
 
-/// A number that is not there is `null` in text formats and comes back as NaN.
+/// Writes a missing number as `null` in text formats and reads it back as NaN.
 mod nullable {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 

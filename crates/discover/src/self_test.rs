@@ -1,8 +1,10 @@
-//! Inject and recover on the user's own recordings: how often would the right name have come out?
+//! Self-test: injects effects into the user's own recordings and counts how often they are
+//! recovered.
 //!
-//! What the recordings already miss is found first and joins the model. Then every effect of the catalogue that could be told is added to the rows
-//! through its columns, at multiples of its minimum detectable size and in random directions, and the ranking is run again. What the recordings
-//! hold of other errors (soft tissue, joint centres) stays in them.
+//! First the effects already missing from the model are found and added to it. Then every
+//! detectable effect of the catalogue is added to the rows through its columns, at multiples of its
+//! minimum detectable size and in random directions, and the ranking is run again. Other errors of
+//! the recordings (soft tissue, joint centres) stay in them.
 
 use crate::DiscoverError;
 use crate::discover::discover;
@@ -14,17 +16,18 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-/// How a self-test is made.
+/// Options of a self-test.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SelfTestOptions {
-    /// How every ranking is made; `only` and `without` choose what is injected and what competes.
+    /// Options of every ranking; `only` and `without` select both the injected and the competing
+    /// effects.
     pub discover: DiscoverOptions,
-    /// Sizes over the minimum detectable one.
+    /// Injected sizes, as multiples of the minimum detectable size.
     pub multiples: Vec<f64>,
-    /// Directions in which each effect is injected at each size.
+    /// Number of directions in which each effect is injected at each size.
     pub draws: usize,
-    /// Only these effects are injected (all compete); every one that could be told where empty.
+    /// Only these effects are injected (all compete); every detectable one if empty.
     pub inject: Vec<String>,
 }
 
@@ -34,70 +37,72 @@ impl Default for SelfTestOptions {
     }
 }
 
-/// Where a self-test stands.
+/// Progress of a self-test.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SelfTestProgress<'a> {
-    /// Injections done.
+    /// Number of injections done.
     pub done: usize,
-    /// Injections in all.
+    /// Total number of injections.
     pub of: usize,
-    /// The one that was just judged.
+    /// The injection just judged.
     pub last: &'a Injection,
 }
 
-/// What became of one injected effect.
+/// Result for one injected effect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Injection {
-    /// Effect with target.
+    /// Key of the effect with its target.
     pub key: String,
-    /// Size over the minimum detectable size.
+    /// Size as a multiple of the minimum detectable size.
     pub multiple: f64,
     /// Size, in the unit of the first coefficient.
     pub size: f64,
-    /// That unit.
+    /// Unit of the size.
     pub unit: String,
-    /// Verdict on the recordings with it.
+    /// Verdict on the recordings with the injected effect.
     pub verdict: Verdict,
-    /// Names given.
+    /// Effects named by the verdict.
     pub named: Vec<String>,
     /// `hit`, `class` (among the names given), `wrong`, `missed`.
     pub outcome: String,
 }
 
-/// Shares at one multiple of the minimum detectable size.
+/// Summary at one multiple of the minimum detectable size.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SelfTestRow {
-    /// Size over the minimum detectable one.
+    /// Size as a multiple of the minimum detectable size.
     pub multiple: f64,
-    /// Injections.
+    /// Number of injections.
     pub injections: usize,
-    /// Share that was named alone.
+    /// Share in which the injected effect alone was named.
     pub hit: f64,
-    /// Share that was named, alone or in a class.
+    /// Share in which the injected effect was named, alone or in a class.
     pub right: f64,
     /// Share in which only other effects were named.
     pub wrong: f64,
 }
 
-/// Table of a self-test.
+/// Result of a self-test.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SelfTest {
     /// Version of this layout.
     pub schema: u32,
-    /// Keys of the effects in the model while others were injected: accepted ones, then those that the recordings were found to miss.
+    /// Keys of the effects in the model during the injections: those accepted before, then those
+    /// found to be missing.
     pub model: Vec<String>,
     /// Every injection.
     pub injections: Vec<Injection>,
-    /// By multiple.
+    /// Summary by multiple.
     pub summary: Vec<SelfTestRow>,
     /// Effects that could not be injected, with the reason.
     pub left_out: Vec<String>,
 }
 
-/// Injects every effect that these recordings could tell and counts how often its name comes back.
+/// Injects every effect that these recordings could detect and counts how often it is named.
 ///
-/// This is the whole call that `aloft discover --self-test` needs: a session, the catalogue, the effects that the model holds, options, and a function
-/// that hears of every injection as it is judged (`&|_| {}` for none). The signature is meant to stay.
+/// This is the whole call that `aloft discover --self-test` needs: a session, the catalogue, the
+/// effects in the model, options, and a callback that receives every injection as it is judged
+/// (`&|_| {}` for none). The signature is meant to stay stable.
 ///
 /// # Errors
 /// As [`discover`].
@@ -119,7 +124,7 @@ pub fn self_test(
     }
     let quick =
         DiscoverOptions { rounds: 1, null_draws: options.discover.null_draws.min(100), ..options.discover.clone() };
-    // sizes are those that the model with what was found could show
+    // take the sizes from the ranking with the effects found in the model
     let ranked = if first.found.is_empty() { first } else { discover(session, catalogue, &model, &quick)? };
     let mut left_out = Vec::new();
     let mut jobs: Vec<(&Candidate, &dyn Effect, usize)> = Vec::new();
@@ -195,7 +200,8 @@ pub fn self_test(
     Ok(SelfTest { schema: 1, model, injections, summary, left_out })
 }
 
-/// Coefficients of a given length (over those of the first one's unit) in a random direction, within the signs that physics allows.
+/// Coefficients of a given length (over those with the unit of the first one) in a random
+/// direction, within the physically permitted signs.
 fn direction(
     effect: &dyn Effect,
     choice: &Choice<'_>,

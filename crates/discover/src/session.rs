@@ -1,7 +1,9 @@
-//! The evidence: rows of every flight and contact stretch, and what is needed to form columns of any effect on them.
+//! The evidence: rows of every flight and contact stretch, and the data needed to compute columns
+//! of any effect on them.
 //!
-//! First of the flow: recordings (or stored factors) in, a [`Session`] out, from which columns for every effect, target and value of
-//! nonlinear parameters are made without touching the regressor again.
+//! First step of the data flow: recordings (or stored factors) become a [`Session`], from which
+//! columns for every effect, target and value of the nonlinear parameters are computed without
+//! forming the regressor again.
 
 use crate::DiscoverError;
 use crate::floor::Standing;
@@ -14,7 +16,7 @@ use aloft_regressor::{Acting, Factor, RegressorError, Stretch, StretchKind, Weak
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use rayon::prelude::*;
 
-/// One trial as the stages before left it.
+/// One trial as delivered by the earlier stages.
 #[derive(Debug, Clone, Copy)]
 pub struct TrialInput<'a> {
     /// Unfiltered motion.
@@ -25,7 +27,7 @@ pub struct TrialInput<'a> {
     pub measured: Option<&'a [Vector6<f64>]>,
     /// Wrench of each plate; empty where none measured.
     pub plates: &'a [PlateSeries],
-    /// Group that the laboratory named (`loaded`, `unloaded` …).
+    /// Group named by the laboratory (`loaded`, `unloaded` …).
     pub group: Option<&'a str>,
     /// Seconds from the start of the session to the first frame (0 where unknown).
     pub session_time_s: f64,
@@ -34,13 +36,13 @@ pub struct TrialInput<'a> {
 /// The body that was recorded.
 #[derive(Debug, Clone, Copy)]
 pub struct Body<'a> {
-    /// The model with gravity as the laboratory states it.
+    /// The model, with the laboratory's gravity.
     pub model: &'a Model,
     /// Its base parameters.
     pub base: &'a BaseParameters,
-    /// Links as the prior (or an earlier identification) sees them.
+    /// Link parameters of the prior (or of an earlier identification).
     pub phi: &'a [Phi],
-    /// Prior of the base parameters; without one the rows alone decide.
+    /// Prior of the base parameters; without one only the rows determine them.
     pub prior: Option<&'a Prior>,
     /// Mass from a scale, kg.
     pub mass_kg: f64,
@@ -59,7 +61,7 @@ pub(crate) struct Block {
     pub y: DMatrix<f64>,
     /// Measured side, weighted.
     pub w: DVector<f64>,
-    /// Rows that went in (a factor keeps fewer).
+    /// Number of rows before reduction (a factor keeps fewer).
     pub n_rows: usize,
     windows: Option<Windows>,
     stored: Option<DMatrix<f64>>,
@@ -75,11 +77,11 @@ struct Windows {
     moment_weight: f64,
 }
 
-/// All evidence of one body.
+/// All rows of one body.
 #[derive(Debug, Clone)]
 pub struct Session<'a> {
     pub(crate) scene: &'a Scene,
-    /// Of every trial: flights, contact.
+    /// Series of every trial: flights, contact.
     pub(crate) series: Vec<[Series<'a>; 2]>,
     pub(crate) blocks: Vec<Block>,
     pub(crate) trials: Vec<String>,
@@ -91,14 +93,15 @@ pub struct Session<'a> {
     pub(crate) unit: [f64; 2],
     /// Names of columns that stored factors hold.
     pub(crate) stored_names: Vec<String>,
-    /// What white noise of the coordinates alone makes of the rows (mean square of a weighted row, force and moment).
+    /// Mean square of a weighted row caused by white noise of the coordinates alone, force and
+    /// moment.
     pub(crate) noise: Option<[f64; 2]>,
-    /// What a comparison found, in flight and in contact.
+    /// Results of a comparison, in flight and in contact.
     pub(crate) standing: [Option<Standing>; 2],
     pub(crate) warnings: Vec<String>,
 }
 
-/// The scene of a set of trials: the body, the plates, the volume of its flights.
+/// Scene of a set of trials: the body, the plates, the volume of the flights.
 pub fn scene_of(body: &Body<'_>, trials: &[TrialInput<'_>]) -> Scene {
     let mut state = aloft_body::State::new(body.model);
     let mut places = Vec::new();
@@ -189,7 +192,7 @@ impl<'a> Session<'a> {
             warnings,
         };
         out.noise = crate::floor::white_noise(body, trials, options, &out.blocks);
-        // gravity acts where the body's centre of mass is, and that is known better from its flights than from the prior
+        // gravity acts at the body's centre of mass, which flights determine better than the prior
         let flying = out.blocks.iter().any(|b| b.kind == StretchKind::Flight);
         let domain = if flying { Domain::Flight } else { Domain::Contact };
         if let Ok(problem) = Problem::new(&out, domain, &[], usize::MAX, 1.0) {
@@ -200,8 +203,9 @@ impl<'a> Session<'a> {
         Ok(out)
     }
 
-    /// Evidence from stored factors `[Y_B | −E | w]`, all with the same columns: effects are ranked as far as their columns are stored; those with
-    /// nonlinear parameters only at the values that the columns were made with. Trials are told apart by the factors' trial names.
+    /// Session from stored factors `[Y_B | −E | w]`, all with the same columns. Effects are ranked
+    /// only if their columns are stored; those with nonlinear parameters only at the values used
+    /// for the columns. Trials are identified by the factors' trial names.
     ///
     /// # Errors
     /// [`DiscoverError::TooFew`] without factors, [`DiscoverError::Length`] when columns differ.
@@ -251,11 +255,12 @@ impl<'a> Session<'a> {
         })
     }
 
-    /// Adds an effect of a given size to what was measured, through its columns: for trials of the method on the user's own recordings.
+    /// Adds an effect of a given size to the measurement, through its columns, to test the method
+    /// on the user's own recordings.
     ///
     /// # Errors
-    /// [`DiscoverError::Length`] when there are not as many coefficients as the effect has, [`DiscoverError::Numeric`] when its columns cannot
-    /// be formed.
+    /// [`DiscoverError::Length`] if the number of coefficients differs from that of the effect,
+    /// [`DiscoverError::Numeric`] if its columns cannot be formed.
     pub fn inject(&mut self, choice: &aloft_effects::Choice<'_>, coefficients: &[f64]) -> Result<(), DiscoverError> {
         let expected = choice.effect.coefficients(self.scene, choice.target).len();
         if coefficients.len() != expected {
@@ -272,15 +277,15 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// States what a comparison of the present model found in flight and in contact, so that a discovery shows the same errors and the
-    /// same floor. Ranking does not depend on it.
+    /// Sets the results of a comparison of the present model in flight and in contact, so that a
+    /// discovery reports the same errors and the same floor. Ranking does not depend on it.
     #[must_use]
     pub fn with_standing(mut self, flight: Option<Standing>, contact: Option<Standing>) -> Self {
         self.standing = [flight, contact];
         self
     }
 
-    /// What was left out and why, in words.
+    /// Data that were left out, with the reason, in words.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
@@ -290,7 +295,8 @@ impl<'a> Session<'a> {
         self.scene
     }
 
-    /// Rows that an effect adds to each block, `−E` in the weights of the rows; `None` where they cannot be formed.
+    /// Rows that an effect adds to each block, `−E` in the weights of the rows; `None` if they
+    /// cannot be formed.
     pub(crate) fn columns(
         &self,
         effect: &dyn Effect,
@@ -334,8 +340,9 @@ impl<'a> Session<'a> {
         )
     }
 
-    /// Rows that a choice adds to each block: zero in trials in which it does not act. An effect that shows as a difference between groups and
-    /// names no trials acts in the groups but the first.
+    /// Rows that a choice adds to each block, zero in trials in which it does not act. An effect
+    /// defined as a difference between groups that names no trials acts in all groups but the
+    /// first.
     pub(crate) fn columns_of(&self, choice: &aloft_effects::Choice<'_>, domain: Domain) -> Option<Vec<DMatrix<f64>>> {
         let mut columns = self.columns(choice.effect, choice.target, &choice.nonlinear, domain)?;
         let by_group = if choice.trials.is_empty() && choice.effect.about().by_group { self.loaded() } else { None };
@@ -348,7 +355,8 @@ impl<'a> Session<'a> {
         Some(columns)
     }
 
-    /// Trials of another group than the first that was named; `None` where the laboratory named none, or one only.
+    /// True for trials of a group other than the first one named; `None` if the laboratory named no
+    /// group or only one.
     pub(crate) fn loaded(&self) -> Option<Vec<bool>> {
         let first = self.groups.iter().flatten().next()?;
         let mask: Vec<bool> = self.groups.iter().map(|g| g.as_ref().is_some_and(|g| g != first)).collect();
@@ -379,7 +387,7 @@ impl<'a> Session<'a> {
             .collect()
     }
 
-    /// Changes of φ as changes of base parameters, a column each.
+    /// Changes of φ converted to changes of the base parameters, one column each.
     fn regrouped(&self, changes: &[Vec<Phi>]) -> DMatrix<f64> {
         let n = self.from_full.ncols();
         let full = DMatrix::from_fn(n, changes.len(), |i, j| changes[j].get(i / 10).map_or(0.0, |phi| phi[i % 10]));
@@ -411,7 +419,7 @@ impl Block {
         }
     }
 
-    /// True for rows of force (weak rows keep their order; rows of a factor do not tell).
+    /// True for force rows (weak rows keep their order; for rows of a factor it is unknown).
     pub(crate) fn is_force(&self, row: usize) -> Option<bool> {
         self.windows.as_ref().map(|_| row % 6 < 3)
     }
@@ -442,7 +450,7 @@ impl Windows {
     }
 }
 
-/// A word for a kind of stretch.
+/// Name of a kind of stretch.
 pub(crate) trait Word {
     /// `flight`, `contact`, `merged`.
     fn word(&self) -> &'static str;

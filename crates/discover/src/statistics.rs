@@ -19,7 +19,8 @@ pub(crate) fn resamples(n: usize, draws: usize, seed: u64) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// 95 % interval of `√(Σe/Σe₀)`: the wider of the percentile interval over clusters and, with few of them, the jackknife's with Student's t.
+/// 95 % interval of `√(Σe/Σe₀)`: the wider of the percentile interval over clusters and, with few
+/// of them, the jackknife interval with Student's t.
 pub(crate) fn ratio_interval(error: &[f64], plain: &[f64], weights: &[Vec<f64>]) -> [f64; 2] {
     let ratio = |w: &dyn Fn(usize) -> f64| -> f64 {
         let (e, p) = (0..error.len()).fold((0.0, 0.0), |s, g| (s.0 + w(g) * error[g], s.1 + w(g) * plain[g]));
@@ -43,7 +44,8 @@ pub(crate) fn ratio_interval(error: &[f64], plain: &[f64], weights: &[Vec<f64>])
     [low, high]
 }
 
-/// How often random signs of the clusters' differences give a sum as large: small when `worse` errs more than `better` throughout.
+/// Probability that random signs of the clusters' differences give a sum as large; small if `worse`
+/// has the larger error throughout.
 pub(crate) fn sign_flip_p(better: &[f64], worse: &[f64], draws: usize, seed: u64) -> f64 {
     let d: Vec<f64> = better.iter().zip(worse).map(|(a, b)| b - a).filter(|d| *d != 0.0).collect();
     let sum: f64 = d.iter().sum();

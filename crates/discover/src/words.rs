@@ -1,4 +1,4 @@
-//! The answer in words.
+//! The result of a discovery in words.
 
 use crate::floor::Standing;
 use crate::problem::Domain;
@@ -33,7 +33,7 @@ fn estimate(c: &Candidate) -> String {
         .join(", ")
 }
 
-/// Decimals that show two digits of half an interval.
+/// Number of decimals that show two digits of the half-width of an interval.
 fn decimals(half: f64) -> usize {
     if half.is_finite() && half > 0.0 { (1.0 - half.log10().floor()).clamp(0.0, 9.0) as usize } else { 4 }
 }
@@ -78,7 +78,7 @@ pub(crate) fn round(
     }
 }
 
-/// Why the best candidate is not believed.
+/// Reason why the best candidate is not accepted.
 fn disbelief(best: &Candidate, limit: f64, candidates: &[Candidate]) -> String {
     let placebo = candidates.iter().find(|c| c.placebo);
     if limit <= 0.0 {
@@ -96,7 +96,8 @@ fn disbelief(best: &Candidate, limit: f64, candidates: &[Candidate]) -> String {
     }
 }
 
-/// The answer in words; `far` is the place where the model stands farthest above the noise floor, where it does.
+/// The result in words; `far` is the domain in which the error is farthest above the noise floor,
+/// if any.
 pub(crate) fn answer(d: &Discovery, far: Option<(&str, Standing)>) -> String {
     if let (Verdict::Unexplained, Some((place, standing))) = (d.verdict, far) {
         let nearest = d.candidates.iter().find(|c| !c.placebo).map_or(String::new(), |c| {
@@ -128,7 +129,7 @@ pub(crate) fn answer(d: &Discovery, far: Option<(&str, Standing)>) -> String {
     text
 }
 
-/// The recording that tells two of the ranked effects apart.
+/// Recording that would distinguish two of the ranked effects.
 fn told_apart_by(effects: &[&dyn Effect], a: &str, b: &str) -> String {
     let about = |id: &str| effects.iter().find(|e| e.id() == id).map_or(About::PLAIN, |e| e.about());
     about(a).told_apart_by(&about(b)).to_owned()

@@ -1,4 +1,5 @@
-//! Effects added to truth motions with marker noise: named, not claimed where there is nothing, and quick.
+//! Effects added to true motions with marker noise are named; without an effect none is named; the
+//! run is quick.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test that fails should say where")]
 #![allow(clippy::type_complexity, reason = "tables of cases are read once, beside their use")]
 
@@ -97,7 +98,7 @@ fn prop_errors_and_floor_are_those_of_the_comparison() {
     };
     for size in [0.0, 0.01] {
         let (bare, stated) = (run(None, size), run(Some(standing(1.4)), size));
-        // the comparison's newtons, the same answer and the same gain
+        // errors in newtons come from the comparison; verdict and gain do not change
         assert!((stated.held_out_error - 1.4).abs() < 1e-12 && stated.noise_floor == 0.7);
         assert!(stated.noise_floor_ci95 == ci && (stated.rounds[0].held_out_error - 1.4).abs() < 1e-12);
         assert_eq!((stated.verdict, &stated.effects), (bare.verdict, &bare.effects));
@@ -129,7 +130,7 @@ fn prop_effects_are_named_with_their_size() {
         let c = d.candidates.iter().find(|c| c.effect == id).unwrap();
         assert!(c.believed && c.ci95[0] <= c.held_out_ratio && c.held_out_ratio <= c.ci95[1]);
         assert!(c.minimum_detectable < 0.6 * case.1.iter().map(|x| x * x).sum::<f64>().sqrt(), "{}", c.key);
-        // drag may have found an area for every link
+        // drag may have been found as one area per link
         let value: f64 =
             if id == "quadratic_drag" { c.coefficients.iter().map(|e| e.value).sum() } else { c.coefficients[0].value };
         let se = c.coefficients[0].se;
@@ -138,7 +139,7 @@ fn prop_effects_are_named_with_their_size() {
     }
 }
 
-/// Where a line is fastened and how long it is make up for each other: the intervals have to say so.
+/// Anchor position and length of a tether compensate each other: the intervals have to show it.
 #[test]
 fn prop_intervals_of_a_tether_hold_the_truth() {
     const TRUTH: [(&str, f64); 4] = [("anchor_x", 1.0), ("anchor_y", 0.5), ("anchor_z", 2.6), ("rest_length", 0.4)];
@@ -162,7 +163,7 @@ fn prop_intervals_of_a_tether_hold_the_truth() {
         }
     }
     assert!(all >= 24 && inside * 10 >= all * 9, "{inside} of {all} within two standard errors");
-    // and they say something
+    // and the intervals are narrow enough to be useful
     assert!(widest < 3.0, "{widest} m");
 }
 
@@ -214,8 +215,8 @@ fn prop_a_user_s_formula_is_ranked_like_the_catalogue() {
     });
 }
 
-/// A new effect is one file and its name in the list: what it states there is all that discovery
-/// needs to find it and to speak of it.
+/// A new effect needs one file and one entry in the list: its declarations are all that discovery
+/// needs to find and report it.
 #[test]
 fn an_effect_added_in_one_file_is_found_like_the_others() {
     let effects: Vec<&dyn Effect> = [EFFECTS, &[&compass::Compass]].concat();
@@ -230,7 +231,7 @@ fn an_effect_added_in_one_file_is_found_like_the_others() {
         for (found, truth) in d.found[0].coefficients.iter().zip(torque) {
             assert!(found.se > 0.0 && (found.value - truth).abs() < (4.0 * found.se).max(1e-3), "{found:?}, {truth}");
         }
-        // what separates it from others is what its file says
+        // advice on separating it from others comes from its own file
         let about = |id: &str| effects.iter().find(|e| e.id() == id).unwrap().about();
         for (other, recording) in [
             ("flywheel", "the same motion with the magnet taken out"),
@@ -242,7 +243,7 @@ fn an_effect_added_in_one_file_is_found_like_the_others() {
     });
 }
 
-/// Factors that hold the columns of effects say the same as the recordings.
+/// Factors that hold the columns of effects give the same result as the recordings.
 #[test]
 fn prop_stored_factors_say_the_same() {
     let lab = lab();
@@ -258,7 +259,7 @@ fn prop_stored_factors_say_the_same() {
     let motion = TrialMotion { motion: &lab.motion, spans: &spans, plates: &[], session_time_s: 0.0 };
     let made = columns(&scene, &motion, &choices).unwrap();
     let effects = EffectColumns { names: made.names, wrench: made.wrench };
-    // frames next to the spans are needed by no window
+    // no window needs the frames next to the spans
     let factors: Vec<Factor> = lab
         .stretches
         .iter()
@@ -300,7 +301,8 @@ fn prop_a_self_test_hits_at_twice_the_detectable_size() {
     });
 }
 
-/// One effect more, from stored factors, says what the ranking says; the ladder is made of such steps.
+/// Adding one effect from stored factors gives the same result as the ranking; the ladder consists
+/// of such steps.
 #[test]
 fn prop_an_addition_says_what_the_ranking_says() {
     let lab = lab();

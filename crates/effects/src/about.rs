@@ -1,5 +1,4 @@
-//! What an effect states about itself: everything that others may want to know of it beside its
-//! law.
+//! Declarations of an effect: all properties that other crates use, apart from its law.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -27,41 +26,41 @@ pub enum ActsIn {
 }
 
 impl ActsIn {
-    /// True when the effect is seen in flights.
+    /// True when the effect acts in flights.
     pub fn in_flight(self) -> bool {
         self != Self::Contact
     }
-    /// True when the effect is seen in contact.
+    /// True when the effect acts in contact.
     pub fn in_contact(self) -> bool {
         self != Self::Flight
     }
 }
 
-/// What an effect is a matter of. A ranking demands more of faults that every recording has to some
-/// degree.
+/// Family of an effect. A ranking demands more of errors that every recording has to some degree.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Family {
     /// Forces, masses and gravity.
     Forces,
-    /// Where cameras, markers and the skeleton place the body, and when its flights begin and end.
+    /// Errors in the position of the body from cameras, markers and skeleton, and in the limits of
+    /// its flights.
     Kinematics,
-    /// What force plates measure, and the scale that weighed the body.
+    /// Errors of force plates, and of the scale that weighed the body.
     Plates,
 }
 
-/// The further recording that tells an effect from others.
+/// The additional recording that distinguishes an effect from others.
 ///
-/// The order is one of precedence: where two effects name different recordings, the first of them
-/// in this list tells the two apart.
+/// In order of precedence: if two effects name different recordings, the one earlier in this list
+/// distinguishes them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Separation {
-    /// A measure of time, length or weight that is known beforehand.
+    /// A known time, length or weight.
     KnownFall,
     /// Another orientation of the laboratory axes.
     TurnedLaboratory,
-    /// Motion with and against a stream.
+    /// Motion with and against a flow of air.
     WithAndAgainst,
-    /// The same motion elsewhere.
+    /// The same motion at other places.
     OtherPlaces,
     /// Spins in both senses.
     BothSenses,
@@ -71,12 +70,12 @@ pub enum Separation {
     Impacts,
     /// A known weight on each plate.
     KnownWeight,
-    /// More of the same, for longer and faster.
+    /// More of the same motion, longer and faster.
     LongerFlights,
 }
 
 impl Separation {
-    /// The recording in words, as in "they are told apart by …".
+    /// The recording in words, to follow "they are told apart by …".
     pub fn words(self) -> &'static str {
         match self {
             Self::KnownFall => "a dropped ball of known fall, a clock pulse, a calibrated wand, the weight on a plate",
@@ -94,49 +93,49 @@ impl Separation {
     }
 }
 
-/// Names and facts of an effect that do not depend on the body. Effects state what differs from
-/// [`About::PLAIN`].
+/// Names and properties of an effect that do not depend on the body. Effects state the differences
+/// from [`About::PLAIN`].
 #[derive(Debug, Clone, Copy)]
 pub struct About<'a> {
     /// Identifier in YAML and JSON.
     pub id: &'a str,
-    /// A few words.
+    /// Title in a few words.
     pub title: &'a str,
     /// Physics or artefact.
     pub kind: EffectKind,
     /// Where it acts.
     pub acts: ActsIn,
-    /// What it is a matter of.
+    /// Family of the effect.
     pub family: Family,
-    /// Exact aliases: what it cannot be told from by any recording of the same kind; empty for
-    /// none.
+    /// Exact aliases: effects that no recording of the same kind can distinguish from this one;
+    /// empty for none.
     pub class: &'a str,
-    /// Effects of which this one is a generalisation: it contains them, so it only counts where it
+    /// Effects of which this one is a generalisation: it contains them, so it only counts if it
     /// does better.
     pub contains: &'a [&'a str],
-    /// The recording that tells it from most other effects.
+    /// The recording that distinguishes it from most other effects.
     pub separated_by: Separation,
-    /// Effects that another recording tells it from, and that recording in words. One of the two
-    /// effects has to state it.
+    /// Effects that need a different recording to be distinguished, with that recording in words.
+    /// One of the two effects has to state it.
     pub told_from: &'a [(&'a str, &'a str)],
-    /// True when it shows only as a difference between groups of trials.
+    /// True if it appears only as a difference between groups of trials.
     pub by_group: bool,
-    /// True when it is the same in every trial of a person and of unknown size in all of them
-    /// (linear, coefficients in one unit): the intervals of other effects allow for it.
+    /// True if it is the same in every trial of a person and of unknown size in all of them
+    /// (linear, coefficients in one unit): the intervals of other effects include it.
     pub repeats: bool,
-    /// True when it depends on when in the session a recording was made.
+    /// True if it depends on the time of a recording in the session.
     pub uses_session_time: bool,
-    /// True when the free fall in flights alone, without plates or a model, shows the faults of
-    /// time, length or weight that look like it.
+    /// True if free fall in flights alone, without plates or a model, reveals the errors of time,
+    /// length or weight that resemble it.
     pub shows_in_free_fall: bool,
-    /// Why coefficients that lack a bound lack it; empty where each has two.
+    /// Reason why coefficients have no bound; empty if each has two.
     pub unbounded: &'a str,
     /// Markdown with the headings Physics, Equation, Identifiability, References.
     pub documentation: &'a str,
 }
 
 impl About<'_> {
-    /// A force that acts in flight and contact, with no aliases and nothing special.
+    /// A force that acts in flight and contact, without aliases or special properties.
     pub const PLAIN: About<'static> = About {
         id: "",
         title: "",
@@ -157,8 +156,8 @@ impl About<'_> {
 }
 
 impl<'a> About<'a> {
-    /// The recording that tells two effects apart, in words: what one of them states for this pair,
-    /// else the recording of the two that takes precedence.
+    /// The recording that distinguishes two effects, in words: the one that either of them states
+    /// for this pair, otherwise the one of the two that takes precedence.
     pub fn told_apart_by(&self, other: &About<'a>) -> &'a str {
         let stated = |a: &About<'a>, b: &About<'a>| a.told_from.iter().find(|t| t.0 == b.id).map(|t| t.1);
         stated(self, other)

@@ -1,19 +1,20 @@
-//! An effect with its target and nonlinear parameters fixed: what a model revision stores and what gives columns in a factor.
+//! An effect with its target and nonlinear parameters fixed, as stored in a model revision and used
+//! for columns of a factor.
 
 use crate::{Columns, Effect, EffectsError, Scene, Series, Target, TrialMotion, effect};
 use aloft_body::BaseParameters;
 use nalgebra::DMatrix;
 
-/// An effect, on what it acts, and the values of its nonlinear parameters.
+/// An effect, its target, and the values of its nonlinear parameters.
 #[derive(Clone)]
 pub struct Choice<'a> {
     /// The effect.
     pub effect: &'a dyn Effect,
-    /// On what it acts.
+    /// Target of the effect.
     pub target: Target,
     /// Values of the nonlinear parameters, in the effect's order.
     pub nonlinear: Vec<f64>,
-    /// Trials in which the effect acts (a payload); all where empty.
+    /// Trials in which the effect acts (a payload); all if empty.
     pub trials: Vec<String>,
 }
 
@@ -24,13 +25,13 @@ impl std::fmt::Debug for Choice<'_> {
 }
 
 impl<'a> Choice<'a> {
-    /// An effect on a target, nonlinear parameters at their first start.
+    /// An effect on a target, with the nonlinear parameters at their first start.
     pub fn new(effect: &'a dyn Effect, target: Target, scene: &Scene) -> Self {
         let nonlinear = effect.starts(scene, target).into_iter().next().unwrap_or_default();
         Self { effect, target, nonlinear, trials: Vec::new() }
     }
 
-    /// The same, acting in these trials only.
+    /// The same, acting only in these trials.
     #[must_use]
     pub fn in_trials(mut self, trials: &[String]) -> Self {
         self.trials = trials.to_vec();
@@ -56,10 +57,11 @@ impl<'a> Choice<'a> {
 }
 
 impl Choice<'static> {
-    /// Reads a key of an effect of the catalogue; a target may be left out where the effect has one only.
+    /// Reads a key of an effect of the catalogue; the target may be omitted if the effect has only
+    /// one.
     ///
     /// # Errors
-    /// [`EffectsError::Unknown`] and [`EffectsError::Target`] with what exists.
+    /// [`EffectsError::Unknown`] and [`EffectsError::Target`] with the available names.
     pub fn parse(key: &str, scene: &Scene) -> Result<Self, EffectsError> {
         let id = key.split('[').next().unwrap_or(key);
         Self::of(effect(id)?, key, scene)
@@ -67,10 +69,11 @@ impl Choice<'static> {
 }
 
 impl<'a> Choice<'a> {
-    /// Reads a key of one of the given effects; a target may be left out where the effect has one only.
+    /// Reads a key of one of the given effects; the target may be omitted if the effect has only
+    /// one.
     ///
     /// # Errors
-    /// [`EffectsError::Unknown`] and [`EffectsError::Target`] with what exists.
+    /// [`EffectsError::Unknown`] and [`EffectsError::Target`] with the available names.
     pub fn among(key: &str, scene: &Scene, effects: &[&'a dyn Effect]) -> Result<Self, EffectsError> {
         let id = key.split('[').next().unwrap_or(key);
         let found = effects.iter().copied().find(|e| e.id() == id).ok_or_else(|| EffectsError::Unknown {
@@ -134,13 +137,13 @@ impl<'a> Choice<'a> {
     }
 }
 
-/// Columns of a whole trial: the layout that the regressor's effect columns have.
+/// Columns of a whole trial, in the layout of the regressor's effect columns.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct WrenchColumns {
     /// Names of the columns.
     pub names: Vec<String>,
-    /// One matrix per frame of the motion, 6 × k: world force (N per unit) and moment about the world origin (N·m per unit). Frames outside
-    /// of the spans hold NaN, so that no rows are made of them.
+    /// One matrix per frame of the motion, 6 × k: world force (N per unit) and moment about the
+    /// world origin (N·m per unit). Frames outside the spans are NaN, so that they give no rows.
     pub wrench: Vec<DMatrix<f64>>,
 }
 
@@ -152,8 +155,10 @@ pub fn columns(scene: &Scene, trial: &TrialMotion<'_>, choices: &[Choice<'_>]) -
     columns_about(scene, trial, choices, None)
 }
 
-/// Unit wrenches of effects in every frame of a trial, the body's centre of mass from base parameters where they are given. Changes of inertia (payload, added mass, body mass) enter as `−Y δφ` from the
-/// smoothed motion; where rows `[Y | …]` are at hand, their columns are better formed from Y itself.
+/// Unit wrenches of effects in every frame of a trial, with the body's centre of mass from base
+/// parameters if given. Changes of inertia (payload, added mass, body mass) enter as `−Y δφ` from
+/// the smoothed motion; if rows `[Y | …]` are available, these columns are better formed from Y
+/// itself.
 ///
 /// # Errors
 /// As [`Series::new`].

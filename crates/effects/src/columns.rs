@@ -7,18 +7,19 @@ pub(crate) fn axis(k: usize) -> Vector3<f64> {
     Vector3::ith(k, 1.0)
 }
 
-/// 6 × k numbers a frame: world force (N per unit of the coefficient) and moment about the world origin (N·m per unit).
+/// 6 × k numbers per frame: world force (N per unit of the coefficient) and moment about the world
+/// origin (N·m per unit).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Columns {
-    /// Coefficients.
+    /// Number of coefficients.
     pub k: usize,
-    /// Frames.
+    /// Number of frames.
     pub n: usize,
     data: Vec<f64>,
 }
 
 impl Columns {
-    /// Zeros.
+    /// Columns of zeros.
     pub fn zeros(n: usize, k: usize) -> Self {
         Self { k, n, data: vec![0.0; 6 * n * k] }
     }
@@ -26,7 +27,7 @@ impl Columns {
     pub fn clear(&mut self) {
         self.data.fill(0.0);
     }
-    /// Six numbers of a column in a frame.
+    /// The six numbers of a column in a frame.
     pub fn wrench(&self, frame: usize, column: usize) -> &[f64] {
         let at = 6 * (frame * self.k + column);
         &self.data[at..at + 6]
@@ -48,7 +49,7 @@ impl Columns {
             out[3 + axis] += moment_about_origin[axis];
         }
     }
-    /// Adds a force that acts at a point of the world.
+    /// Adds a force acting at a point in the world.
     pub fn force_at(&mut self, frame: usize, column: usize, force: &Vector3<f64>, point: &Vector3<f64>) {
         self.add(frame, column, force, &point.cross(force));
     }

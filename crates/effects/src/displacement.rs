@@ -1,15 +1,16 @@
-//! Columns of kinematic faults: every link seen displaced by a small field `e(t)`.
+//! Columns of kinematic errors: every link appears displaced by a small field `e(t)`.
 //!
-//! If the recording shows link i displaced by `θ e_i`, the rows built from it are wrong by what the displacement does to the momentum
-//! balance. To first order in θ this is a wrench
+//! If link i appears displaced by `θ e_i` in the recording, the rows formed from it contain the
+//! effect of the displacement on the momentum balance. To first order in θ this is a wrench
 //!
 //! ```text
 //! f = d²/dt² Σ m_i e_i        n₀ = d/dt Σ m_i (e_i × v_i + c_i × ė_i) − Σ m_i e_i × g
 //! ```
 //!
-//! with the links' centres of mass c_i, velocities v_i and masses m_i. Where links are seen turned as well, by small rotation vectors `θ a_i`, the
-//! moment gains `d/dt Σ (a_i × h_i + J_i ȧ_i)` with the links' inertias J_i about their centres and spins h_i = J_i ω_i; fields without turns
-//! leave that out.
+//! with the links' centres of mass c_i, velocities v_i and masses m_i. If links also appear
+//! rotated, by small rotation vectors `θ a_i`, the moment gains `d/dt Σ (a_i × h_i + J_i ȧ_i)` with
+//! the links' inertias J_i about their centres and angular momenta h_i = J_i ω_i; fields without
+//! rotations omit that term.
 
 use crate::{Columns, EffectFrame, Series};
 use aloft_body::LinkInertia;
@@ -40,7 +41,8 @@ pub(crate) fn rate(values: &[Vector3<f64>], rate_hz: f64) -> Vec<Vector3<f64>> {
         .collect()
 }
 
-/// Adds the column of links seen turned: `field(frame, link)` is the world rotation vector by which a link is seen turned, rad per unit.
+/// Adds the column of apparent rotations: `field(frame, link)` is the world rotation vector by
+/// which a link appears rotated, rad per unit.
 pub(crate) fn add_turns(
     series: &Series<'_>,
     column: usize,

@@ -1,4 +1,4 @@
-//! What can be wrong with an effect or with what it is given.
+//! Errors of this crate.
 
 /// Errors of this crate.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

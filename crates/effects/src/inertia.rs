@@ -1,4 +1,4 @@
-//! The wrench that a change of inertial parameters takes: `Y δφ` from the kinematics of the links.
+//! The wrench required by a change of inertial parameters: `Y δφ` from the kinematics of the links.
 
 use crate::{Columns, Series};
 use aloft_body::Phi;

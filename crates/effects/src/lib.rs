@@ -1,13 +1,14 @@
-//! Physical effects that a model may be missing, one file each.
+//! Physical effects that may be missing from a model, one file each.
 //!
-//! Every effect gives columns: unit wrenches that a coefficient multiplies, in each frame of a recording. Added to the rows of a flight or
-//! contact phase they ask how much of the effect the recording contains. This crate knows the physics only; `regressor` turns columns
-//! into rows, `discover` ranks them.
+//! Every effect gives columns: unit wrenches, to be multiplied by a coefficient, in each frame of a
+//! recording. Added to the rows of a flight or contact phase they determine how much of the effect
+//! the recording contains. This crate contains only the physics; `regressor` turns columns into
+//! rows, `discover` ranks them.
 //!
 //! All effects have one interface, [`Effect`]: those of the catalogue ([`EFFECTS`], one file each)
-//! and the formulas that users write in a pipeline or in a file ([`FormulaEffect`]). What an effect
-//! states about itself ([`About`], [`ParameterKind`]) is all that other crates know of it; none of
-//! them asks for an effect by its name. `docs/effects.md` shows how to add one.
+//! and the formulas written by users in a pipeline or in a file ([`FormulaEffect`]). Other crates
+//! use only the declarations of an effect ([`About`], [`ParameterKind`]); none of them refers to an
+//! effect by name. `docs/effects.md` shows how to add one.
 //!
 //! ```
 //! use aloft_effects::{EFFECTS, effect};
@@ -65,10 +66,10 @@ pub use series::{EffectFrame, LinkFrame, PlateFrame, PlateSeries, Series, Span, 
 pub use target::Target;
 pub use unknown::{Coefficient, NonlinearParameter, ParameterKind, Values};
 
-/// An effect of the catalogue by its identifier.
+/// Finds an effect of the catalogue by its identifier.
 ///
 /// # Errors
-/// [`EffectsError::Unknown`] with the names that exist.
+/// [`EffectsError::Unknown`] with the available names.
 pub fn effect(id: &str) -> Result<&'static dyn Effect, EffectsError> {
     EFFECTS.iter().copied().find(|e| e.id() == id).ok_or_else(|| EffectsError::Unknown {
         name: id.to_owned(),

@@ -1,4 +1,4 @@
-//! What is the same in every frame: the body as the prior sees it, gravity, plates, the volume in which it moves.
+//! Constants of all frames: the prior body, gravity, plates, the volume of the motion.
 
 use crate::Target;
 use aloft_body::{LinkInertia, Model, Phi};
@@ -7,7 +7,7 @@ use nalgebra::{SymmetricEigen, Vector3};
 /// Air density that drag areas refer to, kg/m³ (20 °C at sea level).
 pub const AIR_DENSITY_KGPM3: f64 = 1.2;
 
-/// The constants that columns are built from.
+/// The constants from which columns are built.
 #[derive(Debug, Clone)]
 pub struct Scene {
     /// The model, gravity included.
@@ -16,15 +16,15 @@ pub struct Scene {
     pub phi: Vec<Phi>,
     /// Centre of mass of each link in its frame, m.
     pub link_com_m: Vec<Vector3<f64>>,
-    /// Mean area that each link shows to the air, as a share of the sum.
+    /// Mean projected area of each link, as a share of the sum.
     pub area_share: Vec<f64>,
-    /// Whole mass, kg.
+    /// Mass of the whole body, kg.
     pub mass_kg: f64,
     /// Centres of the plates, world, m; empty without plates.
     pub plate_centers_m: Vec<Vector3<f64>>,
-    /// Middle of the volume in which the body moves, world, m.
+    /// Middle of the volume of the motion, world, m.
     pub volume_center_m: Vector3<f64>,
-    /// Standard deviation of the body's places about it, m.
+    /// Standard deviation of the body's positions about it, m.
     pub volume_reach_m: f64,
 }
 
@@ -48,7 +48,7 @@ impl Scene {
         }
     }
 
-    /// Sets the volume in which the body moves from places of its centre of mass.
+    /// Sets the volume of the motion from positions of the body's centre of mass.
     pub fn with_volume(mut self, places: &[Vector3<f64>]) -> Self {
         if !places.is_empty() {
             let n = places.len() as f64;
@@ -69,8 +69,7 @@ impl Scene {
         self.model.gravity_mps2.norm()
     }
 
-    /// Centre of mass of the target's link in its frame, m (of the root where the target names no
-    /// link).
+    /// Centre of mass of the target's link in its frame, m (of the root if the target has no link).
     pub fn com_of(&self, target: Target) -> Vector3<f64> {
         self.link_com_m.get(target.link()).copied().unwrap_or_else(Vector3::zeros)
     }
@@ -85,8 +84,8 @@ impl Scene {
     }
 }
 
-/// Mean area that the ellipsoid of the same inertia shows (a quarter of its surface), m²; from the mass alone, as a ball of water, where the
-/// inertia says nothing.
+/// Mean projected area of the ellipsoid with the same inertia (a quarter of its surface), m²; if
+/// the inertia is unusable, that of a sphere of water with the same mass.
 fn mean_area(link: &LinkInertia) -> f64 {
     let m = link.mass_kg;
     if !(m.is_finite() && m > 0.0) {

@@ -1,9 +1,12 @@
-//! One trial as effects see it: kinematics of every link in the frames that give rows, and what plates measured there.
+//! Input data of effects for one trial: kinematics of every link in the frames that give rows, and
+//! the measurements of the plates.
 //!
-//! Velocities and accelerations come from local cubics through the unfiltered coordinates (on the manifold; the root's path in the world),
-//! over ±25 ms for velocities and ±50 ms for accelerations, one-sided next to gaps. A column's error from marker noise is then far below the
-//! column itself (0.3 mm of noise at 200 Hz give about 10 mm/s, against metres a second), so attenuation by errors in variables stays below
-//! 10⁻⁴ of a drag coefficient, and no filter carries the impact of a landing into the flight.
+//! Velocities and accelerations come from local cubics through the unfiltered coordinates (on the
+//! manifold; the root's path in the world), over ±25 ms for velocities and ±50 ms for
+//! accelerations, one-sided near gaps. The error of a column due to marker noise is then far below
+//! the column itself (0.3 mm of noise at 200 Hz give about 10 mm/s, compared with metres per
+//! second), so attenuation by errors in variables stays below 10⁻⁴ of a drag coefficient, and no
+//! filter spreads the impact of a landing into the flight.
 
 use crate::{EffectsError, Scene};
 use aloft_body::{BaseParameters, JointKind, Model, Motion, State};
@@ -12,9 +15,9 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 /// Wrench of one plate at the frames of the motion, on the body, world axes.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PlateSeries {
-    /// N.
+    /// Force, N.
     pub force_n: Vec<Vector3<f64>>,
-    /// About the world origin, N·m.
+    /// Moment about the world origin, N·m.
     pub moment_nm: Vec<Vector3<f64>>,
 }
 
@@ -23,9 +26,9 @@ pub struct PlateSeries {
 pub struct Span {
     /// First frame.
     pub first_frame: usize,
-    /// One past the last.
+    /// One past the last frame.
     pub end_frame: usize,
-    /// True in the air.
+    /// True in flight.
     pub flight: bool,
 }
 
@@ -36,16 +39,16 @@ pub struct TrialMotion<'a> {
     pub motion: &'a Motion,
     /// Flights and contact stretches, in order.
     pub spans: &'a [Span],
-    /// Plates, in the order of [`Scene::plate_centers_m`]; empty where none measured.
+    /// Plates, in the order of [`Scene::plate_centers_m`]; empty without measurements.
     pub plates: &'a [PlateSeries],
-    /// Seconds from the start of the session to the first frame (0 where unknown).
+    /// Seconds from the start of the session to the first frame (0 if unknown).
     pub session_time_s: f64,
 }
 
 /// Kinematics of one link at one instant, world axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LinkFrame {
-    /// Place of the origin, m.
+    /// Position of the origin, m.
     pub origin: Vector3<f64>,
     /// Rotation of the link in the world.
     pub rotation: Matrix3<f64>,
@@ -60,15 +63,15 @@ pub struct LinkFrame {
 }
 
 impl LinkFrame {
-    /// World place of a point of the link.
+    /// World position of a point of the link.
     pub fn point(&self, in_link: &Vector3<f64>) -> Vector3<f64> {
         self.origin + self.rotation * in_link
     }
-    /// Its velocity.
+    /// Velocity of a point of the link.
     pub fn point_velocity(&self, in_link: &Vector3<f64>) -> Vector3<f64> {
         self.velocity + self.omega.cross(&(self.rotation * in_link))
     }
-    /// Its acceleration.
+    /// Acceleration of a point of the link.
     pub fn point_acceleration(&self, in_link: &Vector3<f64>) -> Vector3<f64> {
         let arm = self.rotation * in_link;
         self.acceleration + self.alpha.cross(&arm) + self.omega.cross(&self.omega.cross(&arm))
@@ -78,30 +81,30 @@ impl LinkFrame {
 /// Wrench of one plate and its rate at one instant.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct PlateFrame {
-    /// N, world.
+    /// Force, N, world.
     pub force_n: Vector3<f64>,
-    /// N·m about the world origin.
+    /// Moment about the world origin, N·m.
     pub moment_nm: Vector3<f64>,
-    /// N/s.
+    /// Rate of the force, N/s.
     pub force_rate: Vector3<f64>,
-    /// N·m/s.
+    /// Rate of the moment, N·m/s.
     pub moment_rate: Vector3<f64>,
 }
 
 /// One instant of a trial.
 #[derive(Debug, Clone, Copy)]
 pub struct EffectFrame<'a> {
-    /// The constants.
+    /// The constants of the scene.
     pub scene: &'a Scene,
     /// Links, in the model's order.
     pub links: &'a [LinkFrame],
-    /// Plates; empty where none measured.
+    /// Plates; empty without measurements.
     pub plates: &'a [PlateFrame],
     /// Coordinates.
     pub q: &'a [f64],
     /// Velocities in the model's order.
     pub v: &'a [f64],
-    /// Frame of the motion.
+    /// Index of the frame in the motion.
     pub frame: usize,
     /// Seconds since the first frame of the recording.
     pub time_s: f64,
@@ -111,20 +114,20 @@ pub struct EffectFrame<'a> {
     pub since_start_s: f64,
     /// Seconds until the stretch ends.
     pub to_end_s: f64,
-    /// True in the air.
+    /// True in flight.
     pub flight: bool,
     /// Centre of mass, world, m.
     pub com: Vector3<f64>,
-    /// Its velocity, m/s.
+    /// Velocity of the centre of mass, m/s.
     pub com_velocity: Vector3<f64>,
-    /// Its acceleration, m/s².
+    /// Acceleration of the centre of mass, m/s².
     pub com_acceleration: Vector3<f64>,
 }
 
 /// All frames of a trial that give rows.
 #[derive(Debug, Clone)]
 pub struct Series<'a> {
-    /// The constants.
+    /// The constants of the scene.
     pub scene: &'a Scene,
     /// Name of the trial.
     pub trial: String,
@@ -134,7 +137,7 @@ pub struct Series<'a> {
     spans: Vec<(usize, usize, Span)>,
     span_of: Vec<usize>,
     links: Vec<LinkFrame>,
-    /// Of each span: links in the frames that lead up to it.
+    /// For each span: links in the frames before it.
     lead_in: Vec<Vec<LinkFrame>>,
     plates: Vec<PlateFrame>,
     coms: Vec<[Vector3<f64>; 3]>,
@@ -146,14 +149,14 @@ pub struct Series<'a> {
 /// Half windows of the local cubics, s.
 const VELOCITY_REACH_S: f64 = 0.025;
 const ACCELERATION_REACH_S: f64 = 0.05;
-/// How long before a span its past is looked at, s.
+/// Length of the interval before a span that is kept, s.
 const LEAD_IN_S: f64 = 0.4;
 
 impl<'a> Series<'a> {
     /// Kinematics of all valid frames in the spans of a trial.
     ///
     /// # Errors
-    /// [`EffectsError::Length`] when motion or plates do not fit the model or each other.
+    /// [`EffectsError::Length`] if motion or plates do not fit the model or each other.
     pub fn new(scene: &'a Scene, trial: &TrialMotion<'_>) -> Result<Self, EffectsError> {
         let (model, motion) = (&scene.model, trial.motion);
         let length = |what, expected, found| {
@@ -235,8 +238,9 @@ impl<'a> Series<'a> {
         self.v.extend_from_slice(v);
     }
 
-    /// Places the centre of mass where identified base parameters (the mass first) have it, instead of the scene's φ; its velocity and
-    /// acceleration stay. Values that do not fit the model change nothing.
+    /// Sets the centre of mass from identified base parameters (the mass first) instead of the
+    /// scene's φ; its velocity and acceleration are unchanged. Values that do not fit the model are
+    /// ignored.
     pub fn set_center_of_mass(&mut self, base: &BaseParameters, values: &[f64]) {
         let model = &self.scene.model;
         if base.len() != values.len() || base.from_full.ncols() != 10 * model.n_links() || values[0] <= 0.0 {
@@ -291,8 +295,8 @@ impl<'a> Series<'a> {
         }
         out
     }
-    /// Links in the valid frames (up to 0.4 s of them) that lead up to frame `i` of the series where a span begins there, oldest first; empty
-    /// elsewhere.
+    /// Links in the valid frames (up to 0.4 s) before frame `i` of the series if a span begins
+    /// there, oldest first; empty elsewhere.
     pub fn lead_in(&self, i: usize) -> impl DoubleEndedIterator<Item = &[LinkFrame]> {
         let span = self.span_of[i];
         let (start, _, stretch) = self.spans[span];
@@ -355,7 +359,8 @@ fn plate_frame(plate: &PlateSeries, frame: usize, rate_hz: f64) -> PlateFrame {
     let rate = |x: &[Vector3<f64>]| -> Vector3<f64> {
         let at = |k: isize| frame.checked_add_signed(k).and_then(|f| x.get(f)).copied();
         match (at(-2), at(-1), at(1), at(2)) {
-            // least squares line through five samples: plates are noisy, and their rate is wanted over a window
+            // least-squares line through five samples: plates are noisy, so their rate is averaged
+            // over a window
             (Some(a), Some(b), Some(c), Some(d)) => ((d - a) * 2.0 + (c - b)) * (rate_hz / 10.0),
             (_, Some(b), Some(c), _) => (c - b) * (rate_hz / 2.0),
             _ => Vector3::repeat(f64::NAN),
@@ -411,14 +416,14 @@ impl<'a> Differentiator<'a> {
         Self { model, motion, reach, central, difference, v, a }
     }
 
-    /// Velocities and accelerations; `None` where too few frames are valid.
+    /// Velocities and accelerations; `None` if too few frames are valid.
     fn at(&mut self, frame: usize) -> Option<(&[f64], &[f64])> {
         let here = self.motion.q(frame);
         let free_root = self.model.links.first().is_some_and(|l| l.joint.kind == JointKind::Free);
         let mut root = [Vector3::zeros(), Vector3::zeros()];
         let nv = self.model.nv;
         let window = |h: usize| frame.saturating_sub(h)..(frame + h + 1).min(self.motion.n_frames());
-        // differences of the wider window serve the narrower one, too
+        // differences of the wider window are also used for the narrower one
         let widest = window(self.reach[0].max(self.reach[1]));
         self.difference.resize(widest.len() * nv, 0.0);
         for (f, difference) in widest.clone().zip(self.difference.chunks_exact_mut(nv)) {
@@ -458,7 +463,8 @@ impl<'a> Differentiator<'a> {
             }
         }
         if free_root {
-            // the root's path is a polynomial in the world when it falls; then into link axes
+            // in free fall the root's path is a polynomial in the world; differentiate there, then
+            // convert to link axes
             let q = nalgebra::Quaternion::new(here[6], here[3], here[4], here[5]);
             let world_from_link =
                 self.model.links[0].joint.parent_from_joint.rotation * nalgebra::UnitQuaternion::from_quaternion(q);

@@ -1,17 +1,17 @@
-//! On what an effect acts, and the targets that effects commonly offer.
+//! Targets of effects, and the sets of targets that effects commonly offer.
 
 use crate::Scene;
 use serde::{Deserialize, Serialize};
 
-/// On what an effect acts: one of the choices among which a ranking selects.
+/// Target of an effect: one of the choices from which a ranking selects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Target {
     /// The whole body (or all plates) with one set of coefficients.
     Body,
-    /// The whole body, a coefficient for every link.
+    /// The whole body, with one coefficient for every link.
     EveryLink,
-    /// The whole body, coefficients for the shape of every link.
+    /// The whole body, with coefficients for the shape of every link.
     Shape,
     /// One link, by index.
     Link(usize),
@@ -20,7 +20,7 @@ pub enum Target {
 }
 
 impl Target {
-    /// Short name for columns and reports: nothing for the body, `links`, `shape`, a link's name,
+    /// Short name for columns and reports: empty for the body, `links`, `shape`, a link's name,
     /// `plate1` …
     pub fn label(&self, scene: &Scene) -> String {
         match self {
@@ -32,7 +32,7 @@ impl Target {
         }
     }
 
-    /// Index of its link; that of the root where it names none.
+    /// Index of its link; the root's if the target has no link.
     pub fn link(self) -> usize {
         match self {
             Self::Link(i) => i,
@@ -40,7 +40,7 @@ impl Target {
         }
     }
 
-    /// True when a plate takes part in it.
+    /// True if the target includes the plate.
     pub fn includes_plate(self, plate: usize) -> bool {
         match self {
             Self::Plate(i) => i == plate,
@@ -58,12 +58,12 @@ impl Target {
         (0..scene.model.n_links()).map(Self::Link).collect()
     }
 
-    /// The whole body, and a coefficient for each link where there are two or three.
+    /// The whole body, and one coefficient per link if there are two or three links.
     pub fn body_or_links(scene: &Scene) -> Vec<Self> {
         if (2..=3).contains(&scene.model.n_links()) { vec![Self::Body, Self::EveryLink] } else { vec![Self::Body] }
     }
 
-    /// The same, and coefficients for the shape of each link where there are two or three.
+    /// The same, and coefficients for the shape of each link if there are two or three links.
     pub fn body_links_or_shape(scene: &Scene) -> Vec<Self> {
         let mut out = Self::body_or_links(scene);
         if out.len() > 1 {
@@ -72,7 +72,7 @@ impl Target {
         out
     }
 
-    /// The whole body where it stands on plates; nothing without plates.
+    /// The whole body if there are plates; nothing without plates.
     pub fn body_on_plates(scene: &Scene) -> Vec<Self> {
         if scene.n_plates() > 0 { vec![Self::Body] } else { Vec::new() }
     }
@@ -82,7 +82,7 @@ impl Target {
         (0..scene.n_plates()).map(Self::Plate).collect()
     }
 
-    /// All plates together, and each alone.
+    /// All plates together, and each plate alone.
     pub fn all_or_one_plate(scene: &Scene) -> Vec<Self> {
         match scene.n_plates() {
             0 => Vec::new(),

@@ -1,22 +1,21 @@
-//! The unknowns of an effect: names, units, bounds, and what each number means in space.
+//! The unknowns of an effect: names, units, bounds, and geometric meaning.
 
 use crate::{Scene, Target};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// What a number means in space, so that an effect can be turned into another direction without
-/// knowing it. Components 0, 1, 2 are x, y, z and stand in this order; a horizontal vector has the
-/// first two only.
+/// Geometric meaning of a number, so that any effect can be rotated to another direction.
+/// Components 0, 1, 2 are x, y, z, in this order; a horizontal vector has only the first two.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum ParameterKind {
     /// A number without direction.
     #[default]
     Scalar,
-    /// Component of a place in the room, m.
+    /// Component of a position in the world, m.
     PointInWorld(usize),
     /// Component of a vector in world axes.
     VectorInWorld(usize),
-    /// Component of a place in the frame of a link, m.
+    /// Component of a position in the frame of a link, m.
     PointOnLink(usize),
     /// Component of a vector in the axes of a link.
     VectorOnLink(usize),
@@ -36,7 +35,7 @@ impl ParameterKind {
 /// Names of the components of a vector.
 pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// An unknown that the effect's wrench is proportional to.
+/// An unknown to which the effect's wrench is proportional.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Coefficient {
     /// Name.
@@ -47,7 +46,7 @@ pub struct Coefficient {
     pub lower: f64,
     /// Largest plausible value.
     pub upper: f64,
-    /// What it means in space.
+    /// Geometric meaning.
     #[serde(skip)]
     pub kind: ParameterKind,
 }
@@ -65,8 +64,8 @@ impl Coefficient {
     pub fn within(name: impl Into<String>, unit: &str, lower: f64, upper: f64) -> Self {
         Self { name: name.into(), unit: unit.to_owned(), lower, upper, kind: ParameterKind::Scalar }
     }
-    /// Components `prefix_x`, `prefix_y`, `prefix_z` of a vector in world axes, each below `most`
-    /// in size.
+    /// Components `prefix_x`, `prefix_y`, `prefix_z` of a vector in world axes, each at most `most`
+    /// in magnitude.
     pub fn vector_in_world(prefix: &str, unit: &str, most: f64) -> Vec<Self> {
         Self::vector(prefix, unit, most, ParameterKind::VectorInWorld)
     }
@@ -83,7 +82,7 @@ impl Coefficient {
     }
 }
 
-/// An unknown on which the columns themselves depend.
+/// An unknown on which the columns themselves depend nonlinearly.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NonlinearParameter {
     /// Name.
@@ -94,9 +93,10 @@ pub struct NonlinearParameter {
     pub lower: f64,
     /// Upper bound.
     pub upper: f64,
-    /// Step of finite differences and unit of trust: a change that alters the columns noticeably.
+    /// Step of finite differences and trust-region unit: a change that alters the columns
+    /// noticeably.
     pub scale: f64,
-    /// What it means in space.
+    /// Geometric meaning.
     #[serde(skip)]
     pub kind: ParameterKind,
 }
@@ -106,21 +106,21 @@ impl NonlinearParameter {
     pub fn new(name: impl Into<String>, unit: &str, lower: f64, upper: f64, scale: f64) -> Self {
         Self { name: name.into(), unit: unit.to_owned(), lower, upper, scale, kind: ParameterKind::Scalar }
     }
-    /// Components `prefix_x` … of a place in the room, m, each within `reach` of `center`.
+    /// Components `prefix_x` … of a position in the world, m, each within `reach` of `center`.
     pub fn point_in_world(prefix: &str, center: &Vector3<f64>, reach: f64) -> Vec<Self> {
         Self::point(prefix, center, reach, ParameterKind::PointInWorld)
     }
-    /// Components `prefix_x` … of a place in the frame of a link, m, each within `reach` of
+    /// Components `prefix_x` … of a position in the frame of a link, m, each within `reach` of
     /// `center`.
     pub fn point_on_link(prefix: &str, center: &Vector3<f64>, reach: f64) -> Vec<Self> {
         Self::point(prefix, center, reach, ParameterKind::PointOnLink)
     }
-    /// The place on the target's link where a force acts or a mass sits: `point_x` …, within 0.3 m
-    /// of the link's centre of mass.
+    /// The position on the target's link of a force or a mass: `point_x` …, within 0.3 m of the
+    /// link's centre of mass.
     pub fn point_of(scene: &Scene, target: Target) -> Vec<Self> {
         Self::point_on_link("point", &scene.com_of(target), 0.3)
     }
-    /// Components `prefix_x` … of a vector in world axes, each below `most` in size.
+    /// Components `prefix_x` … of a vector in world axes, each at most `most` in magnitude.
     pub fn vector_in_world(prefix: &str, unit: &str, most: f64, scale: f64) -> Vec<Self> {
         let of = |(k, axis): (usize, &&str)| Self {
             kind: ParameterKind::VectorInWorld(k),
@@ -137,15 +137,15 @@ impl NonlinearParameter {
     }
 }
 
-/// Values of nonlinear parameters, read in the order in which [`crate::Effect::nonlinear`] names
-/// them. A value that is not there is NaN.
+/// Values of nonlinear parameters, read in the order of [`crate::Effect::nonlinear`]. A missing
+/// value is NaN.
 #[derive(Debug, Clone)]
 pub struct Values<'a> {
     rest: &'a [f64],
 }
 
 impl<'a> Values<'a> {
-    /// From the first on.
+    /// Starts at the first value.
     pub fn new(values: &'a [f64]) -> Self {
         Self { rest: values }
     }
@@ -155,11 +155,11 @@ impl<'a> Values<'a> {
         self.rest = rest;
         *first
     }
-    /// The next three numbers as a place or a vector.
+    /// The next three numbers as a position or a vector.
     pub fn vector(&mut self) -> Vector3<f64> {
         Vector3::from_fn(|_, _| self.scalar())
     }
-    /// All that were not read yet.
+    /// All values not read yet.
     pub fn rest(self) -> &'a [f64] {
         self.rest
     }

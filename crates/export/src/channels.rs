@@ -1,4 +1,5 @@
-//! Every series of a recording under one name and unit: what the data formats (Parquet, CSV, BIDS) write.
+//! Every series of a recording with a unique name and unit, as written by the data formats
+//! (Parquet, CSV, BIDS).
 
 use crate::coordinates::Quantity;
 use crate::loads::{LOADED_N, center_of_pressure};
@@ -9,17 +10,18 @@ use nalgebra::{Vector3, Vector6};
 /// One series over the frames of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Channel {
-    /// What is measured: `marker`, `joint_center`, `center_of_mass`, `orientation`, `coordinate` (joint angles as solved), `coordinate_filtered`,
-    /// `coordinate_rate`, `coordinate_acceleration`, `ground_force`,
-    /// `ground_moment`, `center_of_pressure`, `generalised_force`, `residual_force`, `residual_moment`, `marker_error`.
+    /// Quantity: `marker`, `joint_center`, `center_of_mass`, `orientation`, `coordinate` (joint
+    /// angles as solved), `coordinate_filtered`, `coordinate_rate`, `coordinate_acceleration`,
+    /// `ground_force`, `ground_moment`, `center_of_pressure`, `generalised_force`,
+    /// `residual_force`, `residual_moment`, `marker_error`.
     pub quantity: &'static str,
-    /// Of what: marker, joint, coordinate, plate.
+    /// Name of the marker, joint, coordinate or plate.
     pub name: String,
     /// `x`, `y`, `z` (and `w`), or empty.
     pub axis: &'static str,
     /// Unit.
     pub unit: &'static str,
-    /// One value a frame; NaN where missing.
+    /// One value per frame; NaN where missing.
     pub values: Vec<f64>,
 }
 
@@ -51,7 +53,8 @@ fn scalar(quantity: &'static str, name: &str, unit: &'static str, values: Vec<f6
     Channel { quantity, name: name.to_owned(), axis: "", unit, values }
 }
 
-/// Names of joint centres: `RHJC`, `LKJC` … as gait laboratories call them, `<link>_JC` for other models, `PELO` and so on for the root.
+/// Names of joint centres: `RHJC`, `LKJC` …, as usual in gait laboratories, `<link>_JC` for other
+/// models, `PELO` and so on for the root.
 pub(crate) fn joint_center_name(link: &str, is_root: bool) -> String {
     let (stem, side) = match link.rsplit_once('_') {
         Some((stem, "r")) => (stem, "R"),
@@ -74,7 +77,8 @@ pub(crate) fn joint_center_name(link: &str, is_root: bool) -> String {
     format!("{side}{short}")
 }
 
-/// Joint centres (link origins) of the motion that a trial has (as solved where there is one), world, m: one series a link.
+/// Joint centres (link origins) of a trial's motion (as solved if available), world, m: one series
+/// per link.
 pub fn joint_centers(subject: &SubjectExport, trial: &TrialExport) -> Vec<(String, Vec<Vector3<f64>>)> {
     let Some(motion) = trial.motion.as_ref().or(trial.filtered.as_ref()) else { return Vec::new() };
     let model = &subject.subject.model;

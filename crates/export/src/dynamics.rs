@@ -1,7 +1,10 @@
-//! Forces of a recording: generalised forces of every coordinate with the plates acting on the feet, and what remains at the root.
+//! Forces of a recording: generalised forces of every coordinate with the plates acting on the
+//! feet, and the residual wrench at the root.
 //!
-//! Recursive Newton-Euler gives the forces that the motion needs ([`aloft_body::State::inverse_dynamics`]); the loads' share is taken off joint
-//! by joint. At the root nothing acts, so what remains there is the residual of the model.
+//! Recursive Newton-Euler gives the forces required by the motion
+//! ([`aloft_body::State::inverse_dynamics`]); the contribution of the loads is subtracted joint by
+//! joint. No external force acts at the root, so the remaining wrench there is the residual of the
+//! model.
 
 use crate::loads::{Load, assign, parts};
 use crate::{CoordinateSeries, PlateAtFrames, SubjectExport};
@@ -11,7 +14,7 @@ use nalgebra::{Vector3, Vector6};
 /// Forces of a recording, frame by frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrialForces {
-    /// Plates on links.
+    /// Loads of the plates on links.
     pub loads: Vec<Load>,
     /// Force of each coordinate, N·m or N: `generalised[frame * n + coordinate]`.
     pub generalised: Vec<f64>,
@@ -21,7 +24,8 @@ pub struct TrialForces {
     pub center_of_mass_m: Vec<Vector3<f64>>,
 }
 
-/// Takes the share of a wrench on `link` (world force, moment about the world origin) off the generalised forces.
+/// Subtracts the contribution of a wrench on `link` (world force, moment about the world origin)
+/// from the generalised forces.
 fn take_off(model: &Model, state: &State, link: usize, wrench: &Vector6<f64>, tau: &mut [f64]) {
     let (force, moment) = parts(wrench);
     let mut next = Some(link);

@@ -1,4 +1,4 @@
-//! What can be wrong with an export.
+//! Errors of this crate.
 
 /// Errors of this crate.
 #[derive(Debug, thiserror::Error)]

@@ -1,4 +1,4 @@
-//! What an export is made from, and what a format is.
+//! Inputs of an export, and the definition of a format.
 
 use crate::coordinates::{Coordinates, expect_length};
 use crate::dynamics::{self, TrialForces};
@@ -11,66 +11,68 @@ use std::ops::Range;
 /// One file of an export, in memory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OutFile {
-    /// Place below the export's folder, with `/` between folders.
+    /// Path below the export's folder, with `/` between folders.
     pub path: String,
     /// Content.
     pub bytes: Vec<u8>,
-    /// What it is, for the README: one line.
+    /// One-line description for the README.
     pub what: String,
 }
 
 impl OutFile {
-    /// A file of text.
+    /// A text file.
     pub fn text(path: String, text: String, what: impl Into<String>) -> Self {
         Self { path, bytes: text.into_bytes(), what: what.into() }
     }
 }
 
-/// Where the inertias of the exported models come from.
+/// Source of the inertias in the exported models.
 #[derive(Debug, Clone, PartialEq)]
 pub enum InertiaSource {
     /// Identified from flights.
     Identified {
-        /// Rows, `weak` or `paper`.
+        /// Kind of rows, `weak` or `paper`.
         rows: String,
-        /// What to keep in mind (the gate's remarks).
+        /// Remarks of the gate.
         remarks: Vec<String>,
-        /// Values that motion did not determine, by link (`thigh_l: mass, inertia`): they are from the table.
+        /// Values that motion did not determine, by link (`thigh_l: mass, inertia`); they come from
+        /// the table.
         from_table: Vec<String>,
     },
-    /// The prior, because of this.
+    /// Taken from the prior.
     Prior {
-        /// Why nothing better is written.
+        /// Reason why the prior is used.
         reason: String,
     },
 }
 
-/// The subject as it is exported.
+/// The subject to be exported.
 #[derive(Debug, Clone)]
 pub struct SubjectExport {
-    /// Name in files.
+    /// Name used in files.
     pub id: String,
-    /// Subject and session of a study of several, as the study calls them: BIDS names files after them.
+    /// Names of subject and session in a study of several subjects, from which BIDS file names are
+    /// built.
     pub of_study: [Option<String>; 2],
     /// Model, markers, facts.
     pub subject: Subject,
     /// Inertia of each link, as exported.
     pub links: Vec<LinkInertia>,
-    /// Where these come from.
+    /// Source of these inertias.
     pub source: InertiaSource,
     /// Coordinates of the model.
     pub coordinates: Coordinates,
-    /// Velocity indices that inverse kinematics held at the static posture.
+    /// Indices of velocities fixed at the static posture in inverse kinematics.
     pub locked: Vec<usize>,
     /// Program and version, for headers.
     pub program: String,
 }
 
 impl SubjectExport {
-    /// Binds a subject and its inertias.
+    /// Combines a subject and its inertias.
     ///
     /// # Errors
-    /// Another number of inertias than links.
+    /// The number of inertias differs from that of links.
     pub fn new(
         subject: Subject,
         links: Vec<LinkInertia>,
@@ -97,8 +99,9 @@ impl SubjectExport {
         self.links.iter().map(LinkInertia::to_phi).collect()
     }
 
-    /// True when inverse kinematics held what this coordinate describes: all of its joint, or the two axes across the last turn (whose first
-    /// two angles then stay, because a turn about the last axis changes the third angle alone).
+    /// True if inverse kinematics fixed this coordinate: all of its joint, or the two axes
+    /// perpendicular to the last rotation (then the first two angles are constant, because a
+    /// rotation about the last axis changes only the third angle).
     pub(crate) fn is_locked(&self, coordinate: usize) -> bool {
         let link = self.coordinates.list[coordinate].link;
         let (own, joint) = (&self.subject.model.links[link].joint, &self.coordinates.joints[link]);
@@ -119,25 +122,25 @@ impl SubjectExport {
 pub struct PlateAtFrames {
     /// Name.
     pub name: String,
-    /// One wrench a frame; NaN where missing.
+    /// One wrench per frame; NaN where missing.
     pub wrench: Vec<Vector6<f64>>,
 }
 
-/// The recording's own file, for formats that add to it.
+/// The original file of the recording, for formats that add to it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SourceFile {
     /// Name of the file.
     pub name: String,
-    /// Its bytes, where it is C3D.
+    /// Its bytes, if it is C3D.
     pub c3d: Option<Vec<u8>>,
 }
 
-/// One recording as it is exported.
+/// One recording to be exported.
 #[derive(Debug, Clone)]
 pub struct TrialExport {
-    /// Name, also in files.
+    /// Name, also used in files.
     pub name: String,
-    /// Its part: `static`, `calibration`, `identify`, `validate`.
+    /// Role: `static`, `calibration`, `identify`, `validate`.
     pub role: String,
     /// Cleaned markers, tared plates, events; Z-up world, SI.
     pub trial: Trial,
@@ -145,11 +148,11 @@ pub struct TrialExport {
     pub motion: Option<Motion>,
     /// Filtered motion with velocities and accelerations.
     pub filtered: Option<Motion>,
-    /// Frames in the air.
+    /// Ranges of frames in flight.
     pub flights: Vec<Range<usize>>,
     /// Plates at the frames of the motion.
     pub plates: Vec<PlateAtFrames>,
-    /// The recording's own file.
+    /// The original file of the recording.
     pub source: SourceFile,
     /// Coordinates of `motion`.
     pub solved: Option<CoordinateSeries>,
@@ -160,7 +163,7 @@ pub struct TrialExport {
 }
 
 impl TrialExport {
-    /// Name in files: that of no other recording.
+    /// Unique name of the recording in file names.
     pub fn stem(&self) -> String {
         names::file(&self.name)
     }
@@ -170,7 +173,7 @@ impl TrialExport {
         self.trial.markers.rate_hz
     }
 
-    /// Frames.
+    /// Number of frames.
     pub fn n_frames(&self) -> usize {
         self.trial.markers.n_frames
     }
@@ -183,7 +186,7 @@ impl TrialExport {
     /// Computes coordinates and forces from the motions.
     ///
     /// # Errors
-    /// A motion of another model, or with another number of frames than the markers.
+    /// A motion of another model, or with a different number of frames from the markers.
     pub fn prepare(&mut self, subject: &SubjectExport) -> Result<(), ExportError> {
         let model = &subject.subject.model;
         for motion in self.motion.iter().chain(&self.filtered) {
@@ -204,31 +207,31 @@ impl TrialExport {
     }
 }
 
-/// A writer of one recording's files.
+/// Writes the files of one recording.
 pub type TrialWriter = fn(&SubjectExport, &TrialExport) -> Result<Vec<OutFile>, ExportError>;
-/// A writer of files that an export has once.
+/// Writes the files that occur once per export.
 pub type SubjectWriter = fn(&SubjectExport) -> Result<Vec<OutFile>, ExportError>;
 
 /// A format: its documentation and its functions.
 #[derive(Debug)]
 pub struct Format {
-    /// Name that users type.
+    /// Name typed by users.
     pub name: &'static str,
-    /// What it is, for help and README.
+    /// Description, for help and README.
     pub title: &'static str,
-    /// Who opens it.
+    /// Programs that read it.
     pub readers: &'static str,
     /// Files of each recording.
     pub trial: Option<TrialWriter>,
-    /// Files that there are once.
+    /// Files that occur once.
     pub subject: Option<SubjectWriter>,
 }
 
 impl Format {
-    /// The formats of names that users typed; all where there are none.
+    /// The formats with the names typed by users; all if no name is given.
     ///
     /// # Errors
-    /// [`ExportError::UnknownFormat`] with the names that exist.
+    /// [`ExportError::UnknownFormat`] with the available names.
     pub fn choose(names: &[String]) -> Result<Vec<&'static Self>, ExportError> {
         let all = crate::FORMATS;
         if names.is_empty() {

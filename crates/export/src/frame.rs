@@ -1,4 +1,4 @@
-//! The Y-up world of OpenSim beside our Z-up world.
+//! Conversion from our Z-up world to OpenSim's Y-up world.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 

@@ -1,11 +1,12 @@
-//! Files that other programs open, one file a format: what a laboratory takes home from a study.
+//! Writes the results of a study as files for other programs, one module per format.
 //!
-//! Stands after everything else: a [`SubjectExport`] (the model with its inertias) and a [`TrialExport`] for each recording go in,
-//! [`OutFile`]s come out, named by paths relative to the export's folder. Nothing here touches the disk; `pipeline` writes.
+//! Input: a [`SubjectExport`] (the model with its inertias) and a [`TrialExport`] for each
+//! recording. Output: [`OutFile`]s, named by paths relative to the export's folder. This crate does
+//! not access the disk; `pipeline` writes the files.
 //!
 //! # Frames and units
 //!
-//! Inside, the world is Z-up and everything is SI. Three families of files leave it:
+//! Internally the world is Z-up and everything is in SI units. There are three families of files:
 //!
 //! | family | world | lengths | angles |
 //! |---|---|---|---|
@@ -15,9 +16,9 @@
 //!
 //! # Coordinates
 //!
-//! [`Coordinates`] are the joint angles that people read: each spherical joint becomes three turns about axes of the moving link, in an
-//! order and with signs that a [`Convention`] states. Model files and tables are made from the same [`Coordinates`], so a
-//! `.mot` always fits its `.osim`.
+//! [`Coordinates`] are conventional joint angles: each spherical joint becomes three rotations
+//! about axes of the moving link, with the order and signs of a [`Convention`]. Model files and
+//! tables are made from the same [`Coordinates`], so a `.mot` always matches its `.osim`.
 //!
 //! To add a format: write `formats/<format>.rs` with a `FORMAT` and name it in [`FORMATS`].
 

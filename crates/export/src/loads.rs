@@ -1,21 +1,24 @@
-//! Which body stands on which plate, and where: external loads for programs that ask for a body, a point and a free moment.
+//! Assigns plates to feet: external loads for programs that require a body, a point of application
+//! and a free moment.
 //!
-//! Plates say what they carry, not whom. Each stretch in which a plate is loaded goes to the foot that is nearest to its centre of
-//! pressure; between stretches the change-over is halfway. Links whose name begins with `foot` are feet; a model without feet is held
-//! at its root. The sum of all loads is the measured wrench, whatever was assigned, so the residual at the root does not depend on it.
+//! Plates measure a load, but not which foot applies it. Each stretch in which a plate is loaded is
+//! assigned to the foot nearest to its centre of pressure; between stretches the assignment changes
+//! halfway. Links whose name begins with `foot` are feet; in a model without feet the loads act on
+//! the root. The sum of all loads is the measured wrench for any assignment, so the residual at the
+//! root does not depend on it.
 
 use crate::{PlateAtFrames, SubjectExport};
 use aloft_body::{Motion, State};
 use aloft_signal::runs_where;
 use nalgebra::{Vector3, Vector6};
 
-/// Below this vertical force a plate has no centre of pressure, N.
+/// Vertical force below which a plate has no centre of pressure, N.
 pub const LOADED_N: f64 = 20.0;
 
-/// One plate's action on one link, over time.
+/// Load of one plate on one link, over time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Load {
-    /// Name for columns: the plate's number, and the link where a plate carried several.
+    /// Name for columns: the plate's number, and the link if a plate carried several.
     pub label: String,
     /// Name of the plate.
     pub plate: String,
@@ -25,7 +28,7 @@ pub struct Load {
     pub wrench: Vec<Vector6<f64>>,
     /// Point of application, m, world: the centre of pressure on the floor (z = 0) under load, the origin elsewhere.
     pub point_m: Vec<Vector3<f64>>,
-    /// Moment about that point, N·m, world: vertical alone under load.
+    /// Moment about that point, N·m, world: only vertical under load.
     pub moment_nm: Vec<Vector3<f64>>,
     /// Frames in which the plate carries more than [`LOADED_N`] on this link.
     pub loaded: Vec<bool>,
@@ -52,7 +55,7 @@ fn feet(subject: &SubjectExport) -> Vec<usize> {
     if feet.is_empty() { vec![0] } else { feet }
 }
 
-/// Middle of a foot in its own frame: of its markers, else its origin.
+/// Middle of a foot in its own frame: the mean of its markers, or its origin without markers.
 fn middle(subject: &SubjectExport, link: usize) -> Vector3<f64> {
     let own: Vec<Vector3<f64>> =
         subject.subject.markers.iter().filter(|m| m.link == link).map(|m| m.position_m).collect();
@@ -120,7 +123,7 @@ fn load(label: String, plate: &str, link: usize, wrench: &[Vector6<f64>], by_fra
             let (force, moment) = parts(w);
             let mut about_point = moment - p.cross(&force);
             if loaded(w) {
-                // zero by the definition of the centre of pressure; what stands there is rounding
+                // zero by definition of the centre of pressure, except for rounding
                 about_point.x = 0.0;
                 about_point.y = 0.0;
             }

@@ -1,17 +1,20 @@
 //! Names that other programs and file systems accept.
 //!
-//! A name of a recording, subject or session is data: it may hold blanks, quotes, line breaks, anything that a file system allows. What stands
-//! for it in an export must be accepted everywhere (Windows, macOS, OpenSim, BIDS) and must not be the same for two different names. Each
-//! function here is injective on names that differ by more than case, and its values differ by more than case, too: on a file system that does
-//! not tell `Jump` from `jump`, two recordings still have two files. Names that need no change stay as they are.
+//! Names of recordings, subjects and sessions are user data and may contain blanks, quotes, line
+//! breaks and anything else that a file system allows. Their encoded forms in an export must be
+//! valid everywhere (Windows, macOS, OpenSim, BIDS), and different names must have different
+//! encodings. Each function here is injective on names that differ by more than case, and its
+//! values also differ by more than case: on a file system that does not distinguish `Jump` from
+//! `jump`, two recordings still have two files. Names that need no change are kept.
 
-/// Windows keeps these names for devices, with any ending.
+/// Device names reserved by Windows, with any extension.
 const RESERVED: [&str; 22] = [
     "con", "prn", "aux", "nul", "com1", "com2", "com3", "com4", "com5", "com6", "com7", "com8", "com9", "lpt1", "lpt2",
     "lpt3", "lpt4", "lpt5", "lpt6", "lpt7", "lpt8", "lpt9",
 ];
 
-/// Longest name of a file that is written in full, bytes; endings such as `_external_forces.xml` come behind it.
+/// Longest file name written in full, bytes; suffixes such as `_external_forces.xml` are added to
+/// it.
 const LONGEST: usize = 160;
 
 fn percent(out: &mut String, c: char) {
@@ -21,16 +24,18 @@ fn percent(out: &mut String, c: char) {
     }
 }
 
-/// Letters and digits of scripts in which no letter has a second spelling (macOS treats canonically equivalent names as one).
+/// Letters and digits of scripts in which every letter has a single encoding (macOS treats
+/// canonically equivalent names as one).
 fn is_plain(c: char) -> bool {
     let block = matches!(u32::from(c),
         0..=0x024F | 0x0370..=0x0373 | 0x0375..=0x03FF | 0x0400..=0x052F | 0x3041..=0x3096 | 0x30A1..=0x30FA | 0x4E00..=0x9FFF | 0xAC00..=0xD7A3);
-    // letters whose other case is a letter of another alphabet, or two
+    // letters whose other case is in another alphabet, or two letters
     c.is_alphanumeric() && block && !matches!(c, 'İ' | 'ı' | 'ſ' | 'ß')
 }
 
-/// Name of a file or folder: letters, digits, `-`, `_` and `.` stay, everything else is percent-encoded as in a URL. A dot at either end and
-/// the first letter of a name that Windows reserves are encoded, too. Very long names keep their beginning and end with a hash.
+/// Name of a file or folder: letters, digits, `-`, `_` and `.` are kept, everything else is
+/// percent-encoded as in a URL. A dot at either end and the first letter of a name reserved by
+/// Windows are encoded, too. Very long names are truncated and end with a hash.
 pub fn file(text: &str) -> String {
     let stem = text.split('.').next().unwrap_or(text).to_lowercase();
     let reserved = RESERVED.contains(&stem.as_str());
@@ -46,7 +51,7 @@ pub fn file(text: &str) -> String {
         }
     }
     if name.is_empty() {
-        // no other name has an escape without digits
+        // no other name gives an escape without digits
         return "%_".to_owned();
     }
     if name.len() <= LONGEST {
@@ -59,7 +64,8 @@ pub fn file(text: &str) -> String {
     format!("{}%_{:016x}", &name[..cut], fnv1a(text.to_lowercase().as_bytes()))
 }
 
-/// What stands for a name where it and its code would be too long: its hash, in letters and digits that no code begins with.
+/// Short form of a name whose encoding would be too long: its hash, in letters and digits with
+/// which no encoding begins.
 pub(crate) fn hashed(text: &str) -> String {
     format!("h{:016x}", fnv1a(text.to_lowercase().as_bytes()))
 }
@@ -69,7 +75,8 @@ fn fnv1a(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3))
 }
 
-/// Labels of models and tables: what OpenSim, XML or a table with tabs would stumble over is percent-encoded.
+/// Labels in models and tables: characters that OpenSim, XML or tab-separated tables do not accept
+/// are percent-encoded.
 pub(crate) fn label(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -82,8 +89,9 @@ pub(crate) fn label(text: &str) -> String {
     out
 }
 
-/// What names the subject in models and headings of an export, which holds one subject: what stands before a comma (descriptions of objects go
-/// on behind it), at most 40 characters, readable rather than reversible.
+/// Name of the subject in models and headings of an export, which contains one subject: the part
+/// before a comma (descriptions of objects continue after it), at most 40 characters, readable
+/// rather than reversible.
 pub(crate) fn id(text: &str) -> String {
     let short = text.split(',').next().unwrap_or(text).trim();
     let name: String =
@@ -96,13 +104,15 @@ pub(crate) fn id(text: &str) -> String {
     if RESERVED.contains(&stem.as_str()) { format!("{name}_") } else { name.to_owned() }
 }
 
-/// ASCII letters and digits of a name: all that a BIDS label may hold.
+/// ASCII letters and digits of a name, the only characters allowed in a BIDS label.
 pub(crate) fn alphanumeric(text: &str) -> String {
     text.chars().filter(char::is_ascii_alphanumeric).collect()
 }
 
-/// What [`alphanumeric`] drops and where, in letters and digits: the byte's place in the name, then `u` for `_`, `d` for `-`, `p` for `.`, `s` for
-/// a blank, `x` and two hexadecimal digits for any other byte. Empty for names of letters and digits. With this the name can be put together again.
+/// The characters dropped by [`alphanumeric`] and their positions, in letters and digits: the
+/// byte's position in the name, then `u` for `_`, `d` for `-`, `p` for `.`, `s` for a blank, `x`
+/// and two hexadecimal digits for any other byte. Empty for names of letters and digits. The
+/// original name can be reconstructed from both.
 pub(crate) fn dropped(text: &str) -> String {
     let mut out = String::new();
     for (place, byte) in text.bytes().enumerate().filter(|(_, b)| !b.is_ascii_alphanumeric()) {
@@ -118,8 +128,9 @@ pub(crate) fn dropped(text: &str) -> String {
     out
 }
 
-/// BIDS label of a subject or session: letters and digits; behind a `Z` stands what had to be dropped ([`dropped`]). Names that hold a `z` end with
-/// `Z`, so that no name looks like the label of another.
+/// BIDS label of a subject or session: letters and digits, then `Z` and the dropped characters
+/// ([`dropped`]). Names that contain a `z` end with `Z`, so that no name equals the label of
+/// another.
 pub(crate) fn bids(text: &str) -> String {
     let plain = alphanumeric(text);
     let code = dropped(text);
@@ -150,7 +161,8 @@ mod tests {
         assert_eq!(id("two-link chain, one passive joint"), "two-link_chain");
     }
 
-    /// Every string of up to five characters of a hostile alphabet, and names that are known to collide somewhere.
+    /// All strings of up to five characters from a set of problematic characters, and names known
+    /// to collide.
     fn hostile() -> Vec<String> {
         let alphabet =
             ['a', 'z', 'Z', '1', '_', ' ', '.', '-', '%', 'u', '\'', '/', '\\', '\n', 'ü', '\u{308}', 'Ω', '\u{2126}'];
@@ -170,7 +182,7 @@ mod tests {
         all
     }
 
-    /// As file systems of Windows and macOS see a name: case folded, composed letters.
+    /// A name as compared by the file systems of Windows and macOS: case folded, composed letters.
     fn folded(name: &str) -> String {
         name.to_lowercase().replace("u\u{308}", "ü").replace('\u{2126}', "ω")
     }

@@ -1,6 +1,6 @@
-//! Numbers as text: no negative zero, `NaN` for what is missing.
+//! Formats numbers as text: no negative zero, `NaN` for missing values.
 
-/// With so many digits behind the point, trailing zeros cut.
+/// With the given number of decimals, trailing zeros removed.
 pub(crate) fn fixed(value: f64, decimals: usize) -> String {
     if !value.is_finite() {
         return "NaN".to_owned();
@@ -12,16 +12,16 @@ pub(crate) fn fixed(value: f64, decimals: usize) -> String {
     if text == "-0" { "0".to_owned() } else { text }
 }
 
-/// With all digits that a reader needs to get the same number back.
+/// With enough digits to read back the same number.
 pub(crate) fn exact(value: f64) -> String {
     if !value.is_finite() {
         return "NaN".to_owned();
     }
-    // −0 reads like a defect
+    // avoid "-0", which looks like a defect
     format!("{}", value + 0.0)
 }
 
-/// Several numbers with blanks between them.
+/// Several numbers separated by blanks.
 pub(crate) fn joined(values: &[f64]) -> String {
     values.iter().map(|v| exact(*v)).collect::<Vec<_>>().join(" ")
 }

@@ -1,6 +1,7 @@
-//! Data frames to Parquet and back, on polars' own encoder and decoder.
+//! Writes and reads data frames as Parquet, with polars' own encoder and decoder.
 //!
-//! Called directly because polars' reader and writer bring its query engine and its C codecs, most of the time of a first build.
+//! They are called directly because polars' reader and writer depend on its query engine and its C
+//! codecs, which take most of the time of a first build.
 
 use polars::prelude::*;
 use polars_parquet::read::{
@@ -12,12 +13,12 @@ use polars_parquet::write::{
 };
 use std::io::{Cursor, Write};
 
-/// How a frame is written.
+/// Compression of a data frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Compression {
-    /// Values as they are: noise does not compress.
+    /// Uncompressed, because noise does not compress.
     None,
-    /// Snappy: for text that repeats.
+    /// Snappy, for repetitive text.
     Snappy,
 }
 
@@ -26,7 +27,7 @@ pub enum Compression {
 /// `dictionary(i)` decides whether column `i` is written as a dictionary of its distinct values; numbers of a measurement are better plain.
 ///
 /// # Errors
-/// What polars refuses, and what the destination refuses.
+/// Errors of polars and of the destination.
 pub fn write(
     frame: &DataFrame,
     to: impl Write,
@@ -61,10 +62,10 @@ pub fn write(
     Ok(())
 }
 
-/// Reads a frame from the bytes of a Parquet file with flat columns, as [`write()`] makes it.
+/// Reads a frame from the bytes of a Parquet file with flat columns, as written by [`write()`].
 ///
 /// # Errors
-/// What polars' decoder refuses.
+/// Errors of polars' decoder.
 pub fn read(bytes: Vec<u8>) -> PolarsResult<DataFrame> {
     let mut source = Cursor::new(bytes.as_slice());
     let metadata = read_metadata(&mut source)?;

@@ -1,10 +1,10 @@
-//! README of an export: what each file is, how it was made, what the coordinates mean.
+//! README of an export: description of each file, of the processing and of the coordinates.
 
 use crate::coordinates::Quantity;
 use crate::number::fixed;
 use crate::{FORMATS, InertiaSource, OutFile, SubjectExport};
 
-/// Facts of the making that the README states.
+/// Provenance of the export, as stated in the README.
 #[derive(Debug, Clone, Default)]
 pub struct Making {
     /// Program and version.
@@ -17,9 +17,9 @@ pub struct Making {
     pub recordings: Vec<(String, String)>,
     /// Stages: (name, version, parameters as JSON).
     pub stages: Vec<(String, u32, String)>,
-    /// What to keep in mind, in words.
+    /// Remarks on the results, in words.
     pub remarks: Vec<String>,
-    /// Paragraph for a paper.
+    /// Methods paragraph for a paper.
     pub methods: String,
 }
 
@@ -64,7 +64,7 @@ pub fn readme(subject: &SubjectExport, files: &[OutFile], making: &Making) -> St
     t
 }
 
-/// Names in a text may hold line breaks, which would end a row or an item here.
+/// Names in a text may contain line breaks, which would end a row or an item here.
 fn one_line(text: &str) -> String {
     text.replace(char::is_control, " ")
 }

@@ -1,4 +1,4 @@
-//! The table that OpenSim calls a storage: MOT and STO are the same text.
+//! The OpenSim storage table: MOT and STO have the same text format.
 
 use crate::number::fixed;
 
@@ -41,7 +41,7 @@ pub(crate) fn text(
     out + &body
 }
 
-/// Frames from the first to the last that hold something.
+/// Range from the first to the last frame with values.
 pub(crate) fn extent(values: &[f64], width: usize) -> std::ops::Range<usize> {
     let whole = |row: &[f64]| row.iter().all(|x| x.is_finite());
     let mut rows = values.chunks_exact(width.max(1));

@@ -1,13 +1,13 @@
-//! XML, written in order and closed in order.
+//! XML writer that writes elements in order and closes them in order.
 
-/// A document in the making.
+/// A document being written.
 #[derive(Debug)]
 pub(crate) struct Xml {
     text: String,
     open: Vec<String>,
 }
 
-/// Text with the five characters that XML reserves replaced.
+/// Text with the five reserved characters of XML escaped.
 pub(crate) fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -17,7 +17,7 @@ pub(crate) fn escaped(text: &str) -> String {
             '>' => out.push_str("&gt;"),
             '"' => out.push_str("&quot;"),
             '\'' => out.push_str("&apos;"),
-            // XML has no place for these
+            // not allowed in XML
             c if c.is_control() && !matches!(c, '\t' | '\n' | '\r') => out.push(' '),
             c => out.push(c),
         }
@@ -76,7 +76,7 @@ impl Xml {
         self
     }
 
-    /// A comment, for people.
+    /// A comment for human readers.
     pub fn comment(&mut self, text: &str) -> &mut Self {
         self.indent();
         let mut text = text.to_owned();
@@ -87,7 +87,7 @@ impl Xml {
         self
     }
 
-    /// The bytes; what is still open is closed.
+    /// The bytes of the document; open elements are closed.
     pub fn finish(mut self) -> Vec<u8> {
         while !self.open.is_empty() {
             self.close();

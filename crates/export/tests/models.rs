@@ -1,4 +1,5 @@
-//! The model files describe our body: read back, posed by the exported coordinates, they put every link, marker and mass where we have it.
+//! Model files describe our body: read back and posed by the exported coordinates, every link,
+//! marker and mass has its position in our model.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::expect_used, reason = "tests fail by panicking")]
 
 mod support;
@@ -26,7 +27,7 @@ fn numbers(text: &str) -> Vec<f64> {
     text.split_whitespace().map(|w| w.parse().unwrap()).collect()
 }
 
-/// Kinematics of an OSIM text: pose of every body in ground, from OpenSim's documented meaning of its elements.
+/// Kinematics of an OSIM text: pose of every body in ground, following OpenSim's documentation.
 fn osim_poses(model: &Element, values: &HashMap<&str, f64>) -> HashMap<String, Isometry3<f64>> {
     let mut poses = HashMap::from([("/ground".to_owned(), Isometry3::identity())]);
     for joint in &model.at("JointSet/objects").children {
@@ -153,7 +154,7 @@ fn validate_urdf_through_our_own_reader() {
             q[..7].copy_from_slice(&motion.q(f)[..7]);
             v[..6].copy_from_slice(&motion.v(f)[..6]);
             a[..6].copy_from_slice(&motion.a(f)[..6]);
-            // the reader names links; each moving one is carried by one coordinate
+            // the reader names links; each moving link belongs to one coordinate
             let document = xml(text(&files, ".urdf"));
             for joint in document.children.iter().filter(|c| c.name == "joint" && c.get("type") != "fixed") {
                 let k = s.coordinates.list.iter().position(|c| c.name == joint.get("name")).unwrap();
@@ -179,7 +180,7 @@ fn validate_urdf_through_our_own_reader() {
     }
 }
 
-/// Poses of an MJCF text for one `qpos`, from MuJoCo's documented meaning of its elements.
+/// Poses of an MJCF text for one `qpos`, following MuJoCo's documentation.
 fn mjcf_walk(
     body: &Element,
     parent: Isometry3<f64>,

@@ -1,4 +1,5 @@
-//! The tables and recordings, read back with our own readers (and polars): markers, forces, angles, events are those that went in.
+//! Tables and recordings, read back with our own readers (and polars), contain the original
+//! markers, forces, angles and events.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::expect_used, reason = "tests fail by panicking")]
 
 mod support;
@@ -148,7 +149,8 @@ fn rates_are_derivatives_and_forces_do_the_same_work() {
                 assert!((dd - series.accelerations[f * n + k]).abs() < 0.5, "{convention:?} {name} {f}");
             }
         }
-        // the power of the generalised forces is that of joint torques and plates, whatever the coordinates
+        // the power of the generalised forces equals that of joint torques and plates, for any
+        // coordinates
         let forces = t.forces.as_ref().unwrap();
         let motion = t.filtered.as_ref().unwrap();
         let model = &s.subject.model;
@@ -199,7 +201,7 @@ fn an_old_c3d_keeps_what_it_had_and_gains_what_was_learnt() {
             .parameter("PROCESSING", Parameter::float("Mass", 61.5));
         let source = builder.build().unwrap().to_bytes().unwrap();
         let old = C3dFile::from_bytes(&source).unwrap();
-        // what an import makes of it
+        // the same recording after an import
         t.trial =
             Trial { name: t.name.clone(), ..Trial::from_c3d("jump01", &source, &ImportOptions::default()).unwrap() };
         t.trial.markers.trajectories[3][22] = Vector3::new(0.5, 0.25, 1.0);
@@ -348,7 +350,7 @@ fn recordings_of_any_names_share_no_file() {
     let pairs = pieces.iter().flat_map(|a| pieces.iter().map(move |b| format!("{a}{b}")));
     let names: BTreeSet<String> = pieces.iter().map(|p| (*p).to_owned()).chain(pairs).collect();
     let mut seen: std::collections::BTreeMap<String, String> = std::collections::BTreeMap::new();
-    // the formats that name files in different ways
+    // formats that name files in different ways
     for name in &names {
         t.name.clone_from(name);
         for format in ["trc", "forces", "bids"] {
@@ -366,7 +368,7 @@ fn recordings_of_any_names_share_no_file() {
             }
         }
     }
-    // two subjects of a study whose names differ by what BIDS drops
+    // two subjects of a study whose names differ by characters that BIDS drops
     let mut of = |subject: &str, session: Option<&str>| {
         let mut s = s.clone();
         s.of_study = [Some(subject.to_owned()), session.map(str::to_owned)];

@@ -1,8 +1,10 @@
-//! Which motion would show what is hardly seen: in words from the names of parameters, and measured by adding motions that were never made.
+//! Recommends motions that would determine poorly observed parameters: in words from parameter
+//! names, and quantitatively by adding simulated motions.
 //!
-//! A candidate motion moves one joint to and fro (or spins the whole body) during a short flight; the root follows from conserved angular
-//! momentum, so the motion is one that a body can make. Its rows join those that were recorded, and the standard deviations of all
-//! parameters are compared before and after.
+//! A candidate motion swings one joint (or spins the whole body) during a short flight; the root
+//! follows from conserved angular momentum, so the motion is physically possible. Its rows are
+//! added to the recorded ones, and the standard deviations of all parameters are compared before
+//! and after.
 
 use crate::system::System;
 use crate::{IdentifyError, LinkPrior, Seen};
@@ -12,10 +14,11 @@ use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// At most this many lines of advice in words.
+/// Largest number of lines of advice in words.
 const LINES: usize = 5;
 
-/// Advice from the standing of parameters alone: links with most hardly-seen parameters first.
+/// Advice from how well each parameter is observed: links with most hardly observed parameters
+/// first.
 pub(crate) fn in_words(model: &Model, parameters: &[(String, Seen)]) -> Vec<String> {
     let mut lines: Vec<(usize, String)> = Vec::new();
     for (i, link) in model.links.iter().enumerate() {
@@ -47,12 +50,12 @@ pub(crate) fn in_words(model: &Model, parameters: &[(String, Seen)]) -> Vec<Stri
         };
         lines.push((own.len(), format!("{how}: would show {}", own.join(", "))));
     }
-    // stable: links in model order among equals
+    // stable sort: links of equal rank stay in model order
     lines.sort_by_key(|l| std::cmp::Reverse(l.0));
     lines.into_iter().take(LINES).map(|l| l.1).collect()
 }
 
-/// Size of the motions that are tried.
+/// Size of the simulated motions.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AdviceOptions {
@@ -66,7 +69,7 @@ pub struct AdviceOptions {
     pub frequency_hz: f64,
     /// Angular velocity of a spin of the whole body, rad/s.
     pub spin_rad_s: f64,
-    /// Flights of each kind.
+    /// Number of flights of each kind.
     pub flights: usize,
 }
 
@@ -77,7 +80,7 @@ impl Default for AdviceOptions {
     }
 }
 
-/// What one kind of motion would bring.
+/// Expected benefit of one kind of motion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MotionAdvice {
     /// The motion in words.
@@ -90,13 +93,15 @@ pub struct MotionAdvice {
     pub best: Vec<(String, f64, f64)>,
 }
 
-/// Ranks kinds of motion by how much they would improve the parameters that are worst now, the best first.
+/// Ranks kinds of motion by how much they would improve the parameters with the largest
+/// uncertainty, the best first.
 ///
-/// `recorded` are the factors of weak rows with fixed weights (built with `weak`), `posture` a typical posture in flight (length nq), `row_sd` the
-/// standard deviation of a row as [`crate::Parameters`] states it.
+/// `recorded` are the factors of weak rows with fixed weights (built with `weak`), `posture` is a
+/// typical posture in flight (length nq), `row_sd` is the standard deviation of a row as given in
+/// [`crate::Parameters`].
 ///
 /// # Errors
-/// As [`crate::identify`]; [`IdentifyError::Length`] for a posture that does not fit.
+/// As [`crate::identify`]; [`IdentifyError::Length`] for a posture of the wrong length.
 pub fn excitation_advice(
     model: &Model,
     base: &BaseParameters,
@@ -124,7 +129,7 @@ pub fn excitation_advice(
         Ok(system.covariance(variance, variance).diagonal().map(|v| v.max(0.0).sqrt()))
     };
     let now = sd_of(&merged)?;
-    // share of the prior's deviation that is left, without the mass
+    // remaining share of the prior's standard deviation, without the mass
     let left: Vec<f64> =
         (0..now.len()).map(|i| if i == 0 { 0.0 } else { now[i] / base_prior.covariance[(i, i)].sqrt() }).collect();
     let mut worst: Vec<usize> = (1..left.len()).collect();
@@ -209,8 +214,9 @@ fn candidates(model: &Model) -> Vec<Candidate> {
     out
 }
 
-/// A flight in which the candidate's joint swings and the root follows from conserved momentum. Unless it spins, the body tumbles slowly about
-/// all axes: a body that does not turn at all shows almost nothing.
+/// A flight in which the candidate's joint swings and the root follows from conserved momentum.
+/// Unless the candidate is a spin, the body tumbles slowly about all axes: without rotation almost
+/// no parameter is observable.
 fn synthesise(model: &Model, phi: &[Phi], posture: &[f64], candidate: &Candidate, options: &AdviceOptions) -> Motion {
     const SUBSTEPS: usize = 4;
     let n = (options.flight_s * options.rate_hz).round().max(1.0) as usize + 1;

@@ -1,10 +1,12 @@
-//! Flights against contact: how much a contact row counts.
+//! Weights contact rows relative to flight rows.
 //!
-//! Rows of contact carry what flights do not: impact, plates, soft tissue that rings after a landing. In one least-squares problem with
-//! equal weights they would outvote flights by their number and their error. Each kind is therefore weighted by its own held-out
-//! error: every stretch is predicted from all others, the root mean square of its rows is taken for flights and for contact apart,
-//! contact rows are multiplied by the ratio of the two, and this is repeated until the ratio stays. Only the ratio of two kinds is
-//! estimated from residuals, for identification; factors as stored keep their fixed weights.
+//! Contact rows contain errors that flights do not have: impacts, plate errors, soft tissue that
+//! oscillates after a landing. In one least-squares problem with equal weights they would dominate
+//! the flights by their number and their error. Each kind is therefore weighted by its own held-out
+//! error: every stretch is predicted from all others, the root mean square of its rows is computed
+//! separately for flights and contact, contact rows are multiplied by the ratio of the two, and
+//! this is repeated until the ratio converges. Only this ratio is estimated from residuals, and
+//! only for identification; stored factors keep their fixed weights.
 
 use crate::clusters::Clusters;
 use crate::system::System;
@@ -12,7 +14,7 @@ use crate::{IdentifyError, Prior};
 use aloft_regressor::{Factor, StretchKind};
 use serde::{Deserialize, Serialize};
 
-/// Held-out errors of both kinds, and the weight that follows.
+/// Held-out errors of both kinds, and the resulting weight.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct KindBalance {
     /// Root mean square of the rows of a flight predicted from all other stretches.
@@ -25,13 +27,13 @@ pub struct KindBalance {
     pub stretches: [usize; 2],
 }
 
-/// Rounds at most.
+/// Largest number of iterations.
 const ROUNDS: usize = 8;
-/// Fewest stretches of a kind from which its error is taken.
+/// Fewest stretches of a kind needed to estimate its error.
 const FEWEST: usize = 2;
 
-/// Contact factors multiplied by the weight that their held-out error gives them. Nothing is changed, and nothing reported, where
-/// a kind has fewer than two stretches.
+/// Contact factors multiplied by the weight that follows from their held-out error. They are
+/// unchanged, and nothing is reported, if a kind has fewer than two stretches.
 ///
 /// # Errors
 /// As [`crate::identify`].

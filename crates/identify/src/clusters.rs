@@ -1,4 +1,4 @@
-//! Evidence by cluster (flight or trial): resampling and held-out error without going back to rows.
+//! Evidence by cluster (flight or trial): resampling and held-out error without the original rows.
 //!
 //! With U the triangle of all rows and prior rows together, every cluster's rows become `Q_g = A_g U⁻¹` with `Σ Q_gᵀQ_g + prior = 1`: a
 //! well-conditioned Gram `G_g = Q_gᵀQ_g` per cluster. At the estimate x̂ with residuals r_g = A_g x̂ − b_g, leaving a cluster out gives
@@ -16,14 +16,14 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What counts as one piece of evidence.
+/// Unit of independent evidence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ClusterBy {
     /// Every flight or contact phase.
     #[default]
     Stretch,
-    /// All that one trial gave.
+    /// All rows of one trial.
     Trial,
 }
 
@@ -49,7 +49,7 @@ impl ClusterBy {
     }
 }
 
-/// Factors merged within clusters, preconditioned by all of them and the prior.
+/// Factors merged within clusters and preconditioned by all of them together with the prior.
 #[derive(Debug, Clone)]
 pub(crate) struct Clusters {
     /// Estimate without the mass: parameters 1.. and effects.
@@ -61,18 +61,20 @@ pub(crate) struct Clusters {
     mass_kg: f64,
 }
 
-/// What the clusters say of the variances of linear functions.
+/// Variances of linear functions estimated from the clusters.
 #[derive(Debug, Clone)]
 pub(crate) struct Spread {
     /// Variance of each function.
     pub variance: Vec<f64>,
     /// Degrees of freedom of each variance.
     pub freedom: Vec<f64>,
-    /// Sum of outer products of the adjusted scores, m × m: the middle of the covariance.
+    /// Sum of outer products of the adjusted scores, m × m: the middle factor ("meat") of the
+    /// sandwich covariance.
     pub meat: DMatrix<f64>,
 }
 
-/// With more clusters than this the products of pairs are left out of the degrees of freedom, which are many then.
+/// With more clusters than this the pair products are left out of the degrees of freedom, which are
+/// large then.
 const MOST_PAIRED: usize = 400;
 
 /// One cluster, preconditioned.
@@ -138,7 +140,7 @@ impl Clusters {
         let qr = stacked.qr();
         let r = qr.thin_R();
         let triangle = DMatrix::from_fn(m, m, |i, j| if i <= j { r[(i, j)] } else { 0.0 });
-        // a direction that nothing determines gets no variance here; the gate reports it
+        // an undetermined direction gets no variance here; the gate reports it
         let scale = DVector::from_fn(m, |j, _| triangle.column(j).norm());
         let mut lifted = triangle.clone();
         for j in 0..m {
@@ -208,22 +210,25 @@ impl Clusters {
         self.estimate.len()
     }
 
-    /// The unknowns themselves as functions of the rows' errors, m × m: see [`Clusters::spread`].
+    /// The unknowns themselves as functions of the rows' errors, m × m; see [`Clusters::spread`].
     pub(crate) fn own_functions(&self) -> DMatrix<f64> {
         self.inverse.transpose()
     }
 
-    /// Functions `wᵀ Σ_g A_gᵀ ε_g` of the rows' errors, one a column of `by_rows` (m × n), as [`Clusters::spread`] takes them.
+    /// Functions `wᵀ Σ_g A_gᵀ ε_g` of the rows' errors, one per column of `by_rows` (m × n), in the
+    /// form that [`Clusters::spread`] takes.
     pub fn functions(&self, by_rows: &DMatrix<f64>) -> DMatrix<f64> {
         &self.triangle * by_rows
     }
 
-    /// Sums `Σ_g A_gᵀ D_g` (m × K) over columns D beside the rows, in the coordinates of the functions.
+    /// Sums `Σ_g A_gᵀ D_g` (m × K) over additional columns D of the rows, in the coordinates of the
+    /// functions.
     pub fn reach(&self, sums: &DMatrix<f64>) -> DMatrix<f64> {
         self.inverse.tr_mul(sums)
     }
 
-    /// Variance of functions of the prior's own error, where the prior has the weight w: `w cᵀ (1 − Σ G_g) c`.
+    /// Variance of functions of the prior's own error if the prior has weight w: `w cᵀ (1 − Σ G_g)
+    /// c`.
     pub fn of_prior(&self, weight: f64, functions: &DMatrix<f64>) -> Vec<f64> {
         let by_prior = functions - self.gram() * functions;
         let of = |(c, b): (nalgebra::DVectorView<'_, f64>, nalgebra::DVectorView<'_, f64>)| weight * c.dot(&b).max(0.0);
@@ -236,7 +241,7 @@ impl Clusters {
         self.clusters.iter().fold(DMatrix::zeros(m, m), |sum, c| sum + &c.gram)
     }
 
-    /// Covariance `U⁻¹ middle U⁻ᵀ` of the estimates, the mass included with zeros.
+    /// Covariance `U⁻¹ middle U⁻ᵀ` of the estimates, with zeros for the mass.
     pub fn covariance(&self, middle: &DMatrix<f64>) -> DMatrix<f64> {
         let m = self.estimate.len();
         let mut out = DMatrix::zeros(m + 1, m + 1);
@@ -247,9 +252,11 @@ impl Clusters {
     /// Variances of linear functions `cᵀ Σ_g Q_gᵀ ε_g` of the rows' errors (c a column of `functions`, m × n), from the spread among
     /// clusters: bias-reduced linearisation (CR2), with the degrees of freedom of Bell and McCaffrey (2002).
     ///
-    /// With `a_g = (1 − Q_gQ_gᵀ)^(−1/2) Q_g c` the variance is `Σ_g (a_gᵀ r_g)²`, a quadratic form of the errors. Were these independent
-    /// and alike, its eigenvalues would be those of the matrix with `c G_g c` on and `−b_gᵀ b_h`, `b_g = (1 − G_g)^(−1/2) G_g c`,
-    /// beside the diagonal: the degrees of freedom are its squared trace over the sum of its squares.
+    /// With `a_g = (1 − Q_gQ_gᵀ)^(−1/2) Q_g c` the variance is `Σ_g (a_gᵀ r_g)²`, a quadratic form
+    /// of the errors. If these were independent and identically distributed, its eigenvalues would
+    /// be those of the matrix with diagonal elements `c G_g c` and off-diagonal elements `−b_gᵀ
+    /// b_h`, `b_g = (1 − G_g)^(−1/2) G_g c`: the degrees of freedom are its squared trace over the
+    /// sum of its squared elements.
     pub fn spread(&self, functions: &DMatrix<f64>) -> Spread {
         let (m, n) = functions.shape();
         let by = Mat::from_fn(m, n, |i, j| functions[(i, j)]);
@@ -282,7 +289,8 @@ impl Clusters {
         Spread { variance, freedom, meat }
     }
 
-    /// Estimates from clusters drawn with replacement, mass first. Draw `i` depends on `seed` and `i` alone.
+    /// Estimates from clusters drawn with replacement, mass first. Draw `i` depends only on `seed`
+    /// and `i`.
     pub fn bootstrap(&self, draws: usize, seed: u64) -> Vec<DVector<f64>> {
         let (n, m) = (self.len(), self.estimate.len());
         let every: Vec<usize> = (0..draws).collect();
@@ -292,7 +300,8 @@ impl Clusters {
                 let weights: Vec<Vec<f64>> = some.iter().map(|&draw| drawn_weights(n, seed, draw)).collect();
                 let mut sums: Vec<(Mat<f64>, DVector<f64>)> =
                     some.iter().map(|_| (Mat::identity(m, m), DVector::zeros(m))).collect();
-                // a cluster's matrix is read once for all these draws; of symmetric sums the lower half is enough
+                // each cluster's matrix is read once for all these draws; for symmetric sums the
+                // lower half suffices
                 for (c, cluster) in self.clusters.iter().enumerate() {
                     for ((matrix, right), weights) in sums.iter_mut().zip(&weights) {
                         let w = weights[c];
@@ -308,7 +317,7 @@ impl Clusters {
                         right.axpy(-w, &cluster.score, 1.0);
                     }
                 }
-                // draws that leave a direction out keep it where it was
+                // directions that a draw does not contain keep their estimate
                 sums.into_iter().map(|(matrix, right)| {
                     self.whole(&self.estimate + &self.inverse * solve_semidefinite(&matrix, &right, 1e-8))
                 })
@@ -324,7 +333,8 @@ fn cluster_spread(cluster: &ClusterRows, functions: &Mat<f64>) -> (DVector<f64>,
     let gram = Mat::from_fn(m, m, |i, j| cluster.gram[(i, j)]);
     let Ok(eigen) = gram.self_adjoint_eigen(Side::Lower) else { return nothing() };
     let (v, values) = (eigen.U(), eigen.S().column_vector());
-    // a direction that no other cluster and no prior sees has no residual from which to take its variance
+    // a direction determined by no other cluster and no prior has no residual to estimate its
+    // variance from
     let values: Vec<f64> = values.iter().map(|l| if *l < 1.0 - 1e-8 { l.max(0.0) } else { 0.0 }).collect();
     let along = v.transpose() * functions;
     let score = v.transpose() * Mat::from_fn(m, 1, |i, _| cluster.score[i]);
@@ -336,10 +346,10 @@ fn cluster_spread(cluster: &ClusterRows, functions: &Mat<f64>) -> (DVector<f64>,
     (DVector::from_fn(m, |i, _| score[(i, 0)]), own, v * by_root(&along, 1))
 }
 
-/// Draws of a bootstrap whose sums are built together.
+/// Number of bootstrap draws whose sums are formed together.
 const DRAWS_AT_ONCE: usize = 8;
 
-/// How often each of `n` clusters is drawn with replacement, less one.
+/// How often each of `n` clusters is drawn with replacement, minus one.
 fn drawn_weights(n: usize, seed: u64, draw: usize) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(draw as u64);
@@ -350,7 +360,8 @@ fn drawn_weights(n: usize, seed: u64, draw: usize) -> Vec<f64> {
     weights
 }
 
-/// `A⁻¹ b` from the lower half of A; by least squares, without eigenvalues up to `least`, where A is not positive definite.
+/// `A⁻¹ b` from the lower half of A; by least squares, ignoring eigenvalues up to `least`, if A is
+/// not positive definite.
 fn solve_semidefinite(matrix: &Mat<f64>, right: &DVector<f64>, least: f64) -> DVector<f64> {
     match matrix.llt(Side::Lower) {
         Ok(factor) => {
@@ -387,7 +398,7 @@ pub(crate) fn merge_groups(factors: &[Factor], groups: &[usize]) -> Result<Vec<F
         .collect()
 }
 
-/// Held-out error of one weight of the prior.
+/// Held-out error for one weight of the prior.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct WeightTrial {
     /// Weight λ of the prior.
@@ -398,10 +409,12 @@ pub struct WeightTrial {
     pub difference_se: f64,
 }
 
-/// Chooses the weight of the prior by leave-one-cluster-out error, and returns the table that it chose from.
+/// Chooses the weight of the prior by leave-one-cluster-out error, and returns the table of all
+/// weights tried.
 ///
-/// Among weights whose error is not worse than the best by more than one standard error the largest wins: errors that repeat from
-/// flight to flight (soft tissue, joint centres) make held-out error favour weights that are too small.
+/// Among weights whose error is at most one standard error worse than the best, the largest is
+/// chosen: errors that repeat from flight to flight (soft tissue, joint centres) bias the held-out
+/// error towards weights that are too small.
 pub(crate) fn choose_weight(
     groups: &[Factor],
     merged: &Factor,
@@ -458,7 +471,7 @@ mod tests {
         a.tr_mul(&a)
     }
 
-    /// Against nalgebra's decompositions, of full rank and without.
+    /// Agreement with nalgebra's decompositions, with and without full rank.
     #[test]
     fn solutions_are_those_of_the_plain_decompositions() {
         for (n, gap) in [(1, 0), (9, 0), (40, 0), (9, 2)] {
@@ -479,7 +492,7 @@ mod tests {
         }
     }
 
-    /// Draws built together against one draw after the other.
+    /// Draws computed together agree with draws computed one by one.
     #[test]
     fn draws_built_together_are_those_built_alone() {
         let (n, m) = (12, 5);

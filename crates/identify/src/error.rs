@@ -1,4 +1,4 @@
-//! What can keep parameters from being identified.
+//! Errors of this crate.
 
 use aloft_regressor::RegressorError;
 

@@ -1,38 +1,41 @@
-//! The gate: which numbers are results, which come from the prior, which are nothing; in words, with what to record next.
+//! Gate: decides which numbers are results, which come from the prior and which are undetermined,
+//! with reasons and advice on what to record next.
 
 use crate::information::Information;
 use crate::{Estimator, Sigma};
 use serde::{Deserialize, Serialize};
 
-/// How well motion shows a parameter or a link.
+/// How well the motion determines a parameter or a link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Seen {
-    /// Motion determines it: the interval is below 30 % of the prior's, or of 10 % of the body's own scale.
+    /// Determined by the motion: the interval is below 30 % of the prior's, or of 10 % of the
+    /// body's own scale.
     Well,
-    /// Motion says something: below 70 %.
+    /// Partly determined by the motion: below 70 %.
     Partly,
-    /// What stands there is the prior, or noise where there is none.
+    /// Not determined: the value is that of the prior, or noise without a prior.
     Hardly,
 }
 
-/// Where a number comes from.
+/// Source of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Origin {
-    /// From the motion that was recorded.
+    /// The recorded motion.
     Motion,
-    /// From the table of body proportions (or the description of the object): motion did not determine it.
+    /// The table of body proportions (or the description of the object): motion did not determine
+    /// it.
     Table,
-    /// From a scale.
+    /// A scale.
     Scale,
-    /// From nothing: motion did not determine it, and the estimator uses no table.
+    /// None: motion did not determine it, and the estimator uses no table.
     #[default]
     NotDetermined,
 }
 
 impl Origin {
-    /// Origin of an estimate by how well motion shows it, with a table behind it or without.
+    /// Origin of an estimate, from how well motion determines it and whether a table exists.
     pub(crate) fn of(seen: Seen, has_table: bool) -> Self {
         match (seen, has_table) {
             (Seen::Well | Seen::Partly, _) => Self::Motion,
@@ -56,23 +59,26 @@ impl Origin {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GateLimits {
-    /// Smallest σ_{N−1}/σ_N with which a null vector is shown as a result.
+    /// Smallest σ_{N−1}/σ_N for which a null vector counts as a result.
     pub sigma_ratio: f64,
-    /// Largest share of parameters that may be hardly seen in a result without a prior.
+    /// Largest share of hardly observed parameters in a result without a prior.
     pub hardly_share: f64,
-    /// Least share of the parameters that motion has to determine in a result with a prior.
+    /// Smallest share of the parameters that motion has to determine in a result with a prior.
     pub parameters: f64,
-    /// Least share of the prior's variance that flights have to remove from the wrench of a flight predicted from the others.
+    /// Smallest share of the prior's variance that flights have to remove from the wrench of a
+    /// flight predicted from the others.
     pub wrench: f64,
-    /// Fewest stretches.
+    /// Smallest number of stretches.
     pub stretches: usize,
 }
 
 impl Default for GateLimits {
-    /// Shares by simulated people with seeds of their own, one set a kind. With 3 mm of soft tissue, two flights removed 0.78 to 0.84 of the
-    /// variance and three or more at least 0.907, with held-out window errors of 0.3 to 0.7 of the prior's. With 25 mm nothing was gained:
-    /// 0.45 to 0.82, and 0.15 to 0.18 of the parameters. Between them the gate does not separate sharply: one set with 8 mm passes at 0.92
-    /// to 0.94 although its force error hardly fell.
+    /// The shares come from simulated people with separate seeds, one data set of each kind. With 3
+    /// mm of soft tissue, two flights removed 0.78 to 0.84 of the variance and three or more at
+    /// least 0.907, with held-out window errors of 0.3 to 0.7 of the prior's. With 25 mm there was
+    /// no improvement: 0.45 to 0.82, and 0.15 to 0.18 of the parameters. In between, the gate does
+    /// not separate sharply: one set with 8 mm passes at 0.92 to 0.94 although its force error
+    /// hardly decreased.
     fn default() -> Self {
         Self { sigma_ratio: 3.0, hardly_share: 0.1, parameters: 0.25, wrench: 0.9, stretches: 3 }
     }
@@ -91,7 +97,8 @@ pub struct Gate {
     pub advice: Vec<String>,
 }
 
-/// Standing of one parameter: by its standard error against the prior's standard deviation, else against a tenth of the body's own scale.
+/// How well one parameter is determined: its standard error relative to the prior's standard
+/// deviation, or without a prior to a tenth of the body's own scale.
 pub fn seen(se: f64, prior_sd: Option<f64>, scale: f64) -> Seen {
     let reference = prior_sd.filter(|s| *s > 0.0).unwrap_or(0.1 * scale);
     let share = se / reference;

@@ -1,4 +1,5 @@
-//! The whole step: factors in, parameters with uncertainty, consistent links and a verdict out.
+//! The whole identification step: from factors to parameters with uncertainty, consistent links and
+//! a verdict.
 
 use crate::clusters::{Clusters, choose_weight, merge_groups};
 use crate::gate::{judge, seen};
@@ -19,29 +20,30 @@ use nalgebra::{DMatrix, DVector, SMatrix};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What to identify and how.
+/// Options of an identification.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct IdentifyOptions {
     /// Estimator.
     pub estimator: Estimator,
-    /// What counts as independent evidence.
+    /// Unit of independent evidence.
     pub cluster: ClusterBy,
-    /// Correlation ρ of the error between clusters, 0 to 1, for what repeats from flight to flight and is not modelled: variances grow by
-    /// 1 + (clusters − 1) ρ. Soft tissue has a model of its own ([`identify_with_slides`]), so this is zero by default.
+    /// Correlation ρ of the error between clusters, 0 to 1, for errors that repeat from flight to
+    /// flight and are not modelled: variances grow by 1 + (clusters − 1) ρ. Zero by default,
+    /// because soft tissue has a model of its own ([`identify_with_slides`]).
     pub repeat_correlation: f64,
-    /// Bootstrap draws (0 for none). Intervals do not depend on them.
+    /// Number of bootstrap draws (0 for none). Intervals do not depend on them.
     pub bootstrap: usize,
-    /// Seed of the draws.
+    /// Seed of the bootstrap.
     pub seed: u64,
-    /// Weights of the prior that are tried when none is given.
+    /// Weights of the prior that are tried if none is given.
     pub weights: Vec<f64>,
     /// Weight of the divergence that keeps links consistent.
     pub divergence_weight: f64,
     /// Limits of the gate.
     pub gate: GateLimits,
-    /// Factors of the standard errors of effect coefficients, by column: how much they grow because nonlinear parameters of the effect, held here,
-    /// were fitted to the same recordings.
+    /// Factors of the standard errors of effect coefficients, by column: how much they grow because
+    /// nonlinear parameters of the effect, fixed here, were fitted to the same recordings.
     pub widening: BTreeMap<String, f64>,
 }
 
@@ -64,9 +66,9 @@ impl Default for IdentifyOptions {
 
 /// Identifies parameters from the factors of all stretches.
 ///
-/// [`Estimator::NullVector`] uses flights alone and leaves contact stretches out; the others use both.
-/// `prior` is needed for [`Estimator::Regularized`] and for consistent links; with another estimator it stands beside the results only
-/// (and shapes the links).
+/// [`Estimator::NullVector`] uses only flights and leaves contact stretches out; the others use
+/// both. `prior` is required for [`Estimator::Regularized`] and for consistent links; with another
+/// estimator it is only reported next to the results (and used for the links).
 ///
 /// # Errors
 /// [`IdentifyError::Regressor`] when factors cannot be merged, [`IdentifyError::TooFew`] when the rows are too few for the estimator,
@@ -82,8 +84,9 @@ pub fn identify(
     identify_with_slides(model, base, factors, None, &[], mass_kg, prior, options)
 }
 
-/// As [`identify`], with the flights among `factors` merged already, for example by many machines in a tree. It is used where no
-/// contact stretch has to be weighed against them; uncertainty comes from the factors one by one in any case.
+/// As [`identify`], with the flights among `factors` already merged, for example by many machines
+/// in a tree. The merged factor is used if there are no contact stretches to weight against the
+/// flights; uncertainty always comes from the individual factors.
 ///
 /// # Errors
 /// As [`identify`].
@@ -99,11 +102,13 @@ pub fn identify_merged(
     identify_with_slides(model, base, factors, flights, &[], mass_kg, prior, options)
 }
 
-/// As [`identify_merged`], with what soft tissue makes of each factor's rows ([`aloft_regressor::weak_factor_with_tissue`]), in the same order. Estimates do
-/// not depend on it; their intervals allow for errors that repeat from flight to flight.
+/// As [`identify_merged`], with the effect of soft tissue on each factor's rows
+/// ([`aloft_regressor::weak_factor_with_tissue`]), in the same order. Estimates do not depend on
+/// it; their intervals include errors that repeat from flight to flight.
 ///
 /// # Errors
-/// As [`identify`], and [`IdentifyError::Length`] when there are not as many slides as factors.
+/// As [`identify`], and [`IdentifyError::Length`] if the number of slides differs from that of
+/// factors.
 pub fn identify_with_slides(
     model: &Model,
     base: &BaseParameters,
@@ -122,7 +127,7 @@ pub fn identify_with_slides(
         });
     }
     let base_prior = prior.map(|p| p.base(base)).transpose()?;
-    // coefficients that the rows do not determine stay out of every elimination
+    // coefficients that the rows do not determine are excluded from every elimination
     let visible = match options.estimator {
         Estimator::NullVector(_) => Visible::default(),
         Estimator::MassConstrained => Visible::among(factors, false)?,
@@ -133,7 +138,8 @@ pub fn identify_with_slides(
     let flights = flights.map(|f| visible.reduce(f)).transpose()?;
     let slides: Vec<Slides> = slides.iter().map(|s| visible.reduce_slides(s)).collect();
     let (factors, balance) = match options.estimator {
-        // a null vector exists where nothing acts: contact, whose rows have a right side, is left out
+        // a null vector exists only without external forces: contact, whose rows have a right-hand
+        // side, is left out
         Estimator::NullVector(_) => {
             (factors.iter().filter(|f| f.kind != StretchKind::Contact).cloned().collect(), None)
         }
@@ -142,7 +148,7 @@ pub fn identify_with_slides(
     };
     let factors = factors.as_slice();
     let tissue = Tissue::of(factors, &slides, balance.as_ref().map_or(1.0, |b| b.contact_weight));
-    // the same rows, or it is not their merger
+    // the merged factor must have as many rows as the factors
     let rows: usize = factors.iter().map(|f| f.n_rows).sum();
     let alone = factors.iter().all(|f| f.kind != StretchKind::Contact);
     let merged = match &flights {
@@ -233,7 +239,7 @@ pub fn identify_with_slides(
     Ok(Identification { parameters, covariance: visible.whole_covariance(fit.covariance), draws })
 }
 
-/// σ's of the flights' parameter columns; NaN without flights.
+/// Singular values of the flights' parameter columns; NaN without flights.
 fn flight_sigma(factors: &[Factor]) -> Result<Sigma, IdentifyError> {
     let flights: Vec<&Factor> = factors.iter().filter(|f| f.kind != StretchKind::Contact).collect();
     if flights.is_empty() {
@@ -255,15 +261,15 @@ struct Fit {
     covariance: DMatrix<f64>,
     /// Degrees of freedom of each variance, the mass first.
     freedom: Vec<f64>,
-    /// Where variances come from; none for the null vector, whose jackknife is all there is.
+    /// Sources of the variances; none for the null vector, which has only a jackknife.
     uncertainty: Option<Uncertainty>,
-    /// Size of the soft tissue that was allowed for, m/rad.
+    /// Size of the soft tissue slides included in the variances, m/rad.
     tissue: Option<f64>,
     row_sd: f64,
     prior_weight: f64,
     tried: Vec<crate::WeightTrial>,
     deficient: usize,
-    /// Base parameters that nothing determines.
+    /// True for base parameters that neither rows nor prior determine.
     undetermined: Vec<bool>,
     draws: Vec<DVector<f64>>,
     robust: bool,
@@ -394,7 +400,7 @@ impl Fit {
     }
 
     fn base_estimates(&self, base: &BaseParameters, prior: Option<&Prior>, mass_kg: f64) -> Vec<BaseEstimate> {
-        // the body's own length: radius of gyration from its largest root inertia
+        // characteristic length of the body: radius of gyration from its largest root inertia
         let largest = base
             .parameters
             .iter()
@@ -407,7 +413,8 @@ impl Fit {
             .iter()
             .enumerate()
             .map(|(i, parameter)| {
-                // a direction that nothing determines has no variance in the covariance: its parameters are not known, not exact
+                // an undetermined direction has zero variance in the covariance: its parameters are
+                // unknown, not exact
                 let se = if self.undetermined[i] { f64::INFINITY } else { self.covariance[(i, i)].max(0.0).sqrt() };
                 let scale = match parameter.unit {
                     "kg" => mass_kg,
@@ -433,7 +440,7 @@ impl Fit {
             .collect()
     }
 
-    /// What motion added to the prior.
+    /// Information that motion added to the prior.
     fn information(
         &self,
         clusters: &[Factor],
@@ -547,7 +554,7 @@ fn link_estimate(
         Seen::Partly => "partly seen",
         Seen::Hardly => Origin::Table.words(),
     };
-    // links are drawn to the table by every estimator
+    // every estimator's links are regularised towards the table
     let from = LinkOrigin {
         mass_kg: Origin::of(mass, true),
         com_m: Origin::of(com, true),

@@ -1,16 +1,19 @@
-//! What motion added to the prior: posterior against prior, in the parameters and in the wrench that they predict.
+//! Information that motion added to the prior: posterior compared with prior, in the parameters and
+//! in the wrench that they predict.
 //!
-//! A residual, or a gap between singular values, says how well a vector fits; neither says whether the numbers come from motion or from the
-//! table. Two shares do. One is over parameters: how many of them have an interval that motion made clearly smaller than the prior's. The
-//! other is over what the parameters are for, the predicted wrench. With prior covariance P (given the mass) and posterior covariance C₋g
+//! A residual, or a gap between singular values, shows how well a vector fits; neither shows
+//! whether the numbers come from motion or from the table. Two shares do. The first is the share of
+//! parameters whose interval is clearly smaller than the prior's because of motion. The second
+//! concerns the predicted wrench, for which the parameters are used. With prior covariance P (given
+//! the mass) and posterior covariance C₋g without a fold g of the flights, whose rows are A_g,
 //! without a fold g of the flights, whose rows are A_g,
 //!
 //! ```text
 //! share of the prior's variance that motion removes = 1 − Σ_g tr(A_g C₋g A_gᵀ) / Σ_g tr(A_g P A_gᵀ)
 //! ```
 //!
-//! Each flight is predicted from the others, because its own rows always determine its own wrench: a single flight would explain itself
-//! perfectly and say nothing about the next.
+//! Each flight is predicted from the others, because its own rows always determine its own wrench:
+//! a single flight would explain itself perfectly without predicting the next one.
 
 use crate::gate::Seen;
 use crate::{IdentifyError, Prior};
@@ -18,11 +21,12 @@ use aloft_regressor::Factor;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-/// Folds into which the clusters are divided.
+/// Number of folds into which the clusters are divided.
 const FOLDS: usize = 8;
 
-/// Correlation of the rows' errors from flight to flight: soft tissue and joint centres beside their place repeat, and no number of flights
-/// averages them out. What a rigid object's flights say is beyond doubt with it, too.
+/// Correlation of the rows' errors between flights: soft tissue and misplaced joint centres repeat,
+/// and averaging over flights does not remove them. It does not affect the verdict on rigid
+/// objects.
 const REPEATS: f64 = 0.2;
 
 /// Information that motion added to the prior.
@@ -35,14 +39,15 @@ pub struct Information {
     pub wrench: Option<f64>,
 }
 
-/// Share of parameters that motion determines, by their standing; the mass is not among them.
+/// Share of parameters that motion determines; the mass is not among them.
 pub(crate) fn of_parameters(standing: &[Seen]) -> f64 {
     let seen = standing.iter().filter(|s| **s != Seen::Hardly).count();
     seen as f64 / standing.len().max(1) as f64
 }
 
-/// The share of the wrench's variance; none with fewer than two clusters. `weight` is that of the prior in squared row units (zero for
-/// estimators without one), `row_variance` the variance of a row.
+/// Share of the wrench's variance that motion removed; none with fewer than two clusters. `weight`
+/// is that of the prior in squared row units (zero for estimators without one), `row_variance` the
+/// variance of a row.
 ///
 /// # Errors
 /// [`IdentifyError::Length`] for a prior of another model, [`IdentifyError::Numeric`] for one that is not a covariance.
@@ -68,7 +73,7 @@ pub(crate) fn of_wrench(
             None => cluster.clone(),
         });
     }
-    // rows in units of the prior, effects beside them
+    // rows in units of the prior, followed by the effects
     let rows: Vec<DMatrix<f64>> = parts
         .iter()
         .flatten()
@@ -88,7 +93,8 @@ pub(crate) fn of_wrench(
         before += own.norm_squared();
         let rest = without_effects(&(&whole - gram), p - 1);
         let mut curvature = rest.clone();
-        // without a prior a direction that the other flights do not show is as uncertain as rounding allows
+        // without a prior, a direction not determined by the other flights is as uncertain as
+        // rounding allows
         let ridge = weight.max(1e-12 * rest.trace() / (p - 1) as f64).max(f64::MIN_POSITIVE);
         for i in 0..p - 1 {
             curvature[(i, i)] += ridge;
@@ -104,7 +110,7 @@ pub(crate) fn of_wrench(
     Ok((before > 0.0).then(|| 1.0 - after / before))
 }
 
-/// Gram matrix of the parameters with the effects (the last columns) taken out.
+/// Gram matrix of the parameters with the effects (the last columns) projected out.
 fn without_effects(gram: &DMatrix<f64>, m: usize) -> DMatrix<f64> {
     let k = gram.ncols() - m;
     let own = gram.view((0, 0), (m, m)).into_owned();
@@ -113,7 +119,7 @@ fn without_effects(gram: &DMatrix<f64>, m: usize) -> DMatrix<f64> {
     }
     let coupling = gram.view((0, m), (m, k));
     let effects = gram.view((m, m), (k, k));
-    // unit columns; what the rest of the flights does not show of an effect is left out
+    // unit columns; effect directions that the other flights do not determine are left out
     let scale = DVector::from_fn(k, |i, _| if effects[(i, i)] > 0.0 { effects[(i, i)].sqrt().recip() } else { 0.0 });
     let unit = DMatrix::from_fn(k, k, |i, j| effects[(i, j)] * scale[i] * scale[j]);
     let eigen = unit.symmetric_eigen();

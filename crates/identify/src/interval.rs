@@ -1,11 +1,13 @@
-//! The one place where a 95 % interval is made: `value ± t(ν) · se`.
+//! The single implementation of 95 % intervals: `value ± t(ν) · se`.
 //!
-//! A standard error that was estimated from few independent pieces of evidence is itself uncertain, and Student's t with ν degrees of
-//! freedom allows for that. ν is rarely a whole number: it is the Satterthwaite approximation of how many independent squares went into
-//! the variance (Bell and McCaffrey 2002; Imbens and Kolesár 2016). Every table, report and file shows the interval that is made here.
+//! A standard error estimated from few independent pieces of evidence is itself uncertain, and
+//! Student's t with ν degrees of freedom accounts for that. ν is rarely an integer: it is the
+//! Satterthwaite approximation of the number of independent squares in the variance (Bell and
+//! McCaffrey 2002; Imbens and Kolesár 2016). Every table, report and file uses this interval.
 
-/// 95 % interval of a value with standard error `se` (its unit) that has `freedom` degrees of freedom (infinite: a normal distribution).
-/// `None` where the standard error is not known: not finite, negative, or without any degree of freedom.
+/// 95 % interval of a value with standard error `se` (in its unit) with `freedom` degrees of
+/// freedom (infinite: a normal distribution). `None` if the standard error is unknown: not finite,
+/// negative, or without degrees of freedom.
 pub fn interval95(value: f64, se: f64, freedom: f64) -> Option<[f64; 2]> {
     let half = half95(se, freedom)?;
     value.is_finite().then_some([value - half, value + half])
@@ -16,20 +18,22 @@ pub fn half95(se: f64, freedom: f64) -> Option<f64> {
     (se.is_finite() && se >= 0.0 && freedom > 0.0).then(|| t975(freedom) * se)
 }
 
-/// Half the width of an interval that is there.
+/// Half the width of an existing interval.
 pub fn half_of(ci95: Option<[f64; 2]>) -> Option<f64> {
     ci95.map(|[low, high]| 0.5 * (high - low))
 }
 
-/// Sum of independent variances, each with its degrees of freedom, and those of the sum (Welch and Satterthwaite): `(Σ v)² / Σ v²/ν`.
-/// A variance that is known has infinitely many. The sum has at least one.
+/// Sum of independent variances, each with its degrees of freedom, and those of the sum (Welch and
+/// Satterthwaite): `(Σ v)² / Σ v²/ν`. A known variance has infinitely many degrees of freedom. The
+/// sum has at least one.
 pub fn satterthwaite(parts: &[(f64, f64)]) -> (f64, f64) {
     let sum: f64 = parts.iter().map(|p| p.0).sum();
     let spread: f64 = parts.iter().filter(|p| p.1.is_finite()).map(|(v, freedom)| v * v / freedom.max(1e-3)).sum();
     (sum, if spread > 0.0 { (sum * sum / spread).max(1.0) } else { f64::INFINITY })
 }
 
-/// 97.5 % point of Student's t with `freedom` degrees of freedom, not necessarily a whole number; at least one is counted.
+/// 97.5 % point of Student's t with `freedom` degrees of freedom, not necessarily an integer;
+/// values below one count as one.
 ///
 /// Solves `P(|t| > q) = I_x(ν/2, 1/2) = 0.05`, `x = ν / (ν + q²)`, by bisection (Abramowitz and Stegun 26.7.1).
 pub fn t975(freedom: f64) -> f64 {
@@ -41,7 +45,7 @@ pub fn t975(freedom: f64) -> f64 {
     if n > 1e6 {
         return Z;
     }
-    // 12.7 is the point of one degree of freedom
+    // 12.7 is the point for one degree of freedom
     let (mut low, mut high) = (Z, 12.8);
     for _ in 0..60 {
         let q = 0.5 * (low + high);
@@ -97,7 +101,7 @@ fn ln_gamma(x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Against the tables (Abramowitz and Stegun, table 26.10), and between them.
+    /// Agreement with the tables (Abramowitz and Stegun, table 26.10), also between their entries.
     #[test]
     fn validate_points_of_students_t() {
         for (n, point) in [

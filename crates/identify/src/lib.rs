@@ -1,8 +1,9 @@
-//! Base parameters, their scale and uncertainty, and consistent links.
+//! Identifies base parameters with their scale and uncertainty, and physically consistent links.
 //!
-//! Stands between `regressor` and `compare`, `discover`. From the factors of all flights (and contact phases) [`identify`] gives
-//! [`Parameters`]: base parameters with intervals and the prior beside them, links that a real body can have, and a verdict that
-//! says in words what was seen and what was not. It never touches a frame.
+//! From the factors of all flights (and contact phases), produced by `regressor`, [`identify`]
+//! computes [`Parameters`], which `compare` and `discover` use: base parameters with intervals and
+//! the prior for comparison, physically possible links, and a verdict that states which parameters
+//! were determined. It works on factors only and needs no frames.
 //!
 //! | estimator | what it minimises | when |
 //! |---|---|---|
@@ -10,9 +11,10 @@
 //! | [`Estimator::MassConstrained`] | squares of all rows with the mass held | flights, contact, effects |
 //! | [`Estimator::Regularized`] | the same, drawn to the prior as far as held-out flights allow | people, few flights |
 //!
-//! Standard errors are cluster-robust (the unit of evidence is the flight or the trial, never the row), and every 95 % interval is made by
-//! [`interval95`]. [`consistent_links`] finds physical links, [`simex()`](simex()) measures the bias of noisy regressors, [`choose_window`] compares
-//! window lengths, [`excitation_advice`] tries motions that were not made.
+//! Standard errors are cluster-robust (the unit of evidence is the flight or the trial, never the
+//! row), and every 95 % interval comes from [`interval95`]. [`consistent_links`] finds physical
+//! links, [`simex()`](simex()) measures the bias caused by noisy regressors, [`choose_window`]
+//! compares window lengths, [`excitation_advice`] evaluates motions that were not recorded.
 
 pub mod advice;
 pub mod balance;
@@ -54,8 +56,8 @@ pub use window::{WindowChoice, WindowTrial, choose_window};
 use aloft_regressor::Factor;
 use nalgebra::DVector;
 
-/// Least squares with the mass held: base parameters and effect coefficients of a merged factor, zero for coefficients that the rows do not
-/// determine ([`Visible`]).
+/// Least squares with the mass held fixed: base parameters and effect coefficients of a merged
+/// factor, zero for coefficients that the rows do not determine ([`Visible`]).
 ///
 /// # Errors
 /// [`IdentifyError::Option`] for a mass that is not positive, [`IdentifyError::Numeric`] for rows that are not finite.
@@ -64,8 +66,9 @@ pub fn mass_constrained(merged: &Factor, mass_kg: f64) -> Result<DVector<f64>, I
     Ok(visible.whole(system::System::new(&visible.reduce(merged)?, mass_kg, None)?.solve(0.0).x))
 }
 
-/// Base parameters (and effect coefficients, but for the null vector) by an estimator, without intervals, links or a verdict: for repeated calls. A prior's weight
-/// that is not given counts as 1. Coefficients that the rows do not determine are zero ([`Visible`]).
+/// Base parameters (and effect coefficients, except for the null vector) from an estimator, without
+/// intervals, links or a verdict: for repeated calls. If no weight of the prior is given, 1 is
+/// used. Coefficients that the rows do not determine are zero ([`Visible`]).
 ///
 /// # Errors
 /// As [`identify`].

@@ -1,17 +1,18 @@
-//! Physically consistent links: masses, centres of mass and inertias that a body of positive density can have, that reproduce what motion
-//! determined, and that stay near the prior where motion says nothing.
+//! Physically consistent links: masses, centres of mass and inertias of a body of positive density
+//! that reproduce what motion determined and stay near the prior elsewhere.
 //!
-//! Minimised over the parameters φ of all links, with the sum of masses held:
+//! Minimised over the parameters φ of all links, with the sum of masses held fixed:
 //!
 //! ```text
 //! ‖R [Bφ; θ; −1]‖² / (2 s²)  +  λ/2 (φ−φ₀)ᵀ P⁻¹ (φ−φ₀)  +  μ Σ_j [ tr(J₀ⱼ⁻¹ Jⱼ) − log det(J₀ⱼ⁻¹ Jⱼ) − 4 ]
 //! ```
 //!
-//! The first term is the evidence itself, so base parameters are held as tightly as their covariance allows; the second is the prior; the
-//! third, with the pseudo-inertia J of each link (Wensing, Kim, Slotine 2017), is the entropic divergence (Bregman, of the log-determinant:
-//! Lee, Wensing, Park 2020). It is infinite where J stops being positive definite. All three are convex, so Newton's method
-//! with step halving finds the one minimum. The divergence acts everywhere but at the prior, so
-//! `Bφ` differs slightly from the regularised estimate.
+//! The first term is the evidence itself, so base parameters are held as tightly as their
+//! covariance allows; the second is the prior; the third, with the pseudo-inertia J of each link
+//! (Wensing, Kim, Slotine 2017), is the entropic divergence (Bregman, of the log-determinant: Lee,
+//! Wensing, Park 2020). It is infinite where J is not positive definite. All three are convex, so
+//! Newton's method with step halving finds the unique minimum. The gradient of the divergence is
+//! nonzero everywhere except at the prior, so `Bφ` differs slightly from the regularised estimate.
 
 use crate::prior::covariance_root;
 use crate::system::inverse_triangle;
@@ -28,7 +29,7 @@ pub struct LinkOptions {
     pub row_variance: f64,
     /// Weight λ of the prior.
     pub prior_weight: f64,
-    /// Weight μ of the divergence from the prior; small, it only keeps links consistent.
+    /// Weight μ of the divergence from the prior; small, so that it only keeps links consistent.
     pub divergence_weight: f64,
 }
 
@@ -37,15 +38,16 @@ pub struct LinkOptions {
 pub struct ConsistentLinks {
     /// φ of each link.
     pub phi: Vec<Phi>,
-    /// Covariance of the stacked φ, (10 n)²: curvature at the minimum.
+    /// Covariance of the stacked φ, (10 n)²: from the curvature at the minimum.
     pub covariance: DMatrix<f64>,
-    /// How φ follows the score of its rows, (10 n)²: the inverse of the curvature within the changes that keep the mass.
+    /// Response of φ to the score of its rows, (10 n)²: the inverse of the curvature, restricted to
+    /// changes that keep the mass.
     pub response: DMatrix<f64>,
-    /// Part of the covariance that the spread of the prior and the divergence leave as bias, (10 n)².
+    /// Part of the covariance due to the bias from the prior and the divergence, (10 n)².
     pub known: DMatrix<f64>,
-    /// Effect coefficients that go with them.
+    /// Effect coefficients belonging to these links.
     pub effects: DVector<f64>,
-    /// Newton steps taken.
+    /// Number of Newton steps.
     pub steps: usize,
     /// Smallest eigenvalue of any link's second moment about its centre of mass, relative to the largest of the same link.
     pub smallest_eigenvalue: f64,
@@ -54,8 +56,8 @@ pub struct ConsistentLinks {
 /// Finds consistent links for a merged factor.
 ///
 /// # Errors
-/// [`IdentifyError::Option`] for a mass or weights that are not positive, [`IdentifyError::Numeric`] when a prior link is not consistent itself or
-/// the minimum is not found.
+/// [`IdentifyError::Option`] for a mass or weights that are not positive,
+/// [`IdentifyError::Numeric`] if a prior link is itself inconsistent or the minimum is not found.
 pub fn consistent_links(
     merged: &Factor,
     base: &BaseParameters,
@@ -91,7 +93,8 @@ pub fn consistent_links(
     problem.solve(options.divergence_weight)
 }
 
-/// The prior's links with all masses (and what is proportional to them) multiplied so that they add up to the body mass.
+/// The prior's links with all masses (and quantities proportional to them) scaled so that they add
+/// up to the body mass.
 fn scaled_to_mass(prior: &LinkPrior, mass_kg: f64) -> Vec<Phi> {
     let phi = prior.phi();
     let total: f64 = phi.iter().map(|p| p[0]).sum();
@@ -101,9 +104,9 @@ fn scaled_to_mass(prior: &LinkPrior, mass_kg: f64) -> Vec<Phi> {
 struct Problem {
     start: DVector<f64>,
     references: Vec<Matrix4<f64>>,
-    /// φ = start + root y keeps the mass.
+    /// φ = start + root y keeps the total mass.
     root: DMatrix<f64>,
-    /// Rows in y, effects eliminated and divided by s, and what they should give.
+    /// Rows in y with the effects eliminated, and their right-hand side, both divided by s.
     rows: DMatrix<f64>,
     right: DVector<f64>,
     /// λ and Lᵀ-whitened offset of the start from the prior's mean is zero by construction.
@@ -111,7 +114,7 @@ struct Problem {
     effects: EffectsOf,
 }
 
-/// θ of given base parameters.
+/// θ as a function of the base parameters.
 struct EffectsOf {
     inverse: DMatrix<f64>,
     coupling: DMatrix<f64>,
@@ -167,7 +170,7 @@ impl Problem {
         &self.start + &self.root * y
     }
 
-    /// Value of the objective; infinite where a link is not consistent.
+    /// Value of the objective; infinite if a link is not consistent.
     fn value(&self, y: &DVector<f64>, mu: f64) -> f64 {
         let phi = self.phi(y);
         let mut divergence = 0.0;
@@ -182,8 +185,9 @@ impl Problem {
             + mu * divergence
     }
 
-    /// The minimum for the weight `target` of the divergence. The path leads there from the prior, the minimum for a great weight, in steps of
-    /// a tenth: far from the minimum a small weight would let Newton's method creep along the border of consistency.
+    /// Minimum for the weight `target` of the divergence. Continuation from the prior, which is the
+    /// minimum for a large weight, reduces the weight tenfold per step: far from the minimum a
+    /// small weight would make Newton's method converge slowly along the boundary of consistency.
     fn solve(&self, target: f64) -> Result<ConsistentLinks, IdentifyError> {
         let m = self.root.ncols();
         let gram = self.rows.tr_mul(&self.rows) + DMatrix::identity(m, m) * self.prior_weight;
@@ -204,8 +208,9 @@ impl Problem {
             .cholesky()
             .ok_or_else(|| IdentifyError::Numeric("the curvature of the link problem is singular".to_owned()))?
             .inverse();
-        // noise of the rows, and what the prior and the divergence pull away from the truth: with curvature λ + μD of both, and a truth that
-        // lies about the prior with unit variance, the pull has the variance (λ + μD)²
+        // noise of the rows, and the bias from the prior and the divergence: with their curvature λ
+        // + μD, and a truth distributed about the prior with unit variance, the bias term has the
+        // variance (λ + μD)²
         let by_rows = self.rows.tr_mul(&self.rows);
         let pull = &hessian - &by_rows;
         let bias = &pull * &pull;
@@ -234,7 +239,7 @@ impl Problem {
         })
     }
 
-    /// Newton steps to the minimum for one weight of the divergence; the curvature there.
+    /// Newton steps to the minimum for one weight of the divergence; returns the curvature there.
     fn descend(
         &self,
         mu: f64,
@@ -245,7 +250,8 @@ impl Problem {
         const MOST_STEPS: usize = 100;
         let basis = pseudo_basis();
         let mut value = self.value(y, mu);
-        // what rounding leaves of the objective, and what is small against its unit: half a squared standard deviation
+        // rounding error of the objective, and a value small against its unit: half a squared
+        // standard deviation
         let enough = |value: f64| 1e-9_f64.max(1e-12 * value);
         for _ in 0..MOST_STEPS {
             let phi = self.phi(y);
@@ -280,7 +286,7 @@ impl Problem {
                 }
                 length *= 0.5;
                 if length < 1e-12 {
-                    // the objective no longer falls beyond rounding
+                    // the objective no longer decreases beyond rounding
                     return if decrement < 1e-4 { Ok(hessian) } else { Err(no_minimum(*steps)) };
                 }
             }
@@ -288,12 +294,12 @@ impl Problem {
         Err(no_minimum(*steps))
     }
 
-    /// Gradient of the divergence by φ and its curvature, link by link.
+    /// Gradient of the divergence with respect to φ and its curvature, link by link.
     fn divergence(&self, phi: &DVector<f64>, basis: &[Matrix4<f64>; 10]) -> (DVector<f64>, Vec<SMatrix<f64, 10, 10>>) {
         let mut gradient = DVector::zeros(phi.len());
         let mut blocks = Vec::with_capacity(self.references.len());
         for (j, reference) in self.references.iter().enumerate() {
-            // callers only come here from points where every link is consistent
+            // callers evaluate this only where every link is consistent
             let inverse = pseudo_inertia(&block(phi, j)).cholesky().map_or(*reference, |c| c.inverse());
             let difference = reference - inverse;
             let products: [Matrix4<f64>; 10] = std::array::from_fn(|k| inverse * basis[k]);
@@ -332,13 +338,13 @@ fn pseudo_basis() -> [Matrix4<f64>; 10] {
     })
 }
 
-/// Columns that span all changes of φ that keep the sum of masses, scaled by the prior covariance.
+/// Columns that span all changes of φ that keep the total mass, scaled by the prior covariance.
 fn mass_keeping_root(covariance: &DMatrix<f64>) -> Result<DMatrix<f64>, IdentifyError> {
     let n = covariance.nrows();
     let masses = DVector::from_fn(n, |i, _| if i % 10 == 0 { 1.0 } else { 0.0 });
     let cross = covariance * &masses;
     let variance = masses.dot(&cross);
-    // one link: its mass is given and nothing is left of that direction
+    // with one link the mass is fixed, so this direction has no variance left
     let conditional = covariance - &cross * cross.transpose() / variance;
     let root = covariance_root(covariance)?;
     let inverse = root
@@ -356,7 +362,8 @@ fn mass_keeping_root(covariance: &DMatrix<f64>) -> Result<DMatrix<f64>, Identify
     Ok(out)
 }
 
-/// Derivatives of mass, centre of mass (x y z) and inertia about it (xx yy zz yz zx xy) by φ, one a row.
+/// Derivatives of mass, centre of mass (x y z) and inertia about it (xx yy zz yz zx xy) with
+/// respect to φ, one per row.
 pub(crate) fn gradient(phi: &Phi) -> SMatrix<f64, 10, 10> {
     let (m, c) = (phi[0], LinkInertia::from_phi(phi).com_m);
     let mut out = SMatrix::<f64, 10, 10>::zeros();
@@ -409,14 +416,16 @@ impl LinkSd {
     }
 }
 
-/// Second moments of mass about the centre of mass, kg·m²: positive definite exactly where the link is consistent (and its mass positive).
+/// Second moments of mass about the centre of mass, kg·m². With positive mass, the link is
+/// consistent if and only if this matrix is positive definite.
 fn central_second_moment(phi: &Phi) -> Matrix3<f64> {
     let i = LinkInertia::from_phi(phi).inertia_com_kgm2;
     Matrix3::identity() * (0.5 * i.trace()) - i
 }
 
-/// Consistent parameters near arbitrary ones of a single link of positive mass: eigenvalues of the second moment about the centre of mass
-/// clipped from below at `floor` times the largest (which is lifted to `floor` squared centimetres times the mass at least).
+/// Consistent parameters near arbitrary ones of a single link of positive mass: eigenvalues of the
+/// second moment about the centre of mass are raised to at least `floor` times the largest one
+/// (which is itself raised to at least `floor` squared centimetres times the mass).
 pub fn clipped(phi: &Phi, floor: f64) -> Phi {
     let mut link = LinkInertia::from_phi(phi);
     let eigen = central_second_moment(phi).symmetric_eigen();

@@ -1,9 +1,11 @@
 //! The paper's estimator: the right singular vector of the smallest singular value, scaled by the body mass.
 //!
-//! In flight `Y φ_B = 0`: the parameters span the null space of the merged factor. Noise in Y makes the smallest singular value σ_N
-//! positive; how far the next one, σ_{N−1}, lies above it says how well the direction is determined. Columns may be scaled
-//! before the decomposition: without scaling (the paper's habit, the default) noise counts alike in every column in its own unit, which
-//! is right for acceleration rows whose columns carry noise of similar size; with unit columns the result does not depend on units.
+//! In flight `Y φ_B = 0`: the parameters span the null space of the merged factor. Noise in Y makes
+//! the smallest singular value σ_N positive; the ratio of the next one, σ_{N−1}, to it shows how
+//! well the direction is determined. Columns may be scaled before the decomposition. Without
+//! scaling (as in the paper, the default) noise has equal weight in every column in its own unit,
+//! which suits acceleration rows, whose columns carry noise of similar size; with unit columns the
+//! result does not depend on units.
 
 use crate::IdentifyError;
 use aloft_regressor::Factor;
@@ -15,10 +17,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ColumnScaling {
-    /// As the rows come, SI units.
+    /// Unscaled rows, SI units.
     #[default]
     None,
-    /// Every column to unit length.
+    /// Every column scaled to unit length.
     Unit,
 }
 
@@ -50,7 +52,8 @@ pub struct NullVector {
     pub singular_values: Vec<f64>,
 }
 
-/// Parameters from the smallest singular vector of the parameter columns, sign and scale by `mass_kg`.
+/// Parameters from the smallest singular vector of the parameter columns, with sign and scale from
+/// `mass_kg`.
 ///
 /// Effect columns and the measured column are ignored: this estimator is for flights.
 ///
@@ -71,7 +74,7 @@ pub fn null_vector(merged: &Factor, mass_kg: f64, scaling: ColumnScaling) -> Res
             }
         })
         .collect();
-    // rows below the parameter columns hold zeros there; missing ones count as zero rows
+    // rows below the parameter columns are zero there; missing rows count as zero
     let a = Mat::from_fn(p, p, |i, j| if i < dense.nrows() { dense[(i, j)] * scale[j] } else { 0.0 });
     let svd = a.thin_svd().map_err(|_| IdentifyError::Numeric("the singular value decomposition failed".to_owned()))?;
     let singular_values: Vec<f64> = svd.S().column_vector().iter().copied().collect();
@@ -85,7 +88,7 @@ pub fn null_vector(merged: &Factor, mass_kg: f64, scaling: ColumnScaling) -> Res
     Ok(NullVector { parameters, sigma: sigma_of(&singular_values), singular_values })
 }
 
-/// σ's of a merged factor's parameter columns in the paper's layout.
+/// Singular values of a merged factor's parameter columns, in the paper's layout.
 pub(crate) fn sigma_of(singular_values: &[f64]) -> Sigma {
     let n = singular_values.len();
     let at = |i: Option<usize>| i.and_then(|i| singular_values.get(i)).copied().unwrap_or(f64::NAN);

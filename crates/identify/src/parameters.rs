@@ -1,4 +1,5 @@
-//! What identification gives: numbers with their uncertainty, the prior beside them, and how far they may be believed.
+//! Results of an identification: values with their uncertainty, the prior for comparison, and a
+//! verdict on their reliability.
 
 use crate::clusters::{ClusterBy, WeightTrial};
 use crate::gate::{Gate, Origin, Seen};
@@ -16,19 +17,19 @@ use serde::{Deserialize, Deserializer, Serialize};
 pub enum Estimator {
     /// Smallest singular vector, scaled by the body mass (the paper).
     NullVector(ColumnScaling),
-    /// Least squares with the body mass held.
+    /// Least squares with the body mass held fixed.
     MassConstrained,
-    /// Least squares with the body mass held, drawn to the prior.
+    /// Least squares with the body mass held fixed, regularised towards the prior.
     #[serde(rename = "regularised", alias = "regularized")]
     Regularized {
-        /// Weight λ of the prior; nothing: chosen by leave-one-cluster-out error.
+        /// Weight λ of the prior; if absent, chosen by leave-one-cluster-out error.
         #[serde(default)]
         weight: Option<f64>,
     },
 }
 
 impl Estimator {
-    /// Name for tables.
+    /// Name used in tables.
     pub fn name(&self) -> &'static str {
         match self {
             Self::NullVector(_) => "null_vector",
@@ -78,7 +79,7 @@ pub struct BaseEstimate {
 }
 
 impl BaseEstimate {
-    /// How well motion shows the value, or where it comes from instead.
+    /// How well motion determines the value, or its origin if motion does not.
     pub fn standing(&self) -> &'static str {
         match (self.from, self.seen) {
             (Origin::Motion, Seen::Well) => "well",
@@ -117,7 +118,7 @@ impl EffectEstimate {
     }
 }
 
-/// Where the values of a link come from.
+/// Origins of a link's values.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LinkOrigin {
     /// Of the mass.
@@ -129,14 +130,15 @@ pub struct LinkOrigin {
 }
 
 impl LinkOrigin {
-    /// The values that motion did not determine, in words; empty where it determined all.
+    /// The values that motion did not determine, in words; empty if it determined all.
     pub fn from_table(&self) -> String {
         let values = [(self.mass_kg, "mass"), (self.com_m, "centre of mass"), (self.inertia_kgm2, "inertia")];
         let named: Vec<&str> = values.iter().filter(|(o, _)| *o != Origin::Motion).map(|(_, name)| *name).collect();
         named.join(", ")
     }
 
-    /// For a column of a table: `motion`, `from the table`, or which of the values are from the table.
+    /// Text for a table column: `motion`, `from the table`, or which of the values are from the
+    /// table.
     pub fn words(&self) -> String {
         let by_motion = [self.mass_kg, self.com_m, self.inertia_kgm2].map(|o| o == Origin::Motion);
         match by_motion.iter().filter(|m| **m).count() {
@@ -147,7 +149,7 @@ impl LinkOrigin {
     }
 }
 
-/// 95 % intervals of a link's numbers; none where a standard error is not known.
+/// 95 % intervals of a link's values; none where a standard error is unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct LinkIntervals {
     /// Of the mass, kg.
@@ -185,7 +187,7 @@ pub struct LinkEstimate {
 }
 
 impl LinkEstimate {
-    /// As the body crate holds it.
+    /// The link in the type used by the body crate.
     pub fn inertia(&self) -> LinkInertia {
         LinkInertia {
             mass_kg: self.mass_kg,
@@ -195,7 +197,7 @@ impl LinkEstimate {
     }
 }
 
-/// Everything that was identified.
+/// Result of an identification.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Parameters {
     /// Kind of rows.
@@ -243,7 +245,7 @@ pub struct Parameters {
 }
 
 impl Parameters {
-    /// Coefficients by name for predictions: zero where the rows do not determine one, as in the fit.
+    /// Coefficients by name for predictions: zero if the rows do not determine one, as in the fit.
     pub fn coefficients(&self) -> Vec<(String, f64)> {
         self.effects.iter().map(|e| (e.name.clone(), if e.value.is_finite() { e.value } else { 0.0 })).collect()
     }
@@ -254,7 +256,7 @@ impl Parameters {
     }
 }
 
-/// Parameters with what other stages compute with.
+/// Parameters together with the matrices that other stages need.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Identification {
     /// The result.

@@ -1,10 +1,13 @@
-//! What is known of the parameters before any motion: mean and covariance of every link, mapped to base parameters.
+//! Prior of the parameters before any motion: mean and covariance of every link, mapped to base
+//! parameters.
 //!
-//! A link's ten parameters vary with ten numbers of clear meaning: relative mass, three shifts of the centre of mass, three stretches of
-//! the mass distribution along the link's axes (radii of gyration) and three shears (directions of the principal axes). Their
-//! standard deviations come from [`aloft_body::subject::PriorSd`]; a linear map carries them to φ. Left and right
-//! limbs vary together, and links on the midline keep their mass near the plane of symmetry: single sides cannot be told apart as well as
-//! their sum, and a false lateral shift of the whole body is the first thing that noise makes of that freedom.
+//! A link's ten parameters depend on ten interpretable numbers: relative mass, three shifts of the
+//! centre of mass, three stretches of the mass distribution along the link's axes (radii of
+//! gyration) and three shears (directions of the principal axes). Their standard deviations come
+//! from [`aloft_body::subject::PriorSd`]; a linear map converts them to φ. Left and right limbs are
+//! correlated, and links on the midline keep their mass near the plane of symmetry: single sides
+//! are less well determined than their sum, and without this constraint noise first causes a false
+//! lateral shift of the whole body.
 
 use crate::IdentifyError;
 use aloft_body::subject::PriorSd;
@@ -12,22 +15,22 @@ use aloft_body::{BaseParameters, LinkInertia, Model, Phi, Subject};
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Which links mirror each other, and how strongly.
+/// Mirror symmetry of links, and its strength.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Symmetry {
     /// Pairs of mirrored links.
     pub pairs: Vec<(usize, usize)>,
     /// Links that the plane of symmetry cuts in half.
     pub midline: Vec<usize>,
-    /// Link axis (0 x, 1 y, 2 z) that points across the plane of symmetry, in every link.
+    /// Link axis (0 x, 1 y, 2 z) perpendicular to the plane of symmetry, the same in every link.
     pub axis: usize,
     /// Correlation of mirrored parameters, 0 (none) to below 1. Asymmetry of midline links shrinks by √(1 − correlation).
     pub correlation: f64,
 }
 
 impl Symmetry {
-    /// Pairs by the endings `_l` and `_r`; other links count as midline when there is at least one pair. Axis z (to the right), correlation 0.9.
-    /// Nothing when no pair is found.
+    /// Pairs links by the endings `_l` and `_r`; other links count as midline if there is at least
+    /// one pair. Axis z (to the right), correlation 0.9. `None` if no pair is found.
     pub fn from_names(model: &Model) -> Option<Self> {
         let mut pairs = Vec::new();
         let mut midline = Vec::new();
@@ -54,11 +57,12 @@ pub struct LinkPrior {
     pub mean: DVector<f64>,
     /// Covariance of the stacked φ, (10 n)².
     pub covariance: DMatrix<f64>,
-    /// Its part of second order in the shifts of the centres of mass, which inertias about the centres of mass do not share.
+    /// Part of the covariance of second order in the shifts of the centres of mass; inertias about
+    /// the centres of mass do not contain it.
     pub second_order: DMatrix<f64>,
 }
 
-/// Shears vary with this share of the radii's standard deviation.
+/// Standard deviation of the shears as a share of that of the radii.
 const SHEAR_SHARE: f64 = 0.5;
 
 impl LinkPrior {
@@ -73,8 +77,8 @@ impl LinkPrior {
     /// Prior of links with their standard deviations.
     ///
     /// # Errors
-    /// [`IdentifyError::Length`] when there are not as many standard deviations as links, [`IdentifyError::Option`] for a deviation, mass or
-    /// correlation that cannot be.
+    /// [`IdentifyError::Length`] if the number of standard deviations differs from that of links,
+    /// [`IdentifyError::Option`] for an invalid deviation, mass or correlation.
     pub fn new(links: &[LinkInertia], sd: &[PriorSd], symmetry: Option<&Symmetry>) -> Result<Self, IdentifyError> {
         let n = links.len();
         if sd.len() != n {
@@ -180,9 +184,9 @@ fn deviations(sd: &PriorSd) -> [f64; 10] {
     [m, c, c, c, r, r, r, s, s, s]
 }
 
-/// Those of the ten numbers that change sign in the mirror across `axis`.
+/// Indices of the ten numbers that change sign under reflection across `axis`.
 fn odd_numbers(axis: usize) -> [usize; 3] {
-    // shear 7 is yz, 8 zx, 9 xy: odd are those that name the axis
+    // shear 7 is yz, 8 zx, 9 xy: those that contain the axis are odd
     match axis {
         0 => [1, 8, 9],
         1 => [2, 7, 9],
@@ -190,9 +194,10 @@ fn odd_numbers(axis: usize) -> [usize; 3] {
     }
 }
 
-/// Covariance of what the linear map leaves out: a shift d of the centre of mass also adds m d dᵀ to the second moments about the origin. For
-/// limbs thinner than the shift's standard deviation s it matters as much as the radii: without it a shift would have to be paid
-/// for with thickness. Expected squares: 3 m² s⁴ on the diagonal, m² s⁴ beside it.
+/// Covariance of the terms neglected by the linear map: a shift d of the centre of mass also adds m
+/// d dᵀ to the second moments about the origin. For limbs thinner than the shift's standard
+/// deviation s this term is as large as that of the radii: without it a shift would require a
+/// change of thickness. Expected squares: 3 m² s⁴ on the diagonal, m² s⁴ off the diagonal.
 fn of_second_order(mass_kg: f64, com_sd_m: f64) -> SMatrix<f64, 10, 10> {
     let size = mass_kg * com_sd_m * com_sd_m;
     let mut map = SMatrix::<f64, 10, 6>::zeros();
@@ -208,7 +213,7 @@ fn of_second_order(mass_kg: f64, com_sd_m: f64) -> SMatrix<f64, 10, 10> {
     map * SMatrix::<f64, 6, 6>::from_diagonal(&squares) * map.transpose()
 }
 
-/// ∂φ/∂numbers at the prior.
+/// ∂φ/∂(ten numbers) at the prior.
 fn variation(link: &LinkInertia) -> SMatrix<f64, 10, 10> {
     let i = link.inertia_com_kgm2;
     // second moments of mass about the centre of mass
@@ -263,7 +268,8 @@ pub struct Prior {
 }
 
 impl Prior {
-    /// Mean and root of the covariance of all base parameters but the mass, given the mass.
+    /// Mean and root of the covariance of all base parameters except the mass, conditional on the
+    /// mass.
     pub(crate) fn given_mass(&self, p: usize, mass_kg: f64) -> Result<(DVector<f64>, DMatrix<f64>), IdentifyError> {
         if self.mean.len() != p || self.covariance.shape() != (p, p) {
             return Err(IdentifyError::Length {
@@ -285,7 +291,8 @@ impl Prior {
     }
 }
 
-/// Symmetric root of a covariance; directions of rounding size are lifted so that the root can be inverted.
+/// Symmetric root of a covariance; eigenvalues at rounding level are raised so that the root can be
+/// inverted.
 pub(crate) fn covariance_root(covariance: &DMatrix<f64>) -> Result<DMatrix<f64>, IdentifyError> {
     let n = covariance.nrows();
     // scale to correlations first: units differ by orders of magnitude

@@ -1,8 +1,9 @@
-//! Errors in variables: does noise in the regressors bias the estimate, and by how much?
+//! Errors in variables: estimates the bias that noise in the regressors causes.
 //!
-//! Least squares with noisy regressors shrinks what it estimates. SIMEX (Cook and Stefanski 1994) measures that on the data at hand: add noise of
-//! known size again and again, watch the estimate drift with the total variance, and follow the drift back to no noise at
-//! all. Weak rows drift by little, acceleration rows at gentle excitation by much.
+//! Noise in the regressors biases least-squares estimates towards zero. SIMEX (Cook and Stefanski
+//! 1994) measures the bias on the data at hand: noise of known size is added repeatedly, and the
+//! drift of the estimate with the total variance is extrapolated back to zero noise. Weak rows
+//! drift little, acceleration rows with gentle excitation drift a lot.
 
 use crate::IdentifyError;
 use aloft_body::{Model, Motion, State};
@@ -14,11 +15,12 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
-/// A motion with white noise added to its coordinates, of the covariance that `noise` states times `scale` squared. Depends on the seed and the
-/// frame number alone. Velocities, accelerations and standard deviations are dropped: they belong to the motion without the noise.
+/// A motion with white noise added to its coordinates, with the covariance given by `noise` times
+/// `scale` squared. Depends only on the seed and the frame number. Velocities, accelerations and
+/// standard deviations are dropped, because they belong to the motion without the noise.
 ///
 /// # Errors
-/// [`IdentifyError::Regressor`] when the noise does not fit the model.
+/// [`IdentifyError::Regressor`] if the noise does not fit the model.
 pub fn add_noise(
     model: &Model,
     motion: &Motion,
@@ -48,14 +50,14 @@ pub fn add_noise(
     Ok(out)
 }
 
-/// What extrapolation to no noise says.
+/// Result of extrapolation to zero noise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Simex {
     /// Estimates without added noise.
     pub naive: DVector<f64>,
-    /// Estimates extrapolated to data without any noise.
+    /// Estimates extrapolated to noise-free data.
     pub extrapolated: DVector<f64>,
-    /// `naive − extrapolated`: the bias that noise has caused.
+    /// `naive − extrapolated`: the bias caused by noise.
     pub bias: DVector<f64>,
     /// Standard error of the extrapolated values from the spread among replicates.
     pub extrapolation_se: DVector<f64>,
@@ -63,8 +65,9 @@ pub struct Simex {
 
 /// Runs `estimate(level, replicate)` for every level and replicate, in parallel, and extrapolates.
 ///
-/// `level` is the variance of the added noise in units of the variance that the data already carry; `levels` should begin with 0
-/// (one call) and hold at least two more, such as 0.5, 1, 2. A parabola through the means is followed to −1, as many degrees as there are levels.
+/// `level` is the variance of the added noise relative to that already in the data; `levels` should
+/// begin with 0 (one call) and contain at least two more, such as 0.5, 1, 2. A parabola through the
+/// means is extrapolated to −1.
 ///
 /// # Errors
 /// [`IdentifyError::TooFew`] without three levels including 0, or the error of an estimate.
@@ -81,7 +84,8 @@ pub fn simex(
     let calls: Vec<(f64, usize)> = added.iter().flat_map(|&l| (0..replicates).map(move |r| (l, r))).collect();
     let results: Vec<DVector<f64>> =
         calls.into_par_iter().map(|(level, replicate)| estimate(level, replicate)).collect::<Result<_, _>>()?;
-    // c0 + c1 l + c2 l²: the level without added noise is one exact call and counts as much as a mean
+    // c0 + c1 l + c2 l²: the level without added noise is one exact call and has the weight of a
+    // mean
     let mut level_of = vec![0.0];
     level_of.extend(&added);
     let design = DMatrix::from_fn(level_of.len(), 3, |i, j| level_of[i].powi(j as i32));

@@ -1,7 +1,9 @@
-//! Least squares with the mass held and, if wanted, a prior: the one linear system behind the estimators.
+//! Least squares with the mass held fixed and an optional prior: the linear system used by the
+//! estimators.
 //!
-//! Unknown are the base parameters without the mass, x, and the effect coefficients θ. With merged rows `A x + E θ ≈ b` (the column of the
-//! mass moved to the right) and a prior of mean x₀ and covariance P = L Lᵀ (conditional on the mass), minimise
+//! The unknowns are the base parameters without the mass, x, and the effect coefficients θ. With
+//! merged rows `A x + E θ ≈ b` (the column of the mass moved to the right-hand side) and a prior of
+//! mean x₀ and covariance P = L Lᵀ (conditional on the mass), minimise
 //!
 //! ```text
 //! ‖A x + E θ − b‖² + w ‖L⁻¹ (x − x₀)‖²
@@ -21,7 +23,8 @@ pub(crate) struct System {
     n_effects: usize,
     mass_kg: f64,
     n_rows: usize,
-    /// R of `[E | A]`, diagonal blocks kept apart: inverse of the effects' triangle, their coupling to the parameters and to the right side.
+    /// R of `[E | A]`, by blocks: inverse of the effects' triangle, their coupling to the
+    /// parameters and to the right-hand side.
     effects_inverse: DMatrix<f64>,
     coupling: DMatrix<f64>,
     effects_right: DVector<f64>,
@@ -33,15 +36,15 @@ pub(crate) struct System {
     singular: DVector<f64>,
     v: DMatrix<f64>,
     projected: DVector<f64>,
-    /// Squares of the right side outside the range of A.
+    /// Sum of squares of the right-hand side outside the range of A.
     outside: f64,
 }
 
 /// Inverse of the effects' triangle.
 ///
 /// # Errors
-/// [`IdentifyError::Numeric`] where a column is zero or depends on others: elimination would have spent rows on it. [`crate::Visible`] takes
-/// such columns out beforehand.
+/// [`IdentifyError::Numeric`] if a column is zero or depends on others: elimination would have used
+/// up rows on it. [`crate::Visible`] removes such columns beforehand.
 pub(crate) fn inverse_triangle(triangle: &DMatrix<f64>) -> Result<DMatrix<f64>, IdentifyError> {
     let k = triangle.ncols();
     let dependent = (0..k).any(|j| triangle[(j, j)].abs() <= 1e-12 * triangle.column(j).norm());
@@ -54,11 +57,11 @@ pub(crate) fn inverse_triangle(triangle: &DMatrix<f64>) -> Result<DMatrix<f64>, 
 pub(crate) struct Solution {
     /// Base parameters (mass first) and effects.
     pub x: DVector<f64>,
-    /// Sum of squares of the rows' residuals, the prior left out.
+    /// Sum of squares of the rows' residuals, without the prior's rows.
     pub rss: f64,
     /// Effective number of parameters that the rows determine (effects included).
     pub effective_parameters: f64,
-    /// Directions that neither rows nor prior determine.
+    /// Number of directions that neither rows nor prior determine.
     pub deficient: usize,
 }
 
@@ -170,7 +173,8 @@ impl System {
         Solution { x, rss, effective_parameters: effective, deficient }
     }
 
-    /// Of each base parameter, the mass first: true where it has a part in a direction that neither rows nor prior (of weight w) determine.
+    /// For each base parameter, the mass first: true if it contributes to a direction that neither
+    /// rows nor prior (of weight w) determine.
     pub fn undetermined(&self, weight: f64) -> Vec<bool> {
         let mut out = vec![false; self.n_parameters];
         if self.has_prior && weight > 0.0 {
@@ -185,8 +189,9 @@ impl System {
         out
     }
 
-    /// Variance s² of a row. Without a prior `rss / (rows − parameters)`; with one the value that makes the data most likely,
-    /// `b − A x₀ ~ N(0, s² + A P Aᵀ)`, which holds for fewer rows than parameters too.
+    /// Variance s² of a row. Without a prior `rss / (rows − parameters)`; with one the
+    /// maximum-likelihood value of `b − A x₀ ~ N(0, s² + A P Aᵀ)`, which is also valid with fewer
+    /// rows than parameters.
     pub fn row_variance(&self) -> f64 {
         let n = self.n_rows as f64;
         if !self.has_prior {
@@ -206,8 +211,9 @@ impl System {
                 .sum();
             inside + self.outside / variance + beyond * log_variance
         };
-        // bracket: up to all of the misfit of the prior mean, down to a millionth of it (as a standard deviation). Fewer rows than parameters can be
-        // met exactly, and then no variance is too small for them; a smaller one would leave nothing of the prior within rounding
+        // bracket: from a millionth of the misfit of the prior mean (as a standard deviation) up to
+        // all of it. Fewer rows than parameters can be fitted exactly, so the likelihood has no
+        // lower limit there; with a smaller value the prior would vanish in rounding
         let total = (self.projected.norm_squared() + self.outside).max(f64::MIN_POSITIVE);
         let high = (total / n.max(1.0)).ln() + 1.0;
         let low = high - 28.0;
@@ -217,8 +223,9 @@ impl System {
             .map(|i| (i, minus_log_likelihood(at(i))))
             .fold((0, f64::INFINITY), |best, next| if next.1 < best.1 { next } else { best })
             .0;
-        // where the slope changes its sign between the neighbours of the best point: a minimum itself is flat, and comparing values there finds it
-        // to eight digits only, so that rounding of the rows would show in the ninth digit of every parameter
+        // find the sign change of the slope between the neighbours of the best point: near a flat
+        // minimum, comparing values gives only eight digits, so that rounding of the rows would
+        // show in the ninth digit of every parameter
         let slope = |log_variance: f64| -> f64 {
             let variance = log_variance.exp();
             let inside: f64 = (0..seen)
@@ -237,9 +244,10 @@ impl System {
         (0.5 * (a + b)).exp()
     }
 
-    /// Covariance of parameters and effects for independent rows of variance `row_variance` at the weight w of the prior:
-    /// `H⁻¹ (s² AᵀA + w² P⁻¹) H⁻¹` with `H = AᵀA + w P⁻¹`: noise of the rows, and what the prior's own spread leaves as bias. Zero for
-    /// the mass, and for directions that nothing determines (the gate names those).
+    /// Covariance of parameters and effects for independent rows of variance `row_variance` at the
+    /// weight w of the prior: `H⁻¹ (s² AᵀA + w² P⁻¹) H⁻¹` with `H = AᵀA + w P⁻¹`: noise of the
+    /// rows, and the bias due to the prior's own spread. Zero for the mass and for undetermined
+    /// directions (reported by the gate).
     pub fn covariance(&self, row_variance: f64, weight: f64) -> DMatrix<f64> {
         let m = self.singular.len();
         let floor = 1e-13 * self.singular.max();

@@ -1,16 +1,20 @@
-//! Variances of everything that was estimated, from three sources, each with its degrees of freedom.
+//! Variances of all estimates, from three sources, each with its degrees of freedom.
 //!
-//! To first order an estimate errs by a linear function of the errors of the rows, of the prior and of the kinematics:
+//! To first order the error of an estimate is a linear function of the errors of the rows, of the
+//! prior and of the kinematics:
 //!
-//! 1. **Rows.** What differs from cluster to cluster: bias-reduced cluster-robust variances (CR2) with the degrees of freedom of Bell and
-//!    McCaffrey (2002). Overlapping windows, unequal noise of forces and moments and noisy regressors all show in that spread, so nothing
-//!    has to be assumed of them. With fewer than three clusters the pooled variance of the rows takes its place, with a third of the rows
-//!    as degrees of freedom, because neighbouring windows overlap.
-//! 2. **Prior.** Its own spread leaves a bias where it holds an estimate. This part is known, not estimated.
+//! 1. **Rows.** Differences between clusters: bias-reduced cluster-robust variances (CR2) with the
+//!    degrees of freedom of Bell and McCaffrey (2002). Overlapping windows, unequal noise of forces
+//!    and moments and noisy regressors are all part of that spread, so no assumption about them is
+//!    needed. With fewer than three clusters the pooled variance of the rows is used, with a third
+//!    of the rows as degrees of freedom, because neighbouring windows overlap.
+//! 2. **Prior.** Its own spread causes a bias where it constrains an estimate. This part is known,
+//!    not estimated.
 //! 3. **Soft tissue.** Slides of the skin repeat from flight to flight, so the spread does not show them. They are a random effect:
 //!    [`aloft_regressor::tissue`] draws it, and its size is that of the marker residuals.
 //!
-//! The parts add up, and their degrees of freedom combine after Satterthwaite ([`crate::interval::satterthwaite`]).
+//! The parts are added, and their degrees of freedom are combined by Satterthwaite's formula
+//! ([`crate::interval::satterthwaite`]).
 
 use crate::LinkPrior;
 use crate::clusters::Clusters;
@@ -21,27 +25,28 @@ use aloft_body::BaseParameters;
 use aloft_regressor::{Factor, Slides, StretchKind};
 use nalgebra::{DMatrix, DVector};
 
-/// Fewest clusters whose spread gives standard errors.
+/// Fewest clusters needed to estimate standard errors from their spread.
 pub(crate) const MIN_CLUSTERS: usize = 3;
 
-/// Rows that count as one independent observation: windows overlap by three quarters.
+/// Number of rows that count as one independent observation: windows overlap by three quarters.
 const OVERLAP: f64 = 3.0;
 
 /// A variance and its degrees of freedom.
 pub(crate) type Variance = (f64, f64);
 
-/// Errors of soft tissue that a fit met.
+/// Soft tissue errors in a fit.
 #[derive(Debug, Clone)]
 pub(crate) struct Tissue {
-    /// `Σ_g A_gᵀ D_g` for the parameters without the mass and the effects, a column for each realisation, by its square root.
+    /// `Σ_g A_gᵀ D_g` for the parameters without the mass and the effects, one column for each
+    /// realisation, divided by the square root of their number.
     sums: DMatrix<f64>,
     /// Size of the slides, m/rad.
     pub size: f64,
 }
 
 impl Tissue {
-    /// From the slides of all factors, in the same order; `contact_weight` is what contact rows were multiplied with. `None` without slides,
-    /// or where the markers show none.
+    /// From the slides of all factors, in the same order; `contact_weight` is the factor applied to
+    /// contact rows. `None` without slides, or if the markers show none.
     pub fn of(factors: &[Factor], slides: &[Slides], contact_weight: f64) -> Option<Self> {
         let first = slides.first().filter(|_| slides.len() == factors.len())?;
         let (n, draws) = first.sums.shape();
@@ -64,23 +69,23 @@ impl Tissue {
     }
 }
 
-/// Where variances come from.
+/// Sources of the variances.
 #[derive(Debug, Clone)]
 pub(crate) struct Uncertainty {
     clusters: Clusters,
-    /// Variance of a row and its degrees of freedom, where there are too few clusters.
+    /// Variance of a row and its degrees of freedom, used if there are too few clusters.
     pooled: Option<Variance>,
     /// Weight w of the prior in squared row units.
     weight: f64,
-    /// By how much the spread among clusters is multiplied.
+    /// Factor applied to the spread among clusters.
     inflation: f64,
     /// `Uᵀ⁻¹ Σ A_gᵀ D_g`.
     tissue: Option<DMatrix<f64>>,
 }
 
 impl Uncertainty {
-    /// `rows` and `effective` are the number of rows and of parameters that they determine; `robust` is false where directions are left
-    /// undetermined.
+    /// `rows` and `effective` are the number of rows and of parameters that they determine;
+    /// `robust` is false if directions are undetermined.
     pub fn new(
         clusters: Clusters,
         row_variance: f64,
@@ -97,12 +102,13 @@ impl Uncertainty {
         Self { clusters, pooled, weight, inflation, tissue }
     }
 
-    /// True where the spread among clusters counts.
+    /// True if the spread among clusters is used.
     pub(crate) fn is_robust(&self) -> bool {
         self.pooled.is_none()
     }
 
-    /// What the rows say of the variances of functions of their errors, one a column, and the middle of the covariance.
+    /// Variances of functions of the rows' errors, one per column, and the middle factor of the
+    /// covariance.
     fn rows(&self, functions: &DMatrix<f64>) -> (Vec<Variance>, DMatrix<f64>) {
         match self.pooled {
             Some((variance, freedom)) => {
@@ -119,7 +125,7 @@ impl Uncertainty {
         }
     }
 
-    /// The parts together; `known` is the part of each function that is not estimated.
+    /// Sum of the parts; `known` is the part of each function that is not estimated.
     fn together(&self, functions: &DMatrix<f64>, rows: &[Variance], known: &[f64]) -> Vec<Variance> {
         (0..functions.ncols())
             .map(|k| {
@@ -149,8 +155,9 @@ impl Uncertainty {
         (self.clusters.covariance(&middle), freedom)
     }
 
-    /// Variances of the ten numbers of each link: mass, centre of mass, inertia about it (as [`gradient`] orders them). Consistent links
-    /// follow the rows through the curvature at their minimum.
+    /// Variances of the ten numbers of each link: mass, centre of mass, inertia about it (in the
+    /// order of [`gradient`]). Consistent links respond to the rows through the curvature at their
+    /// minimum.
     pub fn links(
         &self,
         links: &ConsistentLinks,
@@ -171,7 +178,7 @@ impl Uncertainty {
         let mut by_rows = DMatrix::zeros(p - 1 + k, 10 * n);
         by_rows.rows_mut(0, p - 1).copy_from(&by_base.rows(1, p - 1));
         if k > 0 {
-            // effects are eliminated from the rows of links, here from their errors
+            // effects are eliminated from the rows of links; here from their errors
             let dense = merged.dense();
             let (a, e) = (dense.columns(0, p), dense.columns(p, k));
             if let Ok(inverse) = e.tr_mul(&e).pseudo_inverse(1e-12) {
@@ -180,7 +187,7 @@ impl Uncertainty {
             }
         }
         let all_known = by_columns(&gradients, &links.known);
-        // shifts of second order move moments about the origin, not those about the centre of mass
+        // second-order shifts change moments about the origin, not those about the centre of mass
         let beyond = covariance_root(&prior.covariance).ok().and_then(DMatrix::try_inverse).map(|inverse| {
             let back = inverse.tr_mul(&inverse) * (&follow * prior_weight);
             by_columns(&back, &prior.second_order)
@@ -199,20 +206,20 @@ impl Uncertainty {
     }
 }
 
-/// Effective number of equal clusters less one, from the share of the evidence that each carries (Carter, Schnepel and Steigerwald 2017):
-/// degrees of freedom of a jackknife.
+/// Effective number of equal clusters minus one, from each cluster's share of the evidence (Carter,
+/// Schnepel and Steigerwald 2017): degrees of freedom of a jackknife.
 pub fn jackknife_freedom(shares: &[f64]) -> f64 {
     let (sum, squares) = shares.iter().fold((0.0, 0.0), |s, h| (s.0 + h, s.1 + h * h));
     if squares > 0.0 { (sum * sum / squares - 1.0).max(1.0) } else { (shares.len() as f64 - 1.0).max(1.0) }
 }
 
-/// `cᵀ M c` of every column c.
+/// `cᵀ M c` for every column c.
 fn by_columns(columns: &DMatrix<f64>, m: &DMatrix<f64>) -> Vec<f64> {
     let product = m * columns;
     columns.column_iter().zip(product.column_iter()).map(|(c, p)| c.dot(&p).max(0.0)).collect()
 }
 
-/// Standard deviations of some variances.
+/// Standard deviations of the given variances.
 pub(crate) fn deviations(variances: &[Variance]) -> DVector<f64> {
     DVector::from_iterator(variances.len(), variances.iter().map(|v| v.0.max(0.0).sqrt()))
 }

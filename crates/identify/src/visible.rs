@@ -1,23 +1,25 @@
-//! Which coefficients of effects the rows determine at all, decided before anything is estimated.
+//! Determines which effect coefficients the rows can identify, before any estimation.
 //!
-//! A column that is zero (plates in flights, a hinge that is locked), or that is a combination of the body's own columns and of the effects
-//! before it, has no coefficient of its own: every value fits as well as any other. Such a column must not take part in elimination. A
-//! triangular factor without pivoting spends a row on it, and with the row evidence about everything that stands behind it. [`Visible::of`]
-//! finds these columns by orthogonalisation in the order of the model; estimators work with the others, and the coefficients that are left
-//! out are reported as not determined, with the reason.
+//! A column that is zero (plates in flights, a locked hinge), or that is a combination of the
+//! body's own columns and of the effects before it, has no identifiable coefficient: every value
+//! fits equally well. Such a column must be left out of elimination. A triangular factorisation
+//! without pivoting uses up a row on it, and with the row evidence about all columns after it.
+//! [`Visible::of`] finds these columns by orthogonalisation in the order of the model; estimators
+//! use the others, and the coefficients left out are reported as not determined, with the reason.
 
 use crate::{EffectEstimate, IdentifyError};
 use aloft_regressor::{Factor, Slides};
 use nalgebra::{DMatrix, DVector};
 
-/// A column whose part outside the span of the columns before it is below this share of its length is dependent on them. Rounding leaves
-/// 1e-12 and less; the columns of effects that rows can tell apart in the presence of any noise differ by 1e-4 and more.
+/// A column whose part outside the span of the columns before it is below this share of its length
+/// counts as dependent on them. Rounding error is 1e-12 or less; columns of effects that rows can
+/// distinguish in the presence of any noise differ by 1e-4 and more.
 const DEPENDENT: f64 = 1e-8;
-/// The same among the body's own columns: only what rounding leaves.
+/// The same among the body's own columns: rounding error only.
 const BODY: f64 = 1e-10;
-/// A column shorter than this share of the longest one is zero.
+/// A column shorter than this share of the longest one counts as zero.
 const ZERO: f64 = 1e-12;
-/// Partners of a dependent column that are named at most.
+/// Largest number of columns named for a dependent column.
 const NAMED: usize = 3;
 
 /// Why a coefficient is not determined.
@@ -25,16 +27,18 @@ const NAMED: usize = 3;
 pub enum Unseen {
     /// Its column is zero in all rows.
     Zero,
-    /// Its column repeats effects before it in the model (with some of the body's parameters, perhaps): their coefficients.
+    /// Its column repeats earlier effects of the model (possibly combined with some of the body's
+    /// parameters): names of their coefficients.
     Repeats(Vec<String>),
-    /// Its column is a combination of the body's own columns: the parameters with the largest share.
+    /// Its column is a combination of the body's own columns: names of the parameters with the
+    /// largest share.
     Body(Vec<String>),
-    /// The rows are as few as the body's own parameters, and there is no prior.
+    /// There are no more rows than the body's own parameters, and there is no prior.
     TooFewRows,
 }
 
 impl Unseen {
-    /// In words, after "not determined:".
+    /// Text that follows "not determined:".
     pub fn words(&self) -> String {
         let quoted = |names: &[String]| names.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
         match self {
@@ -57,9 +61,10 @@ pub struct Visible {
 }
 
 impl Visible {
-    /// Tests every effect column against the body's columns (the mass, which is known, left out) and the determined effects before it. With
-    /// as few rows as parameters everything looks like a combination of the body's columns; where a prior tells them apart (`has_prior`),
-    /// only zero columns and repeated effects count there.
+    /// Tests every effect column against the body's columns (without the mass, which is known) and
+    /// the determined effects before it. With as few rows as parameters every column looks like a
+    /// combination of the body's columns; if a prior separates them (`has_prior`), only zero
+    /// columns and repeated effects are left out in that case.
     pub fn of(merged: &Factor, has_prior: bool) -> Self {
         let (p, k) = (merged.n_parameters(), merged.n_effects());
         let names = merged.columns.effects.clone();
@@ -90,7 +95,7 @@ impl Visible {
         Self { n_parameters: p, names, unseen }
     }
 
-    /// [`Visible::of`] of factors that are not merged yet.
+    /// [`Visible::of`] for factors that are not merged yet.
     ///
     /// # Errors
     /// [`IdentifyError::Regressor`] when they cannot be merged.
@@ -106,7 +111,7 @@ impl Visible {
         self.unseen.iter().all(Option::is_none)
     }
 
-    /// Why the coefficient of effect column `k` is not determined; none where it is.
+    /// Reason why the coefficient of effect column `k` is not determined; none if it is.
     pub fn why(&self, k: usize) -> Option<&Unseen> {
         self.unseen.get(k).and_then(Option::as_ref)
     }
@@ -129,7 +134,7 @@ impl Visible {
         Ok(factor.with_effects(&kept)?)
     }
 
-    /// [`Visible::reduce`] of many.
+    /// [`Visible::reduce`] for several factors.
     ///
     /// # Errors
     /// As [`Visible::reduce`].
@@ -137,7 +142,7 @@ impl Visible {
         factors.iter().map(|f| self.reduce(f)).collect()
     }
 
-    /// What soft tissue makes of the reduced rows.
+    /// Soft tissue errors of the reduced rows.
     pub(crate) fn reduce_slides(&self, slides: &Slides) -> Slides {
         let mut out = slides.clone();
         if !self.all() {
@@ -147,8 +152,8 @@ impl Visible {
         out
     }
 
-    /// Parameters and coefficients of the reduced rows at their places among all columns; zero for what is not determined, which no
-    /// prediction of these rows notices.
+    /// Parameters and coefficients of the reduced rows at their places among all columns; zero for
+    /// undetermined ones, which does not change predictions of these rows.
     pub fn whole(&self, reduced: DVector<f64>) -> DVector<f64> {
         if self.all() {
             return reduced;
@@ -186,14 +191,14 @@ impl Visible {
         self.names.iter().zip(&self.unseen).filter_map(of).collect()
     }
 
-    /// Places of the reduced columns among all.
+    /// Indices of the reduced columns among all columns.
     fn places(&self) -> impl Iterator<Item = usize> + '_ {
         let kept = self.unseen.iter().enumerate().filter(|(_, u)| u.is_none()).map(|(k, _)| self.n_parameters + k);
         (0..self.n_parameters).chain(kept)
     }
 }
 
-/// Effects first; the body's parameters where no effect takes part.
+/// Names effects first; the body's parameters if no effect is involved.
 fn named(merged: &Factor, mut partners: Vec<(usize, f64)>) -> Unseen {
     partners.sort_by(|a, b| b.1.total_cmp(&a.1));
     let largest = partners.first().map_or(0.0, |p| p.1);
@@ -211,20 +216,20 @@ fn named(merged: &Factor, mut partners: Vec<(usize, f64)>) -> Unseen {
     Unseen::Body(body.collect())
 }
 
-/// Columns orthogonalised one after the other (Gram-Schmidt, each column twice).
+/// Columns orthogonalised one by one (Gram-Schmidt, each column twice).
 struct Span {
     /// Orthonormal columns.
     basis: DMatrix<f64>,
     /// Column `i` of unit length in terms of the basis.
     triangle: DMatrix<f64>,
-    /// Which column each of the basis came with.
+    /// Column that each basis vector comes from.
     from: Vec<usize>,
 }
 
 enum Added {
     Independent,
     Zero,
-    /// The columns that it is made of, with their shares.
+    /// The columns that it depends on, with their shares.
     Dependent(Vec<(usize, f64)>),
 }
 
@@ -255,7 +260,7 @@ impl Span {
         let rest = column.norm();
         if rest < dependent || n >= self.basis.ncols() {
             let triangle = self.triangle.view((0, 0), (n, n));
-            // columns of the span are independent by construction, so that its triangle can be solved
+            // columns of the span are independent by construction, so the triangle is invertible
             let shares = triangle.solve_upper_triangular(&along).unwrap_or(along);
             return Added::Dependent(self.from.iter().copied().zip(shares.iter().map(|s| s.abs())).collect());
         }

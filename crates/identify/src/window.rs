@@ -1,8 +1,9 @@
-//! The choice of the window length of weak rows, by held-out error on a common yardstick.
+//! Chooses the window length of weak rows by held-out error on a common reference.
 //!
-//! Short windows let noise through (their second derivative is steep), long ones blur what joints do and leave few rows. Every candidate
-//! identifies from all clusters but one and predicts the rows of that one, always the same rows (the yardstick: fixed weights, one
-//! middle window), so that lengths can be compared.
+//! Short windows let noise through (their second derivative is steep), long ones smooth out joint
+//! motion and leave few rows. Every candidate identifies from all clusters but one and predicts the
+//! rows of that one, always the same rows (the yardstick: fixed weights, one medium window), so
+//! that lengths can be compared.
 
 use crate::clusters::{Clusters, merge_groups};
 use crate::system::System;
@@ -10,7 +11,7 @@ use crate::{ClusterBy, IdentifyError, Prior, Visible};
 use aloft_regressor::Factor;
 use serde::{Deserialize, Serialize};
 
-/// One length that was tried.
+/// One window length that was tried.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct WindowTrial {
     /// Window, s; 0 where each stretch has its own by its length.
@@ -21,7 +22,7 @@ pub struct WindowTrial {
     pub n_rows: usize,
 }
 
-/// The choice and what it was made from.
+/// The chosen window length and the alternatives.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WindowChoice {
     /// The window chosen, s; 0 where each stretch has its own by its length.
@@ -36,10 +37,12 @@ fn named(window_s: f64) -> String {
     if window_s > 0.0 { format!("{window_s:.2} s") } else { "by the length of each stretch".to_owned() }
 }
 
-/// Chooses among window lengths (0 stands for one by the length of each stretch). `candidates` hold, per length, the factors of the same stretches in the same order as `yardstick`.
+/// Chooses among window lengths (0 stands for a length chosen for each stretch). `candidates` hold,
+/// for each length, the factors of the same stretches in the same order as `yardstick`.
 ///
 /// # Errors
-/// [`IdentifyError::Length`] when stretches do not correspond, [`IdentifyError::TooFew`] without candidates or with fewer than two clusters.
+/// [`IdentifyError::Length`] if stretches do not correspond, [`IdentifyError::TooFew`] without
+/// candidates or with fewer than two clusters.
 pub fn choose_window(
     candidates: &[(f64, Vec<Factor>)],
     yardstick: &[Factor],

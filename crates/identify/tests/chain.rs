@@ -1,6 +1,8 @@
-//! The two-link chain: paper's rows and weak rows against the truth, intervals, errors in variables.
+//! The two-link chain: the paper's rows and weak rows compared with the truth; intervals; errors in
+//! variables.
 //!
-//! Set `ALOFT_IDENTIFY_DATA` to a folder that `tests/peers/identify_goldens.py --recordings 5 --jumps 8` filled to run on all 30 flights.
+//! Set `ALOFT_IDENTIFY_DATA` to a folder written by `tests/peers/identify_goldens.py --recordings 5
+//! --jumps 8` to run on all 30 flights.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 #[path = "../../regressor/tests/common/mod.rs"]
@@ -21,7 +23,7 @@ use nalgebra::DVector;
 
 const MARKER_SD_M: f64 = 0.3e-3;
 
-/// Third-order 10 Hz zero-phase low-pass of every coordinate, then differences: the paper's treatment.
+/// Third-order 10 Hz zero-phase low-pass of every coordinate, then differences, as in the paper.
 fn filtered(truth: &Truth, motion: &Motion) -> Motion {
     let mut out = motion.clone();
     let spec = LowPass { order: 3, cutoff_hz: 10.0, correction: aloft_signal::CutoffCorrection::None };
@@ -144,7 +146,8 @@ fn contact_counts_by_its_own_error() {
     let truth = load("chain_a");
     let motion = truth.noisy(MARKER_SD_M, 11);
     let options = WeakOptions { window_s: Some(0.4), ..WeakOptions::default() };
-    // every second flight passes for contact with plates that should read zero, and read up to half a newton of slow error instead
+    // every second flight is treated as contact with plates that should read zero but have a slow
+    // error of up to half a newton
     let wrench: Vec<nalgebra::Vector6<f64>> = (0..motion.n_frames())
         .map(|f| nalgebra::Vector6::from_fn(|i, _| 0.5 * (0.011 * f as f64 + 1.7 * i as f64).sin()))
         .collect();
@@ -176,7 +179,7 @@ fn contact_counts_by_its_own_error() {
     assert!(own < 0.2 * alike);
     let found = identify(&truth.model, &truth.base, &factors, truth.mass(), None, &IdentifyOptions::default()).unwrap();
     assert_eq!(found.parameters.contact, Some(balance));
-    // the paper's estimator leaves contact out instead of failing on its right side
+    // the paper's estimator leaves contact out instead of failing on its right-hand side
     let paper = IdentifyOptions { estimator: Estimator::NullVector(ColumnScaling::None), ..IdentifyOptions::default() };
     let found = identify(&truth.model, &truth.base, &factors, truth.mass(), None, &paper).unwrap();
     assert_eq!(found.parameters.n_stretches, factors.iter().filter(|f| f.kind == StretchKind::Flight).count());
@@ -210,7 +213,7 @@ fn bootstrap_and_standard_errors_agree() {
 fn the_gate_refuses_what_is_not_determined() {
     let truth = load("chain_p");
     let factors = weak_factors(&truth, &truth.noisy(MARKER_SD_M, 3), 0.4, false);
-    // a hinge that does not move shows nothing of its link: one flight, joint frozen
+    // a hinge that does not move leaves its link undetermined: one flight, joint frozen
     let mut frozen = truth.motion.clone();
     for q in frozen.q.chunks_exact_mut(truth.model.nq) {
         q[7] = 0.1;

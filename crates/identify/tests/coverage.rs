@@ -1,7 +1,9 @@
-//! Do nominal 95 % intervals hold the truth in 95 % of simulated sets? Noise and soft tissue are drawn on the true motions of the fixtures, in
-//! memory; base parameters, links and effect coefficients are counted apart.
+//! Tests whether nominal 95 % intervals contain the truth in 95 % of simulated sets. Noise and soft
+//! tissue are drawn on the true motions of the fixtures, in memory; base parameters, links and
+//! effect coefficients are counted separately.
 //!
-//! `ALOFT_COVERAGE_DRAWS=200` makes more sets than a test run, `ALOFT_COVERAGE_SEED` begins elsewhere, `ALOFT_IDENTIFY_DATA` names longer recordings.
+//! `ALOFT_COVERAGE_DRAWS=200` runs more sets than the default test, `ALOFT_COVERAGE_SEED` sets the
+//! first seed, `ALOFT_IDENTIFY_DATA` names longer recordings.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests that print what they measured")]
 
 #[path = "../../regressor/tests/common/mod.rs"]
@@ -21,9 +23,11 @@ use rand_distr::{Distribution, StandardNormal};
 
 const MARKER_SD_M: f64 = 0.3e-3;
 
-/// How the truth of a set relates to its prior: the true body differs from the prior by ten numbers a link (relative mass, three shifts of the centre
-/// of mass, three stretches and three shears of the mass distribution), drawn from the normal distribution that the prior states, mirrored limbs
-/// together. Masses of the prior are scaled so that their sum is the true mass, which the program knows.
+/// Relation of a set's truth to its prior: the true body differs from the prior by ten numbers per
+/// link (relative mass, three shifts of the centre of mass, three stretches and three shears of the
+/// mass distribution), drawn from the normal distribution stated by the prior, mirrored limbs
+/// together. Masses of the prior are scaled so that their sum is the true mass, which the program
+/// knows.
 fn prior(truth: &Truth, sd: PriorSd, symmetry: Option<&Symmetry>, seed: u64) -> LinkPrior {
     let n = truth.phi.len();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -32,7 +36,7 @@ fn prior(truth: &Truth, sd: PriorSd, symmetry: Option<&Symmetry>, seed: u64) -> 
     let mut numbers: Vec<[f64; 10]> =
         (0..n).map(|_| size.map(|s| s * Distribution::<f64>::sample(&StandardNormal, &mut rng))).collect();
     if let Some(symmetry) = symmetry {
-        // shears 7 yz, 8 zx, 9 xy: odd are those that name the axis across the plane of symmetry
+        // shears 7 yz, 8 zx, 9 xy: those that contain the axis across the plane of symmetry are odd
         let odd = match symmetry.axis {
             0 => [1, 8, 9],
             1 => [2, 7, 9],
@@ -58,7 +62,8 @@ fn prior(truth: &Truth, sd: PriorSd, symmetry: Option<&Symmetry>, seed: u64) -> 
             let i = link.inertia_com_kgm2;
             let second = (Matrix3::identity() * (0.5 * i.trace()) - i) / link.mass_kg;
             let strain = Matrix3::new(x[4], x[9], x[8], x[9], x[5], x[7], x[8], x[7], x[6]);
-            // the truth is the prior bent by these numbers, so the prior is the truth bent back
+            // the truth is the prior deformed by these numbers, so the prior is the truth with the
+            // inverse deformation
             let back = (Matrix3::identity() + strain).try_inverse().unwrap();
             let mass_kg = link.mass_kg / (1.0 + x[0]);
             let second = back * second * back.transpose() * mass_kg;
@@ -92,8 +97,8 @@ fn symmetry(truth: &Truth) -> Symmetry {
     Symmetry { pairs, midline, axis: 1, correlation: 0.9 }
 }
 
-/// A drag on the root link and a constant force at it, neither of which is there: both coefficients are truly zero. The drag's column comes from
-/// the noisy motion, as every column of an effect does.
+/// A drag on the root link and a constant force at it, neither of which acts: both true
+/// coefficients are zero. The drag's column comes from the noisy motion, like every effect column.
 fn effects(truth: &Truth, motion: &aloft_body::Motion) -> EffectColumns {
     let n = motion.n_frames();
     let place = |f: usize| Vector3::new(motion.q(f)[0], motion.q(f)[1], motion.q(f)[2]);
@@ -186,18 +191,20 @@ impl Counts {
     fn hits(&self) -> u32 {
         self.0.iter().map(|c| c.1).sum()
     }
-    /// Ends a set that began with so many hits: its own share.
+    /// Ends a set that began with `before` hits, and stores the set's own share.
     fn end_set(&mut self, before: u32) {
         if !self.0.is_empty() {
             self.1.push(f64::from(self.hits() - before) / self.0.len() as f64);
         }
     }
-    /// Standard error of the share: parameters of one set share their errors, sets do not.
+    /// Standard error of the share: parameters of one set have common errors, different sets are
+    /// independent.
     fn share_se(&self) -> f64 {
         let (n, mean) = (self.1.len() as f64, self.share());
         (self.1.iter().map(|s| (s - mean) * (s - mean)).sum::<f64>() / (n - 1.0) / n).sqrt()
     }
-    /// 93 to 97 % over all, and 85 to 99.5 % for each parameter, up to what the number of sets leaves to chance (three standard errors).
+    /// 93 to 97 % over all parameters, and 85 to 99.5 % for each, widened by three standard errors
+    /// for the number of sets.
     fn check(&self, what: &str) {
         let (share, margin) = (self.share(), 3.0 * self.share_se());
         assert!(share + margin >= 0.93 && share - margin <= 0.97, "{what}: {share:.3} ± {margin:.3}");
@@ -218,7 +225,8 @@ impl Counts {
         let [low, high] = self.range();
         let mut worst: Vec<&(String, u32, u32, f64)> = self.0.iter().collect();
         worst.sort_by_key(|c| c.1);
-        // beside the share the root mean square error in half-widths, about one half where all is normal
+        // reported next to the share: the root mean square error in half-widths, about one half for
+        // normal errors
         let named = |c: &&(String, u32, u32, f64)| {
             let n = f64::from(c.2);
             format!("{} {:.1} at {:.2}", c.0, 100.0 * f64::from(c.1) / n, (c.3 / n).sqrt())
@@ -316,7 +324,7 @@ fn validate_intervals_of_people() {
     for (soft_m, white, prior) in
         [(0.003, false, TABLE), (0.0, false, TABLE), (0.003, true, TABLE), (0.003, false, WIDE)]
     {
-        // a test run looks at the case that pipelines use; the others are for longer ones
+        // the default test run covers the case that pipelines use; the others are for longer runs
         if draws(0) == 0 && (white || soft_m == 0.0 || prior == WIDE) {
             continue;
         }
@@ -336,8 +344,8 @@ fn validate_intervals_of_people() {
     }
 }
 
-/// The marker residuals say how large the slides are, and slides that are twice as large make the part of the variance that repeats twice as large
-/// (as a standard error) whatever the number of flights.
+/// The marker residuals determine the size of the slides. Slides twice as large make the repeating
+/// part of the variance twice as large (as a standard error), whatever the number of flights.
 #[test]
 fn soft_tissue_widens_intervals_by_the_size_that_markers_show() {
     let truth = load("subject_a");

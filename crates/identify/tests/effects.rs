@@ -1,4 +1,5 @@
-//! Effect columns that the rows do not determine: zero, repeated, or made of the body's own columns. Nothing else may move.
+//! Effect columns that the rows do not determine: zero, repeated, or combinations of the body's own
+//! columns. No other result may change.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 #[path = "../../regressor/tests/common/mod.rs"]
@@ -15,15 +16,15 @@ use common::{Truth, load};
 use faer::Mat;
 use nalgebra::DVector;
 
-/// How a column that rows cannot determine is made.
+/// Kind of column that the rows cannot determine.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Hidden {
     Zero,
-    /// Rounding where there should be a zero.
+    /// Rounding error instead of exact zeros.
     NearlyZero,
-    /// Half of the effect that is in the model.
+    /// Half of an effect that is already in the model.
     Repeated,
-    /// That effect and some of the body.
+    /// That effect plus some of the body's columns.
     RepeatedWithBody,
     /// A combination of the body's columns.
     Body,
@@ -31,11 +32,11 @@ enum Hidden {
 
 const ALL: [Hidden; 5] = [Hidden::Zero, Hidden::NearlyZero, Hidden::Repeated, Hidden::RepeatedWithBody, Hidden::Body];
 
-/// Rows of the flights with the columns of effects: `true` stands for one that the rows determine, the others are hidden ones. A third of
-/// the flights passes for contact where asked for.
+/// Rows of the flights with effect columns: `None` is a column that the rows determine, `Some` a
+/// hidden one. A third of the flights is treated as contact if `contact` is true.
 fn factors(truth: &Truth, effects: &[Option<Hidden>], contact: bool) -> Vec<Factor> {
     let motion = truth.noisy(0.3e-3, 5);
-    // enough rows of a person's three flights for more than their parameters
+    // enough rows in a person's three flights to exceed the number of parameters
     let (window, hop) = if truth.base.len() > 50 { (0.25, 0.08) } else { (0.3, 0.25) };
     let options = WeakOptions { window_s: Some(window), hop, ..WeakOptions::default() };
     let wrench = vec![nalgebra::Vector6::zeros(); motion.n_frames()];
@@ -53,7 +54,7 @@ fn factors(truth: &Truth, effects: &[Option<Hidden>], contact: bool) -> Vec<Fact
             let dense = plain.dense();
             let (h, p) = (dense.nrows(), plain.n_parameters());
             let own = DVector::from_fn(h, |r, _| 1e-3 * (1.0 + (0.7 * (r + 13 * i) as f64).sin()));
-            // the mass column is no column of the fit: mass is known
+            // the mass column is not fitted, because the mass is known
             let mix = DVector::from_fn(p, |j, _| if j == 0 { 0.0 } else { 0.1 * (1.3 * j as f64).cos() });
             let body = dense.columns(0, p) * mix;
             let column = |kind: Option<Hidden>| match kind {
@@ -65,7 +66,7 @@ fn factors(truth: &Truth, effects: &[Option<Hidden>], contact: bool) -> Vec<Fact
                 Some(Hidden::Body) => body.clone(),
             };
             let k = effects.len();
-            // from the last row to the first, so that there is something to triangularise
+            // from the last row to the first, so that triangularisation has work to do
             let rows = Mat::from_fn(h, p + k + 1, |r, c| {
                 let r = h - 1 - r;
                 if c < p {
@@ -119,7 +120,8 @@ fn moved(a: &Parameters, b: &Parameters) -> f64 {
     all.into_iter().fold(0.0, f64::max)
 }
 
-/// Models with hidden columns in every place around the one that the rows determine (or none), and the place of that one.
+/// Models with hidden columns in every position around the determined one (or without one), and the
+/// position of that one.
 fn models() -> Vec<Vec<Option<Hidden>>> {
     let mut out = Vec::new();
     for kind in ALL {
@@ -129,7 +131,7 @@ fn models() -> Vec<Vec<Option<Hidden>>> {
             out.push(vec![Some(kind), None]);
             out.push(vec![Some(kind), Some(Hidden::Zero), None]);
         }
-        // what comes first in the model keeps its number; what repeats it has none
+        // an effect that comes first in the model is determined; one that repeats it is not
         out.push(vec![None, Some(kind)]);
         out.push(vec![None, Some(kind), Some(kind)]);
     }
@@ -138,7 +140,7 @@ fn models() -> Vec<Vec<Option<Hidden>>> {
 
 #[test]
 fn effects_that_rows_cannot_see_move_nothing() {
-    // rounding only: the figure is the largest over all cases, people with their prior included
+    // rounding error only: the largest over all cases, people with their prior included
     const BOUND: f64 = 1e-9;
     let mut worst = 0.0f64;
     for (name, estimators) in [
@@ -155,7 +157,7 @@ fn effects_that_rows_cannot_see_move_nothing() {
                     identify(&truth.model, &truth.base, factors, truth.mass(), Some(&prior), &options).unwrap()
                 };
                 let expected = [run(&plain[0]), run(&plain[1])];
-                // an effect that the rows do determine moves them by far more
+                // an effect that the rows do determine changes the results by far more
                 assert!(moved(&expected[0].parameters, &expected[1].parameters) > 1e4 * BOUND);
                 for model in models() {
                     let own = model.iter().position(Option::is_none);
@@ -181,7 +183,7 @@ fn effects_that_rows_cannot_see_move_nothing() {
                             }
                         }
                     }
-                    // what other stages compute with has a place for every column
+                    // the matrices for other stages have a place for every column
                     let width = truth.base.len() + model.len();
                     assert_eq!(found.covariance.nrows(), width, "{case}");
                     assert!(found.draws.iter().all(|d| d.len() == width), "{case}");
@@ -218,7 +220,7 @@ fn every_estimator_of_merged_rows_leaves_hidden_columns_out() {
         same(&mass_constrained(&all, truth.mass()).unwrap(), &mass_constrained(&merged, truth.mass()).unwrap());
         let of = |f: &Factor| point_estimate(f, truth.mass(), Some(&base_prior), regularized).unwrap();
         same(&of(&all), &of(&merged));
-        // the window's choice and the weight of contact do not notice them either
+        // the choice of window and the weight of contact do not change either
         let choice = |f: &[Factor]| {
             let candidates = [(0.3, f.to_vec()), (0.2, f.to_vec())];
             choose_window(&candidates, f, truth.mass(), None, aloft_identify::ClusterBy::Stretch).unwrap().tried[0]
@@ -229,7 +231,7 @@ fn every_estimator_of_merged_rows_leaves_hidden_columns_out() {
         let reduced = visible.reduce_all(&rows).unwrap();
         let weight = |f: &[Factor]| balanced(f, truth.mass(), None).unwrap().1.unwrap().contact_weight;
         assert!((weight(&reduced) - weight(&plain)).abs() < 1e-6 * weight(&plain), "{model:?}");
-        // unreduced rows are an error there, never a number
+        // unreduced rows cause an error there, never a number
         let links = aloft_identify::LinkOptions { row_variance: 1e-6, prior_weight: 1.0, divergence_weight: 0.3 };
         let raw = consistent_links(&all, &truth.base, truth.mass(), &prior, &links);
         let through = consistent_links(&visible.reduce(&all).unwrap(), &truth.base, truth.mass(), &prior, &links);
@@ -258,7 +260,8 @@ fn the_reason_names_what_a_column_repeats() {
     }
     let visible = Visible::among(&factors(&truth, &[Some(Hidden::Body)], false), false).unwrap();
     assert!(matches!(visible.why(0), Some(Unseen::Body(names)) if !names.is_empty()));
-    // of a locked hinge the rows show fewer of the body's columns; what an effect does there stays its own
+    // with a locked hinge the rows contain fewer of the body's columns; an effect there keeps its
+    // own column
     let mut rows = factors(&truth, &[None, Some(Hidden::Repeated)], false);
     rows.truncate(2);
     let few = Factor::merge(&rows).unwrap();
@@ -285,7 +288,7 @@ fn rows_of_a_locked_hinge_keep_the_effect() {
             let rows = Mat::from_fn(h, p + 2, |r, c| match c.cmp(&p) {
                 std::cmp::Ordering::Less => dense[(r, c)],
                 std::cmp::Ordering::Equal => own(r),
-                // the measured side: an effect of size 0.02 and the body of the truth
+                // measured side: an effect of size 0.02 and the true body
                 std::cmp::Ordering::Greater => (dense.columns(0, p) * truth.truth()).row(r)[0] + 0.02 * own(r),
             });
             let columns = Columns { parameters: plain.columns.parameters.clone(), effects: vec!["own.size".into()] };

@@ -1,4 +1,4 @@
-//! The gate: what motion added to the table decides, with every estimator.
+//! The gate decides by the information that motion added to the table, with every estimator.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 #[path = "../../regressor/tests/common/mod.rs"]
@@ -12,7 +12,7 @@ use aloft_identify::{
 use aloft_regressor::{Acting, Factor, WeakOptions, weak_factor};
 use common::{Truth, load};
 
-/// A prior beside the truth by about its own standard deviations.
+/// A prior that differs from the truth by about its own standard deviations.
 fn prior(truth: &Truth) -> LinkPrior {
     let links: Vec<LinkInertia> = truth
         .phi
@@ -50,7 +50,7 @@ const REGULARISED: Estimator = Estimator::Regularized { weight: None };
 fn validate_the_gate_turns_with_the_information_that_flights_add() {
     let truth = load("subject_a");
     let prior = prior(&truth);
-    // good recordings: one flight cannot show what it says of another, three do
+    // good recordings: one flight cannot be tested against another, three can
     let good = factors(&truth, &prior, 0.3e-3, 0.003);
     let mut removed = Vec::new();
     for n in 1..=good.len() {
@@ -60,7 +60,8 @@ fn validate_the_gate_turns_with_the_information_that_flights_add() {
     }
     assert_eq!(removed[0], (None, false));
     assert!(removed[2].1 && removed[2].0 > removed[1].0, "{removed:?}");
-    // markers that move by centimetres: the same flights add next to nothing, and the table's body is not a result
+    // with markers that move by centimetres the same flights add almost no information, and the
+    // table's body is not a result
     let mut last = 1.0;
     for (noise_m, soft_m, passes) in [(0.3e-3, 0.003, Some(true)), (2e-3, 0.02, None), (10e-3, 0.1, Some(false))] {
         let p = run(&truth, &prior, &factors(&truth, &prior, noise_m, soft_m), REGULARISED);
@@ -77,7 +78,7 @@ fn validate_the_gate_turns_with_the_information_that_flights_add() {
 
 #[test]
 fn every_estimator_is_judged_by_information() {
-    // estimators without a prior have too few rows for a person in three flights
+    // for estimators without a prior, three flights of a person give too few rows
     let truth = load("subject_a");
     let person = prior(&truth);
     let rows = factors(&truth, &person, 0.3e-3, 0.003);
@@ -90,7 +91,7 @@ fn every_estimator_is_judged_by_information() {
             assert!(p.information.is_some());
         }
     }
-    // and all that they need of a chain
+    // for a chain they give enough
     for name in ["chain_p", "chain_a"] {
         let truth = load(name);
         let object = prior(&truth);
@@ -120,7 +121,7 @@ fn what_motion_did_not_determine_is_from_the_table() {
     }
     assert!(p.links.iter().any(|l| l.from.words() == "from the table"));
     for l in &p.links {
-        // `seen` is that of the value that motion shows best
+        // `seen` is that of the best-determined value
         assert_eq!(l.from.words() == "from the table", l.seen == Seen::Hardly, "{}", l.name);
         assert_eq!(l.words.contains("from the table"), !l.from.from_table().is_empty(), "{}", l.words);
     }
@@ -128,12 +129,12 @@ fn what_motion_did_not_determine_is_from_the_table() {
     assert_eq!(json["base"][0]["from"], "scale");
     assert!(json["base"].as_array().unwrap().iter().any(|b| b["from"] == "table"));
     assert!(json["links"][0]["from"]["mass_kg"].is_string() && json["information"]["wrench"].is_number());
-    // without a table in the estimate there is nothing to fall back on
+    // without a table in the estimate there is no prior value to fall back on
     let options = IdentifyOptions { estimator: Estimator::MassConstrained, ..IdentifyOptions::default() };
     let free = identify(&truth.model, &truth.base, &rows, truth.mass(), None, &options).unwrap().parameters;
     assert!(free.base.iter().all(|b| b.from != Origin::Table));
     assert!(free.base.iter().any(|b| b.from == Origin::NotDetermined));
-    // a hinge that does not move: what nothing determines is never "± 0, well"
+    // a hinge that does not move: undetermined parameters are never reported as "± 0, well"
     let truth = load("chain_p");
     let mut locked = truth.motion.clone();
     locked.q.chunks_exact_mut(truth.model.nq).for_each(|q| q[7] = 0.1);
@@ -150,7 +151,7 @@ fn what_motion_did_not_determine_is_from_the_table() {
     for b in found.base.iter().skip(1) {
         assert!(b.from == Origin::NotDetermined || b.ci95.is_some_and(|c| c[1] - c[0] < 0.1), "{b:?}");
     }
-    // results of an earlier version do not claim an origin that nobody tested
+    // results of an earlier version do not claim an origin that was not tested
     let mut old = json;
     old["base"][5].as_object_mut().unwrap().remove("from");
     let read: Parameters = serde_json::from_value(old).unwrap();

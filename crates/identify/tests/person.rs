@@ -34,7 +34,7 @@ fn symmetry(truth: &Truth) -> Symmetry {
     Symmetry { pairs, midline, axis: 1, correlation: 0.9 }
 }
 
-/// A prior drawn around the truth with the spread that it states.
+/// A prior drawn around the truth with its stated spread.
 fn prior(truth: &Truth, seed: u64) -> LinkPrior {
     let sd = vec![PriorSd { mass_rel: 0.12, com_m: 0.02, radius_rel: 0.15 }; truth.phi.len()];
     let links: Vec<LinkInertia> = truth.phi.iter().map(LinkInertia::from_phi).collect();
@@ -68,8 +68,8 @@ fn weak_factors(truth: &Truth, prior: &LinkPrior, seed: u64, soft_m: f64, white:
         .collect()
 }
 
-/// Mean absolute force (N) and moment (N·m) by which parameters miss the wrench of other motion: postures of the recording with
-/// accelerations of every other frame's, which no flight held.
+/// Mean absolute error of the force (N) and moment (N·m) predicted for other motion: postures of
+/// the recording combined with accelerations of other frames, which no flight contains.
 fn wrench_error(truth: &Truth, x: &DVector<f64>) -> (f64, f64) {
     let difference = x - truth.truth();
     let recorded = truth.velocities().unwrap();
@@ -101,7 +101,7 @@ fn validate_three_flights_and_a_prior_find_the_person() {
         println!("soft tissue {soft_m} m, whitened {white}: prior {before:.2?}, identified {after:.2?} N, N·m");
         let gain = if soft_m > 0.0 { 0.3 } else { 0.1 };
         assert!(after.0 < gain * before.0 && after.1 < gain * before.1);
-        // noise alone: intervals cover the truth
+        // noise only: intervals cover the truth
         if soft_m == 0.0 && white {
             let covered = found
                 .parameters
@@ -134,7 +134,8 @@ fn links_are_consistent_keep_the_mass_and_the_base_parameters() {
         }
         let total: f64 = phi.iter().map(|p| p[0]).sum();
         assert!((total - truth.mass()).abs() < 1e-9);
-        // they explain the flights about as well as the base parameters, and other motion far better than the prior
+        // they explain the flights about as well as the base parameters do, and other motion far
+        // better than the prior
         let merged = Factor::merge(&factors).unwrap();
         let (free, held) = (p.base_values(), truth.base.regroup(&phi));
         let rms = |x: &DVector<f64>| (merged.sum_of_squares(x) / merged.n_rows as f64).sqrt();
@@ -224,7 +225,7 @@ fn advice_names_a_motion_that_helps() {
     println!("{}: {:.0} %", advice[0].motion, 100.0 * advice[0].gain);
     assert!(advice[0].gain > 0.0);
     assert!(advice.windows(2).all(|w| w[0].gain >= w[1].gain));
-    // the motion that it names moves a link that is hardly seen
+    // the recommended motion moves a link that is hardly observed
     let worst = &advice[0].link;
     let seen = found.parameters.base.iter().filter(|b| b.name.starts_with(worst.as_str())).map(|b| b.seen).max();
     assert!(seen == Some(Seen::Hardly) || seen == Some(Seen::Partly), "{worst} {seen:?}");
@@ -249,7 +250,7 @@ fn a_prior_states_the_spread_it_was_given() {
         |p: &LinkPrior, a: usize, b: usize| p.covariance[(a, b)] / (p.covariance[(a, a)] * p.covariance[(b, b)]).sqrt();
     assert!((correlation(&mirrored, 10 * i, 10 * j) - 0.9).abs() < 1e-9);
     assert!(correlation(&plain, 10 * i, 10 * j).abs() < 1e-12);
-    // lateral first moments of mirrored limbs vary against each other
+    // lateral first moments of mirrored limbs are negatively correlated
     assert!(correlation(&mirrored, 10 * i + 2, 10 * j + 2) < -0.5);
     assert!(LinkPrior::new(&links, &sd[..3], None).is_err());
     let twice = Symmetry { pairs: vec![(1, 1)], midline: vec![], axis: 1, correlation: 0.5 };

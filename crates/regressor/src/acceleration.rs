@@ -1,7 +1,7 @@
-//! The paper's rows: six a frame from filtered accelerations, in root axes about the root origin.
+//! The paper's rows: six per frame from filtered accelerations, in root axes about the root origin.
 //!
 //! `Y_O(q, q̇, q̈) φ = F_ext` (Ayusawa, Venture, Nakamura 2010, eqs. 5 and 6), regrouped to base parameters.
-//! Flow: filtered `Motion` and flights in, one [`Factor`] per stretch out.
+//! Input: filtered `Motion` and flights; output: one [`Factor`] per stretch.
 
 use crate::stretch::Acting;
 use crate::weak::check_base;
@@ -12,11 +12,12 @@ use nalgebra::{DMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 use std::array::from_fn;
 
-/// How acceleration rows are formed.
+/// Options of acceleration rows.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AccelerationOptions {
-    /// Time left out at both ends of a stretch, s: the filter carries contact forces that far into a flight.
+    /// Time excluded at both ends of a stretch, s: the filter spreads contact forces that far into
+    /// a flight.
     pub margin_s: f64,
     /// Weight of the three force rows, 1/N.
     pub force_weight: f64,
@@ -25,7 +26,8 @@ pub struct AccelerationOptions {
 }
 
 impl Default for AccelerationOptions {
-    /// 70 ms margins (the support of a third-order 10 Hz zero-phase filter), newtons and newton-metres alike as in the paper.
+    /// 70 ms margins (the support of a third-order 10 Hz zero-phase filter), newtons and newton
+    /// metres with equal weight as in the paper.
     fn default() -> Self {
         Self { margin_s: 0.07, force_weight: 1.0, moment_weight: 1.0 }
     }
@@ -81,10 +83,10 @@ pub fn acceleration_factor(
     let mut lanes = vec![[0.0; LANES]; 6 * p];
     let mut state = State::new(model);
     let acts = acting.effects.is_some() || stretch.kind != StretchKind::Flight;
-    // the rows of a batch stand axis by axis: R does not depend on their order
+    // the rows of a batch are ordered by axis: R does not depend on their order
     for (b, group) in frames.chunks(LANES).enumerate() {
         let (first, width) = (6 * LANES * b, group.len());
-        // the last frame fills the lanes that the last batch leaves
+        // the last frame fills the unused lanes of the last batch
         let frame = |lane: usize| group[lane.min(width - 1)];
         batch.forward_acceleration(
             model,
@@ -132,7 +134,8 @@ pub fn acceleration_factor(
     Factor::from_rows(stretch, RowKind::Acceleration, columns, rows.as_ref())
 }
 
-/// Scratch that turns one frame into its 6 × n_base rows without allocating; [`FrameBatch`] does eight at a time, faster.
+/// Workspace that computes the 6 × n_base rows of one frame without allocating; [`FrameBatch`] does
+/// eight frames at a time, faster.
 #[derive(Debug, Clone)]
 pub struct AccelerationRows<'a> {
     model: &'a Model,
@@ -142,7 +145,7 @@ pub struct AccelerationRows<'a> {
 }
 
 impl<'a> AccelerationRows<'a> {
-    /// Scratch for one model.
+    /// Workspace for one model.
     pub fn new(model: &'a Model, base: &'a BaseParameters) -> Self {
         Self { model, base, state: State::new(model), rows: DMatrix::zeros(6, base.len()) }
     }
@@ -152,7 +155,8 @@ impl<'a> AccelerationRows<'a> {
         self.state.base_wrench_rows(self.model, self.base, &mut self.rows);
         &self.rows
     }
-    /// Pose of the root in the world, of the frame that [`AccelerationRows::base_rows`] was called for last.
+    /// Pose of the root in the world, for the frame of the last call of
+    /// [`AccelerationRows::base_rows`].
     pub fn world_from_root(&self) -> &nalgebra::Isometry3<f64> {
         &self.state.world_from_link[0]
     }

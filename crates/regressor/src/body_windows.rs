@@ -1,7 +1,9 @@
-//! Weak rows of one body with known parameters: the wrench that it needs, window by window, without its 128 columns.
+//! Weak rows of one body with known parameters: the wrench that its motion requires, window by
+//! window, without the columns of the base parameters.
 //!
-//! The same sums as in [`crate::weak`], with C, P and H of the whole body in place of those of each base parameter. Where only the wrench of one
-//! model is wanted (errors drawn again and again for the floor of a comparison) this costs a tenth.
+//! The same sums as in [`crate::weak`], with C, P and H of the whole body in place of those of each
+//! base parameter. If only the wrench of one model is needed (repeated draws of errors for the
+//! noise floor of a comparison) this takes a tenth of the time.
 
 use crate::stretch::Acting;
 use crate::test_function::{TestFunction, window_centers};
@@ -10,7 +12,8 @@ use crate::{RegressorError, Stretch, WeakOptions};
 use aloft_body::{Model, Motion, Phi, State};
 use nalgebra::{SMatrix, Vector3, Vector6};
 
-/// Mean wrench `∫ψ w dt / ∫ψ dt` that a body needs beyond gravity and what was measured, in the windows of a stretch.
+/// Mean wrench `∫ψ w dt / ∫ψ dt` required by the motion of a body beyond gravity and the measured
+/// wrench, in the windows of a stretch.
 #[derive(Debug, Clone, Default)]
 pub struct BodyWindows {
     /// Frame at the centre of each window.
@@ -21,11 +24,12 @@ pub struct BodyWindows {
     pub path: Vec<Vector3<f64>>,
 }
 
-/// Windows of one stretch, placed as [`weak_rows`](crate::weak_rows) places them; none where the stretch is too short. `phi` are the links'
-/// parameters, `prior` gives the moment origin. Effects of `acting` are left out.
+/// Windows of one stretch, placed as by [`weak_rows`](crate::weak_rows); none if the stretch is too
+/// short. `phi` are the links' parameters, `prior` gives the moment origin. Effects of `acting` are
+/// ignored.
 ///
 /// # Errors
-/// As [`weak_rows`](crate::weak_rows) for a stretch or a wrench that does not fit the motion.
+/// As [`weak_rows`](crate::weak_rows), for a stretch or a wrench that does not fit the motion.
 pub fn body_windows(
     model: &Model,
     phi: &[Phi],

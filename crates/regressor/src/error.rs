@@ -1,4 +1,4 @@
-//! What can be wrong with a stretch of motion or with factors that are to be merged.
+//! Errors of this crate.
 
 /// Errors of this crate.
 #[derive(Debug, thiserror::Error)]

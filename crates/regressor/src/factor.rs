@@ -1,10 +1,12 @@
-//! The hinge of the whole program: one small upper triangle per flight or contact phase.
+//! The data structure shared by all estimators: one small upper triangle per flight or contact
+//! phase.
 //!
-//! Rows read `Y φ_B − E θ = w`, with base parameters φ_B, effect coefficients θ and measured wrench w. A factor is the
-//! R of a QR factorisation of `[Y | −E | w]`, so that `‖Y φ_B − E θ − w‖ = ‖R [φ_B; θ; −1]‖` for every φ_B and θ: all
-//! estimates, comparisons of effects, and resampling work on R and never on frames again. Factors of many flights
-//! stack: the R of stacked R's is the R of all rows. Diagonals are made non-negative, which makes R unique where the
-//! rows have full rank, whatever the order of merging.
+//! Rows read `Y φ_B − E θ = w`, with base parameters φ_B, effect coefficients θ and measured wrench
+//! w. A factor is the R of a QR factorisation of `[Y | −E | w]`, so that `‖Y φ_B − E θ − w‖ = ‖R
+//! [φ_B; θ; −1]‖` for every φ_B and θ: all estimates, comparisons of effects, and resampling use R
+//! and never need the frames again. Factors of many flights stack: the R of stacked R's is the R of
+//! all rows. Diagonals are made non-negative, which makes R unique if the rows have full rank, for
+//! any order of merging.
 
 use crate::triangle::Triangle;
 use crate::{RegressorError, Stretch, StretchKind};
@@ -13,13 +15,13 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Where the rows of a factor come from.
+/// Origin of a factor's rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RowKind {
-    /// Six rows a frame from accelerations (the paper).
+    /// Six rows per frame from accelerations (the paper).
     Acceleration,
-    /// Six rows a window from momentum and first moment.
+    /// Six rows per window from momentum and first moment.
     Weak,
     /// Rows of a prior.
     Prior,
@@ -35,11 +37,11 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// All columns, the measured one included.
+    /// Number of all columns, including the measured one.
     pub fn len(&self) -> usize {
         self.parameters.len() + self.effects.len() + 1
     }
-    /// Never true: the measured column is always there.
+    /// Always false: the measured column is always present.
     pub fn is_empty(&self) -> bool {
         false
     }
@@ -56,19 +58,19 @@ pub struct Factor {
     pub trial: String,
     /// Index of the stretch in its trial (0 after merging).
     pub stretch: usize,
-    /// What acted there.
+    /// Kind of the stretch.
     pub kind: StretchKind,
     /// How the rows were formed.
     pub rows: RowKind,
     /// Columns.
     pub columns: Columns,
-    /// Rows that went in.
+    /// Number of rows before factorisation.
     pub n_rows: usize,
     /// Packed row by row: row `i` holds the columns `i ..`.
     packed: Vec<f64>,
 }
 
-/// A factor as it comes from a file, before its length is checked.
+/// A factor read from a file, before its length is checked.
 #[derive(Deserialize)]
 struct StoredFactor {
     trial: String,
@@ -93,7 +95,8 @@ impl Factor {
     /// Factor of dense rows `[Y | −E | w]`.
     ///
     /// # Errors
-    /// [`RegressorError::Numeric`] when a row is not finite, [`RegressorError::Length`] when columns do not fit.
+    /// [`RegressorError::Numeric`] if a row is not finite, [`RegressorError::Length`] if columns do
+    /// not fit.
     pub fn from_rows(
         stretch: &Stretch,
         rows: RowKind,
@@ -128,10 +131,10 @@ impl Factor {
         Ok(factor)
     }
 
-    /// A factor from its parts, as stored by a cache: `values` is what [`Factor::values`] gave.
+    /// A factor from its parts, as stored by a cache: `values` is the result of [`Factor::values`].
     ///
     /// # Errors
-    /// [`RegressorError::Length`] when the number of values is not that of an upper trapezoid.
+    /// [`RegressorError::Length`] if the number of values is not that of an upper trapezoid.
     pub fn from_values(
         stretch: &Stretch,
         rows: RowKind,
@@ -159,7 +162,7 @@ impl Factor {
         &self.packed
     }
 
-    /// Rows of the trapezoid: `min(n_rows, columns)`.
+    /// Number of rows of the trapezoid: `min(n_rows, columns)`.
     pub fn height(&self) -> usize {
         self.n_rows.min(self.columns.len())
     }
@@ -186,7 +189,7 @@ impl Factor {
         out
     }
 
-    /// The stretch that this factor is of (frames are not kept).
+    /// The stretch of this factor (frames are not stored).
     pub fn as_stretch(&self) -> Stretch {
         Stretch { trial: self.trial.clone(), index: self.stretch, kind: self.kind, first_frame: 0, end_frame: 0 }
     }
@@ -211,10 +214,10 @@ impl Factor {
         out
     }
 
-    /// The same rows with only some of the effect columns, in the order asked for.
+    /// The same rows with only some of the effect columns, in the given order.
     ///
     /// # Errors
-    /// [`RegressorError::Columns`] for an effect that the factor does not hold.
+    /// [`RegressorError::Columns`] for an effect that is not among the factor's columns.
     pub fn with_effects(&self, effects: &[&str]) -> Result<Self, RegressorError> {
         let p = self.n_parameters();
         let mut picked: Vec<usize> = (0..p).collect();
@@ -254,8 +257,9 @@ impl Factor {
         })
     }
 
-    /// Merges factors with the same columns over a binary tree that depends on their order alone, so that the result
-    /// is the same on any number of threads, and the same to rounding in any order.
+    /// Merges factors with the same columns over a binary tree that depends only on their order, so
+    /// that the result is identical for any number of threads, and equal within rounding for any
+    /// order.
     ///
     /// # Errors
     /// [`RegressorError::Empty`] without factors, [`RegressorError::Columns`] when columns differ.
@@ -264,7 +268,7 @@ impl Factor {
         Self::merge_refs(&all)
     }
 
-    /// [`Factor::merge`] for factors that live elsewhere.
+    /// [`Factor::merge`] for borrowed factors.
     ///
     /// # Errors
     /// As [`Factor::merge`].
@@ -298,8 +302,8 @@ impl Factor {
     }
 }
 
-/// Calls `each(i, all but factor i)` for every factor, in parallel and without going back to the rows: what lies before and
-/// what lies behind is merged once (3 n merges in all).
+/// Calls `each(i, all but factor i)` for every factor, in parallel and without the original rows:
+/// the factors before and after each one are merged only once (3 n merges in all).
 ///
 /// # Errors
 /// As [`Factor::merge`]; [`RegressorError::Empty`] for fewer than two factors.
@@ -311,8 +315,9 @@ pub fn leave_one_out<T: Send>(
     leave_group_out(factors, &groups, each)
 }
 
-/// As [`leave_one_out`], leaving out all factors of a group (a trial) at once: `group_of[i]` numbers the group of factor `i` from zero;
-/// `each` is called once for every group that has factors, in the order of group numbers.
+/// As [`leave_one_out`], leaving out all factors of a group (a trial) at once: `group_of[i]` is the
+/// number of factor `i`'s group, from zero; `each` is called once for every group that has factors,
+/// in the order of group numbers.
 ///
 /// # Errors
 /// As [`Factor::merge`]; [`RegressorError::Empty`] for fewer than two groups.
@@ -340,7 +345,7 @@ pub fn leave_group_out<T: Send>(
     for i in 1..n - 1 {
         before.push(merge_pair(&before[i - 1], &merged[i].1));
     }
-    // the suffixes are walked backwards in blocks, so that only the prefixes are all kept
+    // the suffixes are computed backwards in blocks, so that only the prefixes are all stored
     let mut out: Vec<Option<T>> = (0..n).map(|_| None).collect();
     let block = 64;
     let mut behind: Option<Factor> = None;
@@ -376,7 +381,8 @@ pub fn leave_group_out<T: Send>(
     Ok(out.into_iter().flatten().collect())
 }
 
-/// Leaves of up to eight factors go into one factorisation; above them a binary tree by position.
+/// Up to eight factors are merged in one factorisation as leaves; above them is a binary tree by
+/// position.
 fn merge_tree(factors: &[&Factor]) -> Factor {
     if factors.len() <= 8 {
         return stack(factors);
@@ -441,7 +447,8 @@ fn packed_triangle(matrix: MatRef<'_, f64>) -> Vec<f64> {
     plain_triangle(matrix)
 }
 
-/// [`packed_triangle`] by the library's QR: for fewer rows than columns, and beside the other in tests.
+/// [`packed_triangle`] by the library's QR: for fewer rows than columns, and as a reference in
+/// tests.
 fn plain_triangle(matrix: MatRef<'_, f64>) -> Vec<f64> {
     let (m, n) = (matrix.nrows(), matrix.ncols());
     let kept = m.min(n);

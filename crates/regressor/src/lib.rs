@@ -1,11 +1,13 @@
-//! Rows and factors: what one flight says about the parameters.
+//! Rows and factors: the information about the parameters in one flight.
 //!
-//! Everything a flight can say is linear in the base parameters φ_B and in the coefficients θ of candidate effects.
-//! This crate turns the motion of one flight (or of one contact phase with plates) into such rows, either the paper's
-//! from accelerations ([`acceleration_factor`]) or weak ones from momentum ([`weak_factor`]), and keeps of them only the
-//! upper triangle of a QR factorisation, a [`Factor`]. Estimation, resampling, leaving out and adding work on factors.
+//! The equations of motion of a flight are linear in the base parameters φ_B and in the
+//! coefficients θ of candidate effects. This crate computes the rows of these equations from the
+//! motion of one flight (or of one contact phase with plates), either the paper's from
+//! accelerations ([`acceleration_factor`]) or weak ones from momentum ([`weak_factor`]), and keeps
+//! only the upper triangle of a QR factorisation, a [`Factor`]. Estimation, resampling, leaving out
+//! and adding use factors.
 //!
-//! Stands between `flight` and `identify`.
+//! Uses the results of `flight` and is used by `identify`.
 
 pub mod acceleration;
 mod body_windows;

@@ -1,10 +1,12 @@
 //! Covariance of weak rows from the noise of markers or coordinates, and whitening with it.
 //!
-//! A row is, to first order, linear in the errors δq of every frame that its window covers: through C(q) with ψ̈, through H(q, q̇) with ψ̇ and
-//! the weights of the central differences. Overlapping windows share frames, so their rows are correlated; with white errors of
-//! constant size this is the Gram matrix of ψ̈. Here the sensitivities `∂(Cφ)/∂q`, `∂(Hφ)/∂q`, `∂(Hφ)/∂q̇` of the prior body are propagated frame by
-//! frame together with errors that fade slowly (soft tissue), and the rows multiplied by the inverse Cholesky factor. The
-//! covariance comes from the prior and the noise alone, never from residuals; even so, ranking of effects should use fixed weights.
+//! To first order a row is linear in the errors δq of every frame that its window covers: through
+//! C(q) with ψ̈, through H(q, q̇) with ψ̇ and the weights of the central differences. Overlapping
+//! windows share frames, so their rows are correlated; with white errors of constant size this is
+//! the Gram matrix of ψ̈. Here the sensitivities `∂(Cφ)/∂q`, `∂(Hφ)/∂q`, `∂(Hφ)/∂q̇` of the prior
+//! body are propagated frame by frame together with slowly decaying errors (soft tissue), and the
+//! rows are multiplied by the inverse Cholesky factor. The covariance depends only on the prior and
+//! the noise, never on residuals; even so, ranking of effects should use fixed weights.
 
 use crate::body_windows::moments;
 use crate::weak::{CENTRAL, Velocity, WeakRows};
@@ -15,7 +17,7 @@ use faer::linalg::solvers::Solve;
 use nalgebra::{DMatrix, SMatrix, Vector3};
 use rayon::prelude::*;
 
-/// Coordinates that move the markers by less than this lever (m per rad) count as not seen.
+/// Coordinates that move the markers by less than this lever (m per rad) count as unobserved.
 const UNSEEN_LEVER_M: f64 = 1e-3;
 
 /// Errors of the coordinates in one frame.
@@ -27,9 +29,10 @@ pub enum CoordinateNoise<'a> {
     FromMotion,
     /// The same for every frame: a root L (nv × nv) of the coordinates' covariance L Lᵀ.
     Root(&'a DMatrix<f64>),
-    /// Propagated from markers through least-squares inverse kinematics: `sd² (Σ JᵀJ)⁻¹` over the markers, all seen.
+    /// Propagated from markers through least-squares inverse kinematics: `sd² (Σ JᵀJ)⁻¹` over the
+    /// markers, all of them visible.
     Markers {
-        /// Markers and the links that carry them; a weight of zero leaves one out.
+        /// Markers and the links that carry them; a marker with zero weight is left out.
         markers: &'a [ModelMarker],
         /// Standard deviation of a marker coordinate, m.
         sd_m: f64,
@@ -39,11 +42,12 @@ pub enum CoordinateNoise<'a> {
 /// Noise of a recording.
 #[derive(Debug, Clone, Copy)]
 pub struct Noise<'a> {
-    /// White part, frame by frame.
+    /// White part, independent in every frame.
     pub coordinates: CoordinateNoise<'a>,
-    /// Slow part with the same covariance in space, as a multiple of the white standard deviation (0 for none): soft tissue.
+    /// Slow part with the same spatial covariance, as a multiple of the white standard deviation (0
+    /// for none): soft tissue.
     pub slow: f64,
-    /// Time in which the slow part fades to 1/e, s.
+    /// Time constant with which the slow part decays to 1/e, s.
     pub slow_time_s: f64,
 }
 
@@ -54,14 +58,15 @@ impl<'a> Noise<'a> {
     }
 }
 
-/// Share of the mean variance added to every row, so that near-copies among windows do not blow up rounding.
+/// Share of the mean variance added to every row, so that nearly identical windows do not amplify
+/// rounding errors.
 const FLOOR: f64 = 1e-6;
 
 /// Covariance of the unweighted rows, (6 windows)².
 ///
 /// # Errors
-/// [`RegressorError::Length`] when standard deviations do not fit the model, [`RegressorError::Numeric`] when markers leave the
-/// coordinates undetermined.
+/// [`RegressorError::Length`] if standard deviations do not fit the model,
+/// [`RegressorError::Numeric`] if markers leave the coordinates undetermined.
 pub(crate) fn row_covariance(
     model: &Model,
     prior: &[Phi],
@@ -117,7 +122,7 @@ pub(crate) fn row_covariance(
             }
         }
     }
-    // errors of unit variance: every frame's block times the root of its covariance
+    // errors of unit variance: multiply every frame's block by the root of its covariance
     let mut whitened = Mat::<f64>::zeros(sensitivity.nrows(), sensitivity.ncols());
     for (f, frame) in frames.iter().enumerate() {
         let Some(frame) = frame else { continue };
@@ -133,7 +138,8 @@ pub(crate) fn row_covariance(
     Ok(covariance)
 }
 
-/// Multiplies the rows by the inverse Cholesky factor of their covariance: what remains has unit variance and no correlation.
+/// Multiplies the rows by the inverse Cholesky factor of their covariance: the result has unit
+/// variance and no correlation.
 pub(crate) fn whiten(
     model: &Model,
     prior: &[Phi],
@@ -144,7 +150,7 @@ pub(crate) fn whiten(
 ) -> Result<(), RegressorError> {
     let mut covariance = row_covariance(model, prior, motion, stretch, rows, noise)?;
     let n = covariance.nrows();
-    // the floor is taken for forces and moments apart: their units differ
+    // separate floors for forces and moments, because their units differ
     for part in 0..2 {
         let of_part = |i: &usize| (i % 6) / 3 == part;
         let mean = (0..n).filter(of_part).map(|i| covariance[(i, i)]).sum::<f64>() / (n / 2).max(1) as f64;
@@ -182,7 +188,7 @@ fn check_noise(model: &Model, motion: &Motion, noise: &CoordinateNoise<'_>) -> R
     })
 }
 
-/// Exponential fading in time over blocks of `nv` columns: `out_i = Σ_j a^|i−j| x_j`.
+/// Exponential decay in time over blocks of `nv` columns: `out_i = Σ_j a^|i−j| x_j`.
 fn fade(x: &Mat<f64>, nv: usize, a: f64) -> Mat<f64> {
     let n = x.ncols() / nv.max(1);
     let mut forward = x.clone();
@@ -204,16 +210,17 @@ fn fade(x: &Mat<f64>, nv: usize, a: f64) -> Mat<f64> {
     forward + backward - x
 }
 
-/// What errors in one frame do to the prior body's first moment and momentum about a fixed point.
+/// Sensitivities of the prior body's first moment and momentum about a fixed point to errors in one
+/// frame.
 struct FrameNoise {
-    /// By δq: rows C, P, H.
+    /// With respect to δq: rows C, P, H.
     by_q: DMatrix<f64>,
-    /// By δq̇: rows P, H.
+    /// With respect to δq̇: rows P, H.
     by_v: DMatrix<f64>,
     /// Root of the covariance of δq, nv × nv.
     root: Mat<f64>,
     fixed: Vector3<f64>,
-    /// Frames on each side that the velocity uses.
+    /// Number of frames on each side used for the velocity.
     reach: usize,
 }
 
@@ -230,7 +237,7 @@ impl FrameNoise {
         let nv = model.nv;
         let mut state = State::new(model);
         let q = motion.q(frame);
-        // the run of valid frames around this one bounds the reach of the central difference
+        // the run of valid frames around this one limits the reach of the central difference
         let seen = |k: usize| {
             (1..=k).all(|j| {
                 frame >= first + j && frame + j < end && motion.is_valid(frame - j) && motion.is_valid(frame + j)
@@ -259,8 +266,8 @@ impl FrameNoise {
             by_v.set_column(c, &moments(&state, prior, &fixed).fixed_rows::<6>(3));
             direction[c] = 0.0;
         }
-        // velocities are those of the moving axes, so an error δ of a rotation also turns them: δω = δ̇ + ω × δ, and for the root's path,
-        // differenced in the world, δv = δ̇ + ω × δ + v × δθ
+        // velocities refer to moving axes, so an error δ of a rotation also rotates them: δω = δ̇ +
+        // ω × δ, and for the root's path, differentiated in the world, δv = δ̇ + ω × δ + v × δθ
         for link in &model.links {
             let first = link.joint.v_offset;
             let cross = |at: usize| Vector3::new(v[at], v[at + 1], v[at + 2]).cross_matrix();
@@ -283,8 +290,8 @@ impl FrameNoise {
 
 /// Root L of the covariance LLᵀ of the coordinates' errors in one frame, nv × nv. `state` must hold the poses of the frame.
 ///
-/// # Errors
-/// [`RegressorError::Length`] when standard deviations do not fit the model, [`RegressorError::Numeric`] when one is negative or not finite.
+/// [`RegressorError::Length`] if standard deviations do not fit the model,
+/// [`RegressorError::Numeric`] if one is negative or not finite.
 pub fn coordinate_root(
     model: &Model,
     motion: &Motion,
@@ -317,7 +324,8 @@ pub fn coordinate_root(
                 state.point_jacobian(model, marker.link, &marker.position_m, &mut jacobian);
                 information.gemm_tr(1.0, &jacobian, &jacobian, 1.0);
             }
-            // inverse kinematics leaves a coordinate that no marker sees where it is, instead of moving it with the noise
+            // inverse kinematics leaves a coordinate that no marker determines at its value, so
+            // noise does not move it
             let (mut damped, mut seen) = (information.clone(), information);
             for i in 0..nv {
                 damped[(i, i)] += UNSEEN_LEVER_M * UNSEEN_LEVER_M;

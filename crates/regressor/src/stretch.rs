@@ -1,15 +1,16 @@
-//! A stretch of frames that gives rows: a flight, or a contact phase whose wrench plates measured; and what acts there.
+//! A stretch of frames from which rows are formed: a flight, or a contact phase with a wrench
+//! measured by plates; and the forces acting in it.
 
 use crate::RegressorError;
 use aloft_body::{Model, Motion};
 use nalgebra::{DMatrix, Vector6};
 use serde::{Deserialize, Serialize};
 
-/// What acts on the body during a stretch.
+/// Forces that act on the body during a stretch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StretchKind {
-    /// Gravity alone.
+    /// Gravity only.
     Flight,
     /// Gravity and a measured wrench (the paper's eq. 6).
     Contact,
@@ -17,14 +18,14 @@ pub enum StretchKind {
     Merged,
 }
 
-/// Frames `first_frame .. end_frame` (the end is not part of it) of one trial.
+/// Frames `first_frame .. end_frame` (end not included) of one trial.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stretch {
     /// Name of the trial.
     pub trial: String,
     /// Index of the stretch in its trial, from zero.
     pub index: usize,
-    /// What acts there.
+    /// Kind of the stretch.
     pub kind: StretchKind,
     /// First frame.
     pub first_frame: usize,
@@ -109,18 +110,19 @@ impl EffectColumns {
     }
 }
 
-/// What acts on the body beside gravity, frame by frame.
+/// Forces on the body other than gravity, frame by frame.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Acting<'a> {
-    /// Wrench that plates measured, at the frames of the motion: world force (N) and moment about the world origin
-    /// (N·m) on the body. Needed for contact stretches, ignored in flights. NaN frames give no rows.
+    /// Wrench measured by the plates, at the frames of the motion: world force (N) and moment about
+    /// the world origin (N·m) on the body. Required for contact stretches, ignored in flights. NaN
+    /// frames give no rows.
     pub measured: Option<&'a [Vector6<f64>]>,
     /// Columns of candidate effects.
     pub effects: Option<&'a EffectColumns>,
 }
 
 impl Acting<'_> {
-    /// Gravity alone.
+    /// Gravity only.
     pub fn nothing() -> Self {
         Self::default()
     }

@@ -1,9 +1,11 @@
-//! Test functions of the weak rows: ψ(τ) = (1 − τ²)^p on a window, sampled, with quadrature that is exact where it matters.
+//! Test functions of the weak rows: ψ(τ) = (1 − τ²)^p on a window, sampled, with quadrature that is
+//! exact for low polynomials.
 //!
-//! Sums stand for integrals. For the sampled ψ̇ and ψ̈ small corrections (a smooth bump times a low polynomial, of minimal
-//! degree) make summation by parts exact for polynomials in time up to the fourth degree:
-//! `Σ ψ̇ tᵏ = −k Σ ψ tᵏ⁻¹` and `Σ ψ̈ tᵏ = k (k−1) Σ ψ tᵏ⁻²`. So a body in ballistic flight gives rows of exact zeros,
-//! whatever the place of the world's origin; without them Σψ̈ ≠ 0 feigns a first moment.
+//! Integrals are replaced by sums. Small corrections of the sampled ψ̇ and ψ̈ (a smooth bump times
+//! a low polynomial, of minimal degree) make summation by parts exact for polynomials in time up to
+//! the fourth degree: `Σ ψ̇ tᵏ = −k Σ ψ tᵏ⁻¹` and `Σ ψ̈ tᵏ = k (k−1) Σ ψ tᵏ⁻²`. A body in ballistic
+//! flight therefore gives rows of exact zeros, for any position of the world origin; without the
+//! corrections Σψ̈ ≠ 0 would cause an apparent first moment.
 
 use crate::RegressorError;
 use nalgebra::{DMatrix, DVector};
@@ -11,7 +13,8 @@ use nalgebra::{DMatrix, DVector};
 /// ψ, ψ̇ and ψ̈ at the frames of a window, times the frame interval (so that sums are integrals).
 #[derive(Debug, Clone, PartialEq)]
 pub struct TestFunction {
-    /// Frames on each side of the centre; the window has `2 half + 1` frames and ψ vanishes one frame outside of it.
+    /// Frames on each side of the centre; the window has `2 half + 1` frames and ψ is zero one
+    /// frame outside it.
     pub half: usize,
     /// Frame interval, s.
     pub step_s: f64,
@@ -30,8 +33,9 @@ impl TestFunction {
     /// Samples ψ = (1 − τ²)^power over `2 half + 1` frames at `rate_hz`.
     ///
     /// # Errors
-    /// [`RegressorError::Option`] for a power below 3 (its second derivative jumps at the ends) or above 12, for less than
-    /// [`MIN_HALF_WINDOW`] frames a side, and for a rate that is not positive.
+    /// [`RegressorError::Option`] for a power below 3 (its second derivative jumps at the ends) or
+    /// above 12, for fewer than [`MIN_HALF_WINDOW`] frames on each side, and for a rate that is not
+    /// positive.
     pub fn new(half: usize, power: u32, rate_hz: f64) -> Result<Self, RegressorError> {
         if !(3..=12).contains(&power) {
             return Err(RegressorError::Option { option: "power", problem: format!("{power} is not within 3 to 12") });
@@ -64,7 +68,7 @@ impl TestFunction {
         Ok(Self { half, step_s, psi, psi_dot, psi_ddot })
     }
 
-    /// Frames of the window.
+    /// Number of frames in the window.
     pub fn n_frames(&self) -> usize {
         2 * self.half + 1
     }
@@ -88,7 +92,7 @@ fn correct(weights: &mut [f64], taus: &[f64], power: i32, wanted: &[(i32, f64)])
     let sum = |k: i32, w: &[f64]| -> f64 { taus.iter().zip(w).map(|(x, b)| b * x.powi(k)).sum() };
     let n = wanted.len();
     let matrix = DMatrix::from_fn(n, n, |i, j| sum(wanted[i].0 + wanted[j].0, &bump));
-    // twice: the second pass removes what rounding left
+    // twice: the second pass removes rounding errors
     for _ in 0..2 {
         let missing = DVector::from_fn(n, |i, _| wanted[i].1 - sum(wanted[i].0, weights));
         if let Some(c) = matrix.clone().lu().solve(&missing) {
@@ -99,8 +103,9 @@ fn correct(weights: &mut [f64], taus: &[f64], power: i32, wanted: &[(i32, f64)])
     }
 }
 
-/// Centres of a family of windows over the frames `start .. end` of a run: as many as needed for steps of at most `hop` frames,
-/// spread evenly, the first and last touching the ends. Empty when the run is shorter than the window.
+/// Centres of windows over the frames `start .. end` of a run: as many as needed for steps of at
+/// most `hop` frames, evenly spaced, with the first and last window touching the ends. Empty if the
+/// run is shorter than the window.
 pub(crate) fn window_centers(start: usize, end: usize, half: usize, hop: usize) -> Vec<usize> {
     let length = end.saturating_sub(start);
     if length < 2 * half + 1 {

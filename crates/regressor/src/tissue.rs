@@ -1,13 +1,17 @@
 //! Soft tissue as a random effect: the errors of weak rows that repeat from flight to flight.
 //!
-//! Skin slides over bone by an amount that follows the joint angles, so the same posture gives the same marker error in every flight, and
-//! no resampling of flights shows it. Here the slide of each marker is a random linear function of the angles of its own joint and of the
-//! nearest joint further out, `d = B (a(q) − ā)`, with independent normal entries in B. A number of realisations of B, the same for all
-//! recordings of a model, goes through least-squares inverse kinematics to first order, and through the rows of the prior body. The rows
-//! themselves are not kept: identification needs `Aᵀ D` alone, with the weighted rows A and the errors D that the realisations make.
+//! Soft tissue slides over bone by an amount that depends on the joint angles, so the same posture
+//! gives the same marker error in every flight, and no resampling of flights detects it. Here the
+//! slide of each marker is a random linear function of the angles of its own joint and of the
+//! nearest distal joint, `d = B (a(q) − ā)`, with independent normal entries in B. A number of
+//! realisations of B, the same for all recordings of a model, is propagated through least-squares
+//! inverse kinematics to first order, and through the rows of the prior body. The rows themselves
+//! are not stored: identification needs only `Aᵀ D`, with the weighted rows A and the errors D of
+//! the realisations.
 //!
-//! The size of the slides comes from the markers, not from the rows: each realisation predicts a marker residual, and the residuals of the
-//! recording, less their white noise, say by how much to scale it.
+//! The size of the slides is estimated from the markers, not from the rows: each realisation
+//! predicts a marker residual, which is scaled to the residuals of the recording after subtraction
+//! of their white noise.
 
 use crate::weak::{CENTRAL, WeakRows, run_velocities, valid_runs};
 use crate::{RegressorError, Stretch};
@@ -18,44 +22,48 @@ use nalgebra::{DMatrix, Quaternion, Vector3};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// What the realisations are made of.
+/// Inputs of the realisations.
 #[derive(Debug, Clone, Copy)]
 pub struct Tissue<'a> {
-    /// Markers and the links that carry them; a weight of zero leaves one out.
+    /// Markers and the links that carry them; a marker with zero weight is left out.
     pub markers: &'a [ModelMarker],
     /// White noise of a marker coordinate, m.
     pub marker_sd_m: f64,
-    /// Realisations.
+    /// Number of realisations.
     pub draws: usize,
 }
 
 impl<'a> Tissue<'a> {
-    /// Realisations that bring the standard error of a standard error to 15 %.
+    /// Number of realisations for which a standard error is known to 15 %.
     pub const DRAWS: usize = 24;
 
-    /// The usual number of realisations.
+    /// Inputs with the default number of realisations.
     pub fn new(markers: &'a [ModelMarker], marker_sd_m: f64) -> Self {
         Self { markers, marker_sd_m, draws: Self::DRAWS }
     }
 }
 
-/// What realisations of soft tissue make of one stretch, for slides of 1 m/rad.
+/// Effect of the soft tissue realisations on one stretch, for slides of 1 m/rad.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Slides {
-    /// `[Y | −E]ᵀ D` over the weighted rows: a row for each parameter and effect, a column for each realisation.
+    /// `[Y | −E]ᵀ D` over the weighted rows: one row per parameter and effect, one column per
+    /// realisation.
     pub sums: DMatrix<f64>,
-    /// Sum of squares of the marker residuals that a realisation leaves, mean over realisations, (m/(m/rad))².
+    /// Sum of squares of the marker residuals of a realisation, mean over realisations,
+    /// (m/(m/rad))².
     pub predicted: f64,
-    /// Sum of squares of the recording's marker residuals, less what white noise leaves, m². Zero where the motion has no residuals.
+    /// Sum of squares of the recording's marker residuals, less the part due to white noise, m².
+    /// Zero if the motion has no residuals.
     pub observed: f64,
 }
 
-/// Frames that the mean posture of a trial is taken from.
+/// Largest number of frames used for the mean posture of a trial.
 const POSTURES: usize = 200;
-/// Coordinates that move the markers by less than this lever (m per rad) count as not seen.
+/// Coordinates that move the markers by less than this lever (m per rad) count as unobserved.
 const UNSEEN_LEVER_M: f64 = 1e-3;
 
-/// Errors D of unweighted rows (6 windows × realisations), with the residuals predicted and observed.
+/// Errors D of unweighted rows (6 windows × realisations), with the predicted and observed
+/// residuals.
 pub(crate) fn slide_rows(
     model: &Model,
     prior: &[Phi],
@@ -72,7 +80,8 @@ pub(crate) fn slide_rows(
     let mut state = State::new(model);
     state.forward_position(model, motion.q((first + end) / 2));
     let fixed = state.center_of_mass(prior).1;
-    // how the coordinates of each frame follow the slides (coordinate × realisation), and what residual stays
+    // response of each frame's coordinates to the slides (coordinate × realisation), and the
+    // remaining residual
     let mut follows = vec![0.0; (end - first) * model.nv * draws];
     let (mut predicted, mut observed) = (0.0, 0.0);
     let mut solver = FollowSolver::new(model, &skin);
@@ -111,7 +120,7 @@ pub(crate) fn slide_rows(
     Ok((out, predicted, observed.max(0.0)))
 }
 
-/// The markers with the angles that their skin follows.
+/// The markers with the joint angles on which their slides depend.
 struct Skin<'a> {
     markers: Vec<(&'a ModelMarker, Vec<usize>)>,
     /// Mean rotation vector of each link's joint over the trial, rad.
@@ -130,7 +139,7 @@ impl<'a> Skin<'a> {
             .iter()
             .filter(|m| m.weight > 0.0 && m.link < model.n_links())
             .map(|m| {
-                // the joint at the other end that pulls on this skin: the nearest child
+                // the joint at the distal end that also moves this skin: the nearest child
                 let place = state.point_in_world(m.link, &m.position_m);
                 let far = |l: usize| (state.world_from_link[l].translation.vector - place).norm();
                 let child = (0..model.n_links())
@@ -185,14 +194,16 @@ fn add_scaled(out: &mut [f64], factor: f64, values: &[f64]) {
 
 /// Least-squares inverse kinematics to first order, for all realisations at once: `(JᵀJ + ε) f = Jᵀ s`.
 ///
-/// A marker is a unit mass for `JᵀJ`, which is then the joint-space inertia matrix, and a force on its link for `Jᵀ s`. Both come from the
-/// tree, without the Jacobian of each marker.
+/// A marker counts as a unit mass for `JᵀJ`, which is then the joint-space inertia matrix, and as a
+/// force on its link for `Jᵀ s`. Both are computed along the tree, without the Jacobian of each
+/// marker.
 struct FollowSolver {
     draws: usize,
     /// Unit masses at the markers of each link, link axes.
     masses: Vec<Phi>,
     normal: DMatrix<f64>,
-    /// Sum of forces at the markers of each link and what it carries, with their moment: (force, moment) × axis × realisation.
+    /// Sum of forces at the markers of each link and its descendants, with their moment: (force,
+    /// moment) × axis × realisation.
     wrenches: Vec<Vec<f64>>,
     local: Vec<f64>,
     world: Vec<f64>,
@@ -217,8 +228,9 @@ impl FollowSolver {
         }
     }
 
-    /// Fills `follow` (coordinate × realisation, for slides of 1 m/rad) and returns the sum of squares of the residuals that stay. None where
-    /// the markers leave a coordinate undetermined. Needs poses in `state`.
+    /// Fills `follow` (coordinate × realisation, for slides of 1 m/rad) and returns the sum of
+    /// squares of the remaining residuals. None if the markers leave a coordinate undetermined.
+    /// Needs poses in `state`.
     fn solve(
         &mut self,
         model: &Model,
@@ -276,15 +288,16 @@ impl FollowSolver {
         }
         let right = follow.to_vec();
         solve_tree(&mut self.normal, follow, draws)?;
-        // |s − J f|² with the normal equations put in
+        // |s − J f|² with the normal equations substituted
         let explained: f64 = follow.iter().zip(&right).map(|(f, g)| f * g).sum();
         let ridge: f64 = follow.iter().map(|f| f * f).sum::<f64>() * UNSEEN_LEVER_M * UNSEEN_LEVER_M;
         Some((slides - explained - ridge).max(0.0))
     }
 }
 
-/// Solves `H x = g` in place for `draws` right-hand sides (coordinate × realisation). H is factored as `LᵀL` from the leaves of the tree to its
-/// root, which leaves the zeros between branches in place (Featherstone 2008, section 6.5). None where H is not positive definite.
+/// Solves `H x = g` in place for `draws` right-hand sides (coordinate × realisation). H is factored
+/// as `LᵀL` from the leaves of the tree to its root, which preserves the zeros between branches
+/// (Featherstone 2008, section 6.5). None if H is not positive definite.
 fn solve_tree(h: &mut DMatrix<f64>, g: &mut [f64], draws: usize) -> Option<()> {
     let n = h.nrows();
     for k in (0..n).rev() {
@@ -320,7 +333,7 @@ fn solve_tree(h: &mut DMatrix<f64>, g: &mut [f64], draws: usize) -> Option<()> {
     Some(())
 }
 
-/// Rotation vector of a link's joint, rad; zero for joints that do not turn.
+/// Rotation vector of a link's joint, rad; zero for joints without rotation.
 fn angles(model: &Model, link: usize, q: &[f64]) -> Vector3<f64> {
     let joint = &model.links[link].joint;
     let at = joint.q_offset;
@@ -343,7 +356,8 @@ struct Changes {
 }
 
 impl Changes {
-    /// Of some frames whose coordinates follow the slides by `follows` (frame × coordinate × realisation).
+    /// Changes in the given frames, whose coordinates respond to the slides by `follows` (frame ×
+    /// coordinate × realisation).
     fn of(
         model: &Model,
         prior: &[Phi],
@@ -401,7 +415,8 @@ impl Changes {
             let part = |k: usize| &at[k * draws..][..draws];
             let d = origin.position - self.fixed;
             let (psi, psi_dot, psi_ddot) = (rows.test.psi[i], rows.test.psi_dot[i], rows.test.psi_ddot[i]);
-            // the path is a polynomial of third degree at most, whose second difference is exact; at its ends ψ is zero
+            // the path is a polynomial of at most third degree, for which the second difference is
+            // exact; at its ends ψ is zero
             let inside = i.checked_sub(1).and_then(|j| Some((path.get(j)?, path.get(i + 1)?)));
             let fall = inside.map_or_else(Vector3::zeros, |(a, b)| {
                 (gravity - (a.position - origin.position * 2.0 + b.position) * (rate_hz * rate_hz)) * psi
@@ -424,7 +439,7 @@ impl Changes {
     }
 }
 
-/// Standard normal numbers that depend on the seed alone (SplitMix64 and the method of Box and Muller).
+/// Standard normal numbers that depend only on the seed (SplitMix64 and the Box-Muller method).
 struct Normal(u64);
 
 impl Normal {

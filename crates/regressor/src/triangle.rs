@@ -1,42 +1,46 @@
 //! Orthogonal reduction of many rows to one upper triangle.
 //!
-//! Rows are absorbed in blocks that stay in the cache: with R what all earlier rows left, the stack `[R; block]` is reduced by Householder
-//! reflections, each of which changes one row of R and the block, so that nothing is spent on the zeros of R. Sixteen reflections at a time
-//! are gathered into `I − V T Vᵀ` (Schreiber, Van Loan 1989) and reach the other columns as two matrix products. This is the plain
-//! Householder reduction in another order: backward stable for rows of any condition.
+//! Rows are absorbed in blocks that fit in the cache: with R the triangle of all earlier rows, the
+//! stack `[R; block]` is reduced by Householder reflections, each of which changes one row of R and
+//! the block, so that no work is spent on the zeros of R. Sixteen reflections at a time are
+//! combined into `I − V T Vᵀ` (Schreiber, Van Loan 1989) and applied to the other columns as two
+//! matrix products. This is the standard Householder reduction in a different order: backward
+//! stable for rows of any condition.
 //!
-//! A tall matrix is cut into chunks of fixed height whose triangles are joined over a binary tree (Demmel, Grigori, Hoemmen, Langou 2012:
-//! TSQR). Chunks and tree depend on the number of rows alone, so that the result is the same on any number of threads.
+//! A tall matrix is divided into chunks of fixed height whose triangles are merged over a binary
+//! tree (Demmel, Grigori, Hoemmen, Langou 2012: TSQR). Chunks and tree depend only on the number of
+//! rows, so that the result is identical for any number of threads.
 
 use faer::MatRef;
 use fearless_simd::{Level, Simd, SimdBase, SimdFloat, dispatch, f64x8};
 use std::ops::Range;
 
-/// Columns whose reflections are gathered.
+/// Number of columns whose reflections are combined.
 const PANEL: usize = 16;
-/// Rows absorbed together, a multiple of [`LANES`]: with 130 columns the block takes a quarter of a megabyte.
+/// Number of rows absorbed together, a multiple of [`LANES`]: with 130 columns the block takes a
+/// quarter of a megabyte.
 const BLOCK: usize = 256;
-/// Rows of a chunk of a tall matrix.
+/// Number of rows in a chunk of a tall matrix.
 const CHUNK: usize = 16_384;
 /// Numbers in a vector.
 const LANES: usize = 8;
 
-/// An upper triangle R that takes rows in: RᵀR is the sum over all rows absorbed.
+/// An upper triangle R that absorbs rows: RᵀR is the sum over all rows absorbed.
 pub(crate) struct Triangle {
     level: Level,
-    /// Columns.
+    /// Number of columns.
     n: usize,
-    /// Columns in memory.
+    /// Number of columns in memory, with padding.
     stride: usize,
     /// R row by row.
     r: Aligned,
-    /// Rows on their way in.
+    /// Rows being absorbed.
     block: Aligned,
-    /// What a panel does to the columns behind it.
+    /// Products of a panel with the columns after it.
     products: Aligned,
 }
 
-/// Numbers that begin at a cache line.
+/// Numbers aligned to a cache line.
 struct Aligned {
     numbers: Vec<f64>,
     length: usize,
@@ -47,7 +51,7 @@ impl Aligned {
         Self { numbers: vec![0.0; length + LANES], length }
     }
     fn offset(&self) -> usize {
-        // an allocator that gives no answer costs time, nothing else
+        // if the allocator gives no offset, only speed is lost
         self.numbers.as_ptr().align_offset(64).min(LANES)
     }
     fn get(&self) -> &[f64] {
@@ -60,7 +64,7 @@ impl Aligned {
 }
 
 impl Triangle {
-    /// No rows yet.
+    /// A triangle without rows.
     pub(crate) fn new(n: usize) -> Self {
         let stride = n.next_multiple_of(LANES);
         Self {
@@ -87,7 +91,7 @@ impl Triangle {
         out
     }
 
-    /// Takes in dense rows.
+    /// Absorbs dense rows.
     pub(crate) fn absorb(&mut self, matrix: MatRef<'_, f64>) {
         let (m, n, stride) = (matrix.nrows(), self.n, self.stride);
         let columns: Option<Vec<&[f64]>> =
@@ -111,7 +115,7 @@ impl Triangle {
         }
     }
 
-    /// Takes in rows of an upper trapezoid: row `i` holds the columns `i ..`.
+    /// Absorbs rows of an upper trapezoid: row `i` holds the columns `i ..`.
     pub(crate) fn absorb_packed<'a>(&mut self, rows: impl Iterator<Item = &'a [f64]>) {
         let stride = self.stride;
         let (height, block) = self.clear_block(self.n);
@@ -121,7 +125,7 @@ impl Triangle {
         self.reduce(height, true);
     }
 
-    /// Takes in another triangle.
+    /// Absorbs another triangle.
     pub(crate) fn absorb_triangle(&mut self, other: &Self) {
         let (height, block) = self.clear_block(self.n);
         block[..other.r.length].copy_from_slice(other.r.get());
@@ -139,7 +143,8 @@ impl Triangle {
         packed
     }
 
-    /// Zeros for this many rows and up to a whole number of vectors; gives that number and the block.
+    /// Clears this many rows, rounded up to a whole number of vectors; returns that number and the
+    /// block.
     fn clear_block(&mut self, height: usize) -> (usize, &mut [f64]) {
         let padded = height.next_multiple_of(LANES);
         let length = padded * self.stride;
@@ -214,7 +219,7 @@ fn absorb_block<S: Simd>(simd: S, work: Work<'_>) {
         );
         let (second, behind) = (first + LANES, first + PANEL);
         if second < n {
-            // the second half of the panel sees the first as one
+            // the second half of the panel treats the first as one combined reflection
             simd.vectorize(
                 #[inline(always)]
                 || apply::<S, LANES>(simd, stride, first, second..behind, &reflections, r, rows, products),
@@ -251,7 +256,7 @@ fn eight<S: Simd>(
 ) {
     let at = first + from;
     let width = LANES.min(n - at);
-    // products of the column at hand with all eight
+    // products of the present column with all eight
     let mut products = sweep(simd, stride, at, 0, None, rows);
     for j in 0..width {
         let top = &mut r[(at + j) * stride + at..][..width];
@@ -319,7 +324,8 @@ fn apply<S: Simd, const K: usize>(
     subtract::<S, K>(simd, stride, first, columns, products, rows);
 }
 
-/// Takes column `j − 1` times `change` off eight columns, and gives the products of column `j` with them.
+/// Subtracts column `j − 1` times `change` from eight columns, and returns the products of column
+/// `j` with them.
 #[inline(always)]
 fn sweep<S: Simd>(
     simd: S,
@@ -347,7 +353,7 @@ fn sweep<S: Simd>(
     ((halves[0] + halves[2]) + (halves[1] + halves[3])).to_array()
 }
 
-/// `products = Xᵀ C`: the first `K` of the panel's columns X with other columns C.
+/// `products = Xᵀ C`: the first `K` columns X of the panel with other columns C.
 #[inline(always)]
 fn project<S: Simd, const K: usize>(
     simd: S,
@@ -410,7 +416,7 @@ fn project_tile<S: Simd, const K: usize, const COLUMNS: usize, const CHUNKS: usi
     }
 }
 
-/// From `Xᵀ C` to what each row of R and of the block loses.
+/// Converts `Xᵀ C` to the amounts subtracted from each row of R and of the block.
 #[inline(always)]
 fn gather<const K: usize>(
     stride: usize,
@@ -533,7 +539,7 @@ mod tests {
                 triangle.packed()
             };
             let expected = reduced(best);
-            // where products are fused with sums the numbers are the same, elsewhere they differ by rounding
+            // with fused multiply-add the numbers are the same, otherwise they differ by rounding
             if let (Some(_), Some(avx2)) = (best.as_avx512(), best.as_avx2()) {
                 assert!(reduced(Level::Avx2(avx2)) == expected);
             }

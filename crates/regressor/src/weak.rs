@@ -1,18 +1,22 @@
-//! Weak rows: momentum and first moment against smooth test functions; no second derivative of measured data, no filter.
+//! Weak rows: momentum and first moment integrated against smooth test functions; no second
+//! derivative of measured data, no filter.
 //!
-//! For a window inside a stretch let `o(t)` be a smooth path of known derivatives, fitted to the path of the centre of mass as the
-//! prior sees it: in flight a parabola that falls with g, in contact a cubic. With the first moment of mass `C = Σ m (r − o)` and the
-//! angular momentum `H = Σ (r − o) × m (ṙ − ȯ) + I ω` about that path, exactly and for every choice of it,
+//! For a window inside a stretch let `o(t)` be a smooth path with known derivatives, fitted to the
+//! path of the prior's centre of mass: in flight a parabola with acceleration g, in contact a
+//! cubic. With the first moment of mass `C = Σ m (r − o)` and the angular momentum `H = Σ (r − o) ×
+//! m (ṙ − ȯ) + I ω` about that path, the following holds exactly for any such path:
 //!
 //! ```text
 //!  ∫ψ̈ C dt − ∫ψ m (g − ö) dt        = ∫ψ f dt                 three rows of force: positions only
 //! −∫ψ̇ H dt − ∫ψ C × (g − ö) dt      = ∫ψ (n₀ − o × f) dt       three rows of moment: velocities too
 //! ```
 //!
-//! with the applied force f and its moment n₀ about the world origin, world axes. In flight g − ö = 0 and both right sides vanish: the
-//! path falls with the body, so the great numbers of translation never meet the small ones of rotation, and their noise stays out of
-//! the moment rows. Everything is linear in φ. Rows of force are divided by `F ∫ψ`, rows of moment by `F ℓ ∫ψ` with the force F = M g (fixed
-//! weights, which no residual can move; [`force_scale_n`] where gravity is weak or absent); [`crate::noise`] whitens them instead where parameters, not effects, are sought.
+//! with the applied force f and its moment n₀ about the world origin, world axes. In flight g − ö =
+//! 0 and both right-hand sides vanish: the path falls with the body, so the large numbers of
+//! translation do not enter the moment rows, nor does their noise. Everything is linear in φ. Force
+//! rows are divided by `F ∫ψ`, moment rows by `F ℓ ∫ψ` with the force F = M g (fixed weights,
+//! independent of residuals; [`force_scale_n`] where gravity is weak or absent); alternatively
+//! [`crate::noise`] whitens them if parameters, not effects, are estimated.
 
 use crate::noise::{Noise, whiten};
 use crate::stretch::Acting;
@@ -26,19 +30,20 @@ use nalgebra::{DMatrix, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 use std::array::from_fn;
 
-/// How weak rows are formed.
+/// Options of weak rows.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WeakOptions {
-    /// Length of a window, s; nothing: 0.6 of the stretch, within 0.15 to 0.4 s.
+    /// Length of a window, s; if absent, 0.6 of the stretch, within 0.15 to 0.4 s.
     pub window_s: Option<f64>,
     /// Step between windows in window lengths.
     pub hop: f64,
     /// Power p of ψ = (1 − τ²)^p.
     pub power: u32,
-    /// Time left out at both ends of a stretch, s.
+    /// Time excluded at both ends of a stretch, s.
     pub margin_s: f64,
-    /// Length ℓ that turns moments into forces in the fixed weights, m; nothing: [`body_radius_m`] of the prior.
+    /// Length ℓ that converts moments into forces in the fixed weights, m; if absent,
+    /// [`body_radius_m`] of the prior.
     pub moment_length_m: Option<f64>,
 }
 
@@ -60,12 +65,13 @@ impl WeakOptions {
 
 /// Factor of one stretch from weak rows, with fixed weights or whitened by `noise`.
 ///
-/// `prior` gives the path of the moment origin, the mass of the fixed weights and the propagation of noise; rows are exact whatever
-/// it says. The motion's coordinates should not be filtered; its velocities are not used. Windows that meet a missing frame are left out.
+/// `prior` gives the path of the moment origin, the mass of the fixed weights and the propagation
+/// of noise; rows are exact for any prior. The motion's coordinates should not be filtered; its
+/// velocities are not used. Windows that contain a missing frame are left out.
 ///
 /// # Errors
-/// [`RegressorError::TooShort`] when no window fits, [`RegressorError::NoWrench`] for contact without plates,
-/// [`RegressorError::Numeric`] when the noise covariance is singular.
+/// [`RegressorError::TooShort`] if no window fits, [`RegressorError::NoWrench`] for contact without
+/// plates, [`RegressorError::Numeric`] if the noise covariance is singular.
 pub fn weak_factor(
     model: &Model,
     base: &BaseParameters,
@@ -81,10 +87,11 @@ pub fn weak_factor(
     Factor::from_rows(stretch, RowKind::Weak, columns_of(base, acting), rows.matrix.as_ref())
 }
 
-/// The same, with what soft tissue that repeats makes of the rows.
+/// The same, with the effect of repeating soft tissue errors on the rows.
 ///
 /// # Errors
-/// As [`weak_factor`], and [`RegressorError::Numeric`] when markers leave the coordinates undetermined.
+/// As [`weak_factor`], and [`RegressorError::Numeric`] if markers leave the coordinates
+/// undetermined.
 pub fn weak_factor_with_tissue(
     model: &Model,
     base: &BaseParameters,
@@ -141,8 +148,9 @@ fn weighted(
     Ok(rows)
 }
 
-/// Root mean square distance of the prior's mass from its centre in the neutral posture, m: the length that fixed weights use where none is
-/// stated. It depends on no recording, so that factors of different days have the same weights.
+/// Root mean square distance of the prior's mass from its centre in the neutral posture, m: the
+/// default length in the fixed weights. It does not depend on recordings, so that factors of
+/// different days have the same weights.
 pub fn body_radius_m(model: &Model, prior: &[Phi]) -> f64 {
     let mut state = State::new(model);
     state.forward_position(model, &model.neutral());
@@ -163,7 +171,7 @@ pub fn body_radius_m(model: &Model, prior: &[Phi]) -> f64 {
 /// Weak rows of one stretch before weighting.
 #[derive(Debug, Clone)]
 pub struct WeakRows {
-    /// Six rows a window (force x y z in N·s, moment x y z in N·m·s), columns `[Y | −E | w]`.
+    /// Six rows per window (force x y z in N·s, moment x y z in N·m·s), columns `[Y | −E | w]`.
     pub matrix: Mat<f64>,
     /// Frame at the centre of each window.
     pub centers: Vec<usize>,
@@ -175,12 +183,13 @@ pub struct WeakRows {
     pub force_scale_n: f64,
 }
 
-/// Gravity below which rows of force are no longer counted in weights of the body, m/s².
+/// Gravity below which force rows are no longer expressed in body weights, m/s².
 const LEAST_ACCELERATION_MPS2: f64 = 1.0;
 
-/// The force that makes weak rows free of units, N: the body's weight, or its mass times 1 m/s² where gravity is weaker than that (an asteroid,
-/// orbit). It is one constant of the laboratory for all rows of a study: estimates, ratios of errors and what is chosen by them do not depend
-/// on it, only the unit in which rows are stated. It follows gravity without a step.
+/// The force that makes weak rows dimensionless, N: the body's weight, or its mass times 1 m/s² if
+/// gravity is weaker than that (an asteroid, orbit). It is one constant of the laboratory for all
+/// rows of a study: estimates, ratios of errors and choices based on them do not depend on it, only
+/// the unit of the rows. It is a continuous function of gravity.
 pub fn force_scale_n(mass_kg: f64, gravity_mps2: f64) -> f64 {
     mass_kg * gravity_mps2.max(LEAST_ACCELERATION_MPS2)
 }
@@ -195,7 +204,7 @@ pub struct Origin {
 }
 
 impl WeakRows {
-    /// Divides rows of force by `F ∫ψ` and rows of moment by `F ℓ ∫ψ`.
+    /// Divides force rows by `F ∫ψ` and moment rows by `F ℓ ∫ψ`.
     pub fn apply_fixed_weights(&mut self, moment_length_m: f64) {
         let force = 1.0 / (self.force_scale_n * self.test.integral_s());
         let moment = force / moment_length_m;
@@ -208,11 +217,12 @@ impl WeakRows {
     }
 }
 
-/// First moment C, momentum P and angular momentum H of the frames of a run about one fixed point, over base columns.
+/// First moment C, momentum P and angular momentum H of the frames of a run about one fixed point,
+/// for all base columns.
 struct RunRows {
     /// The fixed point, world, m.
     fixed: Vector3<f64>,
-    /// Numbers of a series: one a frame, and some that nothing is multiplied with.
+    /// Length of a series: one number per frame, plus padding.
     stride: usize,
     /// Series `9 * column + row` over the frames; rows C (3), P (3), H (3).
     series: Vec<f64>,
@@ -220,7 +230,8 @@ struct RunRows {
     path: Vec<Vector3<f64>>,
 }
 
-/// Weak rows of one stretch, unweighted: [`weak_factor`] weights them and keeps their triangle.
+/// Weak rows of one stretch, unweighted: [`weak_factor`] weights them and reduces them to a
+/// triangle.
 ///
 /// # Errors
 /// As [`weak_factor`].
@@ -341,13 +352,13 @@ fn run_rows(model: &Model, base: &BaseParameters, prior: &[Phi], motion: &Motion
     let n = end - start;
     let velocities = run_velocities(model, motion, start, end);
     let stride = n.next_multiple_of(LANES);
-    // a window reads whole vectors, beyond its end with weights of zero
+    // a window reads whole vectors; beyond its end the weights are zero
     let mut out = RunRows { fixed, stride, series: vec![0.0; 9 * p * stride + LANES], path: Vec::with_capacity(n) };
     let mut batch = FrameBatch::new(model);
     let mut momentum = vec![[0.0; LANES]; 6 * p];
     let mut first_moment = vec![[0.0; LANES]; 3 * p];
     for begin in (start..end).step_by(LANES) {
-        // the last frame fills the lanes that the last batch leaves
+        // the last frame fills the unused lanes of the last batch
         let frame = |lane: usize| (begin + lane).min(end - 1);
         let v: [&[f64]; LANES] = from_fn(|lane| &velocities[(frame(lane) - start) * model.nv..][..model.nv]);
         batch.forward_velocity(model, &from_fn(|lane| motion.q(frame(lane))), &v, &fixed);
@@ -366,7 +377,8 @@ fn run_rows(model: &Model, base: &BaseParameters, prior: &[Phi], motion: &Motion
     out
 }
 
-/// [`Velocity::at`] of every frame of the run `start .. end`. Each difference of two frames serves both of them: the way back is its negative.
+/// [`Velocity::at`] for every frame of the run `start .. end`. Each difference of two frames is
+/// used for both, with opposite signs.
 pub(crate) fn run_velocities(model: &Model, motion: &Motion, start: usize, end: usize) -> Vec<f64> {
     let (n, nv, most) = (end - start, model.nv, CENTRAL.len() - 1);
     let mut ahead = vec![0.0; n * most * nv];
@@ -394,14 +406,14 @@ pub(crate) fn run_velocities(model: &Model, motion: &Motion, start: usize, end: 
     out
 }
 
-/// The root's path is differenced in the world, where a ballistic one is a polynomial.
+/// The root's path is differentiated in the world, where a ballistic one is a polynomial.
 struct FreeRoot;
 
 impl FreeRoot {
     fn of(model: &Model) -> Option<Self> {
         model.links.first().is_some_and(|l| l.joint.kind == JointKind::Free).then_some(Self)
     }
-    /// Puts the root's velocity at a frame, in its own axes, into `v`.
+    /// Writes the root's velocity at a frame, in its own axes, to `v`.
     fn set(v: &mut [f64], motion: &Motion, frame: usize, reach: usize) {
         let here = motion.q(frame);
         let mut world_velocity = Vector3::zeros();
@@ -417,7 +429,8 @@ impl FreeRoot {
     }
 }
 
-/// Velocities by central differences on the manifold: sixth order inside a run, fourth and second next to its ends.
+/// Velocities by central differences on the manifold: sixth order inside a run, fourth and second
+/// near its ends.
 pub(crate) struct Velocity {
     difference: Vec<f64>,
     v: Vec<f64>,
@@ -432,7 +445,8 @@ impl Velocity {
     pub(crate) fn new(model: &Model) -> Self {
         Self { difference: vec![0.0; model.nv], v: vec![0.0; model.nv], free_root: FreeRoot::of(model).is_some() }
     }
-    /// Velocity at a frame of the run `start .. end`; zero at its first and last frame, where no window looks.
+    /// Velocity at a frame of the run `start .. end`; zero at its first and last frame, which no
+    /// window uses.
     pub(crate) fn at(&mut self, model: &Model, motion: &Motion, start: usize, end: usize, frame: usize) -> &[f64] {
         let reach = (frame - start).min(end - 1 - frame).min(3);
         self.v.fill(0.0);
@@ -499,20 +513,20 @@ pub(crate) fn fit_origin(
     (origin, fall)
 }
 
-/// What a frame's first moment and momenta are multiplied with in a window: see [`window_weights`].
+/// Weights of a frame's first moment and momenta in a window; see [`window_weights`].
 #[derive(Debug, Clone, Copy)]
 struct Weights {
     /// ψ̈
     second: Lanes,
     /// −ψ̇
     first: Lanes,
-    /// ψ̇ d: the moment arm that takes H from the fixed point to the moving origin
+    /// ψ̇ d: the moment arm that transfers H from the fixed point to the moving origin
     arm: [Lanes; 3],
     /// ψ (g − ö) − ψ̇ ȯ
     turn: [Lanes; 3],
-    /// d, which the first moment of the whole mass loses
+    /// d, subtracted from the first moment of the whole mass
     shift: [Lanes; 3],
-    /// ψ (g − ö), which the whole mass adds to the force
+    /// ψ (g − ö), added to the force by the whole mass
     fall: [Lanes; 3],
 }
 
@@ -525,7 +539,8 @@ const NO_WEIGHTS: Weights = Weights {
     fall: [[0.0; LANES]; 3],
 };
 
-/// The six rows of a window are sums over its frames, with `C′ = C − d` for the whole mass and C for all else:
+/// The six rows of a window are sums over its frames, with `C′ = C − d` for the whole mass and C
+/// for all other parameters:
 ///
 /// ```text
 /// force   ψ̈ C′ − ψ (g − ö) m
@@ -554,8 +569,8 @@ fn window_weights(
     }
 }
 
-/// The six rows of a window in base column `c`; the window begins at frame `begin` of the run. The first base parameter is the whole mass, so
-/// a shift of the origin meets that column alone.
+/// The six rows of a window in base column `c`; the window begins at frame `begin` of the run. The
+/// first base parameter is the whole mass, so a shift of the origin affects only that column.
 fn window_sums(run: &RunRows, c: usize, begin: usize, weights: &[Weights]) -> [f64; 6] {
     let series = |r: usize| {
         let first = (9 * c + r) * run.stride + begin;

@@ -1,4 +1,4 @@
-//! Factors: merging in any order, leaving out, storing, on any number of threads.
+//! Factors: merging in any order, leaving out, storing, with any number of threads.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use aloft_regressor::{Columns, Factor, RowKind, Stretch, StretchKind, leave_group_out, leave_one_out};
@@ -50,7 +50,7 @@ proptest! {
 
     #[test]
     fn prop_merging_in_any_order_gives_the_same(seed in 0u64..1000, sizes in prop::collection::vec(1usize..40, 2..20), rotate in 0usize..20) {
-        // enough rows that R is unique
+        // enough rows for R to be unique
         let mut factors: Vec<Factor> = sizes.iter().enumerate().map(|(i, &m)| factor(seed + i as u64, m, 9, 2)).collect();
         factors.push(factor(seed + 99, 40, 9, 2));
         let forward = Factor::merge(&factors).unwrap();
@@ -147,6 +147,6 @@ fn regress_a_thousand_flights_merge_in_a_second_and_leave_one_out_in_ten() {
     let leaving = start.elapsed();
     println!("1000 flights of 120 rows × 129 columns: merged in {merging:?}, each left out in {leaving:?}");
     assert_eq!((merged.n_rows, left.len()), (120_000, 1000));
-    // limits are 1 s and 10 s; busy machines get some room
+    // limits are 1 s and 10 s; busy machines get some tolerance
     assert!(merging.as_secs_f64() < 3.0 && leaving.as_secs_f64() < 30.0);
 }

@@ -1,4 +1,4 @@
-//! Rows against truth: simulated motions, exact identities, sign and frame conventions.
+//! Rows compared with the truth: simulated motions, exact identities, sign and frame conventions.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod common;
@@ -31,7 +31,8 @@ fn validate_acceleration_rows_vanish_on_simulated_flights() {
         for stretch in truth.stretches() {
             let factor =
                 acceleration_factor(&truth.model, &truth.base, &motion, &stretch, Acting::nothing(), &options).unwrap();
-            // coordinates are stored to 5e-9: differencing twice at 200 Hz leaves some 1e-3 N of 10
+            // coordinates are stored to 5e-9: differentiating twice at 200 Hz leaves about 1e-3 N
+            // of 10
             let rms = misfit(&factor, &truth.truth());
             assert!(rms < 4e-3, "{name} flight {}: {rms:e} N", stretch.index);
         }
@@ -93,7 +94,8 @@ fn a_ballistic_body_gives_exact_zeros() {
     assert!(rms < 1e-11, "{rms:e} of body weight");
 }
 
-/// A chain moved along a smooth path by a wrench that is computed, not integrated.
+/// A chain moved along a smooth path by a wrench that is computed by inverse dynamics, not
+/// integrated.
 struct Driven {
     truth: Truth,
     motion: Motion,
@@ -237,7 +239,8 @@ fn missing_frames_split_windows_and_spoil_nothing() {
     );
 }
 
-/// Whitened rows of noisy markers have unit variance at the true parameters: the propagated covariance is the real one.
+/// Whitened rows of noisy markers have unit variance at the true parameters: the propagated
+/// covariance is correct.
 #[test]
 fn whitened_rows_have_unit_variance() {
     for name in ["chain_p", "chain_a", "subject_a"] {
@@ -270,14 +273,15 @@ fn whitened_rows_have_unit_variance() {
     }
 }
 
-/// The root regressor about one frame agrees with the momentum form, whatever the rate: a different path through the mathematics.
+/// The regressor in the root frame agrees with the momentum form at any rate: two independent
+/// derivations.
 #[test]
 fn the_moment_origin_does_not_matter() {
     let d = driven(500.0, 400);
     let stretch = Stretch::contact("driven", 0, 10, 390);
     let acting = Acting { measured: Some(&d.wrench), effects: None };
     let options = WeakOptions { window_s: Some(0.3), moment_length_m: Some(0.1), ..WeakOptions::default() };
-    // a wrong prior moves the origin by decimetres, the balance stays
+    // a wrong prior moves the origin by decimetres, the balance is unchanged
     let mut wrong = d.truth.phi.clone();
     wrong[0][1] += 0.3;
     wrong[1][2] -= 0.1;

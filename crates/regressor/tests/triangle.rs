@@ -1,4 +1,5 @@
-//! The reduction of many rows to a triangle: against twofold arithmetic, beside the library's QR, over conditions up to 1e14.
+//! The reduction of many rows to a triangle, compared with double-double arithmetic and with the
+//! library's QR, for conditions up to 1e14.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use aloft_regressor::{Columns, Factor, RowKind, Stretch};
@@ -32,7 +33,7 @@ fn conditioned(rng: &mut ChaCha8Rng, m: usize, n: usize, condition: f64) -> Mat<
     u * s * v.transpose()
 }
 
-/// Unevaluated sum of two doubles (Dekker 1971), enough to see the error of one.
+/// Unevaluated sum of two doubles (Dekker 1971), precise enough to measure the error of one double.
 #[derive(Clone, Copy)]
 struct Twofold(f64, f64);
 
@@ -67,7 +68,7 @@ impl Twofold {
     }
 }
 
-/// R by modified Gram-Schmidt, every column twice, in twofold arithmetic.
+/// R by modified Gram-Schmidt, every column twice, in double-double arithmetic.
 fn reference(rows: &Mat<f64>) -> Mat<f64> {
     let (m, n) = (rows.nrows(), rows.ncols());
     let mut q: Vec<Vec<Twofold>> = (0..n).map(|j| (0..m).map(|i| Twofold(rows[(i, j)], 0.0)).collect()).collect();
@@ -101,7 +102,7 @@ fn error(r: &Mat<f64>, exact: &Mat<f64>) -> f64 {
     (0..r.ncols()).map(|j| (r.col(j) - exact.col(j)).norm_l2() / exact.col(j).norm_l2()).fold(0.0, f64::max)
 }
 
-/// Root mean square difference of singular values, relative to the greatest.
+/// Root mean square difference of singular values, relative to the largest.
 fn spectrum(r: &Mat<f64>, exact: &Mat<f64>) -> f64 {
     let (a, b) = (r.singular_values().unwrap(), exact.singular_values().unwrap());
     let sum: f64 = a.iter().zip(&b).map(|(x, y)| (x - y).powi(2)).sum();

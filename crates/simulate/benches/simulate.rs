@@ -1,4 +1,4 @@
-//! A small laboratory: two throws of the chain, forward dynamics to files.
+//! A small laboratory: two throws of the chain, from forward dynamics to files.
 //!
 //! `cargo bench -p aloft-simulate`
 #![allow(missing_docs, reason = "criterion makes the functions")]

@@ -1,11 +1,11 @@
-//! What a scenario may not say.
+//! Checks the values of a scenario.
 
 use crate::error::SimulateError;
 use crate::hidden::Hidden;
 use crate::physics::Body;
 use crate::scenario::{BodySpec, Scenario};
 
-/// Ranges of the instruments' figures and of the hidden effects'.
+/// Checks the ranges of the instruments' settings and of the hidden effects.
 pub(crate) fn check_capture(scenario: &Scenario) -> Result<(), SimulateError> {
     let c = &scenario.capture;
     scenario.expect("capture.point_rate_hz", c.point_rate_hz, 20.0..=2000.0, "20 to 2000 Hz")?;
@@ -15,14 +15,14 @@ pub(crate) fn check_capture(scenario: &Scenario) -> Result<(), SimulateError> {
     scenario.expect("capture.gap_fraction", c.gap_fraction, 0.0..=0.5, "0 to 0.5")?;
     scenario.expect("capture.plate_noise_n", c.plate_noise_n, 0.0..=1e3, "0 to 1000 N")?;
     scenario.expect("capture.plate_drift_n", c.plate_drift_n, 0.0..=1e3, "0 to 1000 N")?;
-    // objects float where nothing falls; people's jumps are planned with the time that they take to come down
+    // without gravity objects do not come down; people's jumps are planned from their fall time
     let (least, words) = match scenario.body {
         BodySpec::Human(_) => (0.1, "0.1 to 30 m/s²"),
         BodySpec::Chain(_) | BodySpec::Custom(_) => (0.0, "0 to 30 m/s²"),
     };
     scenario.expect("capture.gravity_mps2", c.gravity_mps2, least..=30.0, words)?;
     for effect in &scenario.hidden {
-        // JSON has no numbers that are not finite: they turn into nothing
+        // JSON has no non-finite numbers: they become null
         let written = serde_json::to_value(effect)
             .map_err(|source| SimulateError::Json { scenario: scenario.name.clone(), source })?;
         if holds_null(&written) {
@@ -49,7 +49,7 @@ pub(crate) fn check_capture(scenario: &Scenario) -> Result<(), SimulateError> {
     Ok(())
 }
 
-/// Links and plates that hidden effects name.
+/// Checks that the links and plates named by hidden effects exist.
 pub(crate) fn check_hidden(scenario: &Scenario, body: &Body, n_plates: usize) -> Result<(), SimulateError> {
     let model = &body.model;
     for effect in &scenario.hidden {

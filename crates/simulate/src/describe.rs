@@ -1,11 +1,12 @@
-//! What the laboratory writes down beside its recordings: `subject.yaml` for people, `object.yaml` for things.
+//! Description files written with the recordings: `subject.yaml` for people, `object.yaml` for
+//! objects.
 
 use crate::object::TrueMarker;
 use crate::scenario::{PersonSpec, Scenario};
 use aloft_body::{Model, Sex};
 use std::fmt::Write as _;
 
-/// A number without superfluous zeros, at most `digits` after the point.
+/// A number without trailing zeros, with at most `digits` decimals.
 fn number(x: f64, digits: usize) -> String {
     let text = format!("{x:.digits$}");
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
@@ -45,7 +46,7 @@ pub fn subject(
     out
 }
 
-/// A YAML scalar in double quotes where it needs them.
+/// A YAML scalar, in double quotes if necessary.
 fn quoted(text: &str) -> String {
     let plain = !text.is_empty()
         && text.chars().all(|c| c.is_ascii_alphanumeric() || "_-".contains(c))
@@ -70,7 +71,7 @@ fn throws(n: usize) -> String {
     (1..=n).map(|i| format!("throws_{i:02}.c3d")).collect::<Vec<_>>().join(", ")
 }
 
-/// `object.yaml` of the chain: frames by markers, the hinge to be found from its calibration.
+/// `object.yaml` of the chain: frames from markers, the hinge to be found from its calibration.
 pub fn chain(scenario: &Scenario, mass_kg: f64, recordings: usize) -> String {
     let head = head(scenario, "two-link chain, one passive revolute joint with bearings", mass_kg);
     format!(
@@ -103,7 +104,7 @@ trials:
     )
 }
 
-/// `object.yaml` of any other object: joints and marker places as its drawing has them.
+/// `object.yaml` of any other object: joints and marker positions from its model.
 pub fn custom(scenario: &Scenario, model: &Model, markers: &[TrueMarker], mass_kg: f64, recordings: usize) -> String {
     let mut out = head(scenario, &quoted(&model.name), mass_kg);
     out.push_str("links:\n");

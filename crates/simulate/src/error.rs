@@ -1,4 +1,4 @@
-//! What can be wrong with a scenario, and what can go wrong while it is played.
+//! Errors of a scenario and of its simulation.
 
 /// Errors of this crate.
 #[derive(Debug, thiserror::Error)]

@@ -1,7 +1,7 @@
-//! What a scenario may hide from the laboratory: forces that no model knows of, and faults of the instruments.
+//! Hidden effects of a scenario: forces missing from any model, and errors of the instruments.
 //!
-//! The laws of the forces are evaluated in [`crate::physics::forces`], written apart from any estimator, so that a
-//! recovery of their coefficients proves something.
+//! The force laws are evaluated in [`crate::physics::forces`], written independently of any
+//! estimator, so that recovering their coefficients is a real test.
 
 use serde::{Deserialize, Serialize};
 
@@ -45,13 +45,14 @@ pub enum Hidden {
         point_m: [f64; 3],
         force_n: [f64; 3],
     },
-    /// Gravity leans from the capture frame's vertical by these angles about x and y (the wand was not level).
+    /// Gravity is tilted from the capture frame's vertical by these angles about x and y (the wand
+    /// was not level).
     GravityTilt { about_x_deg: f64, about_y_deg: f64 },
-    /// Gravity is `factor` times what the laboratory states.
+    /// Gravity is `factor` times the value stated by the laboratory.
     GravityScale { factor: f64 },
     /// The cameras' true rate; the files state the nominal one.
     TimeBase { true_rate_hz: f64 },
-    /// Every length is `factor` times too long in the files (the wand was shorter than thought).
+    /// Every length in the files is too long by `factor` (the wand was shorter than assumed).
     LengthScale { factor: f64 },
     /// An elastic line from a point of a link to an anchor: `k (d − l₀) + c ḋ` towards the anchor, and nothing when slack.
     Tether {
@@ -76,7 +77,7 @@ pub enum Hidden {
     Flywheel { link: String, momentum_nms: [f64; 3] },
     /// A wheel whose spin changes: momentum along `axis` is `mean_nms + swing_nms · sin(2π frequency_hz t)`.
     Rotor { link: String, axis: [f64; 3], mean_nms: f64, swing_nms: f64, frequency_hz: f64 },
-    /// Something carried on a link in some trials only (`trials`: names or prefixes; all when empty).
+    /// Payload carried on a link in some trials only (`trials`: names or prefixes; all when empty).
     Payload {
         link: String,
         #[serde(default = "origin")]
@@ -85,16 +86,18 @@ pub enum Hidden {
         #[serde(default)]
         trials: Vec<String>,
     },
-    /// A part of a link's own mass hangs on springs: `mass_kg` at `point_m`, natural frequency and damping ratio.
+    /// Part of a link's own mass, suspended on springs: `mass_kg` at `point_m`, natural frequency
+    /// and damping ratio.
     WobblingMass { link: String, point_m: [f64; 3], mass_kg: f64, frequency_hz: f64, damping_ratio: f64 },
-    /// Inertia without weight at a point of a link (air or water that is carried along): `−m_a · acceleration`.
+    /// Inertia without weight at a point of a link (entrained air or water): `−m_a · acceleration`.
     AddedMass {
         link: String,
         #[serde(default = "origin")]
         point_m: [f64; 3],
         mass_kg: f64,
     },
-    /// A force fixed in a link, on for `on_s` of every `period_s` (always on where `period_s` is zero).
+    /// A force fixed in a link, on for `on_s` of every `period_s` (always on if `period_s` is
+    /// zero).
     Thrust {
         link: String,
         #[serde(default = "origin")]
@@ -105,21 +108,22 @@ pub enum Hidden {
         #[serde(default)]
         on_s: f64,
     },
-    /// The plates' samples come `offset_s` later than the cameras' (negative: earlier).
+    /// The plates' samples are `offset_s` later than the cameras' (negative: earlier).
     PlateTimeOffset { offset_s: f64 },
-    /// The plates' clock runs fast by `rate_ppm`; recordings start `spacing_s` apart in a session that began synchronous.
+    /// The plates' clock runs fast by `rate_ppm`; recordings start `spacing_s` apart in a session
+    /// that began synchronised.
     ClockDrift {
         rate_ppm: f64,
         #[serde(default)]
         spacing_s: f64,
     },
-    /// Plate `plate` (1-based) reads this when unloaded, plate axes.
+    /// Unloaded reading of plate `plate` (1-based), plate axes.
     PlateTare { plate: usize, force_n: [f64; 3], moment_nm: [f64; 3] },
-    /// Plate `plate` truly lies `shift_m` (world) from where the file says.
+    /// True position of plate `plate` relative to the file, `shift_m` (world).
     PlateOrigin { plate: usize, shift_m: [f64; 3] },
-    /// Plate `plate` is truly turned by this rotation vector (world, degrees) about its centre.
+    /// Plate `plate` is actually rotated by this rotation vector (world, degrees) about its centre.
     PlateRotation { plate: usize, turn_deg: [f64; 3] },
-    /// Plate `plate` multiplies its six channels.
+    /// Gains of the six channels of plate `plate`.
     PlateGain { plate: usize, gain: [f64; 6] },
     /// More soft-tissue movement on one link: markers shift by about `amplitude_m` for a turn of half a radian in its joint.
     SoftTissue {
@@ -128,8 +132,8 @@ pub enum Hidden {
         #[serde(default = "yes")]
         along_bone: bool,
     },
-    /// The reconstruction is bent: markers shift quadratically with their distance from the middle of the volume,
-    /// by `amplitude_m` at 1 m.
+    /// The reconstruction is distorted: markers shift quadratically with their distance from the
+    /// middle of the volume, by `amplitude_m` at 1 m.
     CameraWarp { amplitude_m: f64 },
     /// The scale reads `error_kg` too much.
     BodyMass { error_kg: f64 },
@@ -168,7 +172,7 @@ impl Hidden {
         }
     }
 
-    /// The link that the effect acts on, where it names one.
+    /// The link that the effect acts on, if it names one.
     pub fn link(&self) -> Option<&str> {
         match self {
             Self::ConstantForce { link, .. }
@@ -185,7 +189,7 @@ impl Hidden {
         }
     }
 
-    /// The plate that the fault is in, 1-based.
+    /// The plate with the error, 1-based.
     pub fn plate(&self) -> Option<usize> {
         match self {
             Self::PlateTare { plate, .. }

@@ -1,4 +1,4 @@
-//! A laboratory session: trials as structures, then as files.
+//! Simulates a laboratory session: trials as structures, then as files.
 
 use crate::check::{check_capture, check_hidden};
 use crate::describe;
@@ -30,7 +30,7 @@ pub struct LabFile {
     pub bytes: Vec<u8>,
 }
 
-/// One recording, as measured and as it was.
+/// One recording, measured and true.
 #[derive(Debug, Clone)]
 pub struct LabTrial {
     /// Name: the file's stem.
@@ -39,17 +39,17 @@ pub struct LabTrial {
     pub kind: &'static str,
     /// Markers as measured, m.
     pub markers: Markers,
-    /// Plates as measured; empty where there are none.
+    /// Plates as measured; empty if there are none.
     pub plates: Vec<PlateChannels>,
     /// Events in the file (some trials have none).
     pub events: Vec<Event>,
     /// Missing stretches.
     pub gaps: Vec<cameras::Gap>,
-    /// The true motion at ticks.
+    /// The true motion, tick by tick.
     pub motion: TrueMotion,
     /// Styles of flights.
     pub styles: Vec<&'static str>,
-    /// Draws that it took.
+    /// Number of random draws needed for a feasible trial.
     pub attempts: usize,
     /// True wrench of each plate on the subject about the world origin, at ticks (left, right).
     pub true_plates: Vec<Vec<Wrench>>,
@@ -62,25 +62,26 @@ pub struct Lab {
     pub name: String,
     /// The true body (without payloads): its model carries the stated gravity.
     pub body: Body,
-    /// Ticks in a camera frame.
+    /// Number of ticks in a camera frame.
     pub ticks_per_frame: usize,
     /// Recordings in the order of the session.
     pub trials: Vec<LabTrial>,
-    /// What was put in.
+    /// Truth of the session.
     pub truth: Truth,
     /// Everything as files, `truth/` included.
     pub files: Vec<LabFile>,
 }
 
 impl Lab {
-    /// A recording by name.
+    /// Finds a recording by name.
     pub fn trial(&self, name: &str) -> Option<&LabTrial> {
         self.trials.iter().find(|t| t.name == name)
     }
 }
 
 impl LabTrial {
-    /// The recording as import will give it: markers and calibrated plates in SI and world axes.
+    /// The recording as an import returns it: markers and calibrated plates in SI units and world
+    /// axes.
     pub fn to_trial(&self) -> Trial {
         let per_frame = self.plates.first().map_or(1, |p| p.channels[0].len() / self.markers.n_frames.max(1));
         let rate = self.markers.rate_hz * per_frame as f64;
@@ -97,7 +98,7 @@ impl LabTrial {
 /// Simulates a scenario.
 ///
 /// # Errors
-/// [`SimulateError`] where the scenario states what cannot be, or no feasible motion is found.
+/// [`SimulateError`] if a value of the scenario is invalid, or no feasible motion is found.
 pub fn simulate(scenario: &Scenario) -> Result<Lab, SimulateError> {
     check_capture(scenario)?;
     match &scenario.body {
@@ -145,7 +146,7 @@ fn human(scenario: &Scenario, lab: &HumanLab) -> Result<Lab, SimulateError> {
     let n_plates = if protocol.plates { 2 } else { 0 };
     check_hidden(scenario, &person.body, n_plates)?;
     let per_frame = scenario.capture.analog_per_frame;
-    // instruments without plates still need a step that the motion's integration can live with
+    // without plates the tick still has to be short enough to integrate the motion
     let ticks_per_frame = refine(scenario, per_frame);
     let tick_s = 1.0 / (true_rate(scenario) * ticks_per_frame as f64);
 
@@ -153,7 +154,7 @@ fn human(scenario: &Scenario, lab: &HumanLab) -> Result<Lab, SimulateError> {
         let plant = Plant::new(&person.body, &scenario.hidden, &trial.name())?;
         play(scenario, &person, &plant, protocol, trial, tick_s)
     };
-    // markers are put on in the posture of the static trial
+    // markers are attached in the posture of the static trial
     let still = plays(HumanTrial::Static)?;
     let q_rest = still.motion.q(still.motion.n_ticks() / 2).to_vec();
     let capture = &scenario.capture;
@@ -242,10 +243,12 @@ fn human(scenario: &Scenario, lab: &HumanLab) -> Result<Lab, SimulateError> {
     finish(scenario, person.body, ticks_per_frame, trials, truth, ("subject.yaml", subject))
 }
 
-/// Ticks in a frame: a multiple of the analog samples that makes a tick at most one millisecond long (to rounding).
+/// Ticks in a frame: a multiple of the analog samples that makes a tick at most one millisecond
+/// long (within rounding).
 fn refine(scenario: &Scenario, per_frame: usize) -> usize {
     let needed = (1000.0 / true_rate(scenario) - 1e-9).ceil().max(1.0) as usize;
-    // a little more than a millisecond is fine where the rate is only nominally round
+    // slightly more than a millisecond is acceptable if the true rate only differs from a round one
+    // by a small error
     let needed = if (needed as f64 - 1.0) * true_rate(scenario) > 990.0 { needed - 1 } else { needed };
     needed.div_ceil(per_frame).max(1) * per_frame
 }
@@ -284,7 +287,7 @@ fn plate_recordings(
             _ => {}
         }
     }
-    // the instant that sample k shows, in samples of the cameras' clock
+    // time of sample k, in samples of the cameras' clock
     let clock = |k: f64| k - (offset + rate * (session + k * dt)) / dt;
     let channels = wrenches
         .iter()
@@ -299,7 +302,7 @@ fn plate_recordings(
     (channels, wrenches.into())
 }
 
-/// `Foot Off` and `Foot Strike` where a plate's load passes 10 N.
+/// `Foot Off` and `Foot Strike` where a plate's load crosses 10 N.
 fn foot_events(true_plates: &[Vec<Wrench>], tick_rate_hz: f64) -> Vec<Event> {
     let mut events = Vec::new();
     for (plate, context) in true_plates.iter().zip(["Left", "Right"]) {

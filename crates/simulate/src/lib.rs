@@ -1,26 +1,29 @@
 //! Forward dynamics and synthetic laboratories with known truth.
 //!
-//! A [`Scenario`] says who or what is recorded, doing what, by which instruments, and what the laboratory does not know.
-//! [`simulate`] plays it and returns a [`Lab`]: recordings as structures ([`LabTrial`]), the same as files ([`LabFile`]:
-//! C3D, `subject.yaml` or `object.yaml`, sealed `truth/`), and the [`Truth`]. Nothing here touches the disk.
+//! A [`Scenario`] defines the person or object, its movements, the instruments, and the effects
+//! hidden from the laboratory. [`simulate`] runs it and returns a [`Lab`]: recordings as structures
+//! ([`LabTrial`]), the same as files ([`LabFile`]: C3D, `subject.yaml` or `object.yaml`, sealed
+//! `truth/`), and the [`Truth`]. This crate does not access the disk.
 //!
-//! In the flow this stands before everything: a lab folder goes in at import like any other. People use it to plan
-//! recordings (which motion would show a parameter?), tests use it for fixtures.
+//! Its output is imported like the folder of any other laboratory. It serves to plan recordings
+//! (which motion would determine a parameter?) and as a source of test fixtures.
 //!
-//! # How a session comes about
+//! # Steps of a simulation
 //!
 //! | step | module |
 //! |---|---|
 //! | an individual body: geometry, masses, markers | [`human::person`], [`object`] |
-//! | what is hidden is put into it: forces, payloads, gravity | [`physics::plant`], [`physics::forces`] |
-//! | on the ground or in the hand the choreography prescribes | [`human::ground`], [`human::exercise`], [`object::throws`] |
-//! | in the air the equations of motion decide; take-off is aimed until the landing is met | [`human::jump`], [`physics::dynamics`] |
-//! | instruments see it: noise, soft tissue, gaps, plates | [`measure`] |
+//! | hidden effects: forces, payloads, gravity | [`physics::plant`], [`physics::forces`] |
+//! | prescribed motion on the ground | [`human::ground`], [`human::exercise`] |
+//! | prescribed motion in the hand | [`object::throws`] |
+//! | flight by equations of motion, take-off adjusted | [`human::jump`], [`physics::dynamics`] |
+//! | instruments: noise, soft tissue, gaps, plates | [`measure`] |
 //! | files | [`lab`], [`truth`] |
 //!
-//! In flight the wrench that is left on the body is zero to rounding; on the ground plates get exactly what recursive
-//! Newton-Euler demands, divided between the feet. The classical Runge-Kutta method with half-millisecond steps
-//! ([`physics::rk4`]) leaves 1e-11 m after 0.6 s of tumbling.
+//! In flight the residual wrench on the body is zero within rounding; on the ground the plates
+//! receive exactly the wrench computed by recursive Newton-Euler, divided between the feet. The
+//! classical Runge-Kutta method with half-millisecond steps ([`physics::rk4`]) has an error of
+//! 1e-11 m after 0.6 s of tumbling.
 //!
 //! # Example
 //!

@@ -1,6 +1,6 @@
-//! Arrays as numpy reads them: `.npz` archives of `.npy` members, stored without compression.
+//! Arrays in numpy's format: `.npz` archives of `.npy` members, stored without compression.
 
-/// Numbers of one member.
+/// Values of one member.
 pub enum Array {
     /// 32-bit floats.
     F4(Vec<f32>),
@@ -10,7 +10,7 @@ pub enum Array {
     I8(Vec<i64>),
 }
 
-/// An archive that grows member by member.
+/// An archive to which members are added one by one.
 #[derive(Debug, Default)]
 pub struct Npz {
     bytes: Vec<u8>,
@@ -31,7 +31,7 @@ impl Npz {
             dims.truncate(dims.len() - 2);
         }
         let mut header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({}), }}", dims.trim_end());
-        // magic, version, length and header together fill whole lines of 64 bytes
+        // magic, version, length and header together are padded to a multiple of 64 bytes
         while (10 + header.len() + 1) % 64 != 0 {
             header.push(' ');
         }
@@ -83,7 +83,7 @@ impl Npz {
     }
 }
 
-/// The checksum of zip (reflected polynomial 0xEDB88320).
+/// CRC-32 of zip (reflected polynomial 0xEDB88320).
 fn crc32(data: &[u8]) -> u32 {
     let table: [u32; 256] =
         std::array::from_fn(|i| (0..8).fold(i as u32, |c, _| if c & 1 == 1 { 0xEDB8_8320 ^ (c >> 1) } else { c >> 1 }));

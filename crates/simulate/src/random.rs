@@ -1,4 +1,5 @@
-//! Random draws: one ChaCha stream for each purpose, so that changing one thing does not move everything else.
+//! Random draws: one ChaCha stream for each purpose, so that a change in one does not affect the
+//! others.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -12,7 +13,8 @@ pub struct Stream(ChaCha8Rng);
 impl Stream {
     /// The stream of `purpose` (for example `jump01/noise`) under a seed.
     pub fn new(seed: u64, purpose: &str) -> Self {
-        // FNV-1a over the purpose beside the seed: distinct keys give independent ChaCha streams
+        // FNV-1a over the purpose, combined with the seed: distinct keys give independent ChaCha
+        // streams
         let hash =
             purpose.bytes().fold(0xcbf2_9ce4_8422_2325u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
         let mut key = [0u8; 32];
@@ -25,7 +27,7 @@ impl Stream {
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.0.random::<f64>()
     }
-    /// Uniform whole number, both ends included.
+    /// Uniform integer, both ends included.
     pub fn whole(&mut self, low: usize, high: usize) -> usize {
         low + ((self.0.random::<f64>() * (high.max(low) - low + 1) as f64) as usize).min(high.max(low) - low)
     }
@@ -33,7 +35,7 @@ impl Stream {
     pub fn normal(&mut self) -> f64 {
         self.0.sample(StandardNormal)
     }
-    /// Normal, cut at two and a half standard deviations.
+    /// Normal, truncated at two and a half standard deviations.
     pub(crate) fn moderate(&mut self) -> f64 {
         loop {
             let x = self.normal();
@@ -42,7 +44,7 @@ impl Stream {
             }
         }
     }
-    /// Three moderate normals.
+    /// Three truncated normals.
     pub fn vector(&mut self) -> Vector3<f64> {
         Vector3::new(self.moderate(), self.moderate(), self.moderate())
     }
@@ -59,7 +61,7 @@ impl Stream {
             }
         }
     }
-    /// A rotation, uniform over all.
+    /// A rotation, uniform over SO(3).
     pub fn rotation(&mut self) -> UnitQuaternion<f64> {
         loop {
             let q = nalgebra::Quaternion::new(self.normal(), self.normal(), self.normal(), self.normal());

@@ -1,5 +1,5 @@
-//! A scenario: who or what is recorded, doing what, by which instruments, with what hidden. Plain data; the pipeline
-//! reads it from YAML.
+//! A scenario: the person or object, its movements, the instruments and the hidden effects. Plain
+//! data; the pipeline reads it from YAML.
 
 use crate::error::SimulateError;
 use crate::hidden::Hidden;
@@ -9,22 +9,23 @@ use std::collections::BTreeMap;
 
 /// A whole laboratory session to be simulated.
 ///
-/// Everything drawn at random follows from `seed`: the same scenario gives the same bytes. Scenarios that differ in
-/// `hidden` alone share body, choreography and noise, so a scenario and its [`Scenario::twin`] can be compared one to one.
+/// All random draws follow from `seed`: the same scenario gives the same bytes. Scenarios that
+/// differ only in `hidden` have the same body, choreography and noise, so a scenario and its
+/// [`Scenario::twin`] can be compared directly.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scenario {
-    /// Name, also of the subject or object in the files.
+    /// Name of the scenario, also of the subject or object in the files.
     pub name: String,
-    /// Seed of every random draw.
+    /// Seed of all random draws.
     #[serde(default)]
     pub seed: u64,
-    /// Who or what is recorded, and what it does.
+    /// The person or object, and its movements.
     pub body: BodySpec,
     /// The instruments.
     #[serde(default)]
     pub capture: CaptureSpec,
-    /// What the laboratory does not know.
+    /// Effects hidden from the laboratory.
     #[serde(default)]
     pub hidden: Vec<Hidden>,
     /// Write the true motion of every trial as `truth/truth_<trial>.npz`.
@@ -33,7 +34,7 @@ pub struct Scenario {
 }
 
 impl Scenario {
-    /// The same session with nothing hidden.
+    /// The same session without hidden effects.
     pub fn twin(&self) -> Self {
         Self { name: format!("{}_twin", self.name), hidden: Vec::new(), ..self.clone() }
     }
@@ -58,7 +59,7 @@ impl Scenario {
     }
 }
 
-/// Who or what is recorded.
+/// The person or object that is recorded.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum BodySpec {
@@ -106,7 +107,7 @@ impl Default for ChainSpec {
 pub struct CustomLab {
     /// The model; every link needs its inertia.
     pub model: ModelSpec,
-    /// Markers: label → link and place in its frame.
+    /// Markers: label → link and position in its frame.
     pub markers: BTreeMap<String, MarkerSpec>,
     /// Viscous friction of every joint, N·m·s/rad (N·s/m).
     #[serde(default)]
@@ -119,13 +120,13 @@ pub struct CustomLab {
     pub throws: ThrowProtocol,
 }
 
-/// Where a marker sits.
+/// Position of a marker.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MarkerSpec {
     /// Link that carries it.
     pub link: String,
-    /// Place in the link frame, m.
+    /// Position in the link frame, m.
     pub position_m: [f64; 3],
 }
 
@@ -135,7 +136,7 @@ pub struct MarkerSpec {
 pub struct ThrowProtocol {
     /// Recordings `throws_01`, `throws_02` …
     pub recordings: usize,
-    /// Throws in each.
+    /// Number of throws in each recording.
     pub throws: usize,
     /// Shortest and longest flight, s.
     pub flight_s: [f64; 2],
@@ -143,11 +144,11 @@ pub struct ThrowProtocol {
     pub spin_radps: [f64; 2],
     /// Fastest joint rate at release, rad/s.
     pub joint_rate_radps: f64,
-    /// Seconds between throws (caught, carried, taken up again).
+    /// Seconds between throws (catching, carrying, picking up again).
     pub carry_s: [f64; 2],
     /// Length of the static recording, s.
     pub static_s: f64,
-    /// Length of the calibration of the joints, s.
+    /// Length of the joint calibration, s.
     pub calibration_s: f64,
 }
 
@@ -172,12 +173,13 @@ impl Default for ThrowProtocol {
 pub struct HumanLab {
     /// The person.
     pub person: PersonSpec,
-    /// What is done.
+    /// Trials of the session.
     #[serde(default)]
     pub protocol: JumpProtocol,
 }
 
-/// A person. Geometry and masses follow sex and stature, and differ individually by the seed.
+/// A person. Geometry and masses follow from sex and stature, with individual variation from the
+/// seed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PersonSpec {
@@ -187,7 +189,8 @@ pub struct PersonSpec {
     pub height_m: f64,
     /// Mass, kg.
     pub mass_kg: f64,
-    /// How much the individual differs from the tables (0: not at all, 1: as people do).
+    /// How much the individual differs from the tables (0: not at all; 1: typical variation between
+    /// people).
     #[serde(default = "one")]
     pub variation: f64,
 }
@@ -196,13 +199,13 @@ fn one() -> f64 {
     1.0
 }
 
-/// What a person does.
+/// Trials of a person's session.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct JumpProtocol {
     /// Trials `jump01`, `jump02` …
     pub jumps: usize,
-    /// Fewest and most flights in a jump trial.
+    /// Smallest and largest number of flights in a jump trial.
     pub flights: [usize; 2],
     /// Shortest and longest flight, s.
     pub flight_s: [f64; 2],
@@ -214,7 +217,7 @@ pub struct JumpProtocol {
     pub static_s: f64,
     /// How strongly arms, legs and trunk move in the air: 1 is vigorous, 0.3 a plain jump.
     pub vigour: f64,
-    /// Force plates under the feet.
+    /// True if there are force plates under the feet.
     pub plates: bool,
 }
 
@@ -249,11 +252,11 @@ pub struct CaptureSpec {
     pub gap_fraction: f64,
     /// Shortest and longest gap, frames.
     pub gap_frames: [usize; 2],
-    /// White noise of a plate's force channels, N (moments: 0.3 of it in N·m).
+    /// White noise of a plate's force channels, N (moments: 0.3 times this, in N·m).
     pub plate_noise_n: f64,
     /// Slow drift of a plate's force channels over a trial, N.
     pub plate_drift_n: f64,
-    /// Magnitude of gravity that the laboratory states, m/s².
+    /// Magnitude of gravity stated by the laboratory, m/s².
     pub gravity_mps2: f64,
 }
 

@@ -1,4 +1,5 @@
-//! What a laboratory would give much to know: masses, geometry, hidden effects, flights. Sealed in `truth/`.
+//! True values of a simulated laboratory: masses, geometry, hidden effects, flights. Sealed in
+//! `truth/`.
 
 use crate::hidden::Hidden;
 use crate::object::TrueMarker;
@@ -13,11 +14,11 @@ use std::collections::BTreeMap;
 pub const PHI_ORDER: &str =
     "m mcx mcy mcz Ixx Ixy Iyy Ixz Iyz Izz (inertia about the link-frame origin; pinocchio order)";
 
-/// Everything that was put into a laboratory. Serialises to `truth/truth.json`; keys shared with other simulated sets
-/// have the same names and meanings there.
+/// True values of everything in a simulated laboratory. Serialises to `truth/truth.json`; keys
+/// shared with other simulated data sets have the same names and meanings there.
 #[derive(Debug, Clone, Serialize)]
 pub struct Truth {
-    /// Layout of this file.
+    /// Version of the layout of this file.
     pub schema: &'static str,
     /// Name of the scenario.
     pub dataset: String,
@@ -25,33 +26,33 @@ pub struct Truth {
     pub seed: u64,
     /// Names of the hidden effects joined by `+`, or `none`.
     pub effect: String,
-    /// The hidden effects with their numbers.
+    /// The hidden effects with their values.
     pub hidden: Vec<Hidden>,
-    /// Gravity as it is, m/s², world.
+    /// True gravity, m/s², world.
     pub true_gravity: [f64; 3],
-    /// Gravity as the laboratory states it.
+    /// Gravity as stated by the laboratory, m/s², world.
     pub nominal_gravity: [f64; 3],
-    /// Camera rate as it is, Hz.
+    /// True camera rate, Hz.
     pub true_rate_hz: f64,
-    /// Camera rate as the files state it, Hz.
+    /// Camera rate stated in the files, Hz.
     pub header_rate_hz: f64,
     /// Noise of a marker, each axis, m.
     pub noise_sigma_m: f64,
-    /// Mass that the laboratory's scale showed, kg.
+    /// Mass shown by the laboratory's scale, kg.
     pub mass_scale: f64,
     /// Order of `phi`.
     pub phi_order: &'static str,
-    /// What the link frames are.
+    /// Definition of the link frames.
     pub frames: String,
     /// Links.
     pub links: Vec<LinkTruth>,
-    /// Markers: link and place in its frame (m), as put on.
+    /// Markers: link and position in its frame (m), as attached.
     pub markers: BTreeMap<String, (String, [f64; 3])>,
     /// Base parameters of the true body.
     pub base: Vec<BaseTruth>,
     /// Recordings.
     pub trials: Vec<TrialTruth>,
-    /// What only one kind of body has.
+    /// Values that exist for one kind of body only.
     #[serde(flatten)]
     pub extra: BTreeMap<String, serde_json::Value>,
 }
@@ -65,13 +66,13 @@ pub struct LinkTruth {
     pub parent: Option<String>,
     /// Joint: `free`, `spherical`, `revolute_z` …
     pub joint: String,
-    /// Joint place in the parent, m.
+    /// Joint position in the parent, m.
     pub offset: [f64; 3],
     /// Joint orientation in the parent at zero, quaternion x y z w.
     pub rotation_xyzw: [f64; 4],
     /// Ten inertial parameters in [`PHI_ORDER`].
     pub phi: [f64; 10],
-    /// kg.
+    /// Mass, kg.
     pub mass: f64,
     /// Centre of mass, m.
     pub com: [f64; 3],
@@ -83,7 +84,7 @@ pub struct LinkTruth {
 /// One base parameter.
 #[derive(Debug, Clone, Serialize)]
 pub struct BaseTruth {
-    /// Name as the identification uses it.
+    /// Name used by the identification.
     pub name: String,
     /// Value.
     pub value: f64,
@@ -100,17 +101,18 @@ pub struct TrialTruth {
     pub kind: String,
     /// Camera frames.
     pub frames: usize,
-    /// Length by the files' clock, s.
+    /// Duration on the files' clock, s.
     pub dur: f64,
-    /// Start and end of each flight by the files' clock, s.
+    /// Start and end of each flight on the files' clock, s.
     pub flights: Vec<[f64; 2]>,
     /// First and last camera frame (0-based, inclusive) of each flight.
     pub flight_frames: Vec<[usize; 2]>,
-    /// What was done in each flight.
+    /// Style of each flight.
     pub styles: Vec<String>,
-    /// Largest force that is left in a flight when inertia, gravity and hidden forces are accounted for, N.
+    /// Largest residual force in a flight after inertia, gravity and hidden forces are accounted
+    /// for, N.
     pub flight_resid: f64,
-    /// Draws that it took to find a feasible motion.
+    /// Number of draws needed to find a feasible motion.
     pub attempts: usize,
     /// Missing stretches: marker, first and last frame.
     pub gaps: Vec<(String, usize, usize)>,
@@ -158,7 +160,8 @@ impl LinkTruth {
     }
 }
 
-/// Recordings by name, as other simulated chains list them: frames and flights (first and last frame), and gaps.
+/// Recordings by name, in the layout of other simulated chains: frames and flights (first and last
+/// frame), and gaps.
 pub fn recordings(trials: &[TrialTruth]) -> BTreeMap<String, serde_json::Value> {
     let thrown = trials.iter().filter(|t| t.kind == "throws");
     let recordings: BTreeMap<&str, serde_json::Value> = thrown
@@ -195,7 +198,7 @@ pub fn markers(body: &Body, markers: &[TrueMarker]) -> BTreeMap<String, (String,
     markers.iter().map(|m| (m.label.clone(), (name(m.link), m.position_m.into()))).collect()
 }
 
-/// Keys that only the two-link chain has: both links by name, the hinge, its recordings.
+/// Keys used only for the two-link chain: both links by name, the hinge, its recordings.
 pub(crate) fn chain_extra(
     body: &Body,
     labels: &[TrueMarker],
@@ -226,7 +229,7 @@ pub(crate) fn chain_extra(
             "frictionloss": friction,
         }),
     );
-    // the same numbers under the names and in the order of the paper's two-link table
+    // the same values under the names and in the order of the paper's two-link table
     const NAMES: [(&str, &str); 17] = [
         ("M", "M"),
         ("MCx", "MCx"),
@@ -287,7 +290,7 @@ pub fn trajectories(scenario: &Scenario, body: &Body, motion: &TrueMotion, ticks
     npz.finish()
 }
 
-/// First and last camera frame that lie inside each flight.
+/// First and last camera frame inside each flight.
 pub fn flight_frames(motion: &TrueMotion, ticks_per_frame: usize) -> Vec<[usize; 2]> {
     motion.flights.iter().map(|[a, b]| [a.div_ceil(ticks_per_frame), b / ticks_per_frame]).collect()
 }

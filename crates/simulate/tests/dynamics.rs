@@ -1,4 +1,4 @@
-//! The equations of motion against conservation laws, their own step, and MuJoCo.
+//! The equations of motion tested against conservation laws, a shorter step, and MuJoCo.
 #![allow(clippy::expect_used, clippy::panic, reason = "helpers of tests stand outside of #[test] functions")]
 
 use aloft_body::{Joint, JointSpec, LinkInertia, LinkSpec, Model, ModelSpec, Phi, State};
@@ -126,8 +126,8 @@ fn validate_free_flight_against_mujoco() {
     }
 }
 
-/// Dry friction as MuJoCo has it: a soft constraint that opposes `v + a₀/b`, bounded by the friction torque
-/// (default solver parameters: time constant 20 ms, impedance 0.9 … 0.95).
+/// Dry friction as modelled by MuJoCo: a soft constraint that opposes `v + a₀/b`, bounded by the
+/// friction torque (default solver parameters: time constant 20 ms, impedance 0.9 … 0.95).
 struct SoftFriction<'a> {
     plant: &'a Plant,
     viscous: Hinge,
@@ -237,7 +237,7 @@ fn energy_and_momentum_are_kept() {
     assert!((l1 - l0).norm() < 1e-9 * l0.norm(), "{l0} {l1}");
 }
 
-/// Internal effects (wheel, wobbling mass) keep momentum; drag and tether do the work that they should.
+/// Internal effects (wheel, wobbling mass) conserve momentum; drag and tether do the expected work.
 #[test]
 fn hidden_forces_obey_their_laws() {
     let golden = golden();
@@ -251,7 +251,7 @@ fn hidden_forces_obey_their_laws() {
     let start: Vec<f64> = q0.iter().chain(&v0).copied().collect();
     let (e0, _, l0) = energy_and_momentum(&body, &start);
 
-    // a wheel: its own momentum and the body's add up to a constant, no work is done
+    // a wheel: the sum of its momentum and the body's is constant, no work is done
     let h = Vector3::new(0.02, -0.01, 0.03);
     let end = fly_with(&[Hidden::Flywheel { link: "link1".into(), momentum_nms: h.into() }], 0.5);
     let spin = |y: &[f64]| {
@@ -263,7 +263,7 @@ fn hidden_forces_obey_their_laws() {
     assert!((l1 + spin(&end) - l0 - spin(&start)).norm() < 1e-9);
     assert!((e1 - e0).abs() < 1e-8, "{e0} {e1}");
 
-    // damping takes energy, monotonically
+    // damping dissipates energy, monotonically
     for hidden in [
         Hidden::QuadraticDrag { drag_area_m2: 0.03, air_density_kgpm3: 1.2 },
         Hidden::LinearDrag { coefficient_nspm: 0.1 },
@@ -277,7 +277,7 @@ fn hidden_forces_obey_their_laws() {
         }
     }
 
-    // an undamped line stores what it takes
+    // an undamped line stores the work done on it
     let anchor = Vector3::new(0.0, 0.0, 2.5);
     let tether = Hidden::Tether {
         link: "link0".into(),

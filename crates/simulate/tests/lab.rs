@@ -1,4 +1,5 @@
-//! Whole laboratories: what the files hold, that physics is kept, that nothing depends on chance or threads.
+//! Whole laboratories: contents of the files, conservation laws, independence of chance and
+//! threads.
 #![allow(clippy::expect_used, clippy::panic, reason = "helpers of tests stand outside of #[test] functions")]
 
 use aloft_body::{LinkInertia, State, inertia::pseudo_inertia};
@@ -99,7 +100,7 @@ fn flights_are_free_and_their_center_of_mass_falls() {
                 let (start, middle, end) = (com(ticks[0]), com(ticks[ticks.len() / 2]), com(*last));
                 let time = |k: usize| (k - first) as f64 * m.tick_s;
                 let (t1, t2) = (time(ticks[ticks.len() / 2]), time(*last));
-                // a parabola through both ends meets the middle
+                // a parabola through both ends passes through the middle
                 let g = model.gravity_mps2;
                 let v = (end - start) / t2 - g * (0.5 * t2);
                 let off = (start + v * t1 + g * (0.5 * t1 * t1) - middle).norm();
@@ -226,7 +227,8 @@ fn bodies_can_exist() {
     }
 }
 
-/// A scenario and its twin share choreography, noise and gaps; what is hidden is the only difference.
+/// A scenario and its twin have the same choreography, noise and gaps; they differ only in the
+/// hidden effects.
 #[test]
 fn twins_differ_in_what_is_hidden_alone() {
     let mut scenario = small_chain();
@@ -286,7 +288,7 @@ fn every_effect() -> Vec<Hidden> {
     ]
 }
 
-/// Every effect plays on a person, changes the files, and can be written as YAML and read again.
+/// Every effect can be simulated on a person, changes the files, and survives a YAML round trip.
 #[test]
 fn every_effect_plays() {
     let clean = simulate(&small_human()).expect("lab");
@@ -327,7 +329,7 @@ body:
   throws: {recordings: 1, throws: 2, joint_rate_radps: 1.0, calibration_s: 1.0}
 ";
 
-/// Any model can be thrown: spherical and sliding joints, its own markers.
+/// Any model can be thrown: spherical and sliding joints, custom markers.
 #[test]
 fn any_model_flies() {
     let scenario: Scenario = serde_yaml::from_str(ROBOT).expect("scenario");

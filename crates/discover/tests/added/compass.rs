@@ -1,5 +1,5 @@
-//! A magnet in a link that the field of the room turns: an effect as a newcomer would add it, in
-//! one file.
+//! A magnet in a link, turned by the magnetic field of the room: an effect as a new contributor
+//! would add it, in one file.
 
 use aloft_effects::{About, Coefficient, Columns, Effect, Scene, Separation, Series, Target};
 use nalgebra::Vector3;

@@ -1,4 +1,5 @@
-//! What is hidden: a law of the simulator of unit size in a random direction, and the same effect in the catalogue's terms.
+//! Hidden effects: a law of the simulator of unit size in a random direction, and the same effect
+//! in the catalogue's terms.
 
 use aloft_effects::{Choice, Scene};
 use rand::{RngExt, SeedableRng};
@@ -6,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
 
-/// Effects of a kind of laboratory that flights can tell.
+/// Effects detectable in flights of a kind of laboratory.
 pub fn effects(human: bool) -> &'static [&'static str] {
     const BOTH: [&str; 10] = [
         "quadratic_drag",
@@ -40,14 +41,14 @@ pub fn effects(human: bool) -> &'static [&'static str] {
     if human { &BOTH } else { &CHAIN }
 }
 
-/// One hidden effect: made larger by a factor, in the simulator's terms and in the catalogue's.
+/// One hidden effect, scaled by a factor, in the simulator's terms and in the catalogue's.
 pub struct Case {
     pub effect: &'static str,
     pub key: String,
     nonlinear: Vec<(&'static str, f64)>,
     /// Coefficients of unit size.
     pub unit: Vec<f64>,
-    /// The first so many of them have a truth in the simulator's terms.
+    /// Number of leading coefficients with a true value in the simulator's terms.
     pub known: usize,
     hidden: Box<dyn Fn(f64) -> Value>,
 }
@@ -57,7 +58,8 @@ impl Case {
     pub fn hidden(&self, times: f64) -> Value {
         json!([(self.hidden)(times)])
     }
-    /// The catalogue's effect at the true values of its nonlinear parameters, coefficients of unit size beside it.
+    /// The catalogue's effect at the true values of its nonlinear parameters, with coefficients of
+    /// unit size.
     pub fn choice(&self, scene: &Scene, trials: &[String]) -> Choice<'static> {
         let mut choice = Choice::parse(&self.key, scene).unwrap();
         for (name, value) in &self.nonlinear {
@@ -118,7 +120,7 @@ pub fn case(human: bool, effect: &'static str, seed: u64) -> Case {
             Case { nonlinear, ..own(vec![1.0], hidden) }
         }
         "gravity_tilt" => {
-            // gravity leans by small turns about x and y
+            // gravity is tilted by small rotations about x and y
             let unit = vec![-9.81 * sin, 9.81 * cos];
             own(
                 unit,
@@ -208,7 +210,7 @@ pub fn case(human: bool, effect: &'static str, seed: u64) -> Case {
                 ),
             )
         }
-        // let go as it hung at rest
+        // released from its position of rest
         "wobbling_mass" => at(
             vec![1.0, 1.0, 0.0],
             vec![("frequency", 7.0), ("damping_ratio", 0.15), ("point_x", 0.0), ("point_y", 0.05), ("point_z", 0.0)],

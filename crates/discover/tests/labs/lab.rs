@@ -1,4 +1,5 @@
-//! A simulated laboratory up to the point where discovery begins: motion by inverse kinematics, flights, a prior that is off.
+//! A simulated laboratory up to the start of discovery: motion by inverse kinematics, flights, an
+//! inaccurate prior.
 
 use aloft_body::{BaseParameters, LinkInertia, Motion, Phi, State, subject::PriorSd};
 use aloft_discover::{Body, Session, TrialInput, scene_of};
@@ -24,7 +25,7 @@ pub fn scenario(human: bool, seed: u64, hidden: &serde_json::Value) -> Scenario 
     serde_json::from_value(all).unwrap()
 }
 
-/// What a laboratory has when discovery begins.
+/// Data available at the start of discovery.
 pub struct Recorded {
     pub lab: Lab,
     motions: Vec<Motion>,
@@ -36,7 +37,8 @@ pub struct Recorded {
 }
 
 impl Recorded {
-    /// `None` where the simulator cannot make the recordings (a person who could not land, say).
+    /// `None` if the simulator cannot make the recordings (for example a person who could not
+    /// land).
     pub fn new(human: bool, seed: u64, hidden: &serde_json::Value) -> Option<Self> {
         let scenario = scenario(human, seed, hidden);
         let lab = simulate(&scenario).ok()?;
@@ -126,7 +128,8 @@ pub fn motion(lab: &Lab, trial: &LabTrial, rate_hz: f64) -> Motion {
     Motion { trial: trial.name.clone(), rate_hz, nq: model.nq, nv: model.nv, q: frames.concat(), ..Motion::default() }
 }
 
-/// Links as a prior sees them: masses, centres and inertias off by as much as tables are.
+/// Prior of the links: masses, centres of mass and inertias with errors typical of anthropometric
+/// tables.
 pub fn off(phi: &[Phi], seed: u64) -> Vec<LinkInertia> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x0ff);
     let mut r = |s: f64| s * (2.0 * rng.random::<f64>() - 1.0) * 1.7;

@@ -1,11 +1,15 @@
-//! Simulated laboratories with a hidden effect: how often is the right name given, and how often a wrong one?
+//! Simulated laboratories with a hidden effect: how often the right name is given, and how often a
+//! wrong one.
 //!
-//! The simulator's physics is not that of the columns. Kinematics are those of a good calibration: inverse kinematics from the measured markers (noise,
-//! soft tissue, gaps) in the true geometry, priors that are off by as much as priors are. Sizes are multiples of the minimum detectable size, taken
-//! from the twin of the laboratory with nothing hidden.
+//! The simulator's physics is independent of the columns. Kinematics are those of a good
+//! calibration: inverse kinematics from the measured markers (noise, soft tissue, gaps) in the true
+//! geometry, with priors as inaccurate as real ones. Sizes are multiples of the minimum detectable
+//! size, taken from the twin of the laboratory with nothing hidden.
 //!
-//! A few laboratories run always. `ALOFT_LABS=FILE` runs the whole table (`ALOFT_LABS_SEEDS=n` of it, 20 seeds by default; `ALOFT_LABS_ONLY` names
-//! effects, `ALOFT_LABS_OF` kinds, `ALOFT_LABS_SIZES` sizes), writes one line of JSON a laboratory to the file, goes on where it stopped, and writes the table beside it as Markdown.
+//! A few laboratories always run. `ALOFT_LABS=FILE` runs the whole table (`ALOFT_LABS_SEEDS=n` of
+//! it, 20 seeds by default; `ALOFT_LABS_ONLY` selects effects, `ALOFT_LABS_OF` kinds,
+//! `ALOFT_LABS_SIZES` sizes), writes one line of JSON per laboratory to the file, resumes where it
+//! stopped, and writes the table next to it as Markdown.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "a test that fails should say where")]
 
 mod cases;
@@ -19,7 +23,7 @@ use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::time::Instant;
 
-/// Sizes over the minimum detectable one.
+/// Sizes as multiples of the minimum detectable size.
 const MULTIPLES: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
 
 /// One laboratory of the table.
@@ -36,16 +40,17 @@ struct Line {
     effects: Vec<String>,
     outcome: String,
     found: Vec<String>,
-    /// Held-out error, N: before, after what was found, and of the twin.
+    /// Held-out error, N: before, with the effects found, and of the twin.
     before: f64,
     after: f64,
     twin: f64,
-    /// Truth, value and standard error of the found coefficients, where the effect was found on the link where it is.
+    /// True value, estimate and standard error of the coefficients found, if the effect was found
+    /// on its own link.
     coefficients: Vec<(String, f64, f64, f64)>,
-    /// The first round's best, with ratios.
+    /// Best candidates of the first round, with ratios.
     ranking: Vec<(String, f64)>,
     threshold: f64,
-    /// Of `discover` alone.
+    /// Run time of `discover` alone.
     seconds: f64,
 }
 
@@ -56,7 +61,7 @@ fn outcome(truth: &str, d: &Discovery) -> &'static str {
         (true, false) => "nothing",
         (false, false) => "missed",
         (false, true) if d.effects.iter().any(|e| e == truth) => {
-            // a name beside the right one in `supported` is a second claim
+            // in `supported` a second name next to the right one is a false claim
             match (d.verdict, d.effects.len()) {
                 (_, 1) => "hit",
                 (Verdict::Supported, _) => "hit and more",
@@ -67,7 +72,8 @@ fn outcome(truth: &str, d: &Discovery) -> &'static str {
     }
 }
 
-/// Found coefficients beside the truth: those of the effect itself on its own link; of drag with an area a link, their sum.
+/// Coefficients found and their true values: those of the effect on its own link; for drag with an
+/// area per link, their sum.
 fn compare(case: &Case, size: f64, d: &Discovery) -> Vec<(String, f64, f64, f64)> {
     let truth: Vec<f64> = case.unit.iter().map(|u| u * size).collect();
     let Some(found) = d.found.iter().find(|f| f.effect == case.effect) else { return Vec::new() };
@@ -112,7 +118,7 @@ fn line(kind: &str, seed: u64, hidden: Option<(&Case, f64, f64)>, twin: f64, rec
     })
 }
 
-/// The size that the twin could show, in multiples of the case's unit.
+/// Size detectable in the twin, in multiples of the case's unit.
 fn detectable_size(twin: &Recorded, human: bool, case: &Case) -> f64 {
     twin.with(|scene, session| {
         let choice = case.choice(scene, &loaded(human));
@@ -135,7 +141,8 @@ fn validate_a_few_labs() {
     }
 }
 
-/// A person on a tether with a wheel on the back: both are named, one after the other, and the error falls to that of the twin.
+/// A person on a tether with a wheel on the back: both are named in turn, and the error falls to
+/// that of the twin.
 #[test]
 fn validate_two_effects_on_a_person() {
     let hidden = serde_json::json!([
@@ -187,7 +194,7 @@ fn validate_labs() {
     for seed in 1..=seeds {
         for kind in kinds.split_whitespace() {
             let human = kind == "human";
-            // every effect at every size, spread over the seeds so that each seed serves as many as another
+            // every effect at every size, spread evenly over the seeds
             let all: Vec<(&str, f64)> =
                 effects(human).iter().flat_map(|e| MULTIPLES.iter().map(move |m| (*e, *m))).collect();
             let stride = seeds.min(10);

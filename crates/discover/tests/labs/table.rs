@@ -1,4 +1,4 @@
-//! The table for people.
+//! The results as a readable table.
 
 use crate::{Line, MULTIPLES};
 use std::collections::BTreeSet;

@@ -1,4 +1,5 @@
-//! Forces on the two-link chain, thrown and caught: laws of the simulator, of which the columns know nothing.
+//! Forces on the two-link chain, thrown and caught: laws of the simulator, independent of the
+//! columns.
 
 use crate::lab::{Evidence, Known, lab, motions};
 use crate::{Case, SHARE, recovers};
@@ -39,8 +40,9 @@ fn check(hidden: &Value, case: &Case<'_>) {
     recovers(case, &evidence(&thrown(&json!([hidden]))), &evidence(plain()));
 }
 
-/// An area (or resistance) of the whole body that every link has its share of: with two links each is found on its own, and their sum is the truth. One
-/// coefficient for the body, with shares and centres from the prior, is as far off as those are.
+/// An area (or resistance) of the whole body, shared among the links: with two links each is found
+/// on its own, and their sum is the true value. A single coefficient for the body, with shares and
+/// centres from the prior, is as inaccurate as those are.
 fn check_sum(hidden: &Value, effect: &str, truth: f64) {
     let (key, found) = evidence(&thrown(&json!([hidden]))).search(effect);
     let unit = found[0].unit.clone();
@@ -92,14 +94,16 @@ pub fn constant_force() {
     check(&hidden, &case);
 }
 
-/// Gravity leans by 0.4° about x, which moves it along y, and by -0.3° about y, which moves it along x.
+/// Gravity tilted by 0.4° about x, which moves it along y, and by -0.3° about y, which moves it
+/// along x.
 pub fn gravity_tilt() {
     let truth = [0.3f64, 0.4].map(|deg| 9.81 * deg.to_radians());
     let case = Case { key: "gravity_tilt", truth: &truth, ..Case::default() };
     check(&json!({"effect": "gravity_tilt", "about_x_deg": 0.4, "about_y_deg": -0.3}), &case);
 }
 
-/// A class that motion alone cannot part: another gravity, another frame rate, another length of the wand are found as the same coefficient.
+/// A class that motion alone cannot separate: another gravity, another frame rate and another wand
+/// length are found as the same coefficient.
 pub fn gravity_scale() {
     for (hidden, excess) in [
         (json!({"effect": "gravity_scale", "factor": 1.005}), 0.005),
@@ -182,7 +186,8 @@ pub fn payload() {
     check(&hidden, &case);
 }
 
-/// 150 g on springs in the link's centre of mass; it rings on from the hand into the air, so what was before the flight counts.
+/// 150 g on springs at the link's centre of mass; it keeps oscillating from the hand into the air,
+/// so the motion before the flight matters.
 pub fn wobbling_mass() {
     let com = plain_evidence().links[0].com_m;
     let hidden = json!({"effect": "wobbling_mass", "link": "link0", "point_m": [com.x, com.y, com.z], "mass_kg": 0.15,
@@ -192,7 +197,8 @@ pub fn wobbling_mass() {
         truth: &[0.15],
         nonlinear: &[("frequency", 5.0), ("damping_ratio", 0.15)],
         sought: true,
-        // the fall at release is seen through the window of differentiation, which takes some of the swing that it starts
+        // the fall at release is seen through the differentiation window, which attenuates some of
+        // the oscillation that it starts
         share: 0.2,
         ..Case::default()
     };
@@ -210,7 +216,7 @@ pub fn added_mass() {
     check(&json!({"effect": "added_mass", "link": "link1", "point_m": [-0.15, 0.0, 0.0], "mass_kg": 0.05}), &case);
 }
 
-/// Pushes at the link's origin; the catalogue's moment is about its centre of mass.
+/// The force acts at the link's origin; the catalogue's moment is about its centre of mass.
 pub fn thrust() {
     let force = Vector3::new(0.10, -0.06, 0.08);
     let moment = -evidence(plain()).links[1].com_m.cross(&force);

@@ -1,4 +1,4 @@
-//! Faults of what cameras and skeletons show: filters, skin, joint centres, the camera volume, edges of flights.
+//! Kinematic errors: filters, soft tissue, joint centres, the camera volume, edges of flights.
 
 use crate::chain;
 use crate::lab::{Evidence, Known, lab, motions, moving};
@@ -8,8 +8,8 @@ use aloft_regressor::StretchKind;
 use nalgebra::Vector3;
 use serde_json::json;
 
-/// Markers through a mean over eleven frames (55 ms), the person on the plates: k is half the variance of the window's times. In the air a parabola
-/// passes such a filter unchanged.
+/// Markers averaged over eleven frames (55 ms), the person on the plates: k is half the variance of
+/// the window's times. Such a filter leaves the parabola of a flight unchanged.
 pub fn filter() {
     const HALF: usize = 5;
     let (lab, motions_of_twin) = plain();
@@ -40,8 +40,9 @@ pub fn soft_tissue() {
     recovers(&case, &of(&slid, &motions(&slid)), &of(&plain().0, &plain().1));
 }
 
-/// A hinge some millimetres from where it is. With the inertial parameters known its place is found; fitted beside it they take up most of it: it is
-/// a member of their class.
+/// A hinge displaced by some millimetres. With the inertial parameters known its position is found;
+/// when they are fitted as well they absorb most of the displacement: it is a member of their
+/// class.
 pub fn joint_centre() {
     const KEY: &str = "joint_centre[link1]";
     let offset = [0.004, -0.006, 0.005];
@@ -60,8 +61,9 @@ pub fn joint_centre() {
     assert!(fitted < 0.5 * known, "{fitted} N of {known} N are left");
 }
 
-/// A bend of 0.7 × 8 mm in the height at a metre from the middle, and others. Where flights have their middle apart from that of the cameras the bend
-/// brings a stretch, which is a gravity of another size and direction: both stand beside it.
+/// A bend of 0.7 × 8 mm in the height at a metre from the middle, and others. If the middle of the
+/// flights differs from that of the cameras the bend causes a stretch, which is equivalent to
+/// gravity of another size and direction: both are in the model as well.
 pub fn camera_warp() {
     let bent = lab(&chain::chain(), &json!({}), chain::SEED, &json!([{"effect": "camera_warp", "amplitude_m": 0.008}]));
     let of = |lab, motions| Evidence::new(lab, motions, Known::Mass, 0.0);
@@ -74,8 +76,9 @@ pub fn camera_warp() {
     recovers(&case, &of(&bent, &motions(&bent)), &of(&chain::plain().0, &chain::plain().1));
 }
 
-/// Flights that begin 40 ms before the feet leave the plates, the reach of the law, seen through windows of 0.1 s. Both feet push, and the law knows one
-/// link: the load is found, within a fifth because it does not fall in a straight line; its line of action is not.
+/// Flights that begin 40 ms before the feet leave the plates, the reach of the law, seen through
+/// windows of 0.1 s. Both feet push, and the law has one link: the load is found within a fifth,
+/// because it does not fall linearly; its line of action is not found.
 pub fn residual_contact() {
     const EARLY: usize = 8;
     let (lab, motions) = plain();

@@ -1,4 +1,5 @@
-//! Evidence of a simulated laboratory: motions by inverse kinematics, flights, contact on plates, and what is known of the body.
+//! Data of a simulated laboratory: motions by inverse kinematics, flights, contact on plates, and
+//! prior knowledge of the body.
 
 use crate::labs::{motion, off};
 use aloft_body::{BaseParameters, LinkInertia, Model, Motion, Phi, subject::PriorSd};
@@ -20,18 +21,18 @@ pub fn lab(body: &Value, capture: &Value, seed: u64, hidden: &Value) -> Lab {
     simulate(&scenario).unwrap()
 }
 
-/// What is known of the inertial parameters beside the rows.
+/// Prior knowledge of the inertial parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Known {
-    /// Nothing but the mass.
+    /// Only the mass.
     Mass,
-    /// As much as tables of anthropometry say, off by as much as they are.
+    /// Anthropometric tables, with errors typical of them.
     Tables,
     /// Everything, to a thousandth.
     All,
 }
 
-/// One recording as discovery takes it.
+/// One recording as input of discovery.
 #[derive(Clone)]
 pub struct Recording {
     pub motion: Motion,
@@ -40,7 +41,7 @@ pub struct Recording {
     pub session_time_s: f64,
 }
 
-/// Everything that a fit takes.
+/// All inputs of a fit.
 #[derive(Clone)]
 pub struct Evidence {
     pub model: Model,
@@ -52,12 +53,12 @@ pub struct Evidence {
     pub options: WeakOptions,
 }
 
-/// Motions of a session's trials that carry evidence.
+/// Motions of those trials of a session that are used.
 pub fn motions(lab: &Lab) -> Vec<Motion> {
     moving(lab).map(|(_, t)| motion(lab, t, t.markers.rate_hz)).collect()
 }
 
-/// Trials with flights or exercises, with their places in the session.
+/// Trials with flights or exercises, with their indices in the session.
 pub fn moving(lab: &Lab) -> impl Iterator<Item = (usize, &LabTrial)> {
     lab.trials.iter().enumerate().filter(|(_, t)| t.kind == "exercise" || !t.motion.flights.is_empty())
 }
@@ -109,7 +110,7 @@ impl Evidence {
         f(&scene, &session)
     }
 
-    /// Inertial parameters as they are believed before.
+    /// Inertial parameters of the prior.
     pub fn phi(&self) -> Vec<Phi> {
         self.links.iter().map(LinkInertia::to_phi).collect()
     }
@@ -126,7 +127,7 @@ impl Evidence {
         Some(of_links.base(&BaseParameters::of(&self.model)).unwrap())
     }
 
-    /// Only stretches of a kind, and trials that have some.
+    /// Keeps only stretches of one kind, and the trials that have some.
     pub fn only(mut self, kind: StretchKind) -> Self {
         for t in &mut self.trials {
             t.stretches.retain(|s| s.kind == kind);
@@ -135,7 +136,8 @@ impl Evidence {
         self
     }
 
-    /// An effect fitted together with the inertial parameters and with the effects in `beside`; nonlinear parameters at `set`, in `trials` only.
+    /// Fits an effect together with the inertial parameters and the effects in `beside`, with
+    /// nonlinear parameters fixed at `set`, in `trials` only.
     pub fn fit(&self, beside: &[&str], key: &str, set: &[(&str, f64)], trials: &[String]) -> Addition {
         self.with(|scene, session| {
             let parse = |k: &str| Choice::parse(k, scene).unwrap();
@@ -148,7 +150,8 @@ impl Evidence {
         })
     }
 
-    /// Key, coefficients and nonlinear parameters of an effect whose target and nonlinear parameters are sought too.
+    /// Key, coefficients and nonlinear parameters of an effect whose target and nonlinear
+    /// parameters are estimated too.
     pub fn search(&self, effect: &str) -> (String, Vec<Estimate>) {
         self.with(|_, session| {
             let d = discover(session, &catalogue(), &[], &options(&[effect])).unwrap();
@@ -175,7 +178,8 @@ fn whole(plates: &[PlateSeries]) -> Option<Vec<Vector6<f64>>> {
     Some((0..n).map(sum).collect())
 }
 
-/// Plates as means over a frame, flights a little inside of the true ones, contact where the plates carry the body.
+/// Plates averaged over each frame, flights slightly shorter than the true ones, contact where the
+/// plates carry the body.
 fn recording(lab: &Lab, trial: &LabTrial, motion: &Motion, mass_kg: f64, session_time_s: f64) -> Recording {
     let n = motion.n_frames();
     let per_frame = trial.plates.first().map_or(1, |p| p.channels[0].len() / n);

@@ -1,8 +1,10 @@
-//! Every effect of the catalogue hidden in recordings that the simulator made, and found again at its true size.
+//! Every effect of the catalogue is hidden in simulated recordings and recovered at its true size.
 //!
-//! The simulator knows nothing of the columns: forces act in its equations of motion, instruments err in its cameras and plates. Motions come from
-//! inverse kinematics of noisy markers, inertial parameters are fitted beside the effect from weak rows, as `aloft discover` does it, and what is
-//! believed of the body beforehand is off by as much as tables are. The twin, the same session with nothing hidden, has to show nothing.
+//! The simulator is independent of the columns: forces act in its equations of motion, instrument
+//! errors in its cameras and plates. Motions come from inverse kinematics of noisy markers,
+//! inertial parameters are fitted together with the effect from weak rows, as in `aloft discover`,
+//! and the prior of the body has errors typical of anthropometric tables. In the twin, the same
+//! session with nothing hidden, every effect has to be zero.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "a test that fails should say where")]
 
 mod chain;
@@ -18,7 +20,7 @@ use aloft_discover::Estimate;
 use aloft_effects::EFFECTS;
 use lab::Evidence;
 
-/// One test an effect, and the list of all of them.
+/// One test per effect, and the list of all of them.
 macro_rules! recovered {
     ($($effect:ident: $file:ident::$test:ident,)*) => {
         const RECOVERED: &[&str] = &[$(stringify!($effect)),*];
@@ -58,16 +60,16 @@ recovered! {
     body_mass: plates::body_mass,
 }
 
-/// What is hidden, in the catalogue's terms.
+/// The hidden effect, in the catalogue's terms.
 struct Case<'a> {
     key: &'a str,
     truth: &'a [f64],
     nonlinear: &'a [(&'a str, f64)],
-    /// Target and nonlinear parameters are sought, not given.
+    /// Target and nonlinear parameters are estimated, not given.
     sought: bool,
-    /// Effects in the model already.
+    /// Effects already in the model.
     beside: &'a [&'a str],
-    /// Trials in which it acts; all where empty.
+    /// Trials in which it acts; all if empty.
     trials: &'a [String],
     /// Share of the effect's size by which a coefficient may be off.
     share: f64,
@@ -79,11 +81,13 @@ impl Default for Case<'_> {
     }
 }
 
-/// What this share is where nothing else is said: first-order columns, skin that slides and priors that are off leave some per cent.
+/// Default of this share: first-order columns, soft tissue and inaccurate priors leave some per
+/// cent.
 const SHARE: f64 = 0.1;
 
-/// The hidden coefficients are found within a share of the effect's size or three standard errors, and well determined; the twin's are zero within
-/// the same. Three, because a session has forty-odd coefficients of which none may fail.
+/// The hidden coefficients are recovered within a share of the effect's size or three standard
+/// errors, and well determined; those of the twin are zero within the same limits. Three, because a
+/// session has forty-odd coefficients of which none may fail.
 fn recovers(case: &Case<'_>, hidden: &Evidence, twin: &Evidence) {
     let given = |e: &Evidence| e.fit(case.beside, case.key, case.nonlinear, case.trials).coefficients;
     let found = if case.sought {
@@ -100,7 +104,8 @@ fn recovers(case: &Case<'_>, hidden: &Evidence, twin: &Evidence) {
 fn compare(case: &Case<'_>, found: &[Estimate], truth: &[f64]) {
     let of = |e: &Estimate, truth: f64, size: f64| {
         println!("{:28} {:14} {:12.6} ± {:.6} of {truth:.6} {}", case.key, e.name, e.value, e.se, e.unit);
-        // nothing, at the bound of what cannot be negative, is the right answer where nothing is hidden
+        // zero, at the bound of a coefficient that cannot be negative, is the right answer if
+        // nothing is hidden
         if truth == 0.0 && e.value == 0.0 && e.at_bound {
             return;
         }
@@ -114,13 +119,14 @@ fn compare(case: &Case<'_>, found: &[Estimate], truth: &[f64]) {
     }
     for (name, truth) in case.nonlinear {
         if let Some(e) = found.iter().find(|e| e.name == *name) {
-            // places and winds as close as a tenth of a metre, or of a metre a second
+            // positions and winds within a tenth of a metre, or of a metre per second
             of(e, *truth, truth.abs().max(1.0));
         }
     }
 }
 
-/// A new effect needs its case here, documentation under four headings, units, and bounds or a reason to have none.
+/// A new effect needs a case here, documentation under four headings, units, and bounds or a reason
+/// for having none.
 #[test]
 fn prop_every_effect_is_documented_bounded_and_recovered() {
     let ids: Vec<&str> = EFFECTS.iter().map(|e| e.id()).collect();

@@ -1,4 +1,4 @@
-//! The person of these tests: a session with nothing hidden, simulated and reconstructed once.
+//! The person of these tests: a session without hidden effects, simulated and reconstructed once.
 
 use crate::lab::{Evidence, Known, lab, motions};
 use aloft_body::Motion;
@@ -13,7 +13,7 @@ pub fn person() -> Value {
         "person": {"sex": "F", "height_m": 1.68, "mass_kg": 62.0}})
 }
 
-/// No marker is lost, so that markers can be smoothed.
+/// No marker is lost, so that marker trajectories can be smoothed.
 pub static CAPTURE: LazyLock<Value> = LazyLock::new(|| json!({"gap_fraction": 0.0}));
 
 /// The session, and its motions.

@@ -1,4 +1,5 @@
-//! Faults of force plates, and of the scale, hidden in the recordings of a person who jumps and moves on two plates.
+//! Errors of force plates and of the scale, hidden in the recordings of a person who jumps and
+//! moves on two plates.
 
 use crate::lab::{Evidence, Known, lab};
 use crate::person::{CAPTURE, SEED, person, plain};
@@ -12,7 +13,7 @@ use serde_json::{Value, json};
 /// Seconds between the starts of recordings.
 const SPACING_S: f64 = 20.0;
 
-/// The plates of the person's session read again, with faults.
+/// The plates of the person's session simulated again, with errors.
 fn read_again(hidden: &[Hidden]) -> Lab {
     let mut lab = plain().0.clone();
     let (ticks, capture) = (lab.ticks_per_frame, CaptureSpec::default());
@@ -37,7 +38,8 @@ fn check(hidden: &[Hidden], key: &str, truth: &[f64]) {
     recovers(&case, &with_plates_of(&read_again(hidden)), &with_plates_of(&plain().0));
 }
 
-/// Faults of the clock are the session's, not one instrument's: the whole session is simulated again.
+/// Clock errors affect the whole session, not one instrument, so the whole session is simulated
+/// again.
 fn check_clock(hidden: &Value, key: &str, truth: f64) {
     let late = lab(&person(), &CAPTURE.clone(), SEED, hidden);
     let case = Case { key, truth: &[truth], ..Case::default() };
@@ -60,7 +62,8 @@ fn axes() -> (Matrix3<f64>, Vector3<f64>) {
     (axes, -(axes * geometry.origin_m))
 }
 
-/// Moments of ten and more, because skin that slides by 3 mm under half the body's weight is worth one newton metre.
+/// Moments of ten newton metres and more, because soft tissue that slides by 3 mm under half the
+/// body's weight amounts to one newton metre.
 pub fn tare() {
     let (force_n, moment_nm) = ([10.0, -15.0, 30.0], [9.0, -12.0, 6.0]);
     let (axes, sensor) = axes();
@@ -88,8 +91,9 @@ pub fn gain() {
     check(&[Hidden::PlateGain { plate: 2, gain }], "plate_gain[plate2]", &truth);
 }
 
-/// The scale reads too much, and all that is believed of the body is too heavy in proportion. One gain for all plates is the same fault seen from
-/// the other side: both members of the class are found, each in its own terms.
+/// The scale reads too much, and the whole prior of the body is too heavy in proportion. One gain
+/// for all plates is equivalent to this error: both members of the class are found, each in its own
+/// terms.
 pub fn body_mass() {
     const EXCESS: f64 = 0.04;
     let twin = with_plates_of(&plain().0);

@@ -45,7 +45,8 @@ impl Effect for FilterAttenuation {
     }
     fn evaluate(&self, series: &Series<'_>, _: Target, _: &[f64], out: &mut Columns) {
         let n = series.scene.model.n_links();
-        // of every frame: how the links are seen turned, and how their centres of mass are seen displaced, per unit
+        // for every frame: apparent rotations of the links and apparent displacements of their
+        // centres of mass, per unit
         let mut turns = Vec::with_capacity(series.len() * n);
         let mut shifts = Vec::with_capacity(series.len() * n);
         for i in 0..series.len() {
@@ -58,8 +59,9 @@ impl Effect for FilterAttenuation {
     }
 }
 
-/// Turns by the angular acceleration, as far as the joints let the links follow; displacements of a skeleton that keeps its lengths, its whole
-/// centre of mass by the acceleration of it.
+/// Rotations proportional to the angular acceleration, as far as the joints permit; displacements
+/// of a skeleton with constant lengths, whose total centre of mass moves in proportion to its
+/// acceleration.
 fn seen(f: &EffectFrame<'_>, turns: &mut Vec<Vector3<f64>>, shifts: &mut Vec<Vector3<f64>>) {
     let scene = f.scene;
     let first = turns.len();

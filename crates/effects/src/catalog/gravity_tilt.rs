@@ -36,7 +36,7 @@ impl Effect for GravityTilt {
         Target::body()
     }
     fn coefficients(&self, scene: &Scene, _: Target) -> Vec<Coefficient> {
-        // the vertical component is the matter of gravity's magnitude
+        // the vertical component belongs to gravity's magnitude
         Coefficient::vector_in_world("dg", "m/s^2", 0.2 * scene.gravity()).into_iter().take(2).collect()
     }
     fn evaluate(&self, series: &Series<'_>, _: Target, _: &[f64], out: &mut Columns) {

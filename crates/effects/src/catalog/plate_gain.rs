@@ -65,7 +65,7 @@ impl Effect for PlateGain {
     }
 }
 
-/// Every component of a plate on its own.
+/// Columns of every component of one plate.
 fn one_plate(f: &EffectFrame<'_>, plate: usize, out: &mut Columns, i: usize) {
     let (Some(here), Some(centre)) = (f.plates.get(plate), f.scene.plate_centers_m.get(plate)) else { return };
     let about_centre = here.moment_nm - centre.cross(&here.force_n);

@@ -34,8 +34,8 @@ Hoerner, Fluid-Dynamic Drag (1965), ch. 3; Todorov, Erez, Tassa, MuJoCo (2012), 
 /// Entries of a symmetric matrix: row, column, name.
 const ENTRIES: [(usize, usize, &str); 6] =
     [(0, 0, "xx"), (1, 1, "yy"), (0, 1, "xy"), (0, 2, "xz"), (1, 2, "yz"), (2, 2, "zz")];
-/// Columns of a link's shape: six areas, and from here on five breadths, six of fluid carried
-/// along, six against turning.
+/// Columns of a link's shape: six areas, then (from this index) five breadths, six coefficients of
+/// entrained fluid, six of resistance to rotation.
 const BREADTH: usize = 6;
 const CARRIED: usize = 11;
 const TURNING: usize = 17;
@@ -105,7 +105,7 @@ pub(super) fn centres(scene: &Scene, target: Target) -> Vec<NonlinearParameter> 
     scene.model.links.iter().zip(&scene.link_com_m).flat_map(of).collect()
 }
 
-/// Where the search for the centres begins: at the links' centres of mass.
+/// Starting values of the centres: the links' centres of mass.
 pub(super) fn centre_starts(scene: &Scene, target: Target) -> Vec<f64> {
     match target {
         Target::EveryLink | Target::Shape => scene.link_com_m.iter().flat_map(|c| [c.x, c.y, c.z]).collect(),
@@ -113,14 +113,15 @@ pub(super) fn centre_starts(scene: &Scene, target: Target) -> Vec<f64> {
     }
 }
 
-/// Centres of the links' areas in their frames, m: as given, or the centres of mass.
+/// Centres of the links' areas in their frames, m: the given ones, or the centres of mass.
 pub(super) fn centres_of(scene: &Scene, given: &[f64]) -> Vec<Vector3<f64>> {
     let mut values = Values::new(given);
     let enough = given.len() == 3 * scene.link_com_m.len();
     scene.link_com_m.iter().map(|com| if enough { values.vector() } else { *com }).collect()
 }
 
-/// Drag on every link for one velocity of the air, a column for all or one a link.
+/// Drag on every link for a given velocity of the air, with one column for all links or one per
+/// link.
 pub(super) fn drag(
     f: &EffectFrame<'_>,
     target: Target,
@@ -149,7 +150,7 @@ fn times(e: (usize, usize, &str), v: &Vector3<f64>) -> Vector3<f64> {
     out
 }
 
-/// Drag, lift and carried fluid of links of any shape.
+/// Drag, lift and entrained fluid of links of any shape.
 fn shape(f: &EffectFrame<'_>, centres_m: &[Vector3<f64>], out: &mut Columns, i: usize) {
     for (link, (here, centre)) in f.links.iter().zip(centres_m).enumerate() {
         let (at, first) = (here.point(centre), PER_LINK * link);

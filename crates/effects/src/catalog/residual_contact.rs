@@ -25,7 +25,7 @@ Own simulations (`docs/findings/labs.md`).
     ..About::PLAIN
 };
 
-/// Time over which the load fades from the edge of a flight, s.
+/// Time over which the load decays from the edge of a flight, s.
 const REACH_S: f64 = 0.04;
 /// First columns of the forces at the two edges.
 const START: usize = 0;
@@ -37,13 +37,13 @@ impl Effect for ResidualContact {
     fn about(&self) -> About<'_> {
         ABOUT
     }
-    /// Links that carry no others.
+    /// Links without children.
     fn targets(&self, scene: &Scene) -> Vec<Target> {
         let links = &scene.model.links;
         (0..links.len()).filter(|i| links.iter().all(|l| l.parent != Some(*i))).map(Target::Link).collect()
     }
     fn coefficients(&self, scene: &Scene, _: Target) -> Vec<Coefficient> {
-        // landings load a foot with several body weights within the reach
+        // landings load a foot with several body weights within this time
         let most = 10.0 * scene.mass_kg * scene.gravity();
         let mut out = Coefficient::vector_in_world("start_force", "N", most);
         out.extend(Coefficient::vector_in_world("end_force", "N", most));

@@ -26,7 +26,7 @@ Hughes, Spacecraft Attitude Dynamics (1986), ch. 3; own simulations.
     ..About::PLAIN
 };
 
-/// First columns of the constant momentum and of the two parts of its swing.
+/// First columns of the constant momentum and of the two parts of its oscillation.
 const MOMENTUM: usize = 0;
 const SWING_SIN: usize = 3;
 const SWING_COS: usize = 6;
@@ -50,7 +50,8 @@ impl Effect for Rotor {
         vec![NonlinearParameter::new("frequency", "Hz", 0.2, 12.0, 0.02)]
     }
     fn starts(&self, _: &Scene, _: Target) -> Vec<Vec<f64>> {
-        // the clock runs through a whole recording, so neighbours a twentieth of a hertz apart are already out of step
+        // the phase accumulates over the whole recording, so frequencies a twentieth of a hertz
+        // apart are already out of phase
         (0..140).map(|k| vec![0.3 + 0.04 * f64::from(k)]).collect()
     }
     fn evaluate(&self, series: &Series<'_>, target: Target, nonlinear: &[f64], out: &mut Columns) {

@@ -39,7 +39,7 @@ impl Effect for SoftTissue {
     fn about(&self) -> About<'_> {
         ABOUT
     }
-    /// Links that a hinge or a ball joint turns.
+    /// Links with a hinge or a ball joint.
     fn targets(&self, scene: &Scene) -> Vec<Target> {
         (1..scene.model.n_links())
             .filter(|i| matches!(scene.model.links[*i].joint.kind, JointKind::Spherical | JointKind::Revolute(_)))
@@ -51,7 +51,7 @@ impl Effect for SoftTissue {
         if n == 1 {
             return Coefficient::vector_on_link("slide", "m/rad", MOST);
         }
-        // entries of a matrix have no direction of their own
+        // entries of a matrix have no direction
         let entry = |axis: &str, a: usize| Coefficient::within(format!("slide_{axis}_a{a}"), "m/rad", -MOST, MOST);
         AXES.iter().flat_map(|axis| (1..=n).map(move |a| entry(axis, a))).collect()
     }

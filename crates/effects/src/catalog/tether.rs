@@ -26,7 +26,7 @@ Own simulations (`docs/findings/labs.md`).
     ..About::PLAIN
 };
 
-/// Columns.
+/// Column indices.
 const STIFFNESS: usize = 0;
 const DAMPING: usize = 1;
 

@@ -30,7 +30,7 @@ Gruber et al., J. Biomech. 31 (1998) 433-444; own simulations.
     ..About::PLAIN
 };
 
-/// Columns.
+/// Column indices.
 const MASS: usize = 0;
 const HANGING: usize = 1;
 const TURNING: usize = 2;
@@ -75,7 +75,8 @@ impl Effect for WobblingMass {
             let here = series.links(run.start);
             let none = Vector3::zeros();
             let mass = |x| Oscillator { x, v: none, w, zeta };
-            // driven from no offset where nothing is known of the time before, else through the frames that lead up to the stretch
+            // starts at zero offset if nothing is known of the time before, otherwise driven
+            // through the frames before the stretch
             let past: Vec<(Vector3<f64>, Vector3<f64>)> =
                 series.lead_in(run.start).map(|l| (fall(l), omega(l))).collect();
             let first = (fall(here), omega(here));
@@ -83,7 +84,7 @@ impl Effect for WobblingMass {
             for (i, (field, turn)) in past.iter().enumerate() {
                 driven.advance(field, &past.get(i + 1).unwrap_or(&first).0, turn, series.rate_hz);
             }
-            // let go from where it hung in gravity, and from where it was held in the first field
+            // released from equilibrium under gravity, and from equilibrium in the first field
             let (mut hung, mut turned) = (mass(g / (w * w)), mass(first.0 / (w * w)));
             for i in run.clone() {
                 let (field, turn) = (fall(series.links(i)), omega(series.links(i)));
@@ -101,7 +102,8 @@ impl Effect for WobblingMass {
     }
 }
 
-/// A mass on a spring and a damper that turns with the link: offset and its rate, both in the world.
+/// A mass on a spring and a damper that rotate with the link: offset and its rate, both in the
+/// world.
 struct Oscillator {
     x: Vector3<f64>,
     v: Vector3<f64>,
@@ -110,12 +112,12 @@ struct Oscillator {
 }
 
 impl Oscillator {
-    /// `x''` in a field, the link turning with `omega`.
+    /// `x''` in a field, with the link rotating at `omega`.
     fn acceleration(&self, field: &Vector3<f64>, omega: &Vector3<f64>) -> Vector3<f64> {
         field - (self.v - omega.cross(&self.x)) * (2.0 * self.zeta * self.w) - self.x * (self.w * self.w)
     }
 
-    /// Over one frame in which the field goes from `here` to `next`.
+    /// Advances by one frame, in which the field changes from `here` to `next`.
     fn advance(&mut self, here: &Vector3<f64>, next: &Vector3<f64>, omega: &Vector3<f64>, rate_hz: f64) {
         let steps = 4;
         let h = 1.0 / (rate_hz * f64::from(steps));

@@ -1,4 +1,4 @@
-//! One formula: read, units checked, linear in the coefficients.
+//! One formula: parsed, units checked, linear in the coefficients.
 
 use super::parse::{self, Problem};
 use super::quantity::{QUANTITIES, Quantity, quantity};
@@ -6,7 +6,7 @@ use super::unit::Unit;
 use crate::{EffectsError, FormulaProblem, Scene};
 use exmex::{Express, FlatEx};
 
-/// Where a variable of a formula comes from.
+/// Origin of a variable in a formula.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Source {
     Quantity(Quantity),
@@ -15,24 +15,25 @@ pub(super) enum Source {
     Constant(f64),
 }
 
-/// A name that the user gave, and what it stands for.
+/// A name given by the user, and its meaning.
 pub(super) struct Symbol {
     pub name: String,
     pub source: Source,
     pub unit: Unit,
-    /// Place in the file: `coefficients[0]`.
+    /// Position in the file: `coefficients[0]`.
     pub place: String,
 }
 
 #[derive(Debug)]
 pub(super) struct Law {
     expression: FlatEx<f64>,
-    /// Where each variable of the expression comes from, in its order.
+    /// Origins of the expression's variables, in their order.
     pub sources: Vec<Source>,
 }
 
 impl Law {
-    /// Reads a formula; `None` for one that is zero. `place` is the formula's place in the file, `force[0]`.
+    /// Parses a formula; `None` for a formula that is zero. `place` is the formula's position in
+    /// the file, `force[0]`.
     pub fn new(
         effect: &str,
         scene: &Scene,
@@ -94,14 +95,15 @@ impl Law {
         Ok(Some(law))
     }
 
-    /// Its value; `values` is scratch.
+    /// Value of the formula; `values` is workspace.
     pub fn value(&self, values: &mut Vec<f64>, of: impl Fn(Source) -> f64) -> f64 {
         values.clear();
         values.extend(self.sources.iter().map(|s| of(*s)));
         self.expression.eval(values).unwrap_or(f64::NAN)
     }
 
-    /// Linear in the coefficients, and nothing beside them: tried at arbitrary values of everything else.
+    /// Checks that the formula is linear in the coefficients, without a constant part, at arbitrary
+    /// values of everything else.
     fn check_linear(&self, symbols: &[Symbol]) -> Result<(), String> {
         let n = symbols.iter().filter(|s| matches!(s.source, Source::Coefficient(_))).count();
         let mut values = Vec::new();

@@ -1,4 +1,5 @@
-//! Effects that users write: a force or moment law as formulas over named quantities, linear in unknown coefficients.
+//! Effects written by users: a force or moment law as formulas over named quantities, linear in
+//! unknown coefficients.
 //!
 //! ```yaml
 //! id: sail
@@ -18,17 +19,18 @@
 //! | `com_x com_y com_z`, `comv_x …` | m, m/s | whole centre of mass, its velocity |
 //! | `t`, `since_start`, `to_end` | s | time in the recording, in the stretch, until its end |
 //! | `q_<link>`, `qd_<link>` | rad, rad/s (m, m/s) | a hinge's (slide's) coordinate and rate |
-//! | `mass`, `link_mass` | kg | of the body, of the link (as the prior sees it) |
+//! | `mass`, `link_mass` | kg | of the body, of the link (from the prior) |
 //! | `area_share` | 1 | share of the link in the mean area shown to the air |
 //! | `air_density`, `gravity`, `pi` | kg/m³, m/s², 1 | constants |
 //!
-//! Vectors are in world axes, or in the link's with `axes: link` (places always in the world); forces act at the point. A law on several
-//! links has `parts`, or one part with `link: all`, which acts on every link at that link's own point. Numbers with units are `constants`.
+//! Vectors are in world axes, or in the link's with `axes: link` (positions always in the world);
+//! forces act at the point. A law on several links has `parts`, or one part with `link: all`, which
+//! acts on every link at that link's own point. Numbers with units are `constants`.
 //!
-//! Unknowns have a direction where their names say so: coefficients `c_x`, `c_y` (and `c_z`) in a
-//! row are the components of a vector, parameters `anchor_x` … or `pulley_x` … a place in the room,
-//! `wind_x` … a vector of the room. Discovery turns such an effect to other directions when it asks
-//! how far two effects can be told apart.
+//! Unknowns have a direction if their names imply one: consecutive coefficients `c_x`, `c_y` (and
+//! `c_z`) are the components of a vector, parameters `anchor_x` … or `pulley_x` … a position in the
+//! world, `wind_x` … a vector in world axes. Discovery rotates such an effect to other directions
+//! when it tests whether two effects can be distinguished.
 
 mod law;
 mod parse;
@@ -49,7 +51,7 @@ use nalgebra::Vector3;
 use quantity::quantity;
 use unit::Unit;
 
-/// A user's effect, read and checked against a body.
+/// A user's effect, parsed and checked for a body.
 #[derive(Debug)]
 pub struct CompiledFormula {
     id: String,
@@ -69,22 +71,22 @@ struct Part {
     /// Links, each with the point in its frame.
     points: Vec<(usize, Vector3<f64>)>,
     axes: FormulaAxes,
-    /// Force x y z, moment x y z.
+    /// Laws of force x y z and moment x y z.
     laws: Vec<Option<Law>>,
 }
 
-/// True for units that can be read.
+/// True for units that can be parsed.
 #[cfg(test)]
 pub(crate) fn unit_is_readable(text: &str) -> bool {
     Unit::parse(text).is_ok()
 }
 
 impl FormulaEffect {
-    /// Reads the formulas and checks names, units and linearity.
+    /// Parses the formulas and checks names, units and linearity.
     ///
     /// # Errors
-    /// [`EffectsError::Formula`] with the place of what is wrong in a formula, [`EffectsError::Place`] for names, units and bounds outside of
-    /// formulas.
+    /// [`EffectsError::Formula`] with the position of an error in a formula,
+    /// [`EffectsError::Place`] for names, units and bounds outside formulas.
     pub fn compile(&self, scene: &Scene) -> Result<CompiledFormula, EffectsError> {
         let known = !self.id.is_empty() && crate::effect(&self.id).is_ok();
         if known || self.id.is_empty() || self.id.contains(['.', '[', ']']) {
@@ -239,7 +241,7 @@ impl FormulaEffect {
     }
 }
 
-/// Gives the unknowns of a formula the directions that their names state.
+/// Assigns directions to the unknowns of a formula according to their names.
 fn name_directions(coefficients: &mut [Coefficient], parameters: &mut [NonlinearParameter], in_world: bool) {
     let of_axes: fn(usize) -> ParameterKind =
         if in_world { ParameterKind::VectorInWorld } else { ParameterKind::VectorOnLink };
@@ -258,7 +260,7 @@ fn name_directions(coefficients: &mut [Coefficient], parameters: &mut [Nonlinear
     }
     let plain = |kind: ParameterKind| kind == ParameterKind::Scalar;
     let directed = !(coefficients.iter().all(|c| plain(c.kind)) && parameters.iter().all(|p| plain(p.kind)));
-    // two coefficients of either sign and nothing with a direction: taken for the horizontal
+    // two coefficients of either sign, with no other directed unknown: taken as the horizontal
     // components of a vector
     if let (false, [x, y]) = (directed, &mut coefficients[..])
         && x.lower < 0.0
@@ -268,8 +270,8 @@ fn name_directions(coefficients: &mut [Coefficient], parameters: &mut [Nonlinear
     }
 }
 
-/// Names `stem_x`, `stem_y` and perhaps `stem_z` in a row: the place of the first, how many, the
-/// stem.
+/// Consecutive names `stem_x`, `stem_y` and possibly `stem_z`: the index of the first, their
+/// number, the stem.
 fn triples(names: &[String]) -> Vec<(usize, usize, String)> {
     let of = |at: usize| {
         let stem = names[at].strip_suffix("_x")?;

@@ -1,4 +1,4 @@
-//! Reads a formula: every node knows its place, so that what is wrong can be pointed at.
+//! Parses a formula; every node stores its position for error messages.
 
 use super::unit::Unit;
 
@@ -18,7 +18,7 @@ pub(crate) enum Kind {
     Call(String, Box<Node>),
 }
 
-/// What is wrong, and where.
+/// A parse error with its position.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Problem {
     pub at: usize,
@@ -89,7 +89,7 @@ fn tokens(text: &str) -> Result<Vec<(usize, Token)>, Problem> {
     Ok(out)
 }
 
-/// Reads a formula.
+/// Parses a formula.
 pub(crate) fn parse(text: &str) -> Result<Node, Problem> {
     // deep nesting would exhaust the stack
     if text.len() > 2000 {
@@ -204,7 +204,7 @@ impl Reader {
 }
 
 impl Node {
-    /// Unit of the formula; names are looked up.
+    /// Unit of the formula, with the units of names from `lookup`.
     pub fn unit(&self, lookup: &dyn Fn(&str) -> Result<Unit, String>) -> Result<Unit, Problem> {
         match &self.kind {
             Kind::Number(_) => Ok(Unit::NONE),
@@ -234,7 +234,7 @@ impl Node {
                         (_, false) => problem(right.at, format!("an exponent has no unit, this has {}", b.words())),
                         _ => problem(right.at, "what has a unit can be raised to a number only"),
                     },
-                    // zero may stand for any unit
+                    // zero is compatible with any unit
                     _ if left.constant() == Some(0.0) => Ok(b),
                     _ if right.constant() == Some(0.0) || a.same(b) => Ok(a),
                     _ => problem(
@@ -246,7 +246,7 @@ impl Node {
         }
     }
 
-    /// Value of a part without names.
+    /// Value of a subexpression without names.
     pub fn constant(&self) -> Option<f64> {
         match &self.kind {
             Kind::Number(x) => Some(*x),
@@ -265,7 +265,7 @@ impl Node {
         }
     }
 
-    /// All names in the formula, each with the place where it first stands.
+    /// All names in the formula, each with the position of its first occurrence.
     pub fn names(&self, out: &mut Vec<(String, usize)>) {
         match &self.kind {
             Kind::Number(_) => {}
@@ -282,7 +282,7 @@ impl Node {
         }
     }
 
-    /// The same formula with every bracket written, so that no reader can take it otherwise.
+    /// The same formula with all parentheses written out.
     pub fn explicit(&self) -> String {
         match &self.kind {
             Kind::Number(x) => format!("{x:?}"),

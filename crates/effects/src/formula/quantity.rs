@@ -1,4 +1,4 @@
-//! Named quantities that a formula may use, with their units.
+//! Named quantities for use in formulas, with their units.
 
 use super::spec::FormulaAxes;
 use super::unit::Unit;
@@ -31,11 +31,11 @@ pub(super) enum Quantity {
     Pi,
 }
 
-/// Quantities by name, besides the joints'.
+/// Quantities by name, without those of the joints.
 pub(super) const QUANTITIES: &str = "v_x v_y v_z speed a_x a_y a_z r_x r_y r_z omega_x omega_y omega_z spin alpha_x alpha_y alpha_z \
 com_x com_y com_z comv_x comv_y comv_z t since_start to_end mass link_mass area_share air_density gravity pi";
 
-/// The quantity of a name, and its unit.
+/// Quantity with a given name, and its unit.
 pub(super) fn quantity(scene: &Scene, name: &str) -> Option<(Quantity, Unit)> {
     let (m, kg) = (Unit([1.0, 0.0, 0.0]), Unit([0.0, 1.0, 0.0]));
     let (per_s, per_s2) = (Unit([0.0, 0.0, -1.0]), Unit([0.0, 0.0, -2.0]));
@@ -84,7 +84,7 @@ pub(super) fn quantity(scene: &Scene, name: &str) -> Option<(Quantity, Unit)> {
 }
 
 impl Quantity {
-    /// Its value at a point of a link in a frame.
+    /// Value of the quantity at a point of a link in a frame.
     pub(super) fn value(self, f: &EffectFrame<'_>, link_index: usize, point: &Vector3<f64>, axes: FormulaAxes) -> f64 {
         let link = &f.links[link_index];
         let turn = |v: Vector3<f64>| match axes {

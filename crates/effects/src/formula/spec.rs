@@ -1,4 +1,4 @@
-//! What a user writes: the law, its point, its unknowns.
+//! Format of effects written by users: the law, its point, its unknowns.
 
 use crate::{ActsIn, EffectKind};
 use schemars::JsonSchema;
@@ -146,7 +146,7 @@ pub struct FormulaConstant {
 }
 
 impl FormulaEffect {
-    /// All laws with the place of each in the file: `` for the top level, `parts[1].` else.
+    /// All laws, each with its position in the file: empty for the top level, else `parts[1].`.
     pub(crate) fn laws(&self) -> Vec<(String, FormulaPart)> {
         let mut out = Vec::new();
         if let Some(point) = &self.point {

@@ -33,9 +33,10 @@ impl Unit {
         if parts.is_empty() { "1".to_owned() } else { parts.join(" ") }
     }
 
-    /// Reads `N*s/m`, `kg m^2`, `N·m·s/rad`, `m/s²`, `1`: factors apart by `*`, `·` or a space; what follows a `/` is below.
+    /// Parses `N*s/m`, `kg m^2`, `N·m·s/rad`, `m/s²`, `1`: factors separated by `*`, `·` or a
+    /// space; a factor after `/` is in the denominator.
     ///
-    /// The error is what cannot be read.
+    /// The error is the part that cannot be parsed.
     pub fn parse(text: &str) -> Result<Self, String> {
         let mut out = Self::NONE;
         let spaced = text.replace('²', "^2").replace('³', "^3").replace('/', " / ");
@@ -62,7 +63,8 @@ impl Unit {
                 _ => return Err(name.to_owned()),
             };
             out = out.times(unit, if below { -power } else { power });
-            // only the factor right behind a `/` is below, as people write `N*s/m` and `kg/m*s` is read left to right
+            // only the factor directly after a `/` is in the denominator, as in common usage of
+            // `N*s/m`; `kg/m*s` is read from left to right
             below = false;
         }
         Ok(out)

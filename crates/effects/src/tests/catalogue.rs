@@ -1,4 +1,4 @@
-//! Documentation, names, units, bounds; columns are finite and act where they say.
+//! Documentation, names, units, bounds; columns are finite and nonzero only where the effect acts.
 
 use super::Fixture;
 use crate::*;
@@ -49,7 +49,7 @@ fn prop_every_effect_is_described_and_bounded() {
     assert!(matches!(effect("draught"), Err(EffectsError::Unknown { .. })));
 }
 
-/// One file an effect, named as its identifier, and one name in the list.
+/// One file per effect, named after its identifier, and one entry in the list.
 #[test]
 fn every_file_of_the_catalogue_is_an_effect_of_the_list() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/catalog");
@@ -64,7 +64,8 @@ fn every_file_of_the_catalogue_is_an_effect_of_the_list() {
     assert_eq!(files, ids);
 }
 
-/// Names and kinds of unknowns agree: `…_x`, `…_y` in a row are components, and nothing else is.
+/// Names and kinds of unknowns agree: consecutive `…_x`, `…_y` are components, and no other names
+/// are.
 #[test]
 fn components_of_places_and_vectors_state_their_kind() {
     use ParameterKind::{PointInWorld, PointOnLink, Scalar, VectorInWorld, VectorOnLink};
@@ -126,8 +127,8 @@ fn components_of_places_and_vectors_state_their_kind() {
     );
 }
 
-/// The recording that separates two effects: stated for the pair by either of them, else the one
-/// that takes precedence.
+/// The recording that separates two effects: the one stated for the pair by either of them,
+/// otherwise the one that takes precedence.
 #[test]
 fn two_effects_are_told_apart_as_their_files_say() {
     let words = |a: &str, b: &str| effect(a).unwrap().about().told_apart_by(&effect(b).unwrap().about());
@@ -156,9 +157,8 @@ fn formula_unit_is_readable(unit: &str) -> bool {
     formula::unit_is_readable(unit)
 }
 
-/// Columns are numbers for every target and start. Where an effect acts each of its columns says
-/// something from some start (a line may be slack at others), and where it does not act all are
-/// zero.
+/// Columns are finite for every target and start. Where an effect acts, each of its columns is
+/// nonzero for some start (a line may be slack at others); elsewhere all are zero.
 #[test]
 fn columns_are_finite_and_act_where_they_say() {
     for flight in [true, false] {

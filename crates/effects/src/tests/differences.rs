@@ -1,4 +1,5 @@
-//! Columns against finite differences: of what recordings show, and of nonlinear parameters.
+//! Columns compared with finite differences: of the recorded motion, and with respect to nonlinear
+//! parameters.
 
 use super::{Fixture, inverse_dynamics, model, phi};
 use crate::*;
@@ -90,7 +91,8 @@ fn prop_columns_change_with_their_parameters_as_differences_say() {
     });
 }
 
-/// Momentum of points of the links' masses at displaced places, by a difference quotient: what displacement fields say to first order.
+/// Momentum of points of the links' masses at displaced positions, by a difference quotient,
+/// compared with the columns of displacement fields to first order.
 #[test]
 fn prop_displaced_links_change_the_momentum_as_their_columns_say() {
     let fixture = Fixture::new(true);
@@ -145,7 +147,8 @@ fn prop_displaced_links_change_the_momentum_as_their_columns_say() {
     });
 }
 
-/// Means over a short window of every coordinate (the whole centre of mass where its own mean is) against the column.
+/// Averages of every coordinate over a short window (and of the total centre of mass), compared
+/// with the column.
 #[test]
 fn prop_a_smoothed_motion_lacks_what_the_column_of_a_filter_says() {
     let fixture = Fixture::new(true);
@@ -171,7 +174,8 @@ fn prop_a_smoothed_motion_lacks_what_the_column_of_a_filter_says() {
             q[k] += shift[k];
         }
     }
-    // the mean over a window of n samples lags by half the variance of their times
+    // a mean over n samples changes a signal by half the variance of their times, per unit of its
+    // second derivative
     let lag_squared = 0.5 * (n * n - 1.0) / 12.0 / (200.0 * 200.0);
     fixture.with(|series| {
         let choice = Choice::parse("filter_attenuation", &fixture.scene).unwrap();
@@ -193,7 +197,7 @@ fn prop_a_smoothed_motion_lacks_what_the_column_of_a_filter_says() {
     });
 }
 
-/// A kilogram of the whole body, and a load in the feet of flights that fades.
+/// A kilogram of the whole body, and a decaying load on the feet in flight.
 #[test]
 fn prop_mass_and_edges_are_what_their_coefficients_say() {
     let fixture = Fixture::new(true);

@@ -1,4 +1,4 @@
-//! Effects that users write as formulas.
+//! Effects written by users as formulas.
 
 use super::{Fixture, model, phi};
 use crate::*;
@@ -92,8 +92,8 @@ fn prop_formulas_read_as_people_write() {
     });
 }
 
-/// Names give unknowns a direction: vectors among coefficients, known places and winds among
-/// parameters, and two coefficients of either sign where nothing else has one.
+/// Names give unknowns a direction: vectors among coefficients, known positions and winds among
+/// parameters, and two coefficients of either sign if nothing else has one.
 #[test]
 fn names_of_a_formula_s_unknowns_give_them_a_direction() {
     use ParameterKind::{PointInWorld, Scalar, VectorInWorld, VectorOnLink};

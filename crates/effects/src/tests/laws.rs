@@ -1,4 +1,4 @@
-//! Power and sign, and the laws of another author.
+//! Power and sign of columns, and comparison with independently written laws.
 
 use super::Fixture;
 use crate::*;
@@ -7,7 +7,8 @@ use aloft_simulate::Hidden;
 use aloft_simulate::physics::{Body, ForceField, Wrench};
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 
-/// Power of a column on the moving links cannot be told from the total wrench, but that of one link can: freeze the arm.
+/// The power of a column on moving links does not follow from the total wrench, but that on a
+/// single link does, so the arm is frozen.
 #[test]
 fn prop_drag_takes_energy_and_wheels_do_no_work() {
     let mut fixture = Fixture::new(true);
@@ -44,7 +45,7 @@ fn prop_velocities_and_accelerations_follow_the_motion() {
             let link = &series.links(i)[0];
             assert!((link.velocity - Vector3::new(2.0, -1.5, 3.0 - 9.8 * t)).norm() < 1e-9);
             assert!((link.acceleration - Vector3::new(0.0, 0.0, -9.8)).norm() < 1e-6);
-            // angular velocity by a fine difference of the rotation itself
+            // angular velocity from a small difference of the rotation itself
             let turn =
                 |t: f64| UnitQuaternion::from_scaled_axis(Vector3::new(1.5 * t, 2.0 * (2.0 * t).sin(), 0.5 - 3.0 * t));
             let h = 1e-5;
@@ -56,7 +57,8 @@ fn prop_velocities_and_accelerations_follow_the_motion() {
     });
 }
 
-/// Wrenches of the simulator's laws, which were written without these columns.
+/// Comparison with the wrenches of the simulator's laws, which were written independently of these
+/// columns.
 #[test]
 fn validate_columns_against_the_simulator_s_laws() {
     let fixture = Fixture::new(true);
@@ -223,7 +225,7 @@ fn prop_plates_are_corrected_in_the_right_sense() {
     });
 }
 
-/// Round links of any size are the special case of equal areas; carried fluid does no work.
+/// Round links of any size are the special case of equal areas; entrained fluid does no work.
 #[test]
 fn prop_the_drag_of_a_shape_contains_that_of_round_links() {
     let fixture = Fixture::new(true);

@@ -1,4 +1,4 @@
-//! Tests over the whole catalogue, by theme, on one smooth motion of two links.
+//! Tests of the whole catalogue, by theme, on one smooth motion of two links.
 
 mod catalogue;
 mod differences;
@@ -38,7 +38,7 @@ fn phi() -> Vec<Phi> {
     vec![link(0.7, [0.01, 0.09, 0.02], [3e-3, 1e-3, 3.5e-3]), link(0.4, [-0.1, 0.0, 0.01], [5e-4, 2e-3, 2.2e-3])]
 }
 
-/// Smooth motion in the air with its coordinates as functions of time.
+/// Smooth motion in flight, with coordinates as functions of time.
 fn motion(model: &Model) -> Motion {
     let rate_hz = 200.0;
     let mut q = Vec::new();
@@ -92,7 +92,7 @@ impl Fixture {
     }
 }
 
-/// What the body needs to follow a motion: `Y φ` about the world origin.
+/// Wrench required by a motion: `Y φ` about the world origin.
 fn inverse_dynamics(series: &Series<'_>, phi: &[Phi]) -> Columns {
     let mut out = Columns::zeros(series.len(), 1);
     inertia::add_wrench(series, phi, 1.0, 0, &mut out);

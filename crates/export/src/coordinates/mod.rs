@@ -1,8 +1,9 @@
-//! Joint angles that people read, from joint motion, and back to the axes of the model files.
+//! Conventional joint angles from joint motion, and back to the axes of the model files.
 //!
-//! Inside, rotations are quaternions; here each spherical joint (and the root) becomes three turns. Series are continuous in time:
-//! of the triples that give the same rotation, the one nearest to the frame before is taken, so nothing jumps by 360° and a pass
-//! through gimbal lock goes on smoothly on the other side.
+//! Internally, rotations are quaternions; here each spherical joint (and the root) becomes three
+//! rotations. Series are continuous in time: of the triples that give the same rotation, the one
+//! nearest to the previous frame is taken, so there are no jumps by 360°, and angles remain
+//! continuous when a motion passes through gimbal lock.
 
 mod naming;
 mod sequence;
@@ -15,12 +16,13 @@ use aloft_body::{JointKind, Model, Motion, State};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Which joint angles are written.
+/// Convention of the joint angles written.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Convention {
-    /// Names and axes that OpenSim's full-body models use: z-x-y (flexion, adduction, rotation) at hip, ankle, back, neck and shoulder; also
-    /// at the wrist (flexion, deviation, pronation), so that a hand whose markers show pronation alone can be held in the other two.
+    /// Names and axes of OpenSim's full-body models: z-x-y (flexion, adduction, rotation) at hip,
+    /// ankle, back, neck and shoulder; also at the wrist (flexion, deviation, pronation), so that a
+    /// hand whose markers determine only pronation can be fixed in the other two.
     #[default]
     Model,
     /// Recommendations of the International Society of Biomechanics: Wu et al. 2002 (hip, ankle, spine: z-x-y; knee: flexion about the
@@ -29,7 +31,7 @@ pub enum Convention {
 }
 
 impl Convention {
-    /// The word that users type.
+    /// Name typed by users.
     pub fn word(self) -> &'static str {
         match self {
             Self::Model => "model",
@@ -41,7 +43,7 @@ impl Convention {
 /// Angle or length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
-    /// A turn, rad.
+    /// A rotation, rad.
     Angle,
     /// A displacement, m.
     Length,
@@ -56,7 +58,7 @@ pub struct Coordinate {
     pub quantity: Quantity,
     /// Index of the link that it moves.
     pub link: usize,
-    /// What its positive sense means.
+    /// Meaning of the positive sense.
     pub positive: &'static str,
 }
 
@@ -69,11 +71,11 @@ pub struct JointCoordinates {
     pub first: usize,
     /// Number of coordinates: 6, 3, 1 or 0.
     pub count: usize,
-    /// Order of the turns of a free or spherical joint.
+    /// Order of the rotations of a free or spherical joint.
     pub sequence: Option<Sequence>,
     /// Sense of a hinge's or slider's coordinate along the joint's axis.
     pub sign: f64,
-    /// Name of the joint's angles, for files that keep them together.
+    /// Name of the joint's angles, for files that group them.
     pub group: String,
 }
 
@@ -82,7 +84,7 @@ pub struct JointCoordinates {
 pub struct Coordinates {
     /// The convention.
     pub convention: Convention,
-    /// One entry a link.
+    /// One entry per link.
     pub joints: Vec<JointCoordinates>,
     /// The coordinates in order.
     pub list: Vec<Coordinate>,
@@ -91,21 +93,22 @@ pub struct Coordinates {
 /// Coordinates over time, SI (rad, m), frame by frame: `values[frame * n + coordinate]`; NaN where missing.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct CoordinateSeries {
-    /// Coordinates a frame.
+    /// Number of coordinates per frame.
     pub n: usize,
-    /// Frames.
+    /// Number of frames.
     pub n_frames: usize,
     /// Values.
     pub values: Vec<f64>,
-    /// Rates; empty where the motion has none.
+    /// Rates; empty if the motion has none.
     pub rates: Vec<f64>,
-    /// Accelerations; empty where the motion has none.
+    /// Accelerations; empty if the motion has none.
     pub accelerations: Vec<f64>,
-    /// Frames nearer than 5° to gimbal lock: (link, frames), links without such frames left out.
+    /// Number of frames within 5° of gimbal lock: (link, frames), only for links with such frames.
     pub near_gimbal_lock: Vec<(usize, usize)>,
 }
 
-/// sin 5°: nearer to gimbal lock than this, angles are still right but their rates mean little.
+/// sin 5°: closer to gimbal lock than this, angles are still correct but their rates are
+/// unreliable.
 const NEAR_LOCK: f64 = 0.087_155_742_747_658_17;
 
 impl Coordinates {
@@ -145,8 +148,8 @@ impl Coordinates {
         self.list.is_empty()
     }
 
-    /// Coordinates of one posture. The root's are those of OpenSim's ground (Y up). `state` holds the poses of `q`;
-    /// `previous` (same length) says which of the equal triples to take.
+    /// Coordinates of one posture. Those of the root refer to OpenSim's ground (Y up). `state`
+    /// holds the poses of `q`; `previous` (same length) selects among equivalent triples.
     fn posture(&self, model: &Model, state: &State, q: &[f64], previous: Option<&[f64]>, out: &mut [f64]) {
         for joint in &self.joints {
             let kind = model.links[joint.link].joint.kind;
@@ -169,7 +172,8 @@ impl Coordinates {
         }
     }
 
-    /// The rotation that a joint's three turns make: the link in its parent, for the root in OpenSim's ground.
+    /// Rotation described by a joint's three angles: the link in its parent, for the root in
+    /// OpenSim's ground.
     fn rotation(&self, model: &Model, state: &State, link: usize, q: &[f64]) -> Matrix3<f64> {
         let joint = &model.links[link].joint;
         match joint.kind {
@@ -195,7 +199,7 @@ impl Coordinates {
         Ok(out)
     }
 
-    /// Coordinates of a motion, with rates and accelerations where it has them.
+    /// Coordinates of a motion, with rates and accelerations if it has them.
     ///
     /// # Errors
     /// The motion does not belong to the model.
@@ -274,8 +278,9 @@ impl Coordinates {
         }
     }
 
-    /// Forces that belong to these coordinates, from those that belong to the model's velocities: N·m for angles, N for lengths.
-    /// `values` are the coordinates of the frame, `tau` has length nv (free joint: force then moment, in root axes).
+    /// Generalised forces for these coordinates, from those for the model's velocities: N·m for
+    /// angles, N for lengths. `values` are the coordinates of the frame, `tau` has length nv (free
+    /// joint: force then moment, in root axes).
     pub(crate) fn generalised_forces(
         &self,
         model: &Model,

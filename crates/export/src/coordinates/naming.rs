@@ -1,4 +1,4 @@
-//! What the coordinates of each joint are called, about which axes and in which order they turn, and what their positive sense means.
+//! Names, axes, order of rotations and positive senses of the coordinates of each joint.
 //!
 //! Link frames of people follow the ISB on both sides: x forward, y up (proximal), z to the right. Left-hand coordinates about x and y
 //! are mirrored, so that adduction, inversion and internal rotation are positive on both sides.
@@ -6,14 +6,14 @@
 use super::{Convention, Sequence};
 use aloft_body::{JointKind, Link};
 
-/// Coordinates of one joint before they are bound to a model.
+/// Coordinates of one joint, independent of a model.
 pub(super) struct Naming {
     pub names: Vec<String>,
     pub positive: Vec<&'static str>,
     pub sequence: Option<Sequence>,
     /// Sense of a hinge's or slider's coordinate along the joint's axis.
     pub sign: f64,
-    /// Name of the whole joint, as files of angles call it (`RHipAngles`).
+    /// Name of the whole joint, as used in files of angles (`RHipAngles`).
     pub group: String,
 }
 
@@ -21,7 +21,7 @@ const X: usize = 0;
 const Y: usize = 1;
 const Z: usize = 2;
 
-/// Stem and side of `thigh_r`.
+/// Stem and side of a name such as `thigh_r`.
 fn side(name: &str) -> (&str, Option<char>) {
     match name.rsplit_once('_') {
         Some((stem, "r")) => (stem, Some('r')),
@@ -42,7 +42,7 @@ fn ball(group: &'static str, axes: [usize; 3], names: [&'static str; 3], positiv
     Ball { group, axes, names, positive, negative_middle: false }
 }
 
-/// The balls of a person.
+/// Spherical joints of a person.
 fn human_ball(stem: &str, convention: Convention) -> Option<Ball> {
     let zxy = [Z, X, Y];
     Some(match (stem, convention) {
@@ -96,7 +96,7 @@ fn human_ball(stem: &str, convention: Convention) -> Option<Ball> {
     })
 }
 
-/// The hinges of a person: group, name, positive sense, sign along the link's z axis.
+/// Hinges of a person: group, name, positive sense, sign along the link's z axis.
 fn human_hinge(stem: &str) -> Option<(&'static str, &'static str, &'static str, f64)> {
     match stem {
         "shank" => Some(("Knee", "knee_angle", "flexion", -1.0)),

@@ -1,21 +1,24 @@
-//! Three turns about axes of the moving link.
+//! Three successive rotations about axes of the moving link.
 
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use std::f64::consts::{PI, TAU};
 
-/// An order of three turns: `R = R(s₀ e_i, q₀) R(s₁ e_j, q₁) R(s₂ e_k, q₂)`, each about an axis of the frame that the turns before
-/// it have moved. Neighbouring axes differ; the first and the last may be the same (proper Euler angles, as Y-X-Y).
+/// An order of three rotations: `R = R(s₀ e_i, q₀) R(s₁ e_j, q₁) R(s₂ e_k, q₂)`, each about an axis
+/// of the frame after the preceding rotations. Neighbouring axes differ; the first and the last may
+/// be the same (proper Euler angles, such as Y-X-Y).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sequence {
     /// Index of each axis: 0 x, 1 y, 2 z.
     pub axes: [usize; 3],
     /// Sign of each axis.
     pub signs: [f64; 3],
-    /// For proper Euler angles: the middle angle starts out negative (the ISB's elevation) rather than positive.
+    /// For proper Euler angles: the middle angle is negative by default (the ISB's elevation)
+    /// rather than positive.
     pub negative_middle: bool,
 }
 
-/// Below this sine the first and the last turn cannot be told apart, and the first one stays where it was.
+/// Below this sine the first and the last rotation cannot be separated, and the first angle is
+/// kept.
 const SINGULAR: f64 = 1e-7;
 
 fn turn(axis: usize, angle: f64) -> Matrix3<f64> {
@@ -29,7 +32,7 @@ fn nearest_turn(angle: f64, to: f64) -> f64 {
 }
 
 impl Sequence {
-    /// Turns about three different axes with signs.
+    /// Rotations about three different axes with signs.
     pub const fn new(axes: [usize; 3], signs: [f64; 3]) -> Self {
         Self { axes, signs, negative_middle: false }
     }
@@ -57,13 +60,15 @@ impl Sequence {
         t(0) * t(1) * t(2)
     }
 
-    /// How far the angles are from gimbal lock: 1 is farthest, 0 is there (|cos| of the middle angle; |sin| for proper Euler angles).
+    /// Distance of the angles from gimbal lock: 1 is farthest, 0 is gimbal lock (|cos| of the
+    /// middle angle; |sin| for proper Euler angles).
     pub fn regularity(&self, angles: &[f64; 3]) -> f64 {
         if self.is_proper_euler() { angles[1].sin().abs() } else { angles[1].cos().abs() }
     }
 
-    /// Angles (rad) of a rotation. Of the two triples that give it, and of whole turns, those nearest to `previous` are taken; without
-    /// it the usual ones (middle angle within ±90°; for proper Euler angles of the stated sign).
+    /// Angles (rad) of a rotation. Of the two equivalent triples, and of whole turns, those nearest
+    /// to `previous` are taken; without it the usual ones (middle angle within ±90°; for proper
+    /// Euler angles of the given sign).
     pub fn angles(&self, r: &Matrix3<f64>, previous: Option<&[f64; 3]>) -> [f64; 3] {
         let [i, j, _] = self.axes;
         let k = 3 - i - j;
@@ -79,7 +84,7 @@ impl Sequence {
             ([(-e * r[(j, k)]).atan2(r[(k, k)]), b, (-e * r[(i, j)]).atan2(r[(i, i)])], cosine)
         };
         if sine < SINGULAR {
-            // the first turn stays, the last one takes what is left
+            // keep the first angle; the last one takes the remaining rotation
             plain[0] = previous.map_or(0.0, |p| self.signs[0] * p[0]);
             let rest = (turn(i, plain[0]) * turn(j, plain[1])).transpose() * r;
             let last = self.axes[2];
@@ -118,7 +123,7 @@ impl Sequence {
             return ([f64::NAN; 3], [f64::NAN; 3]);
         };
         let rates = inverse * omega;
-        // Each axis turns with the frames behind it: d/dt (Rᵀ a) = −w × (Rᵀ a).
+        // Each axis rotates with the frames after it: d/dt (Rᵀ a) = −w × (Rᵀ a).
         let (c0, c1, c2) = (j.column(0).into_owned(), j.column(1).into_owned(), j.column(2).into_owned());
         let behind_1 = c2 * rates[2];
         let behind_0 = behind_1 + c1 * rates[1];

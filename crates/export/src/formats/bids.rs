@@ -25,7 +25,7 @@ fn pretty(value: &Value) -> String {
     format!("{value:#}\n")
 }
 
-/// Label of the subject: the study's name for it where there are several, which is that of no other.
+/// Label of the subject: its unique name in the study if there are several subjects.
 fn label(subject: &SubjectExport) -> String {
     match &subject.of_study[0] {
         Some(name) => names::bids(name.strip_prefix("sub-").unwrap_or(name)),
@@ -36,12 +36,12 @@ fn label(subject: &SubjectExport) -> String {
     }
 }
 
-/// `task-jump` and the files' common beginning, with `run-01`, of `jump01`.
+/// `task-jump` and the common beginning of the files, with `run-01`, for `jump01`.
 fn entities(subject: &SubjectExport, trial: &TrialExport) -> (String, String) {
     let stem = trial.name.trim_end_matches(|c: char| c.is_ascii_digit());
     let run = &trial.name[stem.len()..];
     let task = names::alphanumeric(if stem.is_empty() { &trial.name } else { stem });
-    // no task of other names is `0` where the same bytes were dropped
+    // no other name with the same dropped bytes has the task `0`
     let task = if task.is_empty() { "0".to_owned() } else { task };
     let sub = label(subject);
     let run = if run.is_empty() || stem.is_empty() { String::new() } else { format!("_run-{run}") };
@@ -95,7 +95,7 @@ fn write_dataset(subject: &SubjectExport) -> Result<Vec<OutFile>, ExportError> {
     ])
 }
 
-/// Type, placement of a channel in BIDS; none for series that BIDS-Motion has no place for.
+/// Type and placement of a channel in BIDS; none for series that BIDS-Motion does not support.
 fn kind(channel: &Channel) -> Option<&'static str> {
     Some(match channel.quantity {
         "marker" | "joint_centre" | "centre_of_mass" | "centre_of_pressure" => "POS",

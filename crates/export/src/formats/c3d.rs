@@ -73,7 +73,8 @@ fn units_per_metre(file: &C3dFile, trial: &str) -> Result<f64, ExportError> {
     })
 }
 
-/// Fills and repairs samples; the number of them. The recording's markers are the file's labelled markers in the file's order.
+/// Fills and repairs samples; returns their number. The recording's markers are the file's labelled
+/// markers in the file's order.
 fn clean(file: &mut C3dFile, trial: &TrialExport) -> Result<usize, ExportError> {
     let per_metre = units_per_metre(file, &trial.name)?;
     let labelled: Vec<usize> = (0..file.points.len())
@@ -102,7 +103,7 @@ fn clean(file: &mut C3dFile, trial: &TrialExport) -> Result<usize, ExportError> 
         for (f, p) in path.iter().enumerate().filter(|(_, p)| p.iter().all(|x| x.is_finite())) {
             let new = source_from_world * *p * per_metre;
             let old = Vector3::from(point.xyz[f].map(f64::from));
-            // single precision, to and fro: what differs by less is the same sample
+            // the file has single precision: smaller differences are rounding
             let same = (new - old).amax() <= 1e-5 * (1.0 + old.amax());
             if !same {
                 point.xyz[f] = [new.x as f32, new.y as f32, new.z as f32];
@@ -115,7 +116,7 @@ fn clean(file: &mut C3dFile, trial: &TrialExport) -> Result<usize, ExportError> 
     Ok(filled)
 }
 
-/// A new file for a recording that was none.
+/// A new file for a recording that was not C3D.
 fn fresh(trial: &TrialExport) -> Result<C3dFile, C3dError> {
     let markers = &trial.trial.markers;
     let mut builder = C3dBuilder::new(markers.rate_hz).first_frame(markers.first_frame.max(1));
@@ -139,7 +140,7 @@ fn single(v: &Vector3<f64>) -> [f32; 3] {
     if v.iter().all(|x| x.is_finite()) { [v.x as f32, v.y as f32, v.z as f32] } else { [f32::NAN; 3] }
 }
 
-/// Appends a point; a label that the file has already gets `_aloft`.
+/// Appends a point; a label that already exists in the file gets `_aloft`.
 fn add(file: &mut C3dFile, label: &str, kind: PointKind, unit: &str, values: impl Iterator<Item = Vector3<f64>>) {
     let mut label = label.to_owned();
     while file.points.iter().any(|p| strip_subject(&p.label) == label || p.label == label) {
@@ -153,7 +154,8 @@ fn add(file: &mut C3dFile, label: &str, kind: PointKind, unit: &str, values: imp
     file.points.push(Point { label, description: "added by aloft".to_owned(), kind, unit, xyz, residual, cameras });
 }
 
-/// One point a joint: its angles in the order of the coordinates, degrees (in the unit that the file's angles have).
+/// One point per joint: its angles in the order of the coordinates, degrees (or the unit of the
+/// file's angles).
 fn add_angles(file: &mut C3dFile, subject: &SubjectExport, trial: &TrialExport) {
     let Some(solved) = &trial.solved else { return };
     let stated = file.points.iter().find(|p| p.kind == PointKind::Angle).map(|p| p.unit.clone());
@@ -174,7 +176,7 @@ fn add_angles(file: &mut C3dFile, subject: &SubjectExport, trial: &TrialExport) 
     }
 }
 
-/// Seconds of the first frame on the clock on which frame 1 is 0 s.
+/// Time of the first frame on the clock on which frame 1 is at 0 s.
 fn start_s(first_frame: u32, rate_hz: f64) -> f64 {
     (f64::from(first_frame) - 1.0).max(0.0) / rate_hz
 }

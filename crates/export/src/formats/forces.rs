@@ -92,7 +92,8 @@ fn external_loads(subject: &SubjectExport, trial: &TrialExport, loads: &[crate::
     OutFile { path: format!("ID/{stem}_external_forces.xml"), bytes: x.finish(), what }
 }
 
-/// Plates at their own rate, tared, not filtered; one file where all plates run together, else one each.
+/// Plates at their own rate, tared, not filtered; one file if all plates have the same rate and
+/// length, else one each.
 fn unfiltered(trial: &TrialExport) -> Vec<OutFile> {
     let plates = &trial.trial.plates;
     let together = plates.windows(2).all(|p| p[0].rate_hz == p[1].rate_hz && p[0].force_n.len() == p[1].force_n.len());

@@ -58,7 +58,8 @@ fn write(subject: &SubjectExport, trial: &TrialExport) -> Result<Vec<OutFile>, E
     Ok(out)
 }
 
-/// Set-up of OpenSim's own inverse kinematics on our TRC and model; it writes beside our files, not over them.
+/// Set-up of OpenSim's own inverse kinematics on our TRC and model; its output file does not
+/// overwrite ours.
 fn setup(subject: &SubjectExport, trial: &TrialExport, solved: &CoordinateSeries) -> OutFile {
     let stem = trial.stem();
     let frames = extent(&solved.values, solved.n);
@@ -82,7 +83,7 @@ fn setup(subject: &SubjectExport, trial: &TrialExport, solved: &CoordinateSeries
     OutFile { path: format!("IK/{stem}_ik_setup.xml"), bytes: x.finish(), what }
 }
 
-/// Distance of each marker from the model, frame by frame.
+/// Distance between each marker and its position on the model, frame by frame.
 fn marker_errors(trial: &TrialExport) -> OutFile {
     let mut csv = "time [s],rms [m],max [m]".to_owned();
     let empty = aloft_body::Motion::default();

@@ -48,12 +48,14 @@ fn write(subject: &SubjectExport) -> Result<Vec<OutFile>, ExportError> {
     Ok(out)
 }
 
-/// Orientation as turns about x, then y, then z of the moving frame (rad), as OpenSim's offset frames have it.
+/// Orientation as rotations about x, then y, then z of the moving frame (rad), as in OpenSim's
+/// offset frames.
 fn orientation(r: &UnitQuaternion<f64>) -> [f64; 3] {
     Sequence::new([0, 1, 2], [1.0; 3]).angles(&r.to_rotation_matrix().into_inner(), None)
 }
 
-/// Semi-axes (m) and axes of the ellipsoid of uniform density with this inertia; none where there is no mass or no extent.
+/// Semi-axes (m) and axes of the ellipsoid of uniform density with this inertia; none without mass
+/// or extent.
 pub(crate) fn ellipsoid(inertia: &LinkInertia) -> Option<([f64; 3], UnitQuaternion<f64>)> {
     if inertia.mass_kg <= 0.0 {
         return None;
@@ -117,7 +119,7 @@ fn joint_of<'a>(subject: &'a SubjectExport, link: &str) -> Result<&'a JointCoord
     })
 }
 
-/// Name of the body without mass between the turns of proper Euler angles.
+/// Name of the massless body between the rotations of proper Euler angles.
 fn between(link: &str) -> String {
     format!("{}_elevation", names::label(link))
 }
@@ -139,7 +141,7 @@ fn write_body(x: &mut Xml, name: &str, inertia: &LinkInertia) {
     x.leaf("inertia", &joined(&six)).close();
 }
 
-/// One axis of a spatial transform: coordinate (none: it stays at zero) and direction.
+/// One axis of a spatial transform: coordinate (none: constant zero) and direction.
 type Axis<'a> = (Option<&'a str>, Vector3<f64>);
 
 struct JointXml<'a> {
@@ -158,7 +160,7 @@ const E: fn(usize) -> Vector3<f64> = |k| {
     e
 };
 
-/// Two axes that make a right-handed frame with the given one.
+/// Two axes that form a right-handed frame with the given one.
 fn beside(axis: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let other = E(axis.iamin());
     let second = axis.cross(&other).normalize();

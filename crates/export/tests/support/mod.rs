@@ -1,4 +1,4 @@
-//! A small body with every kind of joint, moving on known curves, and a reader of XML for the tests.
+//! A small body with every kind of joint, moving on known curves, and an XML reader for the tests.
 #![allow(dead_code, reason = "each test file uses its part")]
 
 use aloft_body::rotation::quaternion_exp;
@@ -150,7 +150,7 @@ pub fn motion(subject: &SubjectExport, missing: &[usize]) -> Motion {
     m
 }
 
-/// A recording of that motion: markers where the model has them (one gap), one plate under the left foot.
+/// A recording of that motion: markers of the model (one gap), one plate under the left foot.
 pub fn trial(subject: &SubjectExport, missing: &[usize]) -> TrialExport {
     let motion = motion(subject, missing);
     let model = &subject.subject.model;
@@ -232,7 +232,7 @@ pub fn text<'a>(files: &'a [OutFile], suffix: &str) -> &'a str {
     std::str::from_utf8(bytes(files, suffix)).unwrap()
 }
 
-/// An element of XML.
+/// An XML element.
 #[derive(Debug, Default, Clone)]
 pub struct Element {
     pub name: String,
@@ -264,7 +264,7 @@ impl Element {
     }
 }
 
-/// Reads the XML that the writers write; panics where it is not well-formed.
+/// Reads the XML written by the exporters; panics if it is not well-formed.
 pub fn xml(source: &str) -> Element {
     let mut stack = vec![Element::default()];
     let mut rest = source.strip_prefix("<?xml version=\"1.0\" encoding=\"UTF-8\"?>").expect("a declaration");

@@ -1,4 +1,4 @@
-//! Truth motions of the simulated sets, and markers on them: what tests of rows and of identification share.
+//! True motions of the simulated sets with markers, shared by tests of rows and of identification.
 #![allow(
     dead_code,
     missing_docs,
@@ -16,7 +16,7 @@ use rand_distr::{Distribution, Normal};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// Frame, v and a.
+/// Frame, velocities and accelerations.
 pub type Instant = (usize, Vec<f64>, Vec<f64>);
 
 pub struct Truth {
@@ -81,7 +81,7 @@ impl Truth {
     pub fn mass(&self) -> f64 {
         self.phi.iter().map(|p| p[0]).sum()
     }
-    /// v and a of every fourth frame, where the set has them.
+    /// Velocities and accelerations of every fourth frame, if the set has them.
     pub fn velocities(&self) -> Option<Vec<Instant>> {
         let raw = std::fs::read(data().join(format!("{}.f32", self.motion.trial))).ok()?;
         let values: Vec<f64> =
@@ -92,13 +92,14 @@ impl Truth {
         )
     }
 
-    /// Motion as inverse kinematics would give it from markers with white noise: Gauss-Newton from the truth.
+    /// Motion as obtained by inverse kinematics from markers with white noise: Gauss-Newton from
+    /// the truth.
     pub fn noisy(&self, sd_m: f64, seed: u64) -> Motion {
         self.tracked(sd_m, 0.0, seed)
     }
 
-    /// As [`Truth::noisy`], with soft tissue: every marker also moves with the coordinates of its joint, `soft_m` over the whole recording
-    /// (root mean square).
+    /// As [`Truth::noisy`], with soft tissue: every marker also moves with the coordinates of its
+    /// joint, by `soft_m` (root mean square) over the whole recording.
     pub fn tracked(&self, sd_m: f64, soft_m: f64, seed: u64) -> Motion {
         let soft = self.soft_tissue(soft_m, seed);
         let model = &self.model;
@@ -194,7 +195,8 @@ impl Truth {
     }
 }
 
-/// Velocities and accelerations by central differences of eighth order on the manifold (inside blocks; zero next to their ends).
+/// Velocities and accelerations by central differences of eighth order on the manifold (inside
+/// blocks; zero near their ends).
 pub fn differentiate(truth: &Truth, motion: &mut Motion) {
     let c = [4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0];
     let d = [8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0];

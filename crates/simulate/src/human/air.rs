@@ -1,4 +1,5 @@
-//! In the air: joint motion from take-off to landing, and the drive that lets the root fall.
+//! Flight phase: joint motion from take-off to landing, and the drive that leaves the root in free
+//! fall.
 
 use super::person::Person;
 use super::stance::PLAN;
@@ -6,8 +7,8 @@ use super::styles::Bump;
 use crate::motion::{Chart, Jet, Quintic};
 use crate::physics::Drive;
 
-/// Joint motion of a flight. Velocities at the ends are braked within an eighth of a second, the rest is one smooth change of posture
-/// with the bumps of the style on it.
+/// Joint motion of a flight. Velocities at the ends are braked within an eighth of a second; in
+/// between there is one smooth change of posture with the bumps of the style added.
 #[derive(Debug, Clone)]
 pub struct AirMotion<'a> {
     person: &'a Person,
@@ -18,15 +19,16 @@ pub struct AirMotion<'a> {
     bumps: Vec<Bump>,
 }
 
-/// Knees in the chart.
+/// Chart coordinates of the knees.
 const KNEES: [usize; 2] = [29, 36];
 /// Flexion at which a braked knee should stop, rad.
 const STRAIGHT_RAD: f64 = 0.10;
-/// Share of the distance `velocity · brake` that braking takes.
+/// Distance covered while braking, as a share of `velocity · brake`.
 const BRAKING: f64 = 0.36;
 
 impl<'a> AirMotion<'a> {
-    /// From the jets at take-off to those at landing (chart; the root's six are not used).
+    /// From the jets at take-off to those at landing (in the chart; the six root coordinates are
+    /// not used).
     pub fn new(
         person: &'a Person,
         chart: Chart,
@@ -37,12 +39,13 @@ impl<'a> AirMotion<'a> {
         bumps: Vec<Bump>,
         tick_s: f64,
     ) -> Self {
-        // pieces meet at ticks: a kink in the jerk inside of an integration step would cost two orders of accuracy
+        // pieces join at ticks: a kink in the jerk inside an integration step would cost two orders
+        // of accuracy
         let snap = |t: f64| (t / tick_s).round().max(1.0) * tick_s;
         let usual_s = snap((0.26 * duration_s).clamp(0.05, 0.14));
         let brake = |i: usize, jet: &Jet| {
             if KNEES.contains(&i) {
-                // a knee is braked before it is straight
+                // a knee is braked before it is fully extended
                 let room = (-jet.x - STRAIGHT_RAD).max(0.0) / (BRAKING * jet.v.abs()).max(1e-6);
                 snap(room.clamp(0.045, usual_s))
             } else {
@@ -63,13 +66,13 @@ impl<'a> AirMotion<'a> {
         Self { person, chart, start_s, duration_s, curves, bumps }
     }
 
-    /// Joint jets at time `t`; the root's six are left alone.
+    /// Joint jets at time `t`; the six root coordinates are unchanged.
     pub fn at(&self, t: f64, jets: &mut [Jet; PLAN]) {
         let s = t - self.start_s;
         for (curves, jet) in self.curves.iter().zip(&mut jets[6..]) {
             let [start, change, end] = curves;
             *jet = change.at(s.clamp(0.0, self.duration_s));
-            // the change is measured from the braked posture: what the brakes have not yet taken is added
+            // the change is measured from the braked posture: the part not yet braked is added
             let full = start.at(start.duration()).x;
             let first = if s < start.duration() { start.at(s) } else { Jet::rest(full) };
             let late = s - (self.duration_s - end.duration());

@@ -1,4 +1,5 @@
-//! Exercises with both feet on the plates, and standing still: a posture and slow sines on everything that may move.
+//! Exercises with both feet on the plates, and quiet standing: a posture with slow sines on all
+//! movable coordinates.
 
 use super::Person;
 use super::ground::{GroundMotion, PlanCurve};
@@ -8,18 +9,18 @@ use crate::physics::{Drive, Plant, Player, TrueMotion};
 use crate::random::Stream;
 use nalgebra::Vector3;
 
-/// What an exercise puts its weight on.
+/// Main movement of an exercise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Exercise {
-    /// Deep and slow with the knees.
+    /// Deep, slow squats.
     Squat,
-    /// Arms reach around.
+    /// Reaching with the arms.
     Reach,
-    /// The trunk turns and bends.
+    /// Turning and bending of the trunk.
     Turn,
 }
 
-/// One exercise, all in motion from the first frame to the last. `size` scales every amplitude.
+/// One exercise, moving from the first frame to the last. `size` scales all amplitudes.
 pub fn exercise_trial(
     person: &Person,
     plant: &Plant,

@@ -1,4 +1,5 @@
-//! On the ground: a plan drawn through a few knots, and the joint motion that it makes.
+//! Ground phase: a plan interpolated through a few knots, and the joint motion that follows from
+//! it.
 
 use super::person::Person;
 use super::stance::{OutOfReach, PLAN, Stance, vector};
@@ -7,10 +8,10 @@ use crate::motion::{Chart, Jet, Piecewise, Spline};
 use crate::physics::Drive;
 use nalgebra::Vector3;
 
-/// Distance of the knots at which legs are solved, s.
+/// Spacing of the knots at which the legs are solved, s.
 const KNOT_S: f64 = 0.01;
 
-/// A plan over time: one curve for each coordinate, and slow sways on some.
+/// A plan over time: one curve for each coordinate, and slow sways on some of them.
 #[derive(Debug, Clone, Default)]
 pub struct PlanCurve {
     /// One curve for each plan coordinate.
@@ -51,7 +52,7 @@ impl PlanCurve {
     }
 }
 
-/// All coordinates on the ground: a spline through the postures that the plan makes.
+/// All coordinates on the ground: a spline through the postures computed from the plan.
 #[derive(Debug, Clone)]
 pub struct GroundMotion<'a> {
     person: &'a Person,
@@ -60,8 +61,8 @@ pub struct GroundMotion<'a> {
 }
 
 impl<'a> GroundMotion<'a> {
-    /// Joint motion of `plan` between two times. `first` and `last` are the chart jets at the ends; where they are not
-    /// given they come from the plan itself.
+    /// Joint motion of `plan` between two times. `first` and `last` are the chart jets at the ends;
+    /// if absent they are computed from the plan.
     pub fn new(
         stance: &mut Stance<'a>,
         plan: &PlanCurve,

@@ -1,5 +1,6 @@
-//! A jump trial: stand, dip, push off, fly, land, and again. On the ground the plan decides; in the air momentum does, and
-//! take-off is aimed so that the body comes down over its feet.
+//! A jump trial: stand, dip, push off, fly, land, and repeat. On the ground the motion follows the
+//! plan, in the air conservation of momentum; take-off is adjusted so that the body lands over its
+//! feet.
 
 use super::air::AirMotion;
 use super::ground::{GroundMotion, PlanCurve};
@@ -15,7 +16,7 @@ use crate::scenario::JumpProtocol;
 use aloft_body::State;
 use nalgebra::Vector3;
 
-/// The trial and what was done in it.
+/// A jump trial and the styles of its flights.
 #[derive(Debug, Clone)]
 pub struct JumpTrial {
     /// True motion.
@@ -31,15 +32,15 @@ struct Jumper<'a, 'b> {
     tick_s: f64,
 }
 
-/// Plans of one flight, found by aiming.
+/// Plans of one flight, found by adjusting take-off.
 struct Aimed<'b> {
     take_off: [Jet; PLAN],
     air: AirMotion<'b>,
 }
 
 impl<'b> Jumper<'_, 'b> {
-    /// Duration and acceleration at the bottom of a push between rest and a free end: the smallest peak that never pulls
-    /// at the ground. Used backwards for landings.
+    /// Duration and acceleration at the lowest point of a push between rest and a free end: the
+    /// smallest peak for which the ground never has to pull. Time-reversed for landings.
     fn push(&self, height: f64, speed: f64, bottom: Option<f64>) -> Option<(f64, f64)> {
         let mut best: Option<(f64, f64, f64)> = None;
         let candidates: Vec<f64> = match bottom {
@@ -91,7 +92,7 @@ impl<'b> Jumper<'_, 'b> {
         (y, a)
     }
 
-    /// Flies from `start` under `air`; chart jets at the end.
+    /// Integrates the flight from `start` under `air`; returns the chart jets at its end.
     fn fly(
         &self,
         air: &AirMotion<'b>,
@@ -117,7 +118,8 @@ impl<'b> Jumper<'_, 'b> {
         Ok(jets)
     }
 
-    /// Aims a flight: corrects the velocities at take-off until the body lands where it should, with the feet under it.
+    /// Adjusts the velocities at take-off until the body lands at the target with the feet under
+    /// it.
     fn aim(
         &mut self,
         t0: f64,
@@ -135,7 +137,8 @@ impl<'b> Jumper<'_, 'b> {
             let chart = self.stance.chart.clone();
             let air = AirMotion::new(person, chart, t0, duration, &start, &end, style.to_vec(), self.tick_s);
             self.fall(&air, t0, &mut start)?;
-            // the ground's moment vanishes with its force: the pelvis leaves with the acceleration of free fall
+            // the ground's moment vanishes with its force, so the pelvis leaves the ground with the
+            // acceleration of free fall
             for i in 0..3 {
                 take_off[PELVIS + i].a += 0.7 * (start[3 + i].a - take_off[PELVIS + i].a);
             }
@@ -174,7 +177,8 @@ impl<'b> Jumper<'_, 'b> {
     }
 }
 
-/// At the bottom, trunk and arms are already on their way up: whatever brakes late would tip the body over its toes.
+/// Gives trunk and arms an upward velocity at the lowest point: braking them late would tip the
+/// body over its toes.
 fn unfold(crouch: &mut [Jet; PLAN]) {
     crouch[PELVIS + 2].v = 1.0;
     crouch[UPPER + 2].v = 0.6;
@@ -187,7 +191,7 @@ fn root_only(n: usize) -> Vec<bool> {
     (0..n).map(|i| i == 0).collect()
 }
 
-/// Plays one jump trial. `tick_s` is the sampling interval of the fastest instrument.
+/// Simulates one jump trial. `tick_s` is the sampling interval of the fastest instrument.
 pub fn jump_trial(
     person: &super::Person,
     plant: &Plant,
@@ -206,7 +210,7 @@ pub fn jump_trial(
     let flights = rng.whole(protocol.flights[0].max(1), protocol.flights[1].max(1));
     let vigour = protocol.vigour;
 
-    // standing at the beginning
+    // initial standing phase
     let lean = |rng: &mut Stream, pitch: f64, sd: f64| {
         Vector3::new(0.5 * sd * rng.moderate(), 0.8 * sd * rng.moderate(), -pitch + sd * rng.moderate())
     };
@@ -232,7 +236,7 @@ pub fn jump_trial(
         styles.push(style.name());
         let shape = bumps(style, vigour, rng);
 
-        // take-off and landing as planned; velocities at take-off will be aimed
+        // take-off and landing as planned; the velocities at take-off are adjusted later
         let pelvis = lean(rng, 0.10, 0.04);
         let pitch = rng.between(0.52, 0.62);
         let arms = upper(Moment::TakeOff, vigour, rng);
@@ -270,7 +274,7 @@ pub fn jump_trial(
             landing[COM + i].a = g[i];
         }
 
-        // when: the push that reaches the speed, and the brake that takes the landing
+        // timing: the push that reaches the required speed, and the braking of the landing
         let pelvis = lean(rng, 0.38, 0.05);
         let crouch = lowered(
             &mut jumper.stance,
@@ -329,7 +333,7 @@ pub fn jump_trial(
         p.advance(ticks(contact_start, t_off), &held, &ground)?;
         p.advance(ticks(0.0, duration), &root_only(n_links), &aimed.air)?;
 
-        // what the flight made of the landing is where the next contact starts
+        // the next contact starts from the state in which the flight actually ends
         let chart = chart_now(&jumper, &p);
         let jets = jumper.stance.observe_jets(&chart);
         for side in 0..2 {
@@ -344,7 +348,7 @@ pub fn jump_trial(
     let (Some(mut p), Some(jets)) = (player, landed) else {
         return Err(Stumble::Infeasible("no flight was asked for".to_owned()));
     };
-    // the last landing, and up again
+    // last landing, then standing up
     let now = p.time();
     let pelvis = lean(rng, 0.38, 0.05);
     let crouch =
@@ -385,7 +389,7 @@ fn draw_style(last: &mut Option<Style>, rng: &mut Stream) -> Style {
     }
 }
 
-/// Chart jets of the player's last tick.
+/// Chart jets at the player's last tick.
 fn chart_now(jumper: &Jumper<'_, '_>, player: &Player<'_>) -> [Jet; PLAN] {
     let (tick, motion) = (player.tick(), player.motion());
     let mut jets = [Jet::default(); PLAN];

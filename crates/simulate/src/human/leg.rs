@@ -1,26 +1,26 @@
-//! One leg in closed form: hip, knee and ankle from where pelvis and foot are.
+//! One leg in closed form: hip, knee and ankle from the poses of pelvis and foot.
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 /// Geometry of a leg.
 #[derive(Debug, Clone)]
 pub struct Leg {
-    /// Hip centre in the pelvis, m.
+    /// Hip centre in the pelvis frame, m.
     pub hip: Vector3<f64>,
-    /// Shank frame in the thigh at zero knee angle.
+    /// Pose of the shank in the thigh at zero knee angle.
     pub knee: Isometry3<f64>,
-    /// Ankle centre in the shank, m.
+    /// Ankle centre in the shank frame, m.
     pub ankle: Vector3<f64>,
 }
 
 /// Coordinates of a leg: hip rotation, knee angle (flexion negative), ankle rotation.
 #[derive(Debug, Clone, Copy)]
 pub struct LegPosture {
-    /// Thigh in the pelvis.
+    /// Orientation of the thigh in the pelvis.
     pub hip: UnitQuaternion<f64>,
     /// Knee angle, rad.
     pub knee: f64,
-    /// Foot in the shank.
+    /// Orientation of the foot in the shank.
     pub ankle: UnitQuaternion<f64>,
 }
 
@@ -29,13 +29,13 @@ impl Leg {
         self.knee.rotation * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle)
     }
 
-    /// The lateral direction from which the swivel is counted: between the pelvis' and the foot's.
+    /// Lateral reference direction of the swivel: between those of the pelvis and of the foot.
     fn reference(&self, pelvis: &UnitQuaternion<f64>, foot: &UnitQuaternion<f64>) -> Vector3<f64> {
         pelvis * Vector3::z() + foot * Vector3::z()
     }
 
-    /// Posture of the leg between a pelvis pose and a foot pose, with the knee turned by `swivel` (rad) about the line
-    /// from hip to ankle. `None` where the leg is too short or too long.
+    /// Posture of the leg between a pelvis pose and a foot pose, with the knee rotated by `swivel`
+    /// (rad) about the line from hip to ankle. `None` if the leg is too short or too long.
     pub fn solve(&self, pelvis: &Isometry3<f64>, foot: &Isometry3<f64>, swivel: f64) -> Option<LegPosture> {
         let hip = pelvis.transform_point(&self.hip.into()).coords;
         let line = foot.translation.vector - hip;
@@ -52,7 +52,7 @@ impl Leg {
         Some(LegPosture { hip: pelvis.rotation.inverse() * thigh, knee, ankle: shank.inverse() * foot.rotation })
     }
 
-    /// Knee angle at a distance between hip and ankle, on the flexed side.
+    /// Knee angle for a given distance between hip and ankle, on the flexed side.
     fn bend(&self, distance: f64) -> Option<f64> {
         let (l1, l2) = (self.knee.rotation.inverse() * self.knee.translation.vector, self.ankle);
         // |l1 + Rz(κ) l2|² = |l1|² + |l2|² + 2 (A cos κ + B sin κ + C)

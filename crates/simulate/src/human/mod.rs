@@ -1,4 +1,4 @@
-//! People: an individual body, jumps that obey momentum, exercises on the plates.
+//! People: individual bodies, jumps that conserve momentum in flight, exercises on the plates.
 
 pub mod air;
 pub mod exercise;

@@ -1,8 +1,10 @@
-//! An individual: geometry scaled from stature, masses from tables, markers on the skin, all varied by the seed.
+//! An individual: geometry scaled from stature, masses from tables, markers on the skin, all with
+//! variation from the seed.
 //!
-//! Link frames: X anterior, Y up (proximal), Z to the right in the upright neutral posture; origin at the proximal joint
-//! centre, the pelvis' midway between the hips. Mass fractions and radii of gyration follow de Leva (1996); hip centres
-//! lie where Harrington's regression (2007) puts them from the pelvis markers, give or take a few millimetres.
+//! Link frames: X anterior, Y up (proximal), Z to the right in the upright neutral posture; origin
+//! at the proximal joint centre, the pelvis' midway between the hips. Mass fractions and radii of
+//! gyration follow de Leva (1996); hip centres are placed by Harrington's regression (2007) from
+//! the pelvis markers, with a random error of a few millimetres.
 
 use crate::error::SimulateError;
 use crate::object::TrueMarker;
@@ -36,7 +38,8 @@ pub const THIGH: [usize; 2] = [9, 12];
 /// Sign of Z on a side (0 right, 1 left).
 pub const SIDE: [f64; 2] = [1.0, -1.0];
 
-/// Markers of the plug-in-gait set in the order of the files, then those worn in the static trial only.
+/// Markers of the plug-in-gait set in the order of the files, then those used only in the static
+/// trial.
 pub const LABELS: [&str; 35] = [
     "LFHD", "RFHD", "LBHD", "RBHD", "C7", "T10", "CLAV", "STRN", "RBAK", "LSHO", "RSHO", "LELB", "RELB", "LWRA",
     "LWRB", "RWRA", "RWRB", "LFIN", "RFIN", "LASI", "RASI", "LPSI", "RPSI", "LTHI", "RTHI", "LKNE", "RKNE", "LTIB",
@@ -45,7 +48,7 @@ pub const LABELS: [&str; 35] = [
 /// Medial markers of the static trial.
 pub const STATIC_LABELS: [&str; 6] = ["LKNM", "RKNM", "LANM", "RANM", "LELM", "RELM"];
 
-/// A person: body, markers, and what the choreography needs of the feet.
+/// A person: body, markers, and the foot geometry used by the choreography.
 #[derive(Debug, Clone)]
 pub struct Person {
     /// Tree and true inertias.
@@ -101,7 +104,7 @@ fn table(sex: Sex) -> [Row; 9] {
 /// Row of the table for each link.
 const ROW: [usize; 15] = [0, 1, 2, 3, 4, 5, 3, 4, 5, 6, 7, 8, 6, 7, 8];
 
-/// Joint places and marker anchors that two or more parts of the builder share, m.
+/// Joint positions and marker anchors used by several parts of the builder, m.
 struct Geometry {
     offsets: [Vector3<f64>; 15],
     upper_arm: [f64; 2],
@@ -117,7 +120,7 @@ fn geometry(spec: &PersonSpec, rng: &mut Stream) -> Geometry {
     let (h, s) = (spec.height_m, spec.variation);
     let female = spec.sex == Sex::Female;
     let either = |f: f64, m: f64| if female { f } else { m };
-    // both sides share most of the individual variation; one per cent is each side's own
+    // both sides share most of the individual variation; each side adds one per cent of its own
     let mut pair = |share: f64| {
         let length = h * share * (1.0 + 0.025 * s * rng.moderate());
         [length * (1.0 + 0.006 * s * rng.moderate()), length * (1.0 + 0.006 * s * rng.moderate())]
@@ -128,7 +131,8 @@ fn geometry(spec: &PersonSpec, rng: &mut Stream) -> Geometry {
     let shank = pair(either(0.246, 0.247));
     let shoulder = pair(either(0.101, 0.108));
     let ankle = h * 0.041 * (1.0 + 0.04 * s * rng.moderate());
-    // pelvis: markers first, then the hips where Harrington's regression puts them (mm), then the individual
+    // pelvis: markers first, then the hips from Harrington's regression (mm), then individual
+    // variation
     let width = h * either(0.146, 0.139) * (1.0 + 0.04 * s * rng.moderate());
     let depth = h * either(0.088, 0.086) * (1.0 + 0.04 * s * rng.moderate());
     let leg = 0.5 * (thigh[0] + thigh[1] + shank[0] + shank[1]) + 0.06;
@@ -176,7 +180,7 @@ fn markers(spec: &PersonSpec, g: &Geometry, rng: &mut Stream) -> Vec<TrueMarker>
         let v = |x: f64, y: f64, z: f64| Vector3::new(x * h, y * h, z * h * sign);
         let middle = |x: f64, y: f64, z: f64| Vector3::new(x * h, y * h, z * h);
         let (arm, thigh) = (3 + 3 * side, THIGH[side]);
-        // distances along a bone follow the bone
+        // distances along a bone scale with its length
         let along = |length: f64, share: f64, x: f64, z: f64| Vector3::new(x * h, -share * length, z * h * sign);
         match label {
             "C7" => return (1, middle(-0.085, 0.380, 0.0)),
@@ -197,7 +201,8 @@ fn markers(spec: &PersonSpec, g: &Geometry, rng: &mut Stream) -> Vec<TrueMarker>
             "FIN" => (arm + 2, v(0.003, -0.071, 0.020)),
             "ASI" => (0, g.asis[side]),
             "PSI" => (0, g.psis[side]),
-            // wands of the two sides sit at different heights so that sides can be told apart
+            // wand markers are at different heights on the two sides so that the sides can be
+            // distinguished
             "THI" => (thigh, along(g.thigh[side], if side == 0 { 0.62 } else { 0.48 }, 0.026, 0.078)),
             "KNE" => (thigh, along(g.thigh[side], 1.0, 0.001, 0.056)),
             "KNM" => (thigh, along(g.thigh[side], 1.0, -0.001, -0.054)),
@@ -244,7 +249,7 @@ impl Person {
             .collect();
         let mut model = Model::from_spec(&ModelSpec { name: "human34".to_owned(), links })?;
         model.gravity_mps2 = Vector3::new(0.0, 0.0, -scenario.capture.gravity_mps2);
-        // nobody's elbow or knee turns exactly about the lateral axis
+        // real elbow and knee axes are never exactly lateral
         for link in [4, 7, 10, 13] {
             let lean = Vector3::new(0.02 * s * rng.moderate(), 0.02 * s * rng.moderate(), 0.0);
             let joint = &mut model.links[link].joint;
@@ -272,7 +277,7 @@ impl Person {
             let scale = length(link);
             let com = Vector3::from(row.com) * scale;
             let radii = row.radii.map(|k| k * scale);
-            // the trunk's centre of mass differs more between people than an arm's
+            // the trunk's centre of mass varies more between people than that of an arm
             let spread_m = if link < 2 { 0.007 } else { 0.0035 } * s;
             let mass = spec.mass_kg * shares[link] / total;
             phi.push(individual(mass, com, radii, [spread_m, 0.05 * s, 0.06 * s], rng).to_phi());

@@ -1,4 +1,4 @@
-//! Postures that people take up: where the feet stand, how trunk and arms are held, how far the knees bend.
+//! Postures of a person: foot positions, trunk and arm angles, knee flexion.
 
 use super::stance::{CHART_LEG, COM, FOOT, N_UPPER, OutOfReach, PELVIS, PLAN, Stance, UPPER, vector};
 use crate::error::SimulateError;
@@ -6,17 +6,17 @@ use crate::motion::Jet;
 use crate::random::Stream;
 use nalgebra::Vector3;
 
-/// Why one attempt at a trial was given up.
+/// Reason why one attempt at a trial failed.
 #[derive(Debug)]
 pub enum Stumble {
-    /// In words; another attempt may do better.
+    /// Infeasible posture or motion, in words; another attempt may succeed.
     Infeasible(String),
-    /// The equations of motion failed.
+    /// The equations of motion could not be solved.
     Failed(SimulateError),
 }
 
 impl Stumble {
-    /// A leg that does not reach, and when.
+    /// A leg that does not reach, with the phase in which it happened.
     pub fn reach(when: &str) -> impl Fn(OutOfReach) -> Self + '_ {
         move |OutOfReach| Self::Infeasible(format!("a leg does not reach {when}"))
     }
@@ -27,7 +27,7 @@ impl From<SimulateError> for Stumble {
     }
 }
 
-/// Where the feet stand: right and left, on the floor, m; and toe-out, rad.
+/// Positions of the feet on the floor (right and left, m) and toe-out (rad).
 #[derive(Debug, Clone, Copy)]
 pub struct Footing {
     /// Ball of each foot.
@@ -47,7 +47,7 @@ impl Footing {
         Self { ball, toe_out: [0.09 + 0.04 * rng.moderate(), 0.09 + 0.04 * rng.moderate()] }
     }
 
-    /// Where the centre of mass should be above: between the feet, a little behind the balls.
+    /// Horizontal target of the centre of mass: between the feet, slightly behind the balls.
     pub fn middle(&self, height_m: f64) -> Vector3<f64> {
         (self.ball[0] + self.ball[1]) * 0.5 - Vector3::new(0.030 * height_m, 0.0, 0.0)
     }
@@ -98,22 +98,22 @@ pub fn lowered(
     Ok(plan)
 }
 
-/// What the upper body is doing.
+/// Phase of the movement that determines the upper-body posture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Moment {
-    /// Upright and quiet.
+    /// Upright standing.
     Stand,
-    /// Deepest point of a countermovement.
+    /// Lowest point of a countermovement.
     Crouch,
-    /// Leaving the ground.
+    /// Take-off.
     TakeOff,
-    /// Meeting the ground.
+    /// Touch-down.
     Landing,
     /// The static trial: arms held away from the body.
     Static,
 }
 
-/// Trunk flexion, arm flexion, arm abduction, elbow flexion (rad), and how much each draw differs.
+/// Trunk flexion, arm flexion, arm abduction, elbow flexion (rad), and the variation between draws.
 fn typical(moment: Moment) -> [f64; 5] {
     match moment {
         Moment::Stand => [0.05, 0.0, 0.22, 0.25, 0.5],

@@ -1,4 +1,4 @@
-//! A person's trials one by one, each drawn again until the motion is one that a person could do.
+//! Simulates a person's trials one by one, each redrawn until the motion is feasible for a person.
 
 use super::Person;
 use super::exercise::{Exercise, exercise_trial, static_trial};
@@ -10,12 +10,13 @@ use crate::physics::{Plant, TrueMotion};
 use crate::random::Stream;
 use crate::scenario::{JumpProtocol, Scenario};
 
-/// Attempts at a trial before the scenario is called infeasible.
+/// Number of attempts at a trial before the scenario is reported as infeasible.
 const ATTEMPTS: usize = 24;
-/// Share of the stance in which the centre of pressure may leave the feet (moments around take-off and landing).
+/// Share of the stance in which the centre of pressure may leave the feet (around take-off and
+/// landing).
 const STRAY: f64 = 0.05;
 
-/// What a trial is.
+/// Kind of a trial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HumanTrial {
     /// Standing still.
@@ -35,7 +36,7 @@ impl HumanTrial {
             Self::Exercise(n) => format!("exercise{n:02}"),
         }
     }
-    /// Kind as `subject.yaml` states it.
+    /// Kind as written in `subject.yaml`.
     pub fn kind(self) -> &'static str {
         match self {
             Self::Static => "static",
@@ -52,18 +53,19 @@ impl HumanTrial {
     }
 }
 
-/// A played trial.
+/// A simulated trial.
 #[derive(Debug, Clone)]
 pub struct Played {
     /// True motion.
     pub motion: TrueMotion,
     /// Styles of the flights.
     pub styles: Vec<&'static str>,
-    /// Attempts that it took.
+    /// Number of attempts needed.
     pub attempts: usize,
 }
 
-/// Plays a trial. `tick_s` is the true length of a tick; lengths of trials count in nominal seconds of `ticks_per_s`.
+/// Simulates a trial. `tick_s` is the true length of a tick; trial lengths are in nominal seconds
+/// of `ticks_per_s` ticks.
 pub fn play(
     scenario: &Scenario,
     person: &Person,

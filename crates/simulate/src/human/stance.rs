@@ -1,7 +1,8 @@
-//! Motion on the ground in coordinates that mean something there: centre of mass, pelvis, feet, upper joints.
+//! Ground motion in task coordinates: centre of mass, pelvis, feet, upper joints.
 //!
-//! The plan has as many coordinates as the model ([`PLAN`] = 40) and determines it: legs follow in closed form from
-//! pelvis and feet, and the pelvis is moved until the centre of mass is where the plan wants it.
+//! The plan has as many coordinates as the model ([`PLAN`] = 40) and determines it: legs follow in
+//! closed form from pelvis and feet, and the pelvis is moved until the centre of mass is at its
+//! planned position.
 
 use super::leg::{Leg, LegPosture};
 use super::person::{Person, THIGH};
@@ -30,7 +31,7 @@ pub const CHART_LEG: [usize; 2] = [26, 33];
 /// Step of the difference stencils, s.
 const TAU: f64 = 5e-4;
 
-/// Why a plan cannot be taken up.
+/// The posture of a plan cannot be reached.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OutOfReach;
 
@@ -115,7 +116,7 @@ impl<'a> Stance<'a> {
         self.state.center_of_mass(&self.person.body.phi).1
     }
 
-    /// Legs of a body whose root and upper joints are given: only the feet of `plan` are used.
+    /// Places the legs under a given root and upper body: only the feet of `plan` are used.
     pub fn legs_under(&self, plan: &[f64; PLAN], chart: &mut [f64; PLAN]) -> Result<(), OutOfReach> {
         let root = self.root(chart);
         self.place_legs(plan, &root, chart)
@@ -148,7 +149,7 @@ impl<'a> Stance<'a> {
             if error.norm() < 2e-15 * 100.0 {
                 return Ok(chart);
             }
-            // a fresh Jacobian at the start, and again where the steps stop helping
+            // a new Jacobian at the start, and again when the steps stop converging
             let jacobian = match (inverse, iteration % 6) {
                 (Some(j), k) if k != 0 => j,
                 _ => {
@@ -166,7 +167,7 @@ impl<'a> Stance<'a> {
             if step.norm() > limit {
                 step *= limit / step.norm();
             }
-            // steps that would overstretch a leg are shortened
+            // shorten steps that would overextend a leg
             let mut next = at(&(root + step), &mut chart);
             for _ in 0..6 {
                 if next.is_ok() {
@@ -228,7 +229,8 @@ impl<'a> Stance<'a> {
         stencil(&samples)
     }
 
-    /// Leg coordinates, with derivatives, that put the feet of `plan` under the moving root of `chart`; written into `chart`.
+    /// Leg coordinates, with derivatives, that keep the feet of `plan` in place under the moving
+    /// root of `chart`; written into `chart`.
     pub fn leg_jets_under(&self, plan: &[Jet; PLAN], chart: &mut [Jet; PLAN]) -> Result<(), OutOfReach> {
         let mut samples = [[0.0; PLAN]; 5];
         for (k, sample) in samples.iter_mut().enumerate() {

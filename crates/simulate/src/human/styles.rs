@@ -1,14 +1,14 @@
-//! What a person does in the air: bumps on joint coordinates that start and end at rest.
+//! Flight styles: bumps on joint coordinates that start and end at rest.
 
 use super::stance::PLAN;
 use crate::motion::Jet;
 use crate::motion::curve::{window, windowed_sine};
 use crate::random::Stream;
 
-/// Ways to fill a flight.
+/// Movement styles of a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Style {
-    /// Knees to the chest.
+    /// Knees pulled to the chest.
     Tuck,
     /// Straight legs forward.
     Pike,
@@ -16,9 +16,9 @@ pub enum Style {
     Split,
     /// Arms and legs apart.
     Star,
-    /// Arms swing against each other.
+    /// Arms swinging in opposition.
     Swing,
-    /// The trunk turns against the hips.
+    /// Trunk rotation against the hips.
     Twist,
 }
 
@@ -46,7 +46,7 @@ pub struct Bump {
     pub coordinate: usize,
     /// Height, rad.
     pub amplitude: f64,
-    /// Hz; zero for a plain window.
+    /// Frequency, Hz; zero for a plain window.
     pub frequency_hz: f64,
     /// Phase, rad.
     pub phase: f64,
@@ -137,7 +137,7 @@ pub fn bumps(style: Style, vigour: f64, rng: &mut Stream) -> Vec<Bump> {
             plain(KNEE[1], -0.5);
         }
     }
-    // and everything else moves a little in its own way
+    // all other coordinates move slightly as well
     let mut wave = |coordinate: usize, amplitude: f64| {
         out.push(Bump {
             coordinate,

@@ -1,4 +1,4 @@
-//! The cameras: true marker places, soft tissue, bent volumes, noise and gaps.
+//! Simulates the cameras: true marker positions, soft tissue, distorted volumes, noise and gaps.
 
 use crate::hidden::Hidden;
 use crate::motion::chart::read;
@@ -10,16 +10,16 @@ use aloft_body::{JointKind, Model, State};
 use aloft_trial::Markers;
 use nalgebra::{Matrix3, Vector3};
 
-/// A stretch in which a marker was not seen: label, first and last frame (0-based, inclusive).
+/// A gap of a marker: label, first and last frame (0-based, inclusive).
 pub type Gap = (String, usize, usize);
 
-/// Skin over moving joints: each marker shifts in its link by a smooth function of joint angles, zero in the posture in
-/// which it was put on.
+/// Soft tissue over moving joints: each marker shifts in its link by a smooth function of joint
+/// angles, zero in the posture in which it was attached.
 #[derive(Debug, Clone, Default)]
 pub struct SoftTissue {
-    /// For each marker: joint, and what a sine of its angles (about the link axes) shifts.
+    /// For each marker: joint, and the shift per sine of its angles (about the link axes).
     shifts: Vec<Vec<(usize, Matrix3<f64>)>>,
-    /// Angles of every joint in the posture of application.
+    /// Angles of every joint in the posture in which the markers were attached.
     rest: Vec<Vector3<f64>>,
 }
 
@@ -34,7 +34,7 @@ fn angles(model: &Model, link: usize, q: &[f64]) -> Vector3<f64> {
     }
 }
 
-/// How much skin moves over a landmark, relative to the average.
+/// Soft tissue mobility over a landmark, relative to the average.
 fn mobility(label: &str) -> f64 {
     match label.get(1..).unwrap_or_default() {
         "THI" => 1.7,
@@ -50,13 +50,14 @@ fn mobility(label: &str) -> f64 {
 }
 
 impl SoftTissue {
-    /// Nothing moves.
+    /// No soft tissue movement.
     pub fn none() -> Self {
         Self::default()
     }
 
-    /// Draws the skin of a person: `size_m` is the typical root mean square shift of a marker in motion; `q_rest` the
-    /// posture in which the markers were put on. Hidden artefacts on single links are added.
+    /// Draws the soft tissue of a person: `size_m` is the typical root mean square shift of a
+    /// marker in motion; `q_rest` the posture in which the markers were attached. Hidden artefacts
+    /// on single links are added.
     pub fn of_person(
         model: &Model,
         markers: &[TrueMarker],
@@ -70,14 +71,15 @@ impl SoftTissue {
             .iter()
             .map(|marker| {
                 let own = marker.link;
-                // the joint at the other end that pulls on this skin: the nearest child
+                // the joint at the distal end that also moves this skin: the nearest child
                 let child = (0..model.n_links()).filter(|l| model.links[*l].parent == Some(own)).min_by(|a, b| {
                     let place = |l: usize| model.links[l].joint.parent_from_joint.translation.vector;
                     let far = |l: usize| (place(l) - marker.position_m).norm();
                     far(*a).total_cmp(&far(*b))
                 });
                 let joints: Vec<usize> = [Some(own), child].into_iter().flatten().filter(|l| *l != 0).collect();
-                // sines of the angles are about 0.4 in motion, and the shares of the joints add in square
+                // sines of the angles are about 0.4 in motion, and the contributions of the joints
+                // add in quadrature
                 let size = size_m * mobility(&marker.label) / (0.4 * (3.0 * joints.len() as f64).sqrt() * 3f64.sqrt());
                 let mut shifts: Vec<(usize, Matrix3<f64>)> = joints
                     .into_iter()
@@ -148,7 +150,8 @@ pub fn record(
     Markers { rate_hz: capture.point_rate_hz, first_frame: 1, n_frames, labels, trajectories }
 }
 
-/// A smooth bend of the volume around its middle, 1 m above the floor; about 1 at 1 m distance.
+/// A smooth distortion of the volume around its middle, 1 m above the floor; about 1 at 1 m
+/// distance.
 fn warp(p: &Vector3<f64>) -> Vector3<f64> {
     let d = p - Vector3::z();
     Vector3::new(
@@ -158,7 +161,7 @@ fn warp(p: &Vector3<f64>) -> Vector3<f64> {
     )
 }
 
-/// Takes stretches of markers away. Returns them, sorted by marker and frame.
+/// Removes stretches of marker data. Returns the gaps, sorted by marker and frame.
 pub fn lose(markers: &mut Markers, capture: &CaptureSpec, rng: &mut Stream) -> Vec<Gap> {
     let (short, long) = (capture.gap_frames[0].max(1), capture.gap_frames[1].max(capture.gap_frames[0].max(1)));
     let mean = 0.5 * (short + long) as f64;
@@ -173,7 +176,7 @@ pub fn lose(markers: &mut Markers, capture: &CaptureSpec, rng: &mut Stream) -> V
         let length = rng.whole(short, long);
         let first = rng.whole(1, markers.n_frames - length - 1);
         let last = first + length - 1;
-        // gaps of one marker stay apart, so that their lengths are what was asked for
+        // gaps of one marker do not touch, so that they keep the requested lengths
         if gaps.iter().any(|(m, a, b)| *m == marker && first <= b + 2 && *a <= last + 2) {
             continue;
         }

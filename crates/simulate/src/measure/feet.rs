@@ -1,4 +1,4 @@
-//! Where the feet are, and how the ground's one wrench on the body divides between two plates.
+//! Positions of the feet, and the division of the total ground wrench between two plates.
 
 use crate::human::Person;
 use crate::human::person::THIGH;
@@ -6,9 +6,10 @@ use crate::physics::{TrueMotion, Wrench};
 use aloft_body::State;
 use nalgebra::Vector3;
 
-/// Share of a foot's length from its ends that the centre of pressure keeps away from.
+/// Distance between the centre of pressure and either end of the foot, as a share of its length.
 const MARGIN: f64 = 0.03;
-/// Feet push apart by this share of the load; the plates see it, the body does not.
+/// Share of the load by which the feet push apart; the plates measure it, its sum on the body is
+/// zero.
 const SPREAD: f64 = 0.03;
 
 /// Heel and toe of both feet (right, left) on the floor at every tick.
@@ -19,7 +20,7 @@ pub struct FootPrints {
 }
 
 impl FootPrints {
-    /// Follows the feet of a motion.
+    /// Computes the footprints of a motion.
     pub fn of(person: &Person, motion: &TrueMotion) -> Self {
         let model = &person.body.model;
         let mut state = State::new(model);
@@ -37,8 +38,8 @@ impl FootPrints {
         Self { heel, toe }
     }
 
-    /// Share of the stance (load above a fifth of a usual one) in which the centre of pressure lies more than 3 cm outside
-    /// the feet.
+    /// Share of the stance (load above a fifth of the usual one) in which the centre of pressure is
+    /// more than 3 cm outside the feet.
     pub fn stray_share(&self, motion: &TrueMotion) -> f64 {
         let heaviest = motion.contact.iter().map(|w| w.force_n.z).fold(0.0, f64::max);
         let (mut stray, mut stance) = (0usize, 0usize);
@@ -61,8 +62,9 @@ impl FootPrints {
         if stance == 0 { 1.0 } else { stray as f64 / stance as f64 }
     }
 
-    /// The wrenches on right and left foot at a tick; they add up to the body's contact wrench exactly. Each acts at a
-    /// point of its foot; what no such points can explain is added as moments.
+    /// The wrenches on right and left foot at a tick; their sum is exactly the body's contact
+    /// wrench. Each acts at a point of its foot; the remainder that no such points can produce is
+    /// added as moments.
     pub fn divide(&self, tick: usize, whole: &Wrench) -> [Wrench; 2] {
         let load = whole.force_n.z;
         if load.abs() < 1e-6 && whole.force_n.norm() < 1e-6 {

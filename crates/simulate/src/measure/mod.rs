@@ -1,4 +1,4 @@
-//! The instruments: cameras, plates, and what is wrong with them.
+//! The instruments: cameras, plates, and their errors.
 
 pub mod cameras;
 pub mod feet;

@@ -1,4 +1,5 @@
-//! Force plates of type 2: true wrenches become channels in plate axes, with noise, drift and whatever is hidden in them.
+//! Force plates of type 2: converts true wrenches to channels in plate axes, with noise, drift and
+//! hidden errors.
 
 use crate::hidden::Hidden;
 use crate::physics::Wrench;
@@ -10,7 +11,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 /// Depth of the sensor's origin under the surface, m.
 const DEPTH_M: f64 = 0.04;
 
-/// Where the laboratory believes a plate to be.
+/// Position of a plate as known to the laboratory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlateGeometry {
     /// Corners in the order of C3D, world, m.
@@ -19,10 +20,10 @@ pub struct PlateGeometry {
     pub origin_m: Vector3<f64>,
 }
 
-/// What a plate recorded.
+/// Recording of one plate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlateChannels {
-    /// Where the laboratory believes it to be.
+    /// Position as known to the laboratory.
     pub geometry: PlateGeometry,
     /// Fx, Fy, Fz (N), Mx, My, Mz (N·m) about the sensor's origin in plate axes: reaction on the subject.
     pub channels: [Vec<f64>; 6],
@@ -47,7 +48,7 @@ impl PlateGeometry {
         self.corners_m.iter().sum::<Vector3<f64>>() / 4.0
     }
 
-    /// Columns are the plate's axes in the world, from the corners as C3D defines them.
+    /// The plate's axes in the world as columns, from the corners as C3D defines them.
     pub fn world_from_plate(&self) -> Matrix3<f64> {
         let c = &self.corners_m;
         let x = (c[0] + c[3] - c[1] - c[2]).normalize();
@@ -133,7 +134,8 @@ fn at(values: &[f64], sample: f64) -> f64 {
 }
 
 impl PlateChannels {
-    /// The recorded reaction in the world, about the world origin, as the laboratory's software will compute it.
+    /// The recorded reaction in the world, about the world origin, as computed by the laboratory's
+    /// software.
     pub fn plate(&self, name: &str, rate_hz: f64) -> Plate {
         let axes = self.geometry.world_from_plate();
         let sensor = self.geometry.center() - axes * self.geometry.origin_m;

@@ -1,7 +1,9 @@
-//! Flat coordinates for any model: one smooth number per degree of freedom, so that splines can be drawn through them.
+//! Minimal coordinates for any model: one smooth number per degree of freedom, so that splines can
+//! be fitted through them.
 //!
-//! Free joints have the world position of the link origin and the rotation vector from a fixed reference orientation;
-//! spherical joints their rotation vector; revolute and prismatic joints their coordinate. The length is `nv`.
+//! Free joints use the world position of the link origin and the rotation vector from a fixed
+//! reference orientation; spherical joints their rotation vector; revolute and prismatic joints
+//! their coordinate. The length is `nv`.
 
 use super::{Jet, so3};
 use aloft_body::{JointKind, Model};
@@ -34,12 +36,12 @@ pub(crate) fn read(q: &[f64]) -> UnitQuaternion<f64> {
 }
 
 impl Chart {
-    /// A chart whose root reference is the world's own axes.
+    /// A chart whose root reference is the world axes.
     pub fn new() -> Self {
         Self { root_reference: UnitQuaternion::identity() }
     }
 
-    /// Lifts one link's coordinates (its slice of the chart) to its slices of `q`, `v`, `a`.
+    /// Converts one link's coordinates (its slice of the chart) to its slices of `q`, `v`, `a`.
     pub fn lift_link(&self, model: &Model, link: usize, jets: &[Jet], q: &mut [f64], v: &mut [f64], a: &mut [f64]) {
         let joint = &model.links[link].joint;
         let (iq, iv) = (joint.q_offset, joint.v_offset);
@@ -72,7 +74,7 @@ impl Chart {
         }
     }
 
-    /// Lifts all coordinates. `jets` has length nv; `q` nq, `v` and `a` nv.
+    /// Converts all coordinates. `jets` has length nv; `q` nq, `v` and `a` nv.
     pub fn lift(&self, model: &Model, jets: &[Jet], q: &mut [f64], v: &mut [f64], a: &mut [f64]) {
         for link in 0..model.n_links() {
             self.lift_link(model, link, jets, q, v, a);

@@ -1,4 +1,5 @@
-//! Smooth curves of one variable that contact and flight are built from: quintic pieces, quintic splines, windows.
+//! Smooth curves of one variable from which contact and flight are built: quintic pieces, quintic
+//! splines, windows.
 
 /// Value, rate and acceleration of a scalar.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -45,7 +46,7 @@ impl Quintic {
         }
     }
 
-    /// Evaluates at `t` seconds after the start; outside of the piece the polynomial goes on.
+    /// Evaluates at `t` seconds after the start; outside the piece the polynomial is extrapolated.
     pub fn at(&self, t: f64) -> Jet {
         let s = t / self.duration;
         let c = &self.coefficients;
@@ -55,7 +56,7 @@ impl Quintic {
         Jet { x, v: v / self.duration, a: a / (self.duration * self.duration) }
     }
 
-    /// Seconds.
+    /// Duration, s.
     pub fn duration(&self) -> f64 {
         self.duration
     }
@@ -69,7 +70,7 @@ pub struct Piecewise {
 }
 
 impl Piecewise {
-    /// Through `(time, jet)` in rising time; with one knot the curve rests there.
+    /// Through `(time, jet)` in increasing time; with one knot the curve is constant.
     pub fn through(knots: &[(f64, Jet)]) -> Self {
         let mut curve = Self::default();
         for pair in knots.windows(2) {
@@ -83,7 +84,8 @@ impl Piecewise {
         curve
     }
 
-    /// Evaluates at time `t`; before the first and after the last knot the outer pieces go on.
+    /// Evaluates at time `t`; before the first and after the last knot the outer pieces are
+    /// extrapolated.
     pub fn at(&self, t: f64) -> Jet {
         let i = self.starts.partition_point(|s| *s <= t).saturating_sub(1);
         self.pieces.get(i).map_or_else(Jet::default, |piece| piece.at(t - self.starts[i]))
@@ -185,7 +187,8 @@ fn invert(a: &Block) -> Block {
     [[a[1][1] / d, -a[0][1] / d], [-a[1][0] / d, a[0][0] / d]]
 }
 
-/// `64 s³(1−s)³` on `[0, 1]`: one in the middle, and zero at both ends with two derivatives. Jet by `t = s·duration`.
+/// `64 s³(1−s)³` on `[0, 1]`: one in the middle, and zero at both ends with two derivatives. Jet
+/// with respect to `t = s·duration`.
 pub fn window(t: f64, duration: f64) -> Jet {
     let s = t / duration;
     if !(0.0..=1.0).contains(&s) {

@@ -1,4 +1,5 @@
-//! Prescribed motion: smooth curves, rotation vectors, and the chart that lifts them to a model's `q, v, a`.
+//! Prescribed motion: smooth curves, rotation vectors, and the chart that converts them to a
+//! model's `q, v, a`.
 
 pub mod chart;
 pub mod curve;

@@ -5,7 +5,8 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-/// A rotation vector with two derivatives, or an angular motion (rotation, rate, acceleration) in another guise.
+/// A rotation vector with two derivatives, or the equivalent angular motion (rotation, rate,
+/// acceleration).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rotation {
     /// The rotation.
@@ -36,7 +37,7 @@ fn coefficients(phi: f64) -> (f64, f64, f64, f64) {
     }
 }
 
-/// The angular motion that a rotation vector with two derivatives makes.
+/// The angular motion corresponding to a rotation vector with two derivatives.
 pub fn from_vector(theta: &Vector3<f64>, rate: &Vector3<f64>, accel: &Vector3<f64>) -> Rotation {
     let (a, b, da, db) = coefficients(theta.norm());
     let dot = theta.dot(rate);

@@ -1,8 +1,9 @@
 //! The two-link chain: a bar with five markers and an arm with four, on one passive hinge.
 //!
-//! Link frames are those that a laboratory can find from markers and a functional calibration: the bar's origin is
-//! `L0_1`, y runs to `L0_2`, `L0_3` lies in the +z half of the y-z plane; the arm's z is the hinge axis, its origin the
-//! point of the axis closest to `L0_1`, and `L1_1` lies in its x-z plane on the −x side.
+//! Link frames are those that a laboratory can determine from markers and a functional calibration:
+//! the bar's origin is `L0_1`, y points to `L0_2`, `L0_3` lies in the +z half of the y-z plane; the
+//! arm's z is the hinge axis, its origin the point of the axis closest to `L0_1`, and `L1_1` lies
+//! in its x-z plane on the −x side.
 
 use super::{ThrownObject, TrueMarker};
 use crate::error::SimulateError;
@@ -25,8 +26,8 @@ const BAR_MARKERS: [[f64; 3]; 5] =
 const ARM_MARKERS: [[f64; 3]; 4] =
     [[-0.205, 0.0, 0.022], [-0.12, 0.05, 0.01], [-0.065, -0.04, 0.03], [-0.15, -0.045, -0.02]];
 
-/// An individual inertia near a design: mass, centre of mass, radii and axes differ a little, and it stays the inertia
-/// of a real body.
+/// An individual inertia near a design: mass, centre of mass, radii and axes vary a little, and the
+/// result remains physically consistent.
 pub(crate) fn individual(
     mass: f64,
     com: Vector3<f64>,
@@ -37,7 +38,7 @@ pub(crate) fn individual(
     let [com_m, radius, tilt] = spread;
     let com = com + rng.vector() * com_m;
     let squared = radii.map(|k| (k * (1.0 + radius * rng.moderate())).powi(2));
-    // second moments of mass along the axes stay positive: that is what "a real body" means
+    // second moments of mass along the axes stay positive, as for any real body
     let half = 0.5 * (squared[0] + squared[1] + squared[2]);
     let along = squared.map(|k2| (half - k2).max(0.02 * half));
     let sum: f64 = along.iter().sum();
@@ -90,7 +91,7 @@ pub fn chain(scenario: &Scenario, spec: &ChainSpec) -> Result<ThrownObject, Simu
         for (i, place) in places.iter().enumerate() {
             let mut position = Vector3::from(*place);
             let shift = rng.vector() * (0.004 * s);
-            // what the frames are defined by stays where the definition says
+            // markers that define the frames keep the coordinates given by the definition
             match (link, i) {
                 (0, 0) => {}
                 (0, 1) => position.y += shift.y,

@@ -7,7 +7,8 @@ use crate::scenario::{CustomLab, Scenario};
 use aloft_body::{JointKind, Model};
 use nalgebra::Vector3;
 
-/// Builds the object of a scenario. The root must be free and every link have its inertia.
+/// Builds the object of a scenario. The root joint must be free and every link must have its
+/// inertia.
 pub fn custom(scenario: &Scenario, lab: &CustomLab) -> Result<ThrownObject, SimulateError> {
     let mut model = Model::from_spec(&lab.model)?;
     model.gravity_mps2 = Vector3::new(0.0, 0.0, -scenario.capture.gravity_mps2);
@@ -23,7 +24,7 @@ pub fn custom(scenario: &Scenario, lab: &CustomLab) -> Result<ThrownObject, Simu
         };
         scenario.expect(&field, inertia.mass_kg, 1e-9..=1e9, "a positive mass")?;
         phi.push(inertia.to_phi());
-        // a body of gyration radius r is about 4 r across
+        // the diameter of a body with radius of gyration r is about 4 r
         let radius = (inertia.inertia_com_kgm2.trace() / (2.0 * inertia.mass_kg)).abs().sqrt();
         area.push(16.0 * radius * radius);
     }

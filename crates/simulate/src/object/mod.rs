@@ -7,14 +7,14 @@ pub mod throws;
 use crate::physics::Body;
 use nalgebra::Vector3;
 
-/// A marker where it truly sits.
+/// A marker at its true position.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrueMarker {
     /// Label.
     pub label: String,
     /// Index of the link.
     pub link: usize,
-    /// Place in the link frame, m.
+    /// Position in the link frame, m.
     pub position_m: Vector3<f64>,
 }
 
@@ -25,7 +25,7 @@ pub struct ThrownObject {
     pub body: Body,
     /// Markers.
     pub markers: Vec<TrueMarker>,
-    /// Viscous friction of every joint but the root's, N·m·s/rad or N·s/m.
+    /// Viscous friction of every joint except the root's, N·m·s/rad or N·s/m.
     pub damping: f64,
     /// Dry friction, N·m or N.
     pub friction: f64,

@@ -1,7 +1,8 @@
-//! A session of throws: taken up, thrown, in the air, caught, carried, thrown again.
+//! A session of throws: picked up, thrown, in the air, caught, carried, thrown again.
 //!
-//! While held, the hand prescribes the root and guides the joints by a soft servo that lets go just before release; in
-//! the air nothing but friction acts between the links. Hand forces rise and fall within [`RAMP_S`].
+//! While the object is held, the hand prescribes the root and guides the joints by a soft servo
+//! that is released just before the throw; in the air only friction acts between the links. Hand
+//! forces rise and fall within [`RAMP_S`].
 
 use super::ThrownObject;
 use crate::error::SimulateError;
@@ -14,21 +15,21 @@ use crate::scenario::ThrowProtocol;
 use aloft_body::{JointKind, Model, State};
 use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 
-/// How long a hand's force takes to vanish or to appear, s.
+/// Rise and fall time of a hand's force, s.
 pub const RAMP_S: f64 = 0.02;
-/// Speed at which dry friction is nearly full, rad/s (m/s).
+/// Speed at which dry friction is nearly fully developed, rad/s (m/s).
 const FRICTION_SPEED: f64 = 0.02;
 
-/// Friction in the joints, and a hand that guides them.
+/// Joint friction and guidance by a hand.
 struct Joints<'a> {
     model: &'a Model,
     damping: f64,
     friction: f64,
-    /// Inertia that each velocity coordinate feels, for the servo's gains.
+    /// Effective inertia of each velocity coordinate, for the servo's gains.
     inertia: &'a [f64],
-    /// Target of each velocity coordinate of a hinge or slide; empty when nobody guides.
+    /// Target of each velocity coordinate of a hinge or slide; empty without guidance.
     targets: Vec<Option<Piecewise>>,
-    /// When the guidance starts and lets go.
+    /// Start and end of the guidance, s.
     guided: [f64; 2],
 }
 
@@ -69,11 +70,11 @@ impl Joints<'_> {
     }
 }
 
-/// The root in a hand.
+/// Drive of an object held in the hand.
 struct Held<'a> {
     chart: Chart,
     root: [Piecewise; 6],
-    /// Unsteadiness of the hand: start, duration, amplitude and frequency of each coordinate.
+    /// Tremor of the hand: start, duration, amplitude and frequency of each coordinate.
     tremor: Option<(f64, f64, [f64; 6], [f64; 6])>,
     joints: Joints<'a>,
 }
@@ -96,7 +97,7 @@ impl Drive for Held<'_> {
     }
 }
 
-/// In the air.
+/// Drive of an object in the air.
 struct Loose<'a>(Joints<'a>);
 impl Drive for Loose<'_> {
     fn prescribe(&self, _t: f64, _q: &mut [f64], _v: &mut [f64], _a: &mut [f64]) {}
@@ -105,7 +106,8 @@ impl Drive for Loose<'_> {
     }
 }
 
-/// All coordinates swing by hand: the calibration of joints, and lying still.
+/// Drive of an object whose coordinates are all swung by hand: the calibration of joints, and lying
+/// still.
 struct Swung<'a> {
     model: &'a Model,
     chart: Chart,
@@ -192,10 +194,10 @@ pub struct Session<'a> {
 struct Release {
     position: Vector3<f64>,
     rotation: UnitQuaternion<f64>,
-    /// World, m/s and m/s².
+    /// Velocity of the root, world, m/s; acceleration in m/s².
     velocity: Vector3<f64>,
     accel: Vector3<f64>,
-    /// Link axes.
+    /// Angular velocity, link axes.
     omega: Vector3<f64>,
     alpha: Vector3<f64>,
 }
@@ -222,7 +224,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Plays one recording.
+    /// Simulates one recording.
     pub fn record(&self, plant: &Plant, tick_s: f64, rng: &mut Stream) -> Result<TrueMotion, SimulateError> {
         let model = &self.object.body.model;
         let mut held = vec![true; model.n_links()];
@@ -244,13 +246,13 @@ impl<'a> Session<'a> {
             let (drive, length) = self.catch(&player, &air)?;
             player.advance(ticks(length), &held, &drive)?;
         }
-        // put to rest
+        // bring to rest
         let (drive, length) = self.rest(&player);
         player.advance(ticks(length), &held, &drive)?;
         Ok(player.finish())
     }
 
-    /// A hinge's angle near `near` that means the same posture as `angle`.
+    /// The angle of a hinge nearest to `near` that gives the same posture as `angle`.
     fn nearest(kind: &JointKind, angle: f64, near: f64) -> f64 {
         match kind {
             JointKind::Revolute(_) => {
@@ -261,8 +263,8 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Draws the state at release: tumbling, joint postures and rates, and the root velocity that sends the centre of
-    /// mass up for the wanted time.
+    /// Draws the state at release: tumbling, joint postures and rates, and the root velocity that
+    /// gives the centre of mass the required flight time.
     fn plan(&self, plant: &Plant, y: &[f64], rng: &mut Stream) -> Result<Plan, SimulateError> {
         let model = &self.object.body.model;
         let p = self.protocol;
@@ -287,7 +289,7 @@ impl<'a> Session<'a> {
         }
         let g = -model.gravity_mps2.z;
         let target = Vector3::new(0.4 * rng.moderate(), 0.4 * rng.moderate(), 0.5 * g * time);
-        // root velocity that gives the centre of mass the wanted one
+        // root velocity for the required velocity of the centre of mass
         let mut state = State::new(model);
         state.forward_velocity(model, &q, &v);
         let (mut momentum, mut mass) = (Vector3::zeros(), 0.0);
@@ -298,7 +300,7 @@ impl<'a> Session<'a> {
         }
         let velocity = target - momentum / mass;
         v[..3].copy_from_slice((rotation.inverse() * velocity).as_slice());
-        // the acceleration that the air will leave it
+        // the acceleration in the air
         let mut start: Vec<f64> = q.iter().chain(&v).copied().collect();
         start.resize(y.len(), 0.0);
         let air = Loose(self.joints(Vec::new(), [0.0, 0.0]));
@@ -328,7 +330,7 @@ impl<'a> Session<'a> {
         })
     }
 
-    /// From where the object rests to where the throw begins.
+    /// Motion from the resting position to the start of the throw.
     fn carry(&self, player: &Player<'_>, plan: &Plan, first: bool, rng: &mut Stream) -> (Held<'_>, f64) {
         let p = self.protocol;
         let length = if first { 0.9 } else { rng.between(p.carry_s[0], p.carry_s[1]) - 0.65 }.max(0.5);
@@ -356,7 +358,7 @@ impl<'a> Session<'a> {
         (Held { chart, root, tremor: Some(tremor), joints: self.joints(targets, [t0 - 1.0, t1 + 1.0]) }, length)
     }
 
-    /// From rest to release.
+    /// Motion from rest to release.
     fn throw(&self, player: &Player<'_>, plan: &Plan) -> (Held<'_>, f64) {
         let length = plan.throw_s;
         let (t0, t1) = (player.time(), player.time() + length);
@@ -368,7 +370,7 @@ impl<'a> Session<'a> {
             } else {
                 (start_turn[i - 3], Jet { x: 0.0, v: r.omega[i - 3], a: r.alpha[i - 3] })
             };
-            // just before the hand opens it still pushes
+            // just before release the hand still pushes
             let push = 0.5 * end.v / length;
             let tau = RAMP_S;
             let before = Jet {
@@ -384,7 +386,7 @@ impl<'a> Session<'a> {
         (Held { chart, root, tremor: None, joints: self.joints(targets, [t0 - 1.0, t1 - 0.005]) }, length)
     }
 
-    /// From the air to rest in the hand.
+    /// Motion from the air to rest in the hand.
     fn catch(&self, player: &Player<'_>, air: &[bool]) -> Result<(Held<'_>, f64), SimulateError> {
         let length = 0.3;
         let (t0, t1) = (player.time(), player.time() + length);
@@ -451,7 +453,7 @@ struct Plan {
 }
 
 impl Plan {
-    /// Where the throw begins: position, and rotation vector from the orientation at release.
+    /// Start of the throw: position, and rotation vector from the orientation at release.
     fn start(&self) -> (Vector3<f64>, Vector3<f64>) {
         let r = &self.root;
         (r.position - r.velocity * (0.42 * self.throw_s), -r.omega * (0.42 * self.throw_s))

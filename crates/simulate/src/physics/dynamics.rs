@@ -1,4 +1,5 @@
-//! Forward dynamics of a tree of which some joints are prescribed and the others follow the equations of motion.
+//! Forward dynamics of a tree in which some joints are prescribed and the others follow the
+//! equations of motion.
 //!
 //! With the coordinates split into followed (F) and prescribed (P),
 //! `M_FF a_F = τ_F + Q_F − h_F(q, v, a_P)`, where `h` is recursive Newton-Euler with `a_F = 0` and `Q` the hidden forces.
@@ -10,15 +11,15 @@ use crate::physics::plant::Plant;
 use aloft_body::{JointKind, Model, Phi, State};
 use nalgebra::{DMatrix, DVector, Matrix6, Quaternion, Vector3, Vector6};
 
-/// What moves the joints.
+/// Prescribed motion and joint forces.
 pub trait Drive {
-    /// Writes `q`, `v`, `a` of the prescribed links at time `t`; the others are left alone.
+    /// Writes `q`, `v`, `a` of the prescribed links at time `t`; the others are unchanged.
     fn prescribe(&self, t: f64, q: &mut [f64], v: &mut [f64], a: &mut [f64]);
     /// Adds generalised forces (length nv) of motors, springs and friction on the followed joints.
     fn torque(&self, _t: f64, _q: &[f64], _v: &[f64], _tau: &mut [f64]) {}
 }
 
-/// Scratch and right-hand side for one plant and one choice of followed links.
+/// Workspace and right-hand side for one plant and one set of followed links.
 ///
 /// The state vector is `[q (nq) | v (nv) | states of the forces]`; entries of prescribed links are overwritten by the
 /// drive whenever they are needed.
@@ -40,7 +41,7 @@ pub struct ForwardDynamics<'a> {
 }
 
 impl<'a> ForwardDynamics<'a> {
-    /// `followed[link]` is true where the equations of motion decide.
+    /// `followed[link]` is true for links that follow the equations of motion.
     pub fn new(plant: &'a Plant, followed: &[bool]) -> Self {
         let model = &plant.model;
         let followed: Vec<usize> = (0..model.n_links()).filter(|i| followed[*i]).collect();
@@ -78,7 +79,7 @@ impl<'a> ForwardDynamics<'a> {
         self.len() == 0
     }
 
-    /// Overwrites the prescribed part of a state vector and brings quaternions to unit length.
+    /// Overwrites the prescribed part of a state vector and normalises quaternions.
     pub fn settle(&self, drive: &dyn Drive, t: f64, y: &mut [f64]) {
         let model = &self.plant.model;
         let (q, rest) = y.split_at_mut(model.nq);
@@ -128,8 +129,9 @@ impl<'a> ForwardDynamics<'a> {
         Ok(())
     }
 
-    /// The wrench that the surroundings (ground, hands) must add to the hidden forces for the motion of the last
-    /// [`ForwardDynamics::accelerations`]: on the body, about the world origin. Zero to rounding where the root is followed.
+    /// The wrench that the environment (ground, hands) must add to the hidden forces for the motion
+    /// of the last [`ForwardDynamics::accelerations`]: on the body, about the world origin. Zero
+    /// within rounding if the root is followed.
     pub fn contact(&mut self) -> Wrench {
         let plant = self.plant;
         self.state.forward_acceleration(&plant.model, &self.q, &self.v, &self.a);
@@ -175,7 +177,7 @@ impl<'a> ForwardDynamics<'a> {
         self.solve().ok_or_else(|| SimulateError::Diverged { model: model.name.clone(), time_s: t })
     }
 
-    /// Accelerations of the followed coordinates; `None` where they are not finite.
+    /// Accelerations of the followed coordinates; `None` if they are not finite.
     fn solve(&mut self) -> Option<()> {
         let plant = self.plant;
         if self.followed == [0] && plant.model.links[0].joint.kind == JointKind::Free {

@@ -11,14 +11,14 @@ use nalgebra::Vector3;
 /// Force and moment about the world origin, world axes.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Wrench {
-    /// N.
+    /// Force, N.
     pub force_n: Vector3<f64>,
-    /// N·m.
+    /// Moment, N·m.
     pub moment_nm: Vector3<f64>,
 }
 
 impl Wrench {
-    /// Adds a force that acts at a point of the world.
+    /// Adds a force acting at a point in the world.
     pub fn push(&mut self, force: &Vector3<f64>, at: &Vector3<f64>) {
         self.force_n += force;
         self.moment_nm += at.cross(force);
@@ -86,7 +86,8 @@ enum Law {
     },
 }
 
-/// All hidden forces on one body. Wobbling masses bring six states each: position and velocity in the world.
+/// All hidden forces on one body. Each wobbling mass adds six states: position and velocity in the
+/// world.
 #[derive(Debug, Clone, Default)]
 pub struct ForceField {
     laws: Vec<Law>,
@@ -94,7 +95,7 @@ pub struct ForceField {
 }
 
 impl ForceField {
-    /// Compiles the effects that are forces; `model` carries the true gravity.
+    /// Collects the hidden effects that are forces; `model` has the true gravity.
     pub fn new(body: &Body, model: &Model, hidden: &[Hidden]) -> Result<Self, SimulateError> {
         let mut field = Self::default();
         let total_area: f64 = body.area_m2.iter().sum();
@@ -130,7 +131,7 @@ impl ForceField {
                     field.laws.push(Law::World { link, point: (*point_m).into(), force: (*force_n).into() });
                 }
                 Hidden::AddedMass { point_m, mass_kg, .. } => {
-                    // the plant carries the mass as inertia; its weight is taken back here
+                    // the plant contains the mass as inertia; here its weight is removed
                     let force = -model.gravity_mps2 * *mass_kg;
                     field.laws.push(Law::World { link, point: (*point_m).into(), force });
                 }
@@ -192,17 +193,18 @@ impl ForceField {
         Ok(field)
     }
 
-    /// True when nothing acts.
+    /// True if no force acts.
     pub fn is_empty(&self) -> bool {
         self.laws.is_empty()
     }
 
-    /// States that the laws bring with them.
+    /// Number of states of the laws.
     pub fn n_states(&self) -> usize {
         self.n_states
     }
 
-    /// States of wobbling masses that hang at rest at their places, sagging under gravity. Needs poses and velocities.
+    /// States of wobbling masses at static equilibrium, displaced by gravity. Needs poses and
+    /// velocities.
     pub fn rest_states(&self, model: &Model, state: &State, out: &mut [f64]) {
         for law in &self.laws {
             if let Law::Wobble { link, point, mass, stiffness, slot, .. } = law {
@@ -213,8 +215,8 @@ impl ForceField {
         }
     }
 
-    /// Wrenches on the links at time `t` (overwritten, one a link), and rates of the laws' states.
-    /// `state` needs poses and velocities.
+    /// Wrenches on the links at time `t` (overwritten, one per link), and rates of the laws'
+    /// states. `state` needs poses and velocities.
     pub fn evaluate(
         &self,
         t: f64,
@@ -265,18 +267,20 @@ impl ForceField {
                     let (sin, cos) = (rate * t).sin_cos();
                     let rotation = state.world_from_link[*link].rotation;
                     let spin = rotation * (momentum + swing * sin);
-                    // d/dt (R h) = ω × R h + R ḣ is what the wheel takes up; the link feels the opposite
+                    // the wheel receives d/dt (R h) = ω × R h + R ḣ; the link receives the opposite
+                    // moment
                     wrenches[*link].moment_nm -= omega(state, *link).cross(&spin) + rotation * (swing * (rate * cos));
                 }
                 Law::Wobble { link, point, mass, stiffness, damping, slot } => {
                     let read = |i: usize| Vector3::new(states[i], states[i + 1], states[i + 2]);
                     let (place, velocity) = (read(*slot), read(slot + 3));
                     let offset = place - state.point_in_world(*link, point);
-                    // velocity of the mass as seen from the turning link
+                    // velocity of the mass relative to the rotating link
                     let slip =
                         velocity - state.point_velocity_in_world(*link, point) - omega(state, *link).cross(&offset);
                     let pull = offset * *stiffness + slip * *damping;
-                    // the reaction passes through the mass, so that no internal moment is left over
+                    // the reaction acts at the position of the mass, so that no internal moment
+                    // remains
                     wrenches[*link].push(&pull, &place);
                     let accel = model.gravity_mps2 - pull / *mass;
                     rates[*slot..slot + 3].copy_from_slice(velocity.as_slice());
@@ -286,7 +290,8 @@ impl ForceField {
         }
     }
 
-    /// The wrench of all hidden forces on the body, with the weight-free share of wobbling masses: what a rigid model misses.
+    /// Total wrench of the hidden forces on the body, including the weight-free share of wobbling
+    /// masses: the wrench missing from a rigid model.
     pub fn total(wrenches: &[Wrench]) -> Wrench {
         let mut sum = Wrench::default();
         for wrench in wrenches {

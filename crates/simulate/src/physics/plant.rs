@@ -1,4 +1,4 @@
-//! The plant: the body as physics has it in one trial, with everything hidden put in its place.
+//! The plant: the true body of one trial, with all hidden effects included.
 
 use crate::error::SimulateError;
 use crate::hidden::Hidden;
@@ -7,36 +7,37 @@ use aloft_body::inertia::phi_transform;
 use aloft_body::{LinkInertia, Model, Phi};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Vector3};
 
-/// What is simulated in one trial.
+/// The simulated system of one trial.
 #[derive(Debug, Clone)]
 pub struct Plant {
     /// The tree, with the true gravity.
     pub model: Model,
-    /// The inertias that the equations of motion see (link frames).
+    /// Inertias used in the equations of motion (link frames).
     pub phi: Vec<Phi>,
-    /// Forces that no model knows of.
+    /// Forces missing from any model.
     pub forces: ForceField,
 }
 
-/// A body before anything is hidden in it.
+/// A body without hidden effects.
 #[derive(Debug, Clone)]
 pub struct Body {
-    /// The tree, with the gravity that the laboratory states.
+    /// The tree, with the gravity stated by the laboratory.
     pub model: Model,
     /// True inertias.
     pub phi: Vec<Phi>,
-    /// Size of each link as the air sees it, m² (only ratios matter).
+    /// Relative drag area of each link, m² (only ratios matter).
     pub area_m2: Vec<f64>,
 }
 
-/// Parameters of a point mass at a place in the link frame.
+/// Parameters of a point mass at a position in the link frame.
 pub(crate) fn point_mass(mass_kg: f64, at: &Vector3<f64>) -> Phi {
     let body = LinkInertia { mass_kg, com_m: Vector3::zeros(), inertia_com_kgm2: Matrix3::zeros() };
     phi_transform(&Isometry3::translation(at.x, at.y, at.z)) * body.to_phi()
 }
 
 impl Plant {
-    /// Puts the hidden effects into `body` for the trial `trial`. Links were checked before.
+    /// Adds the hidden effects to `body` for the trial `trial`. Link names have been checked
+    /// before.
     pub fn new(body: &Body, hidden: &[Hidden], trial: &str) -> Result<Self, SimulateError> {
         let mut model = body.model.clone();
         let mut phi = body.phi.clone();

@@ -1,7 +1,8 @@
-//! Plays phases one after another — held, in the air, held again — and keeps the true motion at every tick.
+//! Simulates phases in sequence (held, in the air, held again) and stores the true motion at every
+//! tick.
 //!
-//! A tick is the shortest interval that any instrument of the laboratory samples; the integrator takes
-//! [`SUBSTEPS`] steps in it.
+//! A tick is the shortest sampling interval of any instrument of the laboratory; the integrator
+//! takes [`SUBSTEPS`] steps per tick.
 
 use crate::error::SimulateError;
 use crate::physics::dynamics::{Drive, ForwardDynamics};
@@ -10,17 +11,17 @@ use crate::physics::plant::Plant;
 use crate::physics::rk4::Rk4;
 use aloft_body::State;
 
-/// Integration steps in a tick.
+/// Integration steps per tick.
 pub const SUBSTEPS: usize = 2;
 
 /// The true motion of one trial, tick by tick.
 #[derive(Debug, Clone, Default)]
 pub struct TrueMotion {
-    /// Seconds in a tick, on a perfect clock.
+    /// Length of a tick on a perfect clock, s.
     pub tick_s: f64,
-    /// Coordinates a tick.
+    /// Number of coordinates per tick.
     pub nq: usize,
-    /// Velocities a tick.
+    /// Number of velocities per tick.
     pub nv: usize,
     /// `q[tick * nq + i]`.
     pub q: Vec<f64>,
@@ -28,16 +29,16 @@ pub struct TrueMotion {
     pub v: Vec<f64>,
     /// `a[tick * nv + i]`.
     pub a: Vec<f64>,
-    /// What ground or hands do to the body.
+    /// Wrench of ground or hands on the body.
     pub contact: Vec<Wrench>,
-    /// What the hidden forces do to the body.
+    /// Wrench of the hidden forces on the body.
     pub effects: Vec<Wrench>,
     /// First and last tick of each flight.
     pub flights: Vec<[usize; 2]>,
 }
 
 impl TrueMotion {
-    /// Ticks.
+    /// Number of ticks.
     pub fn n_ticks(&self) -> usize {
         self.contact.len()
     }
@@ -55,7 +56,7 @@ impl TrueMotion {
     }
 }
 
-/// Plays one trial.
+/// Simulates one trial.
 pub struct Player<'a> {
     plant: &'a Plant,
     /// State vector: `[q | v | states of forces]`.
@@ -78,12 +79,12 @@ impl<'a> Player<'a> {
         Self { plant, y, tick: 0, motion }
     }
 
-    /// Ticks played so far: the number of the tick that the state belongs to.
+    /// Number of ticks simulated so far: the index of the tick of the present state.
     pub fn tick(&self) -> usize {
         self.tick
     }
 
-    /// Seconds played so far.
+    /// Simulated time so far, s.
     pub fn time(&self) -> f64 {
         self.tick as f64 * self.motion.tick_s
     }
@@ -98,8 +99,8 @@ impl<'a> Player<'a> {
         self.plant
     }
 
-    /// Plays `ticks` ticks. `followed[link]` says which links the equations of motion move; a phase whose root is
-    /// followed is a flight.
+    /// Simulates `ticks` ticks. `followed[link]` is true for links that follow the equations of
+    /// motion; a phase whose root is followed is a flight.
     pub fn advance(&mut self, ticks: usize, followed: &[bool], drive: &dyn Drive) -> Result<(), SimulateError> {
         let mut dynamics = ForwardDynamics::new(self.plant, followed);
         let mut rk4 = Rk4::new(self.y.len());
@@ -131,7 +132,7 @@ impl<'a> Player<'a> {
         let contact = dynamics.contact();
         let (q, v, a) = dynamics.motion();
         let m = &mut self.motion;
-        // the first tick of a flight replaces what the phase before had there
+        // the first tick of a flight replaces the last one of the phase before
         m.contact.truncate(self.tick);
         m.effects.truncate(self.tick);
         m.q.truncate(self.tick * m.nq);
@@ -145,7 +146,8 @@ impl<'a> Player<'a> {
         Ok(())
     }
 
-    /// Accelerations that `drive` would give at this instant with other followed links, without playing.
+    /// Accelerations that `drive` would give at this instant with other followed links, without
+    /// advancing.
     pub fn accelerations(&self, followed: &[bool], drive: &dyn Drive) -> Result<Vec<f64>, SimulateError> {
         let mut dynamics = ForwardDynamics::new(self.plant, followed);
         Ok(dynamics.accelerations(drive, self.time(), &self.y)?.0.to_vec())
@@ -156,7 +158,7 @@ impl<'a> Player<'a> {
         &self.motion
     }
 
-    /// Ends the trial.
+    /// Ends the trial and returns its motion.
     pub fn finish(self) -> TrueMotion {
         self.motion
     }

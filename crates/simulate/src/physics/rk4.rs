@@ -1,6 +1,6 @@
 //! The classical Runge-Kutta step of fourth order for systems whose right-hand side may fail.
 
-/// Scratch of the integrator for one length of state.
+/// Workspace of the integrator for one length of state.
 #[derive(Debug, Clone, Default)]
 pub struct Rk4 {
     k: [Vec<f64>; 4],
@@ -8,7 +8,7 @@ pub struct Rk4 {
 }
 
 impl Rk4 {
-    /// Scratch for states of length `n`.
+    /// Workspace for states of length `n`.
     pub fn new(n: usize) -> Self {
         Self { k: std::array::from_fn(|_| vec![0.0; n]), stage: vec![0.0; n] }
     }
