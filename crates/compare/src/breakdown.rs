@@ -53,7 +53,7 @@ impl GroupedBy {
 /// One group of frames and of the weak windows centred on them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Group {
-    /// By what.
+    /// Grouping criterion.
     pub by: GroupedBy,
     /// Name: a phase, `trial #flight`, or the range with its unit.
     pub name: String,
@@ -70,7 +70,7 @@ pub struct Group {
 /// Error that a perfect model would leave in one group.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GroupFloor {
-    /// By what.
+    /// Grouping criterion.
     pub by: GroupedBy,
     /// Name.
     pub name: String,

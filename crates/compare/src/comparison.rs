@@ -21,16 +21,18 @@ use serde::{Deserialize, Serialize};
 pub struct ModelComparison {
     /// Name of the model.
     pub model: String,
-    /// Frames in contact of held-out trials. No frames where none is held out; the breakdown then speaks of all. The offset of
-    /// untared recordings is taken off, as in every figure that is not called otherwise.
+    /// Frames in contact of held-out trials. Empty if no trial is held out; the breakdown then
+    /// covers all trials. The offset of untared recordings is subtracted, as in every figure not
+    /// marked "as measured".
     pub held_out: WrenchErrors,
     /// The same over weak windows.
     pub held_out_weak: WindowErrors,
-    /// As `held_out`, with the offset of untared recordings still in it; equal where there are none.
+    /// As `held_out`, without subtracting the offset of untared recordings; equal if there are
+    /// none.
     pub held_out_as_measured: WrenchErrors,
-    /// As `held_out_weak`, with the offset still in it.
+    /// As `held_out_weak`, without subtracting the offset.
     pub held_out_weak_as_measured: WindowErrors,
-    /// Residual wrench in flight: of held-out flights where there are any, else of all.
+    /// Residual wrench in flight: of held-out flights if there are any, else of all.
     pub flight: FlightErrors,
     /// The same frames, root and world axes.
     pub flight_wrench: WrenchErrors,
@@ -38,7 +40,8 @@ pub struct ModelComparison {
     pub flight_weak: WindowErrors,
     /// Trial by trial.
     pub trials: Vec<TrialComparison>,
-    /// By trial, phase, flight, time in flight, speed, acceleration, turning, posture: of held-out frames where there are any, else of all.
+    /// By trial, phase, flight, time in flight, speed, acceleration, turning, posture: of held-out
+    /// frames if there are any, else of all.
     pub breakdown: Vec<Group>,
     /// Link by link, the largest share first; over contact, or over flights without contact.
     pub segments: Vec<SegmentShare>,
@@ -54,24 +57,24 @@ pub struct TrialComparison {
     pub trial: String,
     /// True when its contact was not used to identify.
     pub held_out_contact: bool,
-    /// True when its flights were not used.
+    /// True when its flights were not used to identify.
     pub held_out_flight: bool,
     /// Number of flights.
     pub flights: usize,
     /// True when its plates were never unloaded ([`TrialInput::untared`], and no flights).
     pub untared: bool,
-    /// What was taken off for this model; none where plates were tared, or contact was too short for an offset (2 s), or the model
-    /// has no mass that could be brought to the known one.
+    /// Offset subtracted for this model; none if the plates were tared, the contact was too short
+    /// for an offset (2 s), or the model has no mass that could be scaled to the known one.
     pub offset: Option<RecordingOffset>,
-    /// Frames in contact, the offset taken off.
+    /// Frames in contact, the offset subtracted.
     pub contact: WrenchErrors,
     /// Frames in flight (the measured wrench is zero).
     pub flight: WrenchErrors,
-    /// Weak windows in contact, the offset taken off.
+    /// Weak windows in contact, the offset subtracted.
     pub contact_weak: WindowErrors,
-    /// Frames in contact with the offset still in them.
+    /// Frames in contact, without subtracting the offset.
     pub contact_as_measured: WrenchErrors,
-    /// Weak windows in contact with the offset still in them.
+    /// Weak windows in contact, without subtracting the offset.
     pub contact_weak_as_measured: WindowErrors,
     /// Weak windows in flight.
     pub flight_weak: WindowErrors,
@@ -85,17 +88,17 @@ pub struct Comparison {
     pub first: ModelComparison,
     /// The other models, on the same frames of the same motion.
     pub beside: Vec<ModelComparison>,
-    /// Axis by axis, body and world, of the first model.
+    /// Errors of the first model axis by axis, body and world.
     #[serde(default)]
     pub axes: Vec<AxisRow>,
-    /// How the first model stands to the floor, in flight first, then in held-out contact.
+    /// Error of the first model relative to the noise floor: in flight, then in held-out contact.
     #[serde(default)]
     pub against_floor: Vec<AgainstFloor>,
     /// Error that a perfect model would leave; none where no unfiltered motion was given or no draws were asked for.
     pub noise_floor: Option<NoiseFloor>,
-    /// How errors were taken.
+    /// Options of the comparison.
     pub options: CompareOptions,
-    /// Where the first model is worst, in words.
+    /// Where the first model has its largest errors, in words.
     pub words: Vec<String>,
 }
 
@@ -125,11 +128,12 @@ pub struct AgainstFloor {
     pub judged_on: String,
     /// Held-out error of the model, N: force, and moment over a lever of 0.1 m.
     pub held_out_error: f64,
-    /// What a perfect model would leave; none where it was not drawn.
+    /// Error that a perfect model would leave; none if it was not estimated.
     pub floor: Option<Floor>,
     /// Held-out error over floor.
     pub times_floor: Option<f64>,
-    /// True where a perfect model could have left as much: the error is not above the floor's interval.
+    /// True if a perfect model could have left as much: the error is not above the floor's
+    /// interval.
     pub at_floor: Option<bool>,
 }
 
@@ -159,13 +163,14 @@ pub struct AxisRow {
     pub axes: String,
     /// `x`, `y` or `z`.
     pub axis: String,
-    /// Force, N: root mean square, mean with sign, noise's root mean square.
+    /// Force, N: root mean square, signed mean, root mean square of the noise.
     #[serde(with = "crate::errors::nullable")]
     pub force_n: [f64; 3],
-    /// Moment, N·m, alike.
+    /// Moment, N·m, in the same order.
     #[serde(with = "crate::errors::nullable")]
     pub moment_nm: [f64; 3],
-    /// Share of the mean square that noise does not explain, force and moment; none where the noise is not known.
+    /// Share of the mean square not explained by noise, force and moment; none where the noise is
+    /// unknown.
     pub explainable: [Option<f64>; 2],
 }
 

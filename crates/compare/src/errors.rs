@@ -37,7 +37,7 @@ impl AxisErrors {
 /// Errors of the wrench on the root over frames.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WrenchErrors {
-    /// Frames.
+    /// Number of frames.
     pub frames: usize,
     /// Force in root axes, N.
     pub force_n: AxisErrors,
@@ -60,7 +60,7 @@ impl WrenchErrors {
 /// Errors of weak-window averages `∫ψ e dt / ∫ψ dt` over windows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WindowErrors {
-    /// Windows; neighbours overlap.
+    /// Number of windows; neighbours overlap.
     pub windows: usize,
     /// Force in world axes, N.
     pub force_n: AxisErrors,
@@ -108,7 +108,7 @@ impl From<AxisErrors> for AxisResidual {
 /// Residual wrench over flights: root axes, about the root origin.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FlightErrors {
-    /// Frames.
+    /// Number of frames.
     pub frames: usize,
     /// Force, N.
     pub residual_force_n: AxisResidual,

@@ -173,26 +173,29 @@ impl<'a> TrialInput<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CompareOptions {
-    /// Time left out of contact on both sides of a flight, s.
+    /// Contact excluded on both sides of a flight, s.
     pub edge_s: f64,
-    /// Time left out at both ends inside a flight, s: as far as the filter carries contact into it.
+    /// Time excluded at both ends of a flight, s: the time over which the filter spreads contact
+    /// forces into it.
     pub flight_margin_s: f64,
-    /// Frames left out at both ends of every run without gaps: the filter's own edges.
+    /// Frames excluded at both ends of every run without gaps, because of the filter's end effects.
     pub end_margin_frames: usize,
-    /// Contact this near to a flight is called take-off or landing, s.
+    /// Contact this close to a flight is called take-off or landing, s.
     pub transition_s: f64,
     /// Length of the weak windows in contact, s.
     pub window_s: f64,
-    /// Length of the weak windows in flight, s; none: by the length of each flight, as the rows that parameters are identified from.
+    /// Length of the weak windows in flight, s; none: chosen by the length of each flight, as for
+    /// the rows used in identification.
     pub flight_window_s: Option<f64>,
-    /// Repetitions with drawn errors for the noise floor over weak windows (0: none is estimated).
+    /// Number of noise draws for the noise floor over weak windows (0: no floor is estimated).
     pub noise_draws: usize,
-    /// Those of them that are filtered as well, for the noise floor on frames.
+    /// Number of these draws that are filtered as well, for the noise floor on frames.
     pub frame_draws: usize,
     /// Seed of the drawn noise.
     pub seed: u64,
-    /// Mass of the body from a scale, kg. While the offset of an untared recording is sought, each model is brought to it, so that
-    /// the offset does not hide a wrong mass. Without it, each model's own.
+    /// Mass of the body from a scale, kg. While the offset of an untared recording is estimated,
+    /// each model is scaled to this mass, so that the offset does not hide a wrong mass. Without
+    /// it, each model keeps its own mass.
     pub mass_kg: Option<f64>,
 }
 

@@ -57,18 +57,20 @@ pub trait PoseErrors: std::fmt::Debug + Sync {
 /// The floor over the windows of one kind of motion.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Floor {
-    /// [`WindowErrors::size`] of the error that a perfect model would leave, N: force, and moment over a lever of 0.1 m. The geometric
-    /// mean over draws: where a limb is nearly straight a few draws are large, and would rule a mean of squares.
+    /// [`WindowErrors::size`] of the error that a perfect model would leave, N: force, and moment
+    /// over a lever of 0.1 m. The geometric mean over draws: when a limb is nearly straight a few
+    /// draws are large and would dominate a mean of squares.
     pub noise_floor: f64,
-    /// The error of a perfect model lies in this interval in 95 of 100 sets of recordings like these, N; none from one draw.
+    /// The error of a perfect model lies in this interval in 95 of 100 sets of recordings like
+    /// these, N; none with a single draw.
     pub ci95: Option<[f64; 2]>,
-    /// Of the force alone: root mean square of its length, N.
+    /// Floor of the force alone: root mean square of its length, N.
     pub force_n: f64,
-    /// Of the moment alone, N·m.
+    /// Floor of the moment alone, N·m.
     pub moment_nm: f64,
-    /// Repetitions.
+    /// Number of draws.
     pub draws: usize,
-    /// Windows of one repetition.
+    /// Number of windows in one draw.
     pub windows: usize,
 }
 

@@ -31,13 +31,13 @@ use serde::{Deserialize, Serialize};
 /// measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RecordingOffset {
-    /// Force in world axes, N: measured less true.
+    /// Force in world axes, N: measured − true.
     #[serde(with = "nullable")]
     pub force_n: [f64; 3],
     /// Moment about the world origin in world axes, N·m.
     #[serde(with = "nullable")]
     pub moment_nm: [f64; 3],
-    /// Frames that it comes from.
+    /// Number of frames used.
     pub frames: usize,
 }
 

@@ -16,14 +16,15 @@ type Ten = SVector<f64, 10>;
 /// Share of the error that one link could explain.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SegmentShare {
-    /// Link.
+    /// Name of the link.
     pub link: String,
     /// Share of the mean square error (moments over a lever of 0.1 m) that a change of this link's parameters explains, 0 to 1.
     #[serde(with = "crate::errors::nullable::one")]
     pub inertia_share: f64,
-    /// That change, in the order and units of [`aloft_body::PHI_NAMES`]; the smallest one where several explain the same.
+    /// That change, in the order and units of [`aloft_body::PHI_NAMES`]; the smallest one if
+    /// several explain the same.
     pub inertia_change: Vec<f64>,
-    /// Share that a drag force −c |v| v at the link's centre of mass (as the prior has it) explains.
+    /// Share that a drag force −c |v| v at the link's centre of mass (from the prior) explains.
     #[serde(with = "crate::errors::nullable::one")]
     pub drag_share: f64,
     /// Its coefficient c, N s²/m².

@@ -11,9 +11,9 @@ use serde::{Deserialize, Serialize};
 pub struct NotTried {
     /// Identifier.
     pub effect: String,
-    /// Why, in words.
+    /// Reason, in words.
     pub because: String,
-    /// True where it was tried at some starting values of its parameters and left out at others only.
+    /// True if it was tried at some starting values of its parameters and left out at others only.
     #[serde(default)]
     pub in_part: bool,
 }

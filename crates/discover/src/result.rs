@@ -29,20 +29,22 @@ pub struct Estimate {
     /// Value.
     #[serde(deserialize_with = "nullable")]
     pub value: f64,
-    /// Standard error: over clusters (jackknife), or that of the joint fit with nonlinear parameters where that is larger. Null where it is not
-    /// known, as of an estimate at its bound.
+    /// Standard error: over clusters (jackknife), or that of the joint fit with nonlinear
+    /// parameters if that is larger. Null if unknown, as for an estimate at its bound.
     #[serde(deserialize_with = "nullable")]
     pub se: f64,
-    /// 95 % interval ([`aloft_identify::interval95`]); null where the standard error is not known.
+    /// 95 % interval ([`aloft_identify::interval95`]); null if the standard error is unknown.
     #[serde(default)]
     pub ci95: Option<[f64; 2]>,
-    /// Degrees of freedom of the standard error; null for infinitely many.
+    /// Degrees of freedom of the standard error; null for infinity.
     #[serde(default = "nothing", deserialize_with = "nullable")]
     pub freedom: f64,
-    /// True where the fit ended at a bound that physics or the method sets: the recordings did not determine this number.
+    /// True if the fit ended at a bound set by physics or by the method: the recordings did not
+    /// determine this number.
     #[serde(default)]
     pub at_bound: bool,
-    /// By how much the standard error grows because nonlinear parameters were fitted as well; 1 where there are none.
+    /// Factor by which the standard error grows because nonlinear parameters were fitted as well; 1
+    /// where there are none.
     #[serde(default = "one")]
     #[serde(deserialize_with = "nullable")]
     pub widening: f64,
@@ -84,15 +86,17 @@ fn one() -> f64 {
 /// Another effect that this one can be confused with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Confusion {
-    /// Identifier of the other.
+    /// Identifier of the other effect.
     pub effect: String,
-    /// Cosine of this effect's fitted signal with what the other can say, inertial parameters taken out.
+    /// Cosine of this effect's fitted signal with its best approximation by the other, inertial
+    /// parameters projected out.
     #[serde(deserialize_with = "nullable")]
     pub cosine: f64,
-    /// How often chance alone would put the other this far behind (or ahead); small means that the recordings tell them apart.
+    /// Probability that chance alone would put the other this far behind (or ahead); small if the
+    /// recordings distinguish them.
     #[serde(deserialize_with = "nullable")]
     pub p_value: f64,
-    /// What would separate them.
+    /// Recording that would separate them.
     pub separate_by: String,
 }
 
@@ -101,17 +105,17 @@ pub struct Confusion {
 pub struct Candidate {
     /// Identifier.
     pub effect: String,
-    /// The effect with its target, as `effect add` takes it.
+    /// Key of the effect with its target, as accepted by `effect add`.
     pub key: String,
-    /// On what it acts.
+    /// Target on which it acts.
     pub target: Target,
     /// Physics or artefact.
     pub kind: EffectKind,
-    /// What it can never be told from by recordings like these; empty for none.
+    /// Group of effects that recordings of this kind can never distinguish; empty for none.
     pub class: String,
     /// `flight` or `contact`: the rows on which it was judged.
     pub judged_on: String,
-    /// Held-out error with the effect over that without, root mean squares.
+    /// Held-out error (root mean square) with the effect divided by that without it.
     #[serde(deserialize_with = "nullable")]
     pub held_out_ratio: f64,
     /// 95 % interval of the ratio over clusters.
@@ -120,7 +124,7 @@ pub struct Candidate {
     /// Share of resamples in which this effect came first.
     #[serde(deserialize_with = "nullable")]
     pub chosen_share: f64,
-    /// Share of sign-flipped data in which the best of the whole library did as well.
+    /// Share of sign-flipped data sets in which the best effect of the whole library did as well.
     #[serde(deserialize_with = "nullable")]
     pub family_wise_p: f64,
     /// Linear unknowns.
@@ -129,17 +133,17 @@ pub struct Candidate {
     pub nonlinear: Vec<Estimate>,
     /// Trials in which a group effect acts; empty for all.
     pub trials: Vec<String>,
-    /// Effects that look alike.
+    /// Effects that it can be confused with.
     pub confused_with: Vec<Confusion>,
-    /// Size that would be found in four of five sessions like this one, in the unit of the first coefficient (length of the vector of
-    /// coefficients of that unit).
+    /// Effect size that would be detected in four of five sessions like this one, in the unit of
+    /// the first coefficient (length of the vector of coefficients of that unit).
     #[serde(deserialize_with = "nullable")]
     pub minimum_detectable: f64,
-    /// False when a coefficient lies at a bound that physics sets.
+    /// False if a coefficient is at a physical bound.
     pub plausible: bool,
-    /// True when it passes every test but that of its rivals.
+    /// True if it passes every test except the comparison with its rivals.
     pub believed: bool,
-    /// True for an effect that does not exist.
+    /// True for a placebo effect.
     pub placebo: bool,
     /// The same effect on other targets, best first (this one included).
     pub alternatives: Vec<Alternative>,
@@ -148,7 +152,7 @@ pub struct Candidate {
 /// An effect on one target.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Alternative {
-    /// Effect with target.
+    /// Key of the effect with its target.
     pub key: String,
     /// Held-out ratio of this target alone.
     #[serde(deserialize_with = "nullable")]
@@ -158,18 +162,21 @@ pub struct Alternative {
 /// Test of whether the recordings distinguish two effects that explain them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Duel {
-    /// The effect that errs more.
+    /// The effect with the larger error.
     pub effect: String,
-    /// Held-out error of the best effect over that of this one, both fitted with the prior weighed as the best leaves it.
+    /// Held-out error of the best effect over that of this one, both fitted with the prior weight
+    /// of the best effect's model.
     #[serde(deserialize_with = "nullable")]
     pub error_ratio: f64,
-    /// How often chance (signs of the clusters' differences) would put this one so far behind.
+    /// Probability that chance (random signs of the clusters' differences) would put this one so
+    /// far behind.
     #[serde(deserialize_with = "nullable")]
     pub p_value: f64,
-    /// Mean and standard deviation of the same ratio's logarithm (of squares) when this effect is put into the recordings in other directions:
-    /// what errors that repeat would give the best one if this were the truth. None where it was not needed.
+    /// Mean and standard deviation of the logarithm of the same ratio (of squares) when this effect
+    /// is added to the recordings in other directions: the advantage that repeating errors would
+    /// give the best effect if this one were true. None if the test was not needed.
     pub if_true: Option<[f64; 2]>,
-    /// True when the recordings tell them apart.
+    /// True if the recordings distinguish the two.
     pub separated: bool,
 }
 
@@ -182,30 +189,30 @@ pub(crate) const MANY_CLUSTERS: usize = 12;
 pub struct Round {
     /// `flight` or `contact`.
     pub judged_on: String,
-    /// Keys of effects in the model before.
+    /// Keys of the effects in the model before this round.
     pub model: Vec<String>,
     /// Held-out error of that model: root mean square of weak rows, N (moments over the weighting length of the rows).
     #[serde(deserialize_with = "nullable")]
     pub held_out_error: f64,
-    /// The same for forces alone, N, and moments alone, N·m; NaN where rows do not tell them apart.
+    /// The same for forces alone, N, and moments alone, N·m; NaN where rows do not separate them.
     #[serde(deserialize_with = "nullable_all")]
     pub held_out_parts: [f64; 2],
-    /// A ratio below this is believed: the smaller of the limit for so many flights or trials and a quantile of the null distribution (1 %, from 12 of
-    /// them on 5 %).
+    /// A ratio below this is accepted: the smaller of the limit for this number of flights or
+    /// trials and a quantile of the null distribution (1 %, or 5 % with at least 12 of them).
     #[serde(deserialize_with = "nullable")]
     pub threshold: f64,
     /// Quantiles 1, 5, 50 % of the best ratio under flipped signs.
     #[serde(deserialize_with = "nullable_all")]
     pub null_quantiles: [f64; 3],
-    /// Flights or trials that count as evidence.
+    /// Number of flights or trials that count as evidence.
     pub clusters: usize,
-    /// Answer of this round.
+    /// Verdict of this round.
     pub verdict: Verdict,
-    /// Effects that it speaks of, the most economical first.
+    /// Effects named by the verdict, the one with the fewest unknowns first.
     pub effects: Vec<String>,
-    /// Why, in words.
+    /// Reason, in words.
     pub words: String,
-    /// The best effect against every other that was believed.
+    /// The best effect against every other accepted one.
     #[serde(default)]
     pub duels: Vec<Duel>,
     /// All effects, best first.
@@ -225,42 +232,45 @@ impl Round {
 pub struct Discovery {
     /// Version of this layout.
     pub schema: u32,
-    /// The answer.
+    /// Verdict.
     pub verdict: Verdict,
-    /// Effects that it speaks of.
+    /// Effects named by the verdict.
     pub effects: Vec<String>,
-    /// The answer in words.
+    /// The result in words.
     pub words: String,
-    /// The noise floor of the comparison, N: held-out error over weak windows that a perfect model would leave on these recordings; NaN where no
-    /// comparison was made.
+    /// Noise floor of the comparison, N: held-out error over weak windows that a perfect model
+    /// would leave on these recordings; NaN if no comparison was made.
     #[serde(with = "nullable")]
     pub noise_floor: f64,
-    /// 95 % interval of the floor, N: where the error of a perfect model falls.
+    /// 95 % interval of the floor, N: the range of the error of a perfect model.
     #[serde(default)]
     pub noise_floor_ci95: Option<[f64; 2]>,
-    /// Held-out error of the model as it is, N, as the comparison takes it: force, and moment over a lever of 0.1 m.
+    /// Held-out error of the present model, N, as reported by the comparison: force, and moment
+    /// over a lever of 0.1 m.
     #[serde(deserialize_with = "nullable")]
     pub held_out_error: f64,
-    /// Held-out error with the effects found, N: the same, times what the effects leave of the rows' own error.
+    /// Held-out error with the effects found, N: the same, scaled by the relative change of the
+    /// rows' error.
     #[serde(deserialize_with = "nullable")]
     pub held_out_error_after: f64,
-    /// The same as a share of the body's weight.
+    /// `held_out_error` as a share of the body's weight.
     #[serde(deserialize_with = "nullable")]
     pub held_out_error_of_weight: f64,
-    /// Ranking against the model as it is.
+    /// Ranking against the present model.
     pub candidates: Vec<Candidate>,
     /// All rounds.
     pub rounds: Vec<Round>,
     /// Effects to add, in order: keys with values of their nonlinear parameters.
     pub found: Vec<Found>,
-    /// The same one after the other, each judged on the windows where it acts.
+    /// The same effects added one after the other, each judged on the windows where it acts.
     #[serde(default)]
     pub ladder: Vec<Addition>,
     /// What to record next.
     pub advice: Vec<String>,
-    /// What was left out and why.
+    /// Data that were left out, with the reason.
     pub warnings: Vec<String>,
-    /// Effects whose law gives no numbers on these recordings: nothing is said about them.
+    /// Effects whose law gives no numbers on these recordings, so that no conclusion about them is
+    /// possible.
     #[serde(default)]
     pub not_tried: Vec<NotTried>,
 }
@@ -270,7 +280,7 @@ pub struct Discovery {
 pub struct Found {
     /// Identifier.
     pub effect: String,
-    /// With target.
+    /// Key of the effect with its target.
     pub key: String,
     /// Target.
     pub target: Target,

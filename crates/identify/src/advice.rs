@@ -89,7 +89,7 @@ pub struct MotionAdvice {
     pub link: String,
     /// Share by which the standard deviations of the worst parameters shrink (geometric mean over the worst quarter).
     pub gain: f64,
-    /// Parameters that gain most: name, standard deviation now and then, in their unit.
+    /// Parameters that improve most: name, present and expected standard deviation, in their unit.
     pub best: Vec<(String, f64, f64)>,
 }
 

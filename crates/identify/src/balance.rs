@@ -19,11 +19,11 @@ use serde::{Deserialize, Serialize};
 pub struct KindBalance {
     /// Root mean square of the rows of a flight predicted from all other stretches.
     pub flight_rms: f64,
-    /// The same of contact stretches, in their fixed weights.
+    /// The same for contact stretches, in their fixed weights.
     pub contact_rms: f64,
     /// Factor of contact rows: `flight_rms / contact_rms`, at most 1.
     pub contact_weight: f64,
-    /// Stretches of flight and of contact.
+    /// Numbers of flight and contact stretches.
     pub stretches: [usize; 2],
 }
 

@@ -403,9 +403,10 @@ pub(crate) fn merge_groups(factors: &[Factor], groups: &[usize]) -> Result<Vec<F
 pub struct WeightTrial {
     /// Weight λ of the prior.
     pub weight: f64,
-    /// Root mean square of rows of a cluster predicted from the others.
+    /// Root mean square of a cluster's rows predicted from the others.
     pub held_out_rms: f64,
-    /// Standard error of the difference of mean squares to the best weight, over clusters, in the same unit squared.
+    /// Standard error, over clusters, of the difference of mean squares to the best weight, in the
+    /// same unit squared.
     pub difference_se: f64,
 }
 

@@ -87,11 +87,11 @@ impl Default for GateLimits {
 /// Verdict over all parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Gate {
-    /// True when the numbers may be shown as identified.
+    /// True if the numbers may be reported as identified.
     pub passed: bool,
-    /// Why not, or what to keep in mind.
+    /// Reasons for a failure, or reservations.
     pub reasons: Vec<String>,
-    /// Parameters that are hardly seen.
+    /// Names of the parameters that are hardly observed.
     pub hardly_seen: Vec<String>,
     /// What to record next, the most useful first.
     pub advice: Vec<String>,

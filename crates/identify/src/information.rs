@@ -32,10 +32,12 @@ const REPEATS: f64 = 0.2;
 /// Information that motion added to the prior.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Information {
-    /// Share of the base parameters (the mass left out) whose interval motion made clearly smaller than the prior's, 0 to 1.
+    /// Share of the base parameters (without the mass) whose interval is clearly smaller than the
+    /// prior's because of motion, 0 to 1.
     pub parameters: f64,
-    /// Share of the prior's variance that motion removed from the wrench of a flight predicted from the other flights; at most 1, negative where
-    /// the prior alone predicts better. None without a prior and with fewer than two flights.
+    /// Share of the prior's variance that motion removed from the wrench of a flight predicted from
+    /// the other flights; at most 1, negative if the prior alone predicts better. None without a
+    /// prior or with fewer than two flights.
     pub wrench: Option<f64>,
 }
 

@@ -396,11 +396,11 @@ pub(crate) fn link_with_sd(phi: &Phi, covariance: &SMatrix<f64, 10, 10>) -> (Lin
 /// Standard deviations of a link's properties.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct LinkSd {
-    /// Of the mass, kg.
+    /// Standard deviation of the mass, kg.
     pub mass_kg: f64,
-    /// Of the centre of mass, m, link axes.
+    /// Standard deviation of the centre of mass, m, link axes.
     pub com_m: Vector3<f64>,
-    /// Of the inertia about the centre of mass, kg·m²: xx yy zz yz zx xy.
+    /// Standard deviation of the inertia about the centre of mass, kg·m²: xx yy zz yz zx xy.
     pub inertia_kgm2: [f64; 6],
 }
 

@@ -58,22 +58,22 @@ pub struct BaseEstimate {
     /// Standard error.
     #[serde(deserialize_with = "nullable")]
     pub se: f64,
-    /// 95 % interval ([`crate::interval95`]); none where the standard error is not known.
+    /// 95 % interval ([`crate::interval95`]); none if the standard error is unknown.
     pub ci95: Option<[f64; 2]>,
-    /// Degrees of freedom of the standard error; null for infinitely many.
+    /// Degrees of freedom of the standard error; null for infinity.
     #[serde(default = "nothing", deserialize_with = "nullable")]
     pub freedom: f64,
     /// `kg`, `kg·m` or `kg·m²`.
     pub unit: String,
-    /// The regrouping spelled out.
+    /// The regrouping as a formula.
     pub formula: String,
-    /// Value of the prior, where there is one.
+    /// Value of the prior, if there is one.
     pub prior: Option<f64>,
     /// Standard deviation of the prior.
     pub prior_sd: Option<f64>,
-    /// How well the motion shows it.
+    /// How well the motion determines it.
     pub seen: Seen,
-    /// Where the value comes from.
+    /// Origin of the value.
     #[serde(default)]
     pub from: Origin,
 }
@@ -94,18 +94,18 @@ impl BaseEstimate {
 pub struct EffectEstimate {
     /// Name of the column.
     pub name: String,
-    /// Estimate; NaN where the rows do not determine it.
+    /// Estimate; NaN if the rows do not determine it.
     #[serde(deserialize_with = "nullable")]
     pub value: f64,
     /// Standard error.
     #[serde(deserialize_with = "nullable")]
     pub se: f64,
-    /// 95 % interval ([`crate::interval95`]); none where the standard error is not known.
+    /// 95 % interval ([`crate::interval95`]); none if the standard error is unknown.
     pub ci95: Option<[f64; 2]>,
-    /// Degrees of freedom of the standard error; null for infinitely many.
+    /// Degrees of freedom of the standard error; null for infinity.
     #[serde(default = "nothing", deserialize_with = "nullable")]
     pub freedom: f64,
-    /// Why the rows do not determine the coefficient; none where they do.
+    /// Reason why the rows do not determine the coefficient; none if they do.
     #[serde(default)]
     pub not_determined: Option<String>,
 }
@@ -121,11 +121,11 @@ impl EffectEstimate {
 /// Origins of a link's values.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LinkOrigin {
-    /// Of the mass.
+    /// Origin of the mass.
     pub mass_kg: Origin,
-    /// Of the centre of mass.
+    /// Origin of the centre of mass.
     pub com_m: Origin,
-    /// Of the inertia.
+    /// Origin of the inertia.
     pub inertia_kgm2: Origin,
 }
 
@@ -152,11 +152,11 @@ impl LinkOrigin {
 /// 95 % intervals of a link's values; none where a standard error is unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct LinkIntervals {
-    /// Of the mass, kg.
+    /// Interval of the mass, kg.
     pub mass_kg: Option<[f64; 2]>,
-    /// Of the centre of mass in the link frame, m.
+    /// Intervals of the centre of mass in the link frame, m.
     pub com_m: [Option<[f64; 2]>; 3],
-    /// Of the inertia about the centre of mass in link axes, kg·m²: xx yy zz yz zx xy.
+    /// Intervals of the inertia about the centre of mass in link axes, kg·m²: xx yy zz yz zx xy.
     pub inertia_kgm2: [Option<[f64; 2]>; 6],
 }
 
@@ -175,14 +175,14 @@ pub struct LinkEstimate {
     pub sd: LinkSd,
     /// 95 % intervals.
     pub ci95: LinkIntervals,
-    /// The prior.
+    /// Prior of the link.
     pub prior: LinkInertia,
-    /// How well motion shows the link.
+    /// How well motion determines the link.
     pub seen: Seen,
-    /// Where its values come from.
+    /// Origins of its values.
     #[serde(default)]
     pub from: LinkOrigin,
-    /// The same in words.
+    /// How well the link is determined, in words.
     pub words: String,
 }
 
@@ -208,39 +208,39 @@ pub struct Parameters {
     pub mass_kg: f64,
     /// Base parameters.
     pub base: Vec<BaseEstimate>,
-    /// Effect coefficients that were fitted with them.
+    /// Effect coefficients fitted with the base parameters.
     pub effects: Vec<EffectEstimate>,
     /// Consistent links; empty without a prior.
     pub links: Vec<LinkEstimate>,
     /// Singular values of the flights' parameter columns.
     pub sigma: Sigma,
-    /// What motion added to the prior; none without one.
+    /// Information that motion added to the prior; none without a prior.
     #[serde(default)]
     pub information: Option<Information>,
-    /// Whether and how the numbers may be believed.
+    /// Verdict on whether the numbers are reliable.
     pub gate: Gate,
-    /// Stretches that took part.
+    /// Number of stretches used.
     pub n_stretches: usize,
-    /// Trials that took part.
+    /// Number of trials used.
     pub n_trials: usize,
-    /// Rows.
+    /// Number of rows.
     pub n_rows: usize,
     /// Root mean square of the residual rows.
     #[serde(deserialize_with = "nullable")]
     pub row_rms: f64,
-    /// Standard deviation s of a row that weights the prior.
+    /// Standard deviation s of a row, which sets the weight of the prior.
     #[serde(deserialize_with = "nullable")]
     pub row_sd: f64,
-    /// Weight λ of the prior; 0 without.
+    /// Weight λ of the prior; 0 without a prior.
     pub prior_weight: f64,
     /// Weights that were tried.
     pub weights_tried: Vec<WeightTrial>,
-    /// What counted as independent evidence.
+    /// Unit of independent evidence.
     pub cluster: ClusterBy,
-    /// How contact was weighted against flights; nothing where one of them is missing.
+    /// Weighting of contact against flights; none if one of them is missing.
     #[serde(default)]
     pub contact: Option<KindBalance>,
-    /// How standard errors were found, in words.
+    /// Source of the standard errors, in words.
     pub se_from: String,
 }
 

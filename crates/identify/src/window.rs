@@ -14,22 +14,22 @@ use serde::{Deserialize, Serialize};
 /// One window length that was tried.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct WindowTrial {
-    /// Window, s; 0 where each stretch has its own by its length.
+    /// Window length, s; 0 if it is chosen by the length of each stretch.
     pub window_s: f64,
-    /// Root mean square of the yardstick's rows, predicted from the other clusters.
+    /// Root mean square of the yardstick's rows predicted from the other clusters.
     pub held_out_rms: f64,
-    /// Rows.
+    /// Number of rows.
     pub n_rows: usize,
 }
 
 /// The chosen window length and the alternatives.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WindowChoice {
-    /// The window chosen, s; 0 where each stretch has its own by its length.
+    /// The chosen window length, s; 0 if it is chosen by the length of each stretch.
     pub window_s: f64,
-    /// All that were tried.
+    /// All window lengths that were tried.
     pub tried: Vec<WindowTrial>,
-    /// Why, in words.
+    /// Reason, in words.
     pub words: String,
 }
 

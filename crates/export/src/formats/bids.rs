@@ -1,10 +1,11 @@
 //! BIDS-Motion, as a derived data set: `BIDS/sub-…/motion/sub-…_task-…_tracksys-optical_…_motion.tsv` without header, its columns named in
 //! `_channels.tsv`, rates and counts in `_motion.json`, flights and the recording's own events in `_events.tsv`.
 //!
-//! Trailing digits of a trial's name become the run (`jump01`: task jump, run 01). Labels of BIDS hold letters and digits only; what had to be dropped
-//! from a name stands behind `desc-aloft` (`throws_01`: task throws, run 01, `desc-aloft6u`: byte 6 was `_`; `d` for `-`, `p` for `.`, `s` for a
-//! blank, `x` with two hexadecimal digits for others), so that no two recordings share a name. Missing values are `n/a`. BIDS knows no force plates,
-//! so forces are of type MISC.
+//! Trailing digits of a trial's name become the run (`jump01`: task jump, run 01). BIDS labels
+//! contain only letters and digits; characters dropped from a name are encoded after `desc-aloft`
+//! (`throws_01`: task throws, run 01, `desc-aloft6u`: byte 6 was `_`; `d` for `-`, `p` for `.`, `s`
+//! for a blank, `x` with two hexadecimal digits for others), so that no two recordings share a
+//! name. Missing values are `n/a`. BIDS has no force plates, so forces are of type MISC.
 
 use crate::channels::{Channel, channels};
 use crate::number::fixed;

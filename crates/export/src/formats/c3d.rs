@@ -1,10 +1,12 @@
-//! C3D: the recording with what was learnt added, everything else as it was.
+//! C3D: the original recording with results added and everything else unchanged.
 //!
-//! Gaps that were filled are filled (residual 0, as the format marks made-up points), repaired samples are replaced; every other old sample,
-//! channel, group and parameter is kept. New points: joint centres and centre of mass (as markers), joint angles (listed in POINT:ANGLES, degrees).
-//! New events: `Flight Start`, `Flight End`, context `General`. The group ALOFT says who added them. Integer files become float files, because
-//! angles do not fit their counts; the values stay. A recording that was no C3D becomes a new file in our world (Z up, mm), ground reactions as
-//! computed forces and moments.
+//! Filled gaps are written as filled (residual 0, as the format marks computed points), repaired
+//! samples are replaced; every other sample, channel, group and parameter is kept. New points:
+//! joint centres and centre of mass (as markers), joint angles (listed in POINT:ANGLES, degrees).
+//! New events: `Flight Start`, `Flight End`, context `General`. The group ALOFT names their source.
+//! Integer files become float files, because angles do not fit their scale; the values are
+//! unchanged. A recording that was not C3D becomes a new file in our world (Z up, mm), with ground
+//! reactions as computed forces and moments.
 
 use crate::channels::joint_centers;
 use crate::coordinates::Quantity;

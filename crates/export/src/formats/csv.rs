@@ -1,4 +1,4 @@
-//! Wide CSV: one row a frame, one column a series, units in the headings.
+//! Wide CSV: one row per frame, one column per series, units in the headings.
 
 use crate::channels::channels;
 use crate::number::fixed;

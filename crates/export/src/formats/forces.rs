@@ -1,4 +1,5 @@
-//! Ground reactions for OpenSim: MOT with force, point and free moment of every load, and the XML that says on which body each acts.
+//! Ground reactions for OpenSim: MOT with force, point and free moment of every load, and the XML
+//! that assigns each load to a body.
 
 use crate::frame::to_ground;
 use crate::loads::{LOADED_N, center_of_pressure, parts};

@@ -1,7 +1,8 @@
 //! MJCF: the model for MuJoCo, Z up. Free root, ball joints, hinges; `qpos` holds quaternions as w x y z.
 //!
-//! MuJoCo's root velocity is linear in the world and angular in body axes; a ball's is in axes of the moving body. Each body carries the
-//! ellipsoid of uniform density that has its mass properties (drawn only: no contact, no mass of its own).
+//! MuJoCo's root velocity is linear in the world and angular in body axes; a ball's is in axes of
+//! the moving body. Each body has the ellipsoid of uniform density with its mass properties (for
+//! display only: no contact, no mass of its own).
 
 use super::osim::ellipsoid;
 use crate::number::{exact, joined};

@@ -1,4 +1,5 @@
-//! MOT: coordinates of the exported model in degrees and metres, as solved and filtered; the set-up with which OpenSim solves them again.
+//! MOT: coordinates of the exported model in degrees and metres, as solved and filtered; set-up
+//! file for OpenSim's inverse kinematics.
 
 use crate::coordinates::{CoordinateSeries, Quantity};
 use crate::number::{exact, fixed, joined};

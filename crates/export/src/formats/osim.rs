@@ -1,9 +1,10 @@
 //! OSIM: the scaled model with its inertias and markers, OpenSim 4. Y up.
 //!
-//! Spherical joints are custom joints with three turns (the coordinates of [`crate::Coordinates`]). OpenSim refuses a custom joint whose
-//! first and last axis are the same, so proper Euler angles (the ISB shoulder) turn a body without mass in between. Inertias are about the
-//! centre of mass in body axes. Each body carries the ellipsoid of uniform density that has its mass properties, so that what was
-//! identified can be seen.
+//! Spherical joints are custom joints with three rotations (the coordinates of
+//! [`crate::Coordinates`]). OpenSim rejects a custom joint whose first and last axis are the same,
+//! so proper Euler angles (the ISB shoulder) use a massless body in between. Inertias are about the
+//! centre of mass in body axes. Each body has the ellipsoid of uniform density with its mass
+//! properties, which makes the identified values visible.
 
 use crate::coordinates::{JointCoordinates, Quantity, Sequence};
 use crate::frame::to_ground;

@@ -1,4 +1,5 @@
-//! Tidy Parquet: one row a value (subject, trial, frame, time, quantity, name, axis, unit, value), for analysis across trials.
+//! Tidy Parquet: one row per value (subject, trial, frame, time, quantity, name, axis, unit,
+//! value), for analysis across trials.
 
 use crate::channels::channels;
 use crate::parquet::{self, Compression};

@@ -1,7 +1,8 @@
 //! URDF: the model for robotics programs, Z up, floating base (the root link has no joint).
 //!
-//! URDF knows no spherical joint: each becomes three continuous joints with links without mass between them, in the order and with the
-//! names and senses of the exported coordinates, so that a row of the MOT file in radians is a posture of the URDF.
+//! URDF has no spherical joint: each becomes three continuous joints with massless links between
+//! them, with the order, names and senses of the exported coordinates, so that a row of the MOT
+//! file in radians is a posture of the URDF.
 
 use super::osim::ellipsoid;
 use crate::number::{exact, joined};
