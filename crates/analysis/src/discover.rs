@@ -88,7 +88,7 @@ pub struct Evidence {
 }
 
 /// Input of a ranking: the evidence as a session, the effects to try, and the effects of the model.
-pub struct Bench<'a> {
+pub struct RankingInputs<'a> {
     /// Rows and columns.
     pub session: Session<'a>,
     /// Effects to try, the user's own last.
@@ -140,7 +140,7 @@ impl Evidence {
     pub fn with<T>(
         &self,
         study: &Study,
-        with: impl FnOnce(&Bench<'_>) -> Result<T, PipelineError>,
+        with: impl FnOnce(&RankingInputs<'_>) -> Result<T, PipelineError>,
     ) -> Result<T, PipelineError> {
         let body = self.body();
         let trials: Vec<TrialInput<'_>> = self
@@ -162,7 +162,7 @@ impl Evidence {
         let known = KnownEffects::of(&study.own_effects, &scene)?;
         let accepted = study.effects.iter().map(|e| known.choice(&scene, e)).collect::<Result<Vec<_>, _>>()?;
         let session = session.with_standing(standing(study, "flight"), standing(study, "contact"));
-        with(&Bench { session, effects: known.all(), accepted })
+        with(&RankingInputs { session, effects: known.all(), accepted })
     }
 }
 
@@ -189,7 +189,7 @@ pub fn discover(study: &Study, options: &DiscoverOptions) -> Result<Discovery, P
 
 fn found(
     study: &Study,
-    bench: &Bench<'_>,
+    bench: &RankingInputs<'_>,
     options: &DiscoverOptions,
     made_from: String,
 ) -> Result<Discovery, PipelineError> {

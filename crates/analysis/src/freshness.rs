@@ -1,7 +1,7 @@
 //! Whether the results that a command shows match the present pipeline and recordings.
 
 use crate::status::{Standings, inputs_of, standings};
-use aloft_pipeline::graph::{Manifests, Standing};
+use aloft_pipeline::graph::{Manifests, TaskState};
 use aloft_pipeline::stages::STAGES;
 use aloft_study::revision::Revisions;
 use aloft_study::study::Study;
@@ -68,12 +68,12 @@ pub fn of_standings(study: &Study, ws: &Workspace, standings: &Standings) -> Vec
                 .map(|(s, t)| (s.name, t.map_or(WHOLE_STUDY, |t| t.name.as_str())))
                 .find(|above| behind.contains(above));
             let (state, because, follows) = match (standing, above) {
-                (Standing::Damaged(problems), _) => ("damaged", problems.join("; "), false),
-                (Standing::Missing, None) => ("missing", "never run".to_owned(), false),
-                (Standing::Stale(changes), None) => ("stale", changes.join("; "), false),
-                (Standing::Missing, Some((s, t))) => ("missing", follows_from(s, t), true),
+                (TaskState::Damaged(problems), _) => ("damaged", problems.join("; "), false),
+                (TaskState::Missing, None) => ("missing", "never run".to_owned(), false),
+                (TaskState::Stale(changes), None) => ("stale", changes.join("; "), false),
+                (TaskState::Missing, Some((s, t))) => ("missing", follows_from(s, t), true),
                 // made before something upstream failed
-                (Standing::Blocked(reason), None) if is_left(stage.name, trial) => {
+                (TaskState::Blocked(reason), None) if is_left(stage.name, trial) => {
                     ("stale", format!("cannot be made any more: {reason}"), false)
                 }
                 (_, Some((s, t))) => ("stale", follows_from(s, t), true),

@@ -1,7 +1,7 @@
 //! `status` and `explain`: the state of every stage of every trial, and the reason for it.
 
 use crate::freshness::of_standings;
-use aloft_pipeline::graph::{self, Manifests, Need, Stage, Standing};
+use aloft_pipeline::graph::{self, Manifests, Need, Stage, TaskState};
 use aloft_pipeline::runner::stage_index;
 use aloft_pipeline::stages::STAGES;
 use aloft_study::study::{Study, TrialEntry};
@@ -37,7 +37,7 @@ pub struct StatusRow {
 #[derive(Debug, Clone)]
 pub struct Explanation {
     /// State of the task.
-    pub standing: Standing,
+    pub standing: TaskState,
     /// Manifest of the last result.
     pub manifest: Option<Manifest>,
     /// Upstream results that are not up to date, with the reasons. Once they run again, this result
@@ -51,7 +51,7 @@ fn stand(
     study: &Study,
     ws: &Workspace,
     manifests: &Manifests,
-) -> Result<Standing, PipelineError> {
+) -> Result<TaskState, PipelineError> {
     let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
     let inputs = graph::inputs(stage, trial, study, ws, manifests)?;
     Ok(graph::standing(stage, trial, study, &inputs, manifests.get(stage.name, name)))
@@ -111,7 +111,7 @@ pub fn explain(study: &Study, trial: &str, stage: &str) -> Result<Explanation, P
 }
 
 /// State of every task, by stage and trial.
-pub type Standings = HashMap<(&'static str, String), Standing>;
+pub type Standings = HashMap<(&'static str, String), TaskState>;
 
 pub(crate) fn standings(study: &Study, ws: &Workspace, manifests: &Manifests) -> Result<Standings, PipelineError> {
     let mut all = HashMap::new();
@@ -174,9 +174,9 @@ fn explanation(
             continue;
         }
         let because = match of(above, above_name) {
-            Some(Standing::Missing) => Some("has never run".to_owned()),
-            Some(Standing::Stale(changes)) => Some(changes.join("; ")),
-            Some(Standing::Damaged(problems)) => Some(format!("is damaged: {}", problems.join("; "))),
+            Some(TaskState::Missing) => Some("has never run".to_owned()),
+            Some(TaskState::Stale(changes)) => Some(changes.join("; ")),
+            Some(TaskState::Damaged(problems)) => Some(format!("is damaged: {}", problems.join("; "))),
             _ => None,
         };
         if let Some(because) = because {
@@ -193,7 +193,7 @@ fn explanation(
         before.push(format!("… and {more} more before it"));
     }
     Explanation {
-        standing: of(stage, name).unwrap_or(Standing::Missing),
+        standing: of(stage, name).unwrap_or(TaskState::Missing),
         manifest: manifests.get(stage.name, name).cloned(),
         before,
     }

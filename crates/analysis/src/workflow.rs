@@ -13,7 +13,7 @@
 //! names the trial and fails. A job that was killed leaves no mark and runs again at the next call.
 
 use aloft_export::names;
-use aloft_pipeline::graph::{self, Manifests, Need, Scope, Stage, Standing};
+use aloft_pipeline::graph::{self, Manifests, Need, Scope, Stage, TaskState};
 use aloft_pipeline::merge;
 use aloft_pipeline::stages::STAGES;
 use aloft_study::quote;
@@ -428,14 +428,14 @@ pub fn verdict(study: &Study) -> Result<Vec<Lacking>, PipelineError> {
             let inputs = graph::inputs(stage, trial, study, &workspace, &manifests)?;
             let (failure, first) = match graph::standing(stage, trial, study, &inputs, manifests.get(stage.name, name))
             {
-                Standing::Ok | Standing::Warning => continue,
-                Standing::Failed(failure) => (failure, true),
-                Standing::Missing => (StageFailure::new("has not run"), true),
-                Standing::Stale(changes) => (StageFailure::new(format!("is stale: {}", changes.join("; "))), true),
-                Standing::Damaged(problems) => {
+                TaskState::Ok | TaskState::Warning => continue,
+                TaskState::Failed(failure) => (failure, true),
+                TaskState::Missing => (StageFailure::new("has not run"), true),
+                TaskState::Stale(changes) => (StageFailure::new(format!("is stale: {}", changes.join("; "))), true),
+                TaskState::Damaged(problems) => {
                     (StageFailure::new(format!("is damaged: {}", problems.join("; "))), true)
                 }
-                Standing::Blocked(reason) => (StageFailure::new(reason), false),
+                TaskState::Blocked(reason) => (StageFailure::new(reason), false),
             };
             out.push(Lacking { stage: stage.name, trial: name.to_owned(), failure, first });
         }

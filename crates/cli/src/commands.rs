@@ -12,7 +12,7 @@ use aloft_analysis::{
     assess, check, compare, discover, effect, estimators, export, init, inspect, parameters, simulate, status, summary,
     verify,
 };
-use aloft_pipeline::graph::Standing;
+use aloft_pipeline::graph::TaskState;
 use aloft_pipeline::runner::{self, BatchReport, Ended, RunReport, Selection};
 use aloft_study::config::{Angles, Rows};
 use aloft_study::quote::{self, visible};
@@ -528,19 +528,19 @@ fn explain(args: &PipelineArgs, trial: Option<&str>, stage: Option<&str>) -> Res
 fn show_explanation(found: &status::Explanation, trial: &str, stage: &str, whole: bool) -> Result<(), Stop> {
     out(format!("{stage} of {}: {}", visible(trial), found.standing.word()))?;
     match &found.standing {
-        Standing::Stale(changes) => {
+        TaskState::Stale(changes) => {
             for change in changes {
                 out(format!("  {change}"))?;
             }
         }
-        Standing::Failed(failure) => {
+        TaskState::Failed(failure) => {
             out(format!("  {}", failure.problem))?;
             if let Some(hint) = &failure.hint {
                 out(format!("  hint: {hint}"))?;
             }
         }
-        Standing::Blocked(reason) => out(format!("  {reason}"))?,
-        Standing::Damaged(problems) => {
+        TaskState::Blocked(reason) => out(format!("  {reason}"))?,
+        TaskState::Damaged(problems) => {
             for problem in problems {
                 out(format!("  {problem}"))?;
             }

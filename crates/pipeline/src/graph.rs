@@ -388,7 +388,7 @@ pub fn inputs(
 
 /// State of a task.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Standing {
+pub enum TaskState {
     /// Up to date, without warnings.
     Ok,
     /// Up to date, with warnings.
@@ -405,7 +405,7 @@ pub enum Standing {
     Blocked(String),
 }
 
-impl Standing {
+impl TaskState {
     /// Word in the status grid.
     pub fn word(&self) -> &'static str {
         match self {
@@ -431,24 +431,24 @@ pub fn standing(
     study: &Study,
     inputs: &TaskInputs,
     manifest: Option<&Manifest>,
-) -> Standing {
+) -> TaskState {
     if let Some(reason) = inputs.blocked_by.first() {
-        return Standing::Blocked(reason.clone());
+        return TaskState::Blocked(reason.clone());
     }
     if !inputs.own_damage.is_empty() {
-        return Standing::Damaged(inputs.own_damage.clone());
+        return TaskState::Damaged(inputs.own_damage.clone());
     }
-    let Some(m) = manifest else { return Standing::Missing };
+    let Some(m) = manifest else { return TaskState::Missing };
     if !inputs.damaged.is_empty() {
-        return Standing::Stale(inputs.damaged.iter().map(|d| format!("the result of {d} is damaged")).collect());
+        return TaskState::Stale(inputs.damaged.iter().map(|d| format!("the result of {d} is damaged")).collect());
     }
     let changes = m.differences(stage.version, &(stage.parameters)(study, trial), &inputs.hashes);
     if !changes.is_empty() {
-        return Standing::Stale(changes);
+        return TaskState::Stale(changes);
     }
     match &m.outcome {
-        aloft_workspace::workspace::Outcome::Failed(f) => Standing::Failed(f.clone()),
-        aloft_workspace::workspace::Outcome::Ok if m.warnings.is_empty() => Standing::Ok,
-        aloft_workspace::workspace::Outcome::Ok => Standing::Warning,
+        aloft_workspace::workspace::Outcome::Failed(f) => TaskState::Failed(f.clone()),
+        aloft_workspace::workspace::Outcome::Ok if m.warnings.is_empty() => TaskState::Ok,
+        aloft_workspace::workspace::Outcome::Ok => TaskState::Warning,
     }
 }

@@ -4,10 +4,10 @@
 //! each result in its workspace, and computes only what is missing or stale.
 
 pub mod graph;
-mod lanes;
 pub mod made;
 pub mod merge;
 pub mod progress;
 pub mod results;
 pub mod runner;
 pub mod stages;
+mod trial_threads;

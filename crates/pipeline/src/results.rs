@@ -108,3 +108,22 @@ impl<'a> Results<'a> {
 pub fn parameters_file(rows: Rows) -> String {
     format!("parameters_{}.json", rows.word())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stage_cannot_read_a_result_that_it_does_not_name() {
+        let dir = tempfile::tempdir().unwrap();
+        let workspace = Workspace::open(dir.path());
+        let named = [("ik".to_owned(), "jump01".to_owned())];
+        let results = Results::limited(&workspace, &named);
+        assert!(results.place("ik", "jump01").is_ok());
+        for (stage, trial) in [("ik", "jump02"), ("filter", "jump01"), ("identify", WHOLE_STUDY)] {
+            let failure = results.place(stage, trial).unwrap_err();
+            assert!(failure.problem.contains("not among the inputs"), "{}", failure.problem);
+        }
+        assert!(Results::of(&workspace).place("filter", "jump01").is_ok());
+    }
+}

@@ -2,10 +2,10 @@
 //! other trials. Subjects and sessions run in parallel, too: the trials of all of them share one
 //! pool of threads.
 
-use crate::graph::{self, Manifests, Stage, StageInputs, Standing};
-use crate::lanes::Lanes;
+use crate::graph::{self, Manifests, Stage, StageInputs, TaskState};
 pub use crate::progress::{Plan, Progress, Silent};
 use crate::stages::STAGES;
+use crate::trial_threads::TrialThreads;
 use aloft_study::recordings::StudyId;
 use aloft_study::revision::Revisions;
 use aloft_study::studies::StudySet;
@@ -234,7 +234,7 @@ pub fn run(study: &Study, selection: &Selection, progress: &dyn Progress) -> Res
     let range = stage_range(selection)?;
     let filter = trial_filter(&[study], &selection.trials)?;
     progress.begin(&plan(&[study], range, filter.as_ref()));
-    let done = run_study(study, range, filter.as_ref(), selection, &Lanes::new(1), progress);
+    let done = run_study(study, range, filter.as_ref(), selection, &TrialThreads::new(1), progress);
     progress.end();
     done
 }
@@ -246,7 +246,7 @@ pub fn run_held(study: &Study, _held: &WorkspaceLock, progress: &dyn Progress) -
     let range = (0, STAGES.len());
     progress.begin(&plan(&[study], range, None));
     let workspace = Workspace::open(&study.workspace);
-    let done = run_stages(study, &workspace, range, None, &Selection::default(), &Lanes::new(1), progress);
+    let done = run_stages(study, &workspace, range, None, &Selection::default(), &TrialThreads::new(1), progress);
     progress.end();
     match done {
         Ok(report) if !report.unwritten.is_empty() => {
@@ -280,7 +280,7 @@ pub fn run_all(set: &StudySet, selection: &Selection, progress: &dyn Progress) -
     // one study more than there are threads keeps every thread busy while a study-wide stage runs
     // on one
     let side_by_side = members.len().min(rayon::current_num_threads() + 1);
-    let lanes = Lanes::new(side_by_side);
+    let threads = TrialThreads::new(side_by_side);
     std::thread::scope(|scope| {
         for _ in 0..side_by_side {
             scope.spawn(|| {
@@ -288,7 +288,7 @@ pub fn run_all(set: &StudySet, selection: &Selection, progress: &dyn Progress) -
                     let i = next.fetch_add(1, Ordering::Relaxed);
                     members.get(i).zip(slots.get(i))
                 } {
-                    let done = run_study(study, range, filter.as_ref(), selection, &lanes, progress);
+                    let done = run_study(study, range, filter.as_ref(), selection, &threads, progress);
                     if let Ok(mut slot) = slot.lock() {
                         *slot = Some(done);
                     }
@@ -317,7 +317,7 @@ fn run_study(
     (from, until): (usize, usize),
     filter: Option<&GlobSet>,
     selection: &Selection,
-    lanes: &Lanes,
+    threads: &TrialThreads,
     progress: &dyn Progress,
 ) -> Result<RunReport, PipelineError> {
     if filter.is_some_and(|f| !study.trials.iter().any(|t| f.is_match(&t.name))) {
@@ -336,7 +336,7 @@ fn run_study(
             notes.push(format!("`effect {}` was interrupted; the model is the one before it", pending.action));
         }
     }
-    let mut report = run_stages(study, &workspace, (from, until), filter, selection, lanes, progress)?;
+    let mut report = run_stages(study, &workspace, (from, until), filter, selection, threads, progress)?;
     report.notes.splice(0..0, notes);
     Ok(report)
 }
@@ -347,7 +347,7 @@ fn run_stages(
     (from, until): (usize, usize),
     filter: Option<&GlobSet>,
     selection: &Selection,
-    lanes: &Lanes,
+    threads: &TrialThreads,
     progress: &dyn Progress,
 ) -> Result<RunReport, PipelineError> {
     let started = Instant::now();
@@ -376,13 +376,13 @@ fn run_stages(
             let manifest = manifests.get(stage.name, name);
             let standing = graph::standing(stage, trial, study, &inputs, manifest);
             let upstream_changes = upstream_will_change(stage, trial, study, &would_change);
-            if let Standing::Damaged(problems) = &standing {
+            if let TaskState::Damaged(problems) = &standing {
                 let whose = if trial.is_some() { format!(" of {name}") } else { String::new() };
                 let what = if selection.dry_run { "would be made again" } else { "made again" };
                 report.notes.push(format!("damaged: {}{whose}: {}; {what}", stage.name, problems.join("; ")));
             }
             let ended = match standing {
-                Standing::Blocked(reason) if !upstream_changes => Some(Ended::Blocked(reason)),
+                TaskState::Blocked(reason) if !upstream_changes => Some(Ended::Blocked(reason)),
                 // the damaged result was not selected; otherwise it would have been made again by
                 // now
                 _ if !inputs.damaged.is_empty() && !upstream_changes => {
@@ -395,10 +395,10 @@ fn run_stages(
                 }
                 s => {
                     let reason = match s {
-                        Standing::Missing => "never run".to_owned(),
-                        Standing::Stale(changes) => changes.join("; "),
-                        Standing::Damaged(problems) => format!("damaged: {}", problems.join("; ")),
-                        Standing::Failed(_) => "failed last time".to_owned(),
+                        TaskState::Missing => "never run".to_owned(),
+                        TaskState::Stale(changes) => changes.join("; "),
+                        TaskState::Damaged(problems) => format!("damaged: {}", problems.join("; ")),
+                        TaskState::Failed(_) => "failed last time".to_owned(),
                         _ if upstream_changes => "an earlier stage runs".to_owned(),
                         _ => "--force".to_owned(),
                     };
@@ -412,7 +412,7 @@ fn run_stages(
             }
         }
         progress.stage(&study.id, stage.name, line.len(), todo.len());
-        for (manifest, task, unwritten) in run_tasks(stage, &todo, study, selection, workspace, lanes, progress)? {
+        for (manifest, task, unwritten) in run_tasks(stage, &todo, study, selection, workspace, threads, progress)? {
             manifests.insert(manifest);
             line.push(task);
             report.unwritten.extend(unwritten);
@@ -446,12 +446,12 @@ fn run_tasks(
     study: &Study,
     selection: &Selection,
     workspace: &Workspace,
-    lanes: &Lanes,
+    threads: &TrialThreads,
     progress: &dyn Progress,
 ) -> Result<Vec<Done>, PipelineError> {
     // each waiting result holds an open file, and some systems allow only 256 of them
-    let at_once = lanes.share(32);
-    let syncs = lanes.share(disk::SYNCS);
+    let at_once = threads.share(32);
+    let syncs = threads.share(disk::SYNCS);
     let tell = |done: Done| {
         progress.task(&study.id, &done.1);
         done
@@ -498,7 +498,7 @@ fn run_tasks(
         // a separate thread, not one of rayon's: those may all be waiting for it
         let placing = std::thread::Builder::new().spawn_scoped(scope, place);
         let placing = placing.map_err(|e| PipelineError::request(format!("cannot begin a thread: {e}")))?;
-        let results: Vec<Result<Option<Done>, PipelineError>> = lanes.each(todo, |task| one(task, &hand_over));
+        let results: Vec<Result<Option<Done>, PipelineError>> = threads.each(todo, |task| one(task, &hand_over));
         drop(hand_over);
         let mut out = placing.join().map_err(|_| stopped())?;
         for result in results {
@@ -596,9 +596,9 @@ fn refuse_if_not_current(
         let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
         let inputs = graph::inputs(stage, trial, study, workspace, manifests)?;
         let problem = match graph::standing(stage, trial, study, &inputs, manifests.get(stage.name, name)) {
-            Standing::Missing => "has not run".to_owned(),
-            Standing::Stale(changes) => format!("is stale ({})", changes.join("; ")),
-            Standing::Damaged(problems) => format!("is damaged ({})", problems.join("; ")),
+            TaskState::Missing => "has not run".to_owned(),
+            TaskState::Stale(changes) => format!("is stale ({})", changes.join("; ")),
+            TaskState::Damaged(problems) => format!("is damaged ({})", problems.join("; ")),
             _ => continue,
         };
         return Err(PipelineError::request_hint(

@@ -4,7 +4,6 @@ use super::story::{Story, TrialStory};
 use super::words::number;
 use aloft_flight::FlightReport;
 use aloft_page::Light;
-use aloft_study::study::Role;
 
 /// Marker error, RMS, mm: 20 mm is the usual limit for inverse kinematics (OpenSim's best
 /// practices).
@@ -77,9 +76,6 @@ pub fn remarks(t: &TrialStory<'_>) -> Vec<(Light, String)> {
     let untared: Vec<String> = t.flights.iter().flat_map(FlightReport::untared).map(String::from).collect();
     let weight = |w: &String| if untared.contains(w) { Light::Neutral } else { Light::Fair };
     out.extend(t.warnings.iter().map(|w| (weight(w), w.clone())));
-    if t.entry.role == Role::Identify && t.n_flights() == Some(0) && !out.iter().any(|r| r.1.contains("no flight")) {
-        out.push((Light::Fair, "no flight found".to_owned()));
-    }
     out.sort_by_key(|r| std::cmp::Reverse(r.0));
     out
 }

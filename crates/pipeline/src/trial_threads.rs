@@ -10,14 +10,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex, PoisonError};
 
 /// Threads that are assigned one at a time; shared by all studies of a run.
-pub struct Lanes {
+pub struct TrialThreads {
     threads: usize,
     free: Mutex<Vec<ThreadPool>>,
     freed: Condvar,
     studies: usize,
 }
 
-impl Lanes {
+impl TrialThreads {
     /// As many single threads as rayon has, for `studies` studies in parallel.
     pub fn new(studies: usize) -> Self {
         let threads = rayon::current_num_threads();
@@ -81,7 +81,7 @@ mod tests {
     #[test]
     fn prop_no_more_at_once_than_threads_and_in_order() {
         let pool = ThreadPoolBuilder::new().num_threads(3).build();
-        let lanes = pool.map(|p| p.install(|| Lanes::new(2))).unwrap_or_else(|_| Lanes::new(2));
+        let threads = pool.map(|p| p.install(|| TrialThreads::new(2))).unwrap_or_else(|_| TrialThreads::new(2));
         let (now, most) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let items: Vec<usize> = (0..60).collect();
         let work = |i: &usize| {
@@ -94,11 +94,11 @@ mod tests {
         // two studies share the threads
         std::thread::scope(|scope| {
             for _ in 0..2 {
-                scope.spawn(|| assert_eq!(lanes.each(&items, work), plain));
+                scope.spawn(|| assert_eq!(threads.each(&items, work), plain));
             }
         });
         assert!(most.load(Ordering::SeqCst) <= 3);
-        assert_eq!(lanes.each(&items[..2], |i| *i), [0, 1]);
-        assert_eq!([64, 3, 1, 0].map(|all| lanes.share(all)), [32, 1, 1, 1]);
+        assert_eq!(threads.each(&items[..2], |i| *i), [0, 1]);
+        assert_eq!([64, 3, 1, 0].map(|all| threads.share(all)), [32, 1, 1, 1]);
     }
 }
