@@ -106,7 +106,7 @@ fn row(m: &Member<'_>) -> Row {
         trials: Vec::new(),
         failure: None,
     };
-    let made = aloft_pipeline::made::as_made(&m.study);
+    let made = aloft_pipeline::made::as_made(m.study);
     let story = match Story::read(&made, m.study) {
         Ok(story) => story,
         Err(e) => {
