@@ -12,7 +12,7 @@ from pathlib import Path
 
 FILES = [
     "identify/_study/parameters_weak.json",
-    "identify/_study/parameters_paper.json",
+    "identify/_study/parameters_acceleration.json",
     "compare/_study/comparison.json",
     "discovery.json",
 ]

@@ -158,11 +158,11 @@ fn pipeline(schema: &serde_json::Value) -> String {
 fn stages(schema: &serde_json::Value, pages: &mut Pages) {
     let mut index = from("the slice STAGES in crates/pipeline/src/stages/mod.rs");
     index += "# Stages\n\nEach stage runs again when a recording, a parameter that it sees, or its code changed.\n\n| stage | runs | reads | gives |\n|---|---|---|---|\n";
-    let study = demo_study();
+    let session = demo_study();
     let folder = root().join("crates/pipeline/src/stages");
     for stage in STAGES {
         let runs = match stage.scope {
-            Scope::Study => "once a study".to_owned(),
+            Scope::SubjectSession => "once a study".to_owned(),
             Scope::Trial(roles) => {
                 format!("once a trial: {}", roles.iter().map(|r| r.word()).collect::<Vec<_>>().join(", "))
             }
@@ -191,8 +191,8 @@ fn stages(schema: &serde_json::Value, pages: &mut Pages) {
             stage.gives, stage.name
         );
         page += "## Parameters\n\n";
-        let trial = stage.tasks(&study).into_iter().flatten().next();
-        let seen = (stage.parameters)(&study, trial);
+        let trial = stage.tasks(&session).into_iter().flatten().next();
+        let seen = (stage.parameters)(&session, trial);
         let names: Vec<String> =
             seen.as_object().map(|o| o.keys().map(|k| format!("`{k}`")).collect()).unwrap_or_default();
         let _ = writeln!(page, "A change of one of these makes the stage run again: {}.\n", names.join(", "));
@@ -213,12 +213,12 @@ fn stages(schema: &serde_json::Value, pages: &mut Pages) {
     pages.insert("reference/stages/README.md".into(), index);
 }
 
-fn demo_study() -> aloft_study::study::Study {
-    let overrides = aloft_study::study::Overrides {
+fn demo_study() -> aloft_study::subject_session::SubjectSession {
+    let overrides = aloft_study::subject_session::Overrides {
         workspace: Some(root().join("no-such-workspace")),
-        ..aloft_study::study::Overrides::default()
+        ..aloft_study::subject_session::Overrides::default()
     };
-    aloft_study::study::Study::open(&root().join("pipelines/demo.yaml"), &overrides).unwrap()
+    aloft_study::subject_session::SubjectSession::open(&root().join("pipelines/demo.yaml"), &overrides).unwrap()
 }
 
 fn effects(pages: &mut Pages) {

@@ -17,13 +17,13 @@ fn copy(from: &Path, to: &Path) {
 
 /// Two objects, the second recorded on two days. The recordings are the same, so that results can
 /// be compared.
-fn study(at: &Path) -> PathBuf {
+fn session(at: &Path) -> PathBuf {
     let lab = lab("fixtures/scenarios/chain_small.yaml", at);
-    let study = at.join("study");
-    copy(&lab, &study.join("bar_a"));
-    copy(&lab, &study.join("bar_b/day1"));
-    copy(&lab, &study.join("bar_b/day2"));
-    study
+    let session = at.join("study");
+    copy(&lab, &session.join("bar_a"));
+    copy(&lab, &session.join("bar_b/day1"));
+    copy(&lab, &session.join("bar_b/day2"));
+    session
 }
 
 const PIPELINE: &str = "name: bars
@@ -57,7 +57,7 @@ fn rows(csv: &str) -> Vec<Vec<String>> {
 #[test]
 fn one_command_does_all_subjects_and_says_what_failed_and_how_to_repeat_it() {
     let dir = folder();
-    let data = study(dir.path());
+    let data = session(dir.path());
     fs::write(data.join("bar_b/day1/throws_01.c3d"), b"no recording").unwrap();
     let p = pipeline(dir.path(), PIPELINE);
     let ws = dir.path().join("ws");
@@ -134,7 +134,7 @@ fn one_command_does_all_subjects_and_says_what_failed_and_how_to_repeat_it() {
 #[test]
 fn overrides_are_checked_where_they_are_written() {
     let dir = folder();
-    let data = study(dir.path()).display().to_string();
+    let data = session(dir.path()).display().to_string();
     let check = |text: &str| {
         let p = pipeline(dir.path(), text);
         expect(&["check", &p, "--data", &data], 2).1
@@ -165,7 +165,7 @@ fn overrides_are_checked_where_they_are_written() {
 #[test]
 fn a_subject_without_a_mass_does_not_stop_the_others() {
     let dir = folder();
-    let data = study(dir.path());
+    let data = session(dir.path());
     fs::remove_file(data.join("bar_a/object.yaml")).unwrap();
     let p = pipeline(dir.path(), PIPELINE);
     let ws = dir.path().join("ws").display().to_string();
@@ -189,7 +189,7 @@ fn a_subject_without_a_mass_does_not_stop_the_others() {
 #[test]
 fn init_recognises_the_folders_of_a_study() {
     let dir = folder();
-    let data = study(dir.path());
+    let data = session(dir.path());
     let file = dir.path().join("made.yaml").display().to_string();
     expect(&["init", &data.display().to_string(), "--out", &file], 0);
     let text = fs::read_to_string(&file).unwrap();
@@ -208,7 +208,7 @@ fn init_recognises_the_folders_of_a_study() {
 #[test]
 fn the_study_has_a_page_that_leads_to_its_subjects() {
     let dir = folder();
-    let data = study(dir.path()).display().to_string();
+    let data = session(dir.path()).display().to_string();
     let p = pipeline(dir.path(), PIPELINE);
     let ws = dir.path().join("ws");
     let words = [p.as_str(), "--data", &data, "--workspace", &ws.display().to_string()].map(str::to_owned);

@@ -39,7 +39,7 @@ fn estimators_of_the_demonstration_stand_side_by_side() {
     assert_eq!(found["judged_on"], "held-out flight");
     for geometry in ["calibrated", "landmarks"] {
         find(&found, geometry, None, None);
-        for rows in ["weak", "paper"] {
+        for rows in ["weak", "acceleration"] {
             for estimator in ["regularised", "mass_constrained", "null_vector"] {
                 let row = find(&found, geometry, Some(rows), Some(estimator));
                 assert!(row["frames"]["force_n"][2].is_number() && row["frames"]["moment_nm"][2].is_number());
@@ -79,8 +79,8 @@ fn a_person_is_predicted_better_from_weak_rows_and_from_contact() {
     for other in [
         of("calibrated", None, None),
         of("landmarks", None, None),
-        of("calibrated", Some("paper"), Some("null_vector")),
-        of("landmarks", Some("paper"), Some("null_vector")),
+        of("calibrated", Some("acceleration"), Some("null_vector")),
+        of("landmarks", Some("acceleration"), Some("null_vector")),
     ] {
         assert!(best.0 < other.0 && best.1 < other.1, "{best:?} {other:?}");
     }
@@ -89,7 +89,7 @@ fn a_person_is_predicted_better_from_weak_rows_and_from_contact() {
     let landmarks = of("landmarks", Some("weak"), Some("regularised"));
     assert!(best.0 < 1.1 * landmarks.0 && best.1 < 1.1 * landmarks.1, "{best:?} {landmarks:?}");
     // eight short flights do not determine 128 parameters on their own, and the gate reports this
-    assert_eq!(find(&found, "calibrated", Some("paper"), Some("null_vector"))["gate"]["passed"], false);
+    assert_eq!(find(&found, "calibrated", Some("acceleration"), Some("null_vector"))["gate"]["passed"], false);
     assert_eq!(find(&found, "calibrated", Some("weak"), Some("regularised"))["gate"]["passed"], true);
 
     let left = json(&[&["compare"], &base[..], &["--leave-one-out", "--json"]].concat());

@@ -2,7 +2,7 @@
 //! them, they are shown without any number.
 
 use crate::support::{aloft, expect, folder, json, repo};
-use aloft_effects::{Choice, EFFECTS, Scene};
+use aloft_effects::{EFFECTS, EffectInstance, Scene};
 use aloft_study::revision::{ModelEffect, Revisions};
 use serde_json::Value;
 use std::fs;
@@ -48,7 +48,7 @@ fn keys(workspace: &str) -> Vec<String> {
     for effect in EFFECTS {
         let targets = effect.targets(&scene);
         for target in targets.first().into_iter().chain(targets.last()) {
-            let key = Choice::new(*effect, *target, &scene).key(&scene);
+            let key = EffectInstance::new(*effect, *target, &scene).key(&scene);
             if out.last() != Some(&key) {
                 out.push(key);
             }

@@ -209,8 +209,8 @@ fn the_second_of_two_runs_says_who_holds_the_workspace_or_waits() {
 struct Breaks;
 
 impl aloft_pipeline::progress::Progress for Breaks {
-    fn stage(&self, _: &aloft_study::recordings::StudyId, _: &'static str, _: usize, _: usize) {}
-    fn task(&self, _: &aloft_study::recordings::StudyId, _: &aloft_pipeline::runner::TaskReport) {
+    fn stage(&self, _: &aloft_study::recordings::SessionId, _: &'static str, _: usize, _: usize) {}
+    fn task(&self, _: &aloft_study::recordings::SessionId, _: &aloft_pipeline::runner::TaskReport) {
         panic!("a defect");
     }
 }
@@ -218,7 +218,7 @@ impl aloft_pipeline::progress::Progress for Breaks {
 #[test]
 fn a_defect_beside_the_work_ends_the_run_and_leaves_whole_results() {
     use aloft_pipeline::runner::{self, Selection};
-    use aloft_study::study::{Overrides, Study};
+    use aloft_study::subject_session::{Overrides, SubjectSession};
     let dir = folder();
     let data = lab("fixtures/scenarios/chain_small.yaml", dir.path());
     // more results than the queue holds
@@ -227,17 +227,17 @@ fn a_defect_beside_the_work_ends_the_run_and_leaves_whole_results() {
     }
     let ws = dir.path().join("ws");
     let places = Overrides { data: Some(data), workspace: Some(ws.clone()), ..Overrides::default() };
-    let study = Study::open(Path::new(&repo("pipelines/chain.yaml")), &places).unwrap();
+    let session = SubjectSession::open(Path::new(&repo("pipelines/chain.yaml")), &places).unwrap();
     let selection = Selection { until: Some("import".into()), ..Selection::default() };
-    let error = runner::run(&study, &selection, &Breaks).unwrap_err().to_string();
+    let error = runner::run(&session, &selection, &Breaks).unwrap_err().to_string();
     assert!(error.contains("an internal error"), "{error}");
     let placed = results(&ws).keys().filter(|n| is_a_result(n)).count();
     assert!((1..80).contains(&placed), "{placed}");
     // in a run that shares the workspace, it happens on a worker thread
     let shared = Selection { shared: true, ..selection.clone() };
-    assert!(std::panic::catch_unwind(|| runner::run(&study, &shared, &Breaks)).is_err());
+    assert!(std::panic::catch_unwind(|| runner::run(&session, &shared, &Breaks)).is_err());
     let placed = results(&ws).keys().filter(|n| is_a_result(n)).count();
-    let report = runner::run(&study, &selection, &runner::Silent).unwrap();
+    let report = runner::run(&session, &selection, &runner::Silent).unwrap();
     assert_eq!((report.up_to_date(), report.has_trouble()), (placed, false));
     assert!(fs::read_dir(ws.join(".tmp")).unwrap().next().is_none());
 }

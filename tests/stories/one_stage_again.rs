@@ -82,7 +82,7 @@ fn results_do_not_depend_on_the_number_of_threads() {
         );
         [
             "identify/_study/parameters_weak.json",
-            "identify/_study/parameters_paper.json",
+            "identify/_study/parameters_acceleration.json",
             "compare/_study/comparison.json",
         ]
         .map(|f| fs::read(ws.join(f)).unwrap())

@@ -22,7 +22,7 @@ const ACCEPTED: [(&str, &str, &str); 24] = [
     ("regressor.slow_noise", "0", "white noise alone"),
     ("identify.prior_weight", "0", "held-out error decides"),
     ("identify.bootstrap", "0", "intervals after Student's t"),
-    ("identify.repeat_correlation", "0", "errors do not repeat"),
+    ("identify.flight_error_correlation", "0", "errors do not repeat"),
     ("compare.edge_s", "0", "nothing is left out"),
     ("subject.gravity_mps2", "0", "weightlessness"),
     ("point.position_m", "0", "a place in a link's frame"),

@@ -4,8 +4,11 @@
 use crate::support::{aloft, expect, folder, repo};
 use std::fs;
 
-const RESULTS: [&str; 3] =
-    ["identify/_study/parameters_weak.json", "identify/_study/parameters_paper.json", "compare/_study/comparison.json"];
+const RESULTS: [&str; 3] = [
+    "identify/_study/parameters_weak.json",
+    "identify/_study/parameters_acceleration.json",
+    "compare/_study/comparison.json",
+];
 
 #[test]
 fn jobs_side_by_side_give_the_numbers_of_one_run() {

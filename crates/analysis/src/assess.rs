@@ -24,7 +24,7 @@ use aloft_regressor::{
     acceleration_factor, weak_factor,
 };
 use aloft_study::config::Rows;
-use aloft_study::study::Study;
+use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::seal;
 use aloft_workspace::workspace::{WHOLE_STUDY, Workspace};
@@ -105,8 +105,8 @@ pub struct Assessment {
     pub notes: Vec<String>,
 }
 
-fn place(study: &Study) -> PathBuf {
-    study.workspace.join("assessment.json")
+fn place(session: &SubjectSession) -> PathBuf {
+    session.workspace.join("assessment.json")
 }
 
 fn identification(ws: &Workspace) -> Option<String> {
@@ -114,9 +114,9 @@ fn identification(ws: &Workspace) -> Option<String> {
 }
 
 /// The stored assessment, if it belongs to the present parameters.
-pub fn stored(study: &Study) -> Result<Option<Assessment>, PipelineError> {
-    let ws = Workspace::open(&study.workspace);
-    let found: Option<Assessment> = seal::read_if_there(&place(study))?;
+pub fn stored(session: &SubjectSession) -> Result<Option<Assessment>, PipelineError> {
+    let ws = Workspace::open(&session.workspace);
+    let found: Option<Assessment> = seal::read_if_there(&place(session))?;
     Ok(found.filter(|f| Some(&f.of) == identification(&ws).as_ref()))
 }
 
@@ -128,7 +128,7 @@ struct Recorded {
 
 /// Data that all trials of the assessment share.
 struct Setting<'a> {
-    study: &'a Study,
+    session: &'a SubjectSession,
     recorded: &'a [Recorded],
     base: BaseParameters,
     phi: Vec<Phi>,
@@ -138,23 +138,23 @@ struct Setting<'a> {
 }
 
 /// Tries window lengths, noise levels and motions, and stores the answer in the workspace.
-pub fn assess(study: &Study) -> Result<Assessment, PipelineError> {
-    let study = &aloft_pipeline::made::as_made(study);
-    let ws = Workspace::open(&study.workspace);
+pub fn assess(session: &SubjectSession) -> Result<Assessment, PipelineError> {
+    let session = &aloft_pipeline::made::as_made(session);
+    let ws = Workspace::open(&session.workspace);
     let of = identification(&ws).ok_or_else(|| {
         PipelineError::request_hint(
-            format!("nothing was identified in {}", study.workspace.display()),
-            format!("run `aloft run {}` first", aloft_study::quote::path(&study.config_path)),
+            format!("nothing was identified in {}", session.workspace.display()),
+            format!("run `aloft run {}` first", aloft_study::quote::path(&session.config_path)),
         )
     })?;
-    let found = with_results(study, |made| {
+    let found = with_results(session, |made| {
         let recorded = load(made)?;
         let Some(first) = recorded.first() else { return Err(StageFailure::new("no trial has a flight")) };
         let subject = &first.rows.subject;
         let base = BaseParameters::of(&subject.model);
         let links = LinkPrior::of_subject(subject).map_err(|e| StageFailure::new(e.to_string()))?;
         let setting = Setting {
-            study,
+            session,
             recorded: &recorded,
             phi: subject.prior_phi(),
             prior: links.base(&base).map_err(|e| StageFailure::new(e.to_string()))?,
@@ -164,16 +164,16 @@ pub fn assess(study: &Study) -> Result<Assessment, PipelineError> {
         };
         setting.assess(made.results, of.clone())
     })?;
-    if identification(&Workspace::open(&study.workspace)).as_ref() != Some(&found.of) {
+    if identification(&Workspace::open(&session.workspace)).as_ref() != Some(&found.of) {
         return Err(PipelineError::request("the results changed while they were assessed; assess them again"));
     }
-    seal::write_whole(&place(study), &found)?;
+    seal::write_whole(&place(session), &found)?;
     Ok(found)
 }
 
 fn load(made: &Made<'_>) -> Result<Vec<Recorded>, StageFailure> {
     let names = made.training();
-    let (filter, subject) = (&made.study.config.filter, made.results.load_subject("calibrate")?);
+    let (filter, subject) = (&made.session.config.filter, made.results.load_subject("calibrate")?);
     let all: Vec<Recorded> = names
         .par_iter()
         .map(|name| {
@@ -226,7 +226,7 @@ impl Setting<'_> {
     }
 
     fn base_prior(&self) -> Option<&Prior> {
-        self.study.object.is_none().then_some(&self.prior)
+        self.session.object.is_none().then_some(&self.prior)
     }
 
     fn weak(&self, flights: &[(usize, Stretch)], options: &WeakOptions) -> Result<Vec<Factor>, StageFailure> {
@@ -268,14 +268,14 @@ impl Setting<'_> {
         root: &DMatrix<f64>,
     ) -> Result<ErrorsInVariables, StageFailure> {
         let model = &self.recorded[0].rows.subject.model;
-        let chosen = match estimator(&identify::Params::of(self.study), rows) {
+        let chosen = match estimator(&identify::Params::of(self.session), rows) {
             Estimator::Regularized { .. } => Estimator::Regularized { weight: Some(parameters.prior_weight.max(1.0)) },
             other => other,
         };
-        let weak = weak_options(self.study.config.regressor.window_s);
+        let weak = weak_options(self.session.config.regressor.window_s);
         let acceleration =
-            AccelerationOptions { margin_s: self.study.config.flight.margin_s, ..AccelerationOptions::default() };
-        let filter = low_pass(&self.study.config.filter);
+            AccelerationOptions { margin_s: self.session.config.flight.margin_s, ..AccelerationOptions::default() };
+        let filter = low_pass(&self.session.config.filter);
         let noise = CoordinateNoise::Root(root);
         let found = simex(&LEVELS, REPLICATES, |level, replicate| {
             let mut factors = Vec::with_capacity(flights.len());
@@ -347,12 +347,12 @@ impl Setting<'_> {
     fn motions(&self) -> Result<Vec<MotionAdvice>, StageFailure> {
         let every: Vec<(usize, Stretch)> =
             self.recorded.iter().enumerate().flat_map(|(i, r)| r.flights.iter().map(move |s| (i, s.clone()))).collect();
-        let weak = weak_options(self.study.config.regressor.window_s);
+        let weak = weak_options(self.session.config.regressor.window_s);
         let factors = self.weak(&every, &weak)?;
         let Some(first) = self.recorded.first() else { return Ok(Vec::new()) };
         let subject = &first.rows.subject;
         let pairs: Vec<(Stretch, Factor)> = every.iter().map(|(_, s)| s.clone()).zip(factors.clone()).collect();
-        let params = identify::Params::of(self.study);
+        let params = identify::Params::of(self.session);
         let found = identify_from(&params, subject, &pairs, estimator(&params, Rows::Weak), 0)?;
         // the posture in the middle of the middle flight
         let (i, flight) = &every[every.len() / 2];

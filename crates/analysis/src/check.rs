@@ -3,7 +3,7 @@
 use aloft_pipeline::graph::Recording;
 use aloft_pipeline::stages::filter::low_pass;
 use aloft_pipeline::stages::import::{abridged, holds_enough, read_recording};
-use aloft_study::study::{Role, Study};
+use aloft_study::subject_session::{Role, SubjectSession};
 use aloft_trial::{QualityOptions, Severity, apply_marker_set, assess};
 use aloft_workspace::error::PipelineError;
 use rayon::prelude::*;
@@ -40,8 +40,8 @@ pub struct CheckRow {
 }
 
 /// Reads every recording and reports what is missing.
-pub fn check(study: &Study) -> Result<Check, PipelineError> {
-    let trials: Vec<CheckRow> = study
+pub fn check(session: &SubjectSession) -> Result<Check, PipelineError> {
+    let trials: Vec<CheckRow> = session
         .trials
         .par_iter()
         .map(|entry| {
@@ -60,7 +60,7 @@ pub fn check(study: &Study) -> Result<Check, PipelineError> {
                 row.remarks.push(format!("excluded: {reason}"));
                 return row;
             }
-            let mut trial = match read_recording(study.import_of(Some(entry)), &Recording::of(entry)) {
+            let mut trial = match read_recording(session.import_of(Some(entry)), &Recording::of(entry)) {
                 Ok(trial) => trial,
                 Err(failure) => {
                     row.broken = true;
@@ -68,12 +68,12 @@ pub fn check(study: &Study) -> Result<Check, PipelineError> {
                     return row;
                 }
             };
-            if let Err(failure) = holds_enough(study.import_of(Some(entry)), &Recording::of(entry), &trial) {
+            if let Err(failure) = holds_enough(session.import_of(Some(entry)), &Recording::of(entry), &trial) {
                 row.broken = true;
                 row.remarks.push(failure.problem);
                 return row;
             }
-            let matched = apply_marker_set(&mut trial, &study.marker_set, &study.import_of(Some(entry)).aliases);
+            let matched = apply_marker_set(&mut trial, &session.marker_set, &session.import_of(Some(entry)).aliases);
             let quality = assess(&trial, Some(&matched), &[], &[], &QualityOptions::default());
             row.frames = Some(trial.markers.n_frames);
             row.rate_hz = Some(trial.markers.rate_hz);
@@ -82,7 +82,7 @@ pub fn check(study: &Study) -> Result<Check, PipelineError> {
             row.broken =
                 matched.present.is_empty() || quality.reasons.iter().any(|r| r.severity() == Severity::Unusable);
             if entry.role.is_dynamic()
-                && let Err(e) = low_pass(&study.config.filter).describe(trial.markers.rate_hz)
+                && let Err(e) = low_pass(&session.config.filter).describe(trial.markers.rate_hz)
             {
                 row.broken = true;
                 row.remarks.push(format!("`filter`: {e}"));
@@ -97,28 +97,28 @@ pub fn check(study: &Study) -> Result<Check, PipelineError> {
         })
         .collect();
     let mut remarks = Vec::new();
-    let count = |role: Role| study.included().filter(|t| t.role == role).count();
-    if count(Role::Static) == 0 && study.config.trials.static_frames.is_none() {
+    let count = |role: Role| session.included().filter(|t| t.role == role).count();
+    if count(Role::Static) == 0 && session.config.trials.static_frames.is_none() {
         remarks.push("no static trial: name frames of a dynamic trial under `trials: {static_frames: …}`".to_owned());
     }
     let statics = trials.iter().filter(|t| t.role == Role::Static.word()).count();
     if statics > 0 && trials.iter().filter(|t| t.role == Role::Static.word()).all(|t| t.broken) {
         remarks.push("no static trial can be used: the subject's model cannot be made".to_owned());
     }
-    if !study.unmatched.is_empty() {
-        let names: Vec<String> = study.unmatched.iter().map(|p| p.display().to_string()).collect();
+    if !session.unmatched.is_empty() {
+        let names: Vec<String> = session.unmatched.iter().map(|p| p.display().to_string()).collect();
         remarks.push(format!(
             "{} recordings match no pattern of `trials` and are not used: {}",
             names.len(),
             abridged(&names)
         ));
     }
-    for e in &study.config.trials.exclude {
-        if !study.trials.iter().any(|t| t.excluded.as_ref() == Some(&e.reason)) {
+    for e in &session.config.trials.exclude {
+        if !session.trials.iter().any(|t| t.excluded.as_ref() == Some(&e.reason)) {
             remarks.push(format!("the exclusion of `{}` ({}) matches no trial", e.trial, e.reason));
         }
     }
-    if count(Role::Validate) == 0 && study.object.is_none() {
+    if count(Role::Validate) == 0 && session.object.is_none() {
         remarks.push(
             "no trial is held out for comparison; each trial will be compared with parameters from the others"
                 .to_owned(),
@@ -127,15 +127,15 @@ pub fn check(study: &Study) -> Result<Check, PipelineError> {
     if count(Role::Identify) == 0 {
         remarks.push("no trial to identify from: see `trials: {identify: …}`".to_owned());
     }
-    if study.object.is_none() {
-        if study.facts.person.sex.is_none() {
+    if session.object.is_none() {
+        if session.facts.person.sex.is_none() {
             remarks.push("the subject's sex is not known: the mean of both sexes' tables is used".to_owned());
         }
-        if study.facts.person.height_m.is_none() {
+        if session.facts.person.height_m.is_none() {
             remarks.push("the subject's stature is not known: segment lengths come from the markers alone".to_owned());
         }
     }
-    for t in study
+    for t in session
         .included()
         .filter(|t| t.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("trc")) && t.forces.is_none())
     {

@@ -6,7 +6,7 @@ use aloft_identify::{Parameters, Sigma};
 use aloft_ik::CalibrationReport;
 use aloft_pipeline::results::parameters_file;
 use aloft_pipeline::stages::flight::gravity_error_percent;
-use aloft_study::study::Study;
+use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
 use serde::Serialize;
@@ -87,31 +87,31 @@ pub struct KinematicsRow {
 }
 
 /// Reads the results of the stage `compare`.
-pub fn compare(study: &Study) -> Result<ComparisonView, PipelineError> {
-    let study = &aloft_pipeline::made::as_made(study);
-    let ws = Workspace::open(&study.workspace);
+pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError> {
+    let session = &aloft_pipeline::made::as_made(session);
+    let ws = Workspace::open(&session.workspace);
     let path = ws.place("compare", WHOLE_STUDY).join("comparison.json");
     if !path.is_file() {
         return Err(PipelineError::request_hint(
-            format!("nothing was compared in {}", study.workspace.display()),
-            format!("run `aloft run {}` first", aloft_study::quote::path(&study.config_path)),
+            format!("nothing was compared in {}", session.workspace.display()),
+            format!("run `aloft run {}` first", aloft_study::quote::path(&session.config_path)),
         ));
     }
     let comparison: Comparison = read_json(&path)?;
-    let rows = study.config.regressor.rows;
+    let rows = session.config.regressor.rows;
     let parameters: Parameters = read_json(&ws.place("identify", WHOLE_STUDY).join(parameters_file(rows)))?;
     Ok(ComparisonView {
         version: 1,
-        subject: study.facts.person.name.clone(),
+        subject: session.facts.person.name.clone(),
         parameters: ParametersBrief {
             rows: rows.word(),
             sigma_ratio: parameters.sigma.ratio,
             sigma: parameters.sigma,
             flights: parameters.n_stretches,
         },
-        kinematics: kinematics(study, &ws),
+        kinematics: kinematics(session, &ws),
         calibration: calibration(&ws),
-        impulse_mass: impulse_mass(study, &ws),
+        impulse_mass: impulse_mass(session, &ws),
         comparison,
     })
 }
@@ -120,8 +120,8 @@ pub fn compare(study: &Study) -> Result<ComparisonView, PipelineError> {
 const MASS_DOUBT: f64 = 0.02;
 
 /// Mass from impulse over all trials with plates and at least two flights.
-pub fn impulse_mass(study: &Study, ws: &Workspace) -> Option<ImpulseMassView> {
-    let mut masses: Vec<f64> = study
+pub fn impulse_mass(session: &SubjectSession, ws: &Workspace) -> Option<ImpulseMassView> {
+    let mut masses: Vec<f64> = session
         .included()
         .filter(|t| t.role.is_dynamic())
         .filter_map(|t| read_json::<Vec<ImpulseMass>>(&ws.place("flight", &t.name).join("impulse_mass.json")).ok())
@@ -132,7 +132,7 @@ pub fn impulse_mass(study: &Study, ws: &Workspace) -> Option<ImpulseMassView> {
     let (first, last) = (*masses.first()?, *masses.last()?);
     let middle = masses.len() / 2;
     let mass_kg = if masses.len() % 2 == 1 { masses[middle] } else { 0.5 * (masses[middle - 1] + masses[middle]) };
-    let stated_kg = study.facts.person.mass_kg;
+    let stated_kg = session.facts.person.mass_kg;
     let off = mass_kg / stated_kg - 1.0;
     let doubt = (masses.len() >= 3 && off.abs() > MASS_DOUBT).then(|| {
         format!(
@@ -152,8 +152,8 @@ pub fn calibration(ws: &Workspace) -> Option<CalibrationView> {
 }
 
 /// Marker error, flights and the free-fall check of every dynamic trial.
-pub fn kinematics(study: &Study, ws: &Workspace) -> Vec<KinematicsRow> {
-    study
+pub fn kinematics(session: &SubjectSession, ws: &Workspace) -> Vec<KinematicsRow> {
+    session
         .included()
         .filter(|t| t.role.is_dynamic())
         .map(|t| {
@@ -161,7 +161,7 @@ pub fn kinematics(study: &Study, ws: &Workspace) -> Vec<KinematicsRow> {
                 read_json(&ws.place("flight", &t.name).join("flights.json")).ok();
             let ik = ws.manifest("ik", &t.name);
             let gravity_error_percent =
-                flights.as_ref().and_then(|r| gravity_error_percent(r, study.facts.gravity_mps2));
+                flights.as_ref().and_then(|r| gravity_error_percent(r, session.facts.gravity_mps2));
             KinematicsRow {
                 trial: t.name.clone(),
                 role: t.role.word(),

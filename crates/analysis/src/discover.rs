@@ -8,16 +8,16 @@ use aloft_discover::{
     Body, DiscoverOptions, Discovery, SelfTest, SelfTestOptions, SelfTestProgress, Session, Standing, TrialInput,
     discover as rank, scene_of,
 };
-use aloft_effects::{Choice, Effect};
+use aloft_effects::{Effect, EffectInstance};
 use aloft_flight::FlightReport;
 use aloft_identify::{LinkPrior, Prior};
 use aloft_pipeline::stages::regressor::TrialRows;
 use aloft_regressor::WeakOptions;
+use aloft_study::calendar::Calendar;
 use aloft_study::effects::KnownEffects;
 use aloft_study::effects::asks_session_time;
 use aloft_study::revision::{ModelEffect, Revisions};
-use aloft_study::session::Calendar;
-use aloft_study::study::Study;
+use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::seal;
 use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
@@ -48,15 +48,15 @@ pub struct Kept<T> {
 
 /// Hash of the results that a ranking reads: subject, motion, flights and plates of every trial.
 /// The effects of the model are not part of it.
-pub fn looked_at(study: &Study) -> String {
-    let ws = Workspace::open(&study.workspace);
+pub fn looked_at(session: &SubjectSession) -> String {
+    let ws = Workspace::open(&session.workspace);
     let mut hasher = blake3::Hasher::new();
     let mut add = |stage: &str, trial: &str| {
         let output = ws.manifest(stage, trial).map(|m| m.output).unwrap_or_default();
         hasher.update(format!("{stage}/{trial} {output}\n").as_bytes());
     };
     add("calibrate", WHOLE_STUDY);
-    for trial in study.included().filter(|t| t.role.is_dynamic()) {
+    for trial in session.included().filter(|t| t.role.is_dynamic()) {
         for stage in ["import", "ik", "filter", "flight"] {
             add(stage, &trial.name);
         }
@@ -65,10 +65,10 @@ pub fn looked_at(study: &Study) -> String {
 }
 
 /// Wraps an answer; an error if the results changed while it was computed.
-fn kept<T>(study: &Study, made_from: String, answer: T) -> Result<Kept<T>, PipelineError> {
-    if looked_at(study) != made_from {
+fn kept<T>(session: &SubjectSession, made_from: String, answer: T) -> Result<Kept<T>, PipelineError> {
+    if looked_at(session) != made_from {
         return Err(PipelineError::request_hint(
-            format!("the results in {} changed while they were looked at", study.workspace.display()),
+            format!("the results in {} changed while they were looked at", session.workspace.display()),
             "ask again when no run changes them",
         ));
     }
@@ -94,25 +94,25 @@ pub struct RankingInputs<'a> {
     /// Effects to try, the user's own last.
     pub effects: Vec<&'a dyn Effect>,
     /// Effects of the model.
-    pub accepted: Vec<Choice<'a>>,
+    pub accepted: Vec<EffectInstance<'a>>,
 }
 
 impl Evidence {
     /// Loads the results of the earlier stages.
-    pub fn load(study: &Study) -> Result<Self, PipelineError> {
-        let (subject, names, rows) = with_results(study, |made| {
+    pub fn load(session: &SubjectSession) -> Result<Self, PipelineError> {
+        let (subject, names, rows) = with_results(session, |made| {
             let subject = made.results.load_subject("calibrate")?;
-            let filter = &made.study.config.filter;
+            let filter = &made.session.config.filter;
             let load = |name: &String| TrialRows::load(made.results, filter, &|| made.calendar(), name, &subject);
             let names: Vec<String> = made.trials.iter().map(|(name, _)| name.clone()).collect();
             let rows = names.par_iter().map(load).collect::<Result<Vec<_>, _>>()?;
             Ok((subject, names, rows))
         })?;
-        let groups = names.iter().map(|name| study.trial(name).and_then(|t| t.group.clone())).collect();
+        let groups = names.iter().map(|name| session.trial(name).and_then(|t| t.group.clone())).collect();
         let base = BaseParameters::of(&subject.model);
         let wrong = |e: &dyn std::fmt::Display| PipelineError::request(e.to_string());
         let phi = subject.prior_phi();
-        let prior = if study.object.is_some() {
+        let prior = if session.object.is_some() {
             None
         } else {
             let links = LinkPrior::of_subject(&subject).map_err(|e| wrong(&e))?;
@@ -120,7 +120,7 @@ impl Evidence {
         };
         let plate_centers_m =
             rows.iter().map(|r| r.plate_centers_m.clone()).find(|c| !c.is_empty()).unwrap_or_default();
-        let window = study.config.regressor.window_s;
+        let window = session.config.regressor.window_s;
         let weak = WeakOptions { window_s: (window > 0.0).then_some(window), ..WeakOptions::default() };
         Ok(Self { rows, groups, subject, base, phi, prior, plate_centers_m, weak })
     }
@@ -139,7 +139,7 @@ impl Evidence {
     /// Calls `with` on the session of these recordings with all effects that the study knows.
     pub fn with<T>(
         &self,
-        study: &Study,
+        session: &SubjectSession,
         with: impl FnOnce(&RankingInputs<'_>) -> Result<T, PipelineError>,
     ) -> Result<T, PipelineError> {
         let body = self.body();
@@ -157,19 +157,19 @@ impl Evidence {
             })
             .collect();
         let scene = scene_of(&body, &trials);
-        let session =
+        let prepared =
             Session::new(&body, &scene, &trials, &self.weak).map_err(|e| PipelineError::request(e.to_string()))?;
-        let known = KnownEffects::of(&study.own_effects, &scene)?;
-        let accepted = study.effects.iter().map(|e| known.choice(&scene, e)).collect::<Result<Vec<_>, _>>()?;
-        let session = session.with_standing(standing(study, "flight"), standing(study, "contact"));
-        with(&RankingInputs { session, effects: known.all(), accepted })
+        let known = KnownEffects::of(&session.own_effects, &scene)?;
+        let accepted = session.effects.iter().map(|e| known.choice(&scene, e)).collect::<Result<Vec<_>, _>>()?;
+        let prepared = prepared.with_standing(standing(session, "flight"), standing(session, "contact"));
+        with(&RankingInputs { session: prepared, effects: known.all(), accepted })
     }
 }
 
 /// Held-out error and noise floor that the comparison found in flight or in contact; none without a
 /// comparison.
-fn standing(study: &Study, place: &str) -> Option<Standing> {
-    let folder = Workspace::open(&study.workspace).place("compare", WHOLE_STUDY);
+fn standing(session: &SubjectSession, place: &str) -> Option<Standing> {
+    let folder = Workspace::open(&session.workspace).place("compare", WHOLE_STUDY);
     let comparison = read_json::<Comparison>(&folder.join("comparison.json")).ok()?;
     let against = comparison.against_floor.iter().find(|a| a.judged_on == place)?;
     let floor = against.floor?;
@@ -182,13 +182,13 @@ fn standing(study: &Study, place: &str) -> Option<Standing> {
 
 /// Ranks the catalogue and the study's own effects against the present model, and stores the answer
 /// next to the results for `effect add` and `report`.
-pub fn discover(study: &Study, options: &DiscoverOptions) -> Result<Discovery, PipelineError> {
-    let made_from = looked_at(study);
-    Evidence::load(study)?.with(study, |bench| found(study, bench, options, made_from))
+pub fn discover(session: &SubjectSession, options: &DiscoverOptions) -> Result<Discovery, PipelineError> {
+    let made_from = looked_at(session);
+    Evidence::load(session)?.with(session, |bench| found(session, bench, options, made_from))
 }
 
 fn found(
-    study: &Study,
+    session: &SubjectSession,
     bench: &RankingInputs<'_>,
     options: &DiscoverOptions,
     made_from: String,
@@ -203,38 +203,38 @@ fn found(
     let mut found = rank(&bench.session, &bench.effects, &bench.accepted, options)
         .map_err(|e| PipelineError::request(e.to_string()))?;
     if let Some(c) = found.candidates.iter().find(|c| asks_session_time(&c.effect) && c.believed) {
-        let calendar = Calendar::of(study, &Workspace::open(&study.workspace));
+        let calendar = Calendar::of(session, &Workspace::open(&session.workspace));
         found.advice.push(format!("`{}` rests on the times of the session, from {}", c.effect, calendar.words));
     }
     // free fall is checked without any plate or model, so it is stated before any verdict: one
     // error of the time base or of the length scale shows up in several effects
     let shows = |id: &String| aloft_effects::effect(id).is_ok_and(|e| e.about().shows_in_free_fall);
     if found.effects.iter().any(shows)
-        && let Some(words) = free_fall(study)?
+        && let Some(words) = free_fall(session)?
     {
         found.advice.insert(0, words);
     }
-    let answer = kept(study, made_from, found)?;
-    seal::write_whole(&study.workspace.join("discovery.json"), &answer)?;
+    let answer = kept(session, made_from, found)?;
+    seal::write_whole(&session.workspace.join("discovery.json"), &answer)?;
     // the answer for each revision of the model is kept, so that the report can show all of them
-    let revision = Revisions::load(&study.workspace)?.revisions.len().saturating_sub(1);
-    let place = answer_of(study, revision);
+    let revision = Revisions::load(&session.workspace)?.revisions.len().saturating_sub(1);
+    let place = answer_of(session, revision);
     if let Some(folder) = place.parent() {
         aloft_workspace::disk::create_dir_all(folder)?;
     }
     seal::write_whole(&place, &answer)?;
     let scene = bench.session.scene();
     let volume = Volume { middle_m: scene.volume_center_m.into(), reach_m: scene.volume_reach_m };
-    seal::write_whole(&study.workspace.join("discovery_volume.json"), &volume)?;
+    seal::write_whole(&session.workspace.join("discovery_volume.json"), &volume)?;
     Ok(answer.answer)
 }
 
 /// Free acceleration measured by the stage `flight`, if it differs from the stated gravity in most
 /// trials with flights.
-fn free_fall(study: &Study) -> Result<Option<String>, PipelineError> {
-    let workspace = Workspace::open(&study.workspace);
+fn free_fall(session: &SubjectSession) -> Result<Option<String>, PipelineError> {
+    let workspace = Workspace::open(&session.workspace);
     let (mut trials, mut words) = (0, Vec::new());
-    for trial in study.included() {
+    for trial in session.included() {
         let path = workspace.place("flight", &trial.name).join("flights.json");
         if !path.is_file() {
             continue;
@@ -255,12 +255,12 @@ fn free_fall(study: &Study) -> Result<Option<String>, PipelineError> {
 
 /// Rejects a user-defined effect whose law gives no numbers on these recordings, since nothing can
 /// be computed with it.
-pub fn refuse_without_numbers(study: &Study, effect: &ModelEffect) -> Result<(), PipelineError> {
-    if !study.own_effects.iter().any(|o| o.spec.id == effect.id()) {
+pub fn refuse_without_numbers(session: &SubjectSession, effect: &ModelEffect) -> Result<(), PipelineError> {
+    if !session.own_effects.iter().any(|o| o.spec.id == effect.id()) {
         return Ok(());
     }
-    Evidence::load(study)?.with(study, |bench| {
-        let choice = KnownEffects::of(&study.own_effects, bench.session.scene())?;
+    Evidence::load(session)?.with(session, |bench| {
+        let choice = KnownEffects::of(&session.own_effects, bench.session.scene())?;
         let choice = choice.choice(bench.session.scene(), effect)?;
         match bench.session.without_numbers(&choice) {
             Some(why) => Err(PipelineError::request_hint(
@@ -273,8 +273,8 @@ pub fn refuse_without_numbers(study: &Study, effect: &ModelEffect) -> Result<(),
 }
 
 /// Path of the stored answer for a revision of the model.
-pub fn answer_of(study: &Study, revision: usize) -> PathBuf {
-    study.workspace.join("discoveries").join(format!("revision_{revision}.json"))
+pub fn answer_of(session: &SubjectSession, revision: usize) -> PathBuf {
+    session.workspace.join("discoveries").join(format!("revision_{revision}.json"))
 }
 
 /// How often effects injected into these recordings are identified correctly.
@@ -291,19 +291,19 @@ pub struct SelfTested {
 /// Injects effects of known size into the study's recordings and tries to find them; the answer is
 /// stored next to the results.
 pub fn self_test(
-    study: &Study,
+    session: &SubjectSession,
     options: &DiscoverOptions,
     told: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<SelfTested, PipelineError> {
-    let made_from = looked_at(study);
-    Evidence::load(study)?.with(study, |bench| {
+    let made_from = looked_at(session);
+    Evidence::load(session)?.with(session, |bench| {
         let options = SelfTestOptions { discover: options.clone(), ..SelfTestOptions::default() };
         let each = |p: &SelfTestProgress<'_>| told(p.done, p.of);
         let table = aloft_discover::self_test(&bench.session, &bench.effects, &bench.accepted, &options, &each)
             .map_err(|e| PipelineError::request(e.to_string()))?;
-        let out = SelfTested { version: 1, subject: study.facts.person.name.clone(), self_test: table };
-        let answer = kept(study, made_from, out)?;
-        seal::write_whole(&study.workspace.join("self_test.json"), &answer)?;
+        let out = SelfTested { version: 1, subject: session.facts.person.name.clone(), self_test: table };
+        let answer = kept(session, made_from, out)?;
+        seal::write_whole(&session.workspace.join("self_test.json"), &answer)?;
         Ok(answer.answer)
     })
 }

@@ -14,7 +14,7 @@ use aloft_study::catalog;
 use aloft_study::config::{PipelineConfig, parse_yaml};
 use aloft_study::effects::{KnownEffects, OwnEffect, own_effects};
 use aloft_study::revision::{ModelEffect, Revision, Revisions};
-use aloft_study::study::Study;
+use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::seal;
 use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
@@ -94,10 +94,10 @@ pub struct EffectPage {
 /// Documentation of one effect with its coefficients, units and bounds. The effect is one of the
 /// catalogue, of the pipeline, or a built-in example.
 pub fn show(id: &str, pipeline: Option<&Path>) -> Result<EffectPage, PipelineError> {
-    if let Some(e) = EFFECTS.iter().copied().find(|e| e.id() == id) {
+    if let Some(e) = EFFECTS.iter().copied().find(|e| e.is_called(id)) {
         let table = unknowns::table(e, &Examples::built_in()?);
         let documentation = format!("{}\n\n{}", e.about().documentation.trim(), table.trim_end());
-        return Ok(EffectPage { id: id.to_owned(), title: e.title().to_owned(), documentation });
+        return Ok(EffectPage { id: e.id().to_owned(), title: e.title().to_owned(), documentation });
     }
     let own = match pipeline {
         Some(path) => own_of(path)?,
@@ -143,11 +143,11 @@ fn page(f: &FormulaEffect, origin: &str) -> EffectPage {
     EffectPage { id: f.id.clone(), title: f.title.clone(), documentation: lines.join("\n").trim().to_owned() }
 }
 
-fn scene(study: &Study) -> Result<Scene, PipelineError> {
-    let ws = Workspace::open(&study.workspace);
+fn scene(session: &SubjectSession) -> Result<Scene, PipelineError> {
+    let ws = Workspace::open(&session.workspace);
     let subject: Subject = read_json(&ws.place("calibrate", WHOLE_STUDY).join("subject.json"))?;
     let mut centers = Vec::new();
-    for t in study.included() {
+    for t in session.included() {
         let plates = aloft_workspace::artifact::plate_centers(&ws.place("import", &t.name)).unwrap_or_default();
         if !plates.is_empty() {
             centers = plates;
@@ -160,21 +160,21 @@ fn scene(study: &Study) -> Result<Scene, PipelineError> {
 /// Adds an effect as a new revision and brings the results that depend on it up to date. The
 /// workspace is locked throughout; `wait` waits for another process that holds the lock.
 pub fn add(
-    study: &Study,
+    session: &SubjectSession,
     key: &str,
     set: &[(String, f64)],
     wait: bool,
     progress: &dyn Progress,
 ) -> Result<(RunReport, History), PipelineError> {
-    change(study, wait, progress, |study, all, notes| {
-        let mut scene = scene(study)?;
+    change(session, wait, progress, |session, all, notes| {
+        let mut scene = scene(session)?;
         let mut effects = all.effects();
-        let found: Option<Kept<Discovery>> = seal::read_if_there(&study.workspace.join("discovery.json"))?;
+        let found: Option<Kept<Discovery>> = seal::read_if_there(&session.workspace.join("discovery.json"))?;
         let suggestion = found.as_ref().and_then(|d| suggestion(&d.answer, key));
-        if suggestion.is_some() && found.as_ref().is_some_and(|d| d.made_from != looked_at(study)) {
+        if suggestion.is_some() && found.as_ref().is_some_and(|d| d.made_from != looked_at(session)) {
             notes.push(format!("the values of {key} come from a `discover` on other results; ask it again to be sure"));
         }
-        let volume: Option<Volume> = seal::read_if_there(&study.workspace.join("discovery_volume.json"))?;
+        let volume: Option<Volume> = seal::read_if_there(&session.workspace.join("discovery_volume.json"))?;
         if let Some(v) = &volume {
             (scene.volume_center_m, scene.volume_reach_m) = (v.middle_m.into(), v.reach_m);
         }
@@ -185,7 +185,7 @@ pub fn add(
             // parameters stated by the user are not fitted
             chosen.widening.clear();
         }
-        let known = KnownEffects::of(&study.own_effects, &scene)?;
+        let known = KnownEffects::of(&session.own_effects, &scene)?;
         let choice = known.choice(&scene, &chosen)?;
         chosen.key = choice.key(&scene);
         if effects.iter().any(|e| e.key == chosen.key) {
@@ -194,10 +194,10 @@ pub fn add(
                 "see `aloft history`; remove it first to change it",
             ));
         }
-        crate::discover::refuse_without_numbers(study, &chosen)?;
+        crate::discover::refuse_without_numbers(session, &chosen)?;
         let action = format!("add {}", chosen.key);
         effects.push(chosen);
-        refuse_invisible(study, &effects, &choice, &scene)?;
+        refuse_invisible(session, &effects, &choice, &scene)?;
         Ok(all.next(action, effects))
     })
 }
@@ -227,12 +227,12 @@ fn suggestion(d: &Discovery, key: &str) -> Option<ModelEffect> {
 
 /// Removes an effect: a new revision without it.
 pub fn remove(
-    study: &Study,
+    session: &SubjectSession,
     key: &str,
     wait: bool,
     progress: &dyn Progress,
 ) -> Result<(RunReport, History), PipelineError> {
-    change(study, wait, progress, |_, all, _| {
+    change(session, wait, progress, |_, all, _| {
         let mut effects = all.effects();
         let before = effects.len();
         effects.retain(|e| e.key != key && e.id() != key);
@@ -253,27 +253,27 @@ pub fn remove(
 /// interrupted before that write, the earlier model stays in force, and results already computed
 /// for the new one are stale by their manifests.
 fn change(
-    study: &Study,
+    session: &SubjectSession,
     wait: bool,
     progress: &dyn Progress,
-    decide: impl Fn(&Study, &Revisions, &mut Vec<String>) -> Result<Revision, PipelineError>,
+    decide: impl Fn(&SubjectSession, &Revisions, &mut Vec<String>) -> Result<Revision, PipelineError>,
 ) -> Result<(RunReport, History), PipelineError> {
-    let ws = Workspace::open(&study.workspace);
+    let ws = Workspace::open(&session.workspace);
     let lock = ws.lock(if wait { Duration::MAX } else { Duration::ZERO })?;
     let mut notes = Vec::new();
     // reload the model now that the lock keeps others from changing it
-    let mut all = Revisions::load(&study.workspace)?;
+    let mut all = Revisions::load(&session.workspace)?;
     if let Some(cut) = all.pending.take() {
         notes.push(format!("`effect {}` was interrupted; the model is the one before it", cut.action));
     }
-    let present = study.refreshed()?;
+    let present = session.refreshed()?;
     let before = run_held(&present, &lock, progress)?;
     notes.extend(before.notes.iter().cloned());
     if before.ran() > 0 {
         notes.push(format!("the present model's results were not up to date: {} were made again first", before.ran()));
     }
     if let Some(problem) = no_comparison(&before) {
-        all.save(&study.workspace)?;
+        all.save(&session.workspace)?;
         return Err(problem);
     }
     let now = reached(&present, &compare(&present)?)?;
@@ -282,12 +282,12 @@ fn change(
     }
     let decided = decide(&present, &all, &mut notes);
     if decided.is_err() {
-        all.save(&study.workspace)?;
+        all.save(&session.workspace)?;
     }
     let mut next = decided?;
     all.pending = Some(next.clone());
-    all.save(&study.workspace)?;
-    let with = Study { effects: next.effects.clone(), plain_base: all.plain_base(), ..present.clone() };
+    all.save(&session.workspace)?;
+    let with = SubjectSession { effects: next.effects.clone(), plain_base: all.plain_base(), ..present.clone() };
     let done = run_held(&with, &lock, progress).and_then(|report| match no_comparison(&report) {
         None => Ok(report),
         Some(problem) => Err(problem),
@@ -296,17 +296,17 @@ fn change(
     let mut report = match done {
         Ok(report) => report,
         Err(error) => {
-            all.save(&study.workspace)?;
+            all.save(&session.workspace)?;
             run_held(&present, &lock, progress)?;
             return Err(error);
         }
     };
     next.reached = Some(reached(&with, &compare(&with)?)?);
     all.revisions.push(next);
-    all.save(&study.workspace)?;
+    all.save(&session.workspace)?;
     report.notes.splice(0..0, notes);
     drop(lock);
-    Ok((report, history(&study.refreshed()?)?))
+    Ok((report, history(&session.refreshed()?)?))
 }
 
 /// Reason why a model has no comparison after a run; none if it has one.

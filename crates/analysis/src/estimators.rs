@@ -21,7 +21,7 @@ use aloft_pipeline::stages::ik::track;
 use aloft_pipeline::stages::regressor::{self, TrialRows, factors_of, load_factors, row_kind};
 use aloft_regressor::{Factor, Stretch, StretchKind};
 use aloft_study::config::Rows;
-use aloft_study::study::{Role, Study};
+use aloft_study::subject_session::{Role, SubjectSession};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::workspace::{WHOLE_STUDY, read_json};
 use nalgebra::DVector;
@@ -121,11 +121,11 @@ pub struct EstimatorsView {
 }
 
 /// Rows × estimators × geometry, on the same held-out motion.
-pub fn estimators(study: &Study) -> Result<EstimatorsView, PipelineError> {
-    let study = &aloft_pipeline::made::as_made(study);
-    with_results(study, |made| {
+pub fn estimators(session: &SubjectSession) -> Result<EstimatorsView, PipelineError> {
+    let session = &aloft_pipeline::made::as_made(session);
+    with_results(session, |made| {
         let subject = made.results.load_subject("calibrate")?;
-        let trials = load_trials(&compare::Params::of(made.study), made.results, &|| made.calendar(), &made.trials)?;
+        let trials = load_trials(&compare::Params::of(made.session), made.results, &|| made.calendar(), &made.trials)?;
         let factors = all_factors(made)?;
         let landmarks = landmarks(made, &subject)?;
         let validated = has_validation(&trials);
@@ -147,10 +147,10 @@ pub fn estimators(study: &Study) -> Result<EstimatorsView, PipelineError> {
         let contact = comparison.first.held_out.frames > 0;
         Ok(EstimatorsView {
             version: 1,
-            subject: study.facts.person.name.clone(),
+            subject: session.facts.person.name.clone(),
             judged_on: crate::compare::judged_on(&comparison),
             held_out: held_out_words(&trials, validated),
-            window_s: study.config.compare.window_s,
+            window_s: session.config.compare.window_s,
             table,
             noise_frames: floor.map(|f| if contact { (&f.contact).into() } else { (&f.flight).into() }),
             noise_windows: floor.map(|f| if contact { (&f.contact_weak).into() } else { (&f.flight_weak).into() }),
@@ -185,13 +185,13 @@ fn landmarks(made: &Made<'_>, used: &Subject) -> Result<Option<Tracked>, StageFa
     if subject.model == used.model && subject.markers == used.markers {
         return Ok(None);
     }
-    let (study, results) = (made.study, made.results);
-    let (own, compared) = (regressor::Params::of(study, None), compare::Params::of(study));
+    let (session, results) = (made.session, made.results);
+    let (own, compared) = (regressor::Params::of(session, None), compare::Params::of(session));
     let each: Vec<(ComparedTrial, Vec<(Stretch, Factor)>)> = made
         .trials
         .par_iter()
         .map(|(name, role)| {
-            let ik = study.ik_of(study.trial(name));
+            let ik = session.ik_of(session.trial(name));
             let (with_weights, motion, _) = track(ik, results, subject.clone(), name)?;
             let filtered = smooth(&with_weights.model, &motion, Some(low_pass(&own.filter)))
                 .map_err(|e| StageFailure::new(e.to_string()))?;
@@ -205,8 +205,8 @@ fn landmarks(made: &Made<'_>, used: &Subject) -> Result<Option<Tracked>, StageFa
     Ok(Some((subject, trials, factors.into_iter().flatten().collect())))
 }
 
-fn is_training(study: &Study, stretch: &Stretch, contact: bool) -> bool {
-    study.trial(&stretch.trial).is_some_and(|t| t.role == Role::Identify)
+fn is_training(session: &SubjectSession, stretch: &Stretch, contact: bool) -> bool {
+    session.trial(&stretch.trial).is_some_and(|t| t.role == Role::Identify)
         && (contact || stretch.kind != StretchKind::Contact)
 }
 
@@ -225,10 +225,10 @@ fn of_geometry(
     factors: &[(Stretch, Factor)],
     noise: bool,
 ) -> Result<(Vec<EstimatorRow>, Comparison), StageFailure> {
-    let study = made.study;
-    let (identification, compared) = (identify::Params::of(study), compare::Params::of(study));
+    let session = made.session;
+    let (identification, compared) = (identify::Params::of(session), compare::Params::of(session));
     let validated = has_validation(trials);
-    let weight = (study.config.identify.prior_weight > 0.0).then_some(study.config.identify.prior_weight);
+    let weight = (session.config.identify.prior_weight > 0.0).then_some(session.config.identify.prior_weight);
     let estimators = [
         Estimator::Regularized { weight },
         Estimator::MassConstrained,
@@ -241,7 +241,7 @@ fn of_geometry(
         .map(|(rows, _, estimator)| {
             let own: Vec<(Stretch, Factor)> = factors
                 .iter()
-                .filter(|(s, f)| f.rows == row_kind(*rows) && is_training(study, s, study.config.identify.contact))
+                .filter(|(s, f)| f.rows == row_kind(*rows) && is_training(session, s, session.config.identify.contact))
                 .cloned()
                 .collect();
             if own.is_empty() {
@@ -268,7 +268,7 @@ fn of_geometry(
     let known = if noise { known_floor(made) } else { None };
     let floor = known.as_ref().map_or(Floor::Drawn(0, None), Floor::Known);
     let (comparison, _) = compare_models(&compared, subject, trials, &candidates, HeldOut::Validation, None, floor)?;
-    let chosen = study.config.regressor.rows;
+    let chosen = session.config.regressor.rows;
     let own_way = default_estimator(&identification, chosen).name();
     let mut models = comparison.models().collect::<Vec<_>>().into_iter();
     let prior = models.next().map(|m| row(geometry, None, None, false, m));
@@ -382,17 +382,17 @@ pub struct LeaveOneOutView {
 
 /// Predicts each dynamic trial from all others by four models: the prior, flights, contact, and
 /// both. Uses stored factors.
-pub fn leave_one_out(study: &Study) -> Result<LeaveOneOutView, PipelineError> {
-    let study = &aloft_pipeline::made::as_made(study);
-    with_results(study, |made| {
+pub fn leave_one_out(session: &SubjectSession) -> Result<LeaveOneOutView, PipelineError> {
+    let session = &aloft_pipeline::made::as_made(session);
+    with_results(session, |made| {
         let subject = made.results.load_subject("calibrate")?;
-        let trials = load_trials(&compare::Params::of(made.study), made.results, &|| made.calendar(), &made.trials)?;
-        let rows = study.config.regressor.rows;
+        let trials = load_trials(&compare::Params::of(made.session), made.results, &|| made.calendar(), &made.trials)?;
+        let rows = session.config.regressor.rows;
         let factors: Vec<(Stretch, Factor)> =
             all_factors(made)?.into_iter().filter(|(_, f)| f.rows == row_kind(rows)).collect();
         let base = BaseParameters::of(&subject.model);
         let prior = base.regroup(&subject.prior_phi());
-        let (identification, compared) = (identify::Params::of(study), compare::Params::of(study));
+        let (identification, compared) = (identify::Params::of(session), compare::Params::of(session));
         let estimator = default_estimator(&identification, rows);
         type Takes = fn(StretchKind) -> bool;
         let ways: [(&'static str, Takes); 3] = [
@@ -435,14 +435,14 @@ pub fn leave_one_out(study: &Study) -> Result<LeaveOneOutView, PipelineError> {
         let mut models = comparison.models().collect::<Vec<_>>().into_iter();
         let mut out: Vec<LeftOutModel> = models
             .next()
-            .map(|m| LeftOutModel { model: "prior", balance: None, failed: None, trials: left_out(study, m) })
+            .map(|m| LeftOutModel { model: "prior", balance: None, failed: None, trials: left_out(session, m) })
             .into_iter()
             .collect();
         for (name, result) in found {
             match result {
                 Ok((balance, _, _)) => {
                     if let Some(m) = models.next() {
-                        out.push(LeftOutModel { model: name, balance, failed: None, trials: left_out(study, m) });
+                        out.push(LeftOutModel { model: name, balance, failed: None, trials: left_out(session, m) });
                     }
                 }
                 Err(f) => {
@@ -452,7 +452,7 @@ pub fn leave_one_out(study: &Study) -> Result<LeaveOneOutView, PipelineError> {
         }
         Ok(LeaveOneOutView {
             version: 1,
-            subject: study.facts.person.name.clone(),
+            subject: session.facts.person.name.clone(),
             words: format!(
                 "each of {} trials predicted from all others, those that the pipeline holds out included; {} rows, {}",
                 trials.len(),
@@ -464,14 +464,14 @@ pub fn leave_one_out(study: &Study) -> Result<LeaveOneOutView, PipelineError> {
     })
 }
 
-fn left_out(study: &Study, model: &ModelComparison) -> Vec<LeftOutTrial> {
+fn left_out(session: &SubjectSession, model: &ModelComparison) -> Vec<LeftOutTrial> {
     let some = |e: ErrorsBrief| (e.count > 0).then_some(e);
     let mut out: Vec<LeftOutTrial> = model
         .trials
         .iter()
         .map(|t| LeftOutTrial {
             trial: t.trial.clone(),
-            role: study.trial(&t.trial).map_or("", |e| e.role.word()),
+            role: session.trial(&t.trial).map_or("", |e| e.role.word()),
             contact: some((&t.contact).into()),
             contact_windows: some((&t.contact_weak).into()),
             flight: some((&t.flight).into()),

@@ -4,7 +4,7 @@ use crate::status::{Standings, inputs_of, standings};
 use aloft_pipeline::graph::{Manifests, TaskState};
 use aloft_pipeline::stages::STAGES;
 use aloft_study::revision::Revisions;
-use aloft_study::study::Study;
+use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::workspace::{WHOLE_STUDY, Workspace};
 use serde::Serialize;
@@ -34,11 +34,11 @@ pub struct Freshness {
 }
 
 /// Checks every result and compares every file with its hash.
-pub fn freshness(study: &Study) -> Result<Freshness, PipelineError> {
-    let ws = Workspace::open(&study.workspace);
-    let manifests = Manifests::read_and_examine(study, &ws, STAGES);
-    let mut stale = of_standings(study, &ws, &standings(study, &ws, &manifests)?);
-    if let Some(pending) = Revisions::load(&study.workspace)?.pending {
+pub fn freshness(session: &SubjectSession) -> Result<Freshness, PipelineError> {
+    let ws = Workspace::open(&session.workspace);
+    let manifests = Manifests::read_and_examine(session, &ws, STAGES);
+    let mut stale = of_standings(session, &ws, &standings(session, &ws, &manifests)?);
+    if let Some(pending) = Revisions::load(&session.workspace)?.pending {
         stale.insert(
             0,
             NotCurrent {
@@ -55,15 +55,15 @@ pub fn freshness(study: &Study) -> Result<Freshness, PipelineError> {
 
 /// The same from known task states. A result whose trial failed, or that was blocked by a failure,
 /// counts as up to date.
-pub fn of_standings(study: &Study, ws: &Workspace, standings: &Standings) -> Vec<NotCurrent> {
+pub fn of_standings(session: &SubjectSession, ws: &Workspace, standings: &Standings) -> Vec<NotCurrent> {
     let is_left = |stage: &str, trial: &str| ws.manifest(stage, trial).is_some_and(|m| m.is_ok());
     let mut out: Vec<NotCurrent> = Vec::new();
     let mut behind: HashSet<(&str, &str)> = HashSet::new();
     for stage in STAGES {
-        for task in stage.tasks(study) {
+        for task in stage.tasks(session) {
             let trial = task.map_or(WHOLE_STUDY, |t| t.name.as_str());
             let Some(standing) = standings.get(&(stage.name, trial.to_owned())) else { continue };
-            let above = inputs_of(stage, task, study)
+            let above = inputs_of(stage, task, session)
                 .into_iter()
                 .map(|(s, t)| (s.name, t.map_or(WHOLE_STUDY, |t| t.name.as_str())))
                 .find(|above| behind.contains(above));
@@ -110,7 +110,7 @@ impl Freshness {
     }
 
     /// A short notice: the results that are out of date by themselves, and how many depend on them.
-    pub fn words(&self) -> Vec<String> {
+    pub fn describe(&self) -> Vec<String> {
         let mut groups: Vec<(&NotCurrent, Vec<&str>)> = Vec::new();
         for one in self.stale.iter().filter(|n| !n.follows) {
             match groups
@@ -145,13 +145,13 @@ impl Freshness {
     }
 
     /// Refuses to show damaged results of these stages, or of all stages if none is named.
-    pub fn refuse_damaged(&self, study: &Study, stages: &[&str]) -> Result<(), PipelineError> {
+    pub fn refuse_damaged(&self, session: &SubjectSession, stages: &[&str]) -> Result<(), PipelineError> {
         let read = |n: &&NotCurrent| n.state == "damaged" && (stages.is_empty() || stages.contains(&n.stage.as_str()));
         let Some(one) = self.stale.iter().find(read) else { return Ok(()) };
-        let ws = Workspace::open(&study.workspace);
+        let ws = Workspace::open(&session.workspace);
         Err(PipelineError::request_hint(
             format!("{} is damaged: {}", ws.place(&one.stage, &one.trial).display(), one.because),
-            format!("`aloft run {}` makes it again", study.config_path.display()),
+            format!("`aloft run {}` makes it again", session.config_path.display()),
         ))
     }
 }

@@ -6,7 +6,7 @@ use aloft_identify::Parameters;
 use aloft_pipeline::made::{compared_effects, made_with};
 use aloft_pipeline::results::parameters_file;
 use aloft_study::revision::{Judged, ModelEffect, Reached, ReachedCoefficient, Revision, Revisions};
-use aloft_study::study::Study;
+use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
 use serde::Serialize;
@@ -85,19 +85,19 @@ pub struct HistoryCoefficient {
 }
 
 /// Reads the revisions, and adds what the present one reached.
-pub fn history(study: &Study) -> Result<History, PipelineError> {
-    let mut all = Revisions::load(&study.workspace)?;
-    let ws = Workspace::open(&study.workspace);
+pub fn history(session: &SubjectSession) -> Result<History, PipelineError> {
+    let mut all = Revisions::load(&session.workspace)?;
+    let ws = Workspace::open(&session.workspace);
     // results of another model do not belong to this revision: keep what was recorded when it was
     // made
     if let Some(last) = all.revisions.last_mut()
         && made_for(&ws, &last.effects)
     {
-        last.reached = Some(reached(study, &compare(study)?)?);
+        last.reached = Some(reached(session, &compare(session)?)?);
     }
-    let acts = |e: &ModelEffect| acts_in(study, e);
+    let acts = |e: &ModelEffect| acts_in(session, e);
     let rows = (0..all.revisions.len()).map(|i| row(&all.revisions, i, &acts)).collect();
-    Ok(History { version: 1, subject: study.facts.person.name.clone(), revisions: rows })
+    Ok(History { version: 1, subject: session.facts.person.name.clone(), revisions: rows })
 }
 
 /// True if the comparison in a workspace was made with these effects and with the parameters stored
@@ -110,8 +110,8 @@ fn made_for(ws: &Workspace, effects: &[ModelEffect]) -> bool {
     compared_effects(ws).is_some_and(|e| e == effects) && compared.inputs.iter().all(same)
 }
 
-fn acts_in(study: &Study, effect: &ModelEffect) -> ActsIn {
-    let own = study.own_effects.iter().find(|o| o.spec.id == effect.id()).map(|o| o.spec.acts);
+fn acts_in(session: &SubjectSession, effect: &ModelEffect) -> ActsIn {
+    let own = session.own_effects.iter().find(|o| o.spec.id == effect.id()).map(|o| o.spec.acts);
     own.or_else(|| aloft_effects::effect(effect.id()).ok().map(|e| e.acts())).unwrap_or(ActsIn::Both)
 }
 
@@ -201,12 +201,12 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) 
 }
 
 /// What the present results reached.
-pub fn reached(study: &Study, view: &ComparisonView) -> Result<Reached, PipelineError> {
-    let study = &aloft_pipeline::made::as_made(study);
+pub fn reached(session: &SubjectSession, view: &ComparisonView) -> Result<Reached, PipelineError> {
+    let session = &aloft_pipeline::made::as_made(session);
     let c = &view.comparison;
-    let ws = Workspace::open(&study.workspace);
+    let ws = Workspace::open(&session.workspace);
     let parameters: Parameters =
-        read_json(&ws.place("identify", WHOLE_STUDY).join(parameters_file(study.config.regressor.rows)))?;
+        read_json(&ws.place("identify", WHOLE_STUDY).join(parameters_file(session.config.regressor.rows)))?;
     let rms: Vec<f64> = view.kinematics.iter().filter_map(|k| k.marker_rms_mm).collect();
     let of = |place: &str| {
         c.against_floor.iter().find(|a| a.judged_on == place).map(|a| Judged {
@@ -217,7 +217,7 @@ pub fn reached(study: &Study, view: &ComparisonView) -> Result<Reached, Pipeline
     };
     Ok(Reached {
         from: ws.manifest("compare", WHOLE_STUDY).map(|m| m.output).unwrap_or_default(),
-        made_with: made_with(study, &ws),
+        made_with: made_with(session, &ws),
         flight: of("flight"),
         contact: of("contact"),
         sigma_ratio: view.parameters.sigma_ratio,

@@ -3,9 +3,9 @@
 
 use aloft_pipeline::stages::import::read_file;
 use aloft_study::catalog;
+use aloft_study::data_set::guess_subjects;
 use aloft_study::quote;
 use aloft_study::recordings::{bids_beside, is_bids, recordings_below, stem_of};
-use aloft_study::studies::guess_subjects;
 use aloft_trial::{ImportOptions, MarkerSet, Trial, recognise};
 use aloft_workspace::error::PipelineError;
 use nalgebra::Vector3;
@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-struct Seen {
+struct Determination {
     relative: String,
     stem: String,
     trial: Trial,
@@ -105,7 +105,7 @@ fn name_pattern(stem: &str) -> String {
     format!("**/{}*", quote::pattern(if base.is_empty() { stem } else { base }))
 }
 
-fn look(folder: &Path, layout: &Layout, files: &[PathBuf]) -> (Vec<Seen>, Vec<String>) {
+fn look(folder: &Path, layout: &Layout, files: &[PathBuf]) -> (Vec<Determination>, Vec<String>) {
     // of many subjects, read the first recordings of each kind and subject
     let share = if layout.subjects.is_empty() { usize::MAX } else { LOOKED_AT.div_ceil(layout.subjects.len()).max(12) };
     let mut taken: BTreeMap<String, usize> = BTreeMap::new();
@@ -120,14 +120,14 @@ fn look(folder: &Path, layout: &Layout, files: &[PathBuf]) -> (Vec<Seen>, Vec<St
             chosen.push(file);
         }
     }
-    let looked: Vec<Result<Seen, String>> = chosen
+    let looked: Vec<Result<Determination, String>> = chosen
         .par_iter()
         .map(|relative| {
             let path = folder.join(relative);
             let stem = stem_of(&path);
             let trial = read_file(&stem, &path, None, &ImportOptions::default()).map_err(|f| f.problem)?;
             let parts: Vec<_> = relative.components().map(|c| c.as_os_str().to_string_lossy()).collect();
-            Ok(Seen { relative: parts.join("/"), stem, unit: stated_unit(&path), trial })
+            Ok(Determination { relative: parts.join("/"), stem, unit: stated_unit(&path), trial })
         })
         .collect();
     let mut seen = Vec::new();
@@ -204,7 +204,7 @@ fn is_still(trial: &Trial) -> bool {
 }
 
 /// Recordings with one role: by name for one subject, by pattern for several.
-fn list(names: &[&Seen], layout: &Layout) -> String {
+fn list(names: &[&Determination], layout: &Layout) -> String {
     let mut quoted: Vec<String> = names
         .iter()
         .map(|s| {
@@ -230,7 +230,7 @@ fn write(
     target: &Path,
     layout: &Layout,
     n_files: usize,
-    seen: &[Seen],
+    seen: &[Determination],
     broken: &[String],
 ) -> Result<String, PipelineError> {
     let sets: Vec<MarkerSet> = catalog::all("markersets")?;
@@ -249,18 +249,19 @@ fn write(
     let (set, fit) = best.map_or(("plug-in-gait-35", 0.0), |(s, f)| (s.name.as_str(), *f));
     let model = best.map_or("human34", |(s, _)| s.model.as_str());
     let is_object = model == "two_link";
-    let lower = |s: &Seen| s.stem.to_lowercase();
-    let calibration: Vec<&Seen> = seen.iter().filter(|s| lower(s).contains("calib")).collect();
-    let mut statics: Vec<&Seen> =
+    let lower = |s: &Determination| s.stem.to_lowercase();
+    let calibration: Vec<&Determination> = seen.iter().filter(|s| lower(s).contains("calib")).collect();
+    let mut statics: Vec<&Determination> =
         seen.iter().filter(|s| lower(s).contains("static") || lower(s).contains("cal_pose")).collect();
     if statics.is_empty() {
         statics = seen.iter().filter(|s| is_still(&s.trial) && !lower(s).contains("calib")).collect();
     }
-    let is = |group: &[&Seen], s: &Seen| group.iter().any(|g| g.relative == s.relative);
-    let rest: Vec<&Seen> = seen.iter().filter(|s| !is(&statics, s) && !is(&calibration, s)).collect();
+    let is = |group: &[&Determination], s: &Determination| group.iter().any(|g| g.relative == s.relative);
+    let rest: Vec<&Determination> = seen.iter().filter(|s| !is(&statics, s) && !is(&calibration, s)).collect();
     let held = ["exercise", "squat", "gait", "walk", "valid"];
-    let mut validate: Vec<&Seen> = rest.iter().copied().filter(|s| held.iter().any(|h| lower(s).contains(h))).collect();
-    let mut identify: Vec<&Seen> = rest.iter().copied().filter(|s| !is(&validate, s)).collect();
+    let mut validate: Vec<&Determination> =
+        rest.iter().copied().filter(|s| held.iter().any(|h| lower(s).contains(h))).collect();
+    let mut identify: Vec<&Determination> = rest.iter().copied().filter(|s| !is(&validate, s)).collect();
     if identify.is_empty() {
         std::mem::swap(&mut identify, &mut validate);
     }

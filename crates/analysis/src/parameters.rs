@@ -5,7 +5,7 @@ use aloft_identify::Parameters;
 pub use aloft_identify::half_of;
 use aloft_pipeline::results::parameters_file;
 use aloft_study::config::Rows;
-use aloft_study::study::Study;
+use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
 use serde::Serialize;
@@ -28,22 +28,22 @@ pub struct ParametersView {
 }
 
 /// Reads the results of `identify`.
-pub fn parameters(study: &Study, rows: Option<Rows>) -> Result<ParametersView, PipelineError> {
-    let study = &aloft_pipeline::made::as_made(study);
-    let rows = rows.unwrap_or(study.config.regressor.rows);
-    let path = Workspace::open(&study.workspace).place("identify", WHOLE_STUDY).join(parameters_file(rows));
+pub fn parameters(session: &SubjectSession, rows: Option<Rows>) -> Result<ParametersView, PipelineError> {
+    let session = &aloft_pipeline::made::as_made(session);
+    let rows = rows.unwrap_or(session.config.regressor.rows);
+    let path = Workspace::open(&session.workspace).place("identify", WHOLE_STUDY).join(parameters_file(rows));
     if !path.is_file() {
         return Err(PipelineError::request_hint(
-            format!("nothing was identified from {} rows in {}", rows.word(), study.workspace.display()),
-            format!("run `aloft run {}` first", aloft_study::quote::path(&study.config_path)),
+            format!("nothing was identified from {} rows in {}", rows.word(), session.workspace.display()),
+            format!("run `aloft run {}` first", aloft_study::quote::path(&session.config_path)),
         ));
     }
     let parameters: Parameters = read_json(&path)?;
     Ok(ParametersView {
         version: 1,
-        subject: study.facts.person.name.clone(),
+        subject: session.facts.person.name.clone(),
         rows_used: rows.word(),
         parameters,
-        assessment: assess::stored(study)?,
+        assessment: assess::stored(session)?,
     })
 }

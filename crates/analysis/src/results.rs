@@ -3,15 +3,15 @@
 
 use aloft_pipeline::made::as_made;
 use aloft_pipeline::results::Results;
-use aloft_study::session::Calendar;
-use aloft_study::study::{Role, Study};
+use aloft_study::calendar::Calendar;
+use aloft_study::subject_session::{Role, SubjectSession};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::workspace::{WHOLE_STUDY, Workspace};
 
 /// Results of a study that has rows.
 pub(crate) struct Made<'a> {
     /// The study with the settings that its results were made with.
-    pub study: &'a Study,
+    pub session: &'a SubjectSession,
     /// Its results.
     pub results: Results<'a>,
     /// Trials with rows and their roles.
@@ -22,7 +22,7 @@ pub(crate) struct Made<'a> {
 impl Made<'_> {
     /// Times of the session's recordings.
     pub fn calendar(&self) -> Calendar {
-        Calendar::of(self.study, self.workspace)
+        Calendar::of(self.session, self.workspace)
     }
 
     /// Names of the trials with rows that are used for identification.
@@ -38,12 +38,12 @@ fn refuse_damaged(ws: &Workspace, stage: &str, trial: &str) -> Result<(), Pipeli
 
 /// Calls `work` with the results of a study that has rows.
 pub(crate) fn with_results<T>(
-    study: &Study,
+    session: &SubjectSession,
     work: impl FnOnce(&Made<'_>) -> Result<T, StageFailure>,
 ) -> Result<T, PipelineError> {
-    let study = &as_made(study);
-    let ws = Workspace::open(&study.workspace);
-    for trial in study.included() {
+    let session = &as_made(session);
+    let ws = Workspace::open(&session.workspace);
+    for trial in session.included() {
         for stage in ["import", "ik", "filter", "flight", "regressor"] {
             refuse_damaged(&ws, stage, &trial.name)?;
         }
@@ -51,17 +51,17 @@ pub(crate) fn with_results<T>(
     for stage in ["scale", "calibrate", "identify"] {
         refuse_damaged(&ws, stage, WHOLE_STUDY)?;
     }
-    let trials: Vec<(String, Role)> = study
+    let trials: Vec<(String, Role)> = session
         .included()
         .filter(|t| t.role.is_dynamic() && ws.manifest("regressor", &t.name).is_some_and(|m| m.is_ok()))
         .map(|t| (t.name.clone(), t.role))
         .collect();
     if trials.is_empty() {
         return Err(PipelineError::request_hint(
-            format!("no trial in {} has rows", study.workspace.display()),
-            format!("run `aloft run {}` first", aloft_study::quote::path(&study.config_path)),
+            format!("no trial in {} has rows", session.workspace.display()),
+            format!("run `aloft run {}` first", aloft_study::quote::path(&session.config_path)),
         ));
     }
-    work(&Made { study, results: Results::of(&ws), trials, workspace: &ws })
+    work(&Made { session, results: Results::of(&ws), trials, workspace: &ws })
         .map_err(|f| PipelineError::Request { problem: f.problem, hint: f.hint })
 }

@@ -4,7 +4,7 @@ use crate::freshness::of_standings;
 use aloft_pipeline::graph::{self, Manifests, Need, Stage, TaskState};
 use aloft_pipeline::runner::stage_index;
 use aloft_pipeline::stages::STAGES;
-use aloft_study::study::{Study, TrialEntry};
+use aloft_study::subject_session::{SubjectSession, TrialEntry};
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::workspace::{Manifest, WHOLE_STUDY, Workspace};
 use serde::Serialize;
@@ -48,27 +48,27 @@ pub struct Explanation {
 fn stand(
     stage: &Stage,
     trial: Option<&TrialEntry>,
-    study: &Study,
+    session: &SubjectSession,
     ws: &Workspace,
     manifests: &Manifests,
 ) -> Result<TaskState, PipelineError> {
     let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
-    let inputs = graph::inputs(stage, trial, study, ws, manifests)?;
-    Ok(graph::standing(stage, trial, study, &inputs, manifests.get(stage.name, name)))
+    let inputs = graph::inputs(stage, trial, session, ws, manifests)?;
+    Ok(graph::standing(stage, trial, session, &inputs, manifests.get(stage.name, name)))
 }
 
 /// The grid. A stage downstream of a stale one is stale, too.
-pub fn status(study: &Study) -> Result<Status, PipelineError> {
-    let ws = Workspace::open(&study.workspace);
-    let manifests = Manifests::read_and_examine(study, &ws, STAGES);
-    grid(study, &ws, &manifests)
+pub fn status(session: &SubjectSession) -> Result<Status, PipelineError> {
+    let ws = Workspace::open(&session.workspace);
+    let manifests = Manifests::read_and_examine(session, &ws, STAGES);
+    grid(session, &ws, &manifests)
 }
 
 /// The same from manifests that were already read.
-pub fn grid(study: &Study, ws: &Workspace, manifests: &Manifests) -> Result<Status, PipelineError> {
-    let standings = standings(study, ws, manifests)?;
+pub fn grid(session: &SubjectSession, ws: &Workspace, manifests: &Manifests) -> Result<Status, PipelineError> {
+    let standings = standings(session, ws, manifests)?;
     let behind: HashSet<(String, String)> =
-        of_standings(study, ws, &standings).into_iter().map(|n| (n.stage, n.trial)).collect();
+        of_standings(session, ws, &standings).into_iter().map(|n| (n.stage, n.trial)).collect();
     let word = |stage: &'static str, trial: &str| {
         let key = (stage, trial.to_owned());
         match standings.get(&key) {
@@ -77,7 +77,7 @@ pub fn grid(study: &Study, ws: &Workspace, manifests: &Manifests) -> Result<Stat
             Some(s) => s.word().to_owned(),
         }
     };
-    let mut rows: Vec<StatusRow> = study
+    let mut rows: Vec<StatusRow> = session
         .trials
         .iter()
         .map(|trial| {
@@ -93,32 +93,36 @@ pub fn grid(study: &Study, ws: &Workspace, manifests: &Manifests) -> Result<Stat
 }
 
 /// Reason for the present state of one result.
-pub fn explain(study: &Study, trial: &str, stage: &str) -> Result<Explanation, PipelineError> {
+pub fn explain(session: &SubjectSession, trial: &str, stage: &str) -> Result<Explanation, PipelineError> {
     let stage = STAGES[stage_index(stage)?];
-    let ws = Workspace::open(&study.workspace);
-    let manifests = Manifests::read_and_examine(study, &ws, STAGES);
-    let task = stage.tasks(study).into_iter().find(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()) == trial);
+    let ws = Workspace::open(&session.workspace);
+    let manifests = Manifests::read_and_examine(session, &ws, STAGES);
+    let task = stage.tasks(session).into_iter().find(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()) == trial);
     let Some(task) = task else {
         let names: Vec<&str> =
-            stage.tasks(study).into_iter().map(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str())).collect();
+            stage.tasks(session).into_iter().map(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str())).collect();
         return Err(PipelineError::request_hint(
             format!("stage {} does not run for `{trial}`", stage.name),
             format!("it runs for {}", names.join(", ")),
         ));
     };
-    let standings = standings(study, &ws, &manifests)?;
-    Ok(explanation(stage, task, study, &manifests, &standings))
+    let standings = standings(session, &ws, &manifests)?;
+    Ok(explanation(stage, task, session, &manifests, &standings))
 }
 
 /// State of every task, by stage and trial.
 pub type Standings = HashMap<(&'static str, String), TaskState>;
 
-pub(crate) fn standings(study: &Study, ws: &Workspace, manifests: &Manifests) -> Result<Standings, PipelineError> {
+pub(crate) fn standings(
+    session: &SubjectSession,
+    ws: &Workspace,
+    manifests: &Manifests,
+) -> Result<Standings, PipelineError> {
     let mut all = HashMap::new();
     for stage in STAGES {
-        for task in stage.tasks(study) {
+        for task in stage.tasks(session) {
             let name = task.map_or(WHOLE_STUDY, |t| t.name.as_str()).to_owned();
-            all.insert((stage.name, name), stand(stage, task, study, ws, manifests)?);
+            all.insert((stage.name, name), stand(stage, task, session, ws, manifests)?);
         }
     }
     Ok(all)
@@ -127,27 +131,27 @@ pub(crate) fn standings(study: &Study, ws: &Workspace, manifests: &Manifests) ->
 /// All results that are not up to date, stage by stage: `(stage, trial, why)`; for one trial and
 /// what is made from it, or for all.
 pub fn explain_all(
-    study: &Study,
+    session: &SubjectSession,
     trial: Option<&str>,
 ) -> Result<Vec<(&'static str, String, Explanation)>, PipelineError> {
-    if let Some(name) = trial.filter(|n| *n != WHOLE_STUDY && study.trial(n).is_none()) {
-        let names: Vec<&str> = study.trials.iter().map(|t| t.name.as_str()).collect();
+    if let Some(name) = trial.filter(|n| *n != WHOLE_STUDY && session.trial(n).is_none()) {
+        let names: Vec<&str> = session.trials.iter().map(|t| t.name.as_str()).collect();
         return Err(PipelineError::request_hint(
             format!("there is no trial `{name}`"),
             format!("the trials are {}", names.join(", ")),
         ));
     }
-    let ws = Workspace::open(&study.workspace);
-    let manifests = Manifests::read_and_examine(study, &ws, STAGES);
-    let standings = standings(study, &ws, &manifests)?;
+    let ws = Workspace::open(&session.workspace);
+    let manifests = Manifests::read_and_examine(session, &ws, STAGES);
+    let standings = standings(session, &ws, &manifests)?;
     let mut all = Vec::new();
     for stage in STAGES {
-        for task in stage.tasks(study) {
+        for task in stage.tasks(session) {
             let name = task.map_or(WHOLE_STUDY, |t| t.name.as_str());
             if trial.is_some_and(|t| t != name) {
                 continue;
             }
-            let found = explanation(stage, task, study, &manifests, &standings);
+            let found = explanation(stage, task, session, &manifests, &standings);
             if !found.standing.is_current() || !found.before.is_empty() {
                 all.push((stage.name, name.to_owned(), found));
             }
@@ -159,7 +163,7 @@ pub fn explain_all(
 fn explanation(
     stage: &Stage,
     task: Option<&TrialEntry>,
-    study: &Study,
+    session: &SubjectSession,
     manifests: &Manifests,
     standings: &Standings,
 ) -> Explanation {
@@ -167,7 +171,7 @@ fn explanation(
     let of = |stage: &Stage, name: &str| standings.get(&(stage.name, name.to_owned())).cloned();
     let mut before = Vec::new();
     let mut seen = BTreeSet::from([(stage.name, name.to_owned())]);
-    let mut open = inputs_of(stage, task, study);
+    let mut open = inputs_of(stage, task, session);
     while let Some((above, task)) = open.pop() {
         let above_name = task.map_or(WHOLE_STUDY, |t| t.name.as_str());
         if !seen.insert((above.name, above_name.to_owned())) {
@@ -183,7 +187,7 @@ fn explanation(
             let of_whom = if task.is_some() { format!(" of {above_name}") } else { String::new() };
             before.push(format!("`{}`{of_whom}: {because}", above.name));
         }
-        open.extend(inputs_of(above, task, study));
+        open.extend(inputs_of(above, task, session));
     }
     before.sort();
     // many trials with the same reason: name only the first few
@@ -203,7 +207,7 @@ fn explanation(
 pub(crate) fn inputs_of<'s>(
     stage: &Stage,
     task: Option<&'s TrialEntry>,
-    study: &'s Study,
+    session: &'s SubjectSession,
 ) -> Vec<(&'static Stage, Option<&'s TrialEntry>)> {
     let named = |name: &str| STAGES.iter().copied().find(|s| s.name == name);
     let mut found = Vec::new();
@@ -214,14 +218,14 @@ pub(crate) fn inputs_of<'s>(
             Need::Once(name) => found.extend(named(name).map(|s| (s, None))),
             Need::Every(name, roles) => {
                 if let Some(s) = named(name) {
-                    found.extend(study.included().filter(|t| roles.contains(&t.role)).map(|t| (s, Some(t))));
+                    found.extend(session.included().filter(|t| roles.contains(&t.role)).map(|t| (s, Some(t))));
                 }
             }
             Need::EveryOrStaticFrames(name, roles) => {
-                let still = study.config.trials.static_frames.as_ref().map(|f| f.trial.as_str());
+                let still = session.config.trials.static_frames.as_ref().map(|f| f.trial.as_str());
                 let takes = |t: &&TrialEntry| roles.contains(&t.role) || still == Some(t.name.as_str());
                 if let Some(s) = named(name) {
-                    found.extend(study.included().filter(takes).map(|t| (s, Some(t))));
+                    found.extend(session.included().filter(takes).map(|t| (s, Some(t))));
                 }
             }
         }

@@ -5,10 +5,10 @@ use crate::freshness::{NotCurrent, freshness};
 use aloft_pipeline::graph::{Manifests, Scope};
 use aloft_pipeline::stages::STAGES;
 use aloft_regressor::weak::force_scale_n;
+use aloft_study::data_set::DataSet;
 use aloft_study::quote::{self, visible};
-use aloft_study::recordings::StudyId;
-use aloft_study::studies::StudySet;
-use aloft_study::study::{Role, Study, TrialEntry};
+use aloft_study::recordings::SessionId;
+use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::disk::{self, Temporary};
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::qc::{QcLevel, QcReason};
@@ -124,7 +124,7 @@ pub struct SummaryRow {
 
 /// Shell command that repeats only one trial (or the study-wide stages of one session); `words`
 /// holds the pipeline and the folders.
-pub fn again(words: &str, id: &StudyId, trial: &str) -> String {
+pub fn again(words: &str, id: &SessionId, trial: &str) -> String {
     let mut chosen = Vec::new();
     let trial = (trial != WHOLE_STUDY).then(|| trial.to_owned());
     for (flag, name) in [("subject", &id.subject), ("session", &id.session), ("trial", &trial)] {
@@ -136,14 +136,14 @@ pub fn again(words: &str, id: &StudyId, trial: &str) -> String {
 
 /// Builds the table from the results of the stages; `words` holds the pipeline and the folders for
 /// the commands that repeat a trial.
-pub fn summary(set: &StudySet, words: &str) -> Result<Summary, PipelineError> {
+pub fn summary(set: &DataSet, words: &str) -> Result<Summary, PipelineError> {
     let (mut rows, mut stale) = (Vec::new(), Vec::new());
-    for study in &set.members {
-        rows.extend(rows_of(study, words)?);
-        let (subject, session) = (&study.id.subject, &study.id.session);
-        stale.extend(freshness(study)?.stale.into_iter().map(|result| StaleOf {
-            subject: subject.clone(),
-            session: session.clone(),
+    for session in &set.members {
+        rows.extend(rows_of(session, words)?);
+        let id = &session.id;
+        stale.extend(freshness(session)?.stale.into_iter().map(|result| StaleOf {
+            subject: id.subject.clone(),
+            session: id.session.clone(),
             result,
         }));
     }
@@ -184,27 +184,27 @@ pub fn summary(set: &StudySet, words: &str) -> Result<Summary, PipelineError> {
     Ok(Summary { version: 1, rows, reasons, stale })
 }
 
-fn rows_of(study: &Study, words: &str) -> Result<Vec<SummaryRow>, PipelineError> {
-    let ws = Workspace::open(&study.workspace);
-    let manifests = Manifests::read_and_examine(study, &ws, STAGES);
-    let made = aloft_pipeline::made::as_made(study);
-    let grid = super::status::grid(study, &ws, &manifests)?;
+fn rows_of(session: &SubjectSession, words: &str) -> Result<Vec<SummaryRow>, PipelineError> {
+    let ws = Workspace::open(&session.workspace);
+    let manifests = Manifests::read_and_examine(session, &ws, STAGES);
+    let made = aloft_pipeline::made::as_made(session);
+    let grid = super::status::grid(session, &ws, &manifests)?;
     // after a failed session-wide stage, the trials have no results from later stages
-    let failed_study = STAGES.iter().filter(|s| s.scope == Scope::Study).find_map(|s| {
+    let failed_study = STAGES.iter().filter(|s| s.scope == Scope::SubjectSession).find_map(|s| {
         manifests.get(s.name, WHOLE_STUDY).and_then(|m| match &m.outcome {
             Outcome::Failed(f) => Some((s.name, f.clone())),
             Outcome::Ok => None,
         })
     });
-    let name = study.id.subject.clone().unwrap_or_else(|| study.facts.person.name.clone());
-    study
+    let name = session.id.subject.clone().unwrap_or_else(|| session.facts.person.name.clone());
+    session
         .trials
         .iter()
         .zip(&grid.rows)
         .map(|(trial, cells)| {
             let mut row = SummaryRow {
                 subject: name.clone(),
-                session: study.id.session.clone(),
+                session: session.id.session.clone(),
                 trial: trial.name.clone(),
                 role: trial.role.word().to_owned(),
                 ..SummaryRow::default()
@@ -228,7 +228,7 @@ fn rows_of(study: &Study, words: &str) -> Result<Vec<SummaryRow>, PipelineError>
                 }));
                 row.message = Some(format!("{stage}: {}", failure.problem));
                 row.hint.clone_from(&failure.hint);
-                row.again = Some(again(words, &study.id, &trial.name));
+                row.again = Some(again(words, &session.id, &trial.name));
             } else if is("blocked") {
                 let (stage, failure) = failed_study.clone().unzip();
                 row.reasons.push(if stage == Some("scale") { QcReason::ScalingFailed } else { QcReason::Blocked });
@@ -236,7 +236,7 @@ fn rows_of(study: &Study, words: &str) -> Result<Vec<SummaryRow>, PipelineError>
                     row.message = Some(format!("{stage}: {}", failure.problem));
                     row.hint = failure.hint;
                 }
-                row.again = Some(again(words, &study.id, WHOLE_STUDY));
+                row.again = Some(again(words, &session.id, WHOLE_STUDY));
             } else if is("stale") || is("missing") || is("damaged") {
                 row.reasons.push(QcReason::NotRun);
             }
@@ -254,7 +254,7 @@ fn count(m: Option<&Manifest>, key: &str) -> Option<u64> {
 }
 
 /// Values of one trial and the reasons that follow from them.
-fn figures(row: &mut SummaryRow, study: &Study, trial: &TrialEntry, manifests: &Manifests) {
+fn figures(row: &mut SummaryRow, session: &SubjectSession, trial: &TrialEntry, manifests: &Manifests) {
     let own = |stage: &str| manifests.get(stage, &trial.name).filter(|m| m.is_ok());
     let once = |stage: &str| manifests.get(stage, WHOLE_STUDY).filter(|m| m.is_ok());
     let import = own("import");
@@ -289,7 +289,7 @@ fn figures(row: &mut SummaryRow, study: &Study, trial: &TrialEntry, manifests: &
     if row.free_fall_error_percent.is_some_and(|e| e.abs() > FREE_FALL_LIMIT_PERCENT) {
         row.reasons.push(QcReason::FreeFallOff);
     }
-    let rows = study.config.regressor.rows.word();
+    let rows = session.config.regressor.rows.word();
     let identify = once("identify");
     row.sigma_ratio = number(identify, &format!("sigma_ratio_{rows}"));
     if identify.is_some_and(|m| m.summary.get("gate_passed") == Some(&serde_json::Value::Bool(false))) {
@@ -301,7 +301,7 @@ fn figures(row: &mut SummaryRow, study: &Study, trial: &TrialEntry, manifests: &
     row.contact_moment_nm = error("contact", "moment_nm");
     row.flight_force_n = error("flight", "force_n");
     row.flight_moment_nm = error("flight", "moment_nm");
-    let weight = force_scale_n(study.facts.person.mass_kg, study.facts.gravity_mps2);
+    let weight = force_scale_n(session.facts.person.mass_kg, session.facts.gravity_mps2);
     if [row.contact_force_n, row.flight_force_n].iter().flatten().any(|e| *e > COMPARISON_LIMIT * weight) {
         row.reasons.push(QcReason::ComparisonLarge);
     }

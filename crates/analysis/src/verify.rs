@@ -2,7 +2,7 @@
 
 use crate::freshness::{NotCurrent, freshness};
 use aloft_pipeline::stages::STAGES;
-use aloft_study::study::Study;
+use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::seal;
 use aloft_workspace::workspace::{Manifest, WHOLE_STUDY, Workspace};
@@ -57,11 +57,11 @@ const KEPT: [(&str, &str); 6] = [
 ///
 /// # Errors
 /// The workspace was made by another version; a folder cannot be listed.
-pub fn verify(study: &Study) -> Result<Verified, PipelineError> {
-    let ws = Workspace::open(&study.workspace);
+pub fn verify(session: &SubjectSession) -> Result<Verified, PipelineError> {
+    let ws = Workspace::open(&session.workspace);
     let mut out = Verified {
         version: 1,
-        workspace: study.workspace.display().to_string(),
+        workspace: session.workspace.display().to_string(),
         results: 0,
         files: 0,
         bytes: 0,
@@ -80,7 +80,7 @@ pub fn verify(study: &Study) -> Result<Verified, PipelineError> {
             out.files += m.files.len() + 1;
             out.bytes += m.files.values().map(|f| f.bytes).sum::<u64>();
         }
-        if !is_used(study, stage, trial) {
+        if !is_used(session, stage, trial) {
             out.unused.push(place.clone());
         }
         if !problems.is_empty() {
@@ -108,7 +108,7 @@ pub fn verify(study: &Study) -> Result<Verified, PipelineError> {
             out.damaged.push(Damage { place: name, problems: vec![problem], mend: mend.to_owned() });
         }
     }
-    out.stale = freshness(study)?.stale;
+    out.stale = freshness(session)?.stale;
     // a missing folder cannot be compared with its hash, but later results were made from it
     for one in out.stale.iter().filter(|n| n.state == "missing" && n.stage != "model") {
         let key = format!("{}/{}", one.stage, one.trial);
@@ -124,10 +124,10 @@ pub fn verify(study: &Study) -> Result<Verified, PipelineError> {
     Ok(out)
 }
 
-fn is_used(study: &Study, stage: &str, trial: &str) -> bool {
+fn is_used(session: &SubjectSession, stage: &str, trial: &str) -> bool {
     match STAGES.iter().find(|s| s.name == stage) {
         None => true,
-        Some(s) => s.tasks(study).into_iter().any(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()) == trial),
+        Some(s) => s.tasks(session).into_iter().any(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()) == trial),
     }
 }
 

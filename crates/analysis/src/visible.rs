@@ -2,13 +2,13 @@
 //! identification determine the effect at all?
 
 use crate::results::with_results;
-use aloft_effects::{ActsIn, Choice, Scene};
+use aloft_effects::{ActsIn, EffectInstance, Scene};
 use aloft_identify::{Estimator, Unseen, Visible};
 use aloft_pipeline::stages::identify::{self, estimator};
 use aloft_pipeline::stages::regressor::{self, TrialRows, factors_of, row_kind};
 use aloft_regressor::{Factor, StretchKind};
 use aloft_study::revision::ModelEffect;
-use aloft_study::study::Study;
+use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use rayon::prelude::*;
 
@@ -19,15 +19,15 @@ const NAMED: usize = 4;
 /// or if it duplicates another effect of the model; `choice` is the same effect bound to `scene`.
 /// An effect with some determined coefficients is accepted: `parameters` shows which are not.
 pub fn refuse_invisible(
-    study: &Study,
+    session: &SubjectSession,
     effects: &[ModelEffect],
-    choice: &Choice<'_>,
+    choice: &EffectInstance<'_>,
     scene: &Scene,
 ) -> Result<(), PipelineError> {
     let (key, names) = (choice.key(scene), choice.names(scene));
-    let contact = study.config.identify.contact;
-    let own_estimator = estimator(&identify::Params::of(study), study.config.regressor.rows);
-    let model = Study { effects: effects.to_vec(), ..study.clone() };
+    let contact = session.config.identify.contact;
+    let own_estimator = estimator(&identify::Params::of(session), session.config.regressor.rows);
+    let model = SubjectSession { effects: effects.to_vec(), ..session.clone() };
     let factors = with_results(&model, |made| {
         let kind = row_kind(model.config.regressor.rows);
         let own = regressor::Params::of(&model, None);
@@ -36,7 +36,7 @@ pub fn refuse_invisible(
             .training()
             .par_iter()
             .map(|name| {
-                let rows = TrialRows::load(results, &made.study.config.filter, &|| made.calendar(), name, &subject)?;
+                let rows = TrialRows::load(results, &made.session.config.filter, &|| made.calendar(), name, &subject)?;
                 let (factors, _) = factors_of(&own, &rows)?;
                 let used = |f: &Factor| f.rows == kind && (contact || f.kind == StretchKind::Flight);
                 Ok(factors.into_iter().map(|(_, f)| f).filter(used).collect())
@@ -64,7 +64,7 @@ pub fn refuse_invisible(
     };
     let what = if names.len() == 1 { String::new() } else { format!(" (`{name}`)") };
     let problem =
-        format!("`{key}` is not added: the rows of {} do not determine it{what}: {}", rows(&factors), why.words());
+        format!("`{key}` is not added: the rows of {} do not determine it{what}: {}", rows(&factors), why.describe());
     let hint = match why {
         Unseen::Zero if !contact && choice.effect.acts() == ActsIn::Contact => {
             "an effect of the plates needs contact in identification: set `identify: {contact: true}`"

@@ -17,7 +17,7 @@ use aloft_pipeline::graph::{self, Manifests, Need, Scope, Stage, TaskState};
 use aloft_pipeline::merge;
 use aloft_pipeline::stages::STAGES;
 use aloft_study::quote;
-use aloft_study::study::{Role, Study, TrialEntry};
+use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::workspace::{MARKER, WHOLE_STUDY, Workspace, marker_text, write_json_whole, write_whole};
 use serde_json::{Value, json};
@@ -28,21 +28,21 @@ use std::path::{Path, PathBuf};
 #[derive(Debug)]
 pub struct Member<'a> {
     /// Its recordings.
-    pub study: &'a Study,
+    pub session: &'a SubjectSession,
 }
 
 impl Member<'_> {
     /// Name in paths: `sub-01~ses-1`, or the study's name if there is only one. The parts contain
     /// no `~`.
     fn key(&self) -> String {
-        let id = &self.study.id;
+        let id = &self.session.id;
         let parts: Vec<String> = [&id.subject, &id.session].into_iter().flatten().map(|n| names::file(n)).collect();
-        if parts.is_empty() { names::file(&self.study.config.name) } else { parts.join("~") }
+        if parts.is_empty() { names::file(&self.session.config.name) } else { parts.join("~") }
     }
 
     /// Command-line arguments that select it.
-    fn words(&self) -> Vec<String> {
-        let id = &self.study.id;
+    fn describe(&self) -> Vec<String> {
+        let id = &self.session.id;
         [("subject", &id.subject), ("session", &id.session)]
             .into_iter()
             .flat_map(|(flag, name)| name.iter().flat_map(move |n| quote::option(flag, &quote::pattern(n))))
@@ -67,7 +67,7 @@ pub struct Call {
 fn roles(stage: &Stage) -> Option<&'static [Role]> {
     match stage.scope {
         Scope::Trial(roles) => Some(roles),
-        Scope::Study => None,
+        Scope::SubjectSession => None,
     }
 }
 
@@ -81,14 +81,14 @@ fn group(stage: &Stage) -> Option<String> {
 }
 
 /// Short hash of what a stage's jobs depend on besides files: its version and its parameters.
-fn seen(stage: &Stage, study: &Study) -> String {
-    let parameters: Vec<Value> = stage.tasks(study).into_iter().map(|t| (stage.parameters)(study, t)).collect();
+fn seen(stage: &Stage, session: &SubjectSession) -> String {
+    let parameters: Vec<Value> = stage.tasks(session).into_iter().map(|t| (stage.parameters)(session, t)).collect();
     let text = json!([stage.version, parameters]).to_string();
     blake3::hash(text.as_bytes()).to_hex()[..12].to_owned()
 }
 
 /// Results that no other stage reads, `stage/trial`: if these exist, all others do, too.
-fn ends(study: &Study) -> Vec<String> {
+fn ends(session: &SubjectSession) -> Vec<String> {
     let read = |name: &str, trial: Option<&TrialEntry>| {
         let plays = |roles: &[Role]| trial.is_some_and(|t| roles.contains(&t.role));
         STAGES.iter().any(|by| {
@@ -100,15 +100,15 @@ fn ends(study: &Study) -> Vec<String> {
             })
         })
     };
-    let all = STAGES.iter().flat_map(|s| s.tasks(study).into_iter().map(|t| (s.name, t)));
+    let all = STAGES.iter().flat_map(|s| s.tasks(session).into_iter().map(|t| (s.name, t)));
     all.filter(|(name, t)| !read(name, *t))
         .map(|(name, t)| format!("{name}/{}", t.map_or(WHOLE_STUDY.to_owned(), |t| names::file(&t.name))))
         .collect()
 }
 
 fn plan(member: &Member<'_>) -> Value {
-    let study = member.study;
-    let trials: serde_json::Map<String, Value> = study
+    let session = member.session;
+    let trials: serde_json::Map<String, Value> = session
         .included()
         .map(|t| {
             let files: Vec<String> =
@@ -118,17 +118,17 @@ fn plan(member: &Member<'_>) -> Value {
         })
         .collect();
     let hashes: serde_json::Map<String, Value> =
-        STAGES.iter().map(|s| (s.name.to_owned(), json!(seen(s, study)))).collect();
+        STAGES.iter().map(|s| (s.name.to_owned(), json!(seen(s, session)))).collect();
     let identify: Vec<String> =
-        study.included().filter(|t| t.role == Role::Identify).map(|t| names::file(&t.name)).collect();
+        session.included().filter(|t| t.role == Role::Identify).map(|t| names::file(&t.name)).collect();
     json!({
-        "words": member.words(),
+        "words": member.describe(),
         "trials": trials,
         "identify": identify,
-        "static_frames": study.config.trials.static_frames.as_ref().map(|f| names::file(&f.trial)),
+        "static_frames": session.config.trials.static_frames.as_ref().map(|f| names::file(&f.trial)),
         "seen": hashes,
-        "merge": merge::Tree::of(study).levels(),
-        "ends": ends(study),
+        "merge": merge::Tree::of(session).levels(),
+        "ends": ends(session),
     })
 }
 
@@ -137,7 +137,7 @@ fn python(text: &str) -> String {
     Value::String(text.to_owned()).to_string()
 }
 
-fn words_of_roles(roles: &[Role]) -> String {
+fn description_of_roles(roles: &[Role]) -> String {
     let all: Vec<String> = roles.iter().map(|r| python(r.word())).collect();
     format!("[{}]", all.join(", "))
 }
@@ -148,17 +148,17 @@ fn inputs(stage: &Stage) -> Vec<String> {
     for need in stage.needs {
         match need {
             Need::Recording => out.push("recordings".to_owned()),
-            Need::Same(name) => out.push(format!("MARKS + \"/{{study}}/{name}/{{trial}}.done\"")),
-            Need::Once(name) => out.push(format!("MARKS + \"/{{study}}/{name}/_study.done\"")),
+            Need::Same(name) => out.push(format!("MARKS + \"/{{session}}/{name}/{{trial}}.done\"")),
+            Need::Once(name) => out.push(format!("MARKS + \"/{{session}}/{name}/_study.done\"")),
             // the inputs of the root of the merge tree need not be listed one by one
             Need::Every("regressor", _) if stage.name == "identify" => out.push("root_of_merges".to_owned()),
             Need::Every(..) if stage.needs.contains(&Need::Once("identify")) => {
                 if let Need::Every("regressor", roles) = need {
-                    out.push(format!("every(\"regressor\", {})", words_of_roles(roles)));
+                    out.push(format!("every(\"regressor\", {})", description_of_roles(roles)));
                 }
             }
             Need::Every(name, roles) | Need::EveryOrStaticFrames(name, roles) => {
-                out.push(format!("every({}, {})", python(name), words_of_roles(roles)));
+                out.push(format!("every({}, {})", python(name), description_of_roles(roles)));
             }
         }
     }
@@ -175,8 +175,8 @@ fn rule(stage: &Stage) -> String {
     for input in inputs(stage) {
         let _ = writeln!(out, "        {input},");
     }
-    let _ = writeln!(out, "    output:\n        touch(MARKS + \"/{{study}}/{}/{trial}.done\"),", stage.name);
-    let _ = writeln!(out, "    log:\n        MARKS + \"/{{study}}/{}/{trial}.log\",", stage.name);
+    let _ = writeln!(out, "    output:\n        touch(MARKS + \"/{{session}}/{}/{trial}.done\"),", stage.name);
+    let _ = writeln!(out, "    log:\n        MARKS + \"/{{session}}/{}/{trial}.log\",", stage.name);
     let _ = writeln!(out, "    params:");
     let _ = writeln!(out, "        words=lambda w: STUDIES[w.study][\"words\"],");
     if !whole {
@@ -363,9 +363,9 @@ const MERGE_RULE: &str = r#"rule merge:
     input:
         merge_node,
     output:
-        touch(MARKS + "/{study}/merge/{level}-{index}.done"),
+        touch(MARKS + "/{session}/merge/{level}-{index}.done"),
     log:
-        MARKS + "/{study}/merge/{level}-{index}.log",
+        MARKS + "/{session}/merge/{level}-{index}.log",
     params:
         words=lambda w: STUDIES[w.study]["words"],
         seen=lambda w: STUDIES[w.study]["seen"]["identify"],
@@ -418,25 +418,25 @@ pub struct Lacking {
 
 /// Every result of a study that is missing or not up to date, those that failed by themselves
 /// first.
-pub fn verdict(study: &Study) -> Result<Vec<Lacking>, PipelineError> {
-    let workspace = Workspace::open(&study.workspace);
-    let manifests = Manifests::read_and_examine(study, &workspace, STAGES);
+pub fn verdict(session: &SubjectSession) -> Result<Vec<Lacking>, PipelineError> {
+    let workspace = Workspace::open(&session.workspace);
+    let manifests = Manifests::read_and_examine(session, &workspace, STAGES);
     let mut out = Vec::new();
     for stage in STAGES {
-        for trial in stage.tasks(study) {
+        for trial in stage.tasks(session) {
             let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
-            let inputs = graph::inputs(stage, trial, study, &workspace, &manifests)?;
-            let (failure, first) = match graph::standing(stage, trial, study, &inputs, manifests.get(stage.name, name))
-            {
-                TaskState::Ok | TaskState::Warning => continue,
-                TaskState::Failed(failure) => (failure, true),
-                TaskState::Missing => (StageFailure::new("has not run"), true),
-                TaskState::Stale(changes) => (StageFailure::new(format!("is stale: {}", changes.join("; "))), true),
-                TaskState::Damaged(problems) => {
-                    (StageFailure::new(format!("is damaged: {}", problems.join("; "))), true)
-                }
-                TaskState::Blocked(reason) => (StageFailure::new(reason), false),
-            };
+            let inputs = graph::inputs(stage, trial, session, &workspace, &manifests)?;
+            let (failure, first) =
+                match graph::standing(stage, trial, session, &inputs, manifests.get(stage.name, name)) {
+                    TaskState::Ok | TaskState::Warning => continue,
+                    TaskState::Failed(failure) => (failure, true),
+                    TaskState::Missing => (StageFailure::new("has not run"), true),
+                    TaskState::Stale(changes) => (StageFailure::new(format!("is stale: {}", changes.join("; "))), true),
+                    TaskState::Damaged(problems) => {
+                        (StageFailure::new(format!("is damaged: {}", problems.join("; "))), true)
+                    }
+                    TaskState::Blocked(reason) => (StageFailure::new(reason), false),
+                };
             out.push(Lacking { stage: stage.name, trial: name.to_owned(), failure, first });
         }
     }

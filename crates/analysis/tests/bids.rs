@@ -3,8 +3,8 @@
 
 use aloft_c3d::C3dFile;
 use aloft_pipeline::runner::{Selection, Silent, run_all};
-use aloft_study::studies::StudySet;
-use aloft_study::study::Overrides;
+use aloft_study::data_set::DataSet;
+use aloft_study::subject_session::Overrides;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -80,7 +80,7 @@ fn a_bids_dataset_gives_what_its_c3d_files_give() {
     let run = |pipeline: &Path, data: &Path, ws: &Path| {
         let overrides =
             Overrides { data: Some(data.to_path_buf()), workspace: Some(ws.to_path_buf()), ..Overrides::default() };
-        let set = StudySet::open(pipeline, &overrides).unwrap();
+        let set = DataSet::open(pipeline, &overrides).unwrap();
         let done = run_all(&set, &Selection::default(), &Silent).unwrap();
         assert!(!done.has_trouble(), "{:#?}", done.runs);
         set

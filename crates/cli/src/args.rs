@@ -47,8 +47,9 @@ pub struct StrictArgs {
 /// Rows that results are built on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum RowsArg {
-    /// The paper's acceleration rows.
-    Paper,
+    /// The paper's acceleration rows (`paper` means the same).
+    #[value(alias = "paper")]
+    Acceleration,
     /// Weak momentum rows.
     Weak,
 }
@@ -278,7 +279,7 @@ pub enum Command {
     },
     /// Show the identified parameters with intervals and the prior beside them.
     #[command(
-        after_help = "Examples:\n  aloft parameters P.yaml\n  aloft parameters P.yaml --rows paper\n  aloft parameters P.yaml --subject sub-02 --json"
+        after_help = "Examples:\n  aloft parameters P.yaml\n  aloft parameters P.yaml --rows acceleration\n  aloft parameters P.yaml --subject sub-02 --json"
     )]
     Parameters {
         /// The pipeline.

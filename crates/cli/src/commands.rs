@@ -2,7 +2,7 @@
 
 use crate::args::{AnglesArg, Cli, Command, EffectAction, EngineArg, PipelineArgs, RowsArg};
 use crate::each::{broken, each, each_result, fail, heading, notice};
-use crate::open::{open, open_all, words_of};
+use crate::open::{description_of, open, open_all};
 use crate::progress::{Bars, Counted};
 use crate::render::{command, json, note, out, table};
 use crate::stop::Stop;
@@ -15,17 +15,17 @@ use aloft_analysis::{
 use aloft_pipeline::graph::TaskState;
 use aloft_pipeline::runner::{self, BatchReport, Ended, RunReport, Selection};
 use aloft_study::config::{Angles, Rows};
+use aloft_study::data_set::DataSet;
 use aloft_study::quote::{self, visible};
-use aloft_study::recordings::StudyId;
-use aloft_study::studies::StudySet;
-use aloft_study::study::Study;
+use aloft_study::recordings::SessionId;
+use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use clap::CommandFactory;
 
 impl From<RowsArg> for Rows {
     fn from(rows: RowsArg) -> Self {
         match rows {
-            RowsArg::Paper => Self::Paper,
+            RowsArg::Acceleration => Self::Acceleration,
             RowsArg::Weak => Self::Weak,
         }
     }
@@ -41,16 +41,16 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
         Command::Check { pipeline } => show_check(&pipeline),
         Command::Status { pipeline, strict, json: as_json } => {
             let late = std::cell::Cell::new(false);
-            let ask = |study: &Study| {
-                late.set(late.get() || !freshness(study)?.is_current());
-                status::status(study)
+            let ask = |session: &SubjectSession| {
+                late.set(late.get() || !freshness(session)?.is_current());
+                status::status(session)
             };
             Ok(strict.judge(each(&pipeline, as_json, ask, show_status)?, late.get()))
         }
         Command::Verify { pipeline, strict, json: as_json } => {
             let (damaged, late) = (std::cell::Cell::new(false), std::cell::Cell::new(false));
-            let ask = |study: &Study| {
-                let found = verify::verify(study)?;
+            let ask = |session: &SubjectSession| {
+                let found = verify::verify(session)?;
                 damaged.set(damaged.get() || !found.damaged.is_empty());
                 late.set(late.get() || !found.stale.is_empty());
                 Ok(found)
@@ -60,9 +60,9 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
         }
         Command::Summary { pipeline, strict, json: as_json } => {
             let set = open_all(&pipeline)?;
-            let found = summary::summary(&set, &words_of(&pipeline))?;
-            for study in &set.members {
-                notice(study, &freshness(study)?);
+            let found = summary::summary(&set, &description_of(&pipeline))?;
+            for session in &set.members {
+                notice(session, &freshness(session)?);
             }
             if as_json {
                 json(&found)?
@@ -74,8 +74,8 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
         Command::Explain { pipeline, strict, trial, stage } => {
             let done = explain(&pipeline, trial.as_deref(), stage.as_deref())?;
             let mut late = false;
-            for study in &open_all(&pipeline)?.members {
-                late = late || !freshness(study)?.is_current();
+            for session in &open_all(&pipeline)?.members {
+                late = late || !freshness(session)?.is_current();
             }
             Ok(strict.judge(done, late))
         }
@@ -89,11 +89,11 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             Ok(Success::Full)
         }
         Command::Parameters { pipeline, strict, rows, assess: with_assessment, json: as_json } => {
-            let ask = |study: &Study| {
+            let ask = |session: &SubjectSession| {
                 if with_assessment {
-                    assess::assess(study)?;
+                    assess::assess(session)?;
                 }
-                parameters::parameters(study, rows.map(Rows::from))
+                parameters::parameters(session, rows.map(Rows::from))
             };
             each_result(&pipeline, strict, as_json, &["identify", "calibrate"], ask, show::parameters)
         }
@@ -109,9 +109,9 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
         }
         Command::Discover { pipeline, strict, only, without, self_test: true, json: as_json } => {
             let options = discover::options(only, without);
-            let ask = |study: &Study| {
+            let ask = |session: &SubjectSession| {
                 let bar = Counted::new("self-test");
-                discover::self_test(study, &options, &|done, all| bar.at(done, all))
+                discover::self_test(session, &options, &|done, all| bar.at(done, all))
             };
             each_result(&pipeline, strict, as_json, &[], ask, |found| findings::self_test(&found.self_test))
         }
@@ -122,7 +122,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
                 strict,
                 as_json,
                 &[],
-                |study| discover::discover(study, &options),
+                |session| discover::discover(session, &options),
                 |found| findings::discovery(found, &pipeline),
             )
         }
@@ -143,9 +143,9 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
                     fail(&id, &error.into());
                 }
                 let mut late = false;
-                for study in &set.members {
-                    let fresh = freshness(study)?;
-                    notice(study, &fresh);
+                for session in &set.members {
+                    let fresh = freshness(session)?;
+                    notice(session, &fresh);
                     late = late || !fresh.is_current();
                 }
                 return Ok(strict.judge(if trouble { Success::Partial } else { Success::Full }, late));
@@ -158,7 +158,8 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
                 )
                 .into());
             }
-            let write = |study: &Study| aloft_report::write(study, target.as_deref()).map(|path| Written { path });
+            let write =
+                |session: &SubjectSession| aloft_report::write(session, target.as_deref()).map(|path| Written { path });
             each_result(&pipeline, strict, false, &[], write, |done| out(done.path.display()))
         }
         Command::Export { pipeline, strict, to, format, trial, angles } => {
@@ -166,11 +167,11 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
                 AnglesArg::Model => Angles::Model,
                 AnglesArg::Isb => Angles::Isb,
             });
-            let ask = |study: &Study| {
+            let ask = |session: &SubjectSession| {
                 // in a study of several, each subject and session gets its own folder
-                let to = to.as_ref().map(|to| export::place_of(to, &study.id));
+                let to = to.as_ref().map(|to| export::place_of(to, &session.id));
                 let options = export::ExportOptions { to, formats: format.clone(), trials: trial.clone(), angles };
-                export::export(study, &options)
+                export::export(session, &options)
             };
             let trouble = std::cell::Cell::new(false);
             let done = each_result(&pipeline, strict, false, &[], ask, |done| {
@@ -256,26 +257,26 @@ fn effects(action: EffectAction) -> Result<Success, Stop> {
             Ok(Success::Full)
         }
         EffectAction::Add { pipeline, name, set, wait } => {
-            change_effects(&pipeline, |study| effect::add(study, &name, &set, wait, &Bars::default()))
+            change_effects(&pipeline, |session| effect::add(session, &name, &set, wait, &Bars::default()))
         }
         EffectAction::Remove { pipeline, name, wait } => {
-            change_effects(&pipeline, |study| effect::remove(study, &name, wait, &Bars::default()))
+            change_effects(&pipeline, |session| effect::remove(session, &name, wait, &Bars::default()))
         }
     }
 }
 
 fn change_effects(
     args: &PipelineArgs,
-    change: impl Fn(&Study) -> Result<(RunReport, effect::History), PipelineError>,
+    change: impl Fn(&SubjectSession) -> Result<(RunReport, effect::History), PipelineError>,
 ) -> Result<Success, Stop> {
     let set = open_all(args)?;
     let mut trouble = broken(&set);
-    for study in &set.members {
+    for session in &set.members {
         if set.several {
-            heading(&study.id)?;
+            heading(&session.id)?;
         }
-        let (report, history) = change(study)?;
-        show_run(&study.id, &report, args);
+        let (report, history) = change(session)?;
+        show_run(&session.id, &report, args);
         findings::history(&history)?;
         trouble |= report.has_trouble();
     }
@@ -304,15 +305,15 @@ fn run(args: &PipelineArgs, selection: &Selection, jobs: Option<usize>) -> Resul
     if set.several {
         note(totals(done.reports().map(|(_, r)| r), done.seconds));
     }
-    for (study, run) in set.members.iter().zip(&done.runs) {
+    for (session, run) in set.members.iter().zip(&done.runs) {
         let Ok(report) = &run.report else { continue };
         if report.tasks.iter().any(|t| t.stage == "compare" && matches!(t.ended, Ended::Ran | Ended::UpToDate)) {
-            match compare::compare(study) {
+            match compare::compare(session) {
                 Ok(found) if set.several => show::one_line(&found)?,
                 Ok(found) => show::brief(&found)?,
                 Err(error) => {
                     trouble = true;
-                    note(format!("failed: {}: {error}", study.id));
+                    note(format!("failed: {}: {error}", session.id));
                 }
             }
         }
@@ -320,7 +321,7 @@ fn run(args: &PipelineArgs, selection: &Selection, jobs: Option<usize>) -> Resul
     // parallel jobs would overwrite each other's summary; `aloft summary` writes it when they are
     // done
     if !selection.shared {
-        let summary = summary::summary(&set, &words_of(args))?;
+        let summary = summary::summary(&set, &description_of(args))?;
         let written = summary.write(&set.workspace)?;
         out(format!("\n{}", summary.to_text()))?;
         note(format!("summary: {}", written.display()));
@@ -332,7 +333,7 @@ fn run(args: &PipelineArgs, selection: &Selection, jobs: Option<usize>) -> Resul
     Ok(if trouble { Success::Partial } else { Success::Full })
 }
 
-fn show_dry_run(set: &StudySet, done: &BatchReport) -> Result<Success, Stop> {
+fn show_dry_run(set: &DataSet, done: &BatchReport) -> Result<Success, Stop> {
     let mut t = table(if set.several { &["stage", "trial", "of", "because"] } else { &["stage", "trial", "because"] });
     for (id, report) in done.reports() {
         for task in &report.tasks {
@@ -360,7 +361,7 @@ fn show_dry_run(set: &StudySet, done: &BatchReport) -> Result<Success, Stop> {
     Ok(if broken(set) | done.runs.iter().any(|r| r.report.is_err()) { Success::Partial } else { Success::Full })
 }
 
-fn show_run(id: &StudyId, done: &RunReport, args: &PipelineArgs) {
+fn show_run(id: &SessionId, done: &RunReport, args: &PipelineArgs) {
     let whose = if id.subject.is_some() { format!("{id} ") } else { String::new() };
     for line in &done.notes {
         note(format!("{whose}{line}"));
@@ -375,7 +376,7 @@ fn show_run(id: &StudyId, done: &RunReport, args: &PipelineArgs) {
         if let Some(hint) = &failure.hint {
             note(format!("  hint: {hint}"));
         }
-        command("  again", &summary::again(&words_of(args), id, &task.trial));
+        command("  again", &summary::again(&description_of(args), id, &task.trial));
     }
     if id.subject.is_none() {
         note(totals(std::iter::once(done), done.seconds));
@@ -408,11 +409,11 @@ fn totals<'r>(reports: impl Iterator<Item = &'r RunReport>, seconds: f64) -> Str
 fn show_check(args: &PipelineArgs) -> Result<Success, Stop> {
     let set = open_all(args)?;
     let mut trouble = broken(&set);
-    for study in &set.members {
+    for session in &set.members {
         if set.several {
-            heading(&study.id)?;
+            heading(&session.id)?;
         }
-        trouble |= show_one_check(study)?;
+        trouble |= show_one_check(session)?;
     }
     for (id, reason) in &set.excluded {
         note(format!("excluded: {id}: {reason}"));
@@ -423,8 +424,8 @@ fn show_check(args: &PipelineArgs) -> Result<Success, Stop> {
     Ok(if trouble { Success::Partial } else { Success::Full })
 }
 
-fn show_one_check(study: &Study) -> Result<bool, Stop> {
-    let found = check::check(study)?;
+fn show_one_check(session: &SubjectSession) -> Result<bool, Stop> {
+    let found = check::check(session)?;
     let mut t = table(&["trial", "role", "frames", "rate Hz", "markers", "plates", "remarks"]);
     for row in &found.trials {
         t.add_row([
@@ -466,7 +467,7 @@ fn show_verified(found: &verify::Verified) -> Result<(), Stop> {
     for unused in &found.unused {
         note(format!("not used: {unused} (the study has no such recording or stage)"));
     }
-    for line in (Freshness { stale: found.stale.clone() }).words() {
+    for line in (Freshness { stale: found.stale.clone() }).describe() {
         note(line);
     }
     let damaged = match found.damaged.len() {
@@ -492,23 +493,23 @@ fn explain(args: &PipelineArgs, trial: Option<&str>, stage: Option<&str>) -> Res
     let set = open_all(args)?;
     let mut shown = 0;
     let mut last: Option<PipelineError> = None;
-    for study in &set.members {
+    for session in &set.members {
         match (trial, stage) {
-            (Some(trial), Some(stage)) => match status::explain(study, trial, stage) {
+            (Some(trial), Some(stage)) => match status::explain(session, trial, stage) {
                 Ok(found) => {
                     shown += 1;
                     if set.several {
-                        heading(&study.id)?;
+                        heading(&session.id)?;
                     }
                     show_explanation(&found, trial, stage, true)?;
                 }
                 Err(error) => last = Some(error),
             },
             _ => {
-                let found = status::explain_all(study, trial)?;
+                let found = status::explain_all(session, trial)?;
                 shown += 1;
                 if set.several && !found.is_empty() {
-                    heading(&study.id)?;
+                    heading(&session.id)?;
                 }
                 for (stage, trial, explanation) in &found {
                     show_explanation(explanation, trial, stage, false)?;

@@ -8,10 +8,10 @@ use crate::render::json;
 use crate::render::{note, out};
 use crate::stop::Stop;
 use aloft_analysis::freshness::{Freshness, NotCurrent, freshness};
+use aloft_study::data_set::DataSet;
 use aloft_study::quote::visible;
-use aloft_study::recordings::StudyId;
-use aloft_study::studies::StudySet;
-use aloft_study::study::Study;
+use aloft_study::recordings::SessionId;
+use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use serde::Serialize;
 use std::cell::Cell;
@@ -34,7 +34,7 @@ struct WithStale<T> {
 #[derive(Debug, Serialize)]
 struct One<T> {
     #[serde(flatten)]
-    id: StudyId,
+    id: SessionId,
     #[serde(skip_serializing_if = "Option::is_none")]
     result: Option<T>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -47,36 +47,36 @@ struct One<T> {
 pub fn each<T: Serialize>(
     args: &PipelineArgs,
     as_json: bool,
-    ask: impl Fn(&Study) -> Result<T, PipelineError>,
+    ask: impl Fn(&SubjectSession) -> Result<T, PipelineError>,
     show: impl Fn(&T) -> Result<(), Stop>,
 ) -> Result<Success, Stop> {
     let set = open_all(args)?;
     if !set.several {
-        for study in &set.members {
-            let found = ask(study)?;
+        for session in &set.members {
+            let found = ask(session)?;
             if as_json { json(&found)? } else { show(&found)? }
         }
         return Ok(Success::Full);
     }
     let mut all = Several { version: 1, studies: Vec::new() };
     let mut trouble = false;
-    for study in &set.members {
-        let answer = ask(study);
+    for session in &set.members {
+        let answer = ask(session);
         if as_json {
             let (result, error) = match answer {
                 Ok(found) => (Some(found), None),
                 Err(e) => (None, Some(e.to_string())),
             };
             trouble |= error.is_some();
-            all.studies.push(One { id: study.id.clone(), result, error });
+            all.studies.push(One { id: session.id.clone(), result, error });
             continue;
         }
-        heading(&study.id)?;
+        heading(&session.id)?;
         match answer {
             Ok(found) => show(&found)?,
             Err(e) => {
                 trouble = true;
-                fail(&study.id, &e.into());
+                fail(&session.id, &e.into());
             }
         }
         out("")?;
@@ -100,16 +100,16 @@ pub fn each_result<T: Serialize>(
     strict: StrictArgs,
     as_json: bool,
     reads: &[&str],
-    ask: impl Fn(&Study) -> Result<T, PipelineError>,
+    ask: impl Fn(&SubjectSession) -> Result<T, PipelineError>,
     show: impl Fn(&T) -> Result<(), Stop>,
 ) -> Result<Success, Stop> {
     let late = Cell::new(false);
-    let asked = |study: &Study| {
-        let fresh = freshness(study)?;
-        fresh.refuse_damaged(study, reads)?;
-        let answer = ask(study)?;
+    let asked = |session: &SubjectSession| {
+        let fresh = freshness(session)?;
+        fresh.refuse_damaged(session, reads)?;
+        let answer = ask(session)?;
         late.set(late.get() || !fresh.is_current());
-        notice(study, &fresh);
+        notice(session, &fresh);
         Ok(WithStale { answer, stale: fresh.stale })
     };
     let done = each(args, as_json, asked, |found| show(&found.answer))?;
@@ -117,15 +117,15 @@ pub fn each_result<T: Serialize>(
 }
 
 /// Reports on stderr which results are not up to date.
-pub fn notice(study: &Study, fresh: &Freshness) {
+pub fn notice(session: &SubjectSession, fresh: &Freshness) {
     if fresh.is_current() {
         return;
     }
-    let whose = if study.id.subject.is_some() { format!("{}: ", study.id) } else { String::new() };
-    for line in fresh.words() {
+    let whose = if session.id.subject.is_some() { format!("{}: ", session.id) } else { String::new() };
+    for line in fresh.describe() {
         note(format!("{whose}{line}"));
     }
-    note(format!("  hint: `aloft run {}` brings results up to date", study.config_path.display()));
+    note(format!("  hint: `aloft run {}` brings results up to date", session.config_path.display()));
 }
 
 impl StrictArgs {
@@ -136,12 +136,12 @@ impl StrictArgs {
 }
 
 /// The heading of a study.
-pub fn heading(id: &StudyId) -> Result<(), Stop> {
+pub fn heading(id: &SessionId) -> Result<(), Stop> {
     out(format!("== {}", visible(&id.to_string())))
 }
 
 /// Reports every member that cannot be processed and why; true if there is one.
-pub fn broken(set: &StudySet) -> bool {
+pub fn broken(set: &DataSet) -> bool {
     for b in &set.broken {
         fail(&b.id, &b.failure);
     }
@@ -149,7 +149,7 @@ pub fn broken(set: &StudySet) -> bool {
 }
 
 /// Reports which subject or session failed, and what to do about it.
-pub fn fail(id: &StudyId, failure: &aloft_workspace::error::StageFailure) {
+pub fn fail(id: &SessionId, failure: &aloft_workspace::error::StageFailure) {
     note(format!("failed: {id}: {}", failure.problem));
     if let Some(hint) = &failure.hint {
         note(format!("  hint: {hint}"));

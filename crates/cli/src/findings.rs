@@ -1,7 +1,7 @@
 //! Output of `discover`, `effect` and `history` as tables and text.
 
 use crate::args::PipelineArgs;
-use crate::open::words_of;
+use crate::open::description_of;
 use crate::render::{half, out, plus_minus, significant, table};
 use crate::stop::Stop;
 use aloft_analysis::effect::{EffectLine, History};
@@ -154,7 +154,7 @@ pub fn discovery(d: &Discovery, at: &PipelineArgs) -> Result<(), Stop> {
         };
         out(format!(
             "add it: aloft effect add {} {}{}{}",
-            words_of(at),
+            description_of(at),
             quote::word(&found.key),
             chosen("subject", &at.subject),
             chosen("session", &at.session)

@@ -1,10 +1,11 @@
 //! From arguments to studies and back.
 
 use crate::args::PipelineArgs;
+use crate::render::note;
 use crate::stop::Stop;
+use aloft_study::data_set::DataSet;
 use aloft_study::quote;
-use aloft_study::studies::StudySet;
-use aloft_study::study::{Overrides, Study};
+use aloft_study::subject_session::{Overrides, SubjectSession};
 
 fn overrides(args: &PipelineArgs) -> Overrides {
     Overrides {
@@ -16,17 +17,21 @@ fn overrides(args: &PipelineArgs) -> Overrides {
 }
 
 /// The one study of a pipeline.
-pub fn open(args: &PipelineArgs) -> Result<Study, Stop> {
-    Ok(Study::open(&args.pipeline, &overrides(args))?)
+pub fn open(args: &PipelineArgs) -> Result<SubjectSession, Stop> {
+    Ok(open_all(args)?.only()?)
 }
 
 /// All subjects and sessions selected on the command line.
-pub fn open_all(args: &PipelineArgs) -> Result<StudySet, Stop> {
-    Ok(StudySet::open(&args.pipeline, &overrides(args))?)
+pub fn open_all(args: &PipelineArgs) -> Result<DataSet, Stop> {
+    let set = DataSet::open(&args.pipeline, &overrides(args))?;
+    for old in &set.pipeline.old_names {
+        note(format!("warning: {}: {old}", set.pipeline.name()));
+    }
+    Ok(set)
 }
 
 /// Arguments that repeat the pipeline and folders after a command's name, for a shell.
-pub fn words_of(args: &PipelineArgs) -> String {
+pub fn description_of(args: &PipelineArgs) -> String {
     let folder = |flag: &str, path: &Option<std::path::PathBuf>| {
         path.iter().flat_map(|p| quote::option(flag, &p.display().to_string())).collect::<Vec<_>>()
     };

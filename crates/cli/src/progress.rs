@@ -2,7 +2,7 @@
 
 use aloft_pipeline::progress::{Forecast, Plan, Progress};
 use aloft_pipeline::runner::{Ended, TaskReport};
-use aloft_study::recordings::StudyId;
+use aloft_study::recordings::SessionId;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::Mutex;
 
@@ -73,18 +73,18 @@ impl Progress for Bars {
         }
     }
 
-    fn stage(&self, study: &StudyId, name: &'static str, settled: usize, _tasks: usize) {
+    fn stage(&self, session: &SessionId, name: &'static str, settled: usize, _tasks: usize) {
         self.show(|f| {
             f.settled(name, settled);
-            format!("{name} {study}")
+            format!("{name} {session}")
         });
     }
 
-    fn task(&self, study: &StudyId, report: &TaskReport) {
+    fn task(&self, session: &SessionId, report: &TaskReport) {
         self.show(|f| {
             f.ended(report.stage, report.seconds);
             let word = if matches!(report.ended, Ended::Failed(_)) { " failed" } else { "" };
-            format!("{} {study} {}{word}", report.stage, report.trial)
+            format!("{} {session} {}{word}", report.stage, report.trial)
         });
     }
 

@@ -67,7 +67,7 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
                 three(&l.com_m),
                 three(&l.prior.com_m.into()),
                 three(&principal),
-                l.from.words(),
+                l.from.describe(),
             ]);
         }
         out(format!("\nphysically consistent links\n{t}"))?;

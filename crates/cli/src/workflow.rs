@@ -7,8 +7,8 @@ use crate::open::open_all;
 use crate::render::{command, note};
 use crate::stop::Stop;
 use aloft_analysis::workflow::{Call, Member, plan_path, verdict, write};
+use aloft_study::data_set::DataSet;
 use aloft_study::quote;
-use aloft_study::studies::StudySet;
 use std::path::Path;
 
 /// `--data` and `--workspace` as given by the user.
@@ -34,7 +34,7 @@ pub fn run(args: &PipelineArgs, out: &Path, say: bool) -> Result<Success, Stop> 
     if say {
         return judge(&set, cannot);
     }
-    let members: Vec<Member<'_>> = set.members.iter().map(|study| Member { study }).collect();
+    let members: Vec<Member<'_>> = set.members.iter().map(|session| Member { session }).collect();
     let call = Call {
         pipeline: args.pipeline.clone(),
         words: folders(args),
@@ -48,11 +48,11 @@ pub fn run(args: &PipelineArgs, out: &Path, say: bool) -> Result<Success, Stop> 
 }
 
 /// Reports which results a finished workflow lacks.
-fn judge(set: &StudySet, cannot: bool) -> Result<Success, Stop> {
+fn judge(set: &DataSet, cannot: bool) -> Result<Success, Stop> {
     let (mut first, mut behind) = (0, 0);
-    for study in &set.members {
-        let lacking = verdict(study)?;
-        let whose = if set.several { format!("{}: ", study.id) } else { String::new() };
+    for session in &set.members {
+        let lacking = verdict(session)?;
+        let whose = if set.several { format!("{}: ", session.id) } else { String::new() };
         for one in lacking.iter().filter(|l| l.first) {
             note(format!("failed: {whose}{} {}: {}", one.stage, one.trial, one.failure.problem));
             if let Some(hint) = &one.failure.hint {

@@ -90,7 +90,7 @@ impl Group {
     pub fn explainable(&self, floor: Option<&NoiseFloor>) -> (Option<f64>, Option<f64>) {
         let Some(f) = self.floor(floor) else { return (None, None) };
         let share = |n: usize, noise: usize, size: f64, by: f64| {
-            (n > 0 && noise > 0).then(|| crate::words::explainable(size, by))
+            (n > 0 && noise > 0).then(|| crate::wording::explainable(size, by))
         };
         (
             share(self.errors.frames, f.errors.frames, self.errors.size(), f.errors.size()),

@@ -7,7 +7,7 @@ use crate::input::TrialFacts;
 use crate::noise_floor::{TrialFloor, trial_floor};
 use crate::segments::SegmentSums;
 use crate::windows::{TrialWindows, trial_windows};
-use crate::words::words;
+use crate::wording::describe;
 use crate::{
     Body, Candidate, CompareError, CompareOptions, FlightErrors, Floor, Group, NoiseFloor, RecordingOffset,
     SegmentShare, Smooth, TrialInput, TrialSeries, WindowErrors, WrenchErrors,
@@ -112,7 +112,7 @@ impl Comparison {
     pub fn explainable(&self) -> Option<(f64, f64)> {
         let floor = self.noise_floor.as_ref()?;
         let m = &self.first;
-        let share = crate::words::explainable;
+        let share = crate::wording::explainable;
         Some(if m.held_out.frames > 0 {
             (share(m.held_out.size(), floor.contact.size()), share(m.held_out_weak.size(), floor.contact_weak.size()))
         } else {
@@ -187,7 +187,7 @@ fn axis_rows(errors: &WrenchErrors, floor: Option<&WrenchErrors>) -> Vec<AxisRow
             let of_noise =
                 |which: usize| noise.map_or(f64::NAN, |n| if which == 0 { n.0.rmse[i] } else { n.1.rmse[i] });
             let share = |rmse: f64, noise: f64| {
-                (rmse.is_finite() && noise.is_finite()).then(|| crate::words::explainable(rmse, noise))
+                (rmse.is_finite() && noise.is_finite()).then(|| crate::wording::explainable(rmse, noise))
             };
             out.push(AxisRow {
                 axes: axes.to_owned(),
@@ -317,7 +317,7 @@ pub fn compare_each<T, E: From<CompareError> + Send>(
     let mut models = models.into_iter();
     let Some(first) = models.next() else { return Err(CompareError::NoModel.into()) };
     let beside: Vec<ModelComparison> = models.collect();
-    let words = words(&first, &beside, noise_floor.as_ref());
+    let words = describe(&first, &beside, noise_floor.as_ref());
     let axes = if first.held_out.frames > 0 {
         axis_rows(&first.held_out, noise_floor.as_ref().map(|f| &f.contact))
     } else {

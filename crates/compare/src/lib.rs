@@ -42,7 +42,7 @@ mod phase;
 mod predict;
 mod segments;
 mod windows;
-mod words;
+mod wording;
 
 pub use breakdown::{Group, GroupFloor, GroupedBy};
 pub use comparison::{

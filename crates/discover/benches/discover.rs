@@ -4,7 +4,7 @@
 
 use aloft_body::{BaseParameters, Motion};
 use aloft_discover::{Body, DiscoverOptions, Session, TrialInput, addition, catalogue, discover, scene_of};
-use aloft_effects::{Choice, Span, TrialMotion, columns};
+use aloft_effects::{EffectInstance, Span, TrialMotion, columns};
 use aloft_regressor::{Acting, EffectColumns, Stretch, WeakOptions, weak_factor};
 use aloft_simulate::{Scenario, simulate, truth::flight_frames};
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -55,7 +55,7 @@ fn bench(c: &mut Criterion) {
     let scene = scene_of(&body, &trials);
     let weak = WeakOptions::default();
     let session = Session::new(&body, &scene, &trials, &weak).unwrap();
-    let drag = Choice::parse("quadratic_drag", &scene).unwrap();
+    let drag = EffectInstance::parse("quadratic_drag", &scene).unwrap();
     let mut factors = Vec::new();
     for (motion, stretches) in motions.iter().zip(&stretches) {
         let spans: Vec<Span> = stretches

@@ -19,8 +19,8 @@ use crate::repeating::widen;
 use crate::result::Addition;
 use crate::session::Session;
 use crate::statistics::{jackknife_se, ratio_interval, resamples};
-use crate::words;
-use aloft_effects::Choice;
+use crate::wording;
+use aloft_effects::EffectInstance;
 use aloft_regressor::StretchKind;
 use nalgebra::{DMatrix, DVector};
 
@@ -33,8 +33,8 @@ use nalgebra::{DMatrix, DVector};
 /// could be judged, [`DiscoverError::Numeric`] when its columns cannot be formed or are all zero.
 pub fn addition(
     session: &Session<'_>,
-    accepted: &[Choice<'_>],
-    choice: &Choice<'_>,
+    accepted: &[EffectInstance<'_>],
+    choice: &EffectInstance<'_>,
     options: &DiscoverOptions,
 ) -> Result<Addition, DiscoverError> {
     let domain = domain_of(session, choice);
@@ -56,7 +56,7 @@ pub fn addition(
     let (before, after) = (plain.iter().sum::<f64>(), scored.fold_error.iter().sum::<f64>());
     Ok(Addition {
         key: key_of(session, &scored),
-        judged_on: words::domain(domain).to_owned(),
+        judged_on: wording::domain(domain).to_owned(),
         held_out_error_before: in_newton(before),
         held_out_error: in_newton(after),
         ratio: (after / before).sqrt(),
@@ -73,7 +73,7 @@ pub fn addition(
 /// As [`addition`].
 pub fn ladder(
     session: &Session<'_>,
-    effects: &[Choice<'_>],
+    effects: &[EffectInstance<'_>],
     options: &DiscoverOptions,
 ) -> Result<Vec<Addition>, DiscoverError> {
     (0..effects.len()).map(|i| addition(session, &effects[..i], &effects[i], options)).collect()
@@ -88,8 +88,8 @@ pub fn ladder(
 /// of the effect.
 pub fn detectable(
     session: &Session<'_>,
-    accepted: &[Choice<'_>],
-    choice: &Choice<'_>,
+    accepted: &[EffectInstance<'_>],
+    choice: &EffectInstance<'_>,
     coefficients: &[f64],
     options: &DiscoverOptions,
 ) -> Result<f64, DiscoverError> {
@@ -122,13 +122,17 @@ pub fn detectable(
 }
 
 /// Flight where the effect acts there and there are flights, contact otherwise.
-fn domain_of(session: &Session<'_>, choice: &Choice<'_>) -> Domain {
+fn domain_of(session: &Session<'_>, choice: &EffectInstance<'_>) -> Domain {
     let flights = session.blocks.iter().any(|b| b.kind != StretchKind::Contact);
     if flights && judged_in(choice.effect, Domain::Flight, flights) { Domain::Flight } else { Domain::Contact }
 }
 
 /// Columns by block, finite and not all zero.
-fn columns_of(session: &Session<'_>, choice: &Choice<'_>, domain: Domain) -> Result<Vec<DMatrix<f64>>, DiscoverError> {
+fn columns_of(
+    session: &Session<'_>,
+    choice: &EffectInstance<'_>,
+    domain: Domain,
+) -> Result<Vec<DMatrix<f64>>, DiscoverError> {
     let nothing = |what: &str| DiscoverError::Numeric(format!("`{}` {what}", choice.key(session.scene)));
     let blocks = session.columns_of(choice, domain).ok_or_else(|| nothing("has no columns in these rows"))?;
     if blocks.iter().any(|b| b.iter().any(|x| !x.is_finite())) {

@@ -18,8 +18,8 @@ use crate::repeating::widen;
 use crate::result::{Candidate, Discovery, Found, MANY_CLUSTERS, Round, Verdict};
 use crate::session::Session;
 use crate::statistics::{ratio_interval, resamples};
-use crate::{DiscoverError, words};
-use aloft_effects::{Choice, Effect};
+use crate::{DiscoverError, wording};
+use aloft_effects::{Effect, EffectInstance};
 use aloft_regressor::StretchKind;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -40,7 +40,7 @@ pub fn catalogue() -> Vec<&'static dyn Effect> {
 pub fn discover(
     session: &Session<'_>,
     effects: &[&dyn Effect],
-    accepted: &[Choice<'_>],
+    accepted: &[EffectInstance<'_>],
     options: &DiscoverOptions,
 ) -> Result<Discovery, DiscoverError> {
     let has = |contact: bool| session.blocks.iter().any(|b| (b.kind == StretchKind::Contact) == contact);
@@ -178,11 +178,11 @@ pub fn discover(
         let estimates = (&mut f.coefficients[..], &mut f.nonlinear[..]);
         widen(session, domain, &of(&others), &of(&kept), &kept[i], estimates, options);
     }
-    let mut model: Vec<Choice<'_>> = accepted.to_vec();
+    let mut model: Vec<EffectInstance<'_>> = accepted.to_vec();
     let mut steps = Vec::new();
     for (v, f) in kept.iter().zip(&found) {
         let nonlinear = f.nonlinear.iter().map(|e| e.value).collect();
-        let choice = Choice { effect: v.effect, target: v.target, nonlinear, trials: f.trials.clone() };
+        let choice = EffectInstance { effect: v.effect, target: v.target, nonlinear, trials: f.trials.clone() };
         steps.extend(addition(session, &model, &choice, options).ok());
         model.push(choice);
     }
@@ -209,11 +209,11 @@ pub fn discover(
     let standing = session.standing[usize::from(!has_flights)];
     let scale = standing.map_or(weight, |s| s.held_out_error / before.sqrt());
     let first_of = |place: Domain| {
-        rounds.iter().find(|r| r.judged_on == words::domain(place)).map_or(f64::NAN, |r| r.held_out_error)
+        rounds.iter().find(|r| r.judged_on == wording::domain(place)).map_or(f64::NAN, |r| r.held_out_error)
     };
     let first_error = [first_of(Domain::Flight), first_of(Domain::Contact)];
     for round in &mut rounds {
-        let of = usize::from(round.judged_on != words::domain(Domain::Flight));
+        let of = usize::from(round.judged_on != wording::domain(Domain::Flight));
         let first = first_error[of];
         if let (Some(s), true) = (session.standing[of], first > 0.0) {
             round.held_out_error *= s.held_out_error / first;
@@ -239,7 +239,7 @@ pub fn discover(
     };
     // the domain farthest above its noise floor: if an unexplained error remains there, the verdict
     // cannot be "nothing missing"
-    let far = [words::domain(Domain::Flight), words::domain(Domain::Contact)]
+    let far = [wording::domain(Domain::Flight), wording::domain(Domain::Contact)]
         .into_iter()
         .zip(&session.standing)
         .filter_map(|(place, s)| s.filter(Standing::is_far).map(|s| (place, s)))
@@ -247,8 +247,8 @@ pub fn discover(
     if out.verdict == Verdict::NothingMissing && far.is_some() {
         out.verdict = Verdict::Unexplained;
     }
-    out.words = words::answer(&out, far);
-    out.advice = words::advice(&out, effects);
+    out.words = wording::answer(&out, far);
+    out.advice = wording::advice(&out, effects);
     Ok(out)
 }
 
@@ -323,7 +323,7 @@ fn run_round<'a>(
                 target: best.variant.target,
                 kind: score.effect.kind(),
                 class: score.effect.about().class.to_owned(),
-                judged_on: words::domain(problem.domain).to_owned(),
+                judged_on: wording::domain(problem.domain).to_owned(),
                 held_out_ratio: ratio,
                 ci95,
                 chosen_share: *share,
@@ -350,9 +350,9 @@ fn run_round<'a>(
         let effect = scores.iter().find(|s| s.effect.id() == c.effect).map(|s| s.effect);
         effect.map_or(options.belief, |e| limit(e, already.is_empty(), options))
     };
-    let words = words::round(verdict, &effects, &candidates, threshold, limit_of, few);
+    let words = wording::round(verdict, &effects, &candidates, threshold, limit_of, few);
     let round = Round {
-        judged_on: words::domain(problem.domain).to_owned(),
+        judged_on: wording::domain(problem.domain).to_owned(),
         model,
         held_out_error: plain.sqrt() * session.unit[0],
         held_out_parts: parts(session, problem),

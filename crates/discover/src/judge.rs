@@ -8,7 +8,7 @@ use crate::nonlinear::{improve, score_fitted};
 use crate::options::DiscoverOptions;
 use crate::problem::Problem;
 use crate::rank::{EffectScore, FULL_STEPS, cosine};
-use crate::result::{Alternative, Candidate, Confusion, Duel, Estimate, MANY_CLUSTERS, Verdict};
+use crate::result::{Alternative, Candidate, Confusion, Estimate, MANY_CLUSTERS, RivalTest, Verdict};
 use crate::session::Session;
 use crate::statistics::{jackknife_se, sign_flip_p};
 use aloft_effects::{Effect, Family};
@@ -267,7 +267,7 @@ pub(crate) fn judge(
     problem: &Problem,
     rivals: &[Rival<'_>],
     options: &DiscoverOptions,
-) -> (Verdict, Vec<String>, Vec<Duel>) {
+) -> (Verdict, Vec<String>, Vec<RivalTest>) {
     let believed = || rivals.iter().filter(|r| r.believed);
     let Some(first) = believed().min_by(|a, b| a.error().total_cmp(&b.error())) else {
         let hopeless = problem.clusters.iter().filter(|c| !c.judged.is_empty()).count() < 4;
@@ -282,7 +282,7 @@ pub(crate) fn judge(
         })
         .min_by(|a, b| a.error().total_cmp(&b.error()));
     let best = simpler.unwrap_or(first);
-    let duels: Vec<Duel> =
+    let duels: Vec<RivalTest> =
         rivals.iter().filter(|r| r.index != best.index).map(|r| duel(session, problem, best, r, options)).collect();
     let mut class: Vec<&Rival<'_>> =
         rivals.iter().filter(|r| !duels.iter().any(|d| d.separated && d.effect == r.id())).collect();
@@ -308,10 +308,16 @@ pub(crate) fn judge(
 }
 
 /// Whether the recordings distinguish effect `a` from effect `b`, which has the larger error.
-fn duel(session: &Session<'_>, problem: &Problem, a: &Rival<'_>, b: &Rival<'_>, options: &DiscoverOptions) -> Duel {
+fn duel(
+    session: &Session<'_>,
+    problem: &Problem,
+    a: &Rival<'_>,
+    b: &Rival<'_>,
+    options: &DiscoverOptions,
+) -> RivalTest {
     let ratio = (a.error() / b.error()).sqrt();
     let p_value = sign_flip_p(&a.fold_error, &b.fold_error, 2000, options.seed ^ 0xc1a5);
-    let mut out = Duel {
+    let mut out = RivalTest {
         effect: b.id().to_owned(),
         error_ratio: ratio,
         p_value,

@@ -9,12 +9,12 @@ use crate::problem::{Domain, Problem};
 use crate::result::{Estimate, Found};
 use crate::session::Session;
 use crate::statistics::{jackknife_se, sign_flip_p};
-use aloft_effects::Choice;
+use aloft_effects::EffectInstance;
 use nalgebra::{DMatrix, DVector};
 
 /// Ingredients of a problem with one more effect in its model.
 pub(crate) struct Refit<'a, 'b> {
-    pub accepted: &'a [Choice<'b>],
+    pub accepted: &'a [EffectInstance<'b>],
     pub kept: &'a [Variant<'b>],
     pub found: &'a [Found],
     pub options: &'a DiscoverOptions,
@@ -39,7 +39,7 @@ impl Refit<'_, '_> {
 pub(crate) fn extra_columns(
     session: &Session<'_>,
     domain: Domain,
-    accepted: &[Choice<'_>],
+    accepted: &[EffectInstance<'_>],
     kept: &[Variant<'_>],
     found: &[Found],
 ) -> Vec<Vec<DMatrix<f64>>> {
@@ -102,7 +102,7 @@ pub(crate) fn sharpened(
 /// effects were at work.
 pub(crate) fn prune(
     session: &Session<'_>,
-    accepted: &[Choice<'_>],
+    accepted: &[EffectInstance<'_>],
     kept: &mut Vec<Variant<'_>>,
     found: &mut Vec<Found>,
     options: &DiscoverOptions,
@@ -153,7 +153,7 @@ pub(crate) fn to_build_on<'s, 'a>(
 /// Coefficients with all effects found in the model at once.
 pub(crate) fn refit_found(
     session: &Session<'_>,
-    accepted: &[Choice<'_>],
+    accepted: &[EffectInstance<'_>],
     kept: &[Variant<'_>],
     found: &mut [Found],
     options: &DiscoverOptions,
@@ -246,7 +246,7 @@ pub(crate) fn group_names(session: &Session<'_>, scored: &Scored<'_>) -> Vec<Str
 
 pub(crate) fn key_of(session: &Session<'_>, scored: &Scored<'_>) -> String {
     let v = &scored.variant;
-    Choice { effect: v.effect, target: v.target, nonlinear: Vec::new(), trials: Vec::new() }.key(session.scene)
+    EffectInstance { effect: v.effect, target: v.target, nonlinear: Vec::new(), trials: Vec::new() }.key(session.scene)
 }
 
 pub(crate) fn as_found(session: &Session<'_>, scored: &Scored<'_>) -> Found {

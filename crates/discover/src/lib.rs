@@ -48,7 +48,7 @@
 //! ```
 //!
 //! [`Discovery`] serialises to the contract of `aloft discover --json`. An effect that was found goes back in as an `accepted`
-//! [`aloft_effects::Choice`] (its key and nonlinear parameters are in [`Found`]); for identification its columns come from
+//! [`aloft_effects::EffectInstance`] (its key and nonlinear parameters are in [`Found`]); for identification its columns come from
 //! [`aloft_effects::columns`], stored in the factors, and `Factor::with_effects` picks them.
 
 mod addition;
@@ -71,7 +71,7 @@ mod result;
 mod self_test;
 mod session;
 mod statistics;
-mod words;
+mod wording;
 
 pub use addition::{addition, detectable, ladder};
 pub use discover::{catalogue, discover};
@@ -79,6 +79,6 @@ pub use error::DiscoverError;
 pub use floor::Standing;
 pub use not_tried::NotTried;
 pub use options::DiscoverOptions;
-pub use result::{Addition, Alternative, Candidate, Confusion, Discovery, Duel, Estimate, Found, Round, Verdict};
+pub use result::{Addition, Alternative, Candidate, Confusion, Discovery, Estimate, Found, RivalTest, Round, Verdict};
 pub use self_test::{Injection, SelfTest, SelfTestOptions, SelfTestProgress, SelfTestRow, self_test};
 pub use session::{Body, Session, TrialInput, scene_of};

@@ -161,7 +161,7 @@ pub struct Alternative {
 
 /// Test of whether the recordings distinguish two effects that explain them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Duel {
+pub struct RivalTest {
     /// The effect with the larger error.
     pub effect: String,
     /// Held-out error of the best effect over that of this one, both fitted with the prior weight
@@ -214,7 +214,7 @@ pub struct Round {
     pub words: String,
     /// The best effect against every other accepted one.
     #[serde(default)]
-    pub duels: Vec<Duel>,
+    pub duels: Vec<RivalTest>,
     /// All effects, best first.
     pub candidates: Vec<Candidate>,
 }

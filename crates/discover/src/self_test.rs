@@ -11,7 +11,7 @@ use crate::discover::discover;
 use crate::options::DiscoverOptions;
 use crate::result::{Candidate, Verdict};
 use crate::session::Session;
-use aloft_effects::{Choice, Effect};
+use aloft_effects::{Effect, EffectInstance};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -109,17 +109,17 @@ pub struct SelfTest {
 pub fn self_test(
     session: &Session<'_>,
     catalogue: &[&dyn Effect],
-    accepted: &[Choice<'_>],
+    accepted: &[EffectInstance<'_>],
     options: &SelfTestOptions,
     progress: &(dyn Fn(&SelfTestProgress<'_>) + Sync),
 ) -> Result<SelfTest, DiscoverError> {
     let scene = session.scene();
     let first = discover(session, catalogue, accepted, &options.discover)?;
-    let mut model: Vec<Choice<'_>> = accepted.to_vec();
+    let mut model: Vec<EffectInstance<'_>> = accepted.to_vec();
     for found in &first.found {
         if let Some(effect) = catalogue.iter().copied().find(|e| e.id() == found.effect) {
             let nonlinear = found.nonlinear.iter().map(|e| e.value).collect();
-            model.push(Choice { effect, target: found.target, nonlinear, trials: found.trials.clone() });
+            model.push(EffectInstance { effect, target: found.target, nonlinear, trials: found.trials.clone() });
         }
     }
     let quick =
@@ -143,7 +143,7 @@ pub fn self_test(
     let of = jobs.len() * options.multiples.len() * options.draws;
     let mut injections: Vec<Injection> = Vec::with_capacity(of);
     for (candidate, effect, index) in jobs {
-        let mut choice = Choice::new(effect, candidate.target, scene).in_trials(&candidate.trials);
+        let mut choice = EffectInstance::new(effect, candidate.target, scene).in_trials(&candidate.trials);
         if !candidate.nonlinear.is_empty() {
             choice.nonlinear = candidate.nonlinear.iter().map(|e| e.value).collect();
         }
@@ -204,7 +204,7 @@ pub fn self_test(
 /// direction, within the physically permitted signs.
 fn direction(
     effect: &dyn Effect,
-    choice: &Choice<'_>,
+    choice: &EffectInstance<'_>,
     session: &Session<'_>,
     size: f64,
     rng: &mut ChaCha8Rng,

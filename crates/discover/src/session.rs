@@ -261,7 +261,11 @@ impl<'a> Session<'a> {
     /// # Errors
     /// [`DiscoverError::Length`] if the number of coefficients differs from that of the effect,
     /// [`DiscoverError::Numeric`] if its columns cannot be formed.
-    pub fn inject(&mut self, choice: &aloft_effects::Choice<'_>, coefficients: &[f64]) -> Result<(), DiscoverError> {
+    pub fn inject(
+        &mut self,
+        choice: &aloft_effects::EffectInstance<'_>,
+        coefficients: &[f64],
+    ) -> Result<(), DiscoverError> {
         let expected = choice.effect.coefficients(self.scene, choice.target).len();
         if coefficients.len() != expected {
             return Err(DiscoverError::Length { what: "coefficients to inject", expected, found: coefficients.len() });
@@ -343,7 +347,11 @@ impl<'a> Session<'a> {
     /// Rows that a choice adds to each block, zero in trials in which it does not act. An effect
     /// defined as a difference between groups that names no trials acts in all groups but the
     /// first.
-    pub(crate) fn columns_of(&self, choice: &aloft_effects::Choice<'_>, domain: Domain) -> Option<Vec<DMatrix<f64>>> {
+    pub(crate) fn columns_of(
+        &self,
+        choice: &aloft_effects::EffectInstance<'_>,
+        domain: Domain,
+    ) -> Option<Vec<DMatrix<f64>>> {
         let mut columns = self.columns(choice.effect, choice.target, &choice.nonlinear, domain)?;
         let by_group = if choice.trials.is_empty() && choice.effect.about().by_group { self.loaded() } else { None };
         for (block, c) in self.blocks.iter().zip(&mut columns) {

@@ -11,7 +11,7 @@ mod compass;
 
 use aloft_discover::*;
 use aloft_effects::{
-    Choice, EFFECTS, Effect, EffectKind, FormulaEffect, Scene, Separation, Span, TrialMotion, columns,
+    EFFECTS, Effect, EffectInstance, EffectKind, FormulaEffect, Scene, Separation, Span, TrialMotion, columns,
 };
 use aloft_regressor::{Acting, EffectColumns, Factor, WeakOptions, weak_factor};
 
@@ -61,7 +61,7 @@ impl Lab {
     fn find(&self, hidden: &[Hidden], options: &DiscoverOptions) -> Discovery {
         self.with(|scene, mut session| {
             for (key, theta, set) in hidden {
-                let mut choice = Choice::parse(key, scene).unwrap();
+                let mut choice = EffectInstance::parse(key, scene).unwrap();
                 for (name, value) in *set {
                     choice.set(scene, name, *value).unwrap();
                 }
@@ -92,7 +92,7 @@ fn prop_errors_and_floor_are_those_of_the_comparison() {
     let options = only(&["quadratic_drag", "gravity_scale"]);
     let run = |standing: Option<Standing>, size: f64| {
         lab().with(|scene, mut session| {
-            session.inject(&Choice::parse("quadratic_drag", scene).unwrap(), &[size]).unwrap();
+            session.inject(&EffectInstance::parse("quadratic_drag", scene).unwrap(), &[size]).unwrap();
             discover(&session.with_standing(standing, None), &catalogue(), &[], &options).unwrap()
         })
     };
@@ -199,7 +199,7 @@ fn prop_a_user_s_formula_is_ranked_like_the_catalogue() {
     .unwrap();
     lab.with(|scene, mut session| {
         let compiled = sail.compile(scene).unwrap();
-        let choice = Choice::new(&compiled, aloft_effects::Target::Body, scene);
+        let choice = EffectInstance::new(&compiled, aloft_effects::Target::Body, scene);
         assert_eq!(choice.names(scene), ["sail.c"]);
         session.inject(&choice, &[0.02]).unwrap();
         let mut effects = catalogue();
@@ -222,7 +222,7 @@ fn an_effect_added_in_one_file_is_found_like_the_others() {
     let effects: Vec<&dyn Effect> = [EFFECTS, &[&compass::Compass]].concat();
     let torque = [0.02, -0.01, 0.015];
     lab().with(|scene, mut session| {
-        let choice = Choice::among("compass[link1]", scene, &effects).unwrap();
+        let choice = EffectInstance::among("compass[link1]", scene, &effects).unwrap();
         session.inject(&choice, &torque).unwrap();
         let options = only(&["compass", "gravity_tilt", "rotational_drag", "flywheel", "thrust"]);
         let d = discover(&session, &effects, &[], &options).unwrap();
@@ -235,8 +235,8 @@ fn an_effect_added_in_one_file_is_found_like_the_others() {
         let about = |id: &str| effects.iter().find(|e| e.id() == id).unwrap().about();
         for (other, recording) in [
             ("flywheel", "the same motion with the magnet taken out"),
-            ("thrust", Separation::TurnedLaboratory.words()),
-            ("gravity_scale", Separation::KnownFall.words()),
+            ("thrust", Separation::TurnedLaboratory.describe()),
+            ("gravity_scale", Separation::KnownFall.describe()),
         ] {
             assert_eq!(about(other).told_apart_by(&about("compass")), recording);
         }
@@ -249,8 +249,9 @@ fn prop_stored_factors_say_the_same() {
     let lab = lab();
     let (body, trials) = (lab.body(), lab.trials());
     let scene = scene_of(&body, &trials);
-    let choices: Vec<Choice<'_>> =
-        ["gravity_tilt", "rotational_drag", "flywheel[link1]"].map(|k| Choice::parse(k, &scene).unwrap()).into();
+    let choices: Vec<EffectInstance<'_>> = ["gravity_tilt", "rotational_drag", "flywheel[link1]"]
+        .map(|k| EffectInstance::parse(k, &scene).unwrap())
+        .into();
     let spans: Vec<Span> = lab
         .stretches
         .iter()
@@ -307,8 +308,8 @@ fn prop_a_self_test_hits_at_twice_the_detectable_size() {
 fn prop_an_addition_says_what_the_ranking_says() {
     let lab = lab();
     lab.with(|scene, mut session| {
-        let drag = Choice::parse("quadratic_drag", scene).unwrap();
-        let tilt = Choice::parse("gravity_tilt", scene).unwrap();
+        let drag = EffectInstance::parse("quadratic_drag", scene).unwrap();
+        let tilt = EffectInstance::parse("gravity_tilt", scene).unwrap();
         session.inject(&drag, &[0.01]).unwrap();
         session.inject(&tilt, &[0.04, -0.02]).unwrap();
         let options = only(&["gravity_tilt", "rotational_drag"]);
@@ -326,7 +327,7 @@ fn prop_an_addition_says_what_the_ranking_says() {
         assert!((steps[1].held_out_error_before - steps[0].held_out_error).abs() < 1e-9 * steps[0].held_out_error);
         assert!((steps[1].coefficients[0].value - 0.04).abs() < 3e-3);
         assert!(steps[0].ratio < 1.0 && steps[1].ratio < 0.5 && steps[1].ci95[1] < 1.0);
-        let tare = Choice::parse("added_mass[link1]", scene).unwrap();
+        let tare = EffectInstance::parse("added_mass[link1]", scene).unwrap();
         assert!(addition(&session, &[drag], &tare, &options).unwrap().ratio > 0.9);
     });
 }

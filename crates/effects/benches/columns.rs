@@ -4,7 +4,7 @@
 #![allow(missing_docs, reason = "criterion makes the functions")]
 
 use aloft_body::{JointSpec, LinkInertia, LinkSpec, Model, ModelSpec, Motion, Phi};
-use aloft_effects::{Choice, EFFECTS, Scene, Span, TrialMotion, columns};
+use aloft_effects::{EFFECTS, EffectInstance, Scene, Span, TrialMotion, columns};
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
@@ -42,7 +42,7 @@ fn effects(c: &mut Criterion) {
     for effect in EFFECTS.iter().copied() {
         let targets = effect.targets(&scene);
         let Some(target) = targets.into_iter().next() else { continue };
-        let choices = [Choice::new(effect, target, &scene)];
+        let choices = [EffectInstance::new(effect, target, &scene)];
         if columns(&scene, &trial, &choices).is_err() {
             continue;
         }

@@ -76,7 +76,7 @@ pub enum Separation {
 
 impl Separation {
     /// The recording in words, to follow "they are told apart by …".
-    pub fn words(self) -> &'static str {
+    pub fn describe(self) -> &'static str {
         match self {
             Self::KnownFall => "a dropped ball of known fall, a clock pulse, a calibrated wand, the weight on a plate",
             Self::TurnedLaboratory => {
@@ -99,6 +99,8 @@ impl Separation {
 pub struct About<'a> {
     /// Identifier in YAML and JSON.
     pub id: &'a str,
+    /// Other identifiers that name the same effect in YAML and arguments.
+    pub other_ids: &'a [&'a str],
     /// Title in a few words.
     pub title: &'a str,
     /// Physics or artefact.
@@ -138,6 +140,7 @@ impl About<'_> {
     /// A force that acts in flight and contact, without aliases or special properties.
     pub const PLAIN: About<'static> = About {
         id: "",
+        other_ids: &[],
         title: "",
         kind: EffectKind::Physics,
         acts: ActsIn::Both,
@@ -162,6 +165,6 @@ impl<'a> About<'a> {
         let stated = |a: &About<'a>, b: &About<'a>| a.told_from.iter().find(|t| t.0 == b.id).map(|t| t.1);
         stated(self, other)
             .or_else(|| stated(other, self))
-            .unwrap_or_else(|| self.separated_by.min(other.separated_by).words())
+            .unwrap_or_else(|| self.separated_by.min(other.separated_by).describe())
     }
 }

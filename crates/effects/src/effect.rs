@@ -39,6 +39,11 @@ pub trait Effect: Sync {
     fn id(&self) -> &str {
         self.about().id
     }
+    /// True if `id` is the identifier of this effect or one of its other identifiers.
+    fn is_called(&self, id: &str) -> bool {
+        let about = self.about();
+        about.id == id || about.other_ids.contains(&id)
+    }
     /// Title in a few words.
     fn title(&self) -> &str {
         self.about().title

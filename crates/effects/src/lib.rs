@@ -23,12 +23,12 @@
 //!
 //! ```
 //! # use aloft_body::{Model, Motion, Phi};
-//! # use aloft_effects::{Choice, EffectsError, Scene, Span, TrialMotion, columns};
+//! # use aloft_effects::{EffectInstance, EffectsError, Scene, Span, TrialMotion, columns};
 //! # fn of_trial(model: &Model, phi: &[Phi], motion: &Motion) -> Result<(), EffectsError> {
 //! let scene = Scene::new(model, phi, &[]);
 //! let spans = [Span { first_frame: 20, end_frame: 140, flight: true }];
 //! let trial = TrialMotion { motion, spans: &spans, plates: &[], session_time_s: 0.0 };
-//! let choices = [Choice::parse("quadratic_drag", &scene)?, Choice::parse("flywheel[torso]", &scene)?];
+//! let choices = [EffectInstance::parse("quadratic_drag", &scene)?, EffectInstance::parse("flywheel[torso]", &scene)?];
 //! let columns = columns(&scene, &trial, &choices)?;
 //! assert_eq!(columns.names[0], "quadratic_drag.drag_area");
 //! # Ok(())
@@ -37,13 +37,13 @@
 
 mod about;
 mod catalog;
-mod choice;
 mod columns;
 mod displacement;
 mod effect;
 mod error;
 mod formula;
 mod inertia;
+mod instance;
 mod scene;
 mod series;
 mod target;
@@ -53,7 +53,6 @@ mod unknown;
 
 pub use about::{About, ActsIn, EffectKind, Family, Separation};
 pub use catalog::EFFECTS;
-pub use choice::{Choice, WrenchColumns, columns, columns_about};
 pub use columns::Columns;
 pub use effect::Effect;
 pub use error::{EffectsError, FormulaProblem};
@@ -61,6 +60,7 @@ pub use formula::{
     CompiledFormula, FormulaAxes, FormulaCoefficient, FormulaConstant, FormulaEffect, FormulaParameter, FormulaPart,
     FormulaPoint,
 };
+pub use instance::{EffectInstance, WrenchColumns, columns, columns_about};
 pub use scene::{AIR_DENSITY_KGPM3, Scene};
 pub use series::{EffectFrame, LinkFrame, PlateFrame, PlateSeries, Series, Span, TrialMotion};
 pub use target::Target;
@@ -71,7 +71,7 @@ pub use unknown::{Coefficient, NonlinearParameter, ParameterKind, Values};
 /// # Errors
 /// [`EffectsError::Unknown`] with the available names.
 pub fn effect(id: &str) -> Result<&'static dyn Effect, EffectsError> {
-    EFFECTS.iter().copied().find(|e| e.id() == id).ok_or_else(|| EffectsError::Unknown {
+    EFFECTS.iter().copied().find(|e| e.is_called(id)).ok_or_else(|| EffectsError::Unknown {
         name: id.to_owned(),
         known: EFFECTS.iter().map(|e| e.id()).collect::<Vec<_>>().join(", "),
     })

@@ -28,7 +28,7 @@ pub enum Cause {
 
 impl Cause {
     /// Short description.
-    pub fn words(self) -> &'static str {
+    pub fn describe(self) -> &'static str {
         match self {
             Self::FrameRate => "another frame rate",
             Self::LengthUnit => "another unit of length",

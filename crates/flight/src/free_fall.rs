@@ -130,7 +130,7 @@ impl FreeFall {
         let mut reasons: Vec<&str> = Vec::new();
         for e in self.explanations.iter().filter(against) {
             unlikely += if unlikely.is_empty() { "; unlikely: " } else { ", " };
-            unlikely += e.cause.words();
+            unlikely += e.cause.describe();
             reasons.extend(e.evidence.as_ref().map(|e| e.words.as_str()).filter(|w| !reasons.contains(w)));
         }
         if !reasons.is_empty() {

@@ -7,7 +7,7 @@
 //! and after.
 
 use crate::system::System;
-use crate::{IdentifyError, LinkPrior, Seen};
+use crate::{Determination, IdentifyError, LinkPrior};
 use aloft_body::{BaseParameters, JointKind, Model, Motion, Phi, State};
 use aloft_regressor::{Acting, Factor, Stretch, WeakOptions, weak_factor};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
@@ -19,12 +19,12 @@ const LINES: usize = 5;
 
 /// Advice from how well each parameter is observed: links with most hardly observed parameters
 /// first.
-pub(crate) fn in_words(model: &Model, parameters: &[(String, Seen)]) -> Vec<String> {
+pub(crate) fn in_words(model: &Model, parameters: &[(String, Determination)]) -> Vec<String> {
     let mut lines: Vec<(usize, String)> = Vec::new();
     for (i, link) in model.links.iter().enumerate() {
         let own: Vec<&str> = parameters
             .iter()
-            .filter(|(_, s)| *s == Seen::Hardly)
+            .filter(|(_, s)| *s == Determination::Hardly)
             .filter_map(|(name, _)| match name.rsplit_once('.') {
                 Some((owner, what)) if owner == link.name => Some(what),
                 None if i == 0 => Some(name.as_str()),
@@ -148,7 +148,7 @@ pub fn excitation_advice(
             best.sort_by(|&a, &b| (then[a] / now[a]).total_cmp(&(then[b] / now[b])));
             let best = best.into_iter().take(5).map(|i| (base.parameters[i].name.clone(), now[i], then[i])).collect();
             Ok(MotionAdvice {
-                motion: candidate.words(model, options),
+                motion: candidate.describe(model, options),
                 link: model.links[candidate.link].name.clone(),
                 gain: 1.0 - log_gain.exp(),
                 best,
@@ -169,7 +169,7 @@ struct Candidate {
 }
 
 impl Candidate {
-    fn words(&self, model: &Model, options: &AdviceOptions) -> String {
+    fn describe(&self, model: &Model, options: &AdviceOptions) -> String {
         let link = &model.links[self.link];
         let axis = ["x", "y", "z"][self.axis];
         if self.spin {

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// How well the motion determines a parameter or a link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Seen {
+pub enum Determination {
     /// Determined by the motion: the interval is below 30 % of the prior's, or of 10 % of the
     /// body's own scale.
     Well,
@@ -36,16 +36,16 @@ pub enum Origin {
 
 impl Origin {
     /// Origin of an estimate, from how well motion determines it and whether a table exists.
-    pub(crate) fn of(seen: Seen, has_table: bool) -> Self {
+    pub(crate) fn of(seen: Determination, has_table: bool) -> Self {
         match (seen, has_table) {
-            (Seen::Well | Seen::Partly, _) => Self::Motion,
-            (Seen::Hardly, true) => Self::Table,
-            (Seen::Hardly, false) => Self::NotDetermined,
+            (Determination::Well | Determination::Partly, _) => Self::Motion,
+            (Determination::Hardly, true) => Self::Table,
+            (Determination::Hardly, false) => Self::NotDetermined,
         }
     }
 
     /// In words.
-    pub fn words(self) -> &'static str {
+    pub fn describe(self) -> &'static str {
         match self {
             Self::Motion => "motion",
             Self::Table => "from the table",
@@ -99,15 +99,15 @@ pub struct Gate {
 
 /// How well one parameter is determined: its standard error relative to the prior's standard
 /// deviation, or without a prior to a tenth of the body's own scale.
-pub fn seen(se: f64, prior_sd: Option<f64>, scale: f64) -> Seen {
+pub fn determination(se: f64, prior_sd: Option<f64>, scale: f64) -> Determination {
     let reference = prior_sd.filter(|s| *s > 0.0).unwrap_or(0.1 * scale);
     let share = se / reference;
     if share < 0.3 {
-        Seen::Well
+        Determination::Well
     } else if share < 0.7 {
-        Seen::Partly
+        Determination::Partly
     } else {
-        Seen::Hardly
+        Determination::Hardly
     }
 }
 
@@ -116,14 +116,14 @@ pub(crate) fn judge(
     estimator: &Estimator,
     sigma: &Sigma,
     information: Option<&Information>,
-    parameters: &[(String, Seen)],
+    parameters: &[(String, Determination)],
     n_stretches: usize,
     deficient: usize,
     limits: &GateLimits,
     advice: Vec<String>,
 ) -> Gate {
     let hardly_seen: Vec<String> =
-        parameters.iter().filter(|(_, s)| *s == Seen::Hardly).map(|(name, _)| name.clone()).collect();
+        parameters.iter().filter(|(_, s)| *s == Determination::Hardly).map(|(name, _)| name.clone()).collect();
     let mut reasons = Vec::new();
     let mut passed = true;
     if n_stretches < limits.stretches {

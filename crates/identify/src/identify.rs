@@ -2,7 +2,7 @@
 //! a verdict.
 
 use crate::clusters::{Clusters, choose_weight, merge_groups};
-use crate::gate::{judge, seen};
+use crate::gate::{determination, judge};
 use crate::interval::{half_of, interval95};
 use crate::links::{LinkSd, gradient, link_with_sd};
 use crate::null_vector::sigma_of;
@@ -10,9 +10,9 @@ use crate::parameters::LinkIntervals;
 use crate::system::System;
 use crate::uncertainty::{Tissue, Uncertainty, Variance, deviations};
 use crate::{
-    BaseEstimate, ClusterBy, ColumnScaling, EffectEstimate, Estimator, GateLimits, Identification, IdentifyError,
-    Information, LinkEstimate, LinkOptions, LinkOrigin, LinkPrior, Origin, Parameters, Prior, Seen, Sigma, Visible,
-    advice, balanced, consistent_links, information, null_vector,
+    BaseEstimate, ClusterBy, ColumnScaling, Determination, EffectEstimate, Estimator, GateLimits, Identification,
+    IdentifyError, Information, LinkEstimate, LinkOptions, LinkOrigin, LinkPrior, Origin, Parameters, Prior, Sigma,
+    Visible, advice, balanced, consistent_links, information, null_vector,
 };
 use aloft_body::{BaseParameters, Model, Phi};
 use aloft_regressor::{Factor, Slides, StretchKind, leave_group_out};
@@ -31,7 +31,7 @@ pub struct IdentifyOptions {
     /// Correlation ρ of the error between clusters, 0 to 1, for errors that repeat from flight to
     /// flight and are not modelled: variances grow by 1 + (clusters − 1) ρ. Zero by default,
     /// because soft tissue has a model of its own ([`identify_with_slides`]).
-    pub repeat_correlation: f64,
+    pub flight_error_correlation: f64,
     /// Number of bootstrap draws (0 for none). Intervals do not depend on them.
     pub bootstrap: usize,
     /// Seed of the bootstrap.
@@ -53,7 +53,7 @@ impl Default for IdentifyOptions {
         Self {
             estimator: Estimator::MassConstrained,
             cluster: ClusterBy::Stretch,
-            repeat_correlation: 0.0,
+            flight_error_correlation: 0.0,
             bootstrap: 0,
             seed: 1,
             weights: vec![1.0, 3.0, 10.0],
@@ -190,7 +190,7 @@ pub fn identify_with_slides(
         Some(prior) => fit.links(model, base, &merged, mass_kg, prior, options)?,
         None => Vec::new(),
     };
-    let named: Vec<(String, Seen)> = base_estimates.iter().map(|b| (b.name.clone(), b.seen)).collect();
+    let named: Vec<(String, Determination)> = base_estimates.iter().map(|b| (b.name.clone(), b.seen)).collect();
     let hints = advice::in_words(model, &named);
     let information = match base_prior.as_ref() {
         Some(prior) => Some(fit.information(&clusters, mass_kg, prior, &named)?),
@@ -340,13 +340,13 @@ impl Fit {
         let row_variance = system.row_variance();
         let weight = lambda * row_variance;
         let solution = system.solve(weight);
-        if !(0.0..=1.0).contains(&options.repeat_correlation) {
+        if !(0.0..=1.0).contains(&options.flight_error_correlation) {
             return Err(IdentifyError::Option {
-                option: "repeat_correlation",
-                problem: format!("{} is not within 0 to 1", options.repeat_correlation),
+                option: "flight_error_correlation",
+                problem: format!("{} is not within 0 to 1", options.flight_error_correlation),
             });
         }
-        let repeats = 1.0 + (clusters.len() as f64 - 1.0) * options.repeat_correlation;
+        let repeats = 1.0 + (clusters.len() as f64 - 1.0) * options.flight_error_correlation;
         let resampled = Clusters::new(clusters, merged, mass_kg, prior, weight, &solution.x)?;
         let draws = if options.bootstrap > 0 && resampled.len() >= 2 {
             resampled.bootstrap(options.bootstrap, options.seed)
@@ -422,7 +422,7 @@ impl Fit {
                     _ => mass_kg * length * length,
                 };
                 let prior_sd = prior.map(|p| p.covariance[(i, i)].max(0.0).sqrt());
-                let seen = if i == 0 { Seen::Well } else { seen(se, prior_sd, scale) };
+                let seen = if i == 0 { Determination::Well } else { determination(se, prior_sd, scale) };
                 BaseEstimate {
                     name: parameter.name.clone(),
                     value: self.x[i],
@@ -446,11 +446,11 @@ impl Fit {
         clusters: &[Factor],
         mass_kg: f64,
         prior: &Prior,
-        named: &[(String, Seen)],
+        named: &[(String, Determination)],
     ) -> Result<Information, IdentifyError> {
         let row_variance = self.row_sd * self.row_sd;
         let weight = self.prior_weight * row_variance;
-        let standing: Vec<Seen> = named.iter().skip(1).map(|n| n.1).collect();
+        let standing: Vec<Determination> = named.iter().skip(1).map(|n| n.1).collect();
         Ok(Information {
             parameters: information::of_parameters(&standing),
             wrench: information::of_wrench(clusters, mass_kg, prior, weight, row_variance)?,
@@ -545,14 +545,14 @@ fn link_estimate(
     };
     let half = |ci95: Option<[f64; 2]>| half_of(ci95).unwrap_or(f64::NAN);
     let (_, before) = link_with_sd(&prior.to_phi(), prior_covariance);
-    let mass = seen(sd.mass_kg, Some(before.mass_kg), 1.0);
-    let com = seen(sd.com_m.norm(), Some(before.com_m.norm()), 1.0);
+    let mass = determination(sd.mass_kg, Some(before.mass_kg), 1.0);
+    let com = determination(sd.com_m.norm(), Some(before.com_m.norm()), 1.0);
     let size = |s: &[f64; 6]| s[..3].iter().map(|x| x * x).sum::<f64>().sqrt();
-    let inertia = seen(size(&sd.inertia_kgm2), Some(size(&before.inertia_kgm2)), 1.0);
-    let word = |s: Seen| match s {
-        Seen::Well => "well seen",
-        Seen::Partly => "partly seen",
-        Seen::Hardly => Origin::Table.words(),
+    let inertia = determination(size(&sd.inertia_kgm2), Some(size(&before.inertia_kgm2)), 1.0);
+    let word = |s: Determination| match s {
+        Determination::Well => "well seen",
+        Determination::Partly => "partly seen",
+        Determination::Hardly => Origin::Table.describe(),
     };
     // every estimator's links are regularised towards the table
     let from = LinkOrigin {

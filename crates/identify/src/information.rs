@@ -15,7 +15,7 @@
 //! Each flight is predicted from the others, because its own rows always determine its own wrench:
 //! a single flight would explain itself perfectly without predicting the next one.
 
-use crate::gate::Seen;
+use crate::gate::Determination;
 use crate::{IdentifyError, Prior};
 use aloft_regressor::Factor;
 use nalgebra::{DMatrix, DVector};
@@ -42,8 +42,8 @@ pub struct Information {
 }
 
 /// Share of parameters that motion determines; the mass is not among them.
-pub(crate) fn of_parameters(standing: &[Seen]) -> f64 {
-    let seen = standing.iter().filter(|s| **s != Seen::Hardly).count();
+pub(crate) fn of_parameters(standing: &[Determination]) -> f64 {
+    let seen = standing.iter().filter(|s| **s != Determination::Hardly).count();
     seen as f64 / standing.len().max(1) as f64
 }
 

@@ -38,7 +38,7 @@ pub use advice::{AdviceOptions, MotionAdvice, excitation_advice};
 pub use balance::{KindBalance, balanced};
 pub use clusters::{ClusterBy, WeightTrial};
 pub use error::IdentifyError;
-pub use gate::{Gate, GateLimits, Origin, Seen};
+pub use gate::{Determination, Gate, GateLimits, Origin};
 pub use identify::{IdentifyOptions, identify, identify_merged, identify_with_slides};
 pub use information::Information;
 pub use interval::{half_of, half95, interval95, satterthwaite};

@@ -2,7 +2,7 @@
 //! verdict on their reliability.
 
 use crate::clusters::{ClusterBy, WeightTrial};
-use crate::gate::{Gate, Origin, Seen};
+use crate::gate::{Determination, Gate, Origin};
 use crate::information::Information;
 use crate::links::LinkSd;
 use crate::{ColumnScaling, KindBalance, Sigma};
@@ -72,7 +72,7 @@ pub struct BaseEstimate {
     /// Standard deviation of the prior.
     pub prior_sd: Option<f64>,
     /// How well the motion determines it.
-    pub seen: Seen,
+    pub seen: Determination,
     /// Origin of the value.
     #[serde(default)]
     pub from: Origin,
@@ -82,9 +82,9 @@ impl BaseEstimate {
     /// How well motion determines the value, or its origin if motion does not.
     pub fn standing(&self) -> &'static str {
         match (self.from, self.seen) {
-            (Origin::Motion, Seen::Well) => "well",
+            (Origin::Motion, Determination::Well) => "well",
             (Origin::Motion, _) => "partly",
-            (other, _) => other.words(),
+            (other, _) => other.describe(),
         }
     }
 }
@@ -139,12 +139,12 @@ impl LinkOrigin {
 
     /// Text for a table column: `motion`, `from the table`, or which of the values are from the
     /// table.
-    pub fn words(&self) -> String {
+    pub fn describe(&self) -> String {
         let by_motion = [self.mass_kg, self.com_m, self.inertia_kgm2].map(|o| o == Origin::Motion);
         match by_motion.iter().filter(|m| **m).count() {
-            3 => Origin::Motion.words().to_owned(),
-            0 => Origin::Table.words().to_owned(),
-            _ => format!("{}: {}", self.from_table(), Origin::Table.words()),
+            3 => Origin::Motion.describe().to_owned(),
+            0 => Origin::Table.describe().to_owned(),
+            _ => format!("{}: {}", self.from_table(), Origin::Table.describe()),
         }
     }
 }
@@ -178,7 +178,7 @@ pub struct LinkEstimate {
     /// Prior of the link.
     pub prior: LinkInertia,
     /// How well motion determines the link.
-    pub seen: Seen,
+    pub seen: Determination,
     /// Origins of its values.
     #[serde(default)]
     pub from: LinkOrigin,

@@ -39,7 +39,7 @@ pub enum Unseen {
 
 impl Unseen {
     /// Text that follows "not determined:".
-    pub fn words(&self) -> String {
+    pub fn describe(&self) -> String {
         let quoted = |names: &[String]| names.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
         match self {
             Self::Zero => "it has no effect on these recordings (its column is zero in every row)".to_owned(),
@@ -186,7 +186,7 @@ impl Visible {
         let mut found = reduced.into_iter();
         let of = |(name, unseen): (&String, &Option<Unseen>)| match unseen {
             None => found.next(),
-            Some(why) => Some(EffectEstimate::not_determined(name, why.words())),
+            Some(why) => Some(EffectEstimate::not_determined(name, why.describe())),
         };
         self.names.iter().zip(&self.unseen).filter_map(of).collect()
     }

@@ -10,8 +10,8 @@ mod common;
 
 use aloft_body::Motion;
 use aloft_identify::{
-    ClusterBy, ColumnScaling, Estimator, GateLimits, IdentifyError, IdentifyOptions, Seen, add_noise, balanced,
-    choose_window, identify, mass_constrained, null_vector, simex,
+    ClusterBy, ColumnScaling, Determination, Estimator, GateLimits, IdentifyError, IdentifyOptions, add_noise,
+    balanced, choose_window, identify, mass_constrained, null_vector, simex,
 };
 use aloft_regressor::{
     AccelerationOptions, Acting, CoordinateNoise, Factor, Noise, Stretch, StretchKind, WeakOptions,
@@ -203,7 +203,7 @@ fn bootstrap_and_standard_errors_agree() {
             estimate.name,
             estimate.se
         );
-        assert_eq!(estimate.seen, Seen::Well);
+        assert_eq!(estimate.seen, Determination::Well);
     }
     let again = identify(&truth.model, &truth.base, &factors, truth.mass(), None, &options).unwrap();
     assert_eq!(found, again);

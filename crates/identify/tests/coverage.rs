@@ -218,7 +218,7 @@ impl Counts {
         let shares = self.0.iter().map(|c| f64::from(c.1) / f64::from(c.2));
         shares.fold([1.0, 0.0], |r, s| [r[0].min(s), r[1].max(s)])
     }
-    fn words(&self, what: &str) -> String {
+    fn describe(&self, what: &str) -> String {
         if self.0.is_empty() {
             return String::new();
         }
@@ -279,9 +279,9 @@ fn coverage(case: &Case, draws: u64, seed: u64) -> [Counts; 3] {
         1000.0 * case.soft_m,
         case.white,
         draws,
-        base.words("base parameters"),
-        links.words("links"),
-        effects.words("effect coefficients")
+        base.describe("base parameters"),
+        links.describe("links"),
+        effects.describe("effect coefficients")
     );
     counts
 }

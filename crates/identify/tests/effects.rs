@@ -256,7 +256,7 @@ fn the_reason_names_what_a_column_repeats() {
         let visible = Visible::among(&factors(&truth, &model, false), false).unwrap();
         assert_eq!(visible.why(0), None, "{model:?}");
         assert_eq!(visible.why(1), Some(&expected), "{model:?}");
-        assert!(!expected.words().is_empty());
+        assert!(!expected.describe().is_empty());
     }
     let visible = Visible::among(&factors(&truth, &[Some(Hidden::Body)], false), false).unwrap();
     assert!(matches!(visible.why(0), Some(Unseen::Body(names)) if !names.is_empty()));

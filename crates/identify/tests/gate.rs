@@ -7,7 +7,7 @@ mod common;
 use aloft_body::LinkInertia;
 use aloft_body::subject::PriorSd;
 use aloft_identify::{
-    ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Origin, Parameters, Seen, Symmetry, identify,
+    ColumnScaling, Determination, Estimator, IdentifyOptions, LinkPrior, Origin, Parameters, Symmetry, identify,
 };
 use aloft_regressor::{Acting, Factor, WeakOptions, weak_factor};
 use common::{Truth, load};
@@ -39,8 +39,8 @@ fn factors(truth: &Truth, prior: &LinkPrior, noise_m: f64, soft_m: f64) -> Vec<F
 }
 
 fn run(truth: &Truth, prior: &LinkPrior, factors: &[Factor], estimator: Estimator) -> Parameters {
-    let repeat_correlation = if truth.base.len() > 50 { 0.2 } else { 0.0 };
-    let options = IdentifyOptions { estimator, repeat_correlation, ..IdentifyOptions::default() };
+    let flight_error_correlation = if truth.base.len() > 50 { 0.2 } else { 0.0 };
+    let options = IdentifyOptions { estimator, flight_error_correlation, ..IdentifyOptions::default() };
     identify(&truth.model, &truth.base, factors, truth.mass(), Some(prior), &options).unwrap().parameters
 }
 
@@ -117,12 +117,12 @@ fn what_motion_did_not_determine_is_from_the_table() {
     for b in p.base.iter().skip(1) {
         let share = b.se / b.prior_sd.unwrap();
         assert_eq!(b.from == Origin::Table, share >= 0.7, "{}: {share}", b.name);
-        assert_eq!(b.standing() == "from the table", b.seen == Seen::Hardly, "{}", b.name);
+        assert_eq!(b.standing() == "from the table", b.seen == Determination::Hardly, "{}", b.name);
     }
-    assert!(p.links.iter().any(|l| l.from.words() == "from the table"));
+    assert!(p.links.iter().any(|l| l.from.describe() == "from the table"));
     for l in &p.links {
         // `seen` is that of the best-determined value
-        assert_eq!(l.from.words() == "from the table", l.seen == Seen::Hardly, "{}", l.name);
+        assert_eq!(l.from.describe() == "from the table", l.seen == Determination::Hardly, "{}", l.name);
         assert_eq!(l.words.contains("from the table"), !l.from.from_table().is_empty(), "{}", l.words);
     }
     let json = serde_json::to_value(&p).unwrap();

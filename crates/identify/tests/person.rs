@@ -9,8 +9,8 @@ use aloft_body::subject::PriorSd;
 use aloft_body::{LinkInertia, Phi};
 use aloft_identify::links::clipped;
 use aloft_identify::{
-    AdviceOptions, ClusterBy, Estimator, IdentifyOptions, LinkPrior, Parameters, Seen, Symmetry, excitation_advice,
-    identify,
+    AdviceOptions, ClusterBy, Determination, Estimator, IdentifyOptions, LinkPrior, Parameters, Symmetry,
+    excitation_advice, identify,
 };
 use aloft_regressor::{AccelerationRows, Acting, CoordinateNoise, Factor, Noise, WeakOptions, weak_factor};
 use common::{Truth, load};
@@ -160,7 +160,7 @@ fn repeating_errors_widen_intervals_and_more_motion_narrows_them() {
     let prior = prior(&truth, 6);
     let factors = weak_factors(&truth, &prior, 1, 0.0, true);
     let run = |factors: &[Factor], repeat: f64| {
-        let options = IdentifyOptions { repeat_correlation: repeat, ..regularized(Some(1.0)) };
+        let options = IdentifyOptions { flight_error_correlation: repeat, ..regularized(Some(1.0)) };
         identify(&truth.model, &truth.base, factors, truth.mass(), Some(&prior), &options).unwrap().parameters
     };
     let mean = |p: &Parameters| p.base.iter().skip(1).map(|b| (b.se / b.prior_sd.unwrap()).ln()).sum::<f64>();
@@ -228,7 +228,7 @@ fn advice_names_a_motion_that_helps() {
     // the recommended motion moves a link that is hardly observed
     let worst = &advice[0].link;
     let seen = found.parameters.base.iter().filter(|b| b.name.starts_with(worst.as_str())).map(|b| b.seen).max();
-    assert!(seen == Some(Seen::Hardly) || seen == Some(Seen::Partly), "{worst} {seen:?}");
+    assert!(seen == Some(Determination::Hardly) || seen == Some(Determination::Partly), "{worst} {seen:?}");
     let bad =
         excitation_advice(&truth.model, &truth.base, &factors, truth.mass(), &prior, &[0.0], 1.0, &weak, &options);
     assert!(bad.is_err());

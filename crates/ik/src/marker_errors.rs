@@ -34,7 +34,7 @@
 
 use crate::frame::Solver;
 use crate::problem::Problem;
-use crate::solve::meet;
+use crate::solve::match_markers;
 use crate::tree::{NONE, Pose};
 use crate::{IkError, IkOptions};
 use aloft_body::{Motion, Subject};
@@ -86,7 +86,7 @@ impl MarkerErrors {
             index.is_some_and(|i| trial.markers.trajectories[i].iter().any(|p| p.x.is_finite()))
         };
         problem.markers.retain(|m| ever(&m.label));
-        let sources = meet(&mut problem, subject, trial)?;
+        let sources = match_markers(&mut problem, subject, trial)?;
         for marker in &mut problem.markers {
             marker.huber = f64::INFINITY;
         }

@@ -48,7 +48,7 @@ pub fn solve(subject: &Subject, trial: &Trial, options: &IkOptions) -> Result<Ik
 }
 
 /// Keeps the problem's markers that the trial contains; returns their indices in the trial.
-pub(crate) fn meet(problem: &mut Problem, subject: &Subject, trial: &Trial) -> Result<Vec<usize>, IkError> {
+pub(crate) fn match_markers(problem: &mut Problem, subject: &Subject, trial: &Trial) -> Result<Vec<usize>, IkError> {
     let all: Vec<String> = problem.markers.iter().map(|m| m.label.clone()).collect();
     problem.markers.retain(|m| trial.markers.index(&m.label).is_some());
     if problem.markers.len() < FEWEST_MARKERS {
@@ -68,7 +68,7 @@ fn solve_with(subject: &Subject, trial: &Trial, options: &IkOptions, deviations:
     let mut problem = Problem::new(subject, options)?;
     problem.deviations = deviations;
     let all: Vec<String> = problem.markers.iter().map(|m| m.label.clone()).collect();
-    let sources = meet(&mut problem, subject, trial)?;
+    let sources = match_markers(&mut problem, subject, trial)?;
     let n_frames = trial.markers.n_frames;
     let n_pieces = n_frames.div_ceil(options.chunk_frames);
     let pieces: Vec<Piece> = (0..n_pieces)

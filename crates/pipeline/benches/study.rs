@@ -5,18 +5,18 @@
 #![allow(missing_docs, reason = "criterion makes the functions")]
 
 use aloft_pipeline::runner::{Selection, Silent, run};
-use aloft_study::study::{Overrides, Study};
+use aloft_study::subject_session::{Overrides, SubjectSession};
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::path::Path;
 
-fn study(c: &mut Criterion) {
+fn session(c: &mut Criterion) {
     let pipeline = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pipelines/demo.yaml");
     let Ok(folder) = tempfile::tempdir() else { return };
     let overrides = Overrides { workspace: Some(folder.path().to_path_buf()), ..Overrides::default() };
     let again = |force: bool| {
-        let Ok(study) = Study::open(&pipeline, &overrides) else { return 0 };
+        let Ok(session) = SubjectSession::open(&pipeline, &overrides) else { return 0 };
         let selection = Selection { force, ..Selection::default() };
-        run(&study, &selection, &Silent).map_or(0, |report| report.ran())
+        run(&session, &selection, &Silent).map_or(0, |report| report.ran())
     };
     if again(true) == 0 {
         return;
@@ -28,5 +28,5 @@ fn study(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, study);
+criterion_group!(benches, session);
 criterion_main!(benches);

@@ -2,7 +2,7 @@
 
 use crate::results::Results;
 use crate::stages::STAGES;
-use aloft_study::study::{Role, Study, TrialEntry};
+use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::key::key;
 use aloft_workspace::workspace::{Manifest, ROLE, WHOLE_STUDY, Workspace};
@@ -18,7 +18,7 @@ pub enum Scope {
     /// Once for each trial of the given roles.
     Trial(&'static [Role]),
     /// Once per study.
-    Study,
+    SubjectSession,
 }
 
 /// One input of a stage.
@@ -60,7 +60,7 @@ pub trait StageWork {
     type Params: Serialize;
 
     /// Takes the parameters from the study; `trial` is given for stages that run once per trial.
-    fn params(study: &Study, trial: Option<&TrialEntry>) -> Self::Params;
+    fn params(session: &SubjectSession, trial: Option<&TrialEntry>) -> Self::Params;
 
     /// Computes the result: reads through `inputs`, writes into `inputs.out`.
     ///
@@ -85,14 +85,14 @@ pub struct Stage {
     /// Inputs, for the graph.
     pub needs: &'static [Need],
     /// The parameters as stored in a manifest: [`parameters_of`] the stage's work.
-    pub parameters: fn(&Study, Option<&TrialEntry>) -> Value,
+    pub parameters: fn(&SubjectSession, Option<&TrialEntry>) -> Value,
     /// The work: [`run_of`] it.
-    pub run: fn(&Study, Option<&TrialEntry>, &StageInputs<'_>) -> Result<StageReport, StageFailure>,
+    pub run: fn(&SubjectSession, Option<&TrialEntry>, &StageInputs<'_>) -> Result<StageReport, StageFailure>,
 }
 
 /// Parameters of a stage's work as stored in a manifest.
-pub fn parameters_of<W: StageWork>(study: &Study, trial: Option<&TrialEntry>) -> Value {
-    key(&W::params(study, trial))
+pub fn parameters_of<W: StageWork>(session: &SubjectSession, trial: Option<&TrialEntry>) -> Value {
+    key(&W::params(session, trial))
 }
 
 /// Runs a stage's work with the parameters taken from the study.
@@ -100,19 +100,19 @@ pub fn parameters_of<W: StageWork>(study: &Study, trial: Option<&TrialEntry>) ->
 /// # Errors
 /// As [`StageWork::run`].
 pub fn run_of<W: StageWork>(
-    study: &Study,
+    session: &SubjectSession,
     trial: Option<&TrialEntry>,
     inputs: &StageInputs<'_>,
 ) -> Result<StageReport, StageFailure> {
-    W::run(&W::params(study, trial), inputs)
+    W::run(&W::params(session, trial), inputs)
 }
 
 impl Stage {
     /// Trials for which the stage runs; a study-wide stage has one task, without a trial.
-    pub fn tasks<'s>(&self, study: &'s Study) -> Vec<Option<&'s TrialEntry>> {
+    pub fn tasks<'s>(&self, session: &'s SubjectSession) -> Vec<Option<&'s TrialEntry>> {
         match self.scope {
-            Scope::Study => vec![None],
-            Scope::Trial(roles) => study.included().filter(|t| roles.contains(&t.role)).map(Some).collect(),
+            Scope::SubjectSession => vec![None],
+            Scope::Trial(roles) => session.included().filter(|t| roles.contains(&t.role)).map(Some).collect(),
         }
     }
 }
@@ -159,7 +159,7 @@ impl<'a> StageInputs<'a> {
     pub(crate) fn new(
         stage: &Stage,
         trial: Option<&'a TrialEntry>,
-        study: &'a Study,
+        session: &'a SubjectSession,
         workspace: &'a Workspace,
         ready: &'a [(String, String)],
         out: &'a Path,
@@ -172,9 +172,9 @@ impl<'a> StageInputs<'a> {
             trial: trial.map(|t| t.name.as_str()),
             recording: trial.filter(|_| stage.needs.contains(&Need::Recording)).map(Recording::of),
             ready,
-            expected: study.included().map(|t| (t.name.clone(), t.role)).collect(),
+            expected: session.included().map(|t| (t.name.clone(), t.role)).collect(),
             earlier: sound.then(|| workspace.place(stage.name, name)),
-            data: &study.data,
+            data: &session.data,
         }
     }
 
@@ -252,10 +252,10 @@ pub struct Manifests(HashMap<(String, String), Manifest>);
 
 impl Manifests {
     /// Reads every manifest that the stages of a study may have written.
-    pub fn read(study: &Study, workspace: &Workspace, stages: &[&Stage]) -> Self {
+    pub fn read(session: &SubjectSession, workspace: &Workspace, stages: &[&Stage]) -> Self {
         let mut all = HashMap::new();
         for stage in stages {
-            for task in stage.tasks(study) {
+            for task in stage.tasks(session) {
                 let trial = task.map_or(WHOLE_STUDY, |t| &t.name);
                 if let Some(m) = workspace.manifest(stage.name, trial) {
                     all.insert((stage.name.to_owned(), trial.to_owned()), m);
@@ -273,15 +273,15 @@ impl Manifests {
     }
     /// Like [`Manifests::read`], but also compares every file of the results with its hash, in
     /// parallel.
-    pub fn read_and_examine(study: &Study, workspace: &Workspace, stages: &[&Stage]) -> Self {
+    pub fn read_and_examine(session: &SubjectSession, workspace: &Workspace, stages: &[&Stage]) -> Self {
         let tasks: Vec<(&str, &str)> = stages
             .iter()
-            .flat_map(|s| s.tasks(study).into_iter().map(|t| (s.name, t.map_or(WHOLE_STUDY, |t| t.name.as_str()))))
+            .flat_map(|s| s.tasks(session).into_iter().map(|t| (s.name, t.map_or(WHOLE_STUDY, |t| t.name.as_str()))))
             .collect();
         tasks.par_iter().for_each(|(stage, trial)| {
             workspace.damage(stage, trial);
         });
-        Self::read(study, workspace, stages)
+        Self::read(session, workspace, stages)
     }
     /// The manifest of a result.
     pub fn get(&self, stage: &str, trial: &str) -> Option<&Manifest> {
@@ -313,7 +313,7 @@ impl Manifests {
 pub fn inputs(
     stage: &Stage,
     trial: Option<&TrialEntry>,
-    study: &Study,
+    session: &SubjectSession,
     workspace: &Workspace,
     manifests: &Manifests,
 ) -> Result<TaskInputs, PipelineError> {
@@ -367,15 +367,15 @@ pub fn inputs(
                 upstream(&mut out, name, WHOLE_STUDY, true);
             }
             Need::Every(name, roles) => {
-                for t in study.included().filter(|t| roles.contains(&t.role)) {
+                for t in session.included().filter(|t| roles.contains(&t.role)) {
                     if upstream(&mut out, name, &t.name, false) {
                         out.hashes.insert(format!("{ROLE}{}", t.name), t.role.word().to_owned());
                     }
                 }
             }
             Need::EveryOrStaticFrames(name, roles) => {
-                let named = study.config.trials.static_frames.as_ref().map(|f| f.trial.as_str());
-                for t in study.included().filter(|t| roles.contains(&t.role) || named == Some(t.name.as_str())) {
+                let named = session.config.trials.static_frames.as_ref().map(|f| f.trial.as_str());
+                for t in session.included().filter(|t| roles.contains(&t.role) || named == Some(t.name.as_str())) {
                     if upstream(&mut out, name, &t.name, false) {
                         out.hashes.insert(format!("{ROLE}{}", t.name), t.role.word().to_owned());
                     }
@@ -428,7 +428,7 @@ impl TaskState {
 pub fn standing(
     stage: &Stage,
     trial: Option<&TrialEntry>,
-    study: &Study,
+    session: &SubjectSession,
     inputs: &TaskInputs,
     manifest: Option<&Manifest>,
 ) -> TaskState {
@@ -442,7 +442,7 @@ pub fn standing(
     if !inputs.damaged.is_empty() {
         return TaskState::Stale(inputs.damaged.iter().map(|d| format!("the result of {d} is damaged")).collect());
     }
-    let changes = m.differences(stage.version, &(stage.parameters)(study, trial), &inputs.hashes);
+    let changes = m.differences(stage.version, &(stage.parameters)(session, trial), &inputs.hashes);
     if !changes.is_empty() {
         return TaskState::Stale(changes);
     }

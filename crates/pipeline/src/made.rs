@@ -6,16 +6,16 @@ use crate::stages::STAGES;
 use aloft_study::config::PipelineConfig;
 use aloft_study::facts::Facts;
 use aloft_study::revision::ModelEffect;
-use aloft_study::study::Study;
+use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::workspace::{Manifest, WHOLE_STUDY, Workspace};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::collections::BTreeMap;
 
 /// Existing, successful results of a stage, by trial.
-fn made(study: &Study, ws: &Workspace, stage: &str) -> Vec<(String, Manifest)> {
+fn made(session: &SubjectSession, ws: &Workspace, stage: &str) -> Vec<(String, Manifest)> {
     let Some(stage) = STAGES.iter().find(|s| s.name == stage) else { return Vec::new() };
-    let names = stage.tasks(study).into_iter().map(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()));
+    let names = stage.tasks(session).into_iter().map(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()));
     names.filter_map(|n| Some((n.to_owned(), ws.manifest(stage.name, n).filter(Manifest::is_ok)?))).collect()
 }
 
@@ -39,10 +39,10 @@ fn put<T>(place: &mut T, found: Option<T>) {
 
 /// The study with the settings that its results were made with, where these differ from the present
 /// pipeline. Recordings, names and paths are the present ones.
-pub fn as_made(study: &Study) -> Study {
-    let ws = Workspace::open(&study.workspace);
-    let of = |stage: &str| made(study, &ws, stage);
-    let mut out = study.clone();
+pub fn as_made(session: &SubjectSession) -> SubjectSession {
+    let ws = Workspace::open(&session.workspace);
+    let of = |stage: &str| made(session, &ws, stage);
+    let mut out = session.clone();
     let config: &mut PipelineConfig = &mut out.config;
     let import = of("import");
     put(&mut config.import, most(&import, "import"));
@@ -94,10 +94,10 @@ pub fn compared_effects(ws: &Workspace) -> Option<Vec<ModelEffect>> {
 
 /// Hash of the settings and recordings from which all results were made, without the effects of the
 /// model.
-pub fn made_with(study: &Study, ws: &Workspace) -> String {
+pub fn made_with(session: &SubjectSession, ws: &Workspace) -> String {
     let mut hasher = blake3::Hasher::new();
     for stage in STAGES {
-        for (name, mut m) in made(study, ws, stage.name) {
+        for (name, mut m) in made(session, ws, stage.name) {
             if let Some(all) = m.parameters.as_object_mut() {
                 all.remove("effects");
             }
@@ -112,10 +112,10 @@ pub fn made_with(study: &Study, ws: &Workspace) -> String {
 
 /// Settings that differ between the results of different recordings, in words. Causes are
 /// overrides, or recomputing only some of the results.
-pub fn differences(study: &Study, ws: &Workspace) -> Vec<String> {
+pub fn differences(session: &SubjectSession, ws: &Workspace) -> Vec<String> {
     let mut out = Vec::new();
     for stage in STAGES.iter().filter(|s| matches!(s.scope, Scope::Trial(_))) {
-        let all = made(study, ws, stage.name);
+        let all = made(session, ws, stage.name);
         let mut leaves: BTreeMap<String, BTreeMap<String, Vec<&str>>> = BTreeMap::new();
         for (name, m) in &all {
             let mut own = Vec::new();

@@ -9,7 +9,7 @@ use crate::graph::{Manifests, StageInputs};
 use crate::stages::STAGES;
 use crate::stages::regressor::{self, load_factors, save_factors};
 use aloft_regressor::{Factor, RowKind, Stretch, StretchKind};
-use aloft_study::study::{Role, Study};
+use aloft_study::subject_session::{Role, SubjectSession};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::workspace::{Manifest, Outcome, WHOLE_STUDY, Workspace};
 use serde_json::json;
@@ -61,8 +61,8 @@ impl std::str::FromStr for Node {
 
 impl Tree {
     /// The tree of a study: its identification trials in the order of their names.
-    pub fn of(study: &Study) -> Self {
-        Self { trials: study.included().filter(|t| t.role == Role::Identify).map(|t| t.name.clone()).collect() }
+    pub fn of(session: &SubjectSession) -> Self {
+        Self { trials: session.included().filter(|t| t.role == Role::Identify).map(|t| t.name.clone()).collect() }
     }
 
     /// The tree of the trials that a stage expects.
@@ -182,8 +182,8 @@ fn current(tree: &Tree, node: Node, workspace: &Workspace, manifests: &Manifests
 }
 
 /// Makes one node; true if there was something to do.
-pub fn make(study: &Study, node: Node) -> Result<bool, PipelineError> {
-    let tree = Tree::of(study);
+pub fn make(session: &SubjectSession, node: Node) -> Result<bool, PipelineError> {
+    let tree = Tree::of(session);
     let levels = tree.levels();
     if levels.get(node.level - 1).is_none_or(|n| node.index >= *n) {
         return Err(PipelineError::request_hint(
@@ -191,9 +191,9 @@ pub fn make(study: &Study, node: Node) -> Result<bool, PipelineError> {
             format!("nodes a level: {levels:?}, from 1-0 to {}-0", levels.len()),
         ));
     }
-    let workspace = Workspace::open(&study.workspace);
+    let workspace = Workspace::open(&session.workspace);
     let _lock = workspace.lock_shared()?;
-    let manifests = Manifests::read(study, &workspace, STAGES);
+    let manifests = Manifests::read(session, &workspace, STAGES);
     if current(&tree, node, &workspace, &manifests).is_some() {
         return Ok(false);
     }

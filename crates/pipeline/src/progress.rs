@@ -2,7 +2,7 @@
 
 use crate::runner::TaskReport;
 use crate::stages::STAGES;
-use aloft_study::recordings::StudyId;
+use aloft_study::recordings::SessionId;
 use std::time::Instant;
 
 /// Extent of a run: for each stage, in the order of [`STAGES`], the maximum number of tasks, and
@@ -21,9 +21,9 @@ pub trait Progress: Sync {
     fn begin(&self, _plan: &Plan) {}
     /// A stage of a study begins: `settled` tasks are up to date or cannot run, `tasks` are to be
     /// done.
-    fn stage(&self, study: &StudyId, name: &'static str, settled: usize, tasks: usize);
+    fn stage(&self, session: &SessionId, name: &'static str, settled: usize, tasks: usize);
     /// A task ended.
-    fn task(&self, study: &StudyId, report: &TaskReport);
+    fn task(&self, session: &SessionId, report: &TaskReport);
     /// The run ended.
     fn end(&self) {}
 }
@@ -33,8 +33,8 @@ pub trait Progress: Sync {
 pub struct Silent;
 
 impl Progress for Silent {
-    fn stage(&self, _study: &StudyId, _name: &'static str, _settled: usize, _tasks: usize) {}
-    fn task(&self, _study: &StudyId, _report: &TaskReport) {}
+    fn stage(&self, _study: &SessionId, _name: &'static str, _settled: usize, _tasks: usize) {}
+    fn task(&self, _study: &SessionId, _report: &TaskReport) {}
 }
 
 /// Rough wall time of a task of each stage before any measurement, s: only the ratios matter.

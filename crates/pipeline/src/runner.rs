@@ -6,10 +6,10 @@ use crate::graph::{self, Manifests, Stage, StageInputs, TaskState};
 pub use crate::progress::{Plan, Progress, Silent};
 use crate::stages::STAGES;
 use crate::trial_threads::TrialThreads;
-use aloft_study::recordings::StudyId;
+use aloft_study::data_set::DataSet;
+use aloft_study::recordings::SessionId;
 use aloft_study::revision::Revisions;
-use aloft_study::studies::StudySet;
-use aloft_study::study::{Study, TrialEntry};
+use aloft_study::subject_session::{SubjectSession, TrialEntry};
 use aloft_workspace::disk;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::workspace::{Complete, Manifest, Outcome, WHOLE_STUDY, Workspace, WorkspaceLock};
@@ -118,7 +118,7 @@ impl RunReport {
 #[derive(Debug)]
 pub struct StudyRun {
     /// Subject and session.
-    pub id: StudyId,
+    pub id: SessionId,
     /// The tasks; an error if the run could not begin (in that case nothing of this study was
     /// changed).
     pub report: Result<RunReport, PipelineError>,
@@ -135,7 +135,7 @@ pub struct BatchReport {
 
 impl BatchReport {
     /// Reports of the studies whose run could begin.
-    pub fn reports(&self) -> impl Iterator<Item = (&StudyId, &RunReport)> {
+    pub fn reports(&self) -> impl Iterator<Item = (&SessionId, &RunReport)> {
         self.runs.iter().filter_map(|r| r.report.as_ref().ok().map(|report| (&r.id, report)))
     }
     /// True if some task failed or could not run, or some study could not begin.
@@ -170,7 +170,7 @@ fn stage_range(selection: &Selection) -> Result<(usize, usize), PipelineError> {
 
 /// Trials that match the patterns, over all studies; none if no pattern is given. A pattern that
 /// matches nothing is an error.
-pub fn trial_filter(studies: &[&Study], patterns: &[String]) -> Result<Option<GlobSet>, PipelineError> {
+pub fn trial_filter(studies: &[&SubjectSession], patterns: &[String]) -> Result<Option<GlobSet>, PipelineError> {
     if patterns.is_empty() {
         return Ok(None);
     }
@@ -198,13 +198,13 @@ struct Task<'s> {
 }
 
 /// Maximum number of tasks that the selection may run, and how long they took before.
-fn plan(studies: &[&Study], (from, until): (usize, usize), filter: Option<&GlobSet>) -> Plan {
+fn plan(studies: &[&SubjectSession], (from, until): (usize, usize), filter: Option<&GlobSet>) -> Plan {
     let mut plan = Plan { tasks: vec![0; STAGES.len()], seconds: vec![None; STAGES.len()] };
     for i in from..until {
         let (mut sum, mut n) = (0.0, 0.0);
-        for study in studies {
-            let workspace = Workspace::open(&study.workspace);
-            for (j, task) in STAGES[i].tasks(study).into_iter().enumerate() {
+        for session in studies {
+            let workspace = Workspace::open(&session.workspace);
+            for (j, task) in STAGES[i].tasks(session).into_iter().enumerate() {
                 if task.is_some_and(|t| filter.is_some_and(|f| !f.is_match(&t.name))) {
                     continue;
                 }
@@ -230,11 +230,15 @@ fn alone(selection: &Selection) -> bool {
 }
 
 /// Runs the selected stages of one study.
-pub fn run(study: &Study, selection: &Selection, progress: &dyn Progress) -> Result<RunReport, PipelineError> {
+pub fn run(
+    session: &SubjectSession,
+    selection: &Selection,
+    progress: &dyn Progress,
+) -> Result<RunReport, PipelineError> {
     let range = stage_range(selection)?;
-    let filter = trial_filter(&[study], &selection.trials)?;
-    progress.begin(&plan(&[study], range, filter.as_ref()));
-    let done = run_study(study, range, filter.as_ref(), selection, &TrialThreads::new(1), progress);
+    let filter = trial_filter(&[session], &selection.trials)?;
+    progress.begin(&plan(&[session], range, filter.as_ref()));
+    let done = run_study(session, range, filter.as_ref(), selection, &TrialThreads::new(1), progress);
     progress.end();
     done
 }
@@ -242,11 +246,15 @@ pub fn run(study: &Study, selection: &Selection, progress: &dyn Progress) -> Res
 /// Brings everything up to date while the caller already holds the workspace; the study's effects
 /// are taken as they are. A result that cannot be written is an error here, because what follows
 /// would be built on old results.
-pub fn run_held(study: &Study, _held: &WorkspaceLock, progress: &dyn Progress) -> Result<RunReport, PipelineError> {
+pub fn run_held(
+    session: &SubjectSession,
+    _held: &WorkspaceLock,
+    progress: &dyn Progress,
+) -> Result<RunReport, PipelineError> {
     let range = (0, STAGES.len());
-    progress.begin(&plan(&[study], range, None));
-    let workspace = Workspace::open(&study.workspace);
-    let done = run_stages(study, &workspace, range, None, &Selection::default(), &TrialThreads::new(1), progress);
+    progress.begin(&plan(&[session], range, None));
+    let workspace = Workspace::open(&session.workspace);
+    let done = run_stages(session, &workspace, range, None, &Selection::default(), &TrialThreads::new(1), progress);
     progress.end();
     match done {
         Ok(report) if !report.unwritten.is_empty() => {
@@ -259,16 +267,16 @@ pub fn run_held(study: &Study, _held: &WorkspaceLock, progress: &dyn Progress) -
 /// Runs the selected stages of every member of a set. Their trials share the pool of threads; a
 /// member that cannot begin, or whose tasks fail, never stops the others. An error is returned only
 /// if it concerns all members: a wrong stage or pattern, or a workspace in use.
-pub fn run_all(set: &StudySet, selection: &Selection, progress: &dyn Progress) -> Result<BatchReport, PipelineError> {
+pub fn run_all(set: &DataSet, selection: &Selection, progress: &dyn Progress) -> Result<BatchReport, PipelineError> {
     let started = Instant::now();
     if !set.several {
-        let Some(study) = set.members.first() else { return Ok(BatchReport::default()) };
-        let report = Ok(run(study, selection, progress)?);
-        let runs = vec![StudyRun { id: study.id.clone(), report }];
+        let Some(session) = set.members.first() else { return Ok(BatchReport::default()) };
+        let report = Ok(run(session, selection, progress)?);
+        let runs = vec![StudyRun { id: session.id.clone(), report }];
         return Ok(BatchReport { runs, seconds: started.elapsed().as_secs_f64() });
     }
     let range = stage_range(selection)?;
-    let members: Vec<&Study> = set.members.iter().collect();
+    let members: Vec<&SubjectSession> = set.members.iter().collect();
     let filter = trial_filter(&members, &selection.trials)?;
     let whole = Workspace::open(&set.workspace);
     let _lock = if alone(selection) { Some(whole.lock(selection.patience())?) } else { None };
@@ -284,11 +292,11 @@ pub fn run_all(set: &StudySet, selection: &Selection, progress: &dyn Progress) -
     std::thread::scope(|scope| {
         for _ in 0..side_by_side {
             scope.spawn(|| {
-                while let Some((study, slot)) = {
+                while let Some((session, slot)) = {
                     let i = next.fetch_add(1, Ordering::Relaxed);
                     members.get(i).zip(slots.get(i))
                 } {
-                    let done = run_study(study, range, filter.as_ref(), selection, &threads, progress);
+                    let done = run_study(session, range, filter.as_ref(), selection, &threads, progress);
                     if let Ok(mut slot) = slot.lock() {
                         *slot = Some(done);
                     }
@@ -300,8 +308,8 @@ pub fn run_all(set: &StudySet, selection: &Selection, progress: &dyn Progress) -
     let runs = members
         .iter()
         .zip(slots)
-        .map(|(study, slot)| StudyRun {
-            id: study.id.clone(),
+        .map(|(session, slot)| StudyRun {
+            id: session.id.clone(),
             report: slot
                 .into_inner()
                 .ok()
@@ -313,36 +321,36 @@ pub fn run_all(set: &StudySet, selection: &Selection, progress: &dyn Progress) -
 }
 
 fn run_study(
-    study: &Study,
+    session: &SubjectSession,
     (from, until): (usize, usize),
     filter: Option<&GlobSet>,
     selection: &Selection,
     threads: &TrialThreads,
     progress: &dyn Progress,
 ) -> Result<RunReport, PipelineError> {
-    if filter.is_some_and(|f| !study.trials.iter().any(|t| f.is_match(&t.name))) {
+    if filter.is_some_and(|f| !session.trials.iter().any(|t| f.is_match(&t.name))) {
         return Ok(RunReport::default());
     }
-    let workspace = Workspace::open(&study.workspace);
+    let workspace = Workspace::open(&session.workspace);
     let _lock = if alone(selection) { Some(workspace.lock(selection.patience())?) } else { None };
     let _shared = if selection.shared && !selection.dry_run { Some(workspace.lock_shared()?) } else { None };
     // another process may have changed the model while this one waited
-    let study = &study.refreshed()?;
+    let session = &session.refreshed()?;
     let mut notes = Vec::new();
     if alone(selection) {
-        let mut model = Revisions::load(&study.workspace)?;
+        let mut model = Revisions::load(&session.workspace)?;
         if let Some(pending) = model.pending.take() {
-            model.save(&study.workspace)?;
+            model.save(&session.workspace)?;
             notes.push(format!("`effect {}` was interrupted; the model is the one before it", pending.action));
         }
     }
-    let mut report = run_stages(study, &workspace, (from, until), filter, selection, threads, progress)?;
+    let mut report = run_stages(session, &workspace, (from, until), filter, selection, threads, progress)?;
     report.notes.splice(0..0, notes);
     Ok(report)
 }
 
 fn run_stages(
-    study: &Study,
+    session: &SubjectSession,
     workspace: &Workspace,
     (from, until): (usize, usize),
     filter: Option<&GlobSet>,
@@ -353,29 +361,29 @@ fn run_stages(
     let started = Instant::now();
     // jobs of a cluster read only the manifests of their own inputs
     let mut manifests = if selection.shared {
-        Manifests::read(study, workspace, STAGES)
+        Manifests::read(session, workspace, STAGES)
     } else {
-        Manifests::read_and_examine(study, workspace, STAGES)
+        Manifests::read_and_examine(session, workspace, STAGES)
     };
     for stage in STAGES[..from].iter().copied() {
-        refuse_if_not_current(stage, &STAGES[from..until], study, filter, workspace, &manifests)?;
+        refuse_if_not_current(stage, &STAGES[from..until], session, filter, workspace, &manifests)?;
     }
     let mut report = RunReport::default();
     let mut would_change: Vec<(String, String)> = Vec::new();
     for stage in STAGES[from..until].iter().copied() {
         let mut todo = Vec::new();
         let mut line: Vec<TaskReport> = Vec::new();
-        for trial in stage.tasks(study) {
+        for trial in stage.tasks(session) {
             let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
             if let (Some(set), Some(t)) = (filter, trial)
                 && !set.is_match(&t.name)
             {
                 continue;
             }
-            let inputs = graph::inputs(stage, trial, study, workspace, &manifests)?;
+            let inputs = graph::inputs(stage, trial, session, workspace, &manifests)?;
             let manifest = manifests.get(stage.name, name);
-            let standing = graph::standing(stage, trial, study, &inputs, manifest);
-            let upstream_changes = upstream_will_change(stage, trial, study, &would_change);
+            let standing = graph::standing(stage, trial, session, &inputs, manifest);
+            let upstream_changes = upstream_will_change(stage, trial, session, &would_change);
             if let TaskState::Damaged(problems) = &standing {
                 let whose = if trial.is_some() { format!(" of {name}") } else { String::new() };
                 let what = if selection.dry_run { "would be made again" } else { "made again" };
@@ -411,8 +419,8 @@ fn run_stages(
                 line.push(TaskReport { stage: stage.name, trial: name.to_owned(), ended, warnings, seconds: 0.0 });
             }
         }
-        progress.stage(&study.id, stage.name, line.len(), todo.len());
-        for (manifest, task, unwritten) in run_tasks(stage, &todo, study, selection, workspace, threads, progress)? {
+        progress.stage(&session.id, stage.name, line.len(), todo.len());
+        for (manifest, task, unwritten) in run_tasks(stage, &todo, session, selection, workspace, threads, progress)? {
             manifests.insert(manifest);
             line.push(task);
             report.unwritten.extend(unwritten);
@@ -443,7 +451,7 @@ type Done = (Manifest, TaskReport, Option<String>);
 fn run_tasks(
     stage: &'static Stage,
     todo: &[Task<'_>],
-    study: &Study,
+    session: &SubjectSession,
     selection: &Selection,
     workspace: &Workspace,
     threads: &TrialThreads,
@@ -453,7 +461,7 @@ fn run_tasks(
     let at_once = threads.share(32);
     let syncs = threads.share(disk::SYNCS);
     let tell = |done: Done| {
-        progress.task(&study.id, &done.1);
+        progress.task(&session.id, &done.1);
         done
     };
     let (hand_over, handed) = mpsc::sync_channel::<(Complete, TaskReport)>(at_once);
@@ -477,13 +485,13 @@ fn run_tasks(
         let _alone = if selection.shared { Some(workspace.lock_task(stage.name, name)?) } else { None };
         if selection.shared
             && !selection.force
-            && let Some((manifest, report)) = made_meanwhile(stage, task, study, workspace)
+            && let Some((manifest, report)) = made_meanwhile(stage, task, session, workspace)
         {
             return Ok(Some((manifest, report, None)));
         }
-        let (complete, report) = match run_task(stage, task, study, workspace) {
+        let (complete, report) = match run_task(stage, task, session, workspace) {
             Ok(made) => made,
-            Err(e) => return Ok(Some(tell(not_made(stage, task, study, e)))),
+            Err(e) => return Ok(Some(tell(not_made(stage, task, session, e)))),
         };
         if selection.shared {
             // a job that shares the workspace keeps the lock on its result until the result is in
@@ -530,8 +538,8 @@ fn in_place(mut manifest: Manifest, mut report: TaskReport, done: Result<(), Pip
 }
 
 /// A task whose result could not be written at all.
-fn not_made(stage: &'static Stage, task: &Task<'_>, study: &Study, error: PipelineError) -> Done {
-    let manifest = empty_manifest(stage, task, study);
+fn not_made(stage: &'static Stage, task: &Task<'_>, session: &SubjectSession, error: PipelineError) -> Done {
+    let manifest = empty_manifest(stage, task, session);
     let trial = manifest.trial.clone();
     let report = TaskReport { stage: stage.name, trial, ended: Ended::Ran, warnings: Vec::new(), seconds: 0.0 };
     in_place(manifest, report, Err(error))
@@ -540,7 +548,7 @@ fn not_made(stage: &'static Stage, task: &Task<'_>, study: &Study, error: Pipeli
 fn upstream_will_change(
     stage: &Stage,
     trial: Option<&TrialEntry>,
-    study: &Study,
+    session: &SubjectSession,
     changed: &[(String, String)],
 ) -> bool {
     use graph::Need;
@@ -549,16 +557,16 @@ fn upstream_will_change(
         Need::Same(name) => changed.iter().any(|(s, t)| s == name && trial.is_some_and(|x| &x.name == t)),
         Need::Once(name) => changed.iter().any(|(s, _)| s == name),
         Need::Every(name, roles) | Need::EveryOrStaticFrames(name, roles) => {
-            changed.iter().any(|(s, t)| s == name && study.trial(t).is_some_and(|x| roles.contains(&x.role)))
+            changed.iter().any(|(s, t)| s == name && session.trial(t).is_some_and(|x| roles.contains(&x.role)))
         }
     })
 }
 
 /// Whether one of some stages reads the result of a stage for a trial (none: for the whole study),
 /// directly or through others.
-fn reads(by: &[&Stage], name: &str, trial: Option<&TrialEntry>, study: &Study) -> bool {
+fn reads(by: &[&Stage], name: &str, trial: Option<&TrialEntry>, session: &SubjectSession) -> bool {
     use graph::{Need, Scope};
-    let still = study.config.trials.static_frames.as_ref().map(|f| f.trial.as_str());
+    let still = session.config.trials.static_frames.as_ref().map(|f| f.trial.as_str());
     by.iter().any(|stage| {
         stage.needs.iter().any(|need| {
             let (above, roles) = match need {
@@ -566,13 +574,13 @@ fn reads(by: &[&Stage], name: &str, trial: Option<&TrialEntry>, study: &Study) -
                 Need::Once(n) => (n, None),
                 Need::Same(n) => match stage.scope {
                     Scope::Trial(roles) => (n, Some(roles)),
-                    Scope::Study => (n, None),
+                    Scope::SubjectSession => (n, None),
                 },
                 Need::Every(n, roles) | Need::EveryOrStaticFrames(n, roles) => (n, Some(*roles)),
             };
             let fits =
                 trial.is_none_or(|t| roles.is_none_or(|r| r.contains(&t.role)) || still == Some(t.name.as_str()));
-            let through = || STAGES.iter().any(|s| s.name == *above && reads(&[*s], name, trial, study));
+            let through = || STAGES.iter().any(|s| s.name == *above && reads(&[*s], name, trial, session));
             (*above == name && fits) || through()
         })
     })
@@ -581,21 +589,21 @@ fn reads(by: &[&Stage], name: &str, trial: Option<&TrialEntry>, study: &Study) -
 fn refuse_if_not_current(
     stage: &Stage,
     by: &[&Stage],
-    study: &Study,
+    session: &SubjectSession,
     filter: Option<&GlobSet>,
     workspace: &Workspace,
     manifests: &Manifests,
 ) -> Result<(), PipelineError> {
-    for trial in stage.tasks(study) {
+    for trial in stage.tasks(session) {
         if trial.is_some_and(|t| filter.is_some_and(|f| !f.is_match(&t.name))) {
             continue;
         }
-        if !reads(by, stage.name, trial, study) {
+        if !reads(by, stage.name, trial, session) {
             continue;
         }
         let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
-        let inputs = graph::inputs(stage, trial, study, workspace, manifests)?;
-        let problem = match graph::standing(stage, trial, study, &inputs, manifests.get(stage.name, name)) {
+        let inputs = graph::inputs(stage, trial, session, workspace, manifests)?;
+        let problem = match graph::standing(stage, trial, session, &inputs, manifests.get(stage.name, name)) {
             TaskState::Missing => "has not run".to_owned(),
             TaskState::Stale(changes) => format!("is stale ({})", changes.join("; ")),
             TaskState::Damaged(problems) => format!("is damaged ({})", problems.join("; ")),
@@ -613,14 +621,14 @@ fn refuse_if_not_current(
 fn made_meanwhile(
     stage: &Stage,
     task: &Task<'_>,
-    study: &Study,
+    session: &SubjectSession,
     workspace: &Workspace,
 ) -> Option<(Manifest, TaskReport)> {
     let name = task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
     workspace.forget(stage.name, name);
     let manifest = workspace.manifest(stage.name, name)?;
     let inputs = graph::TaskInputs { own_damage: workspace.damage(stage.name, name), ..task.inputs.clone() };
-    if !graph::standing(stage, task.trial, study, &inputs, Some(&manifest)).is_current() {
+    if !graph::standing(stage, task.trial, session, &inputs, Some(&manifest)).is_current() {
         return None;
     }
     let (trial, warnings) = (name.to_owned(), manifest.warnings.clone());
@@ -645,12 +653,12 @@ fn unchanged_meanwhile(stage: &Stage, task: &Task<'_>, workspace: &Workspace) ->
 }
 
 /// Manifest of a result before it is made.
-fn empty_manifest(stage: &Stage, task: &Task<'_>, study: &Study) -> Manifest {
+fn empty_manifest(stage: &Stage, task: &Task<'_>, session: &SubjectSession) -> Manifest {
     Manifest {
         stage: stage.name.to_owned(),
         trial: task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str()).to_owned(),
         version: stage.version,
-        parameters: (stage.parameters)(study, task.trial),
+        parameters: (stage.parameters)(session, task.trial),
         inputs: task.inputs.hashes.clone(),
         outcome: Outcome::Ok,
         warnings: Vec::new(),
@@ -665,14 +673,14 @@ fn empty_manifest(stage: &Stage, task: &Task<'_>, study: &Study) -> Manifest {
 fn run_task(
     stage: &'static Stage,
     task: &Task<'_>,
-    study: &Study,
+    session: &SubjectSession,
     workspace: &Workspace,
 ) -> Result<(Complete, TaskReport), PipelineError> {
     let name = task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
     let scratch = workspace.scratch(stage.name, name)?;
     let started = Instant::now();
-    let inputs = StageInputs::new(stage, task.trial, study, workspace, &task.inputs.ready, &scratch);
-    let result = catch_unwind(AssertUnwindSafe(|| (stage.run)(study, task.trial, &inputs))).unwrap_or_else(|panic| {
+    let inputs = StageInputs::new(stage, task.trial, session, workspace, &task.inputs.ready, &scratch);
+    let result = catch_unwind(AssertUnwindSafe(|| (stage.run)(session, task.trial, &inputs))).unwrap_or_else(|panic| {
         let what = panic
             .downcast_ref::<String>()
             .map(String::as_str)
@@ -699,7 +707,7 @@ fn run_task(
         warnings: done.warnings.clone(),
         summary: done.summary,
         seconds,
-        ..empty_manifest(stage, task, study)
+        ..empty_manifest(stage, task, session)
     };
     let complete = workspace.complete(scratch, manifest)?;
     let ended = match outcome {

@@ -12,14 +12,14 @@ use aloft_regressor::{
     AccelerationOptions, Acting, CoordinateNoise, Factor, Noise, Stretch, WeakOptions, acceleration_factor, weak_factor,
 };
 use aloft_simulate::{Scenario, simulate};
-use aloft_study::study::{Overrides, Study};
+use aloft_study::subject_session::{Overrides, SubjectSession};
 use aloft_workspace::artifact::load_motion;
 use aloft_workspace::workspace::{WHOLE_STUDY, Workspace};
 use std::path::Path;
 
 /// Writes a laboratory with this gravity to disk and runs its pipeline until the motion is
 /// filtered; returns the study and its truth.
-fn laboratory(gravity_mps2: f64, folder: &Path) -> (Study, serde_json::Value) {
+fn laboratory(gravity_mps2: f64, folder: &Path) -> (SubjectSession, serde_json::Value) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let text = std::fs::read_to_string(root.join("fixtures/scenarios/demo.yaml")).unwrap();
     let mut scenario: Scenario = aloft_study::config::parse_yaml("scenario", &text).unwrap();
@@ -34,11 +34,11 @@ fn laboratory(gravity_mps2: f64, folder: &Path) -> (Study, serde_json::Value) {
     }
     let overrides =
         Overrides { data: Some(folder.join("lab")), workspace: Some(folder.join("ws")), ..Overrides::default() };
-    let study = Study::open(&root.join("pipelines/chain.yaml"), &overrides).unwrap();
-    assert_eq!(study.facts.gravity_mps2, gravity_mps2, "gravity of the laboratory's own description");
-    run(&study, &Selection { until: Some("filter".into()), ..Selection::default() }, &Silent).unwrap();
+    let session = SubjectSession::open(&root.join("pipelines/chain.yaml"), &overrides).unwrap();
+    assert_eq!(session.facts.gravity_mps2, gravity_mps2, "gravity of the laboratory's own description");
+    run(&session, &Selection { until: Some("filter".into()), ..Selection::default() }, &Silent).unwrap();
     let truth = std::fs::read_to_string(folder.join("lab/truth/truth.json")).unwrap();
-    (study, serde_json::from_str(&truth).unwrap())
+    (session, serde_json::from_str(&truth).unwrap())
 }
 
 #[test]
@@ -46,8 +46,8 @@ fn validate_a_chain_is_identified_at_any_gravity() {
     let mut found = Vec::new();
     for gravity_mps2 in [0.0, 0.02, 1.62, 9.81] {
         let folder = tempfile::tempdir().unwrap();
-        let (study, truth) = laboratory(gravity_mps2, folder.path());
-        let ws = Workspace::open(&study.workspace);
+        let (session, truth) = laboratory(gravity_mps2, folder.path());
+        let ws = Workspace::open(&session.workspace);
         let text = std::fs::read_to_string(ws.place("calibrate", WHOLE_STUDY).join("subject.json")).unwrap();
         let subject: Subject = serde_json::from_str(&text).unwrap();
         assert_eq!(subject.model.gravity_mps2.norm(), gravity_mps2);

@@ -45,7 +45,7 @@ impl Columns {
     pub fn is_empty(&self) -> bool {
         false
     }
-    fn words(&self) -> String {
+    fn describe(&self) -> String {
         format!("{} parameters and the effects [{}]", self.parameters.len(), self.effects.join(", "))
     }
 }
@@ -229,7 +229,7 @@ impl Factor {
                         trial: self.trial.clone(),
                         stretch: self.stretch,
                         expected: format!("the effect {name}"),
-                        found: self.columns.words(),
+                        found: self.columns.describe(),
                     });
                 }
             }
@@ -296,8 +296,8 @@ impl Factor {
         Err(RegressorError::Columns {
             trial: other.trial.clone(),
             stretch: other.stretch,
-            expected: self.columns.words(),
-            found: other.columns.words(),
+            expected: self.columns.describe(),
+            found: other.columns.describe(),
         })
     }
 }

@@ -92,11 +92,11 @@ pub fn section(story: &Story<'_>, p: &Parameters) -> Option<Section> {
 
 /// Inertias of the links by each table, for this person's geometry; empty for objects.
 fn tables(story: &Story<'_>) -> Vec<(String, Vec<LinkInertia>)> {
-    let Some(subject) = story.subject.as_ref().filter(|_| story.study.object.is_none()) else { return Vec::new() };
+    let Some(subject) = story.subject.as_ref().filter(|_| story.session.object.is_none()) else { return Vec::new() };
     let Ok(anatomy) = read_json::<StaticAnatomy>(&story.ws.place("scale", WHOLE_STUDY).join("anatomy.json")) else {
         return Vec::new();
     };
-    let own = &story.study.anthropometry;
+    let own = &story.session.anthropometry;
     let used = TABLES.iter().find(|(name, _)| *name == own.name).map_or(own.title.as_str(), |t| t.1);
     let mut out = vec![(format!("{used} (prior)"), subject.prior.clone())];
     for (name, title) in TABLES.iter().filter(|(name, _)| *name != own.name) {

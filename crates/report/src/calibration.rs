@@ -1,7 +1,7 @@
 //! Result of the geometry calibration over all recordings.
 
 use super::story::Story;
-use super::words::{card, number};
+use super::wording::{card, number};
 use aloft_page::{Block, Dots, Figure, Light, Section, Table, Words};
 use aloft_workspace::workspace::{WHOLE_STUDY, read_json};
 use serde::Deserialize;

@@ -1,6 +1,6 @@
 //! Ranking of the candidate effects with their intervals, and which of them are hard to tell apart.
 
-use super::words::{number, plus_minus, unit};
+use super::wording::{number, plus_minus, unit};
 use aloft_discover::{Candidate, Discovery};
 use aloft_effects::EffectKind;
 use aloft_page::{Block, Cell, Columns, Dots, Figure, HeatMap, Line, Section, Table, Words};

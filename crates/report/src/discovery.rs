@@ -5,7 +5,7 @@ use super::STUDY;
 use super::candidates;
 use super::ladder;
 use super::story::Story;
-use super::words::{card, number};
+use super::wording::{card, number};
 use aloft_discover::{Discovery, Verdict};
 use aloft_page::{Block, Chapter, Light, Section};
 
@@ -38,7 +38,7 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
         }
     }
     if story.discoveries.is_empty() {
-        let p = aloft_study::quote::path(&story.study.config_path);
+        let p = aloft_study::quote::path(&story.session.config_path);
         sections.insert(
             0,
             Section::new(

@@ -1,7 +1,7 @@
 //! Winter's residual analysis as a table, for choosing a cut-off frequency.
 
 use super::story::Story;
-use super::words::{maybe, number};
+use super::wording::{maybe, number};
 use aloft_page::{Cell, Figure, Line, Panel, Section, Series, Table, Words};
 
 /// The section; none if no recording was analysed.
@@ -10,7 +10,7 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
     if all.is_empty() {
         return None;
     }
-    let f = &story.study.config.filter;
+    let f = &story.session.config.filter;
     let many = all.len() > 4;
     let series = all
         .iter()

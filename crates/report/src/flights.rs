@@ -2,7 +2,7 @@
 
 use super::series::COMPONENTS;
 use super::story::{Story, TrialStory};
-use super::words::count;
+use super::wording::count;
 use aloft_body::State;
 use aloft_page::{Band, Block, Figure, Panel, Section, Words};
 use std::collections::BTreeMap;

@@ -2,12 +2,12 @@
 //! group, and links to the subjects' pages.
 
 use super::story::Story;
-use super::words::{anchor, card, count, maybe, number, with_half};
+use super::wording::{anchor, card, count, maybe, number, with_half};
 use super::{STUDY, lights};
 use aloft_analysis::compare::{errors_of, mean};
 use aloft_discover::Verdict;
 use aloft_page::{Block, Cell, Chapter, Columns, Dots, Figure, HeatMap, Light, Line, Page, Section, Table, Words};
-use aloft_study::study::Study;
+use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -17,7 +17,7 @@ pub struct Member<'a> {
     /// Name in the study.
     pub name: String,
     /// The subject's own study.
-    pub study: &'a Study,
+    pub session: &'a SubjectSession,
     /// Path of its page, relative to this one; empty if it has none.
     pub link: String,
 }
@@ -91,7 +91,7 @@ fn row(m: &Member<'_>) -> Row {
         name: m.name.clone(),
         link: m.link.clone(),
         light: Light::Poor,
-        recordings: m.study.included().count(),
+        recordings: m.session.included().count(),
         remarks: String::new(),
         flights: None,
         marker_rms_mm: None,
@@ -106,8 +106,8 @@ fn row(m: &Member<'_>) -> Row {
         trials: Vec::new(),
         failure: None,
     };
-    let made = aloft_pipeline::made::as_made(m.study);
-    let story = match Story::read(&made, m.study) {
+    let made = aloft_pipeline::made::as_made(m.session);
+    let story = match Story::read(&made, m.session) {
         Ok(story) => story,
         Err(e) => {
             out.failure = Some(e.to_string());
@@ -118,7 +118,7 @@ fn row(m: &Member<'_>) -> Row {
     (out.light, out.remarks) = lights::recordings(&story);
     if !story.freshness.is_current() {
         out.light = Light::Poor;
-        out.remarks = format!("not up to date ({}); {}", story.freshness.words().join("; "), out.remarks);
+        out.remarks = format!("not up to date ({}); {}", story.freshness.describe().join("; "), out.remarks);
     }
     let average = |v: Vec<f64>| (!v.is_empty()).then(|| v.iter().sum::<f64>() / v.len() as f64);
     out.marker_rms_mm = average(story.dynamic().filter_map(|t| t.kinematics.as_ref()?.marker_rms_mm).collect());

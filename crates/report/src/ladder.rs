@@ -1,7 +1,7 @@
 //! The revisions of the model and the error that each of them left.
 
 use super::story::Story;
-use super::words::{maybe, number, plus_minus};
+use super::wording::{maybe, number, plus_minus};
 use aloft_analysis::history::HistoryRow;
 use aloft_page::{Block, Cell, Figure, Light, Panel, Section, Series, Table, Words};
 use aloft_study::revision::Judged;

@@ -24,10 +24,10 @@ mod set;
 mod skeleton;
 mod story;
 mod trial;
-mod words;
+mod wording;
 
 use aloft_page::{Chapter, Page, render};
-use aloft_study::study::Study;
+use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 pub use group::{Absent, Member};
 use rayon::prelude::*;
@@ -41,9 +41,9 @@ const STUDY: &str = "Study";
 const RECORDINGS: &str = "Recordings";
 
 /// Builds the page and writes it; returns its path.
-pub fn write(study: &Study, out: Option<&Path>) -> Result<PathBuf, PipelineError> {
-    let html = render(&page(study)?).map_err(|e| PipelineError::request(e.to_string()))?;
-    let path = out.map_or_else(|| study.workspace.join("report.html"), Path::to_path_buf);
+pub fn write(session: &SubjectSession, out: Option<&Path>) -> Result<PathBuf, PipelineError> {
+    let html = render(&page(session)?).map_err(|e| PipelineError::request(e.to_string()))?;
+    let path = out.map_or_else(|| session.workspace.join("report.html"), Path::to_path_buf);
     aloft_workspace::workspace::write_whole(&path, html.as_bytes())?;
     Ok(path)
 }
@@ -60,9 +60,9 @@ pub fn write_group(
     Ok(out.to_path_buf())
 }
 
-fn page(now: &Study) -> Result<Page, PipelineError> {
-    let study = &aloft_pipeline::made::as_made(now);
-    let story = Story::read(study, now)?;
+fn page(now: &SubjectSession) -> Result<Page, PipelineError> {
+    let session = &aloft_pipeline::made::as_made(now);
+    let story = Story::read(session, now)?;
     let mut chapters = vec![overview::chapter(&story)];
     chapters.extend(prediction::chapter(&story));
     chapters.push(discovery::chapter(&story));
@@ -72,25 +72,25 @@ fn page(now: &Study) -> Result<Page, PipelineError> {
     let shown: Vec<_> = story.trials.iter().filter(|t| t.entry.role.is_dynamic() || !t.failures.is_empty()).collect();
     let recordings: Vec<Chapter> = shown.par_iter().map(|t| trial::chapter(&story, t)).collect();
     chapters.extend(recordings);
-    let person = &study.facts.person;
+    let person = &session.facts.person;
     let flights = story.found.as_ref().map_or(0, |f| f.parameters.n_stretches);
-    let mut facts = vec![study.config.name.clone()];
-    if words::short(&person.name) != person.name {
+    let mut facts = vec![session.config.name.clone()];
+    if wording::short(&person.name) != person.name {
         facts.push(person.name.clone());
     }
-    facts.push(words::count(study.included().count(), "recording"));
-    facts.push(words::count(flights, "flight"));
+    facts.push(wording::count(session.included().count(), "recording"));
+    facts.push(wording::count(flights, "flight"));
     facts.push(format!("mass {} kg", person.mass_kg));
     facts.extend(person.height_m.map(|h| format!("height {h} m")));
-    let sources = &study.facts.sources;
+    let sources = &session.facts.sources;
     Ok(Page {
-        title: format!("{}: mass properties from flight", words::short(&person.name)),
+        title: format!("{}: mass properties from flight", wording::short(&person.name)),
         subtitle: facts.join(" · "),
         chapters,
         footer: vec![format!(
             "aloft {} · pipeline {} · facts from {} · every number of a figure or table: its CSV button; full rate: the Parquet tables of the workspace",
             env!("CARGO_PKG_VERSION"),
-            study.config.name,
+            session.config.name,
             if sources.is_empty() { "the pipeline".to_owned() } else { sources.join(" and ") }
         )],
     })

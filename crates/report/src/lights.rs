@@ -1,7 +1,7 @@
 //! Judgements: all limits of the report in one place, chosen from common practice in the field.
 
 use super::story::{Story, TrialStory};
-use super::words::number;
+use super::wording::number;
 use aloft_flight::FlightReport;
 use aloft_page::Light;
 

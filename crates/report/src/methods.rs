@@ -9,7 +9,7 @@ use aloft_workspace::workspace::WHOLE_STUDY;
 
 /// The chapter.
 pub fn chapter(story: &Story<'_>) -> Chapter {
-    let p = aloft_study::quote::path(&story.study.config_path);
+    let p = aloft_study::quote::path(&story.session.config_path);
     let commands = vec![
         format!("aloft compare {p}            # where the model fails"),
         format!("aloft discover {p}           # which effect is missing"),
@@ -31,21 +31,21 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
 }
 
 fn paragraph(story: &Story<'_>) -> String {
-    let study = story.study;
-    let f = &study.config.filter;
+    let session = story.session;
+    let f = &session.config.filter;
     let mut text = format!(
         "Marker trajectories were brought to SI units and one world frame with Z up; gaps up to {} s were filled. ",
-        study.config.import.fill_gaps_s
+        session.config.import.fill_gaps_s
     );
-    text.push_str(&if study.object.is_some() {
+    text.push_str(&if session.object.is_some() {
         "Link frames follow the object description; the hinge was found from motion and refined over all recordings. ".to_owned()
     } else {
         format!(
             "A model of {} links was scaled to the static trial (hip centres after {}, inertial prior: {}) and its joint centres, hinge axes and \
              marker places were refined over the dynamic trials on markers alone. ",
-            study.model.links.len(),
-            capital(&study.config.scale.hip),
-            study.anthropometry.title
+            session.model.links.len(),
+            capital(&session.config.scale.hip),
+            session.anthropometry.title
         )
     });
     text.push_str(&format!(
@@ -61,14 +61,14 @@ fn paragraph(story: &Story<'_>) -> String {
             p.n_stretches,
             found.rows_used,
             p.estimator.name().replace('_', " "),
-            study.facts.person.mass_kg
+            session.facts.person.mass_kg
         ));
         if !p.effects.is_empty() {
             let names: Vec<&str> = p.effects.iter().map(|e| e.name.as_str()).collect();
             text.push_str(&format!("Fitted with them: {}. ", names.join(", ")));
         }
     }
-    for difference in aloft_pipeline::made::differences(study, &story.ws) {
+    for difference in aloft_pipeline::made::differences(session, &story.ws) {
         text.push_str(&format!("{difference}. "));
     }
     text.push_str(&format!("Software: aloft {}.", programs(story)));
@@ -78,7 +78,7 @@ fn paragraph(story: &Story<'_>) -> String {
 /// Versions of the program that produced the results.
 fn programs(story: &Story<'_>) -> String {
     let made = STAGES.iter().flat_map(|stage| {
-        let names = stage.tasks(story.study).into_iter().map(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()));
+        let names = stage.tasks(story.session).into_iter().map(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()));
         names.filter_map(|n| Some(story.ws.manifest(stage.name, n)?.program)).collect::<Vec<_>>()
     });
     made.collect::<std::collections::BTreeSet<String>>().into_iter().collect::<Vec<_>>().join(" and ")
@@ -89,7 +89,7 @@ fn provenance(story: &Story<'_>) -> Table {
     let rows = STAGES
         .iter()
         .filter_map(|stage| {
-            let tasks = stage.tasks(story.study);
+            let tasks = stage.tasks(story.session);
             let manifests: Vec<_> = tasks
                 .iter()
                 .filter_map(|t| story.ws.manifest(stage.name, t.map_or(WHOLE_STUDY, |t| t.name.as_str())))

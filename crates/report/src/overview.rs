@@ -5,7 +5,7 @@ use super::discovery::verdict_light;
 use super::lights;
 use super::prediction::model_table;
 use super::story::{Story, TrialStory};
-use super::words::{card, maybe, number};
+use super::wording::{card, maybe, number};
 use aloft_analysis::compare::{errors_of, judged_on, mean};
 use aloft_analysis::freshness::Freshness;
 use aloft_discover::{Discovery, Verdict};
@@ -132,7 +132,7 @@ pub fn banner(freshness: &Freshness) -> Vec<Block> {
     }
     let text = format!(
         "Not up to date when this page was written. {}. `aloft run` and `aloft report` again bring it up to date.",
-        freshness.words().join("; ")
+        freshness.describe().join("; ")
     );
     vec![Block::remark(Light::Poor, text)]
 }

@@ -4,7 +4,7 @@ use super::STUDY;
 use super::anthropometry;
 use super::lights;
 use super::story::Story;
-use super::words::{card, maybe, number, plus_minus, three};
+use super::wording::{card, maybe, number, plus_minus, three};
 use aloft_identify::{BaseEstimate, EffectEstimate, Origin, Parameters, half_of};
 use aloft_page::{Block, Chapter, Dots, Figure, Light, Section, Table, Words};
 

@@ -1,7 +1,7 @@
 //! Measured and predicted wrench for each model and recording.
 
 use super::story::Story;
-use super::words::{number, three};
+use super::wording::{number, three};
 use super::{STUDY, residuals, series};
 use aloft_analysis::compare::{ComparisonView, errors_of, judged_on, mean};
 use aloft_page::{Block, Cell, Chapter, Section, Table};

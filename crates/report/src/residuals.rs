@@ -1,6 +1,6 @@
 //! Distribution of the error: maps over groups of frames, and the segments that may cause it.
 
-use super::words::number;
+use super::wording::number;
 use aloft_compare::{Comparison, Group, GroupedBy};
 use aloft_page::{Block, Columns, Dots, Figure, HeatMap, Section, Table, Words};
 

@@ -1,8 +1,8 @@
 //! The pages of a study of several subjects: one per subject and session, and one over all of them.
 
 use super::group::{Absent, Member};
-use aloft_study::recordings::StudyId;
-use aloft_study::studies::StudySet;
+use aloft_study::data_set::DataSet;
+use aloft_study::recordings::SessionId;
 use aloft_workspace::error::PipelineError;
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ pub struct SetReport {
     /// Pages, with that of the whole study first.
     pub pages: Vec<PathBuf>,
     /// Subjects and sessions without a page, and why.
-    pub failed: Vec<(StudyId, PipelineError)>,
+    pub failed: Vec<(SessionId, PipelineError)>,
 }
 
 /// Writes the page of every subject and session into its workspace, and `report.html` of the whole
@@ -20,10 +20,10 @@ pub struct SetReport {
 ///
 /// # Errors
 /// No subject has results; the page of the whole study cannot be written.
-pub fn write_set(set: &StudySet) -> Result<SetReport, PipelineError> {
+pub fn write_set(set: &DataSet) -> Result<SetReport, PipelineError> {
     let (mut pages, mut failed, mut members) = (Vec::new(), Vec::new(), Vec::new());
-    for study in &set.members {
-        let link = match super::write(study, None) {
+    for session in &set.members {
+        let link = match super::write(session, None) {
             Ok(path) => {
                 let relative = path.strip_prefix(&set.workspace).unwrap_or(&path);
                 let parts: Vec<String> =
@@ -32,11 +32,11 @@ pub fn write_set(set: &StudySet) -> Result<SetReport, PipelineError> {
                 parts.join("/")
             }
             Err(e) => {
-                failed.push((study.id.clone(), e));
+                failed.push((session.id.clone(), e));
                 String::new()
             }
         };
-        members.push(Member { name: study.id.to_string(), study, link });
+        members.push(Member { name: session.id.to_string(), session, link });
     }
     let broken = set.broken.iter().map(|b| (&b.id, b.failure.problem.clone(), false));
     let excluded = set.excluded.iter().map(|(id, why)| (id, why.clone(), true));

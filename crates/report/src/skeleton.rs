@@ -29,7 +29,7 @@ pub fn figure(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
         apply_tare(&mut trial, &tares);
     }
     let (range, step) = window(story, t, subject, motion);
-    let weight = force_scale_n(subject.facts.mass_kg, story.study.facts.gravity_mps2);
+    let weight = force_scale_n(subject.facts.mass_kg, story.session.facts.gravity_mps2);
     let mut a = Animation {
         bones: bones(subject),
         joint_names: joint_names(subject),

@@ -11,7 +11,7 @@ use aloft_flight::FlightReport;
 use aloft_pipeline::stages::STAGES;
 use aloft_pipeline::stages::import::ImportRecord;
 use aloft_signal::residual_analysis::ResidualAnalysis;
-use aloft_study::study::{Study, TrialEntry};
+use aloft_study::subject_session::{SubjectSession, TrialEntry};
 use aloft_workspace::artifact::load_motion;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::seal;
@@ -24,7 +24,7 @@ use std::collections::HashMap;
 /// page states that.
 pub struct Story<'a> {
     /// The study.
-    pub study: &'a Study,
+    pub session: &'a SubjectSession,
     /// Its workspace.
     pub ws: Workspace,
     /// Recordings, in the order of the study.
@@ -78,18 +78,18 @@ impl<'a> Story<'a> {
     ///
     /// # Errors
     /// The workspace has no results; a file in it is damaged.
-    pub fn read(study: &'a Study, now: &Study) -> Result<Self, PipelineError> {
-        let ws = Workspace::open(&study.workspace);
-        if !study.trials.iter().any(|t| ws.manifest("import", &t.name).is_some()) {
+    pub fn read(session: &'a SubjectSession, now: &SubjectSession) -> Result<Self, PipelineError> {
+        let ws = Workspace::open(&session.workspace);
+        if !session.trials.iter().any(|t| ws.manifest("import", &t.name).is_some()) {
             return Err(PipelineError::request_hint(
-                format!("nothing was run in {}", study.workspace.display()),
-                format!("run `aloft run {}` first", aloft_study::quote::path(&study.config_path)),
+                format!("nothing was run in {}", session.workspace.display()),
+                format!("run `aloft run {}` first", aloft_study::quote::path(&session.config_path)),
             ));
         }
         let freshness = freshness(now)?;
-        freshness.refuse_damaged(study, &[])?;
-        let rows = kinematics(study, &ws);
-        let trials = study.trials.par_iter().map(|entry| TrialStory::read(&ws, entry, &rows)).collect();
+        freshness.refuse_damaged(session, &[])?;
+        let rows = kinematics(session, &ws);
+        let trials = session.trials.par_iter().map(|entry| TrialStory::read(&ws, entry, &rows)).collect();
         let failures = STAGES
             .iter()
             .filter_map(|s| match ws.manifest(s.name, WHOLE_STUDY)?.outcome {
@@ -102,12 +102,12 @@ impl<'a> Story<'a> {
             failures,
             freshness,
             subject: read_json(&ws.place("calibrate", WHOLE_STUDY).join("subject.json")).ok(),
-            comparison: compare(study).ok(),
-            found: parameters(study, None).ok(),
-            discoveries: discoveries(study)?,
-            looked_at: looked_at(study),
-            history: history(study)?,
-            study,
+            comparison: compare(session).ok(),
+            found: parameters(session, None).ok(),
+            discoveries: discoveries(session)?,
+            looked_at: looked_at(session),
+            history: history(session)?,
+            session,
             ws,
         })
     }
@@ -129,14 +129,14 @@ impl<'a> Story<'a> {
 }
 
 /// The answers stored for each revision of the model; if there are none, the latest answer.
-fn discoveries(study: &Study) -> Result<Vec<(usize, Kept<Discovery>)>, PipelineError> {
-    let revisions = aloft_study::revision::Revisions::load(&study.workspace)?.revisions.len();
+fn discoveries(session: &SubjectSession) -> Result<Vec<(usize, Kept<Discovery>)>, PipelineError> {
+    let revisions = aloft_study::revision::Revisions::load(&session.workspace)?.revisions.len();
     let mut all: Vec<(usize, Kept<Discovery>)> = Vec::new();
     for n in 0..revisions {
-        all.extend(seal::read_if_there(&answer_of(study, n))?.map(|answer| (n, answer)));
+        all.extend(seal::read_if_there(&answer_of(session, n))?.map(|answer| (n, answer)));
     }
     if all.is_empty()
-        && let Some(last) = seal::read_if_there(&study.workspace.join("discovery.json"))?
+        && let Some(last) = seal::read_if_there(&session.workspace.join("discovery.json"))?
     {
         all.push((revisions.saturating_sub(1), last));
     }
@@ -171,7 +171,7 @@ impl<'a> TrialStory<'a> {
 
     /// Identifier of the chapter about this recording.
     pub fn anchor(&self) -> String {
-        super::words::anchor("trial", &self.entry.name)
+        super::wording::anchor("trial", &self.entry.name)
     }
 
     /// A figure from the manifest of the import.

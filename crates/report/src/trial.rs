@@ -1,7 +1,7 @@
 //! The chapter about one recording.
 
 use super::story::{Story, TrialStory};
-use super::words::{anchor, card, maybe, number};
+use super::wording::{anchor, card, maybe, number};
 use super::{RECORDINGS, lights, series, skeleton};
 use aloft_page::{Block, Card, Chapter, Columns, Figure, HeatMap, Light, Section, Table, Words};
 
@@ -107,7 +107,7 @@ fn cards(story: &Story<'_>, t: &TrialStory<'_>) -> Vec<Card> {
 /// The flights of a recording.
 fn flights(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Table> {
     let report = t.flights.as_ref()?;
-    let g = story.study.facts.gravity_mps2;
+    let g = story.session.facts.gravity_mps2;
     let word = |v: &dyn std::fmt::Debug| format!("{v:?}").to_lowercase();
     let rows: Vec<Vec<String>> = report
         .flights

@@ -3,12 +3,13 @@
 
 use aloft_pipeline::runner::{Selection, Silent, run};
 use aloft_report::{Absent, Member, write_group};
-use aloft_study::study::{Overrides, Study};
+use aloft_study::subject_session::{Overrides, SubjectSession};
 use std::path::Path;
 
-fn demo(workspace: &Path) -> Study {
+fn demo(workspace: &Path) -> SubjectSession {
     let pipeline = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pipelines/demo.yaml");
-    Study::open(&pipeline, &Overrides { workspace: Some(workspace.to_path_buf()), ..Overrides::default() }).unwrap()
+    SubjectSession::open(&pipeline, &Overrides { workspace: Some(workspace.to_path_buf()), ..Overrides::default() })
+        .unwrap()
 }
 
 #[test]
@@ -16,7 +17,7 @@ fn a_group_has_a_row_a_subject_and_says_who_is_absent() {
     let folder = tempfile::tempdir().unwrap();
     let (first, never_run) = (demo(&folder.path().join("s01")), demo(&folder.path().join("s02")));
     run(&first, &Selection::default(), &Silent).unwrap();
-    let member = |name: &str, study, link: &str| Member { name: name.to_owned(), study, link: link.to_owned() };
+    let member = |name: &str, session, link: &str| Member { name: name.to_owned(), session, link: link.to_owned() };
     let members = [
         member("s01", &first, "s01/report.html"),
         member("s01 <again>", &first, "s01/report.html"),

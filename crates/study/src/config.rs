@@ -491,18 +491,19 @@ FlightConfig {
 #[serde(rename_all = "snake_case")]
 pub enum Rows {
     /// Acceleration rows as in the paper.
-    Paper,
+    #[serde(alias = "paper")]
+    Acceleration,
     /// Weak momentum rows.
     Weak,
 }
 
 impl Rows {
     /// Both kinds, in the order of the tables.
-    pub const ALL: [Self; 2] = [Self::Weak, Self::Paper];
+    pub const ALL: [Self; 2] = [Self::Weak, Self::Acceleration];
     /// The word that users type.
     pub fn word(self) -> &'static str {
         match self {
-            Self::Paper => "paper",
+            Self::Acceleration => "acceleration",
             Self::Weak => "weak",
         }
     }
@@ -563,7 +564,8 @@ IdentifyConfig {
     /// Correlation of errors from flight to flight, 0 to 1, as a further allowance for what repeats; none where not given. Soft tissue of
     /// people is allowed for in any case, as a random effect of the size that the marker residuals show.
     #[schemars(range(min = 0.0, max = 1.0))]
-    repeat_correlation: Option<f64> = None,
+    #[serde(alias = "repeat_correlation")]
+    flight_error_correlation: Option<f64> = None,
 }}
 
 section! {

@@ -7,7 +7,7 @@ use crate::place::{error_at, find, inside};
 use crate::ranges;
 use crate::revision::ModelEffect;
 use aloft_body::{Model, ModelSpec, Phi};
-use aloft_effects::{Choice, CompiledFormula, EFFECTS, Effect, EffectsError, FormulaEffect, Scene};
+use aloft_effects::{CompiledFormula, EFFECTS, Effect, EffectInstance, EffectsError, FormulaEffect, Scene};
 use aloft_workspace::error::PipelineError;
 use serde::ser::{SerializeMap, SerializeSeq};
 use serde::{Serialize, Serializer};
@@ -162,9 +162,9 @@ impl KnownEffects {
     }
 
     /// An effect of a model, bound to a scene.
-    pub fn choice(&self, scene: &Scene, effect: &ModelEffect) -> Result<Choice<'_>, PipelineError> {
+    pub fn choice(&self, scene: &Scene, effect: &ModelEffect) -> Result<EffectInstance<'_>, PipelineError> {
         let fail = |e: EffectsError| PipelineError::request(e.to_string());
-        let mut choice = Choice::among(&effect.key, scene, &self.all()).map_err(fail)?;
+        let mut choice = EffectInstance::among(&effect.key, scene, &self.all()).map_err(fail)?;
         for (name, value) in &effect.nonlinear {
             choice.set(scene, name, *value).map_err(fail)?;
         }

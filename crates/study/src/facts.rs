@@ -5,7 +5,7 @@ use crate::config::{GRAVITY_MPS2, HEIGHT_M, MASS_KG, PipelineConfig, SubjectConf
 use crate::place::{error_at, find};
 use crate::quote;
 use crate::ranges;
-use crate::recordings::StudyId;
+use crate::recordings::SessionId;
 use aloft_body::{PersonFacts, Sex};
 use aloft_workspace::error::PipelineError;
 use schemars::JsonSchema;
@@ -44,7 +44,7 @@ pub(crate) struct FactPlaces<'a> {
     /// The whole study's folder.
     pub root: &'a Path,
     /// Subject and session.
-    pub id: &'a StudyId,
+    pub id: &'a SessionId,
 }
 
 /// What `subject.yaml` or `object.yaml` beside the recordings may say; other keys are the laboratory's own business. Ranges are those of the

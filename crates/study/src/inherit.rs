@@ -9,6 +9,7 @@
 use crate::config::{
     FlightConfig, IkConfig, ImportConfig, Override, PipelineConfig, Sections, TrialsConfig, error_at_item, parse_yaml,
 };
+use crate::old_names;
 use crate::place::{error_at, find};
 use crate::ranges;
 use crate::recordings::pattern;
@@ -39,6 +40,8 @@ pub struct PipelineFile {
     pub text: String,
     /// The configuration as written, before any override.
     pub config: PipelineConfig,
+    /// Former names of settings that it contains, one sentence each.
+    pub old_names: Vec<String>,
     base: Value,
     sets: Vec<Value>,
 }
@@ -63,6 +66,7 @@ impl PipelineFile {
         let name = path.display().to_string();
         let config: PipelineConfig = ranges::parse(&name, &text)?;
         let mut base: Value = parse_yaml(&name, &text)?;
+        let old_names = old_names::replace(&mut base);
         let overrides = base.as_mapping_mut().and_then(|m| m.remove("overrides"));
         let sets = match overrides {
             Some(Value::Sequence(list)) => {
@@ -80,7 +84,7 @@ impl PipelineFile {
         for (i, over) in config.overrides.iter().enumerate() {
             in_order(over.set.trials.as_ref(), &name, &text, &format!("overrides[{i}].set."))?;
         }
-        Ok(Self { path: path.to_path_buf(), text, config, base, sets })
+        Ok(Self { path: path.to_path_buf(), text, config, old_names, base, sets })
     }
 
     /// Name of the file for messages.
@@ -172,7 +176,8 @@ fn layer_from(folder: Option<&Path>, value: &mut Value) -> Result<(), PipelineEr
     }
     let sections: Sections = ranges::parse(&name, &text)?;
     in_order(sections.trials.as_ref(), &name, &text, "")?;
-    let layer: Value = parse_yaml(&name, &text)?;
+    let mut layer: Value = parse_yaml(&name, &text)?;
+    old_names::replace(&mut layer);
     merge(value, &layer);
     Ok(())
 }

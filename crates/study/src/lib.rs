@@ -1,22 +1,23 @@
 //! A pipeline file bound to recordings.
 //!
-//! A [`studies::StudySet`] is a pipeline file with a folder of recordings. Each subject and session
+//! A [`data_set::DataSet`] is a pipeline file with a folder of recordings. Each subject and session
 //! in it is a [`study::Study`]: its configuration after inheritance, its trials and their roles,
 //! the facts about the subject, and the effects of the model's present revision.
 
+pub mod calendar;
 pub mod catalog;
 pub mod config;
+pub mod data_set;
 pub mod effects;
 pub mod facts;
 pub mod inherit;
+pub mod old_names;
 pub mod place;
 pub mod quote;
 pub mod ranges;
 pub mod recordings;
 pub mod revision;
-pub mod session;
-pub mod studies;
-pub mod study;
+pub mod subject_session;
 
 /// JSON schema of pipeline files.
 pub fn config_schema() -> schemars::Schema {

@@ -5,6 +5,7 @@
 //! its range before anything is computed from it.
 
 use crate::config::{not_yaml, parse_yaml};
+use crate::old_names;
 use crate::place::{error_at, find};
 use aloft_workspace::error::PipelineError;
 use schemars::JsonSchema;
@@ -28,7 +29,8 @@ pub struct Outside {
 /// # Errors
 /// Points at the place of the invalid value.
 pub fn parse<T: DeserializeOwned + JsonSchema>(file: &str, text: &str) -> Result<T, PipelineError> {
-    let value: Value = serde_yaml::from_str(text).map_err(|error| not_yaml(file, text, &error))?;
+    let mut value: Value = serde_yaml::from_str(text).map_err(|error| not_yaml(file, text, &error))?;
+    old_names::replace(&mut value);
     match outside::<T>(&value) {
         Some(o) => Err(shown(file, text, &o)),
         None => parse_yaml(file, text),

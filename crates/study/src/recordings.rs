@@ -8,14 +8,14 @@ use std::path::{Path, PathBuf};
 
 /// Subject and session of a study; both are none for a pipeline of one subject.
 #[derive(Debug, Clone, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct StudyId {
+pub struct SessionId {
     /// Subject.
     pub subject: Option<String>,
     /// Session.
     pub session: Option<String>,
 }
 
-impl std::fmt::Display for StudyId {
+impl std::fmt::Display for SessionId {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let parts: Vec<&str> = [&self.subject, &self.session].into_iter().flatten().map(String::as_str).collect();
         f.write_str(&parts.join(" "))

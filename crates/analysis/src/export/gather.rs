@@ -9,7 +9,7 @@ use aloft_pipeline::runner::trial_filter;
 use aloft_pipeline::stages::STAGES;
 use aloft_pipeline::stages::filter::low_pass;
 use aloft_study::quote;
-use aloft_study::study::{Study, TrialEntry};
+use aloft_study::subject_session::{SubjectSession, TrialEntry};
 use aloft_workspace::artifact::{load_motion, load_trial};
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
@@ -20,26 +20,30 @@ pub fn program() -> String {
 }
 
 /// The subject with the best inertial parameters available.
-pub(super) fn subject(study: &Study, ws: &Workspace, convention: Convention) -> Result<SubjectExport, PipelineError> {
+pub(super) fn subject(
+    session: &SubjectSession,
+    ws: &Workspace,
+    convention: Convention,
+) -> Result<SubjectExport, PipelineError> {
     let place = ws.place("calibrate", WHOLE_STUDY).join("subject.json");
     if !place.is_file() {
         return Err(PipelineError::request_hint(
-            format!("there is no model in {} yet", study.workspace.display()),
-            format!("run `aloft run {}` first", quote::path(&study.config_path)),
+            format!("there is no model in {} yet", session.workspace.display()),
+            format!("run `aloft run {}` first", quote::path(&session.config_path)),
         ));
     }
     let subject: Subject = read_json(&place)?;
-    let (links, source) = inertias(study, &subject);
+    let (links, source) = inertias(session, &subject);
     let locked = read_json(&ws.place("scale", WHOLE_STUDY).join("locked.json"))?;
     let mut made = SubjectExport::new(subject, links, source, convention, locked, &program())
         .map_err(|e| PipelineError::request(e.to_string()))?;
-    made.of_study = [study.id.subject.clone(), study.id.session.clone()];
+    made.of_study = [session.id.subject.clone(), session.id.session.clone()];
     Ok(made)
 }
 
-fn inertias(study: &Study, subject: &Subject) -> (Vec<LinkInertia>, InertiaSource) {
+fn inertias(session: &SubjectSession, subject: &Subject) -> (Vec<LinkInertia>, InertiaSource) {
     let prior = |reason: String| (subject.prior.clone(), InertiaSource::Prior { reason });
-    let found = match parameters(study, None) {
+    let found = match parameters(session, None) {
         Ok(found) => found,
         Err(e) => return prior(e.to_string()),
     };
@@ -60,14 +64,17 @@ fn inertias(study: &Study, subject: &Subject) -> (Vec<LinkInertia>, InertiaSourc
 }
 
 /// Trials to export.
-pub(super) fn entries<'s>(study: &'s Study, patterns: &[String]) -> Result<Vec<&'s TrialEntry>, PipelineError> {
-    let filter = trial_filter(&[study], patterns)?;
-    Ok(study.included().filter(|t| filter.as_ref().is_none_or(|f| f.is_match(&t.name))).collect())
+pub(super) fn entries<'s>(
+    session: &'s SubjectSession,
+    patterns: &[String],
+) -> Result<Vec<&'s TrialEntry>, PipelineError> {
+    let filter = trial_filter(&[session], patterns)?;
+    Ok(session.included().filter(|t| filter.as_ref().is_none_or(|f| f.is_match(&t.name))).collect())
 }
 
 /// Data of one trial, or the reason why it cannot be exported.
 pub(super) fn trial(
-    study: &Study,
+    session: &SubjectSession,
     ws: &Workspace,
     subject: &SubjectExport,
     entry: &TrialEntry,
@@ -96,7 +103,7 @@ pub(super) fn trial(
             std::slice::from_ref(plate),
             rate_hz,
             n_frames,
-            Some(low_pass(&study.config.filter)),
+            Some(low_pass(&session.config.filter)),
         ) {
             Ok(measured) => plates.push(PlateAtFrames { name: plate.name.clone(), wrench: measured.filtered }),
             Err(e) => return Ok(Err(e.to_string())),
@@ -142,7 +149,11 @@ pub(super) fn trial_remarks(subject: &SubjectExport, trial: &TrialExport) -> Vec
 }
 
 /// Hash of everything that the exported files are made from.
-pub(super) fn state(study: &Study, ws: &Workspace, subject: &SubjectExport) -> Result<String, PipelineError> {
+pub(super) fn state(
+    session: &SubjectSession,
+    ws: &Workspace,
+    subject: &SubjectExport,
+) -> Result<String, PipelineError> {
     let mut hasher = blake3::Hasher::new();
     let mut add = |text: &str| {
         hasher.update(&(text.len() as u64).to_le_bytes());
@@ -150,9 +161,9 @@ pub(super) fn state(study: &Study, ws: &Workspace, subject: &SubjectExport) -> R
     };
     add(&program());
     add(subject.coordinates.convention.word());
-    add(&study.config_text);
+    add(&session.config_text);
     for stage in STAGES {
-        for task in stage.tasks(study) {
+        for task in stage.tasks(session) {
             let name = task.map_or(WHOLE_STUDY, |t| &t.name);
             add(stage.name);
             add(name);
@@ -163,10 +174,10 @@ pub(super) fn state(study: &Study, ws: &Workspace, subject: &SubjectExport) -> R
 }
 
 /// Recordings with their hashes, relative to the data folder.
-pub(super) fn recordings(study: &Study, ws: &Workspace) -> Result<Vec<(String, String)>, PipelineError> {
+pub(super) fn recordings(session: &SubjectSession, ws: &Workspace) -> Result<Vec<(String, String)>, PipelineError> {
     let mut out = Vec::new();
-    for path in study.included().flat_map(|t| std::iter::once(&t.file).chain(&t.forces)) {
-        let relative = path.strip_prefix(&study.data).unwrap_or(path);
+    for path in session.included().flat_map(|t| std::iter::once(&t.file).chain(&t.forces)) {
+        let relative = path.strip_prefix(&session.data).unwrap_or(path);
         let name = relative.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect::<Vec<_>>();
         out.push((name.join("/"), ws.input_hash(path)?));
     }
@@ -174,13 +185,13 @@ pub(super) fn recordings(study: &Study, ws: &Workspace) -> Result<Vec<(String, S
 }
 
 /// Stages with their version and the pipeline section of the same name.
-pub(super) fn stages(study: &Study, ws: &Workspace) -> Vec<(String, u32, String)> {
-    let sections = serde_json::to_value(&study.config).unwrap_or_default();
+pub(super) fn stages(session: &SubjectSession, ws: &Workspace) -> Vec<(String, u32, String)> {
+    let sections = serde_json::to_value(&session.config).unwrap_or_default();
     STAGES
         .iter()
         .filter_map(|stage| {
             let ran = stage
-                .tasks(study)
+                .tasks(session)
                 .into_iter()
                 .find_map(|t| ws.manifest(stage.name, t.map_or(WHOLE_STUDY, |t| &t.name)));
             let parameters = sections.get(stage.name).map(ToString::to_string).unwrap_or_else(|| "{}".to_owned());

@@ -6,7 +6,7 @@ use crate::parameters::parameters;
 use aloft_export::{InertiaSource, SubjectExport};
 use aloft_flight::FlightReport;
 use aloft_pipeline::stages::filter::low_pass;
-use aloft_study::study::Study;
+use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
 use std::collections::BTreeSet;
@@ -27,11 +27,15 @@ fn listed(values: &BTreeSet<String>) -> String {
 }
 
 /// Writes the paragraph.
-pub(super) fn paragraph(study: &Study, ws: &Workspace, subject: &SubjectExport) -> Result<String, PipelineError> {
-    let mut t = recordings(study, ws, subject);
-    t.push_str(&kinematics(study, ws, subject)?);
-    t.push_str(&identification(study, ws, subject)?);
-    for difference in aloft_pipeline::made::differences(study, ws) {
+pub(super) fn paragraph(
+    session: &SubjectSession,
+    ws: &Workspace,
+    subject: &SubjectExport,
+) -> Result<String, PipelineError> {
+    let mut t = recordings(session, ws, subject);
+    t.push_str(&kinematics(session, ws, subject)?);
+    t.push_str(&identification(session, ws, subject)?);
+    for difference in aloft_pipeline::made::differences(session, ws) {
         t.push_str(&format!(" {difference}."));
     }
     t.push_str(&format!(
@@ -41,10 +45,10 @@ pub(super) fn paragraph(study: &Study, ws: &Workspace, subject: &SubjectExport) 
     Ok(t)
 }
 
-fn recordings(study: &Study, ws: &Workspace, subject: &SubjectExport) -> String {
+fn recordings(session: &SubjectSession, ws: &Workspace, subject: &SubjectExport) -> String {
     let (mut rates, mut plates, mut frames) = (BTreeSet::new(), 0, 0);
     let mut trials = 0;
-    for trial in study.included().filter(|t| t.role.is_dynamic()) {
+    for trial in session.included().filter(|t| t.role.is_dynamic()) {
         let Some(m) = ws.manifest("import", &trial.name).filter(|m| m.is_ok()) else { continue };
         trials += 1;
         let number = |key: &str| m.summary.get(key).and_then(serde_json::Value::as_f64);
@@ -62,15 +66,15 @@ fn recordings(study: &Study, ws: &Workspace, subject: &SubjectExport) -> String 
          with Z up; gaps of up to {} s were filled by cubic curves and of up to {} s from the other markers of the segment.",
         listed(&rates),
         subject.subject.markers.len(),
-        study.config.import.fill_gaps_s,
-        study.config.import.rigid_fill_s
+        session.config.import.fill_gaps_s,
+        session.config.import.rigid_fill_s
     )
 }
 
-fn kinematics(study: &Study, ws: &Workspace, subject: &SubjectExport) -> Result<String, PipelineError> {
+fn kinematics(session: &SubjectSession, ws: &Workspace, subject: &SubjectExport) -> Result<String, PipelineError> {
     let model = &subject.subject.model;
     let degrees = model.nv.saturating_sub(6);
-    let mut t = if study.object.is_some() {
+    let mut t = if session.object.is_some() {
         format!(
             " A model of {} links and {degrees} joint degrees of freedom followed the object's description; its hinges were found from motion.",
             model.n_links()
@@ -79,8 +83,8 @@ fn kinematics(study: &Study, ws: &Workspace, subject: &SubjectExport) -> Result<
         format!(
             " A model of {} links and {degrees} joint degrees of freedom was scaled to the static trial (hip joint centres after {}; inertial prior: {}).",
             model.n_links(),
-            study.config.scale.hip,
-            study.anthropometry.title
+            session.config.scale.hip,
+            session.anthropometry.title
         )
     };
     let calibrated = ws.manifest("calibrate", WHOLE_STUDY);
@@ -97,7 +101,7 @@ fn kinematics(study: &Study, ws: &Workspace, subject: &SubjectExport) -> Result<
         t.push('.');
     }
     let (mut rms, mut durations, mut rates) = (Vec::new(), Vec::new(), BTreeSet::new());
-    for trial in study.included().filter(|t| t.role.is_dynamic()) {
+    for trial in session.included().filter(|t| t.role.is_dynamic()) {
         if let Some(value) = ws.manifest("ik", &trial.name).and_then(|m| m.summary.get("marker_rms_mm")?.as_f64()) {
             rms.push(value);
         }
@@ -112,7 +116,7 @@ fn kinematics(study: &Study, ws: &Workspace, subject: &SubjectExport) -> Result<
     if !rms.is_empty() {
         t.push_str(&format!(" (marker RMS {} mm over trials)", mean_sd(&rms, 1)));
     }
-    let spec = low_pass(&study.config.filter);
+    let spec = low_pass(&session.config.filter);
     t.push_str(&format!(
         " and filtered forward and backward with a Butterworth low-pass (order {} a pass, {} Hz",
         spec.order, spec.cutoff_hz
@@ -120,7 +124,7 @@ fn kinematics(study: &Study, ws: &Workspace, subject: &SubjectExport) -> Result<
     if let Some(facts) = rates.first().and_then(|r| spec.describe(*r as f64 / 1e3).ok()) {
         t.push_str(&format!("; effective order {}, −3 dB at {:.2} Hz", facts.effective_order, facts.true_minus3db_hz));
     }
-    let has_plates = study.included().any(|t| {
+    let has_plates = session.included().any(|t| {
         let imported = ws.manifest("import", &t.name);
         imported.and_then(|m| m.summary.get("plates")?.as_u64()).is_some_and(|n| n > 0)
     });
@@ -136,9 +140,9 @@ fn kinematics(study: &Study, ws: &Workspace, subject: &SubjectExport) -> Result<
     Ok(t)
 }
 
-fn identification(study: &Study, ws: &Workspace, subject: &SubjectExport) -> Result<String, PipelineError> {
+fn identification(session: &SubjectSession, ws: &Workspace, subject: &SubjectExport) -> Result<String, PipelineError> {
     let mut t = String::new();
-    if let Ok(found) = parameters(study, None) {
+    if let Ok(found) = parameters(session, None) {
         let p = &found.parameters;
         t.push_str(&format!(
             " Base parameters ({}) were identified from {} flights of {} trials with {} rows ({} estimator), after Ayusawa, Venture and Nakamura (2010); \
@@ -152,7 +156,7 @@ fn identification(study: &Study, ws: &Workspace, subject: &SubjectExport) -> Res
             p.sigma.ratio
         ));
         if !p.effects.is_empty() {
-            let names: BTreeSet<String> = study.effects.iter().map(|e| e.key.clone()).collect();
+            let names: BTreeSet<String> = session.effects.iter().map(|e| e.key.clone()).collect();
             t.push_str(&format!(" The model includes {}.", listed(&names)));
         }
     }
@@ -163,7 +167,7 @@ fn identification(study: &Study, ws: &Workspace, subject: &SubjectExport) -> Res
         InertiaSource::Prior { .. } => " The exported models carry the inertias of the prior.",
     });
     if ws.place("compare", WHOLE_STUDY).join("comparison.json").is_file() {
-        let comparison = compare(study)?.comparison;
+        let comparison = compare(session)?.comparison;
         let (held, flight) = (&comparison.first.held_out, &comparison.first.flight);
         if held.frames > 0 {
             t.push_str(&format!(

@@ -10,8 +10,8 @@ use crate::status::status;
 use aloft_export::readme::{Making, readme};
 use aloft_export::{Convention, Format, OutFile, SubjectExport, names};
 use aloft_study::config::Angles;
-use aloft_study::recordings::{StudyId, fold};
-use aloft_study::study::{Study, TrialEntry};
+use aloft_study::recordings::{SessionId, fold};
+use aloft_study::subject_session::{SubjectSession, TrialEntry};
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::workspace::Workspace;
 use folder::{Folder, Kept};
@@ -71,18 +71,18 @@ fn convention_of(angles: Angles) -> Convention {
 /// # Errors
 /// There are no results yet; an unknown format or trial; a folder with other contents; a file that
 /// cannot be written.
-pub fn export(now: &Study, options: &ExportOptions) -> Result<Exported, PipelineError> {
+pub fn export(now: &SubjectSession, options: &ExportOptions) -> Result<Exported, PipelineError> {
     let freshness = freshness(now)?;
     freshness.refuse_damaged(now, &[])?;
-    let study = &aloft_pipeline::made::as_made(now);
+    let session = &aloft_pipeline::made::as_made(now);
     let formats = Format::choose(&options.formats)
         .map_err(|e| PipelineError::request_hint(e.to_string(), "see `aloft export --help`"))?;
-    let ws = Workspace::open(&study.workspace);
-    let convention = convention_of(options.angles.unwrap_or(study.config.export.angles));
-    let subject = gather::subject(study, &ws, convention)?;
-    let entries = gather::entries(study, &options.trials)?;
-    let target = options.to.clone().unwrap_or_else(|| study.workspace.join("export"));
-    let state = gather::state(study, &ws, &subject)?;
+    let ws = Workspace::open(&session.workspace);
+    let convention = convention_of(options.angles.unwrap_or(session.config.export.angles));
+    let subject = gather::subject(session, &ws, convention)?;
+    let entries = gather::entries(session, &options.trials)?;
+    let target = options.to.clone().unwrap_or_else(|| session.workspace.join("export"));
+    let state = gather::state(session, &ws, &subject)?;
     let folder = Folder::prepare(&target, &state)?;
 
     let mut done = Exported { folder: target, remarks: remarks(now, &freshness)?, ..Exported::default() };
@@ -94,14 +94,16 @@ pub fn export(now: &Study, options: &ExportOptions) -> Result<Exported, Pipeline
             Err(e) => done.failures.push((format.name.to_owned(), e.to_string())),
         }
     }
-    let results: Vec<TrialFiles> =
-        entries.par_iter().map(|e| one_trial(study, &ws, &subject, e, &formats, &folder)).collect::<Result<_, _>>()?;
+    let results: Vec<TrialFiles> = entries
+        .par_iter()
+        .map(|e| one_trial(session, &ws, &subject, e, &formats, &folder))
+        .collect::<Result<_, _>>()?;
     for trial in results {
         files.extend(trial.files);
         done.remarks.extend(trial.remarks);
         done.failures.extend(trial.failures);
     }
-    describe(study, &ws, &subject, &folder, &mut files, &mut done)?;
+    describe(session, &ws, &subject, &folder, &mut files, &mut done)?;
     paths_are_distinct(&files)?;
     let partial = !options.formats.is_empty() || !options.trials.is_empty();
     folder.commit(files, partial, &mut done)?;
@@ -109,7 +111,7 @@ pub fn export(now: &Study, options: &ExportOptions) -> Result<Exported, Pipeline
 }
 
 /// Export folder of one subject or session below that of the whole study.
-pub fn place_of(to: &Path, id: &StudyId) -> PathBuf {
+pub fn place_of(to: &Path, id: &SessionId) -> PathBuf {
     [&id.subject, &id.session].into_iter().flatten().fold(to.to_path_buf(), |path, part| path.join(names::file(part)))
 }
 
@@ -138,7 +140,7 @@ struct TrialFiles {
 
 /// Gathers one trial and writes it in every format.
 fn one_trial(
-    study: &Study,
+    session: &SubjectSession,
     ws: &Workspace,
     subject: &SubjectExport,
     entry: &TrialEntry,
@@ -146,7 +148,7 @@ fn one_trial(
     folder: &Folder,
 ) -> Result<TrialFiles, PipelineError> {
     let mut done = TrialFiles::default();
-    let trial = match gather::trial(study, ws, subject, entry)? {
+    let trial = match gather::trial(session, ws, subject, entry)? {
         Ok(trial) => trial,
         Err(reason) => {
             done.failures.push((entry.name.clone(), reason));
@@ -166,20 +168,20 @@ fn one_trial(
 
 /// README, pipeline and the list of all files.
 fn describe(
-    study: &Study,
+    session: &SubjectSession,
     ws: &Workspace,
     subject: &SubjectExport,
     folder: &Folder,
     files: &mut Vec<Kept>,
     done: &mut Exported,
 ) -> Result<(), PipelineError> {
-    let methods = methods::paragraph(study, ws, subject)?;
+    let methods = methods::paragraph(session, ws, subject)?;
     let making = Making {
         program: program(),
-        pipeline: study.config.name.clone(),
-        pipeline_hash: blake3::hash(study.config_text.as_bytes()).to_hex().to_string(),
-        recordings: gather::recordings(study, ws)?,
-        stages: gather::stages(study, ws),
+        pipeline: session.config.name.clone(),
+        pipeline_hash: blake3::hash(session.config_text.as_bytes()).to_hex().to_string(),
+        recordings: gather::recordings(session, ws)?,
+        stages: gather::stages(session, ws),
         remarks: done
             .remarks
             .iter()
@@ -190,7 +192,7 @@ fn describe(
     };
     let text = |path: &str, text: String, what: &str| OutFile::text(path.to_owned(), text, what);
     files.extend(folder.stage(vec![
-        text("pipeline.yaml", study.config_text.clone(), "the pipeline as it stood when exported"),
+        text("pipeline.yaml", session.config_text.clone(), "the pipeline as it stood when exported"),
         text("methods.txt", format!("{methods}\n"), "paragraph for a paper, with the figures of this study"),
     ])?);
     // files that an earlier export of the same results left stay, and are listed in the README, too
@@ -205,19 +207,19 @@ fn describe(
 }
 
 /// Remarks on results that are not up to date, failed or were left out.
-fn remarks(study: &Study, freshness: &Freshness) -> Result<Vec<String>, PipelineError> {
+fn remarks(session: &SubjectSession, freshness: &Freshness) -> Result<Vec<String>, PipelineError> {
     let mut out = Vec::new();
     if !freshness.is_current() {
         out.push(format!(
             "not up to date when exported: {}; `aloft run` brings results up to date",
-            freshness.words().join("; ")
+            freshness.describe().join("; ")
         ));
         out.push(
             "pipeline.yaml is the pipeline as it stood when exported; methods.txt tells how the results were made"
                 .to_owned(),
         );
     }
-    let found = status(study)?;
+    let found = status(session)?;
     for word in ["failed", "blocked"] {
         let rows: Vec<&str> =
             found.rows.iter().filter(|r| r.cells.iter().any(|c| c == word)).map(|r| r.trial.as_str()).collect();
@@ -225,7 +227,7 @@ fn remarks(study: &Study, freshness: &Freshness) -> Result<Vec<String>, Pipeline
             out.push(format!("{word} when exported: {}", rows.join(", ")));
         }
     }
-    for trial in study.trials.iter() {
+    for trial in session.trials.iter() {
         if let Some(reason) = &trial.excluded {
             out.push(format!("{} is excluded: {reason}", trial.name));
         }

@@ -1,7 +1,7 @@
 //! Hidden effects: a law of the simulator of unit size in a random direction, and the same effect
 //! in the catalogue's terms.
 
-use aloft_effects::{Choice, Scene};
+use aloft_effects::{EffectInstance, Scene};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
@@ -60,8 +60,8 @@ impl Case {
     }
     /// The catalogue's effect at the true values of its nonlinear parameters, with coefficients of
     /// unit size.
-    pub fn choice(&self, scene: &Scene, trials: &[String]) -> Choice<'static> {
-        let mut choice = Choice::parse(&self.key, scene).unwrap();
+    pub fn choice(&self, scene: &Scene, trials: &[String]) -> EffectInstance<'static> {
+        let mut choice = EffectInstance::parse(&self.key, scene).unwrap();
         for (name, value) in &self.nonlinear {
             choice.set(scene, name, *value).unwrap();
         }

@@ -6,7 +6,7 @@ use aloft_body::{BaseParameters, LinkInertia, Model, Motion, Phi, subject::Prior
 use aloft_discover::{
     Addition, Body, DiscoverOptions, Estimate, Session, TrialInput, addition, catalogue, discover, scene_of,
 };
-use aloft_effects::{Choice, PlateSeries, Scene};
+use aloft_effects::{EffectInstance, PlateSeries, Scene};
 use aloft_identify::{LinkPrior, Prior, Symmetry};
 use aloft_regressor::{Stretch, StretchKind, WeakOptions};
 use aloft_simulate::truth::flight_frames;
@@ -140,8 +140,8 @@ impl Evidence {
     /// nonlinear parameters fixed at `set`, in `trials` only.
     pub fn fit(&self, beside: &[&str], key: &str, set: &[(&str, f64)], trials: &[String]) -> Addition {
         self.with(|scene, session| {
-            let parse = |k: &str| Choice::parse(k, scene).unwrap();
-            let beside: Vec<Choice<'_>> = beside.iter().map(|k| parse(k)).collect();
+            let parse = |k: &str| EffectInstance::parse(k, scene).unwrap();
+            let beside: Vec<EffectInstance<'_>> = beside.iter().map(|k| parse(k)).collect();
             let mut choice = parse(key).in_trials(trials);
             for (name, value) in set {
                 choice.set(scene, name, *value).unwrap();

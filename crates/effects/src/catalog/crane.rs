@@ -5,7 +5,8 @@ use crate::{About, Coefficient, Columns, Effect, NonlinearParameter, Scene, Sepa
 
 const ABOUT: About<'static> = About {
     id: "crane",
-    title: "crane or harness of constant tension",
+    other_ids: &["body_weight_support"],
+    title: "body-weight support of constant tension (rope over a pulley)",
     separated_by: Separation::OtherPlaces,
     unbounded: "a rope pulls and never pushes; its tension follows from the counterweight",
     documentation: "\

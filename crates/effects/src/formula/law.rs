@@ -71,7 +71,7 @@ impl Law {
         }
         let (what, wanted) = wanted;
         if !unit.same(wanted) {
-            let text = format!("the unit is {}, a {what} has {}", unit.words(), wanted.words());
+            let text = format!("the unit is {}, a {what} has {}", unit.describe(), wanted.describe());
             return Err(fail(Problem { at: node.at, text }));
         }
         let expression =

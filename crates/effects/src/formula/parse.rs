@@ -219,7 +219,7 @@ impl Node {
                     _ if unit.is_none() => Ok(Unit::NONE),
                     _ => problem(
                         inner.at,
-                        format!("`{name}` takes a number without unit, this has the unit {}", unit.words()),
+                        format!("`{name}` takes a number without unit, this has the unit {}", unit.describe()),
                     ),
                 }
             }
@@ -231,7 +231,7 @@ impl Node {
                     '^' => match (right.constant(), b.is_none()) {
                         (Some(power), true) => Ok(a.raised(power)),
                         (None, true) if a.is_none() => Ok(Unit::NONE),
-                        (_, false) => problem(right.at, format!("an exponent has no unit, this has {}", b.words())),
+                        (_, false) => problem(right.at, format!("an exponent has no unit, this has {}", b.describe())),
                         _ => problem(right.at, "what has a unit can be raised to a number only"),
                     },
                     // zero is compatible with any unit
@@ -239,7 +239,7 @@ impl Node {
                     _ if right.constant() == Some(0.0) || a.same(b) => Ok(a),
                     _ => problem(
                         self.at,
-                        format!("units differ: {} on the left, {} on the right of `{op}`", a.words(), b.words()),
+                        format!("units differ: {} on the left, {} on the right of `{op}`", a.describe(), b.describe()),
                     ),
                 }
             }

@@ -23,7 +23,7 @@ impl Unit {
     }
 
     /// In words: `m·kg/s²` as `m kg s^-2`; `1` for none.
-    pub fn words(self) -> String {
+    pub fn describe(self) -> String {
         let parts: Vec<String> = ["m", "kg", "s"]
             .iter()
             .zip(self.0)

@@ -41,8 +41,8 @@ fn prop_every_effect_is_described_and_bounded() {
                     assert!((p.lower..=p.upper).contains(x), "{} {} {x}", definition.id(), p.name);
                 }
             }
-            let key = Choice::new(definition, target, &fixture.scene).key(&fixture.scene);
-            assert_eq!(Choice::parse(&key, &fixture.scene).unwrap().target, target, "{key}");
+            let key = EffectInstance::new(definition, target, &fixture.scene).key(&fixture.scene);
+            assert_eq!(EffectInstance::parse(&key, &fixture.scene).unwrap().target, target, "{key}");
         }
     }
     assert_eq!(seen.len(), 27);

@@ -24,7 +24,7 @@ fn prop_a_displaced_joint_changes_the_wrench_as_its_columns_say() {
     let fixture = Fixture::new(true);
     let step = 1e-4;
     fixture.with(|series| {
-        let choice = Choice::parse("joint_centre[arm]", &fixture.scene).unwrap();
+        let choice = EffectInstance::parse("joint_centre[arm]", &fixture.scene).unwrap();
         let columns = fixture.columns(series, choice.effect, choice.target, &[]);
         let plain = inverse_dynamics(series, &fixture.scene.phi);
         for axis in 0..3 {
@@ -105,7 +105,7 @@ fn prop_displaced_links_change_the_momentum_as_their_columns_say() {
     let skin: Field = |f, column, link| f.links[1].rotation.column(column) * if link == 1 { f.q[7] } else { 0.0 };
     fixture.with(|series| {
         for (key, field) in [("camera_warp", warp), ("soft_tissue[arm]", skin)] {
-            let choice = Choice::parse(key, scene).unwrap();
+            let choice = EffectInstance::parse(key, scene).unwrap();
             let columns = fixture.columns(series, choice.effect, choice.target, &[]);
             for column in 0..columns.k {
                 let momentum = |by: f64| -> [Vec<Vector3<f64>>; 3] {
@@ -178,7 +178,7 @@ fn prop_a_smoothed_motion_lacks_what_the_column_of_a_filter_says() {
     // second derivative
     let lag_squared = 0.5 * (n * n - 1.0) / 12.0 / (200.0 * 200.0);
     fixture.with(|series| {
-        let choice = Choice::parse("filter_attenuation", &fixture.scene).unwrap();
+        let choice = EffectInstance::parse("filter_attenuation", &fixture.scene).unwrap();
         let columns = fixture.columns(series, choice.effect, choice.target, &[]);
         let spans = [Span { first_frame: 20, end_frame: 140, flight: true }];
         let trial = TrialMotion { motion: &seen, spans: &spans, plates: &[], session_time_s: 0.0 };
@@ -205,7 +205,7 @@ fn prop_mass_and_edges_are_what_their_coefficients_say() {
     let change = mass.inertia(&fixture.scene, Target::Body, &[]).unwrap();
     assert!((change[0].iter().map(|p| p[0]).sum::<f64>() - 1.0).abs() < 1e-12);
     fixture.with(|series| {
-        let choice = Choice::parse("residual_contact[arm]", &fixture.scene).unwrap();
+        let choice = EffectInstance::parse("residual_contact[arm]", &fixture.scene).unwrap();
         let columns = fixture.columns(series, choice.effect, choice.target, &[]);
         let last = series.len() - 1;
         for k in 0..3 {

@@ -20,7 +20,7 @@ fn prop_drag_takes_energy_and_wheels_do_no_work() {
         for (id, sign) in
             [("quadratic_drag", -1.0), ("linear_drag", -1.0), ("rotational_drag", -1.0), ("flywheel[base]", 0.0)]
         {
-            let choice = Choice::parse(id, &fixture.scene).unwrap();
+            let choice = EffectInstance::parse(id, &fixture.scene).unwrap();
             let columns = fixture.columns(series, choice.effect, choice.target, &choice.nonlinear);
             for i in 0..series.len() {
                 let body = series.links(i)[0];
@@ -128,7 +128,7 @@ fn validate_columns_against_the_simulator_s_laws() {
     fixture.with(|series| {
         for (hidden, key, theta, p) in &cases {
             let field = ForceField::new(&body, &scene.model, std::slice::from_ref(hidden)).unwrap();
-            let choice = Choice::parse(key, scene).unwrap();
+            let choice = EffectInstance::parse(key, scene).unwrap();
             let columns = fixture.columns(series, choice.effect, choice.target, p);
             let mut state = State::new(&scene.model);
             let mut wrenches = vec![Wrench::default(); 2];
@@ -156,7 +156,7 @@ fn prop_a_payload_is_the_wrench_of_its_mass() {
     let fixture = Fixture::new(true);
     let spans = [Span { first_frame: 20, end_frame: 140, flight: true }];
     let trial = TrialMotion { motion: &fixture.motion, spans: &spans, plates: &[], session_time_s: 0.0 };
-    let choices = ["payload[arm]", "added_mass[arm]"].map(|k| Choice::parse(k, &fixture.scene).unwrap());
+    let choices = ["payload[arm]", "added_mass[arm]"].map(|k| EffectInstance::parse(k, &fixture.scene).unwrap());
     let all = columns(&fixture.scene, &trial, &choices).unwrap();
     assert_eq!(all.names, ["payload[arm].mass", "added_mass[arm].added_mass"]);
     assert!(all.wrench[0].iter().all(|x| x.is_nan()));
@@ -175,7 +175,7 @@ fn prop_a_payload_is_the_wrench_of_its_mass() {
 fn prop_a_stiff_wobbling_mass_follows_with_the_delay_of_its_spring() {
     let fixture = Fixture::new(true);
     fixture.with(|series| {
-        let choice = Choice::parse("wobbling_mass[arm]", &fixture.scene).unwrap();
+        let choice = EffectInstance::parse("wobbling_mass[arm]", &fixture.scene).unwrap();
         let (f, zeta) = (20.0, 0.7);
         let com = fixture.scene.link_com_m[1];
         let columns = fixture.columns(series, choice.effect, choice.target, &[f, zeta, com.x, com.y, com.z]);
@@ -199,7 +199,7 @@ fn prop_plates_are_corrected_in_the_right_sense() {
     let fixture = Fixture::new(false);
     fixture.with(|series| {
         let one = |key: &str| {
-            let c = Choice::parse(key, &fixture.scene).unwrap();
+            let c = EffectInstance::parse(key, &fixture.scene).unwrap();
             fixture.columns(series, c.effect, c.target, &[])
         };
         let (delay, drift, origin) =
@@ -231,7 +231,7 @@ fn prop_the_drag_of_a_shape_contains_that_of_round_links() {
     let fixture = Fixture::new(true);
     fixture.with(|series| {
         let of = |key: &str| {
-            let c = Choice::parse(key, &fixture.scene).unwrap();
+            let c = EffectInstance::parse(key, &fixture.scene).unwrap();
             let names = c.names(&fixture.scene);
             (fixture.columns(series, c.effect, c.target, &c.nonlinear), names)
         };

@@ -4,7 +4,7 @@
 use super::select::spread;
 use super::{CalibrateOptions, FrameId, Selection};
 use crate::problem::{FEWEST_MARKERS, Problem};
-use crate::solve::{Piece, meet, track, track_each};
+use crate::solve::{Piece, match_markers, track, track_each};
 use crate::{IkError, IkOptions, IkReport, IkResult};
 use aloft_body::{Motion, Subject};
 use aloft_trial::{Markers, Trial};
@@ -28,7 +28,7 @@ impl Clip {
     /// [`IkError::TooFewMarkers`] when fewer than three markers are common to trial and subject.
     pub fn of(subject: &Subject, trial: &Trial, share: usize, options: &CalibrateOptions) -> Result<Self, IkError> {
         let mut problem = Problem::new(subject, &options.ik)?;
-        let sources = meet(&mut problem, subject, trial)?;
+        let sources = match_markers(&mut problem, subject, trial)?;
         let markers = &trial.markers;
         let there = |source: usize, f: usize| {
             markers.trajectories[source].get(f).is_some_and(|p| p.iter().all(|x| x.is_finite()))
@@ -118,7 +118,7 @@ pub(crate) fn selection(tracked: &[Tracked]) -> Selection {
 fn problem_of(subject: &Subject, trial: &Trial, options: &IkOptions) -> Result<(Problem, Vec<usize>), IkError> {
     let mut problem = Problem::new(subject, options)?;
     problem.deviations = false;
-    let sources = meet(&mut problem, subject, trial)?;
+    let sources = match_markers(&mut problem, subject, trial)?;
     Ok((problem, sources))
 }
 

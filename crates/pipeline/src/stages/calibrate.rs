@@ -11,7 +11,7 @@ use aloft_ik::{CalibrateOptions, Calibration, Clip, IkError, IkOptions, calibrat
 use aloft_scale::{Anthropometry, JointUncertainty, ObjectSpec, StaticAnatomy, attach_prior};
 use aloft_study::config::{CalibrateConfig, Switch};
 use aloft_study::facts::Facts;
-use aloft_study::study::{Role, Study, TrialEntry};
+use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::artifact::trial_length;
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::workspace::{WHOLE_STUDY, read_json, write_json};
@@ -22,7 +22,7 @@ use serde::Serialize;
 pub static STAGE: Stage = Stage {
     name: "calibrate",
     version: 3,
-    scope: Scope::Study,
+    scope: Scope::SubjectSession,
     reads: "dynamic trials that are not held out, `Subject`",
     gives: "`Subject` with joint centres, hinge axes and marker places refined on markers alone",
     needs: &[
@@ -50,13 +50,13 @@ pub struct Work;
 
 impl StageWork for Work {
     type Params = Params;
-    fn params(study: &Study, _: Option<&TrialEntry>) -> Params {
+    fn params(session: &SubjectSession, _: Option<&TrialEntry>) -> Params {
         Params {
-            calibrate: study.config.calibrate.clone(),
-            anthropometry: study.anthropometry.clone(),
-            object: study.object.clone(),
-            facts: study.facts.clone(),
-            roles: study.included().map(|t| (t.name.clone(), t.role)).collect(),
+            calibrate: session.config.calibrate.clone(),
+            anthropometry: session.anthropometry.clone(),
+            object: session.object.clone(),
+            facts: session.facts.clone(),
+            roles: session.included().map(|t| (t.name.clone(), t.role)).collect(),
         }
     }
     fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {

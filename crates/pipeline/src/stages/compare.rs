@@ -15,10 +15,10 @@ use aloft_flight::{PlateTare, TareSource};
 use aloft_identify::{Estimator, Parameters};
 use aloft_ik::{MarkerErrors, smooth};
 use aloft_regressor::{EffectColumns, Factor, Stretch};
+use aloft_study::calendar::Calendar;
 use aloft_study::config::{CompareConfig, FilterConfig, IdentifyConfig, IkConfig, RegressorConfig, Rows};
 use aloft_study::effects::ModelEffects;
-use aloft_study::session::Calendar;
-use aloft_study::study::{Role, Study, TrialEntry};
+use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::artifact::{plate_centers, trial_rate};
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::key::key;
@@ -35,7 +35,7 @@ use std::ops::Range;
 pub static STAGE: Stage = Stage {
     name: "compare",
     version: 4,
-    scope: Scope::Study,
+    scope: Scope::SubjectSession,
     reads: "parameters, held-out trials",
     gives: "model against measurement, everywhere",
     needs: &[
@@ -79,10 +79,10 @@ pub struct Params {
 
 impl Params {
     /// Parameters for a study.
-    pub fn of(study: &Study) -> Self {
-        let config = &study.config;
+    pub fn of(session: &SubjectSession) -> Self {
+        let config = &session.config;
         let own = |t: &TrialEntry| {
-            let ik = study.ik_of(Some(t));
+            let ik = session.ik_of(Some(t));
             (*ik != config.ik).then(|| (t.name.clone(), ik.clone()))
         };
         Self {
@@ -91,10 +91,10 @@ impl Params {
             regressor: config.regressor.clone(),
             identify: config.identify.clone(),
             margin_s: config.flight.margin_s,
-            is_object: study.object.is_some(),
+            is_object: session.object.is_some(),
             ik: config.ik.clone(),
-            ik_of_trials: study.included().filter_map(own).collect(),
-            effects: study.model_effects(),
+            ik_of_trials: session.included().filter_map(own).collect(),
+            effects: session.model_effects(),
         }
     }
     fn ik_of(&self, trial: &str) -> &IkConfig {
@@ -108,8 +108,8 @@ pub struct Work;
 
 impl StageWork for Work {
     type Params = Params;
-    fn params(study: &Study, _: Option<&TrialEntry>) -> Params {
-        Params::of(study)
+    fn params(session: &SubjectSession, _: Option<&TrialEntry>) -> Params {
+        Params::of(session)
     }
     fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
         run(params, inputs)
@@ -392,7 +392,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let base = BaseParameters::of(&subject.model);
     let names = inputs.trials_of("regressor");
     let chosen = params.regressor.rows;
-    let other = if chosen == Rows::Weak { Rows::Paper } else { Rows::Weak };
+    let other = if chosen == Rows::Weak { Rows::Acceleration } else { Rows::Weak };
     let mut candidates = Vec::new();
     let mut done = StageReport::default();
     let mut left_out = vec![false; names.len()];

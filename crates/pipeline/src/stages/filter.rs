@@ -5,7 +5,7 @@ use aloft_ik::smooth;
 use aloft_signal::residual_analysis::{default_cutoffs, residual_analysis};
 use aloft_signal::{CutoffCorrection, LowPass};
 use aloft_study::config::{Correction, FilterConfig};
-use aloft_study::study::{Role, Study, TrialEntry};
+use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::artifact::save_motion;
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::workspace::write_json;
@@ -35,8 +35,8 @@ pub struct Work;
 
 impl StageWork for Work {
     type Params = Params;
-    fn params(study: &Study, _: Option<&TrialEntry>) -> Params {
-        Params { filter: study.config.filter.clone() }
+    fn params(session: &SubjectSession, _: Option<&TrialEntry>) -> Params {
+        Params { filter: session.config.filter.clone() }
     }
     fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
         run(params, inputs)

@@ -7,7 +7,7 @@ use aloft_flight::{
     plate_wrench_at_marker_rate, tare, total_wrench,
 };
 use aloft_study::config::{FlightConfig, FlightSource};
-use aloft_study::study::{Role, Study, TrialEntry};
+use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_trial::Trial;
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::qc::QcReason;
@@ -42,12 +42,12 @@ pub struct Work;
 
 impl StageWork for Work {
     type Params = Params;
-    fn params(study: &Study, trial: Option<&TrialEntry>) -> Params {
+    fn params(session: &SubjectSession, trial: Option<&TrialEntry>) -> Params {
         Params {
-            flight: study.flight_of(trial).clone(),
-            gravity_mps2: study.facts.gravity_mps2,
+            flight: session.flight_of(trial).clone(),
+            gravity_mps2: session.facts.gravity_mps2,
             role: trial.map(|t| t.role),
-            is_object: study.object.is_some(),
+            is_object: session.object.is_some(),
         }
     }
     fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {

@@ -9,9 +9,9 @@ use aloft_identify::{
     ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, Prior, identify_with_slides, point_estimate,
 };
 use aloft_regressor::{Factor, RowKind, Slides, Stretch, StretchKind, leave_group_out};
-use aloft_study::config::{Estimator as Choice, IdentifyConfig, Rows};
+use aloft_study::config::{Estimator as ChosenEstimator, IdentifyConfig, Rows};
 use aloft_study::revision::ModelEffect;
-use aloft_study::study::{Role, Study, TrialEntry};
+use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::workspace::write_json;
 use nalgebra::DVector;
@@ -22,7 +22,7 @@ use std::collections::HashMap;
 pub static STAGE: Stage = Stage {
     name: "identify",
     version: 4,
-    scope: Scope::Study,
+    scope: Scope::SubjectSession,
     reads: "all factors",
     gives: "base parameters with intervals, consistent link inertias",
     needs: &[Need::Once("calibrate"), Need::Every("regressor", &[Role::Identify])],
@@ -48,14 +48,14 @@ pub struct Params {
 
 impl Params {
     /// Parameters for a study.
-    pub fn of(study: &Study) -> Self {
+    pub fn of(session: &SubjectSession) -> Self {
         let widening =
             |e: &ModelEffect| e.widening.iter().map(|(n, by)| (format!("{}.{n}", e.key), *by)).collect::<Vec<_>>();
         Self {
-            identify: study.config.identify.clone(),
-            rows: study.config.regressor.rows,
-            is_object: study.object.is_some(),
-            widening: study.effects.iter().flat_map(widening).collect(),
+            identify: session.config.identify.clone(),
+            rows: session.config.regressor.rows,
+            is_object: session.object.is_some(),
+            widening: session.effects.iter().flat_map(widening).collect(),
         }
     }
 }
@@ -66,8 +66,8 @@ pub struct Work;
 
 impl StageWork for Work {
     type Params = Params;
-    fn params(study: &Study, _: Option<&TrialEntry>) -> Params {
-        Params::of(study)
+    fn params(session: &SubjectSession, _: Option<&TrialEntry>) -> Params {
+        Params::of(session)
     }
     fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
         run(params, inputs)
@@ -97,11 +97,13 @@ pub fn estimator(params: &Params, rows: Rows) -> Estimator {
     let config = &params.identify;
     let weight = (config.prior_weight > 0.0).then_some(config.prior_weight);
     match (config.estimator, rows) {
-        (Choice::NullVector, _) | (Choice::Auto, Rows::Paper) => Estimator::NullVector(ColumnScaling::default()),
-        (Choice::MassConstrained, _) => Estimator::MassConstrained,
-        (Choice::Regularized, _) => Estimator::Regularized { weight },
-        (Choice::Auto, Rows::Weak) if params.is_object => Estimator::MassConstrained,
-        (Choice::Auto, Rows::Weak) => Estimator::Regularized { weight },
+        (ChosenEstimator::NullVector, _) | (ChosenEstimator::Auto, Rows::Acceleration) => {
+            Estimator::NullVector(ColumnScaling::default())
+        }
+        (ChosenEstimator::MassConstrained, _) => Estimator::MassConstrained,
+        (ChosenEstimator::Regularized, _) => Estimator::Regularized { weight },
+        (ChosenEstimator::Auto, Rows::Weak) if params.is_object => Estimator::MassConstrained,
+        (ChosenEstimator::Auto, Rows::Weak) => Estimator::Regularized { weight },
     }
 }
 
@@ -149,9 +151,10 @@ fn identify_with(
 ) -> Result<Parameters, StageFailure> {
     let base = BaseParameters::of(&subject.model);
     let prior = LinkPrior::of_subject(subject).map_err(|e| StageFailure::new(e.to_string()))?;
-    let repeat_correlation = params.identify.repeat_correlation.unwrap_or(0.0);
+    let flight_error_correlation = params.identify.flight_error_correlation.unwrap_or(0.0);
     let widening = params.widening.iter().cloned().collect();
-    let options = IdentifyOptions { estimator, bootstrap, repeat_correlation, widening, ..IdentifyOptions::default() };
+    let options =
+        IdentifyOptions { estimator, bootstrap, flight_error_correlation, widening, ..IdentifyOptions::default() };
     let plain: Vec<Factor> = factors.iter().map(|(_, f)| f.clone()).collect();
     identify_with_slides(&subject.model, &base, &plain, flights, slides, subject.facts.mass_kg, Some(&prior), &options)
         .map(|i| i.parameters)

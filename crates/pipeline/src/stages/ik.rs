@@ -5,7 +5,7 @@ use crate::results::Results;
 use aloft_body::{Motion, Subject};
 use aloft_ik::{IkOptions, IkReport, smooth, solve};
 use aloft_study::config::IkConfig;
-use aloft_study::study::{Role, Study, TrialEntry};
+use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::artifact::save_motion;
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::qc::QcReason;
@@ -36,8 +36,8 @@ pub struct Work;
 
 impl StageWork for Work {
     type Params = Params;
-    fn params(study: &Study, trial: Option<&TrialEntry>) -> Params {
-        Params { ik: study.ik_of(trial).clone() }
+    fn params(session: &SubjectSession, trial: Option<&TrialEntry>) -> Params {
+        Params { ik: session.ik_of(trial).clone() }
     }
     fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
         run(params, inputs)

@@ -4,7 +4,7 @@ use crate::graph::{Need, Recording, Scope, Stage, StageInputs, StageReport, Stag
 use aloft_study::config::{ImportConfig, Vertical};
 use aloft_study::quote;
 use aloft_study::recordings::bids_beside;
-use aloft_study::study::{Role, Study, TrialEntry};
+use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_trial::{
     ArtefactOptions, BidsMotion, GapOptions, ImportOptions, MarkerSet, QualityOptions, Severity, Trial, TrialQuality,
     UpAxis,
@@ -42,8 +42,8 @@ pub struct Work;
 
 impl StageWork for Work {
     type Params = Params;
-    fn params(study: &Study, trial: Option<&TrialEntry>) -> Params {
-        Params { import: study.import_of(trial).clone(), marker_set: study.marker_set.clone() }
+    fn params(session: &SubjectSession, trial: Option<&TrialEntry>) -> Params {
+        Params { import: session.import_of(trial).clone(), marker_set: session.marker_set.clone() }
     }
     fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
         run(params, inputs)

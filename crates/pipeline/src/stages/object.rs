@@ -5,7 +5,7 @@ use crate::stages::scale::save_subject;
 use aloft_scale::{ObjectInput, ObjectOptions, ObjectSpec, ScaledObject, scale_object};
 use aloft_study::config::{CalibrateConfig, Switch};
 use aloft_study::facts::Facts;
-use aloft_study::study::Role;
+use aloft_study::subject_session::Role;
 use aloft_trial::Trial;
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::workspace::write_json;

@@ -11,10 +11,10 @@ use aloft_regressor::{
     AccelerationOptions, Acting, Columns, CoordinateNoise, EffectColumns, Factor, Noise, RegressorError, RowKind,
     Slides, Stretch, StretchKind, Tissue, WeakOptions, acceleration_factor, weak_factor, weak_factor_with_tissue,
 };
+use aloft_study::calendar::Calendar;
 use aloft_study::config::{FilterConfig, Rows, Weighting};
 use aloft_study::effects::{KnownEffects, ModelEffects};
-use aloft_study::session::Calendar;
-use aloft_study::study::{Role, Study, TrialEntry};
+use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_trial::{SessionSource, Trial};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::table::Table;
@@ -74,20 +74,20 @@ pub struct Params {
 
 impl Params {
     /// Parameters for a study; `trial` gives the role.
-    pub fn of(study: &Study, trial: Option<&TrialEntry>) -> Self {
-        let regressor = &study.config.regressor;
+    pub fn of(session: &SubjectSession, trial: Option<&TrialEntry>) -> Self {
+        let regressor = &session.config.regressor;
         Self {
             window_s: regressor.window_s,
             weighting: regressor.weighting,
             slow_noise: regressor.slow_noise,
-            marker_sd_m: study.config.ik.marker_sd_m,
-            margin_s: study.config.flight.margin_s,
-            filter: study.config.filter.clone(),
-            contact: study.config.identify.contact,
-            is_object: study.object.is_some(),
+            marker_sd_m: session.config.ik.marker_sd_m,
+            margin_s: session.config.flight.margin_s,
+            filter: session.config.filter.clone(),
+            contact: session.config.identify.contact,
+            is_object: session.object.is_some(),
             role: trial.map(|t| t.role),
-            effects: study.model_effects(),
-            recordings: study.facts.recordings.clone(),
+            effects: session.model_effects(),
+            recordings: session.facts.recordings.clone(),
         }
     }
 }
@@ -98,8 +98,8 @@ pub struct Work;
 
 impl StageWork for Work {
     type Params = Params;
-    fn params(study: &Study, trial: Option<&TrialEntry>) -> Params {
-        Params::of(study, trial)
+    fn params(session: &SubjectSession, trial: Option<&TrialEntry>) -> Params {
+        Params::of(session, trial)
     }
     fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
         run(params, inputs)
@@ -212,7 +212,7 @@ pub fn load_slides(dir: &Path) -> Result<Vec<(Stretch, Slides)>, PipelineError> 
 /// Kind of rows for the word used in the configuration.
 pub fn row_kind(rows: Rows) -> RowKind {
     match rows {
-        Rows::Paper => RowKind::Acceleration,
+        Rows::Acceleration => RowKind::Acceleration,
         Rows::Weak => RowKind::Weak,
     }
 }

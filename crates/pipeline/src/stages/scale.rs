@@ -5,7 +5,7 @@ use aloft_body::{ModelSpec, Subject};
 use aloft_scale::{Anthropometry, HipMethod, ObjectSpec, PersonInput, ScaleOptions, Scaled, scale_person};
 use aloft_study::config::{ScaleConfig, StaticFrames};
 use aloft_study::facts::Facts;
-use aloft_study::study::{Role, Study, TrialEntry};
+use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_trial::MarkerSet;
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::workspace::write_json;
@@ -16,7 +16,7 @@ use serde_json::json;
 pub static STAGE: Stage = Stage {
     name: "scale",
     version: 2,
-    scope: Scope::Study,
+    scope: Scope::SubjectSession,
     reads: "static trial (objects: calibration trial, too), anthropometry or object description",
     gives: "`Subject`: the model with this body's joint centres, marker places and prior inertias",
     needs: &[Need::EveryOrStaticFrames("import", &[Role::Static, Role::Calibration])],
@@ -42,15 +42,15 @@ pub struct Work;
 
 impl StageWork for Work {
     type Params = Params;
-    fn params(study: &Study, _: Option<&TrialEntry>) -> Params {
+    fn params(session: &SubjectSession, _: Option<&TrialEntry>) -> Params {
         Params {
-            scale: study.config.scale.clone(),
-            model: study.model.clone(),
-            marker_set: study.marker_set.clone(),
-            object: study.object.clone(),
-            anthropometry: study.anthropometry.clone(),
-            facts: study.facts.clone(),
-            static_frames: study.config.trials.static_frames.clone(),
+            scale: session.config.scale.clone(),
+            model: session.model.clone(),
+            marker_set: session.marker_set.clone(),
+            object: session.object.clone(),
+            anthropometry: session.anthropometry.clone(),
+            facts: session.facts.clone(),
+            static_frames: session.config.trials.static_frames.clone(),
         }
     }
     fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {

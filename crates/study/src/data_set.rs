@@ -1,4 +1,4 @@
-//! A study of many subjects and sessions: one [`Study`] for each session, with a workspace folder
+//! A study of many subjects and sessions: one [`SubjectSession`] for each session, with a workspace folder
 //! of its own.
 //!
 //! Results are in `WORKSPACE/<subject>/<session>/<stage>/<trial>/`; for a study of one subject in
@@ -8,8 +8,8 @@ use crate::config::error_at_key;
 use crate::facts::participant_ids;
 use crate::inherit::{PipelineFile, fits};
 use crate::quote::visible;
-use crate::recordings::{StudyId, fold, pattern, recordings_below};
-use crate::study::{Overrides, Place, Study};
+use crate::recordings::{SessionId, fold, pattern, recordings_below};
+use crate::subject_session::{Overrides, Place, SubjectSession};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use globset::GlobMatcher;
 use std::collections::BTreeMap;
@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 
 /// All subjects and sessions of a pipeline.
 #[derive(Debug)]
-pub struct StudySet {
+pub struct DataSet {
     /// The pipeline file.
     pub pipeline: PipelineFile,
     /// Folder of recordings.
@@ -28,11 +28,11 @@ pub struct StudySet {
     /// selected).
     pub several: bool,
     /// Subjects and sessions that can be processed, sorted.
-    pub members: Vec<Study>,
+    pub members: Vec<SubjectSession>,
     /// Those that cannot be processed: no recordings, no body mass …
     pub broken: Vec<BrokenMember>,
     /// Those excluded by the pipeline, with the reason.
-    pub excluded: Vec<(StudyId, String)>,
+    pub excluded: Vec<(SessionId, String)>,
     /// Remarks about the layout: participants without folders, overrides that match nothing.
     pub remarks: Vec<String>,
 }
@@ -41,18 +41,18 @@ pub struct StudySet {
 #[derive(Debug)]
 pub struct BrokenMember {
     /// Subject and session.
-    pub id: StudyId,
+    pub id: SessionId,
     /// Reason.
     pub failure: StageFailure,
 }
 
 struct Folder {
-    id: StudyId,
+    id: SessionId,
     subject_folder: PathBuf,
     data: PathBuf,
 }
 
-impl StudySet {
+impl DataSet {
     /// Reads the pipeline file and finds subjects, sessions, recordings and facts.
     pub fn open(path: &Path, overrides: &Overrides) -> Result<Self, PipelineError> {
         let pipeline = PipelineFile::read(path)?;
@@ -77,17 +77,17 @@ impl StudySet {
                 ));
             }
             let place = Place {
-                id: StudyId::default(),
+                id: SessionId::default(),
                 data: set.data.clone(),
                 workspace: set.workspace.clone(),
                 subject_folder: None,
                 root: &set.data,
             };
-            set.members.push(Study::bind(&set.pipeline, place)?);
+            set.members.push(SubjectSession::bind(&set.pipeline, place)?);
             return Ok(set);
         };
         set.look_at_overrides(&folders);
-        let known: Vec<StudyId> = folders.iter().map(|f| f.id.clone()).collect();
+        let known: Vec<SessionId> = folders.iter().map(|f| f.id.clone()).collect();
         for folder in folders {
             if !chosen(&overrides.subjects, folder.id.subject.as_deref())
                 || !chosen(&overrides.sessions, folder.id.session.as_deref())
@@ -107,8 +107,8 @@ impl StudySet {
                 subject_folder: Some(folder.subject_folder),
                 root: &set.data,
             };
-            match Study::bind(&set.pipeline, place) {
-                Ok(study) => set.members.push(study),
+            match SubjectSession::bind(&set.pipeline, place) {
+                Ok(session) => set.members.push(session),
                 Err(error) => set.broken.push(BrokenMember { id: folder.id, failure: error.into() }),
             }
         }
@@ -123,7 +123,7 @@ impl StudySet {
     }
 
     /// The only study; if there are several, an error that explains how to choose.
-    pub fn only(mut self) -> Result<Study, PipelineError> {
+    pub fn only(mut self) -> Result<SubjectSession, PipelineError> {
         if self.members.len() == 1 && self.broken.is_empty() {
             return self.members.pop().ok_or_else(|| PipelineError::request("no study"));
         }
@@ -179,7 +179,7 @@ impl StudySet {
             let of_subject = self.folders_matching(subject, &sessions, "sessions")?;
             let mut push = |session: Option<String>, data: &Path| {
                 folders.push(Folder {
-                    id: StudyId { subject: Some(name.clone()), session },
+                    id: SessionId { subject: Some(name.clone()), session },
                     subject_folder: subject.clone(),
                     data: data.to_path_buf(),
                 });
@@ -275,7 +275,7 @@ impl StudySet {
         Ok(found)
     }
 
-    fn exclusion(&self, id: &StudyId) -> Option<String> {
+    fn exclusion(&self, id: &SessionId) -> Option<String> {
         let list = self.pipeline.config.subjects.as_ref().map_or(&[][..], |s| &s.exclude);
         list.iter()
             .find(|e| {

@@ -1,6 +1,6 @@
 //! Times of a study's recordings within the session, for effects that grow over it.
 
-use crate::study::{Role, Study};
+use crate::subject_session::{Role, SubjectSession};
 use aloft_trial::{SessionRecording, SessionSource, session_times};
 use aloft_workspace::artifact::session_recording;
 use aloft_workspace::workspace::Workspace;
@@ -19,9 +19,9 @@ pub struct Calendar {
 
 impl Calendar {
     /// Computed from the imports of all recordings of a study; see [`Calendar::from_order`].
-    pub fn of(study: &Study, workspace: &Workspace) -> Self {
-        let trials: Vec<(String, Role)> = study.included().map(|t| (t.name.clone(), t.role)).collect();
-        Self::from_order(&study.facts.recordings, &trials, workspace)
+    pub fn of(session: &SubjectSession, workspace: &Workspace) -> Self {
+        let trials: Vec<(String, Role)> = session.included().map(|t| (t.name.clone(), t.role)).collect();
+        Self::from_order(&session.facts.recordings, &trials, workspace)
     }
 
     /// Computed from the imports of the recordings; recordings that could not be imported are left

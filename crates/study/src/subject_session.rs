@@ -3,12 +3,12 @@
 
 use crate::catalog;
 use crate::config::{FlightConfig, IkConfig, ImportConfig, PipelineConfig, error_at_key};
+use crate::data_set::DataSet;
 use crate::effects::{ModelEffects, OwnEffect, check_formulas, own_effects};
 use crate::facts::{FactPlaces, Facts, find_facts};
 use crate::inherit::{PipelineFile, TrialSettings, Whose};
 use crate::quote;
-use crate::recordings::{StudyId, bids_beside, fold, globs, recordings_below, stem_of};
-use crate::studies::StudySet;
+use crate::recordings::{SessionId, bids_beside, fold, globs, recordings_below, stem_of};
 use aloft_body::ModelSpec;
 use aloft_scale::ObjectSpec;
 use aloft_trial::MarkerSet;
@@ -71,9 +71,9 @@ pub struct TrialEntry {
 
 /// A pipeline bound to the recordings of one subject and session.
 #[derive(Debug, Clone)]
-pub struct Study {
+pub struct SubjectSession {
     /// Subject and session, in a study of several.
-    pub id: StudyId,
+    pub id: SessionId,
     /// The configuration.
     pub config: PipelineConfig,
     /// File it was read from.
@@ -123,7 +123,7 @@ pub struct Overrides {
 /// Folders of one study of a set.
 #[derive(Debug)]
 pub(crate) struct Place<'a> {
-    pub id: StudyId,
+    pub id: SessionId,
     /// Folder of its recordings.
     pub data: PathBuf,
     /// Folder of its results.
@@ -134,12 +134,12 @@ pub(crate) struct Place<'a> {
     pub root: &'a Path,
 }
 
-impl Study {
+impl SubjectSession {
     /// Reads the pipeline file and finds the recordings and the subject's facts. For a study of
     /// several subjects this is an error unless the overrides select exactly one; see
-    /// [`StudySet::open`].
+    /// [`DataSet::open`].
     pub fn open(path: &Path, overrides: &Overrides) -> Result<Self, PipelineError> {
-        StudySet::open(path, overrides)?.only()
+        DataSet::open(path, overrides)?.only()
     }
 
     /// Binds a checked pipeline to one set of folders.

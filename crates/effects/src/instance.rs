@@ -7,7 +7,7 @@ use nalgebra::DMatrix;
 
 /// An effect, its target, and the values of its nonlinear parameters.
 #[derive(Clone)]
-pub struct Choice<'a> {
+pub struct EffectInstance<'a> {
     /// The effect.
     pub effect: &'a dyn Effect,
     /// Target of the effect.
@@ -18,13 +18,13 @@ pub struct Choice<'a> {
     pub trials: Vec<String>,
 }
 
-impl std::fmt::Debug for Choice<'_> {
+impl std::fmt::Debug for EffectInstance<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}{:?}{:?}", self.effect.id(), self.target, self.nonlinear)
     }
 }
 
-impl<'a> Choice<'a> {
+impl<'a> EffectInstance<'a> {
     /// An effect on a target, with the nonlinear parameters at their first start.
     pub fn new(effect: &'a dyn Effect, target: Target, scene: &Scene) -> Self {
         let nonlinear = effect.starts(scene, target).into_iter().next().unwrap_or_default();
@@ -56,7 +56,7 @@ impl<'a> Choice<'a> {
     }
 }
 
-impl Choice<'static> {
+impl EffectInstance<'static> {
     /// Reads a key of an effect of the catalogue; the target may be omitted if the effect has only
     /// one.
     ///
@@ -68,7 +68,7 @@ impl Choice<'static> {
     }
 }
 
-impl<'a> Choice<'a> {
+impl<'a> EffectInstance<'a> {
     /// Reads a key of one of the given effects; the target may be omitted if the effect has only
     /// one.
     ///
@@ -76,7 +76,7 @@ impl<'a> Choice<'a> {
     /// [`EffectsError::Unknown`] and [`EffectsError::Target`] with the available names.
     pub fn among(key: &str, scene: &Scene, effects: &[&'a dyn Effect]) -> Result<Self, EffectsError> {
         let id = key.split('[').next().unwrap_or(key);
-        let found = effects.iter().copied().find(|e| e.id() == id).ok_or_else(|| EffectsError::Unknown {
+        let found = effects.iter().copied().find(|e| e.is_called(id)).ok_or_else(|| EffectsError::Unknown {
             name: id.to_owned(),
             known: effects.iter().map(|e| e.id()).collect::<Vec<_>>().join(", "),
         })?;
@@ -151,7 +151,11 @@ pub struct WrenchColumns {
 ///
 /// # Errors
 /// As [`Series::new`].
-pub fn columns(scene: &Scene, trial: &TrialMotion<'_>, choices: &[Choice<'_>]) -> Result<WrenchColumns, EffectsError> {
+pub fn columns(
+    scene: &Scene,
+    trial: &TrialMotion<'_>,
+    choices: &[EffectInstance<'_>],
+) -> Result<WrenchColumns, EffectsError> {
     columns_about(scene, trial, choices, None)
 }
 
@@ -165,7 +169,7 @@ pub fn columns(scene: &Scene, trial: &TrialMotion<'_>, choices: &[Choice<'_>]) -
 pub fn columns_about(
     scene: &Scene,
     trial: &TrialMotion<'_>,
-    choices: &[Choice<'_>],
+    choices: &[EffectInstance<'_>],
     parameters: Option<(&BaseParameters, &[f64])>,
 ) -> Result<WrenchColumns, EffectsError> {
     let mut series = Series::new(scene, trial)?;

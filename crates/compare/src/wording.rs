@@ -14,7 +14,7 @@ const LARGE_SHARE: f64 = 0.3;
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// Sentences on one model, the most useful first. `beside` are the other models.
-pub(crate) fn words(model: &ModelComparison, beside: &[ModelComparison], floor: Option<&NoiseFloor>) -> Vec<String> {
+pub(crate) fn describe(model: &ModelComparison, beside: &[ModelComparison], floor: Option<&NoiseFloor>) -> Vec<String> {
     let mut out = Vec::new();
     let contact = model.held_out.frames > 0;
     let (windows, frames) =
