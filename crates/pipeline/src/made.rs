@@ -59,7 +59,7 @@ pub fn as_made(session: &SubjectSession) -> SubjectSession {
     put(&mut config.filter, most(&of("filter"), "filter"));
     put(&mut config.flight, most(&of("flight"), "flight"));
     let regressor = of("regressor");
-    put(&mut config.flight.margin_s, most(&regressor, "margin_s"));
+    put(&mut config.flight.margin_s, most(&of("acceleration"), "margin_s"));
     put(&mut config.regressor.window_s, most(&regressor, "window_s"));
     put(&mut config.regressor.weighting, most(&regressor, "weighting"));
     put(&mut config.regressor.slow_noise, most(&regressor, "slow_noise"));

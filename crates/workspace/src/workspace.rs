@@ -791,7 +791,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_a_result_that_cannot_be_placed_leaves_what_stood_there_and_the_others_go_on() {
+    fn a_result_that_cannot_be_placed_leaves_what_stood_there_and_the_others_go_on() {
         let names = ["a", "b", "c", "d"];
         for (broken, way) in (0..names.len()).flat_map(|i| [(i, "file"), (i, "folder"), (i, "place")]) {
             let dir = tempfile::tempdir().unwrap();
@@ -837,7 +837,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_every_damage_of_a_result_is_found() {
+    fn every_damage_of_a_result_is_found() {
         let dir = tempfile::tempdir().unwrap();
         let ws = Workspace::open(&dir.path().join("ws"));
         let make = || {
@@ -874,7 +874,7 @@ mod tests {
 
     #[test]
     #[cfg(unix)]
-    fn prop_a_recording_of_equal_size_and_time_is_read_again() {
+    fn a_recording_of_equal_size_and_time_is_read_again() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.c3d");
         let set = |text: &str, time: SystemTime| {

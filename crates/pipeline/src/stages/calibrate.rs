@@ -22,7 +22,8 @@ use serde::Serialize;
 pub static STAGE: Stage = Stage {
     name: "calibrate",
     version: 3,
-    scope: Scope::SubjectSession,
+    scope: Scope::Session,
+    seconds: 1.5,
     reads: "dynamic trials that are not held out, `Subject`",
     gives: "`Subject` with joint centres, hinge axes and marker places refined on markers alone",
     needs: &[

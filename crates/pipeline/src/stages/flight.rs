@@ -20,6 +20,7 @@ pub static STAGE: Stage = Stage {
     name: "flight",
     version: 3,
     scope: Scope::Trial(&[Role::Identify, Role::Validate]),
+    seconds: 0.03,
     reads: "`Motion`, plates, prior",
     gives: "intervals in which no external force acts; tare of the plates",
     needs: &[Need::Same("import"), Need::Same("ik"), Need::Once("calibrate")],

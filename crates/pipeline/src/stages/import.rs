@@ -22,6 +22,7 @@ pub static STAGE: Stage = Stage {
     name: "import",
     version: 3,
     scope: Scope::Trial(&[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
+    seconds: 0.03,
     reads: "C3D, TRC with MOT, or BIDS-Motion; marker set",
     gives: "markers, plates, events in SI and one world frame; quality table",
     needs: &[Need::Recording],
