@@ -10,16 +10,16 @@ use crate::judge::{
 use crate::ladder::{Refit, as_found, estimates, extra_columns, group_names, key_of, prune, refit_found, to_build_on};
 use crate::not_tried::{NotTried, not_tried};
 use crate::options::DiscoverOptions;
-use crate::pairs::better_pair;
+use crate::pairs::{better_pair, pair_alone};
 use crate::placebo::PLACEBOS;
 use crate::problem::{Domain, Problem};
 use crate::rank::{EffectScore, judged_in, null_ratios, score_effect};
 use crate::repeating::widen;
-use crate::result::{Candidate, Discovery, Found, MANY_CLUSTERS, Round, Verdict};
+use crate::result::{Candidate, Discovery, FEWEST_CLUSTERS, Found, MANY_CLUSTERS, Round, Verdict};
 use crate::session::Session;
 use crate::statistics::{ratio_interval, resamples};
 use crate::{DiscoverError, wording};
-use aloft_effects::{Effect, EffectInstance};
+use aloft_effects::{Effect, EffectInstance, Target};
 use aloft_regressor::StretchKind;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -72,13 +72,18 @@ pub fn discover(
             };
             let model: Vec<String> =
                 accepted.iter().map(|c| c.key(session.scene)).chain(found.iter().map(|f| f.key.clone())).collect();
-            let already: Vec<&str> = kept.iter().map(|v| v.effect.id()).collect();
+            let already: Vec<(&dyn Effect, Target)> = accepted
+                .iter()
+                .map(|c| (c.effect, c.target))
+                .chain(kept.iter().map(|v| (v.effect, v.target)))
+                .collect();
             let (mut round, scores, rivals) =
-                run_round(session, &problem, &extra, effects, &already, model, has_flights, options);
+                run_round(session, &problem, &extra, effects, &already, kept.is_empty(), model, has_flights, options);
             // an effect whose law gives no numbers cannot be ranked; report it, so that the result
             // is not taken for "nothing missing"
             let unranked = |e: &dyn Effect| {
-                let listed = scores.iter().any(|s| s.effect.id() == e.id()) || already.contains(&e.id());
+                let listed =
+                    scores.iter().any(|s| s.effect.id() == e.id()) || already.iter().any(|(a, _)| a.id() == e.id());
                 wanted(e, options)
                     && judged_in(e, domain, has_flights)
                     && (!listed || aloft_effects::effect(e.id()).is_err())
@@ -125,6 +130,23 @@ pub fn discover(
                         .collect();
                     let refit = Refit { accepted, kept: &kept, found: &found, options };
                     better_pair(session, &problem, &scores, rival.index, &usable, PAIR, &refit)
+                }
+                // two effects can hide each other: where no single one is accepted and the error is far
+                // above its floor, pairs are tried
+                None if round.verdict == Verdict::NothingMissing
+                    && round.clusters >= FEWEST_CLUSTERS
+                    && session.standing[usize::from(domain == Domain::Contact)].is_some_and(|s| s.is_far())
+                    && kept.is_empty() =>
+                {
+                    let usable: Vec<bool> =
+                        scores.iter().map(|s| !s.placebo && limit(s.effect, false, options) > 0.0).collect();
+                    pair_alone(
+                        session,
+                        &problem,
+                        &scores,
+                        &usable,
+                        &Refit { accepted, kept: &kept, found: &found, options },
+                    )
                 }
                 _ => None,
             };
@@ -208,10 +230,18 @@ pub fn discover(
     // newtons from the comparison
     let standing = session.standing[usize::from(!has_flights)];
     let scale = standing.map_or(weight, |s| s.held_out_error / before.sqrt());
-    let first_of = |place: Domain| {
-        rounds.iter().find(|r| r.judged_on == wording::domain(place)).map_or(f64::NAN, |r| r.held_out_error)
+    // errors of the present model, before any effect found here: contact rounds already contain
+    // the effects found in flight
+    let error_with = |domain: Domain, kept: &[Variant<'_>], found: &[Found]| {
+        let extra = extra_columns(session, domain, accepted, kept, found);
+        let problem = Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight).ok()?;
+        Some(problem.plain().sqrt() * session.unit[0])
     };
-    let first_error = [first_of(Domain::Flight), first_of(Domain::Contact)];
+    let places = [Domain::Flight, Domain::Contact];
+    let first_error = places.map(|place| {
+        let judged = rounds.iter().any(|r| r.judged_on == wording::domain(place));
+        if judged { error_with(place, &[], &[]).unwrap_or(f64::NAN) } else { f64::NAN }
+    });
     for round in &mut rounds {
         let of = usize::from(round.judged_on != wording::domain(Domain::Flight));
         let first = first_error[of];
@@ -219,6 +249,17 @@ pub fn discover(
             round.held_out_error *= s.held_out_error / first;
         }
     }
+    // what is left with the effects found, in each domain
+    let left = |i: usize| -> Option<Standing> {
+        let standing = session.standing[i]?;
+        let share = match (i, has_flights) {
+            _ if kept.is_empty() => 1.0,
+            (0, true) | (_, false) => (after / before).sqrt(),
+            _ => error_with(places[i], &kept, &found)? / first_error[i],
+        };
+        share.is_finite().then(|| Standing { held_out_error: standing.held_out_error * share, ..standing })
+    };
+    let left = [left(0), left(1)];
     let mut out = Discovery {
         schema: 1,
         verdict,
@@ -237,15 +278,16 @@ pub fn discover(
         warnings: session.warnings.clone(),
         not_tried: left_out,
     };
-    // the domain farthest above its noise floor: if an unexplained error remains there, the verdict
-    // cannot be "nothing missing"
-    let far = [wording::domain(Domain::Flight), wording::domain(Domain::Contact)]
-        .into_iter()
-        .zip(&session.standing)
-        .filter_map(|(place, s)| s.filter(Standing::is_far).map(|s| (place, s)))
+    // An error that remains far above its floor is not explained, whatever was found. Effects found
+    // in flight are judged in flight; their error in contact also contains what only contact shows.
+    let only_flight = kept.iter().any(|v| v.effect.acts().in_flight()) && has_flights;
+    let far = (0..2)
+        .filter(|i| *i == 0 || !only_flight)
+        .filter_map(|i| left[i].filter(Standing::is_far).map(|s| (wording::domain(places[i]), s)))
         .max_by(|a, b| a.1.times_floor().total_cmp(&b.1.times_floor()));
-    if out.verdict == Verdict::NothingMissing && far.is_some() {
+    if far.is_some() {
         out.verdict = Verdict::Unexplained;
+        out.effects.clear();
     }
     out.words = wording::answer(&out, far);
     out.advice = wording::advice(&out, effects);
@@ -257,12 +299,22 @@ fn wanted(effect: &dyn Effect, options: &DiscoverOptions) -> bool {
     (options.only.is_empty() || named(&options.only)) && !named(&options.without)
 }
 
+/// True for an effect that cannot be found again beside those found before: an alias of one of them,
+/// or the same on the whole body. A second one of a kind on another link or plate can.
+fn excluded(effect: &dyn Effect, already: &[(&dyn Effect, Target)]) -> bool {
+    already.iter().any(|(found, target)| {
+        let again = found.id() == effect.id() && !matches!(target, Target::Link(_) | Target::Plate(_));
+        again || found.about().aliases.contains(&effect.id())
+    })
+}
+
 fn run_round<'a>(
     session: &Session<'_>,
     problem: &Problem,
     extra: &[Vec<DMatrix<f64>>],
     effects: &[&'a dyn Effect],
-    already: &[&str],
+    already: &[(&dyn Effect, Target)],
+    first_round: bool,
     model: Vec<String>,
     has_flights: bool,
     options: &DiscoverOptions,
@@ -270,12 +322,18 @@ fn run_round<'a>(
     let used: Vec<(&'a dyn Effect, bool)> = effects
         .iter()
         .copied()
-        .filter(|e| wanted(*e, options) && judged_in(*e, problem.domain, has_flights) && !already.contains(&e.id()))
+        .filter(|e| wanted(*e, options) && judged_in(*e, problem.domain, has_flights) && !excluded(*e, already))
         .map(|e| (e, false))
         .chain(PLACEBOS.iter().map(|p| (p as &dyn Effect, true)))
         .collect();
-    let mut scores: Vec<EffectScore<'a>> =
-        used.par_iter().filter_map(|(e, placebo)| score_effect(session, problem, *e, *placebo, true)).collect();
+    let mut scores: Vec<EffectScore<'a>> = used
+        .par_iter()
+        .filter_map(|(e, placebo)| {
+            let taken: Vec<Target> =
+                already.iter().filter(|(a, _)| a.id() == e.id()).map(|(_, target)| *target).collect();
+            score_effect(session, problem, *e, &taken, *placebo, true)
+        })
+        .collect();
     let plain = problem.plain();
     scores.sort_by(|a, b| a.mean_square(problem).total_cmp(&b.mean_square(problem)));
     let mut null = null_ratios(problem, &scores, options.null_draws, options.seed);
@@ -283,11 +341,11 @@ fn run_round<'a>(
     let quantile = |share: f64| null.get((share * null.len() as f64) as usize).copied().unwrap_or(f64::NAN);
     let null_quantiles = [quantile(0.01), quantile(0.05), quantile(0.5)];
     // with few clusters there are few sign patterns, the original one among them
-    let few = problem.clusters.len() < 5;
+    let clusters = problem.clusters.iter().filter(|c| !c.judged.is_empty()).count();
+    let few = clusters < FEWEST_CLUSTERS;
     let largest = limit_by_number(problem.clusters.len(), options);
     // with few sign patterns, and nonlinear parameters kept at their starts, the 5 % quantile is
     // too lenient
-    let clusters = problem.clusters.iter().filter(|c| !c.judged.is_empty()).count();
     let by_chance = null_quantiles[usize::from(clusters >= MANY_CLUSTERS)];
     let threshold = if few {
         largest
@@ -311,9 +369,10 @@ fn run_round<'a>(
             let (coefficients, nonlinear) = estimates(session, best);
             let plausible = plausible(best, &coefficients);
             let beaten = null.iter().filter(|n| **n <= ratio).count();
-            let believed = !score.placebo
+            let believed = !few
+                && !score.placebo
                 && plausible
-                && ratio < threshold.min(limit(score.effect, already.is_empty(), options))
+                && ratio < threshold.min(limit(score.effect, first_round, options))
                 && ci95[1] < 1.0
                 && score.mean_square(problem) < placebo
                 && !is_trivial(session, problem, score.mean_square(problem));
@@ -343,12 +402,12 @@ fn run_round<'a>(
     confusions(session, problem, &scores, &mut candidates, options);
     let (sharp, rivals) = rivals(session, problem, extra, &scores, &candidates, options);
     let (mut verdict, effects, duels) = judge(session, sharp.as_ref().unwrap_or(problem), &rivals, options);
-    if candidates.iter().all(|c| c.placebo) {
+    if few || candidates.iter().all(|c| c.placebo) {
         verdict = Verdict::NotDetectable;
     }
     let limit_of = |c: &Candidate| {
         let effect = scores.iter().find(|s| s.effect.id() == c.effect).map(|s| s.effect);
-        effect.map_or(options.belief, |e| limit(e, already.is_empty(), options))
+        effect.map_or(options.belief, |e| limit(e, first_round, options))
     };
     let words = wording::round(verdict, &effects, &candidates, threshold, limit_of, few);
     let round = Round {

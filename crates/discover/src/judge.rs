@@ -199,6 +199,9 @@ impl Rival<'_> {
 /// True for an effect that narrowly misses the limit that the best one passes, so that only the
 /// limit separates them. Plate and kinematic errors have limits of their own.
 fn close(effect: &dyn Effect, candidate: &Candidate, best: &Candidate, options: &DiscoverOptions) -> bool {
+    if effect.about().aliases.contains(&best.effect.as_str()) && candidate.plausible {
+        return true;
+    }
     candidate.plausible
         && !candidate.placebo
         && candidate.ci95[1] < 1.0
@@ -317,6 +320,7 @@ fn duel(
 ) -> RivalTest {
     let ratio = (a.error() / b.error()).sqrt();
     let p_value = sign_flip_p(&a.fold_error, &b.fold_error, 2000, options.seed ^ 0xc1a5);
+    let alias = a.scored.variant.effect.about().aliases.contains(&b.id());
     let mut out = RivalTest {
         effect: b.id().to_owned(),
         error_ratio: ratio,
@@ -324,7 +328,9 @@ fn duel(
         if_true: None,
         separated: ratio < options.belief,
     };
-    if ratio > SAME[usize::from(session.prior.is_some())] || p_value >= options.significance {
+    // aliases differ in the scale of the error that they leave, which says nothing about which is
+    // true
+    if alias || ratio > SAME[usize::from(session.prior.is_some())] || p_value >= options.significance {
         out.separated = false;
     } else if !out.separated {
         let made = exchange(session, problem, &a.scored, &b.scored, &b.scored, options.seed ^ 0xe8c4);

@@ -134,3 +134,100 @@ pub(crate) fn better_pair<'a>(
     let of = |i: usize| if i == bent { &refined } else { &parts[i].1 };
     Some((part(of(a), 0, ka), part(of(b), ka, kb), error))
 }
+
+/// Largest share of the error of the model and of the best single effect that a pair may leave when
+/// no single effect was accepted: chance has many pairs to choose from.
+const ALONE: [f64; 2] = [0.6, 0.8];
+/// Rounds in which the two effects of a pair are fitted again in turn.
+const TURNS: usize = 2;
+
+/// Two effects together where none alone is accepted: two of a kind on different links (a load on
+/// both shanks), or two kinds. Each is fitted beside the other in turn; `None` if no pair explains
+/// most of the error.
+pub(crate) fn pair_alone<'a>(
+    session: &Session<'_>,
+    problem: &Problem,
+    scores: &[EffectScore<'a>],
+    usable: &[bool],
+    refit: &Refit<'_, '_>,
+) -> Option<(Scored<'a>, Scored<'a>, f64)> {
+    let parts: Vec<(usize, Variant<'a>, Vec<DMatrix<f64>>)> = (0..scores.len())
+        .into_par_iter()
+        .filter(|&i| usable[i])
+        .flat_map_iter(|i| {
+            let mut order: Vec<&Scored<'a>> = scores[i].scored.iter().filter(|s| s.gain > 0.0).collect();
+            order.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+            let mut targets = Vec::new();
+            order.retain(|s| {
+                let first = !targets.contains(&s.variant.target);
+                targets.push(s.variant.target);
+                first
+            });
+            order.into_iter().map(|s| s.variant.clone()).collect::<Vec<_>>().into_iter().filter_map(move |v| {
+                let columns = v.columns(session, problem)?;
+                Some((i, v, columns))
+            })
+        })
+        .collect();
+    let beside = |a: usize, b: usize| -> bool {
+        let (x, y) = (&parts[a].1, &parts[b].1);
+        let (p, q) = (x.effect.about(), y.effect.about());
+        // loads are compared between the same two groups of trials
+        let same_groups = !(p.by_group || q.by_group) || x.group == y.group;
+        same_groups && !p.contains.contains(&q.id) && !q.contains.contains(&p.id) && !p.aliases.contains(&q.id)
+    };
+    let pairs: Vec<(usize, usize)> = (0..parts.len())
+        .flat_map(|a| (a + 1..parts.len()).map(move |b| (a, b)))
+        .filter(|&(a, b)| beside(a, b))
+        .collect();
+    let mut gains: Vec<(f64, usize, usize)> = pairs
+        .into_par_iter()
+        .map(|(a, b)| {
+            let (ka, kb) = (parts[a].1.coefficients.len(), parts[b].1.coefficients.len());
+            let columns: Vec<DMatrix<f64>> = parts[a]
+                .2
+                .iter()
+                .zip(&parts[b].2)
+                .map(|(x, y)| {
+                    let mut wide = DMatrix::zeros(x.nrows(), ka + kb);
+                    wide.columns_mut(0, ka).copy_from(x);
+                    wide.columns_mut(ka, kb).copy_from(y);
+                    wide
+                })
+                .collect();
+            let coefficients: Vec<_> =
+                parts[a].1.coefficients.iter().chain(&parts[b].1.coefficients).cloned().collect();
+            let (s, c) = problem.reduce_all(&columns);
+            (solve(&s, &c, &coefficients).1, a, b)
+        })
+        .collect();
+    gains.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
+    let fit = |variant: &Variant<'a>, other: &Variant<'a>| -> Option<Scored<'a>> {
+        let with_other = refit.with(session, problem.domain, other)?;
+        if variant.nonlinear.is_empty() {
+            let columns = variant.columns(session, &with_other)?;
+            return Some(score(&with_other, variant.clone(), &with_other.reduce(&columns)));
+        }
+        let (better, _) = improve(session, &with_other, variant, FULL_STEPS)?;
+        score_fitted(session, &with_other, better)
+    };
+    let fitted: Vec<(Scored<'a>, Scored<'a>, f64)> = gains
+        .into_par_iter()
+        .take(JUDGED)
+        .filter_map(|(_, a, b)| {
+            let (mut x, mut y) = (fit(&parts[a].1, &parts[b].1)?, fit(&parts[b].1, &parts[a].1)?);
+            for _ in 0..TURNS {
+                x = fit(&x.variant, &y.variant)?;
+                y = fit(&y.variant, &x.variant)?;
+            }
+            let error = y.fold_error.iter().sum::<f64>();
+            (!is_trivial(session, problem, error / problem.n_judged as f64)).then_some((x, y, error))
+        })
+        .collect();
+    let best = fitted.into_iter().min_by(|x, y| x.2.total_cmp(&y.2))?;
+    let plain: Vec<f64> = problem.folds.iter().map(|f| f.error).collect();
+    let whole: f64 = plain.iter().sum();
+    let single = scores.iter().filter(|s| !s.placebo).map(|s| s.fold_error.iter().sum::<f64>()).fold(whole, f64::min);
+    let small = (best.2 / whole).sqrt() < ALONE[0] && (best.2 / single).sqrt() < ALONE[1];
+    (small && sign_flip_p(&best.1.fold_error, &plain, 2000, refit.seed()) < 0.01).then_some(best)
+}

@@ -18,6 +18,10 @@ pub(crate) const OVERLAP: f64 = 3.0;
 const QUICK_STEPS: usize = 5;
 /// Share of the squared error that an effect has to remove before `Target::Shape` is tried.
 const SHAPED: f64 = 0.5;
+/// Mean size in the trials without an effect, relative to that in the trials with it, below which it
+/// counts as absent; and the gap between the two sets in standard errors.
+const ABSENT: f64 = 0.25;
+const CLEARLY: f64 = 4.0;
 /// Number of targets whose best start is fitted with the full number of steps.
 const FINISHED: usize = 4;
 pub(crate) const FULL_STEPS: usize = 20;
@@ -50,19 +54,29 @@ impl EffectScore<'_> {
     }
 }
 
+/// Information criterion with the correction for small samples (Hurvich and Tsai 1989): a variant
+/// with as many unknowns as there are independent observations is never chosen.
 fn criterion(gain: f64, rss: f64, n_rows: f64, unknowns: usize) -> f64 {
-    n_rows / OVERLAP * ((rss - gain).max(1e-9 * rss) / rss).ln() + 2.0 * unknowns as f64
+    let (n, k) = (n_rows / OVERLAP, unknowns as f64);
+    let spare = n - k - 1.0;
+    if spare <= 0.0 {
+        return f64::INFINITY;
+    }
+    n * ((rss - gain).max(1e-9 * rss) / rss).ln() + 2.0 * k * n / spare
 }
 
-/// Scores all variants of an effect; `None` if it cannot act here.
+/// Scores all variants of an effect on all targets that are not `taken`; `None` if it cannot act
+/// here.
 pub(crate) fn score_effect<'a>(
     session: &Session<'_>,
     problem: &Problem,
     effect: &'a dyn Effect,
+    taken: &[Target],
     placebo: bool,
     refine: bool,
 ) -> Option<EffectScore<'a>> {
-    let targets = effect.targets(session.scene);
+    let mut targets = effect.targets(session.scene);
+    targets.retain(|t| !taken.contains(t));
     let nonlinear = targets.iter().any(|t| !effect.nonlinear(session.scene, *t).is_empty());
     let screened = screen(session, problem, effect, &targets);
     if screened.is_empty() {
@@ -117,8 +131,14 @@ pub(crate) fn score_effect<'a>(
         scored.extend(fitted.into_iter().flatten());
     }
     let n_rows: f64 = problem.clusters.iter().map(|c| c.n_rows as f64).sum();
+    let worth = |s: &Scored<'_>| criterion(s.gain, problem.rss, n_rows, unknowns_of(s));
+    let first = (0..scored.len()).min_by(|&a, &b| worth(&scored[a]).total_cmp(&worth(&scored[b])));
+    if let Some(part) = first.filter(|_| refine && !placebo).and_then(|i| in_some_trials(session, problem, &scored[i]))
+    {
+        scored.push(part);
+    }
     let pick = |gain: &dyn Fn(&Scored<'_>) -> f64, rss: f64, n_rows: f64| {
-        let of: Vec<f64> = scored.iter().map(|s| criterion(gain(s), rss, n_rows, s.variant.unknowns())).collect();
+        let of: Vec<f64> = scored.iter().map(|s| criterion(gain(s), rss, n_rows, unknowns_of(s))).collect();
         let least = of.iter().copied().fold(f64::INFINITY, f64::min);
         // among targets that the rows cannot tell apart, prefer the link nearest to the root
         (0..scored.len())
@@ -134,6 +154,62 @@ pub(crate) fn score_effect<'a>(
         })
         .collect();
     Some(EffectScore { effect, scored, best, fold_error, placebo, null })
+}
+
+/// Number of unknowns of a variant; the choice of the trials in which it acts counts as two.
+fn unknowns_of(s: &Scored<'_>) -> usize {
+    let chosen = !s.variant.group.is_empty() && !s.variant.effect.about().by_group;
+    s.variant.unknowns() + if chosen { 2 } else { 0 }
+}
+
+/// The variant acting only in those trials that show it, if the trials fall into two clear sets: its
+/// size in the one is far above, in the other near zero.
+fn in_some_trials<'a>(session: &Session<'_>, problem: &Problem, scored: &Scored<'a>) -> Option<Scored<'a>> {
+    if scored.variant.effect.about().by_group {
+        return None;
+    }
+    let mut trials: Vec<usize> = problem.clusters.iter().map(|c| c.trial).collect();
+    trials.sort_unstable();
+    trials.dedup();
+    if trials.len() < 4 {
+        return None;
+    }
+    let columns = scored.variant.columns(session, problem)?;
+    let wide: Vec<DMatrix<f64>> = columns
+        .iter()
+        .zip(&problem.clusters)
+        .map(|(c, cluster)| {
+            let signal = c * &scored.theta;
+            DMatrix::from_fn(c.nrows(), trials.len(), |i, j| if trials[j] == cluster.trial { signal[i] } else { 0.0 })
+        })
+        .collect();
+    let (s, c) = problem.reduce_all(&wide);
+    let size = crate::candidate::pseudo_solve(&s, &c);
+    let n_rows: f64 = problem.clusters.iter().map(|c| c.n_rows as f64).sum();
+    let variance = OVERLAP * (problem.rss - c.dot(&size)).max(0.0) / n_rows;
+    let se = |i: usize| if s[(i, i)] > 0.0 { (variance / s[(i, i)]).sqrt() } else { f64::INFINITY };
+    let mut order: Vec<usize> = (0..trials.len()).collect();
+    order.sort_by(|&a, &b| size[a].total_cmp(&size[b]));
+    let gap = |i: usize| size[order[i]] - size[order[i - 1]];
+    let cut = (1..order.len()).max_by(|&a, &b| gap(a).total_cmp(&gap(b)))?;
+    let (without, with) = order.split_at(cut);
+    if with.len() < 2 || without.len() < 2 {
+        return None;
+    }
+    let mean = |of: &[usize]| of.iter().map(|&i| size[i]).sum::<f64>() / of.len() as f64;
+    let noise = (se(order[cut]).powi(2) + se(order[cut - 1]).powi(2)).sqrt();
+    if !(mean(without).abs() < ABSENT * mean(with) && gap(cut) > 0.5 * mean(with) && gap(cut) > CLEARLY * noise) {
+        return None;
+    }
+    let mut group = vec![false; session.trials.len()];
+    with.iter().for_each(|&i| group[trials[i]] = true);
+    let variant = Variant { group, ..scored.variant.clone() };
+    if variant.fitted > 0 {
+        let (better, _) = improve(session, problem, &variant, FULL_STEPS)?;
+        return score_fitted(session, problem, better);
+    }
+    let columns = variant.columns(session, problem)?;
+    Some(score(problem, variant, &problem.reduce(&columns)))
 }
 
 /// Variants used as starts: the best of every target, at most nine in all, and the next two of the

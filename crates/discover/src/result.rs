@@ -184,6 +184,10 @@ pub struct RivalTest {
 /// distribution, otherwise below the 5 % quantile.
 pub(crate) const MANY_CLUSTERS: usize = 12;
 
+/// With fewer flights or trials than this nothing is named: random signs of five residuals have
+/// sixteen patterns up to a common sign, so that no p-value could be below 0.05.
+pub(crate) const FEWEST_CLUSTERS: usize = 6;
+
 /// One round: the ranking against a model, and the conclusion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Round {

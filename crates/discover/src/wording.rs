@@ -72,7 +72,7 @@ pub(crate) fn round(
             b.key,
             100.0 * b.held_out_ratio,
             disbelief(b, threshold.min(limit(b)), candidates),
-            if few { " (fewer than five flights or trials: only a strong effect could be)" } else { "" },
+            if few { " (fewer than six flights or trials: too few to name an effect)" } else { "" },
         ),
         _ => "no effect could be tried".to_owned(),
     }
@@ -100,16 +100,27 @@ fn disbelief(best: &Candidate, limit: f64, candidates: &[Candidate]) -> String {
 /// if any.
 pub(crate) fn answer(d: &Discovery, far: Option<(&str, Standing)>) -> String {
     if let (Verdict::Unexplained, Some((place, standing))) = (d.verdict, far) {
-        let nearest = d.candidates.iter().find(|c| !c.placebo).map_or(String::new(), |c| {
-            format!("; the best candidate, `{}`, leaves {:.1} % of the error", c.key, 100.0 * c.held_out_ratio)
-        });
         let left: String = d.not_tried.iter().map(|n| format!("; {n}")).collect();
-        return format!(
-            "unexplained: in {place} the held-out error ({:.3} N) is {:.1} times the noise floor ({:.3} N), and no effect of the catalogue explains \
-             it{nearest}{left}",
+        let found_here = |id: &String| d.rounds.iter().any(|r| r.judged_on == place && r.effects.contains(id));
+        let part: Vec<String> = d.found.iter().filter(|f| found_here(&f.effect)).map(|f| f.key.clone()).collect();
+        let remains = format!(
+            "{:.3} N, {:.1} times the noise floor of {:.3} N",
             standing.held_out_error,
             standing.times_floor(),
             standing.noise_floor
+        );
+        if !part.is_empty() {
+            return format!(
+                "unexplained: with {} in the model the held-out error in {place} is still {remains}; it removes part of the error and is not shown \
+                 to be the cause{left}",
+                list(&part),
+            );
+        }
+        let nearest = d.candidates.iter().find(|c| !c.placebo && c.judged_on == place).map_or(String::new(), |c| {
+            format!("; the best candidate, `{}`, leaves {:.1} % of the error", c.key, 100.0 * c.held_out_ratio)
+        });
+        return format!(
+            "unexplained: the held-out error in {place} is {remains}, and no effect of the catalogue explains it{nearest}{left}"
         );
     }
     let said: Vec<&str> = d

@@ -112,6 +112,9 @@ pub struct About<'a> {
     /// Exact aliases: effects that no recording of the same kind can distinguish from this one;
     /// empty for none.
     pub class: &'a str,
+    /// Effects of the catalogue that no recording can distinguish from this one when both act on the
+    /// whole body or on all plates: they are always named together.
+    pub aliases: &'a [&'a str],
     /// Effects of which this one is a generalisation: it contains them, so it only counts if it
     /// does better.
     pub contains: &'a [&'a str],
@@ -146,6 +149,7 @@ impl About<'_> {
         acts: ActsIn::Both,
         family: Family::Forces,
         class: "",
+        aliases: &[],
         contains: &[],
         separated_by: Separation::LongerFlights,
         told_from: &[],

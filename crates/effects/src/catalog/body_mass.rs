@@ -10,6 +10,7 @@ const ABOUT: About<'static> = About {
     acts: ActsIn::Contact,
     family: Family::Plates,
     class: "one gain for all plates",
+    aliases: &["plate_gain"],
     separated_by: Separation::KnownWeight,
     shows_in_free_fall: true,
     documentation: "\

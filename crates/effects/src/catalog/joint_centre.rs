@@ -27,6 +27,10 @@ Harrington et al., J. Biomech. 40 (2007) 595-602; own simulations.
     ..About::PLAIN
 };
 
+/// Largest error of a joint centre from landmarks or functional calibration, m (hip regression
+/// reaches 30 mm): a larger one is another effect in disguise.
+const LARGEST_M: f64 = 0.03;
+
 pub(super) struct JointCentre;
 
 impl Effect for JointCentre {
@@ -37,7 +41,7 @@ impl Effect for JointCentre {
         (1..scene.model.n_links()).map(Target::Link).collect()
     }
     fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
-        Coefficient::vector_on_link("offset", "m", 0.1)
+        Coefficient::vector_on_link("offset", "m", LARGEST_M)
     }
     fn evaluate(&self, series: &Series<'_>, target: Target, _: &[f64], out: &mut Columns) {
         let links = &series.scene.model.links;

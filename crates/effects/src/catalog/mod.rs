@@ -13,6 +13,7 @@ mod gravity_scale;
 mod gravity_tilt;
 mod joint_centre;
 mod linear_drag;
+mod link_mass;
 mod payload;
 mod plate_clock_drift;
 mod plate_gain;
@@ -44,6 +45,7 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &flywheel::Flywheel,
     &rotor::Rotor,
     &payload::Payload,
+    &link_mass::LinkMass,
     &wobbling_mass::WobblingMass,
     &added_mass::AddedMass,
     &thrust::Thrust,

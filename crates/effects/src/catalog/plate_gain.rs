@@ -12,6 +12,7 @@ const ABOUT: About<'static> = About {
     acts: ActsIn::Contact,
     family: Family::Plates,
     class: "body mass, where all plates err alike",
+    aliases: &["body_mass"],
     separated_by: Separation::KnownWeight,
     shows_in_free_fall: true,
     documentation: "\
