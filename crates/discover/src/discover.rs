@@ -300,11 +300,13 @@ fn wanted(effect: &dyn Effect, options: &DiscoverOptions) -> bool {
 }
 
 /// True for an effect that cannot be found again beside those found before: an alias of one of them,
-/// or the same on the whole body. A second one of a kind on another link or plate can.
+/// a generalisation of it, or the same on the whole body. A second one of a kind on another link or plate can.
 fn excluded(effect: &dyn Effect, already: &[(&dyn Effect, Target)]) -> bool {
     already.iter().any(|(found, target)| {
         let again = found.id() == effect.id() && !matches!(target, Target::Link(_) | Target::Plate(_));
-        again || found.about().aliases.contains(&effect.id())
+        // what contains the effect found (wind contains drag) would only describe it once more
+        let wider = effect.about().contains.contains(&found.id());
+        again || wider || found.about().aliases.contains(&effect.id())
     })
 }
 

@@ -43,6 +43,7 @@ recovered! {
     flywheel: chain::flywheel,
     rotor: chain::rotor,
     payload: chain::payload,
+    link_mass: person::link_mass,
     wobbling_mass: chain::wobbling_mass,
     added_mass: chain::added_mass,
     thrust: chain::thrust,
