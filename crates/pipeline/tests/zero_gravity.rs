@@ -14,7 +14,8 @@ use aloft_regressor::{
 use aloft_simulate::{Scenario, simulate};
 use aloft_study::subject_session::{Overrides, SubjectSession};
 use aloft_workspace::artifact::load_motion;
-use aloft_workspace::workspace::{WHOLE_STUDY, Workspace};
+use aloft_workspace::manifest::WHOLE_STUDY;
+use aloft_workspace::workspace::Workspace;
 use std::path::Path;
 
 /// Writes a laboratory with this gravity to disk and runs its pipeline until the motion is

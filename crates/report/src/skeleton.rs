@@ -8,7 +8,7 @@ use aloft_page::{Animation, Arrows, Figure, Words};
 use aloft_regressor::weak::force_scale_n;
 use aloft_trial::Trial;
 use aloft_workspace::artifact::load_trial;
-use aloft_workspace::workspace::read_json;
+use aloft_workspace::json::read_json;
 use nalgebra::Vector3;
 use std::ops::Range;
 

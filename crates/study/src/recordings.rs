@@ -97,7 +97,7 @@ pub fn recordings_below(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
             || !e.file_type().is_dir()
             || !(name.starts_with('.')
                 || name == "derivatives"
-                || e.path().join(aloft_workspace::workspace::MARKER).is_file())
+                || e.path().join(aloft_workspace::format::MARKER).is_file())
     });
     for entry in walk {
         let entry = entry.map_err(|e| PipelineError::Io {

@@ -13,7 +13,7 @@ use aloft_body::ModelSpec;
 use aloft_scale::ObjectSpec;
 use aloft_trial::MarkerSet;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::workspace::WHOLE_STUDY;
+use aloft_workspace::manifest::WHOLE_STUDY;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -192,7 +192,7 @@ impl SubjectSession {
         )?;
         let own_effects = own_effects(&config, &file, text, &dir)?;
         check_formulas(&own_effects, &model)?;
-        aloft_workspace::workspace::refuse_other_format(&place.workspace)?;
+        aloft_workspace::format::refuse_other_format(&place.workspace)?;
         let revisions = crate::revision::Revisions::load(&place.workspace)?;
         let (effects, plain_base) = (revisions.effects(), revisions.plain_base());
         Ok(Self {

@@ -12,7 +12,9 @@ use aloft_study::quote;
 use aloft_study::subject_session::{SubjectSession, TrialEntry};
 use aloft_workspace::artifact::{load_motion, load_trial};
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
+use aloft_workspace::json::read_json;
+use aloft_workspace::manifest::WHOLE_STUDY;
+use aloft_workspace::workspace::Workspace;
 
 /// Program and version, for headers.
 pub fn program() -> String {
