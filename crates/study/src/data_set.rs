@@ -4,9 +4,9 @@
 //! Results are in `WORKSPACE/<subject>/<session>/<stage>/<trial>/`; for a study of one subject in
 //! `WORKSPACE/<stage>/<trial>/`.
 
-use crate::config::error_at_key;
 use crate::facts::participant_ids;
 use crate::inherit::{PipelineFile, fits};
+use crate::place::error_at_key;
 use crate::quote::visible;
 use crate::recordings::{SessionId, fold, pattern, recordings_below};
 use crate::subject_session::{Overrides, Place, SubjectSession};

@@ -1,6 +1,6 @@
 //! Recordings in a folder: which files hold one, their names, and the patterns that choose among them; which subject's and session's a folder is.
 
-use crate::config::error_at_key;
+use crate::place::error_at_key;
 use aloft_workspace::error::PipelineError;
 use globset::{GlobBuilder, GlobMatcher, GlobSet, GlobSetBuilder};
 use serde::{Deserialize, Serialize};

@@ -2,11 +2,12 @@
 //! and the facts about the subject.
 
 use crate::catalog;
-use crate::config::{FlightConfig, IkConfig, ImportConfig, PipelineConfig, error_at_key};
+use crate::config::{FlightConfig, IkConfig, ImportConfig, PipelineConfig};
 use crate::data_set::DataSet;
 use crate::effects::{ModelEffects, OwnEffect, check_formulas, own_effects};
 use crate::facts::{FactPlaces, Facts, find_facts};
 use crate::inherit::{PipelineFile, TrialSettings, Whose};
+use crate::place::error_at_key;
 use crate::quote;
 use crate::recordings::{SessionId, bids_beside, fold, globs, recordings_below, stem_of};
 use aloft_body::ModelSpec;
