@@ -2,7 +2,7 @@
 
 use crate::freshness::of_standings;
 use aloft_pipeline::graph::{self, Manifests, Need, Stage, TaskState};
-use aloft_pipeline::runner::stage_index;
+use aloft_pipeline::selection::stage_index;
 use aloft_pipeline::stages::STAGES;
 use aloft_study::subject_session::{SubjectSession, TrialEntry};
 use aloft_workspace::error::PipelineError;

@@ -5,7 +5,7 @@ use aloft_body::{LinkInertia, Subject};
 use aloft_compare::measured_wrench;
 use aloft_export::{Convention, InertiaSource, PlateAtFrames, SourceFile, SubjectExport, TrialExport};
 use aloft_flight::{Flight, FlightReport, PlateTare, apply_tare};
-use aloft_pipeline::runner::trial_filter;
+use aloft_pipeline::selection::trial_filter;
 use aloft_pipeline::stages::STAGES;
 use aloft_pipeline::stages::filter::low_pass;
 use aloft_study::quote;
