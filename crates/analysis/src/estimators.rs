@@ -6,7 +6,7 @@
 //! the landmark geometry, so that the gain from calibration can be compared with the gain from rows
 //! and estimators.
 
-use crate::compare::mean;
+use crate::compare::{JudgedOn, mean};
 use crate::results::{Made, with_results};
 use aloft_body::{BaseParameters, Subject};
 use aloft_compare::{Candidate, Comparison, ModelComparison, NoiseFloor, WindowErrors, WrenchErrors};
@@ -105,8 +105,8 @@ pub struct EstimatorsView {
     pub version: u32,
     /// Subject name.
     pub subject: String,
-    /// `held-out contact` or `held-out flight`.
-    pub judged_on: &'static str,
+    /// Motion on which the errors are computed.
+    pub judged_on: JudgedOn,
     /// Trials that the errors come from, and why these count as held out.
     pub held_out: String,
     /// Length of the windows, s.

@@ -6,6 +6,7 @@ use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::key::key;
 use aloft_workspace::manifest::{Manifest, ROLE, WHOLE_STUDY};
+use aloft_workspace::warning::Warnings;
 use aloft_workspace::workspace::Workspace;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -41,7 +42,7 @@ pub enum Need {
 #[derive(Debug, Clone, Default)]
 pub struct StageReport {
     /// Warnings.
-    pub warnings: Vec<String>,
+    pub warnings: Warnings,
     /// Figures for tables.
     pub summary: BTreeMap<String, Value>,
 }

@@ -2,6 +2,7 @@
 
 use aloft_study::recordings::SessionId;
 use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::warning::StageWarning;
 
 /// Outcome of one task in this run.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,7 +29,7 @@ pub struct TaskReport {
     /// Outcome.
     pub ended: Ended,
     /// Warnings.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<StageWarning>,
     /// Wall time, s.
     pub seconds: f64,
 }

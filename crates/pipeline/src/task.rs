@@ -7,6 +7,7 @@ use aloft_study::subject_session::{SubjectSession, TrialEntry};
 use aloft_workspace::disk;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::manifest::{Manifest, Outcome, WHOLE_STUDY};
+use aloft_workspace::warning::StageWarning;
 use aloft_workspace::workspace::{Complete, Workspace};
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -104,9 +105,10 @@ pub(crate) fn run_task(
             (Outcome::Failed(failure), graph::StageReport::default())
         }
     };
+    let warnings: Vec<StageWarning> = done.warnings.into();
     let manifest = Manifest {
         outcome: outcome.clone(),
-        warnings: done.warnings.clone(),
+        warnings: warnings.clone(),
         summary: done.summary,
         seconds,
         ..empty_manifest(stage, task, session)
@@ -116,6 +118,6 @@ pub(crate) fn run_task(
         Outcome::Ok => Ended::Ran,
         Outcome::Failed(f) => Ended::Failed(f),
     };
-    let report = TaskReport { stage: stage.name, trial: name.to_owned(), ended, warnings: done.warnings, seconds };
+    let report = TaskReport { stage: stage.name, trial: name.to_owned(), ended, warnings, seconds };
     Ok((complete, report))
 }

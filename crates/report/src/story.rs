@@ -18,6 +18,7 @@ use aloft_workspace::json::read_json;
 use aloft_workspace::manifest::{Manifest, Outcome, WHOLE_STUDY};
 use aloft_workspace::seal;
 use aloft_workspace::table::Table;
+use aloft_workspace::warning::StageWarning;
 use aloft_workspace::workspace::Workspace;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -71,7 +72,7 @@ pub struct TrialStory<'a> {
     /// Stages that failed.
     pub failures: Vec<(&'static str, StageFailure)>,
     /// Warnings of the stages.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<StageWarning>,
 }
 
 impl<'a> Story<'a> {

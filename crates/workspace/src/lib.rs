@@ -17,4 +17,5 @@ pub mod qc;
 pub mod seal;
 pub mod sharing;
 pub mod table;
+pub mod warning;
 pub mod workspace;

@@ -3,6 +3,7 @@
 
 use crate::error::{PipelineError, StageFailure};
 use crate::seal;
+use crate::warning::StageWarning;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -39,7 +40,7 @@ pub struct Manifest {
     /// Outcome.
     pub outcome: Outcome,
     /// Warnings.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<StageWarning>,
     /// Figures for tables.
     pub summary: BTreeMap<String, serde_json::Value>,
     /// Hash over all files of the result.
