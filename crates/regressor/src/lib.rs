@@ -18,7 +18,9 @@ pub mod stretch;
 pub mod test_function;
 pub mod tissue;
 mod triangle;
+mod velocities;
 pub mod weak;
+pub mod weak_rows;
 
 pub use acceleration::{AccelerationOptions, AccelerationRows, acceleration_factor};
 pub use body_windows::{BodyWindows, body_windows};
@@ -28,4 +30,5 @@ pub use noise::{CoordinateNoise, Noise};
 pub use stretch::{Acting, EffectColumns, Stretch, StretchKind};
 pub use test_function::TestFunction;
 pub use tissue::{Slides, Tissue};
-pub use weak::{WeakOptions, WeakRows, body_radius_m, weak_factor, weak_factor_with_tissue, weak_rows};
+pub use weak::{body_radius_m, weak_factor, weak_factor_with_tissue};
+pub use weak_rows::{WeakOptions, WeakRows, weak_rows};

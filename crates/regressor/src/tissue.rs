@@ -13,7 +13,8 @@
 //! predicts a marker residual, which is scaled to the residuals of the recording after subtraction
 //! of their white noise.
 
-use crate::weak::{CENTRAL, WeakRows, run_velocities, valid_runs};
+use crate::velocities::{CENTRAL, run_velocities, valid_runs};
+use crate::weak_rows::WeakRows;
 use crate::{RegressorError, Stretch};
 use aloft_body::inertia::steiner;
 use aloft_body::{JointKind, Model, ModelMarker, Motion, Phi, State};
@@ -405,7 +406,7 @@ impl Changes {
         Self { series, fixed, draws }
     }
 
-    /// The six sums (× realisation) of a window that begins at frame `begin` of the series (see `weak::window_weights`).
+    /// The six sums (× realisation) of a window that begins at frame `begin` of the series (see `weak_rows::window_weights`).
     fn window(&self, rows: &WeakRows, w: usize, begin: usize, gravity: &Vector3<f64>, rate_hz: f64) -> Vec<f64> {
         let draws = self.draws;
         let mut out = vec![0.0; 6 * draws];
@@ -460,7 +461,7 @@ impl Normal {
 mod tests {
     use super::*;
     use crate::body_windows::moments;
-    use crate::weak::weak_rows;
+    use crate::weak_rows::weak_rows;
     use crate::{Acting, WeakOptions};
     use aloft_body::{BaseParameters, JointSpec, LinkInertia, LinkSpec, ModelSpec};
     use nalgebra::{Matrix3, SMatrix};

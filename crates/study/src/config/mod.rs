@@ -97,8 +97,3 @@ pub struct EffectsConfig {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub define: Vec<aloft_effects::FormulaEffect>,
 }
-
-/// A list of strings, for defaults.
-fn strings(list: &[&str]) -> Vec<String> {
-    list.iter().map(|s| (*s).to_owned()).collect()
-}

@@ -1,6 +1,6 @@
 //! Facts about the subject, and where the subjects and sessions of a study lie.
 
-use super::strings;
+use super::trials::strings;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -1,6 +1,5 @@
 //! Which recordings play which part.
 
-use super::strings;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -49,6 +48,11 @@ impl Default for TrialsConfig {
             static_frames: None,
         }
     }
+}
+
+/// A list of strings, for defaults.
+pub(super) fn strings(list: &[&str]) -> Vec<String> {
+    list.iter().map(|s| (*s).to_owned()).collect()
 }
 
 fn default_static() -> Vec<String> {
