@@ -95,7 +95,7 @@ pub fn summary(generated: &Pages) -> String {
 }
 
 #[test]
-fn prop_the_summary_lists_every_page_once() {
+fn the_summary_lists_every_page_once() {
     let summary = summary(&crate::generate::pages());
     let linked: Vec<String> = links(&summary).into_iter().map(|(_, t)| t).collect();
     let mut pages = Vec::new();
@@ -112,7 +112,7 @@ fn prop_the_summary_lists_every_page_once() {
 }
 
 #[test]
-fn prop_links_lead_to_pages_and_headings() {
+fn links_lead_to_pages_and_headings() {
     let mut pages = Vec::new();
     pages_below(&docs(), &mut pages);
     for page in ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "benches/README.md"] {
@@ -179,7 +179,7 @@ fn pictures_are_small_and_shown() {
 }
 
 #[test]
-fn prop_quoted_messages_exist() {
+fn quoted_messages_exist() {
     // the headings of the troubleshooting page quote messages; every fixed part of a quotation must
     // occur in the code
     let text = std::fs::read_to_string(docs().join("troubleshooting.md")).unwrap();

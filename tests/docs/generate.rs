@@ -162,7 +162,7 @@ fn stages(schema: &serde_json::Value, pages: &mut Pages) {
     let folder = root().join("crates/pipeline/src/stages");
     for stage in STAGES {
         let runs = match stage.scope {
-            Scope::SubjectSession => "once a study".to_owned(),
+            Scope::Session => "once a study".to_owned(),
             Scope::Trial(roles) => {
                 format!("once a trial: {}", roles.iter().map(|r| r.word()).collect::<Vec<_>>().join(", "))
             }
@@ -178,7 +178,7 @@ fn stages(schema: &serde_json::Value, pages: &mut Pages) {
                 Need::Recording => "the recording's files".to_owned(),
                 Need::Same(s) => format!("[`{s}`]({s}.md) of the same trial"),
                 Need::Once(s) => format!("[`{s}`]({s}.md) of the study"),
-                Need::Every(s, roles) | Need::EveryOrStaticFrames(s, roles) => {
+                Need::Every(s, roles) | Need::Merged(s, roles) | Need::EveryOrStaticFrames(s, roles) => {
                     let roles: Vec<&str> = roles.iter().map(|r| r.word()).collect();
                     format!("[`{s}`]({s}.md) of every trial that came through ({})", roles.join(", "))
                 }
@@ -413,7 +413,7 @@ fn findings() -> String {
 }
 
 #[test]
-fn prop_generated_pages_are_those_of_the_code() {
+fn generated_pages_are_those_of_the_code() {
     let pages = pages();
     let folder = docs();
     let mut stale: Vec<String> = Vec::new();
@@ -449,7 +449,7 @@ fn prop_generated_pages_are_those_of_the_code() {
 }
 
 #[test]
-fn prop_every_stage_effect_and_format_has_its_page() {
+fn every_stage_effect_and_format_has_its_page() {
     let pages = pages();
     for stage in STAGES {
         let page = &pages[&format!("reference/stages/{}.md", stage.name)];

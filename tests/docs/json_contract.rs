@@ -120,7 +120,7 @@ fn word(kind: &str) -> String {
 }
 
 #[test]
-fn prop_the_page_names_what_the_commands_write() {
+fn the_page_names_what_the_commands_write() {
     let folder = tempfile::tempdir().unwrap();
     let ws = folder.path().join("ws").display().to_string();
     let demo = root().join("pipelines/demo.yaml").display().to_string();

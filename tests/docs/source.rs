@@ -305,14 +305,14 @@ fn quoted_after(text: &str, word: &str) -> Option<String> {
 }
 
 #[test]
-fn prop_links_into_the_code_become_code() {
+fn links_into_the_code_become_code() {
     assert_eq!(without_code_links("see [`Trial`] and [`x`](crate::x)."), "see `Trial` and `x`.");
     assert_eq!(without_code_links("[a page](https://x.org) [0, 1]"), "[a page](https://x.org) [0, 1]");
     assert_eq!(without_code_links("[`simex()`](simex()) q[3]"), "`simex()` q[3]");
 }
 
 #[test]
-fn prop_messages_and_fields_are_read() {
+fn messages_and_fields_are_read() {
     let text = "/// E.\npub enum E {\n    /// Why\n    /// it is.\n    #[error(\"{file}: cannot \\\"read\\\"\")]\n    #[diagnostic(help(\"do this\"))]\n    One {\n        /// F.\n        file: String,\n    },\n}\n";
     let found = messages(text);
     assert_eq!(found[0].1[0].text, "{file}: cannot \"read\"");

@@ -136,12 +136,12 @@ fn check(pages: &[&str]) {
 }
 
 #[test]
-fn prop_the_tutorial_is_what_the_program_says() {
+fn the_tutorial_is_what_the_program_says() {
     check(&["tutorial/first-run.md", "tutorial/a-change.md", "tutorial/discovery.md"]);
 }
 
 #[test]
-fn prop_the_tutorial_of_a_person_is_what_the_program_says() {
+fn the_tutorial_of_a_person_is_what_the_program_says() {
     check(&["tutorial/your-recordings.md", "tutorial/by-other-programs.md"]);
 }
 

@@ -10,15 +10,16 @@
 use crate::results::{Made, with_results};
 use aloft_body::{BaseParameters, Motion, Phi};
 use aloft_compare::noise_root;
+use aloft_filter::smooth;
 use aloft_identify::{
     AdviceOptions, ClusterBy, Estimator, LinkPrior, MotionAdvice, Parameters, Prior, WindowChoice, add_noise,
     choose_window, excitation_advice, point_estimate, simex,
 };
-use aloft_ik::smooth;
 use aloft_pipeline::results::Results;
 use aloft_pipeline::stages::filter::low_pass;
 use aloft_pipeline::stages::identify::{self, estimator, identify_from};
-use aloft_pipeline::stages::regressor::{TrialRows, weak_options};
+use aloft_pipeline::stages::regressor::weak_options;
+use aloft_pipeline::trial_rows::TrialRows;
 use aloft_regressor::{
     AccelerationOptions, Acting, CoordinateNoise, Factor, RegressorError, Stretch, StretchKind, WeakOptions,
     acceleration_factor, weak_factor,
@@ -178,7 +179,7 @@ fn load(made: &Made<'_>) -> Result<Vec<Recorded>, StageFailure> {
     let all: Vec<Recorded> = names
         .par_iter()
         .map(|name| {
-            let rows = TrialRows::load(made.results, filter, &|| made.calendar(), name, &subject)?;
+            let rows = TrialRows::load(made.results, Some(filter), &|| made.calendar(), name, &subject)?;
             let flights = rows.stretches.iter().filter(|s| s.kind == StretchKind::Flight).cloned().collect();
             Ok(Recorded { rows, flights })
         })
@@ -258,7 +259,7 @@ impl Setting<'_> {
     /// The markers' noise in joint coordinates, from the recording that shows it in most frames.
     fn noise(&self) -> Option<DMatrix<f64>> {
         let longest = self.recorded.iter().max_by_key(|r| r.rows.motion.n_frames())?;
-        noise_root(&longest.rows.subject.model, &longest.rows.filtered, &longest.rows.motion)
+        noise_root(&longest.rows.subject.model, longest.rows.filtered.as_ref()?, &longest.rows.motion)
     }
 
     fn errors_in_variables(

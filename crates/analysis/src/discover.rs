@@ -11,7 +11,7 @@ use aloft_discover::{
 use aloft_effects::{Effect, EffectInstance};
 use aloft_flight::FlightReport;
 use aloft_identify::{LinkPrior, Prior};
-use aloft_pipeline::stages::regressor::TrialRows;
+use aloft_pipeline::trial_rows::TrialRows;
 use aloft_regressor::WeakOptions;
 use aloft_study::calendar::Calendar;
 use aloft_study::effects::KnownEffects;
@@ -59,7 +59,7 @@ pub fn looked_at(session: &SubjectSession) -> String {
     };
     add("calibrate", WHOLE_STUDY);
     for trial in session.included().filter(|t| t.role.is_dynamic()) {
-        for stage in ["import", "ik", "filter", "flight"] {
+        for stage in ["import", "ik", "flight"] {
             add(stage, &trial.name);
         }
     }
@@ -104,8 +104,7 @@ impl Evidence {
     pub fn load(session: &SubjectSession) -> Result<Self, PipelineError> {
         let (subject, names, rows) = with_results(session, |made| {
             let subject = made.results.load_subject("calibrate")?;
-            let filter = &made.session.config.filter;
-            let load = |name: &String| TrialRows::load(made.results, filter, &|| made.calendar(), name, &subject);
+            let load = |name: &String| TrialRows::load(made.results, None, &|| made.calendar(), name, &subject);
             let names: Vec<String> = made.trials.iter().map(|(name, _)| name.clone()).collect();
             let rows = names.par_iter().map(load).collect::<Result<Vec<_>, _>>()?;
             Ok((subject, names, rows))

@@ -10,15 +10,18 @@ use crate::compare::{JudgedOn, mean};
 use crate::results::{Made, with_results};
 use aloft_body::{BaseParameters, Subject};
 use aloft_compare::{Candidate, Comparison, ModelComparison, NoiseFloor, WindowErrors, WrenchErrors};
+use aloft_filter::smooth;
 use aloft_identify::{ColumnScaling, Estimator, Gate, KindBalance, Parameters};
-use aloft_ik::smooth;
+use aloft_pipeline::factors::{load_factors, row_kind, stage_of};
+use aloft_pipeline::stages::acceleration::{self, acceleration_factors};
 use aloft_pipeline::stages::compare::{
     self, ComparedTrial, Floor, HeldOut, compare_models, has_validation, load_trials, without_each_trial,
 };
 use aloft_pipeline::stages::filter::low_pass;
 use aloft_pipeline::stages::identify::{self, estimator as default_estimator, identify_from};
 use aloft_pipeline::stages::ik::track;
-use aloft_pipeline::stages::regressor::{self, TrialRows, factors_of, load_factors, row_kind};
+use aloft_pipeline::stages::regressor::{self, weak_factors};
+use aloft_pipeline::trial_rows::TrialRows;
 use aloft_regressor::{Factor, Stretch, StretchKind};
 use aloft_study::config::Rows;
 use aloft_study::subject_session::{Role, SubjectSession};
@@ -173,7 +176,9 @@ fn held_out_words(trials: &[ComparedTrial], validated: bool) -> String {
 fn all_factors(made: &Made<'_>) -> Result<Vec<(Stretch, Factor)>, StageFailure> {
     let mut out = Vec::new();
     for (name, _) in &made.trials {
-        out.extend(load_factors(&made.results.place("regressor", name)?)?);
+        for rows in Rows::ALL {
+            out.extend(load_factors(&made.results.place(stage_of(rows), name)?)?);
+        }
     }
     Ok(out)
 }
@@ -187,18 +192,28 @@ fn landmarks(made: &Made<'_>, used: &Subject) -> Result<Option<Tracked>, StageFa
         return Ok(None);
     }
     let (session, results) = (made.session, made.results);
-    let (own, compared) = (regressor::Params::of(session, None), compare::Params::of(session));
+    let (weak, acceleration) = (regressor::Params::of(session, None), acceleration::Params::of(session));
+    let compared = compare::Params::of(session);
     let each: Vec<(ComparedTrial, Vec<(Stretch, Factor)>)> = made
         .trials
         .par_iter()
         .map(|(name, role)| {
             let ik = session.ik_of(session.trial(name));
             let (with_weights, motion, _) = track(ik, results, subject.clone(), name)?;
-            let filtered = smooth(&with_weights.model, &motion, Some(low_pass(&own.filter)))
+            let filtered = smooth(&with_weights.model, &motion, Some(low_pass(&acceleration.filter)))
                 .map_err(|e| StageFailure::new(e.to_string()))?;
             let calendar = || made.calendar();
-            let rows = TrialRows::of(results, &own.filter, &calendar, name, subject.clone(), motion, filtered)?;
-            let factors = factors_of(&own, &rows)?.0;
+            let rows = TrialRows::of(
+                results,
+                Some(&acceleration.filter),
+                &calendar,
+                name,
+                subject.clone(),
+                motion,
+                Some(filtered),
+            )?;
+            let mut factors = weak_factors(&weak, &rows)?.0;
+            factors.extend(acceleration_factors(&acceleration, &rows)?.0);
             Ok((ComparedTrial::of(&compared, results, *role, name, rows)?, factors))
         })
         .collect::<Result<_, StageFailure>>()?;

@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_a_revision_is_judged_where_its_effect_acts() {
+    fn a_revision_is_judged_where_its_effect_acts() {
         for (key, place, before, now) in [
             ("quadratic_drag", "held-out flight", 4.0, 2.0),
             ("residual_contact[foot_l]", "held-out flight", 4.0, 2.0),
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_a_gain_that_comes_with_worse_markers_is_void() {
+    fn a_gain_that_comes_with_worse_markers_is_void() {
         let good = row(&revisions(reached(2.0, 3.0, 1.21), "tether"), 1, &acts);
         assert!(good.void.is_none());
         let bad = row(&revisions(reached(2.0, 3.0, 1.5), "tether"), 1, &acts);

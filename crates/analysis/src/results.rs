@@ -45,7 +45,7 @@ pub(crate) fn with_results<T>(
     let session = &as_made(session);
     let ws = Workspace::open(&session.workspace);
     for trial in session.included() {
-        for stage in ["import", "ik", "filter", "flight", "regressor"] {
+        for stage in ["import", "ik", "filter", "flight", "regressor", "acceleration"] {
             refuse_damaged(&ws, stage, &trial.name)?;
         }
     }

@@ -217,7 +217,7 @@ pub(crate) fn inputs_of<'s>(
             Need::Recording => {}
             Need::Same(name) => found.extend(named(name).map(|s| (s, task))),
             Need::Once(name) => found.extend(named(name).map(|s| (s, None))),
-            Need::Every(name, roles) => {
+            Need::Every(name, roles) | Need::Merged(name, roles) => {
                 if let Some(s) = named(name) {
                     found.extend(session.included().filter(|t| roles.contains(&t.role)).map(|t| (s, Some(t))));
                 }

@@ -191,7 +191,7 @@ fn rows_of(session: &SubjectSession, words: &str) -> Result<Vec<SummaryRow>, Pip
     let made = aloft_pipeline::made::as_made(session);
     let grid = super::status::grid(session, &ws, &manifests)?;
     // after a failed session-wide stage, the trials have no results from later stages
-    let failed_study = STAGES.iter().filter(|s| s.scope == Scope::SubjectSession).find_map(|s| {
+    let failed_study = STAGES.iter().filter(|s| s.scope == Scope::Session).find_map(|s| {
         manifests.get(s.name, WHOLE_STUDY).and_then(|m| match &m.outcome {
             Outcome::Failed(f) => Some((s.name, f.clone())),
             Outcome::Ok => None,

@@ -4,9 +4,12 @@
 use crate::results::with_results;
 use aloft_effects::{ActsIn, EffectInstance, Scene};
 use aloft_identify::{Estimator, Unseen, Visible};
+use aloft_pipeline::stages::acceleration::{self, acceleration_factors};
 use aloft_pipeline::stages::identify::{self, estimator};
-use aloft_pipeline::stages::regressor::{self, TrialRows, factors_of, row_kind};
+use aloft_pipeline::stages::regressor::{self, weak_factors};
+use aloft_pipeline::trial_rows::TrialRows;
 use aloft_regressor::{Factor, StretchKind};
+use aloft_study::config::Rows;
 use aloft_study::revision::ModelEffect;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::{PipelineError, StageFailure};
@@ -29,16 +32,20 @@ pub fn refuse_invisible(
     let own_estimator = estimator(&identify::Params::of(session), session.config.regressor.rows);
     let model = SubjectSession { effects: effects.to_vec(), ..session.clone() };
     let factors = with_results(&model, |made| {
-        let kind = row_kind(model.config.regressor.rows);
-        let own = regressor::Params::of(&model, None);
+        let kind = model.config.regressor.rows;
+        let (weak, acceleration) = (regressor::Params::of(&model, None), acceleration::Params::of(&model));
+        let filter = (kind == Rows::Acceleration).then_some(&made.session.config.filter);
         let (results, subject) = (made.results, made.results.load_subject("calibrate")?);
         let each: Vec<Vec<Factor>> = made
             .training()
             .par_iter()
             .map(|name| {
-                let rows = TrialRows::load(results, &made.session.config.filter, &|| made.calendar(), name, &subject)?;
-                let (factors, _) = factors_of(&own, &rows)?;
-                let used = |f: &Factor| f.rows == kind && (contact || f.kind == StretchKind::Flight);
+                let rows = TrialRows::load(results, filter, &|| made.calendar(), name, &subject)?;
+                let (factors, _) = match kind {
+                    Rows::Weak => weak_factors(&weak, &rows)?,
+                    Rows::Acceleration => acceleration_factors(&acceleration, &rows)?,
+                };
+                let used = |f: &Factor| contact || f.kind == StretchKind::Flight;
                 Ok(factors.into_iter().map(|(_, f)| f).filter(used).collect())
             })
             .collect::<Result<_, StageFailure>>()?;

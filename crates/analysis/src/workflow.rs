@@ -71,7 +71,7 @@ pub struct Call {
 fn roles(stage: &Stage) -> Option<&'static [Role]> {
     match stage.scope {
         Scope::Trial(roles) => Some(roles),
-        Scope::SubjectSession => None,
+        Scope::Session => None,
     }
 }
 
@@ -100,7 +100,7 @@ fn ends(session: &SubjectSession) -> Vec<String> {
                 Need::Recording => false,
                 Need::Once(n) => *n == name,
                 Need::Same(n) => *n == name && roles(by).is_some_and(plays),
-                Need::Every(n, of) | Need::EveryOrStaticFrames(n, of) => *n == name && plays(of),
+                Need::Every(n, of) | Need::Merged(n, of) | Need::EveryOrStaticFrames(n, of) => *n == name && plays(of),
             })
         })
     };
@@ -146,6 +146,20 @@ fn description_of_roles(roles: &[Role]) -> String {
     format!("[{}]", all.join(", "))
 }
 
+/// True if a stage needs another one for the same trials, whose results are made from these: a rule
+/// need not list both.
+fn implied(stage: &Stage, name: &str, roles: &[Role]) -> bool {
+    stage.needs.iter().any(|other| match other {
+        Need::Every(by, of) => {
+            roles.iter().all(|r| of.contains(r))
+                && STAGES
+                    .iter()
+                    .any(|s| s.name == *by && s.needs.iter().any(|n| matches!(n, Need::Same(n) if *n == name)))
+        }
+        _ => false,
+    })
+}
+
 /// Inputs of a stage's rule, one per line.
 fn inputs(stage: &Stage) -> Vec<String> {
     let mut out = Vec::new();
@@ -155,12 +169,12 @@ fn inputs(stage: &Stage) -> Vec<String> {
             Need::Same(name) => out.push(format!("MARKS + \"/{{session}}/{name}/{{trial}}.done\"")),
             Need::Once(name) => out.push(format!("MARKS + \"/{{session}}/{name}/_study.done\"")),
             // the inputs of the root of the merge tree need not be listed one by one
-            Need::Every("regressor", _) if stage.name == "identify" => out.push("root_of_merges".to_owned()),
-            Need::Every(..) if stage.needs.contains(&Need::Once("identify")) => {
-                if let Need::Every("regressor", roles) = need {
-                    out.push(format!("every(\"regressor\", {})", description_of_roles(roles)));
+            Need::Merged(..) => {
+                if !out.iter().any(|o| o == "root_of_merges") {
+                    out.push("root_of_merges".to_owned());
                 }
             }
+            Need::Every(name, roles) if implied(stage, name, roles) => {}
             Need::Every(name, roles) | Need::EveryOrStaticFrames(name, roles) => {
                 out.push(format!("every({}, {})", python(name), description_of_roles(roles)));
             }
@@ -318,7 +332,7 @@ def merge_node(w):
     if level > 1:
         below = study["merge"][level - 2]
         return [f"{{MARKS}}/{{w.study}}/merge/{{level - 1}}-{{i}}.done" for i in range(first, min(last, below))]
-    return [f"{{MARKS}}/{{w.study}}/regressor/{{n}}.done" for n in study["identify"][first:last]]
+    return [f"{{MARKS}}/{{w.study}}/{{s}}/{{n}}.done" for n in study["identify"][first:last] for s in {leaves}]
 
 
 def root_of_merges(w):
@@ -351,15 +365,14 @@ rule verdict:
         marker = python(MARKER),
         marker_text = python(&marker_text()),
         fan_in = merge::FAN_IN,
+        leaves = json!(merge::leaves()),
     );
     for stage in STAGES {
         out.push_str(&rule(stage));
         out.push('\n');
-        if stage.name == "regressor" {
-            out.push_str(MERGE_RULE);
-            out.push('\n');
-        }
     }
+    out.push_str(MERGE_RULE);
+    out.push('\n');
     out.trim_end().to_owned() + "\n"
 }
 

@@ -6,7 +6,7 @@
 
 use aloft_body::{BaseParameters, JointSpec, LinkSpec, Model, ModelSpec, Motion, Phi};
 use aloft_compare::{Body, Candidate, CompareOptions, Measured, Noise, TrialInput, compare};
-use aloft_ik::smooth;
+use aloft_filter::smooth;
 use nalgebra::Vector6;
 use serde_json::Value;
 use std::ops::Range;

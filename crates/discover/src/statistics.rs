@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_equal_errors_have_a_ratio_of_one() {
+    fn equal_errors_have_a_ratio_of_one() {
         let e = [1.0, 2.0, 3.0, 4.0];
         let interval = ratio_interval(&e, &e, &resamples(4, 50, 1));
         assert!((interval[0] - 1.0).abs() < 1e-12 && (interval[1] - 1.0).abs() < 1e-12);
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_a_model_that_is_better_everywhere_is_told_apart() {
+    fn a_model_that_is_better_everywhere_is_told_apart() {
         let better = [1.0; 8];
         let worse = [1.5, 1.6, 1.4, 1.2, 1.9, 1.3, 1.5, 1.5];
         assert!((sign_flip_p(&better, &worse, 100, 1) - 1.0 / 256.0).abs() < 1e-12);

@@ -77,7 +77,7 @@ fn only(names: &[&str]) -> DiscoverOptions {
 }
 
 #[test]
-fn prop_nothing_is_claimed_where_nothing_is() {
+fn nothing_is_claimed_where_nothing_is() {
     let d = lab().find(&[], &DiscoverOptions::default());
     assert_eq!(d.verdict, Verdict::NothingMissing, "{}", d.words);
     assert!(d.effects.is_empty() && d.found.is_empty());
@@ -86,7 +86,7 @@ fn prop_nothing_is_claimed_where_nothing_is() {
 }
 
 #[test]
-fn prop_errors_and_floor_are_those_of_the_comparison() {
+fn errors_and_floor_are_those_of_the_comparison() {
     let ci = Some([0.6, 0.9]);
     let standing = |held_out_error| Standing { held_out_error, noise_floor: 0.7, noise_floor_ci95: ci };
     let options = only(&["quadratic_drag", "gravity_scale"]);
@@ -108,7 +108,7 @@ fn prop_errors_and_floor_are_those_of_the_comparison() {
 }
 
 #[test]
-fn prop_effects_are_named_with_their_size() {
+fn effects_are_named_with_their_size() {
     let lab = lab();
     let options = DiscoverOptions { rounds: 1, ..Default::default() };
     let cases: [Hidden; 6] = [
@@ -141,7 +141,7 @@ fn prop_effects_are_named_with_their_size() {
 
 /// Anchor position and length of a tether compensate each other: the intervals have to show it.
 #[test]
-fn prop_intervals_of_a_tether_hold_the_truth() {
+fn intervals_of_a_tether_hold_the_truth() {
     const TRUTH: [(&str, f64); 4] = [("anchor_x", 1.0), ("anchor_y", 0.5), ("anchor_z", 2.6), ("rest_length", 0.4)];
     let (mut inside, mut all, mut widest) = (0, 0, 0.0f64);
     for seed in 0..6 {
@@ -168,7 +168,7 @@ fn prop_intervals_of_a_tether_hold_the_truth() {
 }
 
 #[test]
-fn prop_linear_drag_is_confused_with_quadratic_and_says_what_separates_them() {
+fn linear_drag_is_confused_with_quadratic_and_says_what_separates_them() {
     let d = lab().find(&[("linear_drag", &[0.006], &[])], &only(&["linear_drag", "quadratic_drag", "gravity_tilt"]));
     let c = d.candidates.iter().find(|c| c.effect == "linear_drag").unwrap();
     let other = c.confused_with.iter().find(|o| o.effect == "quadratic_drag").unwrap();
@@ -177,7 +177,7 @@ fn prop_linear_drag_is_confused_with_quadratic_and_says_what_separates_them() {
 }
 
 #[test]
-fn prop_two_effects_are_found_one_after_the_other() {
+fn two_effects_are_found_one_after_the_other() {
     let d = lab().find(
         &[("gravity_tilt", &[0.05, -0.03], &[]), ("flywheel[link1]", &[0.001, 0.0005, 0.0], &[])],
         &only(&["gravity_tilt", "flywheel", "quadratic_drag", "linear_drag"]),
@@ -190,7 +190,7 @@ fn prop_two_effects_are_found_one_after_the_other() {
 }
 
 #[test]
-fn prop_a_user_s_formula_is_ranked_like_the_catalogue() {
+fn a_user_s_formula_is_ranked_like_the_catalogue() {
     let lab = lab();
     let sail: FormulaEffect = serde_json::from_str(
         r#"{"id": "sail", "point": {"link": "link1"}, "force": ["-c*speed*v_x", "-c*speed*v_y", "-c*speed*v_z"],
@@ -245,7 +245,7 @@ fn an_effect_added_in_one_file_is_found_like_the_others() {
 
 /// Factors that hold the columns of effects give the same result as the recordings.
 #[test]
-fn prop_stored_factors_say_the_same() {
+fn stored_factors_say_the_same() {
     let lab = lab();
     let (body, trials) = (lab.body(), lab.trials());
     let scene = scene_of(&body, &trials);
@@ -282,7 +282,7 @@ fn prop_stored_factors_say_the_same() {
 }
 
 #[test]
-fn prop_a_self_test_hits_at_twice_the_detectable_size() {
+fn a_self_test_hits_at_twice_the_detectable_size() {
     let lab = lab();
     lab.with(|_, session| {
         let discover = only(&["gravity_tilt", "rotational_drag", "flywheel", "gravity_scale"]);
@@ -305,7 +305,7 @@ fn prop_a_self_test_hits_at_twice_the_detectable_size() {
 /// Adding one effect from stored factors gives the same result as the ranking; the ladder consists
 /// of such steps.
 #[test]
-fn prop_an_addition_says_what_the_ranking_says() {
+fn an_addition_says_what_the_ranking_says() {
     let lab = lab();
     lab.with(|scene, mut session| {
         let drag = EffectInstance::parse("quadratic_drag", scene).unwrap();
@@ -333,7 +333,7 @@ fn prop_an_addition_says_what_the_ranking_says() {
 }
 
 #[test]
-fn prop_the_answer_does_not_depend_on_the_number_of_threads() {
+fn the_answer_does_not_depend_on_the_number_of_threads() {
     let lab = lab();
     let options = only(&["quadratic_drag", "tether", "flywheel"]);
     let run = |threads| {
@@ -345,7 +345,7 @@ fn prop_the_answer_does_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn prop_too_little_is_said_to_be_too_little() {
+fn too_little_is_said_to_be_too_little() {
     let mut lab = lab();
     lab.stretches.truncate(1);
     let (body, trials) = (lab.body(), lab.trials());

@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_the_rate_of_a_parabola_is_exact() {
+    fn the_rate_of_a_parabola_is_exact() {
         let x: Vec<Vector3<f64>> = (0..20).map(|i| Vector3::new(1.0, i as f64, (i * i) as f64)).collect();
         for (i, v) in rate(&x, 1.0).iter().enumerate() {
             assert!((v - Vector3::new(0.0, 1.0, 2.0 * i as f64)).norm() < 1e-9, "{i} {v:?}");

@@ -114,7 +114,7 @@ mod tests {
     use nalgebra::Matrix3;
 
     #[test]
-    fn prop_a_ball_shows_its_disc() {
+    fn a_ball_shows_its_disc() {
         let (m, r) = (3.0, 0.2f64);
         let link = LinkInertia {
             mass_kg: m,

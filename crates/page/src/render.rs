@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_page_is_self_contained_and_escaped() {
+    fn page_is_self_contained_and_escaped() {
         let html = render(&sample()).unwrap();
         assert!(html.contains("S &lt;01&gt;") && html.contains("&lt;i&gt;"));
         assert!(!html.contains("</script><b>"));

@@ -20,7 +20,7 @@ pub enum Scope {
     /// Once for each trial of the given roles.
     Trial(&'static [Role]),
     /// Once per study.
-    SubjectSession,
+    Session,
 }
 
 /// One input of a stage.
@@ -34,6 +34,8 @@ pub enum Need {
     Once(&'static str),
     /// Results of a stage for all trials of the given roles (those that succeeded).
     Every(&'static str, &'static [Role]),
+    /// As `Every`, for a stage that gives factors; flights are read merged in a tree.
+    Merged(&'static str, &'static [Role]),
     /// As `Every`, and also the trial named by `trials.static_frames`.
     EveryOrStaticFrames(&'static str, &'static [Role]),
 }
@@ -80,6 +82,8 @@ pub struct Stage {
     pub version: u32,
     /// Once per trial or once per study.
     pub scope: Scope,
+    /// Rough wall time of a task before any was measured, s: only the ratios matter.
+    pub seconds: f64,
     /// Inputs, in words for the documentation.
     pub reads: &'static str,
     /// Results, in words for the documentation.
@@ -113,7 +117,7 @@ impl Stage {
     /// Trials for which the stage runs; a study-wide stage has one task, without a trial.
     pub fn tasks<'s>(&self, session: &'s SubjectSession) -> Vec<Option<&'s TrialEntry>> {
         match self.scope {
-            Scope::SubjectSession => vec![None],
+            Scope::Session => vec![None],
             Scope::Trial(roles) => session.included().filter(|t| roles.contains(&t.role)).map(Some).collect(),
         }
     }
@@ -302,7 +306,7 @@ impl Manifests {
         needs.iter().find_map(|need| match need {
             Need::Same(above) => self.trouble(above, trial),
             Need::Once(above) => self.trouble(above, WHOLE_STUDY),
-            Need::Recording | Need::Every(..) | Need::EveryOrStaticFrames(..) => None,
+            Need::Recording | Need::Every(..) | Need::Merged(..) | Need::EveryOrStaticFrames(..) => None,
         })
     }
     /// Adds a manifest.
@@ -368,7 +372,7 @@ pub fn inputs(
             Need::Once(name) => {
                 upstream(&mut out, name, WHOLE_STUDY, true);
             }
-            Need::Every(name, roles) => {
+            Need::Every(name, roles) | Need::Merged(name, roles) => {
                 for t in session.included().filter(|t| roles.contains(&t.role)) {
                     if upstream(&mut out, name, &t.name, false) {
                         out.hashes.insert(format!("{ROLE}{}", t.name), t.role.word().to_owned());

@@ -3,6 +3,7 @@
 //! [`runner::run_all`] runs the stages of [`stages::STAGES`] for every trial of a study, stores
 //! each result in its workspace, and computes only what is missing or stale.
 
+pub mod factors;
 pub mod graph;
 pub mod made;
 pub mod merge;
@@ -13,5 +14,6 @@ pub mod runner;
 pub mod selection;
 pub mod stages;
 mod task;
+pub mod trial_rows;
 mod trial_threads;
 mod write_queue;

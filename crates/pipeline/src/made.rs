@@ -7,7 +7,8 @@ use aloft_study::config::PipelineConfig;
 use aloft_study::facts::Facts;
 use aloft_study::revision::ModelEffect;
 use aloft_study::subject_session::SubjectSession;
-use aloft_workspace::workspace::{Manifest, WHOLE_STUDY, Workspace};
+use aloft_workspace::manifest::{Manifest, WHOLE_STUDY};
+use aloft_workspace::workspace::Workspace;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -59,7 +60,7 @@ pub fn as_made(session: &SubjectSession) -> SubjectSession {
     put(&mut config.filter, most(&of("filter"), "filter"));
     put(&mut config.flight, most(&of("flight"), "flight"));
     let regressor = of("regressor");
-    put(&mut config.flight.margin_s, most(&regressor, "margin_s"));
+    put(&mut config.flight.margin_s, most(&of("acceleration"), "margin_s"));
     put(&mut config.regressor.window_s, most(&regressor, "window_s"));
     put(&mut config.regressor.weighting, most(&regressor, "weighting"));
     put(&mut config.regressor.slow_noise, most(&regressor, "slow_noise"));

@@ -5,13 +5,15 @@
 //!
 //! Contact stretches are not in the tree: identification weights them against the flights first.
 
+use crate::factors::{load_factors, save_factors};
+use crate::graph::Need;
 use crate::graph::{Manifests, StageInputs};
 use crate::stages::STAGES;
-use crate::stages::regressor::{self, load_factors, save_factors};
 use aloft_regressor::{Factor, RowKind, Stretch, StretchKind};
 use aloft_study::subject_session::{Role, SubjectSession};
 use aloft_workspace::error::{PipelineError, StageFailure};
-use aloft_workspace::workspace::{Manifest, Outcome, WHOLE_STUDY, Workspace};
+use aloft_workspace::manifest::{Manifest, Outcome, WHOLE_STUDY};
+use aloft_workspace::workspace::Workspace;
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -22,11 +24,23 @@ pub const FAN_IN: usize = 8;
 /// Folder of the nodes in a workspace.
 const FOLDER: &str = "merge";
 
-/// Stage whose factors are the leaves.
-const LEAVES: &str = regressor::STAGE.name;
+/// Stages whose factors are the leaves: those that some stage reads merged.
+pub fn leaves() -> Vec<&'static str> {
+    let merged = STAGES.iter().flat_map(|s| s.needs).filter_map(|n| match n {
+        Need::Merged(name, _) => Some(*name),
+        _ => None,
+    });
+    let mut out: Vec<&str> = Vec::new();
+    merged.for_each(|name| {
+        if !out.contains(&name) {
+            out.push(name)
+        }
+    });
+    out
+}
 
 /// Version of the stored nodes; to be raised when their contents change.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// The tree over a study's identification trials.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -156,13 +170,19 @@ pub fn root(
     tree.merge(|trial| leaf(factors, trial, rows))
 }
 
+/// Results with factors below a node of the first level, in the order of the trials.
+fn leaves_of(tree: &Tree, node: Node) -> Vec<(&'static str, &str)> {
+    let stages = leaves();
+    tree.trials_of(node).iter().flat_map(|t| stages.iter().map(move |s| (*s, t.as_str()))).collect()
+}
+
 /// Present inputs of a node; none if one of them has not been made.
 fn inputs(tree: &Tree, node: Node, workspace: &Workspace, manifests: &Manifests) -> Option<BTreeMap<String, String>> {
     if node.level == 1 {
-        let made = tree.trials_of(node).iter().filter_map(|t| {
-            let sound = manifests.trouble(LEAVES, t).is_none();
-            let m = manifests.get(LEAVES, t).filter(|_| sound)?;
-            Some((format!("{LEAVES}/{t}"), m.output.clone()))
+        let made = leaves_of(tree, node).into_iter().filter_map(|(stage, trial)| {
+            let sound = manifests.trouble(stage, trial).is_none();
+            let m = manifests.get(stage, trial).filter(|_| sound)?;
+            Some((format!("{stage}/{trial}"), m.output.clone()))
         });
         return Some(made.collect());
     }
@@ -217,7 +237,7 @@ pub fn make(session: &SubjectSession, node: Node) -> Result<bool, PipelineError>
     let mut below: Vec<Vec<(Stretch, Factor)>> = Vec::new();
     // in the order of the tree, which is not the order of the names
     let parts: Vec<String> = match node.level {
-        1 => tree.trials_of(node).iter().map(|t| format!("{LEAVES}/{t}")).collect(),
+        1 => leaves_of(&tree, node).into_iter().map(|(stage, trial)| format!("{stage}/{trial}")).collect(),
         _ => tree.nodes_below(node).iter().map(|n| format!("{FOLDER}/{n}")).collect(),
     };
     for key in parts.iter().filter(|k| made_from.contains_key(*k)) {
@@ -266,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_every_trial_is_below_the_root_once() {
+    fn every_trial_is_below_the_root_once() {
         for n in [0, 1, 7, 8, 9, 64, 65, 600] {
             let tree = tree(n);
             let levels = tree.levels();
@@ -282,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_nodes_are_written_as_level_and_index() {
+    fn nodes_are_written_as_level_and_index() {
         let node: Node = "2-13".parse().unwrap();
         assert_eq!((node.level, node.index, node.to_string().as_str()), (2, 13, "2-13"));
         for wrong in ["2", "0-1", "a-b", "1-"] {

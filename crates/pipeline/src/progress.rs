@@ -37,17 +37,6 @@ impl Progress for Silent {
     fn task(&self, _study: &SessionId, _report: &TaskReport) {}
 }
 
-/// Rough wall time of a task of each stage before any measurement, s: only the ratios matter.
-fn assumed_seconds(stage: &str) -> f64 {
-    match stage {
-        "calibrate" => 1.5,
-        "compare" => 0.6,
-        "identify" => 0.3,
-        "ik" | "regressor" => 0.15,
-        _ => 0.03,
-    }
-}
-
 #[derive(Debug, Clone, Copy)]
 struct StageTimes {
     remaining: usize,
@@ -134,7 +123,7 @@ impl Forecast {
 }
 
 fn assumed(stage: usize) -> f64 {
-    STAGES.get(stage).map_or(0.03, |s| assumed_seconds(s.name))
+    STAGES.get(stage).map_or(0.03, |s| s.seconds)
 }
 
 #[cfg(test)]

@@ -271,7 +271,7 @@ fn upstream_will_change(
         Need::Recording => false,
         Need::Same(name) => changed.iter().any(|(s, t)| s == name && trial.is_some_and(|x| &x.name == t)),
         Need::Once(name) => changed.iter().any(|(s, _)| s == name),
-        Need::Every(name, roles) | Need::EveryOrStaticFrames(name, roles) => {
+        Need::Every(name, roles) | Need::Merged(name, roles) | Need::EveryOrStaticFrames(name, roles) => {
             changed.iter().any(|(s, t)| s == name && session.trial(t).is_some_and(|x| roles.contains(&x.role)))
         }
     })
@@ -289,9 +289,11 @@ fn reads(by: &[&Stage], name: &str, trial: Option<&TrialEntry>, session: &Subjec
                 Need::Once(n) => (n, None),
                 Need::Same(n) => match stage.scope {
                     Scope::Trial(roles) => (n, Some(roles)),
-                    Scope::SubjectSession => (n, None),
+                    Scope::Session => (n, None),
                 },
-                Need::Every(n, roles) | Need::EveryOrStaticFrames(n, roles) => (n, Some(*roles)),
+                Need::Every(n, roles) | Need::Merged(n, roles) | Need::EveryOrStaticFrames(n, roles) => {
+                    (n, Some(*roles))
+                }
             };
             let fits =
                 trial.is_none_or(|t| roles.is_none_or(|r| r.contains(&t.role)) || still == Some(t.name.as_str()));

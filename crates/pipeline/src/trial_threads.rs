@@ -79,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_no_more_at_once_than_threads_and_in_order() {
+    fn no_more_at_once_than_threads_and_in_order() {
         let pool = ThreadPoolBuilder::new().num_threads(3).build();
         let threads = pool.map(|p| p.install(|| TrialThreads::new(2))).unwrap_or_else(|_| TrialThreads::new(2));
         let (now, most) = (AtomicUsize::new(0), AtomicUsize::new(0));

@@ -222,7 +222,7 @@ mod tests {
         "a: 1\nb:\n  - {x: \"one + two\", y: [p, 'q r']}\n  - x: plain * text   # remark\n    z: >\n      folded\n";
 
     #[test]
-    fn prop_nodes_are_found_at_their_first_byte() {
+    fn nodes_are_found_at_their_first_byte() {
         for (path, begins) in [
             ("a", "1\n"),
             ("b[0].x", "\"one"),
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_characters_of_a_value_are_found() {
+    fn characters_of_a_value_are_found() {
         let of = |path: &str, value: &str, i: usize| {
             let at = inside(TEXT, find(TEXT, path).unwrap(), value, i);
             TEXT[at..].chars().next().unwrap()

@@ -167,7 +167,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn prop_a_shell_reads_every_word_back() {
+    fn a_shell_reads_every_word_back() {
         let dir = tempfile::tempdir().unwrap();
         for chunk in hostile().chunks(400) {
             let script = format!("printf '%s\\0' {}", line(chunk));
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_a_pattern_matches_its_name_and_no_other() {
+    fn a_pattern_matches_its_name_and_no_other() {
         let names = hostile();
         for name in &names {
             let glob = globset::Glob::new(&pattern(name)).unwrap().compile_matcher();
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_yaml_reads_every_name_back_in_lists_and_mappings() {
+    fn yaml_reads_every_name_back_in_lists_and_mappings() {
         for name in hostile() {
             let text = format!("list: [{0}, {0}]\nmap: {{trial: {0}}}\n{0}: 1\n", yaml(&name));
             let value: serde_yaml::Value =
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_options_and_arguments_never_look_like_flags() {
+    fn options_and_arguments_never_look_like_flags() {
         for name in hostile() {
             let words = option("trial", &name);
             assert!(words.len() == 1 || !words[1].starts_with('-'), "{words:?}");

@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_every_numeric_setting_has_a_range() {
+    fn every_numeric_setting_has_a_range() {
         fn visit(schema: &Json, path: &str, n: &mut usize) {
             if wants(schema).is_some() {
                 *n += 1;

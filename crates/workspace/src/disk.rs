@@ -251,7 +251,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_each_file_has_its_own_answer() {
+    fn each_file_has_its_own_answer() {
         let dir = tempfile::tempdir().unwrap();
         for n in [0, 1, 2, 7, 40] {
             let paths: Vec<PathBuf> = (0..n).map(|i| dir.path().join(format!("{n}-{i}"))).collect();
@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_a_temporary_file_is_abandoned_only_without_its_owner() {
+    fn a_temporary_file_is_abandoned_only_without_its_owner() {
         let dir = tempfile::tempdir().unwrap();
         let target = dir.path().join("model.json");
         let live = Temporary::beside(&target).unwrap();

@@ -130,7 +130,7 @@ mod tests {
 
     #[test]
     #[cfg(unix)]
-    fn prop_a_recording_of_equal_size_and_time_is_read_again() {
+    fn a_recording_of_equal_size_and_time_is_read_again() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.c3d");
         let set = |text: &str, time: SystemTime| {

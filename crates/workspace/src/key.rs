@@ -50,7 +50,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn prop_different_numbers_are_different_keys() {
+    fn different_numbers_are_different_keys() {
         let all: [Option<f64>; 9] = [
             None,
             Some(f64::NAN),

@@ -81,7 +81,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     #[test]
-    fn prop_every_changed_or_missing_byte_is_found() {
+    fn every_changed_or_missing_byte_is_found() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.json");
         let value: BTreeMap<String, f64> = [("a".into(), 1.5), ("b ü".into(), -0.0)].into();

@@ -79,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_shared_runs_exclude_plain_ones_only() {
+    fn shared_runs_exclude_plain_ones_only() {
         let folder = tempfile::tempdir().unwrap();
         let root = folder.path().join("ws");
         let (a, b, c) = (Workspace::open(&root), Workspace::open(&root), Workspace::open(&root));
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_one_result_is_made_by_one_at_a_time() {
+    fn one_result_is_made_by_one_at_a_time() {
         let folder = tempfile::tempdir().unwrap();
         let root = folder.path().join("ws");
         let ws = Workspace::open(&root);

@@ -146,7 +146,7 @@ mod tests {
 
     /// Tables read back are identical bit by bit, whether written by this writer or by polars' own.
     #[test]
-    fn prop_tables_come_back_as_polars_would_write_them() {
+    fn tables_come_back_as_polars_would_write_them() {
         let dir = tempfile::tempdir().unwrap();
         let (ours, plain) = (dir.path().join("a.parquet"), dir.path().join("b.parquet"));
         for height in [0, 1, 2, 63, 64, 1000, 300_000] {

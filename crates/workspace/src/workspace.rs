@@ -1,13 +1,10 @@
 //! The folder of results: one folder per stage and trial with tables and a manifest, renamed into
 //! place when complete.
 
-pub use crate::json::{read_json, write_json};
-pub use crate::manifest::{Manifest, Outcome, WHOLE_STUDY};
-
 use crate::disk::{self, Owned, abandoned, is_temporary};
 use crate::error::PipelineError;
 use crate::fingerprint::InputHashes;
-use crate::manifest::{MANIFEST, examine, hash_of, stamps};
+use crate::manifest::{MANIFEST, Manifest, examine, hash_of, stamps};
 use crate::seal;
 use std::collections::{BTreeSet, HashMap};
 use std::ops::Deref;
@@ -270,6 +267,7 @@ fn wait_for<T>(paths: impl Iterator<Item = (usize, PathBuf)>, at_once: usize, do
 #[allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 mod tests {
     use super::*;
+    use crate::manifest::Outcome;
     use std::collections::BTreeMap;
     use std::time::Duration;
 
@@ -323,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_a_result_that_cannot_be_placed_leaves_what_stood_there_and_the_others_go_on() {
+    fn a_result_that_cannot_be_placed_leaves_what_stood_there_and_the_others_go_on() {
         let names = ["a", "b", "c", "d"];
         for (broken, way) in (0..names.len()).flat_map(|i| [(i, "file"), (i, "folder"), (i, "place")]) {
             let dir = tempfile::tempdir().unwrap();
@@ -369,7 +367,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_every_damage_of_a_result_is_found() {
+    fn every_damage_of_a_result_is_found() {
         let dir = tempfile::tempdir().unwrap();
         let ws = Workspace::open(&dir.path().join("ws"));
         let make = || {

@@ -128,7 +128,7 @@ fn compare(case: &Case<'_>, found: &[Estimate], truth: &[f64]) {
 /// A new effect needs a case here, documentation under four headings, units, and bounds or a reason
 /// for having none.
 #[test]
-fn prop_every_effect_is_documented_bounded_and_recovered() {
+fn every_effect_is_documented_bounded_and_recovered() {
     let ids: Vec<&str> = EFFECTS.iter().map(|e| e.id()).collect();
     assert_eq!(ids, RECOVERED, "effects of the catalogue, and cases of recovery");
     chain::plain_evidence().with(|chain, _| {

@@ -76,7 +76,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_units_people_write() {
+    fn units_people_write() {
         assert!(Unit::parse("N*s/m").unwrap().same(Unit([0.0, 1.0, -1.0])));
         assert!(Unit::parse("kg·m²").unwrap().same(Unit([2.0, 1.0, 0.0])));
         assert!(Unit::parse("N·m·s/rad").unwrap().same(Unit([2.0, 1.0, -1.0])));

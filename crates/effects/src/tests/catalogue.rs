@@ -4,7 +4,7 @@ use super::Fixture;
 use crate::*;
 
 #[test]
-fn prop_every_effect_is_described_and_bounded() {
+fn every_effect_is_described_and_bounded() {
     let fixture = Fixture::new(true);
     let mut seen = Vec::new();
     for definition in EFFECTS.iter().copied() {

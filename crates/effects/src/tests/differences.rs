@@ -20,7 +20,7 @@ fn validate_the_wrench_of_inertia_against_recursive_newton_euler() {
 }
 
 #[test]
-fn prop_a_displaced_joint_changes_the_wrench_as_its_columns_say() {
+fn a_displaced_joint_changes_the_wrench_as_its_columns_say() {
     let fixture = Fixture::new(true);
     let step = 1e-4;
     fixture.with(|series| {
@@ -52,7 +52,7 @@ fn prop_a_displaced_joint_changes_the_wrench_as_its_columns_say() {
 
 /// Columns follow the nonlinear parameters smoothly: one-sided differences of two sizes agree, for every effect, target and parameter.
 #[test]
-fn prop_columns_change_with_their_parameters_as_differences_say() {
+fn columns_change_with_their_parameters_as_differences_say() {
     let fixture = Fixture::new(true);
     fixture.with(|series| {
         for effect in EFFECTS.iter().filter(|e| e.has_wrench()) {
@@ -94,7 +94,7 @@ fn prop_columns_change_with_their_parameters_as_differences_say() {
 /// Momentum of points of the links' masses at displaced positions, by a difference quotient,
 /// compared with the columns of displacement fields to first order.
 #[test]
-fn prop_displaced_links_change_the_momentum_as_their_columns_say() {
+fn displaced_links_change_the_momentum_as_their_columns_say() {
     let fixture = Fixture::new(true);
     let (scene, size) = (&fixture.scene, 1e-5);
     type Field = fn(&EffectFrame<'_>, usize, usize) -> Vector3<f64>;
@@ -150,7 +150,7 @@ fn prop_displaced_links_change_the_momentum_as_their_columns_say() {
 /// Averages of every coordinate over a short window (and of the total centre of mass), compared
 /// with the column.
 #[test]
-fn prop_a_smoothed_motion_lacks_what_the_column_of_a_filter_says() {
+fn a_smoothed_motion_lacks_what_the_column_of_a_filter_says() {
     let fixture = Fixture::new(true);
     let (model, nq, half) = (&fixture.scene.model, fixture.motion.nq, 3isize);
     let n = (2 * half + 1) as f64;
@@ -199,7 +199,7 @@ fn prop_a_smoothed_motion_lacks_what_the_column_of_a_filter_says() {
 
 /// A kilogram of the whole body, and a decaying load on the feet in flight.
 #[test]
-fn prop_mass_and_edges_are_what_their_coefficients_say() {
+fn mass_and_edges_are_what_their_coefficients_say() {
     let fixture = Fixture::new(true);
     let mass = effect("body_mass").unwrap();
     let change = mass.inertia(&fixture.scene, Target::Body, &[]).unwrap();

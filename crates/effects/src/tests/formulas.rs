@@ -14,7 +14,7 @@ fn sail() -> FormulaEffect {
 }
 
 #[test]
-fn prop_a_formula_gives_the_columns_of_its_law() {
+fn a_formula_gives_the_columns_of_its_law() {
     let fixture = Fixture::new(true);
     let compiled = sail().compile(&fixture.scene).unwrap();
     fixture.with(|series| {
@@ -31,7 +31,7 @@ fn prop_a_formula_gives_the_columns_of_its_law() {
 }
 
 #[test]
-fn prop_formula_errors_point_at_the_character() {
+fn formula_errors_point_at_the_character() {
     let fixture = Fixture::new(true);
     let cases = [
         ("-c * speed * v_w", 13, "nothing is called `v_w`"),
@@ -64,7 +64,7 @@ fn prop_formula_errors_point_at_the_character() {
 }
 
 #[test]
-fn prop_formulas_read_as_people_write() {
+fn formulas_read_as_people_write() {
     let fixture = Fixture::new(true);
     // a minus before a power, powers of powers, link axes, joint angles, a bounded parameter
     let effect: FormulaEffect = serde_json::from_str(
@@ -122,7 +122,7 @@ fn names_of_a_formula_s_unknowns_give_them_a_direction() {
 }
 
 #[test]
-fn prop_the_example_configuration_compiles() {
+fn the_example_configuration_compiles() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/effects");
     let mut model = model([0.0, 0.2, 0.0]);
     (model.links[0].name, model.links[1].name) = ("link0".into(), "link1".into());
@@ -138,7 +138,7 @@ fn prop_the_example_configuration_compiles() {
 }
 
 #[test]
-fn prop_drag_written_as_a_formula_has_the_columns_of_the_catalogue() {
+fn drag_written_as_a_formula_has_the_columns_of_the_catalogue() {
     let mut fixture = Fixture::new(true);
     for (link, name) in fixture.scene.model.links.iter_mut().zip(["link0", "link1"]) {
         link.name = name.into();
@@ -169,7 +169,7 @@ fn prop_drag_written_as_a_formula_has_the_columns_of_the_catalogue() {
 }
 
 #[test]
-fn prop_what_is_wrong_outside_of_formulas_is_told_with_its_place() {
+fn what_is_wrong_outside_of_formulas_is_told_with_its_place() {
     let fixture = Fixture::new(true);
     type Change = fn(&mut FormulaEffect);
     let cases: [(Change, &str, &str); 8] = [

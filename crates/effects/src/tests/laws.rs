@@ -10,7 +10,7 @@ use nalgebra::{UnitQuaternion, Vector3, Vector6};
 /// The power of a column on moving links does not follow from the total wrench, but that on a
 /// single link does, so the arm is frozen.
 #[test]
-fn prop_drag_takes_energy_and_wheels_do_no_work() {
+fn drag_takes_energy_and_wheels_do_no_work() {
     let mut fixture = Fixture::new(true);
     let nq = fixture.motion.nq;
     for f in 0..fixture.motion.n_frames() {
@@ -36,7 +36,7 @@ fn prop_drag_takes_energy_and_wheels_do_no_work() {
 }
 
 #[test]
-fn prop_velocities_and_accelerations_follow_the_motion() {
+fn velocities_and_accelerations_follow_the_motion() {
     let fixture = Fixture::new(true);
     fixture.with(|series| {
         for i in (0..series.len()).step_by(17) {
@@ -152,7 +152,7 @@ fn validate_columns_against_the_simulator_s_laws() {
 }
 
 #[test]
-fn prop_a_payload_is_the_wrench_of_its_mass() {
+fn a_payload_is_the_wrench_of_its_mass() {
     let fixture = Fixture::new(true);
     let spans = [Span { first_frame: 20, end_frame: 140, flight: true }];
     let trial = TrialMotion { motion: &fixture.motion, spans: &spans, plates: &[], session_time_s: 0.0 };
@@ -172,7 +172,7 @@ fn prop_a_payload_is_the_wrench_of_its_mass() {
 }
 
 #[test]
-fn prop_a_stiff_wobbling_mass_follows_with_the_delay_of_its_spring() {
+fn a_stiff_wobbling_mass_follows_with_the_delay_of_its_spring() {
     let fixture = Fixture::new(true);
     fixture.with(|series| {
         let choice = EffectInstance::parse("wobbling_mass[arm]", &fixture.scene).unwrap();
@@ -195,7 +195,7 @@ fn prop_a_stiff_wobbling_mass_follows_with_the_delay_of_its_spring() {
 }
 
 #[test]
-fn prop_plates_are_corrected_in_the_right_sense() {
+fn plates_are_corrected_in_the_right_sense() {
     let fixture = Fixture::new(false);
     fixture.with(|series| {
         let one = |key: &str| {
@@ -227,7 +227,7 @@ fn prop_plates_are_corrected_in_the_right_sense() {
 
 /// Round links of any size are the special case of equal areas; entrained fluid does no work.
 #[test]
-fn prop_the_drag_of_a_shape_contains_that_of_round_links() {
+fn the_drag_of_a_shape_contains_that_of_round_links() {
     let fixture = Fixture::new(true);
     fixture.with(|series| {
         let of = |key: &str| {

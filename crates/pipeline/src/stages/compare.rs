@@ -5,15 +5,16 @@ use crate::results::Results;
 use crate::stages::filter::low_pass;
 use crate::stages::identify::{self, Predicting, identify_from, training_factors};
 use crate::stages::ik::fit_options;
-use crate::stages::regressor::{TrialRows, effect_columns};
+use crate::trial_rows::{TrialRows, effect_columns};
 use aloft_body::{BaseParameters, Motion, Subject};
 use aloft_compare::{
     Body, Candidate, CompareError, CompareOptions, Comparison, Filtering, Measured, Noise, NoiseFloor, PlateDrift,
     PoseErrors, TareReadings, TrialInput, TrialSeries, compare_each, measured_wrench,
 };
+use aloft_filter::smooth;
 use aloft_flight::{PlateTare, TareSource};
 use aloft_identify::{Estimator, Parameters};
-use aloft_ik::{MarkerErrors, smooth};
+use aloft_ik::MarkerErrors;
 use aloft_regressor::{EffectColumns, Factor, Stretch};
 use aloft_study::calendar::Calendar;
 use aloft_study::config::{CompareConfig, FilterConfig, IdentifyConfig, IkConfig, RegressorConfig, Rows};
@@ -21,9 +22,9 @@ use aloft_study::effects::ModelEffects;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::artifact::{plate_centers, trial_rate};
 use aloft_workspace::error::StageFailure;
+use aloft_workspace::json::{read_json, write_json};
 use aloft_workspace::key::key;
 use aloft_workspace::table::Table;
-use aloft_workspace::workspace::{read_json, write_json};
 use nalgebra::{DVector, Vector3, Vector6};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -35,7 +36,8 @@ use std::ops::Range;
 pub static STAGE: Stage = Stage {
     name: "compare",
     version: 4,
-    scope: Scope::SubjectSession,
+    scope: Scope::Session,
+    seconds: 0.6,
     reads: "parameters, held-out trials",
     gives: "model against measurement, everywhere",
     needs: &[
@@ -48,6 +50,7 @@ pub static STAGE: Stage = Stage {
         Need::Every("filter", &[Role::Identify, Role::Validate]),
         Need::Every("flight", &[Role::Identify, Role::Validate]),
         Need::Every("regressor", &[Role::Identify, Role::Validate]),
+        Need::Every("acceleration", &[Role::Identify, Role::Validate]),
     ],
     parameters: parameters_of::<Work>,
     run: run_of::<Work>,
@@ -187,7 +190,7 @@ impl ComparedTrial {
         let effects = effect_columns(&params.effects, &rows)?;
         let TrialRows { trial, flights, .. } = &rows;
         let flights = flights.clone();
-        let (rate_hz, frames) = (rows.filtered.rate_hz, rows.filtered.n_frames());
+        let (rate_hz, frames) = (rows.motion.rate_hz, rows.motion.n_frames());
         let measured = if trial.plates.is_empty() {
             None
         } else {
@@ -202,7 +205,9 @@ impl ComparedTrial {
         Ok(Self {
             name: name.to_owned(),
             role,
-            filtered: lean(rows.filtered),
+            filtered: lean(
+                rows.filtered.ok_or_else(|| StageFailure::new(format!("{name}: no filtered motion to compare")))?,
+            ),
             unfiltered: lean(rows.motion),
             measured,
             flights,
@@ -253,7 +258,7 @@ pub fn load_trials(
     trials
         .par_iter()
         .map(|(name, role)| {
-            let rows = TrialRows::load(results, &params.filter, &calendar, name, &subject)?;
+            let rows = TrialRows::load(results, Some(&params.filter), &calendar, name, &subject)?;
             ComparedTrial::of(params, results, *role, name, rows)
         })
         .collect()
@@ -430,7 +435,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let listed = params.effects.recordings.as_deref().unwrap_or_default();
     let calendar = || Calendar::from_order(listed, inputs.expected(), results.workspace());
     let load = |name: &str| {
-        let rows = TrialRows::load(results, &params.filter, &calendar, name, &subject)?;
+        let rows = TrialRows::load(results, Some(&params.filter), &calendar, name, &subject)?;
         let trial = ComparedTrial::of(params, results, inputs.role(name).unwrap_or(Role::Identify), name, rows)?;
         if earlier.is_some() { Ok(trial) } else { trial.with_errors(params, results, &subject, &readings) }
     };
@@ -541,7 +546,9 @@ struct StoredFloor {
 /// processed; never the effects of the model.
 fn floor_key(params: &Params, inputs: &StageInputs<'_>, options: &CompareOptions) -> String {
     let mut hasher = blake3::Hasher::new();
-    for (stage, trial) in inputs.all().iter().filter(|(s, _)| s != "regressor" && s != "identify") {
+    for (stage, trial) in
+        inputs.all().iter().filter(|(s, _)| !matches!(s.as_str(), "regressor" | "acceleration" | "identify"))
+    {
         let output = inputs.results.manifest(stage, trial).map(|m| m.output).unwrap_or_default();
         hasher.update(format!("{stage}/{trial}={output}\n").as_bytes());
     }

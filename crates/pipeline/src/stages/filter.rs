@@ -1,14 +1,14 @@
 //! `filter`: joint coordinates through the zero-phase low-pass, with velocities and accelerations on the manifold.
 
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
-use aloft_ik::smooth;
+use aloft_filter::smooth;
 use aloft_signal::residual_analysis::{default_cutoffs, residual_analysis};
 use aloft_signal::{CutoffCorrection, LowPass};
 use aloft_study::config::{Correction, FilterConfig};
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::artifact::save_motion;
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::workspace::write_json;
+use aloft_workspace::json::write_json;
 use serde::Serialize;
 
 /// The stage.
@@ -16,6 +16,7 @@ pub static STAGE: Stage = Stage {
     name: "filter",
     version: 2,
     scope: Scope::Trial(&[Role::Identify, Role::Validate]),
+    seconds: 0.03,
     reads: "`Motion`",
     gives: "`Motion` with velocities and accelerations (zero-phase Butterworth)",
     needs: &[Need::Same("ik"), Need::Once("calibrate")],

@@ -10,9 +10,9 @@ use aloft_study::config::{FlightConfig, FlightSource};
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_trial::Trial;
 use aloft_workspace::error::StageFailure;
+use aloft_workspace::json::write_json;
 use aloft_workspace::qc::QcReason;
 use aloft_workspace::warning::StageWarning;
-use aloft_workspace::workspace::write_json;
 use serde::Serialize;
 use serde_json::json;
 
@@ -21,6 +21,7 @@ pub static STAGE: Stage = Stage {
     name: "flight",
     version: 3,
     scope: Scope::Trial(&[Role::Identify, Role::Validate]),
+    seconds: 0.03,
     reads: "`Motion`, plates, prior",
     gives: "intervals in which no external force acts; tare of the plates",
     needs: &[Need::Same("import"), Need::Same("ik"), Need::Once("calibrate")],

@@ -1,9 +1,9 @@
 //! `identify`: base parameters from the factors of all flights, with weak rows and with the paper's beside them.
 
+use crate::factors::{load_factors, load_slides, row_kind, stage_of};
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use crate::merge;
 use crate::results::parameters_file;
-use crate::stages::regressor::{load_factors, load_slides, row_kind};
 use aloft_body::{BaseParameters, Subject};
 use aloft_identify::{
     ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, Prior, identify_with_slides, point_estimate,
@@ -13,7 +13,7 @@ use aloft_study::config::{Estimator as ChosenEstimator, IdentifyConfig, Rows};
 use aloft_study::revision::ModelEffect;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::workspace::write_json;
+use aloft_workspace::json::write_json;
 use nalgebra::DVector;
 use serde::Serialize;
 use std::collections::HashMap;
@@ -22,10 +22,15 @@ use std::collections::HashMap;
 pub static STAGE: Stage = Stage {
     name: "identify",
     version: 4,
-    scope: Scope::SubjectSession,
+    scope: Scope::Session,
+    seconds: 0.3,
     reads: "all factors",
     gives: "base parameters with intervals, consistent link inertias",
-    needs: &[Need::Once("calibrate"), Need::Every("regressor", &[Role::Identify])],
+    needs: &[
+        Need::Once("calibrate"),
+        Need::Merged("regressor", &[Role::Identify]),
+        Need::Merged("acceleration", &[Role::Identify]),
+    ],
     parameters: parameters_of::<Work>,
     run: run_of::<Work>,
 };
@@ -82,8 +87,8 @@ pub fn training_factors(
     contact: bool,
 ) -> Result<Vec<(Stretch, Factor)>, StageFailure> {
     let mut out = Vec::new();
-    for name in inputs.trials_with_role("regressor", |role| role == Role::Identify) {
-        let factors = load_factors(&inputs.results.place("regressor", &name)?)?;
+    for name in inputs.trials_with_role(stage_of(rows), |role| role == Role::Identify) {
+        let factors = load_factors(&inputs.results.place(stage_of(rows), &name)?)?;
         out.extend(
             factors.into_iter().filter(|(s, f)| f.rows == row_kind(rows) && (contact || s.kind == StretchKind::Flight)),
         );

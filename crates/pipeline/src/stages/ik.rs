@@ -3,13 +3,14 @@
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use crate::results::Results;
 use aloft_body::{Motion, Subject};
-use aloft_ik::{IkOptions, IkReport, smooth, solve};
+use aloft_filter::continuous;
+use aloft_ik::{IkOptions, IkReport, solve};
 use aloft_study::config::IkConfig;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::artifact::save_motion;
 use aloft_workspace::error::StageFailure;
+use aloft_workspace::json::write_json;
 use aloft_workspace::qc::QcReason;
-use aloft_workspace::workspace::write_json;
 use serde::Serialize;
 
 /// The stage.
@@ -17,6 +18,7 @@ pub static STAGE: Stage = Stage {
     name: "ik",
     version: 3,
     scope: Scope::Trial(&[Role::Calibration, Role::Identify, Role::Validate]),
+    seconds: 0.15,
     reads: "trial, `Subject`",
     gives: "`Motion`: joint coordinates, marker residuals, standard deviations",
     needs: &[Need::Same("import"), Need::Once("scale"), Need::Once("calibrate")],
@@ -72,10 +74,7 @@ pub fn track(
     let trial = results.load_trial(name)?;
     let options = fit_options(config, results, &mut subject)?;
     let result = solve(&subject, &trial, &options).map_err(|e| StageFailure::new(e.to_string()))?;
-    let mut motion = smooth(&subject.model, &result.motion, None).map_err(|e| StageFailure::new(e.to_string()))?;
-    // only the continuity of angles and signs is needed here; `filter` computes the derivatives
-    motion.v.clear();
-    motion.a.clear();
+    let motion = continuous(&subject.model, &result.motion).map_err(|e| StageFailure::new(e.to_string()))?;
     Ok((subject, motion, result.report))
 }
 

@@ -1,5 +1,6 @@
 //! The stages, one file each. To add one: write a file with a `STAGE` and name it in [`STAGES`].
 
+pub mod acceleration;
 pub mod calibrate;
 pub mod compare;
 
@@ -25,6 +26,7 @@ pub static STAGES: &[&Stage] = &[
     &filter::STAGE,
     &flight::STAGE,
     &regressor::STAGE,
+    &acceleration::STAGE,
     &identify::STAGE,
     &compare::STAGE,
 ];

@@ -8,7 +8,7 @@ use aloft_study::facts::Facts;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_trial::MarkerSet;
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::workspace::write_json;
+use aloft_workspace::json::write_json;
 use serde::Serialize;
 use serde_json::json;
 
@@ -16,7 +16,8 @@ use serde_json::json;
 pub static STAGE: Stage = Stage {
     name: "scale",
     version: 2,
-    scope: Scope::SubjectSession,
+    scope: Scope::Session,
+    seconds: 0.03,
     reads: "static trial (objects: calibration trial, too), anthropometry or object description",
     gives: "`Subject`: the model with this body's joint centres, marker places and prior inertias",
     needs: &[Need::EveryOrStaticFrames("import", &[Role::Static, Role::Calibration])],

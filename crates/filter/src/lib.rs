@@ -59,6 +59,33 @@ pub enum SmoothError {
     },
 }
 
+/// Joint coordinates with continuous signs of quaternions and turns of hinges, normalised; without
+/// derivatives.
+///
+/// # Errors
+/// A motion whose number of coordinates differs from the model's.
+pub fn continuous(model: &Model, motion: &Motion) -> Result<Motion, SmoothError> {
+    check_coordinates(model, motion)?;
+    let mut q = motion.q[..motion.n_frames() * model.nq].to_vec();
+    make_continuous(model, &mut q);
+    for frame in q.chunks_exact_mut(model.nq.max(1)) {
+        model.normalize(frame);
+    }
+    Ok(Motion { nv: model.nv, q, ..motion_without_series(motion) })
+}
+
+fn check_coordinates(model: &Model, motion: &Motion) -> Result<(), SmoothError> {
+    if motion.nq == model.nq {
+        return Ok(());
+    }
+    Err(SmoothError::Coordinates {
+        trial: motion.trial.clone(),
+        model: model.name.clone(),
+        expected: model.nq,
+        found: motion.nq,
+    })
+}
+
 /// Joint coordinates filtered forward and backward, with velocities and accelerations. If `spec` is
 /// `None`, the coordinates are not filtered (only signs of quaternions and turns of hinges are made
 /// continuous) and the derivatives are added.
@@ -73,14 +100,7 @@ pub enum SmoothError {
 /// model's.
 pub fn smooth(model: &Model, motion: &Motion, spec: Option<LowPass>) -> Result<Motion, SmoothError> {
     let trial = || motion.trial.clone();
-    if motion.nq != model.nq {
-        return Err(SmoothError::Coordinates {
-            trial: trial(),
-            model: model.name.clone(),
-            expected: model.nq,
-            found: motion.nq,
-        });
-    }
+    check_coordinates(model, motion)?;
     let rate_hz = motion.rate_hz;
     if !(rate_hz > 0.0 && rate_hz.is_finite()) {
         return Err(SmoothError::Rate { trial: trial(), rate_hz });

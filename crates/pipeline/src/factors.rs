@@ -1,0 +1,133 @@
+//! Files of the stages that give factors: one triangular factor a stretch, and the slides of soft
+//! tissue beside them.
+
+use aloft_regressor::{Columns, Factor, RowKind, Slides, Stretch};
+use aloft_study::config::Rows;
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::json::{read_json, write_json};
+use aloft_workspace::table::Table;
+use nalgebra::DMatrix;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Factors by stretch, and remarks about them.
+pub type FactorsAndRemarks = (Vec<(Stretch, Factor)>, Vec<String>);
+
+#[derive(Serialize, Deserialize)]
+struct FactorHead {
+    stretch: Stretch,
+    rows: RowKind,
+    columns: Columns,
+    n_rows: usize,
+    n_values: usize,
+}
+
+/// Writes `factors.json` and `factors.parquet`.
+pub fn save_factors(dir: &Path, factors: &[(Stretch, Factor)]) -> Result<(), PipelineError> {
+    let heads: Vec<FactorHead> = factors
+        .iter()
+        .map(|(stretch, f)| FactorHead {
+            stretch: stretch.clone(),
+            rows: f.rows,
+            columns: f.columns.clone(),
+            n_rows: f.n_rows,
+            n_values: f.values().len(),
+        })
+        .collect();
+    write_json(&dir.join("factors.json"), &heads)?;
+    let mut table = Table::default();
+    table.push("value", factors.iter().flat_map(|(_, f)| f.values().iter().copied()).collect());
+    table.write(&dir.join("factors.parquet"))
+}
+
+/// Reads the stage's files for a trial: each stretch with its factor.
+pub fn load_factors(dir: &Path) -> Result<Vec<(Stretch, Factor)>, PipelineError> {
+    let heads: Vec<FactorHead> = read_json(&dir.join("factors.json"))?;
+    if heads.is_empty() {
+        // a table without rows has no columns to read
+        return Ok(Vec::new());
+    }
+    let path = dir.join("factors.parquet");
+    let values = Table::read(&path)?.into_columns().into_iter().next().map(|c| c.1).unwrap_or_default();
+    let mut at = 0;
+    let mut out = Vec::new();
+    for head in heads {
+        let wrong = |problem: String| PipelineError::Table { path: path.clone(), problem };
+        let part = values
+            .get(at..at + head.n_values)
+            .ok_or_else(|| wrong("fewer values than factors.json says".to_owned()))?;
+        at += head.n_values;
+        let factor = Factor::from_values(&head.stretch, head.rows, head.columns, head.n_rows, part.to_vec())
+            .map_err(|e| wrong(e.to_string()))?;
+        out.push((head.stretch, factor));
+    }
+    Ok(out)
+}
+
+#[derive(Serialize, Deserialize)]
+struct SlidesHead {
+    stretch: Stretch,
+    rows: usize,
+    draws: usize,
+    predicted: f64,
+    observed: f64,
+}
+
+/// Writes `slides.json` and `slides.parquet`: the effect of soft tissue on the weak rows of each
+/// stretch.
+pub fn save_slides(dir: &Path, slides: &[(Stretch, Slides)]) -> Result<(), PipelineError> {
+    let heads: Vec<SlidesHead> = slides
+        .iter()
+        .map(|(stretch, s)| SlidesHead {
+            stretch: stretch.clone(),
+            rows: s.sums.nrows(),
+            draws: s.sums.ncols(),
+            predicted: s.predicted,
+            observed: s.observed,
+        })
+        .collect();
+    write_json(&dir.join("slides.json"), &heads)?;
+    let mut table = Table::default();
+    table.push("value", slides.iter().flat_map(|(_, s)| s.sums.iter().copied()).collect());
+    table.write(&dir.join("slides.parquet"))
+}
+
+/// Reads the stage's slides for a trial of a person; nothing for objects.
+pub fn load_slides(dir: &Path) -> Result<Vec<(Stretch, Slides)>, PipelineError> {
+    let head = dir.join("slides.json");
+    if !head.is_file() {
+        return Ok(Vec::new());
+    }
+    let heads: Vec<SlidesHead> = read_json(&head)?;
+    let path = dir.join("slides.parquet");
+    let values = Table::read(&path)?.into_columns().into_iter().next().map(|c| c.1).unwrap_or_default();
+    let mut at = 0;
+    heads
+        .into_iter()
+        .map(|head| {
+            let part = values.get(at..at + head.rows * head.draws).ok_or_else(|| PipelineError::Table {
+                path: path.clone(),
+                problem: "fewer values than slides.json says".to_owned(),
+            })?;
+            at += head.rows * head.draws;
+            let sums = DMatrix::from_column_slice(head.rows, head.draws, part);
+            Ok((head.stretch, Slides { sums, predicted: head.predicted, observed: head.observed }))
+        })
+        .collect()
+}
+
+/// Kind of rows for the word used in the configuration.
+pub fn row_kind(rows: Rows) -> RowKind {
+    match rows {
+        Rows::Acceleration => RowKind::Acceleration,
+        Rows::Weak => RowKind::Weak,
+    }
+}
+
+/// Name of the stage whose results hold factors of a kind of rows.
+pub fn stage_of(rows: Rows) -> &'static str {
+    match rows {
+        Rows::Weak => crate::stages::regressor::STAGE.name,
+        Rows::Acceleration => crate::stages::acceleration::STAGE.name,
+    }
+}
