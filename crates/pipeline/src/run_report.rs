@@ -24,7 +24,7 @@ pub enum Ended {
 pub struct TaskReport {
     /// Stage.
     pub stage: &'static str,
-    /// Trial, or [`WHOLE_STUDY`].
+    /// Trial, or [`WHOLE_STUDY`](aloft_workspace::manifest::WHOLE_STUDY).
     pub trial: String,
     /// Outcome.
     pub ended: Ended,
