@@ -13,6 +13,8 @@ pub mod acceleration;
 mod body_windows;
 mod error;
 pub mod factor;
+#[cfg(test)]
+mod four_joints;
 pub mod noise;
 pub mod stretch;
 pub mod test_function;

@@ -461,29 +461,16 @@ impl Normal {
 mod tests {
     use super::*;
     use crate::body_windows::moments;
+    use crate::four_joints::four_joints;
     use crate::weak_rows::weak_rows;
     use crate::{Acting, WeakOptions};
-    use aloft_body::{BaseParameters, JointSpec, LinkInertia, LinkSpec, ModelSpec};
+    use aloft_body::{BaseParameters, LinkInertia};
     use nalgebra::{Matrix3, SMatrix};
 
     const STEP: f64 = 1e-5;
 
     fn body() -> (Model, Vec<Phi>, Vec<ModelMarker>, Motion) {
-        let link = |name: &str, parent: Option<&str>, joint| LinkSpec {
-            name: name.into(),
-            parent: parent.map(Into::into),
-            joint,
-            position_m: [0.1, 0.2, -0.1],
-            rpy_rad: [0.3, 0.0, -0.2],
-            inertia: None,
-        };
-        let links = vec![
-            link("a", None, JointSpec::Free),
-            link("b", Some("a"), JointSpec::Spherical),
-            link("c", Some("b"), JointSpec::Revolute([0.6, 0.0, 0.8])),
-            link("d", Some("a"), JointSpec::Prismatic([0.0, 1.0, 0.0])),
-        ];
-        let model = Model::from_spec(&ModelSpec { name: "all joints".into(), links }).unwrap();
+        let model = four_joints();
         let phi = (0..4)
             .map(|l| {
                 let l = f64::from(l);

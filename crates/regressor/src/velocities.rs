@@ -102,25 +102,11 @@ impl Velocity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use aloft_body::{JointSpec, LinkSpec, ModelSpec};
+    use crate::four_joints::four_joints;
 
     #[test]
     fn velocities_of_a_run_are_those_of_its_frames() {
-        let link = |name: &str, parent: Option<&str>, joint| LinkSpec {
-            name: name.into(),
-            parent: parent.map(Into::into),
-            joint,
-            position_m: [0.1, 0.2, -0.1],
-            rpy_rad: [0.3, 0.0, -0.2],
-            inertia: None,
-        };
-        let links = vec![
-            link("a", None, JointSpec::Free),
-            link("b", Some("a"), JointSpec::Spherical),
-            link("c", Some("b"), JointSpec::Revolute([0.6, 0.0, 0.8])),
-            link("d", Some("a"), JointSpec::Prismatic([0.0, 1.0, 0.0])),
-        ];
-        let model = Model::from_spec(&ModelSpec { name: "all".into(), links }).unwrap();
+        let model = four_joints();
         let mut q = Vec::new();
         for i in 0..30 {
             let dv: Vec<f64> = (0..model.nv).map(|k| (0.21 * i as f64 + 1.3 * k as f64).sin()).collect();
