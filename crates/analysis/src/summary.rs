@@ -4,7 +4,7 @@
 use crate::freshness::{NotCurrent, freshness};
 use aloft_pipeline::graph::{Manifests, Scope};
 use aloft_pipeline::stages::STAGES;
-use aloft_regressor::weak_rows::force_scale_n;
+use aloft_regressor::weak_windows::force_scale_n;
 use aloft_study::data_set::DataSet;
 use aloft_study::quote::{self, visible};
 use aloft_study::recordings::SessionId;

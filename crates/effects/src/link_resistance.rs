@@ -1,5 +1,5 @@
-//! Resistance on the links: what drag laws share. One coefficient serves all links, or each link has
-//! its own, and then also a centre of its own.
+//! Resistance on the links: what drag laws share. One coefficient serves all links, or each link
+//! has its own, and then also a centre of its own.
 
 use crate::{Coefficient, Columns, EffectFrame, NonlinearParameter, Scene, Target, Values};
 use nalgebra::Vector3;

@@ -22,7 +22,7 @@ pub mod tissue;
 mod triangle;
 mod velocities;
 pub mod weak;
-pub mod weak_rows;
+pub mod weak_windows;
 
 pub use acceleration::{AccelerationOptions, AccelerationRows, acceleration_factor};
 pub use body_windows::{BodyWindows, body_windows};
@@ -33,4 +33,4 @@ pub use stretch::{Acting, EffectColumns, Stretch, StretchKind};
 pub use test_function::TestFunction;
 pub use tissue::{Slides, Tissue};
 pub use weak::{body_radius_m, weak_factor, weak_factor_with_tissue};
-pub use weak_rows::{WeakOptions, WeakRows, weak_rows};
+pub use weak_windows::{WeakOptions, WeakRows, weak_rows};

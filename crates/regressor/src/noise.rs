@@ -10,7 +10,7 @@
 
 use crate::body_windows::moments;
 use crate::velocities::{CENTRAL, Velocity};
-use crate::weak_rows::WeakRows;
+use crate::weak_windows::WeakRows;
 use crate::{RegressorError, Stretch};
 use aloft_body::{JointKind, Model, ModelMarker, Motion, Phi, State};
 use faer::Mat;

@@ -14,7 +14,7 @@
 //! of their white noise.
 
 use crate::velocities::{CENTRAL, run_velocities, valid_runs};
-use crate::weak_rows::WeakRows;
+use crate::weak_windows::WeakRows;
 use crate::{RegressorError, Stretch};
 use aloft_body::inertia::steiner;
 use aloft_body::{JointKind, Model, ModelMarker, Motion, Phi, State};
@@ -406,7 +406,7 @@ impl Changes {
         Self { series, fixed, draws }
     }
 
-    /// The six sums (× realisation) of a window that begins at frame `begin` of the series (see `weak_rows::window_weights`).
+    /// The six sums (× realisation) of a window that begins at frame `begin` of the series (see `weak_windows::window_weights`).
     fn window(&self, rows: &WeakRows, w: usize, begin: usize, gravity: &Vector3<f64>, rate_hz: f64) -> Vec<f64> {
         let draws = self.draws;
         let mut out = vec![0.0; 6 * draws];
@@ -462,7 +462,7 @@ mod tests {
     use super::*;
     use crate::body_windows::moments;
     use crate::four_joints::four_joints;
-    use crate::weak_rows::weak_rows;
+    use crate::weak_windows::weak_rows;
     use crate::{Acting, WeakOptions};
     use aloft_body::{BaseParameters, LinkInertia};
     use nalgebra::{Matrix3, SMatrix};

@@ -1,10 +1,10 @@
-//! Factors from weak rows, with fixed weights or whitened, and with the errors of soft tissue beside
-//! them. The rows themselves are in [`crate::weak_rows`](mod@crate::weak_rows).
+//! Factors from weak rows, with fixed weights or whitened, and with the errors of soft tissue
+//! beside them. The rows themselves are in [`crate::weak_windows`].
 
 use crate::noise::{Noise, whiten};
 use crate::stretch::Acting;
 use crate::tissue::{Slides, Tissue, slide_rows};
-use crate::weak_rows::{WeakOptions, WeakRows, weak_rows};
+use crate::weak_windows::{WeakOptions, WeakRows, weak_rows};
 use crate::{Columns, Factor, RegressorError, RowKind, Stretch};
 use aloft_body::{BaseParameters, Model, Motion, Phi, State};
 use faer::Mat;

@@ -5,7 +5,7 @@ use super::story::{Story, TrialStory};
 use aloft_body::{Motion, State, Subject};
 use aloft_flight::{PlateTare, apply_tare};
 use aloft_page::{Animation, Arrows, Figure, Words};
-use aloft_regressor::weak_rows::force_scale_n;
+use aloft_regressor::weak_windows::force_scale_n;
 use aloft_trial::Trial;
 use aloft_workspace::artifact::load_trial;
 use aloft_workspace::json::read_json;

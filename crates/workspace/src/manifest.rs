@@ -1,5 +1,5 @@
-//! What a result was made from: the manifest beside its tables, what differs from what there is now,
-//! and whether the files are those that it lists.
+//! What a result was made from: the manifest beside its tables, what differs from what there is
+//! now, and whether the files are those that it lists.
 
 use crate::error::{PipelineError, StageFailure};
 use crate::seal;

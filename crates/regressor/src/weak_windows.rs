@@ -42,7 +42,7 @@ pub struct WeakOptions {
     /// Time excluded at both ends of a stretch, s.
     pub margin_s: f64,
     /// Length ℓ that converts moments into forces in the fixed weights, m; if absent,
-    /// [`body_radius_m`] of the prior.
+    /// [`body_radius_m`](crate::body_radius_m) of the prior.
     pub moment_length_m: Option<f64>,
 }
 
@@ -124,11 +124,11 @@ struct RunRows {
     path: Vec<Vector3<f64>>,
 }
 
-/// Weak rows of one stretch, unweighted: [`weak_factor`] weights them and reduces them to a
-/// triangle.
+/// Weak rows of one stretch, unweighted: [`weak_factor`](crate::weak_factor) weights them and
+/// reduces them to a triangle.
 ///
 /// # Errors
-/// As [`weak_factor`].
+/// As [`weak_factor`](crate::weak_factor).
 pub fn weak_rows(
     model: &Model,
     base: &BaseParameters,
