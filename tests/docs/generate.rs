@@ -137,7 +137,7 @@ fn keys(schema: &serde_json::Value, section: &serde_json::Value) -> String {
 }
 
 fn pipeline(schema: &serde_json::Value) -> String {
-    let mut out = from("the structures in crates/study/src/config.rs");
+    let mut out = from("the structures in crates/study/src/config");
     out += "# Pipeline files\n\nEvery key that a pipeline (YAML) may have. Unknown keys are errors that point at their line. `aloft schema` prints the JSON schema for editors. \
         Each section belongs to the stage of the same name, so that a changed value makes just that stage, and what follows from it, run again.\n\n## The file\n\n";
     out += &keys(schema, schema);

@@ -27,8 +27,9 @@ use aloft_regressor::{
 use aloft_study::config::Rows;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::seal;
-use aloft_workspace::workspace::{WHOLE_STUDY, Workspace};
+use aloft_workspace::workspace::Workspace;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

@@ -8,7 +8,9 @@ use aloft_pipeline::results::parameters_file;
 use aloft_pipeline::stages::flight::gravity_error_percent;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
+use aloft_workspace::json::read_json;
+use aloft_workspace::manifest::WHOLE_STUDY;
+use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
 
 /// The comparison as `--json` shows it.
@@ -173,9 +175,36 @@ pub fn kinematics(session: &SubjectSession, ws: &Workspace) -> Vec<KinematicsRow
         .collect()
 }
 
+/// Held-out motion on which an error is judged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub enum JudgedOn {
+    /// Held-out contact.
+    #[serde(rename = "held-out contact")]
+    Contact,
+    /// Held-out flight.
+    #[serde(rename = "held-out flight")]
+    Flight,
+}
+
+impl JudgedOn {
+    /// The words of tables and of JSON.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Contact => "held-out contact",
+            Self::Flight => "held-out flight",
+        }
+    }
+}
+
+impl std::fmt::Display for JudgedOn {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(self.words())
+    }
+}
+
 /// Motion on which a model's error is judged: held-out contact if there is any, else flight.
-pub fn judged_on(c: &Comparison) -> &'static str {
-    if c.first.held_out.frames > 0 { "held-out contact" } else { "held-out flight" }
+pub fn judged_on(c: &Comparison) -> JudgedOn {
+    if c.first.held_out.frames > 0 { JudgedOn::Contact } else { JudgedOn::Flight }
 }
 
 /// Force (N) and moment (N·m) on frames, force and moment over weak windows, by axis.

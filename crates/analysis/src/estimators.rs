@@ -6,7 +6,7 @@
 //! the landmark geometry, so that the gain from calibration can be compared with the gain from rows
 //! and estimators.
 
-use crate::compare::mean;
+use crate::compare::{JudgedOn, mean};
 use crate::results::{Made, with_results};
 use aloft_body::{BaseParameters, Subject};
 use aloft_compare::{Candidate, Comparison, ModelComparison, NoiseFloor, WindowErrors, WrenchErrors};
@@ -26,7 +26,8 @@ use aloft_regressor::{Factor, Stretch, StretchKind};
 use aloft_study::config::Rows;
 use aloft_study::subject_session::{Role, SubjectSession};
 use aloft_workspace::error::{PipelineError, StageFailure};
-use aloft_workspace::workspace::{WHOLE_STUDY, read_json};
+use aloft_workspace::json::read_json;
+use aloft_workspace::manifest::WHOLE_STUDY;
 use nalgebra::DVector;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -107,8 +108,8 @@ pub struct EstimatorsView {
     pub version: u32,
     /// Subject name.
     pub subject: String,
-    /// `held-out contact` or `held-out flight`.
-    pub judged_on: &'static str,
+    /// Motion on which the errors are computed.
+    pub judged_on: JudgedOn,
     /// Trials that the errors come from, and why these count as held out.
     pub held_out: String,
     /// Length of the windows, s.

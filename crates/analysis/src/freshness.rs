@@ -6,7 +6,8 @@ use aloft_pipeline::stages::STAGES;
 use aloft_study::revision::Revisions;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::workspace::{WHOLE_STUDY, Workspace};
+use aloft_workspace::manifest::WHOLE_STUDY;
+use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
 use std::collections::HashSet;
 

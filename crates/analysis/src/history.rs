@@ -1,6 +1,6 @@
 //! `history`: the revisions of a model, and what each of them reached.
 
-use crate::compare::{ComparisonView, compare};
+use crate::compare::{ComparisonView, JudgedOn, compare};
 use aloft_effects::ActsIn;
 use aloft_identify::Parameters;
 use aloft_pipeline::made::{compared_effects, made_with};
@@ -8,7 +8,9 @@ use aloft_pipeline::results::parameters_file;
 use aloft_study::revision::{Judged, ModelEffect, Reached, ReachedCoefficient, Revision, Revisions};
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
+use aloft_workspace::json::read_json;
+use aloft_workspace::manifest::WHOLE_STUDY;
+use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
 
 /// The ladder as `history --json` shows it.
@@ -47,8 +49,8 @@ pub struct HistoryRow {
     pub at_floor: Option<bool>,
     /// Share of the mean square error that noise does not explain.
     pub explainable: Option<f64>,
-    /// Motion on which the held-out error is computed: `held-out flight` or `held-out contact`.
-    pub judged_on: Option<String>,
+    /// Motion on which the held-out error is computed.
+    pub judged_on: Option<JudgedOn>,
     /// Error and noise floor in flight, N.
     pub flight: Option<Judged>,
     /// Error and noise floor in held-out contact, N.
@@ -176,7 +178,7 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) 
         times_floor: here.and_then(|j| j.times_floor()),
         at_floor: here.and_then(|j| j.at_floor()),
         explainable: here.and_then(|j| j.explainable()),
-        judged_on: now.map(|n| if on_flight(n) { "held-out flight".into() } else { "held-out contact".into() }),
+        judged_on: now.map(|n| if on_flight(n) { JudgedOn::Flight } else { JudgedOn::Contact }),
         flight: now.and_then(|n| n.flight),
         contact: now.and_then(|n| n.contact),
         flight_error: now.and_then(|n| n.flight).map(|j| j.error_n),
@@ -276,9 +278,9 @@ mod tests {
         ] {
             let all = revisions(reached(2.0, 3.0, 1.2), key);
             let (first, second) = (row(&all, 0, &acts), row(&all, 1, &acts));
-            assert_eq!(second.judged_on.as_deref(), Some(place), "{key}");
+            assert_eq!(second.judged_on.map(JudgedOn::words), Some(place), "{key}");
             assert_eq!((second.held_out_error_before, second.held_out_error), (Some(before), Some(now)));
-            assert_eq!((first.held_out_error, first.judged_on.as_deref()), (Some(before), Some(place)));
+            assert_eq!((first.held_out_error, first.judged_on.map(JudgedOn::words)), (Some(before), Some(place)));
             assert!((second.explainable.unwrap() - (1.0 - 1.0 / now.powi(2))).abs() < 1e-12);
             assert_eq!(second.largest_change.as_ref().map(|c| c.0.as_str()), Some("MCx"));
         }

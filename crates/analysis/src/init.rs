@@ -55,7 +55,7 @@ pub fn init(folder: &Path, out: Option<&Path>) -> Result<PathBuf, PipelineError>
         ));
     }
     let text = write(folder, &target, &layout, files.len(), &seen, &broken)?;
-    aloft_workspace::workspace::write_whole(&target, text.as_bytes())?;
+    aloft_workspace::disk::write_whole(&target, text.as_bytes())?;
     Ok(target)
 }
 

@@ -7,7 +7,9 @@ use aloft_pipeline::results::parameters_file;
 use aloft_study::config::Rows;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
+use aloft_workspace::json::read_json;
+use aloft_workspace::manifest::WHOLE_STUDY;
+use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
 
 /// The parameters with a version of the structure.

@@ -6,7 +6,8 @@ use aloft_pipeline::results::Results;
 use aloft_study::calendar::Calendar;
 use aloft_study::subject_session::{Role, SubjectSession};
 use aloft_workspace::error::{PipelineError, StageFailure};
-use aloft_workspace::workspace::{WHOLE_STUDY, Workspace};
+use aloft_workspace::manifest::WHOLE_STUDY;
+use aloft_workspace::workspace::Workspace;
 
 /// Results of a study that has rows.
 pub(crate) struct Made<'a> {

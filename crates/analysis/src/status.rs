@@ -2,11 +2,12 @@
 
 use crate::freshness::of_standings;
 use aloft_pipeline::graph::{self, Manifests, Need, Stage, TaskState};
-use aloft_pipeline::runner::stage_index;
+use aloft_pipeline::selection::stage_index;
 use aloft_pipeline::stages::STAGES;
 use aloft_study::subject_session::{SubjectSession, TrialEntry};
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::workspace::{Manifest, WHOLE_STUDY, Workspace};
+use aloft_workspace::manifest::{Manifest, WHOLE_STUDY};
+use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
 use std::collections::{BTreeSet, HashMap, HashSet};
 

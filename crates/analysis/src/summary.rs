@@ -4,16 +4,17 @@
 use crate::freshness::{NotCurrent, freshness};
 use aloft_pipeline::graph::{Manifests, Scope};
 use aloft_pipeline::stages::STAGES;
-use aloft_regressor::weak::force_scale_n;
+use aloft_regressor::weak_windows::force_scale_n;
 use aloft_study::data_set::DataSet;
 use aloft_study::quote::{self, visible};
 use aloft_study::recordings::SessionId;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::disk::{self, Temporary};
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::manifest::{Manifest, Outcome, WHOLE_STUDY};
 use aloft_workspace::qc::{QcLevel, QcReason};
 use aloft_workspace::table::{write_csv, write_frame};
-use aloft_workspace::workspace::{Manifest, Outcome, WHOLE_STUDY, Workspace};
+use aloft_workspace::workspace::Workspace;
 use polars::prelude::{Column, DataFrame, PolarsError};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -373,10 +374,7 @@ impl Summary {
             write(&mut frame, new.path())?;
             new.place()?;
         }
-        aloft_workspace::workspace::write_whole(
-            &folder.join("summary.txt"),
-            format!("{}\n", self.to_text()).as_bytes(),
-        )?;
+        disk::write_whole(&folder.join("summary.txt"), format!("{}\n", self.to_text()).as_bytes())?;
         Ok(path)
     }
 

@@ -28,7 +28,7 @@ fn laboratory(folder: &Path, ppm: f64, spacing_s: f64, stamp: impl Fn(usize) -> 
         "name: drift\nseed: 5\nbody:\n  kind: human\n  person: {{sex: F, height_m: 1.68, mass_kg: 61.0}}\n  {TRIALS}\n\
          hidden: [{{effect: clock_drift, rate_ppm: {ppm}, spacing_s: {spacing_s}}}]\n"
     );
-    let scenario: Scenario = aloft_study::config::parse_yaml("drift", &text).unwrap();
+    let scenario: Scenario = aloft_study::ranges::parse_yaml("drift", &text).unwrap();
     let lab = simulate(&scenario).unwrap();
     let starts = lab.trials.iter().enumerate().map(|(k, t)| (t.name.clone(), spacing_s * k as f64)).collect();
     for file in lab.files.iter().filter(|f| !f.path.starts_with("truth")) {

@@ -59,10 +59,7 @@ pub use base_parameters::{BaseParameter, BaseParameters};
 pub use batch::{FrameBatch, LANES, Lanes};
 pub use error::BodyError;
 pub use inertia::{LinkInertia, PHI_NAMES, Phi};
-pub use model::{Joint, JointKind, JointSpec, Link, LinkSpec, Model, ModelSpec};
+pub use model::{Joint, JointKind, JointSpec, Link, LinkSpec, Model, ModelSpec, STANDARD_GRAVITY_MPS2};
 pub use motion::Motion;
 pub use state::State;
 pub use subject::{ModelMarker, PersonFacts, Sex, Subject};
-
-/// Standard gravity in m/s², used if a laboratory states no other value.
-pub const STANDARD_GRAVITY_MPS2: f64 = 9.80665;

@@ -6,6 +6,9 @@ pub use crate::spec::{JointSpec, LinkSpec, ModelSpec};
 use nalgebra::{Isometry3, Quaternion, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
+/// Standard gravity in m/s², used if a laboratory states no other value.
+pub const STANDARD_GRAVITY_MPS2: f64 = 9.80665;
+
 /// Motion of a link relative to its parent.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -146,7 +149,7 @@ impl Model {
             nq += kind.nq();
             nv += kind.nv();
         }
-        let gravity_mps2 = Vector3::new(0.0, 0.0, -crate::STANDARD_GRAVITY_MPS2);
+        let gravity_mps2 = Vector3::new(0.0, 0.0, -STANDARD_GRAVITY_MPS2);
         Ok(Self { name: spec.name.clone(), gravity_mps2, links, nq, nv })
     }
 

@@ -1,5 +1,7 @@
 //! Errors, which abort reading or writing, and warnings, which are returned with the result.
 
+use serde::{Deserialize, Serialize};
+
 /// Reasons why bytes are not a C3D file or a structure cannot be written as one. Every variant
 /// states the place.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -100,23 +102,30 @@ pub enum WarningKind {
     Analogs,
 }
 
-/// An irregularity that did not prevent reading.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Warning {
-    /// Kind.
-    pub kind: WarningKind,
-    /// Message, with group, parameter and byte offset if useful.
+/// An irregularity that did not prevent reading. Readers of other formats have kinds `K` of their
+/// own.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Warning<K = WarningKind> {
+    /// Kind, on which programs decide.
+    pub kind: K,
+    /// Message for people, with the place in the source (in C3D: group, parameter and byte offset if
+    /// useful) and the action taken.
     pub message: String,
 }
 
-impl Warning {
+impl<K> Warning<K> {
     /// Creates a warning from a kind and a message.
-    pub fn new(kind: WarningKind, message: impl Into<String>) -> Self {
+    pub fn new(kind: K, message: impl Into<String>) -> Self {
         Self { kind, message: message.into() }
+    }
+
+    /// The same message with the kind of another reader.
+    pub fn with_kind<L: From<K>>(self) -> Warning<L> {
+        Warning { kind: self.kind.into(), message: self.message }
     }
 }
 
-impl std::fmt::Display for Warning {
+impl<K> std::fmt::Display for Warning<K> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(&self.message)
     }

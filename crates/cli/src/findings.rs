@@ -4,6 +4,7 @@ use crate::args::PipelineArgs;
 use crate::open::description_of;
 use crate::render::{half, out, plus_minus, significant, table};
 use crate::stop::Stop;
+use aloft_analysis::compare::JudgedOn;
 use aloft_analysis::effect::{EffectLine, History};
 use aloft_discover::{Candidate, Discovery, SelfTest, Verdict};
 use aloft_effects::EffectKind;
@@ -234,7 +235,7 @@ pub fn history(h: &History) -> Result<(), Stop> {
                 _ => "–".to_owned(),
             },
             r.explainable.map_or("–".to_owned(), |x| format!("{:.0} %", 100.0 * x)),
-            r.judged_on.clone().unwrap_or_else(|| "–".to_owned()),
+            r.judged_on.map_or("–", JudgedOn::words).to_owned(),
             number(r.flight.map(|j| j.error_n)),
             number(r.contact.map(|j| j.error_n)),
             number(r.sigma_ratio),

@@ -7,8 +7,8 @@
 use crate::errors::{Sums, WindowErrors, WrenchErrors, WrenchSums};
 use crate::frames::{FrameRecord, TrialFrames};
 use crate::input::TrialFacts;
+use crate::phase::Phase;
 use crate::windows::TrialWindows;
-use crate::{NoiseFloor, Phase};
 use aloft_signal::quantile_of_sorted;
 use serde::{Deserialize, Serialize};
 
@@ -78,25 +78,6 @@ pub struct GroupFloor {
     pub errors: WrenchErrors,
     /// On its windows.
     pub windows: WindowErrors,
-}
-
-impl Group {
-    /// The floor of this group.
-    pub fn floor<'a>(&self, floor: Option<&'a NoiseFloor>) -> Option<&'a GroupFloor> {
-        floor?.groups.iter().find(|f| f.by == self.by && f.name == self.name)
-    }
-    /// Share of the mean square error not explained by noise, on frames and over windows; none
-    /// where the noise is unknown.
-    pub fn explainable(&self, floor: Option<&NoiseFloor>) -> (Option<f64>, Option<f64>) {
-        let Some(f) = self.floor(floor) else { return (None, None) };
-        let share = |n: usize, noise: usize, size: f64, by: f64| {
-            (n > 0 && noise > 0).then(|| crate::wording::explainable(size, by))
-        };
-        (
-            share(self.errors.frames, f.errors.frames, self.errors.size(), f.errors.size()),
-            share(self.windows.windows, f.windows.windows, self.windows.size(), f.windows.size()),
-        )
-    }
 }
 
 /// Selects the frames of each trial that enter a total.

@@ -4,7 +4,7 @@ use crate::breakdown::{Counting, Grouping};
 use crate::errors::{Sums, WrenchSums};
 use crate::frames::{TrialFrames, trial_frames};
 use crate::input::TrialFacts;
-use crate::noise_floor::{TrialFloor, trial_floor};
+use crate::noise_floor::{TrialFloor, explainable, trial_floor};
 use crate::segments::SegmentSums;
 use crate::windows::{TrialWindows, trial_windows};
 use crate::wording::describe;
@@ -112,7 +112,7 @@ impl Comparison {
     pub fn explainable(&self) -> Option<(f64, f64)> {
         let floor = self.noise_floor.as_ref()?;
         let m = &self.first;
-        let share = crate::wording::explainable;
+        let share = explainable;
         Some(if m.held_out.frames > 0 {
             (share(m.held_out.size(), floor.contact.size()), share(m.held_out_weak.size(), floor.contact_weak.size()))
         } else {
@@ -186,9 +186,8 @@ fn axis_rows(errors: &WrenchErrors, floor: Option<&WrenchErrors>) -> Vec<AxisRow
         for (i, axis) in ["x", "y", "z"].into_iter().enumerate() {
             let of_noise =
                 |which: usize| noise.map_or(f64::NAN, |n| if which == 0 { n.0.rmse[i] } else { n.1.rmse[i] });
-            let share = |rmse: f64, noise: f64| {
-                (rmse.is_finite() && noise.is_finite()).then(|| crate::wording::explainable(rmse, noise))
-            };
+            let share =
+                |rmse: f64, noise: f64| (rmse.is_finite() && noise.is_finite()).then(|| explainable(rmse, noise));
             out.push(AxisRow {
                 axes: axes.to_owned(),
                 axis: axis.to_owned(),

@@ -1,6 +1,6 @@
 //! Input of a comparison: a body, models of it, and trials.
 
-use crate::{CompareError, Measured, PlateDrift, PoseErrors};
+use crate::{CompareError, Measured, PlateDrift};
 use aloft_body::{BaseParameters, Model, Motion, Phi};
 use aloft_regressor::EffectColumns;
 use nalgebra::DVector;
@@ -79,6 +79,14 @@ impl Candidate {
             None => Ok(()),
         }
     }
+}
+
+/// Source of the errors of a motion.
+pub trait PoseErrors: std::fmt::Debug + Sync {
+    /// The motion with one more draw of errors, in the frames for which `wanted` holds; only
+    /// coordinates are filled. The same `seed` and `draw` give the same instrument errors in every
+    /// trial of a subject.
+    fn draw(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, seed: u64, draw: u64) -> Motion;
 }
 
 /// One trial.

@@ -2,7 +2,7 @@
 //! recordings. Every noise floor shown by the program is this number.
 //!
 //! A perfect model has the body's true parameters, its true geometry and every force that acts; its
-//! remaining error is the error of the measurement. Marker errors ([`PoseErrors`]: camera noise and
+//! remaining error is the error of the measurement. Marker errors ([`PoseErrors`](crate::PoseErrors): camera noise and
 //! soft tissue, as far as markers of a link move relative to each other) are drawn, added to the
 //! motion through inverse kinematics, and processed like the data: the same windows, for frames the
 //! same filter and derivatives. Noise and drift of the plates likewise, from
@@ -26,16 +26,16 @@
 //! all coordinates, without outlying frames, is used for the drawn noise. If the recordings were
 //! already smoothed, this floor is too low.
 
-use crate::breakdown::{Counting, GroupFloor, GroupSums, Grouping};
+use crate::CompareError;
+use crate::breakdown::{Counting, Group, GroupFloor, GroupSums, Grouping};
 use crate::errors::{MOMENT_LEVER_M, Sums, WindowErrors, WrenchErrors, WrenchSums, halves, joined, rotated};
 use crate::frames::solved;
-use crate::input::TrialFacts;
+use crate::input::{Body, Candidate, CompareOptions, TrialFacts, TrialInput};
 use crate::measured::{FOURTH_DIFFERENCE, median_scale};
 use crate::offset::sought;
 use crate::phase::{Place, places};
 use crate::predict::wrenches;
 use crate::windows::{about, stretches, windows_of};
-use crate::{Body, Candidate, CompareError, CompareOptions, TrialInput};
 use aloft_body::{Model, Motion, Phi, State};
 use aloft_regressor::{Acting, BodyWindows, RegressorError, body_windows};
 use aloft_signal::{Butterworth, LowPass};
@@ -45,14 +45,6 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
-
-/// Source of the errors of a motion.
-pub trait PoseErrors: std::fmt::Debug + Sync {
-    /// The motion with one more draw of errors, in the frames for which `wanted` holds; only
-    /// coordinates are filled. The same `seed` and `draw` give the same instrument errors in every
-    /// trial of a subject.
-    fn draw(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, seed: u64, draw: u64) -> Motion;
-}
 
 /// The floor over the windows of one kind of motion.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -133,6 +125,28 @@ pub struct NoiseFloor {
     /// In every group of the breakdown.
     #[serde(default)]
     pub groups: Vec<GroupFloor>,
+}
+
+/// Share of a mean square not explained by the floor.
+pub(crate) fn explainable(size: f64, floor: f64) -> f64 {
+    if size > 0.0 { (1.0 - (floor / size).powi(2)).max(0.0) } else { 0.0 }
+}
+
+impl Group {
+    /// The floor of this group.
+    pub fn floor<'a>(&self, floor: Option<&'a NoiseFloor>) -> Option<&'a GroupFloor> {
+        floor?.groups.iter().find(|f| f.by == self.by && f.name == self.name)
+    }
+    /// Share of the mean square error not explained by noise, on frames and over windows; none
+    /// where the noise is unknown.
+    pub fn explainable(&self, floor: Option<&NoiseFloor>) -> (Option<f64>, Option<f64>) {
+        let Some(f) = self.floor(floor) else { return (None, None) };
+        let share = |n: usize, noise: usize, size: f64, by: f64| (n > 0 && noise > 0).then(|| explainable(size, by));
+        (
+            share(self.errors.frames, f.errors.frames, self.errors.size(), f.errors.size()),
+            share(self.windows.windows, f.windows.windows, self.windows.size(), f.windows.size()),
+        )
+    }
 }
 
 /// Filters a motion as the motion of the comparison was filtered; `None` where that fails.

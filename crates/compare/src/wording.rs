@@ -1,7 +1,8 @@
 //! Describes in words where a model has its largest errors.
 
 use crate::breakdown::{Group, GroupedBy};
-use crate::{ModelComparison, NoiseFloor};
+use crate::comparison::ModelComparison;
+use crate::noise_floor::{NoiseFloor, explainable};
 
 /// Ratio from which a difference between groups is reported.
 const REMARKABLE: f64 = 1.5;
@@ -180,11 +181,6 @@ fn figures(x: f64) -> String {
     }
     let decimals = (1.0 - size.log10().floor()) as usize;
     format!("{x:.decimals$}")
-}
-
-/// Share of a mean square not explained by the floor.
-pub(crate) fn explainable(size: f64, floor: f64) -> f64 {
-    if size > 0.0 { (1.0 - (floor / size).powi(2)).max(0.0) } else { 0.0 }
 }
 
 fn pair(force_n: f64, moment_nm: f64) -> String {

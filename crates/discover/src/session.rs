@@ -11,7 +11,7 @@ use crate::problem::{Domain, Problem};
 use aloft_body::{BaseParameters, Model, Motion, Phi};
 use aloft_effects::{Columns, Effect, PlateSeries, Scene, Series, Span, Target, TrialMotion};
 use aloft_identify::Prior;
-use aloft_regressor::weak::{Origin, WeakRows, force_scale_n};
+use aloft_regressor::weak_windows::{Origin, WeakRows, force_scale_n};
 use aloft_regressor::{Acting, Factor, RegressorError, Stretch, StretchKind, WeakOptions, weak_rows};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use rayon::prelude::*;

@@ -44,6 +44,7 @@ mod error;
 mod formula;
 mod inertia;
 mod instance;
+mod link_resistance;
 mod scene;
 mod series;
 mod target;

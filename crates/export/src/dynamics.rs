@@ -6,8 +6,9 @@
 //! joint. No external force acts at the root, so the remaining wrench there is the residual of the
 //! model.
 
-use crate::loads::{Load, assign, parts};
-use crate::{CoordinateSeries, PlateAtFrames, SubjectExport};
+use crate::coordinates::CoordinateSeries;
+use crate::loads::{Load, PlateAtFrames, assign, parts};
+use crate::subject::SubjectExport;
 use aloft_body::{JointKind, Model, Motion, State};
 use nalgebra::{Vector3, Vector6};
 

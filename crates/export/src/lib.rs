@@ -35,9 +35,14 @@ mod number;
 pub mod parquet;
 pub mod readme;
 mod storage;
+pub mod subject;
+pub mod trial;
 mod xml;
 
 pub use coordinates::{Convention, CoordinateSeries, Coordinates, Sequence};
 pub use error::ExportError;
-pub use format::{Format, InertiaSource, OutFile, PlateAtFrames, SourceFile, SubjectExport, TrialExport};
+pub use format::{Format, OutFile};
 pub use formats::FORMATS;
+pub use loads::PlateAtFrames;
+pub use subject::{InertiaSource, SubjectExport};
+pub use trial::{SourceFile, TrialExport};

@@ -7,13 +7,23 @@
 //! the root. The sum of all loads is the measured wrench for any assignment, so the residual at the
 //! root does not depend on it.
 
-use crate::{PlateAtFrames, SubjectExport};
+use crate::subject::SubjectExport;
 use aloft_body::{Motion, State};
 use aloft_signal::runs_where;
 use nalgebra::{Vector3, Vector6};
 
 /// Vertical force below which a plate has no centre of pressure, N.
 pub const LOADED_N: f64 = 20.0;
+
+/// A plate's reaction on the subject at the frames of the motion, filtered like the motion: world force (N) and moment about the
+/// world origin (N·m).
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlateAtFrames {
+    /// Name.
+    pub name: String,
+    /// One wrench per frame; NaN where missing.
+    pub wrench: Vec<Vector6<f64>>,
+}
 
 /// Load of one plate on one link, over time.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,8 +4,8 @@
 use aloft_regressor::{Columns, Factor, RowKind, Slides, Stretch};
 use aloft_study::config::Rows;
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::json::{read_json, write_json};
 use aloft_workspace::table::Table;
-use aloft_workspace::workspace::{read_json, write_json};
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 use std::path::Path;

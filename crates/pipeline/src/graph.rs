@@ -5,7 +5,9 @@ use crate::stages::STAGES;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::key::key;
-use aloft_workspace::workspace::{Manifest, ROLE, WHOLE_STUDY, Workspace};
+use aloft_workspace::manifest::{Manifest, ROLE, WHOLE_STUDY};
+use aloft_workspace::warning::Warnings;
+use aloft_workspace::workspace::Workspace;
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::Value;
@@ -42,7 +44,7 @@ pub enum Need {
 #[derive(Debug, Clone, Default)]
 pub struct StageReport {
     /// Warnings.
-    pub warnings: Vec<String>,
+    pub warnings: Warnings,
     /// Figures for tables.
     pub summary: BTreeMap<String, Value>,
 }
@@ -451,8 +453,8 @@ pub fn standing(
         return TaskState::Stale(changes);
     }
     match &m.outcome {
-        aloft_workspace::workspace::Outcome::Failed(f) => TaskState::Failed(f.clone()),
-        aloft_workspace::workspace::Outcome::Ok if m.warnings.is_empty() => TaskState::Ok,
-        aloft_workspace::workspace::Outcome::Ok => TaskState::Warning,
+        aloft_workspace::manifest::Outcome::Failed(f) => TaskState::Failed(f.clone()),
+        aloft_workspace::manifest::Outcome::Ok if m.warnings.is_empty() => TaskState::Ok,
+        aloft_workspace::manifest::Outcome::Ok => TaskState::Warning,
     }
 }

@@ -8,7 +8,9 @@ use aloft_study::config::Rows;
 use aloft_trial::Trial;
 use aloft_workspace::artifact::{load_markers, load_motion, load_trial, load_trial_without_points};
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::workspace::{Manifest, WHOLE_STUDY, Workspace, read_json};
+use aloft_workspace::json::read_json;
+use aloft_workspace::manifest::{Manifest, WHOLE_STUDY};
+use aloft_workspace::workspace::Workspace;
 use std::path::PathBuf;
 
 /// Results in a workspace.

@@ -2,200 +2,26 @@
 //! other trials. Subjects and sessions run in parallel, too: the trials of all of them share one
 //! pool of threads.
 
-use crate::graph::{self, Manifests, Stage, StageInputs, TaskState};
+use crate::graph::{self, Manifests, Stage, TaskState};
 pub use crate::progress::{Plan, Progress, Silent};
+pub use crate::run_report::{BatchReport, Ended, RunReport, StudyRun, TaskReport};
+pub use crate::selection::Selection;
+use crate::selection::{stage_range, trial_filter};
 use crate::stages::STAGES;
+use crate::task::Task;
 use crate::trial_threads::TrialThreads;
+use crate::write_queue::{TO_THE_DISK, run_tasks};
 use aloft_study::data_set::DataSet;
-use aloft_study::recordings::SessionId;
 use aloft_study::revision::Revisions;
 use aloft_study::subject_session::{SubjectSession, TrialEntry};
-use aloft_workspace::disk;
-use aloft_workspace::error::{PipelineError, StageFailure};
-use aloft_workspace::workspace::{Complete, Manifest, Outcome, WHOLE_STUDY, Workspace, WorkspaceLock};
-use globset::{Glob, GlobSet, GlobSetBuilder};
-use std::collections::BTreeMap;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::lock::WorkspaceLock;
+use aloft_workspace::manifest::WHOLE_STUDY;
+use aloft_workspace::workspace::Workspace;
+use globset::GlobSet;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, mpsc};
-use std::time::{Duration, Instant};
-
-/// Selection of what to run.
-#[derive(Debug, Clone, Default)]
-pub struct Selection {
-    /// First stage.
-    pub from: Option<String>,
-    /// Only this stage.
-    pub only: Option<String>,
-    /// Last stage.
-    pub until: Option<String>,
-    /// Patterns of trial names; all if empty.
-    pub trials: Vec<String>,
-    /// Also run what is up to date.
-    pub force: bool,
-    /// Report what would run, and run nothing.
-    pub dry_run: bool,
-    /// Work on the workspace at the same time as other runs, each on tasks of its own.
-    pub shared: bool,
-    /// Wait for another run that holds the workspace, instead of failing with an error that names
-    /// it.
-    pub wait: bool,
-}
-
-impl Selection {
-    fn patience(&self) -> Duration {
-        if self.wait { Duration::MAX } else { Duration::ZERO }
-    }
-}
-
-/// Outcome of one task in this run.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Ended {
-    /// It ran and gave results.
-    Ran,
-    /// It was up to date.
-    UpToDate,
-    /// It would run (dry run), for this reason.
-    WouldRun(String),
-    /// It ran and failed.
-    Failed(StageFailure),
-    /// It could not run, for this reason.
-    Blocked(String),
-}
-
-/// Report of one task.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TaskReport {
-    /// Stage.
-    pub stage: &'static str,
-    /// Trial, or [`WHOLE_STUDY`].
-    pub trial: String,
-    /// Outcome.
-    pub ended: Ended,
-    /// Warnings.
-    pub warnings: Vec<String>,
-    /// Wall time, s.
-    pub seconds: f64,
-}
-
-/// Report of a run.
-#[derive(Debug, Clone, Default)]
-pub struct RunReport {
-    /// All tasks, in order of stages, then trials.
-    pub tasks: Vec<TaskReport>,
-    /// What the run found in the workspace and repaired or left alone, in words.
-    pub notes: Vec<String>,
-    /// Results that could not be written to disk, in words: their tasks count as failed, and the
-    /// earlier results remain in place.
-    pub unwritten: Vec<String>,
-    /// Wall time, s.
-    pub seconds: f64,
-}
-
-impl RunReport {
-    /// Tasks that failed.
-    pub fn failures(&self) -> impl Iterator<Item = (&TaskReport, &StageFailure)> {
-        self.tasks.iter().filter_map(|t| match &t.ended {
-            Ended::Failed(f) => Some((t, f)),
-            _ => None,
-        })
-    }
-    /// Number of tasks that ran.
-    pub fn ran(&self) -> usize {
-        self.tasks.iter().filter(|t| t.ended == Ended::Ran).count()
-    }
-    /// Number of tasks that were up to date.
-    pub fn up_to_date(&self) -> usize {
-        self.tasks.iter().filter(|t| t.ended == Ended::UpToDate).count()
-    }
-    /// True if some task failed or could not run.
-    pub fn has_trouble(&self) -> bool {
-        self.tasks.iter().any(|t| matches!(t.ended, Ended::Failed(_) | Ended::Blocked(_)))
-    }
-}
-
-/// Report of a run for one subject's session.
-#[derive(Debug)]
-pub struct StudyRun {
-    /// Subject and session.
-    pub id: SessionId,
-    /// The tasks; an error if the run could not begin (in that case nothing of this study was
-    /// changed).
-    pub report: Result<RunReport, PipelineError>,
-}
-
-/// Report of a run over several studies.
-#[derive(Debug, Default)]
-pub struct BatchReport {
-    /// In the order of the studies.
-    pub runs: Vec<StudyRun>,
-    /// Wall time, s.
-    pub seconds: f64,
-}
-
-impl BatchReport {
-    /// Reports of the studies whose run could begin.
-    pub fn reports(&self) -> impl Iterator<Item = (&SessionId, &RunReport)> {
-        self.runs.iter().filter_map(|r| r.report.as_ref().ok().map(|report| (&r.id, report)))
-    }
-    /// True if some task failed or could not run, or some study could not begin.
-    pub fn has_trouble(&self) -> bool {
-        self.runs.iter().any(|r| r.report.as_ref().map_or(true, RunReport::has_trouble))
-    }
-}
-
-/// Index of the stage with this name; an error that lists all stages if there is none.
-pub fn stage_index(name: &str) -> Result<usize, PipelineError> {
-    STAGES.iter().position(|s| s.name == name).ok_or_else(|| {
-        let known: Vec<&str> = STAGES.iter().map(|s| s.name).collect();
-        PipelineError::request_hint(
-            format!("there is no stage `{name}`"),
-            format!("the stages are {}", known.join(", ")),
-        )
-    })
-}
-
-fn stage_range(selection: &Selection) -> Result<(usize, usize), PipelineError> {
-    if let Some(only) = &selection.only {
-        let i = stage_index(only)?;
-        return Ok((i, i + 1));
-    }
-    let from = selection.from.as_deref().map_or(Ok(0), stage_index)?;
-    let until = selection.until.as_deref().map_or(Ok(STAGES.len()), |u| stage_index(u).map(|i| i + 1))?;
-    if from >= until {
-        return Err(PipelineError::request("--from names a stage that comes after --until"));
-    }
-    Ok((from, until))
-}
-
-/// Trials that match the patterns, over all studies; none if no pattern is given. A pattern that
-/// matches nothing is an error.
-pub fn trial_filter(studies: &[&SubjectSession], patterns: &[String]) -> Result<Option<GlobSet>, PipelineError> {
-    if patterns.is_empty() {
-        return Ok(None);
-    }
-    let mut builder = GlobSetBuilder::new();
-    for p in patterns {
-        builder.add(Glob::new(p).map_err(|e| PipelineError::request(format!("--trial {p}: {}", e.kind())))?);
-    }
-    let set = builder.build().map_err(|e| PipelineError::request(e.to_string()))?;
-    let trials = || studies.iter().flat_map(|s| &s.trials);
-    if !trials().any(|t| set.is_match(&t.name)) {
-        let mut names: Vec<&str> = trials().map(|t| t.name.as_str()).collect();
-        names.sort_unstable();
-        names.dedup();
-        return Err(PipelineError::request_hint(
-            format!("no trial matches {}", patterns.join(", ")),
-            format!("the trials are {}", names.join(", ")),
-        ));
-    }
-    Ok(Some(set))
-}
-
-struct Task<'s> {
-    trial: Option<&'s TrialEntry>,
-    inputs: graph::TaskInputs,
-}
+use std::time::Instant;
 
 /// Maximum number of tasks that the selection may run, and how long they took before.
 fn plan(studies: &[&SubjectSession], (from, until): (usize, usize), filter: Option<&GlobSet>) -> Plan {
@@ -222,11 +48,6 @@ fn plan(studies: &[&SubjectSession], (from, until): (usize, usize), filter: Opti
         plan.seconds[i] = (n > 0.0).then(|| sum / n);
     }
     plan
-}
-
-/// True for a run that needs the workspace for itself.
-fn alone(selection: &Selection) -> bool {
-    !selection.dry_run && !selection.shared
 }
 
 /// Runs the selected stages of one study.
@@ -279,7 +100,7 @@ pub fn run_all(set: &DataSet, selection: &Selection, progress: &dyn Progress) ->
     let members: Vec<&SubjectSession> = set.members.iter().collect();
     let filter = trial_filter(&members, &selection.trials)?;
     let whole = Workspace::open(&set.workspace);
-    let _lock = if alone(selection) { Some(whole.lock(selection.patience())?) } else { None };
+    let _lock = if selection.alone() { Some(whole.lock(selection.patience())?) } else { None };
     let _shared = if selection.shared && !selection.dry_run { Some(whole.lock_shared()?) } else { None };
     progress.begin(&plan(&members, range, filter.as_ref()));
     let next = AtomicUsize::new(0);
@@ -332,12 +153,12 @@ fn run_study(
         return Ok(RunReport::default());
     }
     let workspace = Workspace::open(&session.workspace);
-    let _lock = if alone(selection) { Some(workspace.lock(selection.patience())?) } else { None };
+    let _lock = if selection.alone() { Some(workspace.lock(selection.patience())?) } else { None };
     let _shared = if selection.shared && !selection.dry_run { Some(workspace.lock_shared()?) } else { None };
     // another process may have changed the model while this one waited
     let session = &session.refreshed()?;
     let mut notes = Vec::new();
-    if alone(selection) {
+    if selection.alone() {
         let mut model = Revisions::load(&session.workspace)?;
         if let Some(pending) = model.pending.take() {
             model.save(&session.workspace)?;
@@ -439,112 +260,6 @@ fn run_stages(
     Ok(report)
 }
 
-/// Advice if a result cannot be written to disk.
-const TO_THE_DISK: &str = "make room on the disk or make it writable, and run again: what is done is kept";
-
-/// A completed task: its manifest, its report, and the reason if its result could not be put in
-/// place.
-type Done = (Manifest, TaskReport, Option<String>);
-
-/// Runs the tasks of a stage. While the next tasks run, finished results are written to disk, all
-/// waiting ones at once.
-fn run_tasks(
-    stage: &'static Stage,
-    todo: &[Task<'_>],
-    session: &SubjectSession,
-    selection: &Selection,
-    workspace: &Workspace,
-    threads: &TrialThreads,
-    progress: &dyn Progress,
-) -> Result<Vec<Done>, PipelineError> {
-    // each waiting result holds an open file, and some systems allow only 256 of them
-    let at_once = threads.share(32);
-    let syncs = threads.share(disk::SYNCS);
-    let tell = |done: Done| {
-        progress.task(&session.id, &done.1);
-        done
-    };
-    let (hand_over, handed) = mpsc::sync_channel::<(Complete, TaskReport)>(at_once);
-    // the closure owns the receiver, so that no sender waits forever if it panics
-    let place = move || {
-        let mut out = Vec::new();
-        // the loop ends when every sender is dropped
-        while let Ok(first) = handed.recv() {
-            let batch = std::iter::once(first).chain(handed.try_iter().take(at_once - 1));
-            let (batch, reports): (Vec<Complete>, Vec<TaskReport>) = batch.unzip();
-            let placed = workspace.place_all(batch, syncs).into_iter().zip(reports);
-            out.extend(placed.map(|((manifest, done), report)| tell(in_place(manifest, report, done))));
-        }
-        out
-    };
-    // returns none if the result was handed over
-    let one = |task: &Task<'_>,
-               hand_over: &mpsc::SyncSender<(Complete, TaskReport)>|
-     -> Result<Option<Done>, PipelineError> {
-        let name = task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
-        let _alone = if selection.shared { Some(workspace.lock_task(stage.name, name)?) } else { None };
-        if selection.shared
-            && !selection.force
-            && let Some((manifest, report)) = made_meanwhile(stage, task, session, workspace)
-        {
-            return Ok(Some((manifest, report, None)));
-        }
-        let (complete, report) = match run_task(stage, task, session, workspace) {
-            Ok(made) => made,
-            Err(e) => return Ok(Some(tell(not_made(stage, task, session, e)))),
-        };
-        if selection.shared {
-            // a job that shares the workspace keeps the lock on its result until the result is in
-            // place
-            let placed = workspace.place_all(vec![complete], syncs).into_iter().zip([report]);
-            return Ok(placed.map(|((manifest, done), report)| tell(in_place(manifest, report, done))).next());
-        }
-        hand_over.send((complete, report)).map_err(|_| stopped())?;
-        Ok(None)
-    };
-    std::thread::scope(|scope| {
-        // a separate thread, not one of rayon's: those may all be waiting for it
-        let placing = std::thread::Builder::new().spawn_scoped(scope, place);
-        let placing = placing.map_err(|e| PipelineError::request(format!("cannot begin a thread: {e}")))?;
-        let results: Vec<Result<Option<Done>, PipelineError>> = threads.each(todo, |task| one(task, &hand_over));
-        drop(hand_over);
-        let mut out = placing.join().map_err(|_| stopped())?;
-        for result in results {
-            out.extend(result?);
-        }
-        Ok(out)
-    })
-}
-
-/// Error if the thread that puts results in place panicked.
-fn stopped() -> PipelineError {
-    PipelineError::request_hint(
-        "results could not be put into their places: an internal error",
-        "this is a defect of aloft, not of your data; please report it with the line above",
-    )
-}
-
-/// A task after its result was put in place. If that went wrong, the task counts as failed, also
-/// for tasks of this run that read it.
-fn in_place(mut manifest: Manifest, mut report: TaskReport, done: Result<(), PipelineError>) -> Done {
-    let Err(e) = done else { return (manifest, report, None) };
-    let problem = format!("the result could not be written: {e}");
-    let unwritten = format!("{} of {}: {problem}", manifest.stage, manifest.trial);
-    let failure = StageFailure::with_hint(problem, TO_THE_DISK);
-    manifest.outcome = Outcome::Failed(failure.clone());
-    report.ended = Ended::Failed(failure);
-    report.warnings.clear();
-    (manifest, report, Some(unwritten))
-}
-
-/// A task whose result could not be written at all.
-fn not_made(stage: &'static Stage, task: &Task<'_>, session: &SubjectSession, error: PipelineError) -> Done {
-    let manifest = empty_manifest(stage, task, session);
-    let trial = manifest.trial.clone();
-    let report = TaskReport { stage: stage.name, trial, ended: Ended::Ran, warnings: Vec::new(), seconds: 0.0 };
-    in_place(manifest, report, Err(error))
-}
-
 fn upstream_will_change(
     stage: &Stage,
     trial: Option<&TrialEntry>,
@@ -617,105 +332,4 @@ fn refuse_if_not_current(
         ));
     }
     Ok(())
-}
-
-/// The result of a task that another run has completed since this run looked.
-fn made_meanwhile(
-    stage: &Stage,
-    task: &Task<'_>,
-    session: &SubjectSession,
-    workspace: &Workspace,
-) -> Option<(Manifest, TaskReport)> {
-    let name = task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
-    workspace.forget(stage.name, name);
-    let manifest = workspace.manifest(stage.name, name)?;
-    let inputs = graph::TaskInputs { own_damage: workspace.damage(stage.name, name), ..task.inputs.clone() };
-    if !graph::standing(stage, task.trial, session, &inputs, Some(&manifest)).is_current() {
-        return None;
-    }
-    let (trial, warnings) = (name.to_owned(), manifest.warnings.clone());
-    let report = TaskReport { stage: stage.name, trial, ended: Ended::UpToDate, warnings, seconds: 0.0 };
-    Some((manifest, report))
-}
-
-/// Checks that a recording did not change between hashing and reading; otherwise the result would
-/// be stored under a wrong hash.
-fn unchanged_meanwhile(stage: &Stage, task: &Task<'_>, workspace: &Workspace) -> Result<(), StageFailure> {
-    let Some(trial) = task.trial.filter(|_| stage.needs.contains(&graph::Need::Recording)) else { return Ok(()) };
-    for path in std::iter::once(&trial.file).chain(&trial.forces).chain(&trial.beside) {
-        let hash = workspace.input_hash(path)?;
-        if !task.inputs.hashes.values().any(|h| *h == hash) {
-            return Err(StageFailure::with_hint(
-                format!("{} changed while it was read", path.display()),
-                "run again when nothing writes to the recordings",
-            ));
-        }
-    }
-    Ok(())
-}
-
-/// Manifest of a result before it is made.
-fn empty_manifest(stage: &Stage, task: &Task<'_>, session: &SubjectSession) -> Manifest {
-    Manifest {
-        stage: stage.name.to_owned(),
-        trial: task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str()).to_owned(),
-        version: stage.version,
-        parameters: (stage.parameters)(session, task.trial),
-        inputs: task.inputs.hashes.clone(),
-        outcome: Outcome::Ok,
-        warnings: Vec::new(),
-        summary: BTreeMap::new(),
-        output: String::new(),
-        files: BTreeMap::new(),
-        seconds: 0.0,
-        program: env!("CARGO_PKG_VERSION").to_owned(),
-    }
-}
-
-fn run_task(
-    stage: &'static Stage,
-    task: &Task<'_>,
-    session: &SubjectSession,
-    workspace: &Workspace,
-) -> Result<(Complete, TaskReport), PipelineError> {
-    let name = task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
-    let scratch = workspace.scratch(stage.name, name)?;
-    let started = Instant::now();
-    let inputs = StageInputs::new(stage, task.trial, session, workspace, &task.inputs.ready, &scratch);
-    let result = catch_unwind(AssertUnwindSafe(|| (stage.run)(session, task.trial, &inputs))).unwrap_or_else(|panic| {
-        let what = panic
-            .downcast_ref::<String>()
-            .map(String::as_str)
-            .or_else(|| panic.downcast_ref::<&str>().copied())
-            .unwrap_or("no message");
-        Err(StageFailure::with_hint(
-            format!("{name}: the stage {} stopped with an internal error: {what}", stage.name),
-            "this is a defect of aloft, not of your data; please report it with this line",
-        ))
-    });
-    let seconds = started.elapsed().as_secs_f64();
-    let result = result.and_then(|done| unchanged_meanwhile(stage, task, workspace).map(|()| done));
-    let (outcome, done) = match result {
-        Ok(done) => (Outcome::Ok, done),
-        Err(failure) => {
-            // files written by a failed stage are not a result
-            disk::remove_dir_all(&scratch)?;
-            disk::create_dir_all(&scratch)?;
-            (Outcome::Failed(failure), graph::StageReport::default())
-        }
-    };
-    let manifest = Manifest {
-        outcome: outcome.clone(),
-        warnings: done.warnings.clone(),
-        summary: done.summary,
-        seconds,
-        ..empty_manifest(stage, task, session)
-    };
-    let complete = workspace.complete(scratch, manifest)?;
-    let ended = match outcome {
-        Outcome::Ok => Ended::Ran,
-        Outcome::Failed(f) => Ended::Failed(f),
-    };
-    let report = TaskReport { stage: stage.name, trial: name.to_owned(), ended, warnings: done.warnings, seconds };
-    Ok((complete, report))
 }

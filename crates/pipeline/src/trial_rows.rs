@@ -6,7 +6,7 @@ use crate::stages::filter::low_pass;
 use aloft_body::{BaseParameters, Motion, Subject};
 use aloft_effects::{PlateSeries, Scene, Span, TrialMotion, columns_about};
 use aloft_flight::{FlightReport, plate_wrench_at_marker_rate, total_wrench};
-use aloft_regressor::weak::force_scale_n;
+use aloft_regressor::weak_windows::force_scale_n;
 use aloft_regressor::{EffectColumns, Stretch, StretchKind};
 use aloft_study::calendar::Calendar;
 use aloft_study::config::FilterConfig;

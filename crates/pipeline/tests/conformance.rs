@@ -76,7 +76,7 @@ fn every_shipped_pipeline_parses() {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         let text = std::fs::read_to_string(&path).unwrap();
-        aloft_study::config::parse_yaml::<aloft_study::config::PipelineConfig>(&path.display().to_string(), &text)
+        aloft_study::ranges::parse_yaml::<aloft_study::config::PipelineConfig>(&path.display().to_string(), &text)
             .unwrap();
         n += 1;
     }

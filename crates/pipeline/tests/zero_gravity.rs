@@ -14,7 +14,8 @@ use aloft_regressor::{
 use aloft_simulate::{Scenario, simulate};
 use aloft_study::subject_session::{Overrides, SubjectSession};
 use aloft_workspace::artifact::load_motion;
-use aloft_workspace::workspace::{WHOLE_STUDY, Workspace};
+use aloft_workspace::manifest::WHOLE_STUDY;
+use aloft_workspace::workspace::Workspace;
 use std::path::Path;
 
 /// Writes a laboratory with this gravity to disk and runs its pipeline until the motion is
@@ -22,7 +23,7 @@ use std::path::Path;
 fn laboratory(gravity_mps2: f64, folder: &Path) -> (SubjectSession, serde_json::Value) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let text = std::fs::read_to_string(root.join("fixtures/scenarios/demo.yaml")).unwrap();
-    let mut scenario: Scenario = aloft_study::config::parse_yaml("scenario", &text).unwrap();
+    let mut scenario: Scenario = aloft_study::ranges::parse_yaml("scenario", &text).unwrap();
     scenario.hidden.clear();
     scenario.seed = 77;
     scenario.capture.gravity_mps2 = gravity_mps2;

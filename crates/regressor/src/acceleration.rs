@@ -4,7 +4,7 @@
 //! Input: filtered `Motion` and flights; output: one [`Factor`] per stretch.
 
 use crate::stretch::Acting;
-use crate::weak::check_base;
+use crate::weak_windows::check_base;
 use crate::{Columns, Factor, RegressorError, RowKind, Stretch, StretchKind};
 use aloft_body::{BaseParameters, FrameBatch, LANES, Model, Motion, State};
 use faer::Mat;

@@ -1,13 +1,14 @@
 //! Weak rows of one body with known parameters: the wrench that its motion requires, window by
 //! window, without the columns of the base parameters.
 //!
-//! The same sums as in [`crate::weak`], with C, P and H of the whole body in place of those of each
-//! base parameter. If only the wrench of one model is needed (repeated draws of errors for the
-//! noise floor of a comparison) this takes a tenth of the time.
+//! The same sums as in [`crate::weak_windows`], with C, P and H of the whole body in place of those
+//! of each base parameter. If only the wrench of one model is needed (repeated draws of errors for
+//! the noise floor of a comparison) this takes a tenth of the time.
 
 use crate::stretch::Acting;
 use crate::test_function::{TestFunction, window_centers};
-use crate::weak::{fit_origin, run_velocities, valid_runs};
+use crate::velocities::{run_velocities, valid_runs};
+use crate::weak_windows::fit_origin;
 use crate::{RegressorError, Stretch, WeakOptions};
 use aloft_body::{Model, Motion, Phi, State};
 use nalgebra::{SMatrix, Vector3, Vector6};

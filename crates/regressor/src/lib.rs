@@ -13,12 +13,16 @@ pub mod acceleration;
 mod body_windows;
 mod error;
 pub mod factor;
+#[cfg(test)]
+mod four_joints;
 pub mod noise;
 pub mod stretch;
 pub mod test_function;
 pub mod tissue;
 mod triangle;
+mod velocities;
 pub mod weak;
+pub mod weak_windows;
 
 pub use acceleration::{AccelerationOptions, AccelerationRows, acceleration_factor};
 pub use body_windows::{BodyWindows, body_windows};
@@ -28,4 +32,5 @@ pub use noise::{CoordinateNoise, Noise};
 pub use stretch::{Acting, EffectColumns, Stretch, StretchKind};
 pub use test_function::TestFunction;
 pub use tissue::{Slides, Tissue};
-pub use weak::{WeakOptions, WeakRows, body_radius_m, weak_factor, weak_factor_with_tissue, weak_rows};
+pub use weak::{body_radius_m, weak_factor, weak_factor_with_tissue};
+pub use weak_windows::{WeakOptions, WeakRows, weak_rows};

@@ -9,7 +9,8 @@
 //! the noise, never on residuals; even so, ranking of effects should use fixed weights.
 
 use crate::body_windows::moments;
-use crate::weak::{CENTRAL, Velocity, WeakRows};
+use crate::velocities::{CENTRAL, Velocity};
+use crate::weak_windows::WeakRows;
 use crate::{RegressorError, Stretch};
 use aloft_body::{JointKind, Model, ModelMarker, Motion, Phi, State};
 use faer::Mat;

@@ -13,7 +13,8 @@
 //! predicts a marker residual, which is scaled to the residuals of the recording after subtraction
 //! of their white noise.
 
-use crate::weak::{CENTRAL, WeakRows, run_velocities, valid_runs};
+use crate::velocities::{CENTRAL, run_velocities, valid_runs};
+use crate::weak_windows::WeakRows;
 use crate::{RegressorError, Stretch};
 use aloft_body::inertia::steiner;
 use aloft_body::{JointKind, Model, ModelMarker, Motion, Phi, State};
@@ -405,7 +406,7 @@ impl Changes {
         Self { series, fixed, draws }
     }
 
-    /// The six sums (× realisation) of a window that begins at frame `begin` of the series (see `weak::window_weights`).
+    /// The six sums (× realisation) of a window that begins at frame `begin` of the series (see `weak_windows::window_weights`).
     fn window(&self, rows: &WeakRows, w: usize, begin: usize, gravity: &Vector3<f64>, rate_hz: f64) -> Vec<f64> {
         let draws = self.draws;
         let mut out = vec![0.0; 6 * draws];
@@ -460,29 +461,16 @@ impl Normal {
 mod tests {
     use super::*;
     use crate::body_windows::moments;
-    use crate::weak::weak_rows;
+    use crate::four_joints::four_joints;
+    use crate::weak_windows::weak_rows;
     use crate::{Acting, WeakOptions};
-    use aloft_body::{BaseParameters, JointSpec, LinkInertia, LinkSpec, ModelSpec};
+    use aloft_body::{BaseParameters, LinkInertia};
     use nalgebra::{Matrix3, SMatrix};
 
     const STEP: f64 = 1e-5;
 
     fn body() -> (Model, Vec<Phi>, Vec<ModelMarker>, Motion) {
-        let link = |name: &str, parent: Option<&str>, joint| LinkSpec {
-            name: name.into(),
-            parent: parent.map(Into::into),
-            joint,
-            position_m: [0.1, 0.2, -0.1],
-            rpy_rad: [0.3, 0.0, -0.2],
-            inertia: None,
-        };
-        let links = vec![
-            link("a", None, JointSpec::Free),
-            link("b", Some("a"), JointSpec::Spherical),
-            link("c", Some("b"), JointSpec::Revolute([0.6, 0.0, 0.8])),
-            link("d", Some("a"), JointSpec::Prismatic([0.0, 1.0, 0.0])),
-        ];
-        let model = Model::from_spec(&ModelSpec { name: "all joints".into(), links }).unwrap();
+        let model = four_joints();
         let phi = (0..4)
             .map(|l| {
                 let l = f64::from(l);

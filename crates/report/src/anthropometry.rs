@@ -7,7 +7,8 @@ use aloft_identify::{LinkEstimate, Parameters, half_of};
 use aloft_page::{Block, Dots, Figure, Section, Words};
 use aloft_scale::{Anthropometry, StaticAnatomy, attach_prior};
 use aloft_study::catalog;
-use aloft_workspace::workspace::{WHOLE_STUDY, read_json};
+use aloft_workspace::json::read_json;
+use aloft_workspace::manifest::WHOLE_STUDY;
 use std::path::Path;
 
 /// The tables of the catalogue.

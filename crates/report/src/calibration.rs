@@ -3,7 +3,8 @@
 use super::story::Story;
 use super::wording::{card, number};
 use aloft_page::{Block, Dots, Figure, Light, Section, Table, Words};
-use aloft_workspace::workspace::{WHOLE_STUDY, read_json};
+use aloft_workspace::json::read_json;
+use aloft_workspace::manifest::WHOLE_STUDY;
 use serde::Deserialize;
 
 /// Contents of the report of `calibrate`; missing values are allowed.

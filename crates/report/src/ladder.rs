@@ -2,6 +2,7 @@
 
 use super::story::Story;
 use super::wording::{maybe, number, plus_minus};
+use aloft_analysis::compare::JudgedOn;
 use aloft_analysis::history::HistoryRow;
 use aloft_page::{Block, Cell, Figure, Light, Panel, Section, Series, Table, Words};
 use aloft_study::revision::Judged;
@@ -16,7 +17,8 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
     let of = |get: &dyn Fn(&HistoryRow) -> Option<f64>| {
         rungs.iter().map(|r| get(r).unwrap_or(f64::NAN)).collect::<Vec<f64>>()
     };
-    let judged = rungs.iter().rev().find_map(|r| r.judged_on.clone()).unwrap_or_else(|| "held-out motion".to_owned());
+    let judged_on = rungs.iter().rev().find_map(|r| r.judged_on);
+    let judged = judged_on.map_or("held-out motion", JudgedOn::words);
     let ticks: Vec<String> = rungs
         .iter()
         .map(|r| if r.revision == 0 { "0: plain".to_owned() } else { format!("{}: {}", r.revision, r.action) })
@@ -58,7 +60,7 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
     );
     let mut blocks: Vec<Block> = vec![figure.into(), table.into()];
     // compare the first and the last revision on the same motion: that on which the last was judged
-    let in_flight = judged.contains("flight");
+    let in_flight = judged_on == Some(JudgedOn::Flight);
     let on = |r: &HistoryRow| if in_flight { r.flight } else { r.contact };
     if let (Some(first), Some(last)) = (rungs.first().and_then(on), rungs.last())
         && let Some((first, now, floor)) = on(last).and_then(|j| Some((first.error_n, j.error_n, j.noise_n?)))

@@ -44,7 +44,7 @@ const RECORDINGS: &str = "Recordings";
 pub fn write(session: &SubjectSession, out: Option<&Path>) -> Result<PathBuf, PipelineError> {
     let html = render(&page(session)?).map_err(|e| PipelineError::request(e.to_string()))?;
     let path = out.map_or_else(|| session.workspace.join("report.html"), Path::to_path_buf);
-    aloft_workspace::workspace::write_whole(&path, html.as_bytes())?;
+    aloft_workspace::disk::write_whole(&path, html.as_bytes())?;
     Ok(path)
 }
 
@@ -56,7 +56,7 @@ pub fn write_group(
     out: &Path,
 ) -> Result<PathBuf, PipelineError> {
     let html = render(&group::page(title, members, absent)?).map_err(|e| PipelineError::request(e.to_string()))?;
-    aloft_workspace::workspace::write_whole(out, html.as_bytes())?;
+    aloft_workspace::disk::write_whole(out, html.as_bytes())?;
     Ok(out.to_path_buf())
 }
 

@@ -2,8 +2,9 @@
 
 use super::story::{Story, TrialStory};
 use super::wording::number;
-use aloft_flight::FlightReport;
 use aloft_page::Light;
+use aloft_workspace::qc::QcReason;
+use aloft_workspace::warning::StageWarning;
 
 /// Marker error, RMS, mm: 20 mm is the usual limit for inverse kinematics (OpenSim's best
 /// practices).
@@ -73,9 +74,11 @@ pub fn remarks(t: &TrialStory<'_>) -> Vec<(Light, String)> {
     }
     // plates that were never unloaded cannot be tared: mentioned, but not counted as a fault of the
     // recording
-    let untared: Vec<String> = t.flights.iter().flat_map(FlightReport::untared).map(String::from).collect();
-    let weight = |w: &String| if untared.contains(w) { Light::Neutral } else { Light::Fair };
-    out.extend(t.warnings.iter().map(|w| (weight(w), w.clone())));
+    let weight = |w: &StageWarning| match w.reason {
+        QcReason::UntaredPlate => Light::Neutral,
+        _ => Light::Fair,
+    };
+    out.extend(t.warnings.iter().map(|w| (weight(w), w.text.clone())));
     out.sort_by_key(|r| std::cmp::Reverse(r.0));
     out
 }

@@ -5,7 +5,7 @@ use super::STUDY;
 use super::story::Story;
 use aloft_page::{Block, Chapter, Light, Section, Table};
 use aloft_pipeline::stages::STAGES;
-use aloft_workspace::workspace::WHOLE_STUDY;
+use aloft_workspace::manifest::WHOLE_STUDY;
 
 /// The chapter.
 pub fn chapter(story: &Story<'_>) -> Chapter {

@@ -5,10 +5,10 @@ use super::story::{Story, TrialStory};
 use aloft_body::{Motion, State, Subject};
 use aloft_flight::{PlateTare, apply_tare};
 use aloft_page::{Animation, Arrows, Figure, Words};
-use aloft_regressor::weak::force_scale_n;
+use aloft_regressor::weak_windows::force_scale_n;
 use aloft_trial::Trial;
 use aloft_workspace::artifact::load_trial;
-use aloft_workspace::workspace::read_json;
+use aloft_workspace::json::read_json;
 use nalgebra::Vector3;
 use std::ops::Range;
 

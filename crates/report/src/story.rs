@@ -14,9 +14,12 @@ use aloft_signal::residual_analysis::ResidualAnalysis;
 use aloft_study::subject_session::{SubjectSession, TrialEntry};
 use aloft_workspace::artifact::load_motion;
 use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::json::read_json;
+use aloft_workspace::manifest::{Manifest, Outcome, WHOLE_STUDY};
 use aloft_workspace::seal;
 use aloft_workspace::table::Table;
-use aloft_workspace::workspace::{Manifest, Outcome, WHOLE_STUDY, Workspace, read_json};
+use aloft_workspace::warning::StageWarning;
+use aloft_workspace::workspace::Workspace;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -69,7 +72,7 @@ pub struct TrialStory<'a> {
     /// Stages that failed.
     pub failures: Vec<(&'static str, StageFailure)>,
     /// Warnings of the stages.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<StageWarning>,
 }
 
 impl<'a> Story<'a> {

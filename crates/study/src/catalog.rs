@@ -1,7 +1,7 @@
 //! Looks up named configurations such as `human34` or `de_leva`: in a file beside the pipeline, or
 //! in the set built into the binary.
 
-use crate::config::parse_yaml;
+use crate::ranges::parse_yaml;
 use aloft_workspace::error::PipelineError;
 use include_dir::{Dir, include_dir};
 use serde::de::DeserializeOwned;

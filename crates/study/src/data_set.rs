@@ -4,9 +4,9 @@
 //! Results are in `WORKSPACE/<subject>/<session>/<stage>/<trial>/`; for a study of one subject in
 //! `WORKSPACE/<stage>/<trial>/`.
 
-use crate::config::error_at_key;
 use crate::facts::participant_ids;
 use crate::inherit::{PipelineFile, fits};
+use crate::place::error_at_key;
 use crate::quote::visible;
 use crate::recordings::{SessionId, fold, pattern, recordings_below};
 use crate::subject_session::{Overrides, Place, SubjectSession};
@@ -254,7 +254,7 @@ impl DataSet {
             .into_iter()
             .filter_entry(|e| !e.file_name().to_string_lossy().starts_with('.'))
             .flatten()
-            .filter(|e| e.path().is_dir() && !e.path().join(aloft_workspace::workspace::MARKER).is_file())
+            .filter(|e| e.path().is_dir() && !e.path().join(aloft_workspace::format::MARKER).is_file())
             .filter(|e| e.path().strip_prefix(base).is_ok_and(|r| matchers.iter().any(|m| m.is_match(r))))
             .map(walkdir::DirEntry::into_path)
             .collect();
@@ -356,7 +356,7 @@ pub fn guess_subjects(root: &Path) -> Result<Vec<PathBuf>, PipelineError> {
     let mut folders: Vec<PathBuf> = std::fs::read_dir(root)
         .map_err(PipelineError::io("list", root))?
         .filter_map(|e| e.ok().map(|e| e.path()))
-        .filter(|p| p.is_dir() && !p.join(aloft_workspace::workspace::MARKER).is_file())
+        .filter(|p| p.is_dir() && !p.join(aloft_workspace::format::MARKER).is_file())
         .collect();
     folders.sort();
     let named: Vec<PathBuf> = folders

@@ -1,7 +1,8 @@
 //! Facts about the subject or object, from the pipeline or from the laboratory's files beside the
 //! recordings.
 
-use crate::config::{GRAVITY_MPS2, HEIGHT_M, MASS_KG, PipelineConfig, SubjectConfig, error_at_key};
+use crate::config::{GRAVITY_MPS2, HEIGHT_M, MASS_KG, PipelineConfig, SubjectConfig};
+use crate::place::error_at_key;
 use crate::place::{error_at, find};
 use crate::quote;
 use crate::ranges;

@@ -6,12 +6,12 @@
 //! `overrides` for the trial. Every layer is checked separately where it is written, so that an
 //! error points at its own line.
 
-use crate::config::{
-    FlightConfig, IkConfig, ImportConfig, Override, PipelineConfig, Sections, TrialsConfig, error_at_item, parse_yaml,
-};
+use crate::config::{FlightConfig, IkConfig, ImportConfig, Override, PipelineConfig, Sections, TrialsConfig};
 use crate::old_names;
+use crate::place::error_at_item;
 use crate::place::{error_at, find};
 use crate::ranges;
+use crate::ranges::parse_yaml;
 use crate::recordings::pattern;
 use aloft_workspace::error::PipelineError;
 use serde_yaml::Value;

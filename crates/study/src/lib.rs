@@ -1,8 +1,8 @@
 //! A pipeline file bound to recordings.
 //!
 //! A [`data_set::DataSet`] is a pipeline file with a folder of recordings. Each subject and session
-//! in it is a [`study::Study`]: its configuration after inheritance, its trials and their roles,
-//! the facts about the subject, and the effects of the model's present revision.
+//! in it is a [`subject_session::SubjectSession`]: its configuration after inheritance, its trials
+//! and their roles, the facts about the subject, and the effects of the model's present revision.
 
 pub mod calendar;
 pub mod catalog;

@@ -1,4 +1,5 @@
-//! Locates nodes in a YAML text, so that errors found after parsing can point at their place, too.
+//! Errors that point at their place in a YAML text: what the parser says, and errors found after
+//! parsing, for which the place is found again in the text.
 
 use aloft_workspace::error::PipelineError;
 use miette::{NamedSource, SourceOffset, SourceSpan};
@@ -118,6 +119,97 @@ pub fn error_at(
         text: NamedSource::new(file, text.to_owned()),
         at: at.map(|(byte, length)| SourceSpan::new(SourceOffset::from(byte), length)),
         hint,
+    }
+}
+
+/// What the parser says, with its place.
+pub(crate) fn not_yaml(file: &str, text: &str, error: &serde_yaml::Error) -> PipelineError {
+    let at = error.location().map(|l| {
+        SourceSpan::new(SourceOffset::from_location(text, l.line(), l.column()), token_length(text, l.index()))
+    });
+    let full = error.to_string();
+    let problem = match full.rfind(" at line ") {
+        Some(cut) => full[..cut].to_owned(),
+        None => full,
+    };
+    let problem = match error.location() {
+        Some(l) => format!("line {}: {problem}", l.line()),
+        None => problem,
+    };
+    PipelineError::Config {
+        file: file.to_owned(),
+        problem,
+        text: NamedSource::new(file, text.to_owned()),
+        at,
+        hint: None,
+    }
+}
+
+fn token_length(text: &str, index: usize) -> usize {
+    text.get(index..).map_or(0, |rest| rest.find([' ', ':', '\n']).unwrap_or(rest.len())).max(1)
+}
+
+/// A configuration error that points at the first line on which `key:` stands.
+pub fn error_at_key(
+    file: &str,
+    text: &str,
+    key: &str,
+    problem: impl Into<String>,
+    hint: Option<String>,
+) -> PipelineError {
+    let mut offset = 0;
+    let mut at = None;
+    for line in text.split_inclusive('\n') {
+        let trimmed = line.trim_start();
+        if trimmed.starts_with(key) && trimmed[key.len()..].trim_start().starts_with(':') {
+            let start = offset + line.len() - trimmed.len();
+            at = Some(SourceSpan::new(SourceOffset::from(start), trimmed.trim_end().len()));
+            break;
+        }
+        offset += line.len();
+    }
+    PipelineError::Config {
+        file: file.to_owned(),
+        problem: problem.into(),
+        text: NamedSource::new(file, text.to_owned()),
+        at,
+        hint,
+    }
+}
+
+/// A configuration error that points at an item of the list under `key:` (at the key where items do not begin lines of their own).
+pub fn error_at_item(
+    file: &str,
+    text: &str,
+    key: &str,
+    item: usize,
+    problem: impl Into<String>,
+    hint: Option<String>,
+) -> PipelineError {
+    let mut offset = 0;
+    // where each line's words begin in the text, how far they are indented, and the words
+    let mut lines = text.split_inclusive('\n').map(|line| {
+        let indent = line.len() - line.trim_start().len();
+        offset += line.len();
+        (offset - line.len() + indent, indent, line.trim())
+    });
+    let below = lines.by_ref().find(|(_, _, l)| l.starts_with(&format!("{key}:")));
+    let list: Vec<(usize, usize, &str)> =
+        lines.take_while(|(_, indent, l)| *indent > 0 || l.is_empty() || l.starts_with(['-', '#'])).collect();
+    let own = list.iter().find(|(_, _, l)| l.starts_with("- ")).map_or(0, |(_, indent, _)| *indent);
+    let mut items = list.iter().filter(|(_, indent, l)| *indent == own && l.starts_with("- "));
+    match below.and_then(|_| items.nth(item)) {
+        Some((begin, _, line)) => {
+            let number = text[..*begin].matches('\n').count() + 1;
+            PipelineError::Config {
+                file: file.to_owned(),
+                problem: format!("line {number}: {}", problem.into()),
+                text: NamedSource::new(file, text.to_owned()),
+                at: Some(SourceSpan::new(SourceOffset::from(*begin), line.len())),
+                hint,
+            }
+        }
+        None => error_at_key(file, text, key, problem, hint),
     }
 }
 

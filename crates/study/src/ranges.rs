@@ -4,9 +4,8 @@
 //! one declaration serves `aloft schema`, `aloft check` and `aloft run`. A value is checked against
 //! its range before anything is computed from it.
 
-use crate::config::{not_yaml, parse_yaml};
 use crate::old_names;
-use crate::place::{error_at, find};
+use crate::place::{error_at, find, not_yaml};
 use aloft_workspace::error::PipelineError;
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
@@ -22,6 +21,13 @@ pub struct Outside {
     pub problem: String,
     /// Description of the setting.
     pub hint: Option<String>,
+}
+
+/// Parses YAML with errors that point at the place. A number that is none (NaN, infinite) is refused wherever it stands.
+pub fn parse_yaml<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, PipelineError> {
+    let value = serde_yaml::from_str(text).map_err(|error| not_yaml(file, text, &error))?;
+    finite(file, text)?;
+    Ok(value)
 }
 
 /// Parses YAML and checks every number against its range.

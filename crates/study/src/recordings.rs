@@ -1,6 +1,6 @@
 //! Recordings in a folder: which files hold one, their names, and the patterns that choose among them; which subject's and session's a folder is.
 
-use crate::config::error_at_key;
+use crate::place::error_at_key;
 use aloft_workspace::error::PipelineError;
 use globset::{GlobBuilder, GlobMatcher, GlobSet, GlobSetBuilder};
 use serde::{Deserialize, Serialize};
@@ -97,7 +97,7 @@ pub fn recordings_below(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
             || !e.file_type().is_dir()
             || !(name.starts_with('.')
                 || name == "derivatives"
-                || e.path().join(aloft_workspace::workspace::MARKER).is_file())
+                || e.path().join(aloft_workspace::format::MARKER).is_file())
     });
     for entry in walk {
         let entry = entry.map_err(|e| PipelineError::Io {

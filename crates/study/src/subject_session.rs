@@ -2,18 +2,19 @@
 //! and the facts about the subject.
 
 use crate::catalog;
-use crate::config::{FlightConfig, IkConfig, ImportConfig, PipelineConfig, error_at_key};
+use crate::config::{FlightConfig, IkConfig, ImportConfig, PipelineConfig};
 use crate::data_set::DataSet;
 use crate::effects::{ModelEffects, OwnEffect, check_formulas, own_effects};
 use crate::facts::{FactPlaces, Facts, find_facts};
 use crate::inherit::{PipelineFile, TrialSettings, Whose};
+use crate::place::error_at_key;
 use crate::quote;
 use crate::recordings::{SessionId, bids_beside, fold, globs, recordings_below, stem_of};
 use aloft_body::ModelSpec;
 use aloft_scale::ObjectSpec;
 use aloft_trial::MarkerSet;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::workspace::WHOLE_STUDY;
+use aloft_workspace::manifest::WHOLE_STUDY;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -192,7 +193,7 @@ impl SubjectSession {
         )?;
         let own_effects = own_effects(&config, &file, text, &dir)?;
         check_formulas(&own_effects, &model)?;
-        aloft_workspace::workspace::refuse_other_format(&place.workspace)?;
+        aloft_workspace::format::refuse_other_format(&place.workspace)?;
         let revisions = crate::revision::Revisions::load(&place.workspace)?;
         let (effects, plain_base) = (revisions.effects(), revisions.plain_base());
         Ok(Self {

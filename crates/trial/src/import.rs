@@ -33,7 +33,7 @@ impl Trial {
     /// No frames, no labelled marker, no usable rate or unit.
     pub fn from_c3d_file(name: &str, file: &C3dFile, options: &ImportOptions) -> Result<Self, TrialError> {
         let mut trial = Self { name: name.to_owned(), ..Self::default() };
-        trial.warnings.extend(file.warnings.iter().map(Warning::from));
+        trial.warnings.extend(file.warnings.iter().cloned().map(aloft_c3d::Warning::with_kind));
         read_points(&mut trial, file, options)?;
         require_content(&trial, || format!("{} points, none of them a labelled marker", file.points.len()))?;
         read_plates(&mut trial, file, options);
@@ -244,7 +244,7 @@ fn read_plates(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) {
                 continue;
             }
         };
-        trial.warnings.extend(wrench.warnings.iter().map(Warning::from));
+        trial.warnings.extend(wrench.warnings.iter().cloned().map(aloft_c3d::Warning::with_kind));
         let metres = file.metres_per_point_unit().unwrap_or(1e-3);
         let corners_m: Vec<_> = description.corners.iter().map(|c| Vector3::new(c[0], c[1], c[2]) * metres).collect();
         let known = corners_m.iter().any(|c| c.norm() > 0.0);

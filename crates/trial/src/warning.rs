@@ -1,4 +1,4 @@
-//! Import warnings: a kind, on which programs decide, and a message for people.
+//! Kinds of import warnings, for every format of recordings.
 
 use aloft_c3d::WarningKind as C3dKind;
 use serde::{Deserialize, Serialize};
@@ -47,40 +47,20 @@ pub enum WarningKind {
 }
 
 /// An irregularity that did not prevent reading.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Warning {
-    /// Kind.
-    pub kind: WarningKind,
-    /// Message, with the place in the source and the action taken.
-    pub message: String,
-}
+pub type Warning = aloft_c3d::Warning<WarningKind>;
 
-impl Warning {
-    /// Creates a warning from a kind and a message.
-    pub fn new(kind: WarningKind, message: impl Into<String>) -> Self {
-        Self { kind, message: message.into() }
-    }
-}
-
-impl std::fmt::Display for Warning {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.message)
-    }
-}
-
-impl From<&aloft_c3d::Warning> for Warning {
-    fn from(warning: &aloft_c3d::Warning) -> Self {
-        let kind = match warning.kind {
-            C3dKind::Truncated { held, stated } => WarningKind::Truncated { held, stated },
-            C3dKind::Contradiction => WarningKind::Contradiction,
-            C3dKind::Missing => WarningKind::Missing,
-            C3dKind::Labels => WarningKind::Labels,
-            C3dKind::Parameters => WarningKind::Parameters,
-            C3dKind::Events => WarningKind::Events,
-            C3dKind::Plates => WarningKind::Plates,
-            C3dKind::Analogs => WarningKind::Analogs,
-            _ => WarningKind::Unspecified,
-        };
-        Self::new(kind, warning.message.clone())
+impl From<C3dKind> for WarningKind {
+    fn from(kind: C3dKind) -> Self {
+        match kind {
+            C3dKind::Truncated { held, stated } => Self::Truncated { held, stated },
+            C3dKind::Contradiction => Self::Contradiction,
+            C3dKind::Missing => Self::Missing,
+            C3dKind::Labels => Self::Labels,
+            C3dKind::Parameters => Self::Parameters,
+            C3dKind::Events => Self::Events,
+            C3dKind::Plates => Self::Plates,
+            C3dKind::Analogs => Self::Analogs,
+            _ => Self::Unspecified,
+        }
     }
 }

@@ -1,8 +1,8 @@
 //! File formats of the data that stages exchange.
 
 use crate::error::PipelineError;
+use crate::json::{read_json, write_json};
 use crate::table::Table;
-use crate::workspace::{read_json, write_json};
 use aloft_body::{Model, Motion};
 use aloft_trial::{
     ComputedPoint, Event, Markers, Plate, PointKind, RecordedAt, SessionRecording, Trial, Warning, WarningKind,

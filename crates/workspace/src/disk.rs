@@ -126,11 +126,7 @@ const NEW: &str = ".new";
 /// name of this process has.
 pub(crate) fn token() -> String {
     static NEXT: AtomicU64 = AtomicU64::new(0);
-    let host: String = crate::workspace::host_name()
-        .chars()
-        .map(|c| if c.is_ascii_alphanumeric() { c } else { '_' })
-        .take(40)
-        .collect();
+    let host: String = host_name().chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).take(40).collect();
     format!("{host}-{}-{}", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed))
 }
 
@@ -235,6 +231,18 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), PipelineError> {
     let mut new = Temporary::beside(path)?;
     write_all(&mut new.own.file, bytes, path)?;
     new.place()
+}
+
+/// Name of the computer, if the system provides it.
+pub(crate) fn host_name() -> String {
+    let from_files =
+        ["/proc/sys/kernel/hostname", "/etc/hostname"].iter().find_map(|p| std::fs::read_to_string(p).ok());
+    let from_words = || ["COMPUTERNAME", "HOSTNAME", "HOST"].iter().find_map(|v| std::env::var(v).ok());
+    from_files
+        .or_else(from_words)
+        .map(|s| s.trim().to_owned())
+        .filter(|s| !s.is_empty())
+        .unwrap_or("this computer".into())
 }
 
 #[cfg(test)]

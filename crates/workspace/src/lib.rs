@@ -2,14 +2,20 @@
 //! files are unchanged.
 //!
 //! A [`workspace::Workspace`] holds one folder for each stage and trial, with tables and a
-//! [`workspace::Manifest`]. This crate knows no stage by its name and reads no configuration.
+//! [`manifest::Manifest`]. This crate knows no stage by its name and reads no configuration.
 
 pub mod artifact;
 pub mod disk;
 pub mod error;
+mod fingerprint;
+pub mod format;
+pub mod json;
 pub mod key;
+pub mod lock;
+pub mod manifest;
 pub mod qc;
 pub mod seal;
 pub mod sharing;
 pub mod table;
+pub mod warning;
 pub mod workspace;

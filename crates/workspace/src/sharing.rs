@@ -50,7 +50,7 @@ impl Workspace {
         for _ in 0..50 {
             match file.try_lock_shared() {
                 Ok(()) => {
-                    crate::workspace::refuse_other_format(self.root())?;
+                    crate::format::refuse_other_format(self.root())?;
                     return Ok(SharedLock { _file: file });
                 }
                 Err(TryLockError::WouldBlock) => std::thread::sleep(std::time::Duration::from_millis(100)),

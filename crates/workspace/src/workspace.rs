@@ -1,164 +1,18 @@
 //! The folder of results: one folder per stage and trial with tables and a manifest, renamed into
 //! place when complete.
 
-pub use crate::disk::write_whole;
 use crate::disk::{self, Owned, abandoned, is_temporary};
-use crate::error::{PipelineError, StageFailure};
+use crate::error::PipelineError;
+use crate::fingerprint::InputHashes;
+use crate::manifest::{MANIFEST, Manifest, examine, hash_of, stamps};
 use crate::seal;
-use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, BTreeSet, HashMap};
-use std::fs::{File, TryLockError};
+use std::collections::{BTreeSet, HashMap};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// File that distinguishes a workspace from a folder of recordings.
-pub const MARKER: &str = "ALOFT_WORKSPACE.txt";
-
-/// Version of the layout of a workspace, stated in the marker file. Version 1 (not stated anywhere)
-/// had no hashes of single files.
-pub const FORMAT: u32 = 2;
-
-/// Text of the marker file.
-pub fn marker_text() -> String {
-    format!("Results of aloft. Everything here can be made again from the recordings.\nformat {FORMAT}\n")
-}
-
-/// Name used in place of a trial's name for results of the whole study.
-pub const WHOLE_STUDY: &str = "_study";
-
-/// Outcome of a stage.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case", tag = "status")]
-pub enum Outcome {
-    /// The tables exist.
-    Ok,
-    /// The stage failed; there are no tables.
-    Failed(StageFailure),
-}
-
-/// What the result of a stage was made from, and its outcome.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Manifest {
-    /// Stage name.
-    pub stage: String,
-    /// Trial name, or [`WHOLE_STUDY`].
-    pub trial: String,
-    /// Version of the stage's code.
-    pub version: u32,
-    /// The parameters that the stage reads.
-    pub parameters: serde_json::Value,
-    /// Hash of each input: recordings and upstream results.
-    pub inputs: BTreeMap<String, String>,
-    /// Outcome.
-    pub outcome: Outcome,
-    /// Warnings.
-    pub warnings: Vec<String>,
-    /// Figures for tables.
-    pub summary: BTreeMap<String, serde_json::Value>,
-    /// Hash over all files of the result.
-    pub output: String,
-    /// Every file of the result except the manifest itself.
-    #[serde(default)]
-    pub files: BTreeMap<String, FileStamp>,
-    /// Wall time of the stage, s.
-    pub seconds: f64,
-    /// Version of the program.
-    pub program: String,
-}
-
-/// Size and hash of a file as it was written.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct FileStamp {
-    /// Size, bytes.
-    pub bytes: u64,
-    /// Hash of the content.
-    pub blake3: String,
-}
-
-impl FileStamp {
-    fn of(bytes: &[u8]) -> Self {
-        Self { bytes: bytes.len() as u64, blake3: blake3::hash(bytes).to_hex().to_string() }
-    }
-}
-
-impl Manifest {
-    /// True if the result can be used.
-    pub fn is_ok(&self) -> bool {
-        self.outcome == Outcome::Ok
-    }
-
-    /// Differences between what this result was made from and the given version, parameters and
-    /// inputs, in words; empty if there are none.
-    pub fn differences(
-        &self,
-        version: u32,
-        parameters: &serde_json::Value,
-        inputs: &BTreeMap<String, String>,
-    ) -> Vec<String> {
-        let mut changes = Vec::new();
-        if self.version != version {
-            changes.push(format!("the stage's code: version {} → {version}", self.version));
-        }
-        describe_changes("", &self.parameters, parameters, &mut changes);
-        for (name, hash) in inputs {
-            match self.inputs.get(name) {
-                // appears and disappears together with the result of the same recording
-                None if name.starts_with(ROLE) => {}
-                None => changes.push(format!("new input: {}", in_words(name))),
-                Some(old) if old != hash => changes.push(format!("input changed: {}", in_words(name))),
-                Some(_) => {}
-            }
-        }
-        changes.extend(
-            self.inputs
-                .keys()
-                .filter(|k| !inputs.contains_key(*k) && !k.starts_with(ROLE))
-                .map(|k| format!("input gone: {}", in_words(k))),
-        );
-        changes
-    }
-}
-
-/// Prefix of the key of an input that is the role of a recording.
-pub const ROLE: &str = "role ";
-
-/// An input's key in words: `file jump01.c3d`, `ik/jump01` or `role jump01`.
-fn in_words(key: &str) -> String {
-    if let Some(trial) = key.strip_prefix(ROLE) {
-        return format!("the part that {trial} plays");
-    }
-    match (key.strip_prefix("file "), key.split_once('/')) {
-        (Some(file), _) => format!("the content of the file {file}"),
-        (None, Some((stage, trial))) if trial == WHOLE_STUDY => format!("the result of `{stage}`"),
-        (None, Some((stage, trial))) => format!("the result of `{stage}` for {trial}"),
-        _ => key.to_owned(),
-    }
-}
-
-fn describe_changes(path: &str, old: &serde_json::Value, new: &serde_json::Value, out: &mut Vec<String>) {
-    use serde_json::Value::Object;
-    match (old, new) {
-        (Object(a), Object(b)) => {
-            for (key, value) in b {
-                let here = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
-                describe_changes(&here, a.get(key).unwrap_or(&serde_json::Value::Null), value, out);
-            }
-            for key in a.keys().filter(|k| !b.contains_key(*k)) {
-                out.push(format!("parameter gone: {path}.{key}"));
-            }
-        }
-        _ if old == new => {}
-        _ => {
-            let show = |v: &serde_json::Value| {
-                let s = v.to_string();
-                if s.len() > 60 { format!("{}…", s.chars().take(57).collect::<String>()) } else { s }
-            };
-            out.push(format!("parameter `{path}`: {} → {}", show(old), show(new)));
-        }
-    }
-}
+/// Folder for files being written.
+const SCRATCH: &str = ".tmp";
 
 /// Suffix of an old result that is being replaced.
 const OLD: &str = "~old";
@@ -167,67 +21,9 @@ const OLD: &str = "~old";
 #[derive(Debug)]
 pub struct Workspace {
     root: PathBuf,
-    inputs: Mutex<BTreeMap<String, InputStamp>>,
+    inputs: InputHashes,
     /// Results whose files this process compared with their hashes, with the problems found.
     examined: Mutex<HashMap<(String, String), Vec<String>>>,
-}
-
-/// A recording's hash and the file metadata for which it holds.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct InputStamp {
-    #[serde(flatten)]
-    identity: Identity,
-    hash: String,
-    /// False if the file changed so shortly before it was read that a further change might carry
-    /// the same time.
-    #[serde(skip, default = "settled")]
-    settled: bool,
-}
-
-fn settled() -> bool {
-    true
-}
-
-/// File metadata that change with a file's content: a copy with the old size and time (`cp -p`) has
-/// another change time or another inode.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Identity {
-    bytes: u64,
-    modified_ns: u64,
-    changed_ns: u64,
-    inode: u64,
-    device: u64,
-}
-
-/// Minimum age of a change time before it is relied on, ns: file systems have a time resolution of
-/// up to two seconds.
-const TICK_NS: u64 = 2_000_000_000;
-
-impl Identity {
-    /// None if the system does not record when a file was changed: its content is then read every
-    /// time.
-    #[cfg(unix)]
-    fn of(meta: &std::fs::Metadata) -> Option<Self> {
-        use std::os::unix::fs::MetadataExt;
-        let ns = |s: i64, ns: i64| (s.max(0) as u64).saturating_mul(1_000_000_000).saturating_add(ns.max(0) as u64);
-        Some(Self {
-            bytes: meta.len(),
-            modified_ns: ns(meta.mtime(), meta.mtime_nsec()),
-            changed_ns: ns(meta.ctime(), meta.ctime_nsec()),
-            inode: meta.ino(),
-            device: meta.dev(),
-        })
-    }
-
-    #[cfg(not(unix))]
-    fn of(_: &std::fs::Metadata) -> Option<Self> {
-        None
-    }
-
-    fn is_settled(&self) -> bool {
-        let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos() as u64);
-        now > self.changed_ns.max(self.modified_ns).saturating_add(TICK_NS)
-    }
 }
 
 /// A folder in which a result is being made, not visible to readers; removed when dropped.
@@ -258,158 +54,10 @@ pub struct Complete {
     manifest: Manifest,
 }
 
-/// An error for a workspace that was made by another version of the program; such a workspace is
-/// neither read nor written.
-pub fn refuse_other_format(root: &Path) -> Result<(), PipelineError> {
-    let marker = root.join(MARKER);
-    let Ok(text) = std::fs::read_to_string(&marker) else { return Ok(()) };
-    let stated = text.lines().find_map(|l| l.strip_prefix("format ")).map(|n| n.trim().parse::<u32>());
-    let found = match stated {
-        Some(Ok(FORMAT)) => return Ok(()),
-        Some(Ok(n)) => format!("format {n}"),
-        Some(Err(_)) => "a format that is not a number".to_owned(),
-        None if !holds_results(root) => return Ok(()),
-        None => "no format (an earlier aloft made it, or the file was damaged)".to_owned(),
-    };
-    let newer = matches!(stated, Some(Ok(n)) if n > FORMAT);
-    Err(PipelineError::request_hint(
-        format!("{} states {found}; aloft {} works with format {FORMAT}", marker.display(), env!("CARGO_PKG_VERSION")),
-        if newer {
-            "use the newer aloft that made it, or give --workspace a new folder"
-        } else {
-            "give --workspace a new folder and run again: everything is made from the recordings (add effects of the model again)"
-        },
-    ))
-}
-
-/// True for a folder that contains a model's revisions or a result of some stage.
-fn holds_results(root: &Path) -> bool {
-    let below = |folder: &Path| std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path());
-    root.join("model.json").exists()
-        || below(root).flat_map(|stage| below(&stage).collect::<Vec<_>>()).any(|trial| trial.join(MANIFEST).is_file())
-}
-
-/// Lock on the workspace for one run; released when dropped, and by the operating system however
-/// the process ends.
-#[derive(Debug)]
-pub struct WorkspaceLock {
-    _file: File,
-    note: PathBuf,
-}
-
-impl Drop for WorkspaceLock {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.note);
-    }
-}
-
-/// The process that holds a workspace.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Holder {
-    /// Process id.
-    pub pid: u32,
-    /// Computer name.
-    pub host: String,
-    /// Start time, UTC.
-    pub since: String,
-}
-
-impl std::fmt::Display for Holder {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "process {} on {} since {}", self.pid, self.host, self.since)
-    }
-}
-
-impl Holder {
-    fn this_process() -> Self {
-        Self { pid: std::process::id(), host: host_name(), since: utc(SystemTime::now()) }
-    }
-}
-
-/// Name of the computer, if the system provides it.
-pub(crate) fn host_name() -> String {
-    let from_files =
-        ["/proc/sys/kernel/hostname", "/etc/hostname"].iter().find_map(|p| std::fs::read_to_string(p).ok());
-    let from_words = || ["COMPUTERNAME", "HOSTNAME", "HOST"].iter().find_map(|v| std::env::var(v).ok());
-    from_files
-        .or_else(from_words)
-        .map(|s| s.trim().to_owned())
-        .filter(|s| !s.is_empty())
-        .unwrap_or("this computer".into())
-}
-
-/// A time formatted as `2026-03-01 14:05:09 UTC` (proleptic Gregorian calendar; days to civil dates
-/// after Hinnant's algorithm).
-pub fn utc(time: SystemTime) -> String {
-    let seconds = time.duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
-    let (days, rest) = ((seconds / 86_400) as i64, seconds % 86_400);
-    let shifted = days + 719_468;
-    let era = shifted.div_euclid(146_097);
-    let day_of_era = shifted.rem_euclid(146_097);
-    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let month_index = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * month_index + 2) / 5 + 1;
-    let month = if month_index < 10 { month_index + 3 } else { month_index - 9 };
-    let year = year_of_era + era * 400 + i64::from(month <= 2);
-    format!("{year}-{month:02}-{day:02} {:02}:{:02}:{:02} UTC", rest / 3600, rest / 60 % 60, rest % 60)
-}
-
 impl Workspace {
     /// Opens a workspace for reading; nothing is created.
     pub fn open(root: &Path) -> Self {
-        // a missing or damaged list is rebuilt by reading every recording
-        let inputs = seal::read(&root.join(INPUTS)).unwrap_or_default();
-        Self { root: root.to_path_buf(), inputs: Mutex::new(inputs), examined: Mutex::default() }
-    }
-
-    /// Creates the folder if needed and takes the lock, waiting up to `patience` for its holder;
-    /// after that the error names the holder.
-    pub fn lock(&self, patience: Duration) -> Result<WorkspaceLock, PipelineError> {
-        let marker = self.root.join(MARKER);
-        let own = |name: &std::ffi::OsStr| is_temporary(&name.to_string_lossy());
-        // check the marker last: a process that is creating the workspace at this moment writes the
-        // marker first
-        if self.root.is_dir()
-            && std::fs::read_dir(&self.root).is_ok_and(|d| d.flatten().any(|e| !own(&e.file_name())))
-            && !marker.is_file()
-        {
-            return Err(PipelineError::request_hint(
-                format!("{} is not empty and is not a workspace", self.root.display()),
-                "give --workspace a new or empty folder, so that nothing of yours is overwritten",
-            ));
-        }
-        disk::create_dir_all(&self.root)?;
-        refuse_other_format(&self.root)?;
-        if std::fs::read_to_string(&marker).ok().is_none_or(|text| text != marker_text()) {
-            write_whole(&marker, marker_text().as_bytes())?;
-        }
-        let path = self.root.join(".lock");
-        let file = File::options()
-            .create(true)
-            .truncate(false)
-            .read(true)
-            .write(true)
-            .open(&path)
-            .map_err(PipelineError::io("open", &path))?;
-        let note = self.root.join(".holder.json");
-        let started = Instant::now();
-        loop {
-            match file.try_lock() {
-                Ok(()) => break,
-                Err(TryLockError::WouldBlock) if started.elapsed() < patience => {
-                    std::thread::sleep(Duration::from_millis(100));
-                }
-                Err(TryLockError::WouldBlock) => {
-                    let holder = read_json::<Holder>(&note).map_or("another process".to_owned(), |h| h.to_string());
-                    return Err(PipelineError::Locked { path: self.root.clone(), holder });
-                }
-                Err(TryLockError::Error(e)) => return Err(PipelineError::io("lock", &path)(e)),
-            }
-        }
-        write_json_whole(&note, &Holder::this_process())?;
-        self.clear_abandoned()?;
-        Ok(WorkspaceLock { _file: file, note })
+        Self { root: root.to_path_buf(), inputs: InputHashes::open(root), examined: Mutex::default() }
     }
 
     /// Removes the unfinished files of killed processes, and restores results that they had moved
@@ -595,46 +243,14 @@ impl Workspace {
     /// Content hash of a recording. The file is read again only if the file system indicates a
     /// possible change: in size, modification time, change time or inode.
     pub fn input_hash(&self, path: &Path) -> Result<String, PipelineError> {
-        let identity = |path: &Path| -> Result<Option<Identity>, PipelineError> {
-            Ok(Identity::of(&std::fs::metadata(path).map_err(PipelineError::io("read", path))?))
-        };
-        let before = identity(path)?;
-        let key = path.canonicalize().unwrap_or_else(|_| path.to_path_buf()).display().to_string();
-        if let Ok(known) = self.inputs.lock()
-            && let Some(stamp) = known.get(&key)
-            && before.as_ref() == Some(&stamp.identity)
-        {
-            return Ok(stamp.hash.clone());
-        }
-        let bytes = std::fs::read(path).map_err(PipelineError::io("read", path))?;
-        let hash = blake3::hash(&bytes).to_hex().to_string();
-        if let (Ok(mut known), Some(identity)) = (self.inputs.lock(), before) {
-            let settled = identity.is_settled();
-            known.insert(key, InputStamp { identity, hash: hash.clone(), settled });
-        }
-        Ok(hash)
+        self.inputs.of(path)
     }
 
     /// Stores the hashes of the recordings for the next run.
     pub fn save_input_hashes(&self) -> Result<(), PipelineError> {
-        let mut known = self.inputs.lock().map(|k| k.clone()).unwrap_or_default();
-        known.retain(|_, stamp| stamp.settled);
-        let place = self.root.join(INPUTS);
-        if seal::read::<BTreeMap<String, InputStamp>>(&place).is_ok_and(|old| old == known) {
-            return Ok(());
-        }
-        seal::write_whole(&place, &known)
+        self.inputs.save()
     }
 }
-
-/// Hashes of recordings, so that they need not be read at every call.
-const INPUTS: &str = "inputs.json";
-
-/// Folder for files being written.
-const SCRATCH: &str = ".tmp";
-
-/// File that states what a result was made from and which files belong to it.
-const MANIFEST: &str = "manifest.json";
 
 /// Waits until files or folders of results are on the disk, each given with the index of its
 /// result; the first error of each result is kept.
@@ -647,99 +263,13 @@ fn wait_for<T>(paths: impl Iterator<Item = (usize, PathBuf)>, at_once: usize, do
     }
 }
 
-/// Compares a result's folder with its manifest.
-fn examine(place: &Path) -> Vec<String> {
-    if !place.exists() {
-        return Vec::new();
-    }
-    let manifest: Manifest = match seal::read(&place.join(MANIFEST)) {
-        Ok(manifest) => manifest,
-        Err(PipelineError::Damaged { problem, .. }) => return vec![format!("{MANIFEST}: {problem}")],
-        Err(PipelineError::Io { source, .. }) => return vec![format!("{MANIFEST}: {source}")],
-        Err(e) => return vec![format!("{MANIFEST}: {e}")],
-    };
-    let mut problems = Vec::new();
-    for (name, stamp) in &manifest.files {
-        match std::fs::read(place.join(name)) {
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => problems.push(format!("{name} is missing")),
-            Err(e) => problems.push(format!("{name}: {e}")),
-            Ok(bytes) if bytes.len() as u64 != stamp.bytes => {
-                problems.push(format!("{name} has {} bytes, expected {}", bytes.len(), stamp.bytes));
-            }
-            Ok(bytes) if FileStamp::of(&bytes) != *stamp => {
-                problems.push(format!("{name}: its content is not what was written"));
-            }
-            Ok(_) => {}
-        }
-    }
-    // hidden files belong to the file system or to file managers
-    let names = std::fs::read_dir(place).into_iter().flatten().flatten();
-    for name in names.map(|e| e.file_name().to_string_lossy().into_owned()) {
-        if name != MANIFEST && !name.starts_with('.') && !manifest.files.contains_key(&name) {
-            problems.push(format!("{name} does not belong to the result"));
-        }
-    }
-    problems
-}
-
-/// Files of a folder with their hashes.
-fn stamps(folder: &Path) -> Result<BTreeMap<String, FileStamp>, PipelineError> {
-    let mut all = BTreeMap::new();
-    for entry in std::fs::read_dir(folder).map_err(PipelineError::io("list", folder))? {
-        let path = entry.map_err(PipelineError::io("list", folder))?.path();
-        let bytes = std::fs::read(&path).map_err(PipelineError::io("read", &path))?;
-        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        all.insert(name, FileStamp::of(&bytes));
-    }
-    Ok(all)
-}
-
-/// Combined hash of all files of a result.
-fn hash_of(files: &BTreeMap<String, FileStamp>) -> String {
-    let mut hasher = blake3::Hasher::new();
-    for (name, stamp) in files {
-        hasher.update(&(name.len() as u64).to_le_bytes());
-        hasher.update(name.as_bytes());
-        hasher.update(stamp.blake3.as_bytes());
-    }
-    hasher.finalize().to_hex().to_string()
-}
-
-/// Writes pretty JSON.
-pub fn write_json<T: Serialize>(path: &Path, value: &T) -> Result<(), PipelineError> {
-    let text = serde_json::to_vec_pretty(value)
-        .map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })?;
-    disk::write(path, &text)
-}
-
-/// Writes pretty JSON, completely or not at all.
-pub fn write_json_whole<T: Serialize>(path: &Path, value: &T) -> Result<(), PipelineError> {
-    let text = serde_json::to_vec_pretty(value)
-        .map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })?;
-    write_whole(path, &text)
-}
-
-/// Reads JSON.
-pub fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T, PipelineError> {
-    let bytes = std::fs::read(path).map_err(PipelineError::io("read", path))?;
-    serde_json::from_slice(&bytes)
-        .map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 mod tests {
     use super::*;
-
-    #[test]
-    fn unit_dates_are_those_of_the_calendar() {
-        let at = |s: u64| utc(UNIX_EPOCH + Duration::from_secs(s));
-        // `date -u -d @N`
-        assert_eq!(at(0), "1970-01-01 00:00:00 UTC");
-        assert_eq!(at(951_782_400), "2000-02-29 00:00:00 UTC");
-        assert_eq!(at(1_772_373_909), "2026-03-01 14:05:09 UTC");
-        assert_eq!(at(4_102_444_799), "2099-12-31 23:59:59 UTC");
-    }
+    use crate::manifest::Outcome;
+    use std::collections::BTreeMap;
+    use std::time::Duration;
 
     fn manifest(trial: &str, seconds: f64) -> Manifest {
         Manifest {
@@ -870,68 +400,5 @@ mod tests {
         assert!(look().iter().any(|p| p.contains("z.json does not belong")));
         make();
         assert!(look().is_empty());
-    }
-
-    #[test]
-    #[cfg(unix)]
-    fn a_recording_of_equal_size_and_time_is_read_again() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("a.c3d");
-        let set = |text: &str, time: SystemTime| {
-            std::fs::write(&path, text).unwrap();
-            File::options().write(true).open(&path).unwrap().set_modified(time).unwrap();
-        };
-        let time = UNIX_EPOCH + Duration::from_secs(1_000_000_000);
-        set("one", time);
-        let root = dir.path().join("ws");
-        std::fs::create_dir(&root).unwrap();
-        let ws = Workspace::open(&root);
-        let first = ws.input_hash(&path).unwrap();
-        ws.save_input_hashes().unwrap();
-        set("two", time);
-        assert_ne!(Workspace::open(&root).input_hash(&path).unwrap(), first);
-        // a file unchanged for a while is not read again: its hash is taken from the list
-        std::thread::sleep(Duration::from_nanos(TICK_NS + 50_000_000));
-        let ws = Workspace::open(&root);
-        let second = ws.input_hash(&path).unwrap();
-        ws.save_input_hashes().unwrap();
-        let listed: BTreeMap<String, InputStamp> = seal::read(&root.join(INPUTS)).unwrap();
-        assert_eq!(listed.values().map(|s| s.hash.clone()).collect::<Vec<_>>(), [second]);
-    }
-
-    #[test]
-    fn unit_workspaces_of_other_formats_are_refused() {
-        let dir = tempfile::tempdir().unwrap();
-        let lock = |text: &str, name: &str| {
-            let root = dir.path().join(name);
-            let result = root.join("import/jump01");
-            std::fs::create_dir_all(&result).unwrap();
-            std::fs::write(result.join(MANIFEST), "{}").unwrap();
-            std::fs::write(root.join(MARKER), text).unwrap();
-            let told = Workspace::open(&root).lock(Duration::ZERO).map(|_| ()).map_err(|e| e.to_string());
-            assert_eq!(std::fs::read_to_string(root.join(MARKER)).unwrap(), text);
-            told
-        };
-        assert!(lock(&marker_text(), "same").is_ok());
-        assert!(lock("Results of aloft.\nformat 3\n", "newer").unwrap_err().contains("format 3"));
-        assert!(lock("Results of aloft.\n", "older").unwrap_err().contains("no format"));
-        assert!(lock("", "emptied").unwrap_err().contains("no format"));
-        // a marker written by a workflow into a new folder
-        let root = dir.path().join("new");
-        std::fs::create_dir(&root).unwrap();
-        std::fs::write(root.join(MARKER), "Results of aloft.\n").unwrap();
-        Workspace::open(&root).lock(Duration::ZERO).unwrap();
-        assert_eq!(std::fs::read_to_string(root.join(MARKER)).unwrap(), marker_text());
-    }
-
-    #[test]
-    fn unit_the_holder_is_named() {
-        let dir = tempfile::tempdir().unwrap();
-        let ws = Workspace::open(&dir.path().join("ws"));
-        let _held = ws.lock(Duration::ZERO).unwrap();
-        let other = Workspace::open(&dir.path().join("ws"));
-        let refused = other.lock(Duration::from_millis(150)).unwrap_err().to_string();
-        let here = Holder::this_process();
-        assert!(refused.contains(&format!("process {} on {}", here.pid, here.host)), "{refused}");
     }
 }

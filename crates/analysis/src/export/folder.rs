@@ -8,7 +8,7 @@
 use super::Exported;
 use aloft_export::OutFile;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::workspace::{read_json, write_json};
+use aloft_workspace::json::{read_json, write_json};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;

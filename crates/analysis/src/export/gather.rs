@@ -5,14 +5,16 @@ use aloft_body::{LinkInertia, Subject};
 use aloft_compare::measured_wrench;
 use aloft_export::{Convention, InertiaSource, PlateAtFrames, SourceFile, SubjectExport, TrialExport};
 use aloft_flight::{Flight, FlightReport, PlateTare, apply_tare};
-use aloft_pipeline::runner::trial_filter;
+use aloft_pipeline::selection::trial_filter;
 use aloft_pipeline::stages::STAGES;
 use aloft_pipeline::stages::filter::low_pass;
 use aloft_study::quote;
 use aloft_study::subject_session::{SubjectSession, TrialEntry};
 use aloft_workspace::artifact::{load_motion, load_trial};
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
+use aloft_workspace::json::read_json;
+use aloft_workspace::manifest::WHOLE_STUDY;
+use aloft_workspace::workspace::Workspace;
 
 /// Program and version, for headers.
 pub fn program() -> String {

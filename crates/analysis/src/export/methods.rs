@@ -8,7 +8,9 @@ use aloft_flight::FlightReport;
 use aloft_pipeline::stages::filter::low_pass;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::workspace::{WHOLE_STUDY, Workspace, read_json};
+use aloft_workspace::json::read_json;
+use aloft_workspace::manifest::WHOLE_STUDY;
+use aloft_workspace::workspace::Workspace;
 use std::collections::BTreeSet;
 
 /// Mean and standard deviation as text.

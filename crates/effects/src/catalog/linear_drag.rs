@@ -1,6 +1,6 @@
 //! Resistance in proportion to the speed.
 
-use super::quadratic_drag::{centre_starts, centres, centres_of};
+use crate::link_resistance::{centre_starts, centres, centres_of, one_or_each, resist};
 use crate::{About, Coefficient, Columns, Effect, NonlinearParameter, Scene, Series, Target};
 
 const ABOUT: About<'static> = About {
@@ -34,11 +34,7 @@ impl Effect for LinearDrag {
         Target::body_or_links(scene)
     }
     fn coefficients(&self, scene: &Scene, target: Target) -> Vec<Coefficient> {
-        let of = |l: &aloft_body::Link| Coefficient::positive(format!("resistance_{}", l.name), "N*s/m");
-        match target {
-            Target::EveryLink => scene.model.links.iter().map(of).collect(),
-            _ => vec![Coefficient::positive("resistance", "N*s/m")],
-        }
+        one_or_each(scene, target, "resistance", "N*s/m")
     }
     fn nonlinear(&self, scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
         centres(scene, target)
@@ -49,13 +45,7 @@ impl Effect for LinearDrag {
     fn evaluate(&self, series: &Series<'_>, target: Target, nonlinear: &[f64], out: &mut Columns) {
         let centres_m = centres_of(series.scene, nonlinear);
         for (i, f) in series.instants() {
-            for (link, (here, centre)) in f.links.iter().zip(&centres_m).enumerate() {
-                let unit = -here.point_velocity(centre);
-                match target {
-                    Target::EveryLink => out.force_at(i, link, &unit, &here.point(centre)),
-                    _ => out.force_at(i, 0, &(unit * f.scene.area_share[link]), &here.point(centre)),
-                }
-            }
+            resist(&f, target, &centres_m, |velocity_mps| -velocity_mps, out, i);
         }
     }
 }

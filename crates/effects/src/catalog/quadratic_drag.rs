@@ -1,7 +1,8 @@
 //! Air resistance that grows with the square of the speed.
 
+use crate::link_resistance::{centre_starts, centres, centres_of, one_or_each, resist};
 use crate::scene::AIR_DENSITY_KGPM3;
-use crate::{About, Coefficient, Columns, Effect, EffectFrame, NonlinearParameter, Scene, Series, Target, Values};
+use crate::{About, Coefficient, Columns, Effect, EffectFrame, NonlinearParameter, Scene, Series, Target};
 use nalgebra::Vector3;
 
 const ABOUT: About<'static> = About {
@@ -52,7 +53,7 @@ impl Effect for QuadraticDrag {
     }
     fn coefficients(&self, scene: &Scene, target: Target) -> Vec<Coefficient> {
         if target != Target::Shape {
-            return drag_areas(scene, target);
+            return one_or_each(scene, target, "drag_area", "m^2");
         }
         let of_link = |l: &aloft_body::Link| {
             let of = |what: &str, unit: &str, n: usize| -> Vec<Coefficient> {
@@ -85,41 +86,6 @@ impl Effect for QuadraticDrag {
     }
 }
 
-/// A drag area for the whole body, or one for every link.
-pub(super) fn drag_areas(scene: &Scene, target: Target) -> Vec<Coefficient> {
-    let of = |l: &aloft_body::Link| Coefficient::positive(format!("drag_area_{}", l.name), "m^2");
-    match target {
-        Target::EveryLink => scene.model.links.iter().map(of).collect(),
-        _ => vec![Coefficient::positive("drag_area", "m^2")],
-    }
-}
-
-/// Centres of the links' areas as unknowns, where each link has its own.
-pub(super) fn centres(scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
-    if !matches!(target, Target::EveryLink | Target::Shape) {
-        return Vec::new();
-    }
-    let of = |(link, com): (&aloft_body::Link, &Vector3<f64>)| {
-        NonlinearParameter::point_on_link(&format!("centre_{}", link.name), com, 0.3)
-    };
-    scene.model.links.iter().zip(&scene.link_com_m).flat_map(of).collect()
-}
-
-/// Starting values of the centres: the links' centres of mass.
-pub(super) fn centre_starts(scene: &Scene, target: Target) -> Vec<f64> {
-    match target {
-        Target::EveryLink | Target::Shape => scene.link_com_m.iter().flat_map(|c| [c.x, c.y, c.z]).collect(),
-        _ => Vec::new(),
-    }
-}
-
-/// Centres of the links' areas in their frames, m: the given ones, or the centres of mass.
-pub(super) fn centres_of(scene: &Scene, given: &[f64]) -> Vec<Vector3<f64>> {
-    let mut values = Values::new(given);
-    let enough = given.len() == 3 * scene.link_com_m.len();
-    scene.link_com_m.iter().map(|com| if enough { values.vector() } else { *com }).collect()
-}
-
 /// Drag on every link for a given velocity of the air, with one column for all links or one per
 /// link.
 pub(super) fn drag(
@@ -130,14 +96,11 @@ pub(super) fn drag(
     out: &mut Columns,
     i: usize,
 ) {
-    for (link, (here, centre)) in f.links.iter().zip(centres_m).enumerate() {
-        let u = here.point_velocity(centre) - air_mps;
-        let unit = u * (-0.5 * AIR_DENSITY_KGPM3 * u.norm());
-        match target {
-            Target::EveryLink => out.force_at(i, link, &unit, &here.point(centre)),
-            _ => out.force_at(i, 0, &(unit * f.scene.area_share[link]), &here.point(centre)),
-        }
-    }
+    let law = |velocity_mps: Vector3<f64>| {
+        let u = velocity_mps - air_mps;
+        u * (-0.5 * AIR_DENSITY_KGPM3 * u.norm())
+    };
+    resist(f, target, centres_m, law, out, i);
 }
 
 /// `S v` for the symmetric matrix of unit entries `e`.

@@ -1,5 +1,6 @@
 //! Resistance against turning.
 
+use crate::link_resistance::one_or_each;
 use crate::{About, Coefficient, Columns, Effect, Scene, Series, Target};
 
 const ABOUT: About<'static> = About {
@@ -32,11 +33,7 @@ impl Effect for RotationalDrag {
         Target::body_or_links(scene)
     }
     fn coefficients(&self, scene: &Scene, target: Target) -> Vec<Coefficient> {
-        let of = |l: &aloft_body::Link| Coefficient::positive(format!("rotational_resistance_{}", l.name), "N*m*s/rad");
-        match target {
-            Target::EveryLink => scene.model.links.iter().map(of).collect(),
-            _ => vec![Coefficient::positive("rotational_resistance", "N*m*s/rad")],
-        }
+        one_or_each(scene, target, "rotational_resistance", "N*m*s/rad")
     }
     fn evaluate(&self, series: &Series<'_>, target: Target, _: &[f64], out: &mut Columns) {
         for (i, f) in series.instants() {

@@ -1,6 +1,7 @@
 //! Air that moves.
 
-use super::quadratic_drag::{centre_starts, centres, centres_of, drag, drag_areas};
+use super::quadratic_drag::drag;
+use crate::link_resistance::{centre_starts, centres, centres_of, one_or_each};
 use crate::{About, Coefficient, Columns, Effect, NonlinearParameter, Scene, Separation, Series, Target, Values};
 
 const ABOUT: About<'static> = About {
@@ -37,7 +38,7 @@ impl Effect for Wind {
         Target::body_or_links(scene)
     }
     fn coefficients(&self, scene: &Scene, target: Target) -> Vec<Coefficient> {
-        drag_areas(scene, target)
+        one_or_each(scene, target, "drag_area", "m^2")
     }
     fn nonlinear(&self, scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
         let mut out = NonlinearParameter::vector_in_world("wind", "m/s", 15.0, 0.3);

@@ -1,7 +1,7 @@
 //! Dot plot of values with intervals by name: estimates against tables, ratios of candidates.
 
-use super::panels::COLOURS;
-use super::{Figure, Line, Words, axis, base_layout};
+use super::base::{Figure, Words, axis, base_layout};
+use super::panels::{COLOURS, Line};
 use crate::pack;
 use serde_json::{Value, json};
 

@@ -1,6 +1,6 @@
 //! Heat maps of values over two lists; small ones also show the numbers.
 
-use super::{Figure, Words, axis, base_layout};
+use super::base::{Figure, Words, axis, base_layout};
 use crate::pack;
 use serde_json::{Value, json};
 

@@ -1,6 +1,6 @@
 //! Line charts in panels that share the abscissa.
 
-use super::{Figure, Pool, Words, axis, base_layout};
+use super::base::{Figure, Words, axis, base_layout};
 use crate::pack;
 use serde_json::{Value, json};
 
@@ -284,6 +284,27 @@ impl Figure {
         let height = inner as usize + 44 + 56;
         let plot = json!({"data": data, "layout": layout, "lists": pool.packed, "x": x_title, "panels": titles});
         Self::new("chart", words, height, plot)
+    }
+}
+
+/// Lists of numbers that several curves share, packed once.
+#[derive(Default)]
+struct Pool {
+    lists: Vec<Vec<f64>>,
+    packed: Vec<Value>,
+}
+
+impl Pool {
+    fn add(&mut self, values: &[f64]) -> Value {
+        let same = |l: &Vec<f64>| {
+            l.len() == values.len() && l.iter().zip(values).all(|(a, b)| a == b || (a.is_nan() && b.is_nan()))
+        };
+        let i = self.lists.iter().position(same).unwrap_or_else(|| {
+            self.lists.push(values.to_vec());
+            self.packed.push(pack::numbers(values));
+            self.lists.len() - 1
+        });
+        json!({"$": "list", "i": i})
     }
 }
 

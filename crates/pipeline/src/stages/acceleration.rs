@@ -76,7 +76,7 @@ impl StageWork for Work {
         let subject = results.load_subject("calibrate")?;
         let rows = TrialRows::load(results, Some(&params.filter), &calendar, inputs.trial()?, &subject)?;
         let (factors, warnings) = acceleration_factors(params, &rows)?;
-        let mut done = StageReport { warnings, ..StageReport::default() };
+        let mut done = StageReport { warnings: warnings.into(), ..StageReport::default() };
         save_factors(inputs.out, &factors)?;
         done.note("acceleration_rows", factors.iter().map(|(_, f)| f.n_rows).sum::<usize>());
         Ok(done)

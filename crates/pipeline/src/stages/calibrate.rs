@@ -14,7 +14,8 @@ use aloft_study::facts::Facts;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::artifact::trial_length;
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::workspace::{WHOLE_STUDY, read_json, write_json};
+use aloft_workspace::json::{read_json, write_json};
+use aloft_workspace::manifest::WHOLE_STUDY;
 use rayon::prelude::*;
 use serde::Serialize;
 

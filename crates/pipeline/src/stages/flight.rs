@@ -3,15 +3,16 @@
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use aloft_body::{Motion, Subject};
 use aloft_flight::{
-    FlightMethod, FlightOptions, FlightReport, ImpulseMass, TareSource, find_flights, impulse_masses,
+    FlightMethod, FlightOptions, FlightReport, FlightWarning, ImpulseMass, TareSource, find_flights, impulse_masses,
     plate_wrench_at_marker_rate, tare, total_wrench,
 };
 use aloft_study::config::{FlightConfig, FlightSource};
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_trial::Trial;
 use aloft_workspace::error::StageFailure;
+use aloft_workspace::json::write_json;
 use aloft_workspace::qc::QcReason;
-use aloft_workspace::workspace::write_json;
+use aloft_workspace::warning::StageWarning;
 use serde::Serialize;
 use serde_json::json;
 
@@ -74,6 +75,16 @@ pub fn gravity_error_percent(report: &FlightReport, gravity_mps2: f64) -> Option
         .then(|| (-used.iter().map(|u| u.0 * u.1).sum::<f64>() / frames / gravity_mps2 - 1.0) * 100.0)
 }
 
+/// A warning of the search with its reason.
+fn with_reason(warning: &FlightWarning) -> StageWarning {
+    let reason = match warning {
+        FlightWarning::NotTared { .. } => QcReason::UntaredPlate,
+        FlightWarning::FreeFall { .. } => QcReason::FreeFallOff,
+        _ => QcReason::Remarks,
+    };
+    StageWarning::new(reason, warning.to_string())
+}
+
 fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
     let (name, config) = (inputs.trial()?, &params.flight);
     let mut trial = inputs.results.load_trial(name)?;
@@ -105,7 +116,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     if let Some(percent) = gravity_error_percent(&report, params.gravity_mps2) {
         done.note("gravity_error_percent", percent);
     }
-    done.warnings.extend(report.warnings.iter().map(ToString::to_string));
+    done.warnings.extend(report.warnings.iter().map(with_reason));
     let mut reasons = Vec::new();
     if let Some(fall) = &report.free_fall {
         done.note("free_fall_ratio", json!(fall.ratio));

@@ -13,7 +13,7 @@ use aloft_study::config::{Estimator as ChosenEstimator, IdentifyConfig, Rows};
 use aloft_study::revision::ModelEffect;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::workspace::write_json;
+use aloft_workspace::json::write_json;
 use nalgebra::DVector;
 use serde::Serialize;
 use std::collections::HashMap;

@@ -9,8 +9,8 @@ use aloft_study::config::IkConfig;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::artifact::save_motion;
 use aloft_workspace::error::StageFailure;
+use aloft_workspace::json::write_json;
 use aloft_workspace::qc::QcReason;
-use aloft_workspace::workspace::write_json;
 use serde::Serialize;
 
 /// The stage.

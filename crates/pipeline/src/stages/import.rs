@@ -12,8 +12,8 @@ use aloft_trial::{
 use aloft_trial::{MarkerSetMatch, apply_marker_set, assess, fill_gaps, find_artefacts};
 use aloft_workspace::artifact::save_trial;
 use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::json::write_json;
 use aloft_workspace::qc::QcReason;
-use aloft_workspace::workspace::write_json;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -120,7 +120,7 @@ fn read_bids(name: &str, file: &std::path::Path, options: &ImportOptions) -> Res
     let files = bids_beside(file);
     let ending = |end: &str| files.iter().find(|f| f.to_string_lossy().ends_with(end));
     let json = |end: &str| -> Result<serde_json::Value, PipelineError> {
-        ending(end).map_or(Ok(serde_json::Value::Null), |p| aloft_workspace::workspace::read_json(p))
+        ending(end).map_or(Ok(serde_json::Value::Null), |p| aloft_workspace::json::read_json(p))
     };
     let Some(channels) = ending("_channels.tsv") else {
         return Err(StageFailure::with_hint(

@@ -8,7 +8,7 @@ use aloft_study::facts::Facts;
 use aloft_study::subject_session::Role;
 use aloft_trial::Trial;
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::workspace::write_json;
+use aloft_workspace::json::write_json;
 
 fn specification(object: &ObjectSpec, facts: &Facts) -> ObjectSpec {
     ObjectSpec { total_mass_kg: facts.person.mass_kg, gravity_mps2: Some(facts.gravity_mps2), ..object.clone() }

@@ -170,7 +170,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     // only identification uses the slides
     let person = !params.is_object && params.role == Some(Role::Identify);
     let (factors, warnings) = factors_beside(params, &rows, &mut slides, person)?;
-    let mut done = StageReport { warnings, ..StageReport::default() };
+    let mut done = StageReport { warnings: warnings.into(), ..StageReport::default() };
     save_factors(inputs.out, &factors)?;
     if person {
         save_slides(inputs.out, &slides)?;

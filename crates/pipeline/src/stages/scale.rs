@@ -8,7 +8,7 @@ use aloft_study::facts::Facts;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_trial::MarkerSet;
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::workspace::write_json;
+use aloft_workspace::json::write_json;
 use serde::Serialize;
 use serde_json::json;
 

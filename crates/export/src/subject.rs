@@ -1,0 +1,95 @@
+//! The subject to be exported: model, coordinates and inertias.
+
+use crate::coordinates::{Convention, Coordinates, expect_length};
+use crate::{ExportError, names};
+use aloft_body::{JointKind, LinkInertia, Phi, Subject};
+
+/// Source of the inertias in the exported models.
+#[derive(Debug, Clone, PartialEq)]
+pub enum InertiaSource {
+    /// Identified from flights.
+    Identified {
+        /// Kind of rows, `weak` or `paper`.
+        rows: String,
+        /// Remarks of the gate.
+        remarks: Vec<String>,
+        /// Values that motion did not determine, by link (`thigh_l: mass, inertia`); they come from
+        /// the table.
+        from_table: Vec<String>,
+    },
+    /// Taken from the prior.
+    Prior {
+        /// Reason why the prior is used.
+        reason: String,
+    },
+}
+
+/// The subject to be exported.
+#[derive(Debug, Clone)]
+pub struct SubjectExport {
+    /// Name used in files.
+    pub id: String,
+    /// Names of subject and session in a study of several subjects, from which BIDS file names are
+    /// built.
+    pub of_study: [Option<String>; 2],
+    /// Model, markers, facts.
+    pub subject: Subject,
+    /// Inertia of each link, as exported.
+    pub links: Vec<LinkInertia>,
+    /// Source of these inertias.
+    pub source: InertiaSource,
+    /// Coordinates of the model.
+    pub coordinates: Coordinates,
+    /// Indices of velocities fixed at the static posture in inverse kinematics.
+    pub locked: Vec<usize>,
+    /// Program and version, for headers.
+    pub program: String,
+}
+
+impl SubjectExport {
+    /// Combines a subject and its inertias.
+    ///
+    /// # Errors
+    /// The number of inertias differs from that of links.
+    pub fn new(
+        subject: Subject,
+        links: Vec<LinkInertia>,
+        source: InertiaSource,
+        convention: Convention,
+        locked: Vec<usize>,
+        program: &str,
+    ) -> Result<Self, ExportError> {
+        expect_length("inertias of the links", subject.model.n_links(), links.len())?;
+        Ok(Self {
+            id: names::id(&subject.facts.name),
+            of_study: [None, None],
+            coordinates: Coordinates::of(&subject.model, convention),
+            subject,
+            links,
+            source,
+            locked,
+            program: program.to_owned(),
+        })
+    }
+
+    /// The inertias as parameter vectors.
+    pub fn phi(&self) -> Vec<Phi> {
+        self.links.iter().map(LinkInertia::to_phi).collect()
+    }
+
+    /// True if inverse kinematics fixed this coordinate: all of its joint, or the two axes
+    /// perpendicular to the last rotation (then the first two angles are constant, because a
+    /// rotation about the last axis changes only the third angle).
+    pub(crate) fn is_locked(&self, coordinate: usize) -> bool {
+        let link = self.coordinates.list[coordinate].link;
+        let (own, joint) = (&self.subject.model.links[link].joint, &self.coordinates.joints[link]);
+        let held = |k: usize| self.locked.contains(&(own.v_offset + k));
+        let n = own.kind.nv();
+        if n > 0 && (0..n).all(held) {
+            return true;
+        }
+        let (JointKind::Spherical, Some(sequence)) = (own.kind, joint.sequence) else { return false };
+        let last = sequence.axes[2];
+        coordinate < joint.first + 2 && (0..3).all(|axis| (axis == last) != held(axis))
+    }
+}

@@ -1,0 +1,263 @@
+//! The settings of the stages: one section each, with ranges and defaults.
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Weights of single markers.
+fn weights(_: &mut SchemaGenerator) -> Schema {
+    json_schema!({"type": "object", "additionalProperties": {"type": "number", "minimum": 0.0, "maximum": 1000.0}})
+}
+
+macro_rules! section {
+    ($(#[$meta:meta])* $name:ident { $($(#[$field_meta:meta])* $field:ident : $type:ty = $default:expr,)* }) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+        #[serde(deny_unknown_fields, default)]
+        pub struct $name { $($(#[$field_meta])* pub $field: $type,)* }
+        impl Default for $name {
+            fn default() -> Self { Self { $($field: $default,)* } }
+        }
+    };
+}
+
+/// Vertical axis of a recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Vertical {
+    /// Decide from the file, the plates and the markers.
+    Auto,
+    /// X up.
+    X,
+    /// Y up.
+    Y,
+    /// Z up.
+    Z,
+}
+
+section! {
+/// Reading of recordings.
+ImportConfig {
+    /// Vertical axis of the recordings.
+    up_axis: Vertical = Vertical::Auto,
+    /// Strip `Subject:` from labels.
+    strip_prefix: bool = true,
+    /// Labels of this laboratory and the marker of the set that each means.
+    aliases: BTreeMap<String, String> = BTreeMap::new(),
+    /// Gaps up to this length are filled, s.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    fill_gaps_s: f64 = 0.1,
+    /// Fill gaps of a marker from its segment's other markers, up to this length, s.
+    #[schemars(range(min = 0.0, max = 60.0))]
+    rigid_fill_s: f64 = 0.25,
+    /// A file that holds less than this fraction of the frames that it states is taken for a broken copy.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    least_fraction: f64 = 0.5,
+    /// Repair spikes and label swaps (they are reported in any case).
+    repair: bool = false,
+}}
+
+section! {
+/// Static trial to subject.
+ScaleConfig {
+    /// Anthropometric table: a name in `configs/anthropometry/` (`de_leva`, `dumas`, `winter`) or a path.
+    anthropometry: String = "de_leva".to_owned(),
+    /// Regression of the hip joint centre: `harrington`, `bell`, `hara`, `davis`.
+    hip: String = "harrington".to_owned(),
+}}
+
+section! {
+/// Refinement of geometry over the dynamic trials.
+CalibrateConfig {
+    /// Whether to refine: `auto` keeps it only when held-out marker error falls.
+    enabled: Switch = Switch::Auto,
+    /// Number of frames used, over all trials.
+    #[schemars(range(min = 10, max = 100_000))]
+    frames: usize = 300,
+    /// Whether recordings held out for comparison (`trials: validate`) take part as well. By default they do not: held out means held out.
+    validation: bool = false,
+}}
+
+/// On, off, or decided from held-out data.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Switch {
+    /// Decided from held-out data.
+    Auto,
+    /// Always.
+    On,
+    /// Never.
+    Off,
+}
+
+section! {
+/// Markers to joint motion.
+IkConfig {
+    /// Weights of single markers, replacing those of the marker set.
+    #[schemars(schema_with = "weights")]
+    weights: BTreeMap<String, f64> = BTreeMap::new(),
+    /// Standard deviation of a marker about its place on the link, m.
+    #[schemars(range(min = 1e-5, max = 0.1))]
+    marker_sd_m: f64 = 0.002,
+}}
+
+section! {
+/// Low-pass filter of joint coordinates and forces.
+FilterConfig {
+    /// Order of one pass; two passes double the effective order.
+    #[schemars(range(min = 1, max = aloft_signal::butterworth::MAX_ORDER))]
+    order: usize = 3,
+    /// Stated cut-off, Hz.
+    #[schemars(range(min = 0.1, max = 1000.0))]
+    cutoff_hz: f64 = 10.0,
+    /// `none` designs each pass at the stated cut-off; `winter` moves it so that both passes together are −3 dB there.
+    cutoff_correction: Correction = Correction::None,
+}}
+
+/// Correction of the cut-off for two passes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Correction {
+    /// None.
+    None,
+    /// Winter's.
+    Winter,
+}
+
+/// How flights are found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FlightSource {
+    /// Plates where there are any and motion agrees; motion otherwise.
+    Auto,
+    /// Plates alone.
+    Plates,
+    /// Motion alone.
+    Motion,
+}
+
+section! {
+/// Search for free flight.
+FlightConfig {
+    /// How flights are found.
+    source: FlightSource = FlightSource::Auto,
+    /// Force below which a plate counts as unloaded, N.
+    #[schemars(range(min = 0.01, max = 10_000.0))]
+    threshold_n: f64 = 20.0,
+    /// Shortest flight, s.
+    #[schemars(range(min = 0.01, max = 3600.0))]
+    min_duration_s: f64 = 0.12,
+    /// Frames to leave out at both ends of each flight for the paper's rows (filter edges), s.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    margin_s: f64 = 0.07,
+}}
+
+/// Rows that the identification uses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Rows {
+    /// Acceleration rows as in the paper.
+    #[serde(alias = "paper")]
+    Acceleration,
+    /// Weak momentum rows.
+    Weak,
+}
+
+impl Rows {
+    /// Both kinds, in the order of the tables.
+    pub const ALL: [Self; 2] = [Self::Weak, Self::Acceleration];
+    /// The word that users type.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Acceleration => "acceleration",
+            Self::Weak => "weak",
+        }
+    }
+}
+
+/// Weights of weak rows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Weighting {
+    /// Fixed weights that depend on nothing but the prior.
+    Fixed,
+    /// By the inverse of the rows' covariance, propagated from the markers' noise. `discover` weights its own rows by fixed weights in any case.
+    Whitened,
+}
+
+section! {
+/// Rows and factors.
+RegressorConfig {
+    /// Rows that the results are built on; the other kind is computed beside them.
+    rows: Rows = Rows::Weak,
+    /// Length of a weak window, s; 0 lets the length of each stretch decide. `aloft parameters --assess` shows what other lengths give.
+    #[schemars(range(min = 0.0, max = 60.0))]
+    window_s: f64 = 0.0,
+    /// Weights of weak rows.
+    weighting: Weighting = Weighting::Fixed,
+    /// Size of errors that fade within a tenth of a second (soft tissue) in units of the markers' white noise; for `whitened`.
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    slow_noise: f64 = 5.0,
+}}
+
+/// Estimator of the base parameters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Estimator {
+    /// Regularised where the rows alone do not see every parameter; mass-constrained otherwise.
+    Auto,
+    /// Right singular vector of the smallest singular value (the paper).
+    NullVector,
+    /// Least squares with the body mass known.
+    MassConstrained,
+    /// Least squares with the body mass known and the anthropometric prior.
+    Regularized,
+}
+
+section! {
+/// Estimation.
+IdentifyConfig {
+    /// Estimator.
+    estimator: Estimator = Estimator::Auto,
+    /// Weight of the prior; 0 lets held-out error decide.
+    #[schemars(range(min = 0.0, max = 1e6))]
+    prior_weight: f64 = 0.0,
+    /// Whether plate-measured contact stretches of the identification trials take part.
+    contact: bool = false,
+    /// Bootstrap resamples over flights. Intervals do not use them: they come from the spread among flights with Student's t.
+    #[schemars(range(min = 0, max = 100_000))]
+    bootstrap: usize = 0,
+    /// Correlation of errors from flight to flight, 0 to 1, as a further allowance for what repeats; none where not given. Soft tissue of
+    /// people is allowed for in any case, as a random effect of the size that the marker residuals show.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    #[serde(alias = "repeat_correlation")]
+    flight_error_correlation: Option<f64> = None,
+}}
+
+section! {
+/// Model against measurement.
+CompareConfig {
+    /// Time left out on both sides of each change between flight and contact, s.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    edge_s: f64 = 0.05,
+    /// Length of the windows of the weak comparison, s.
+    #[schemars(range(min = 0.02, max = 60.0))]
+    window_s: f64 = 0.3,
+}}
+
+/// Joint angles of exported files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Angles {
+    /// Names and axes of OpenSim's full-body models.
+    Model,
+    /// Recommendations of the International Society of Biomechanics (Wu et al. 2002, 2005).
+    Isb,
+}
+
+section! {
+/// Files for other programs.
+ExportConfig {
+    /// Joint angles: `model` (names and axes of OpenSim's full-body models) or `isb` (shoulder Y-X-Y, wrist Z-X-Y).
+    angles: Angles = Angles::Model,
+}}

@@ -1,0 +1,205 @@
+//! What a result was made from: the manifest beside its tables, what differs from what there is
+//! now, and whether the files are those that it lists.
+
+use crate::error::{PipelineError, StageFailure};
+use crate::seal;
+use crate::warning::StageWarning;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// File that states what a result was made from and which files belong to it.
+pub(crate) const MANIFEST: &str = "manifest.json";
+
+/// Name used in place of a trial's name for results of the whole study.
+pub const WHOLE_STUDY: &str = "_study";
+
+/// Outcome of a stage.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "status")]
+pub enum Outcome {
+    /// The tables exist.
+    Ok,
+    /// The stage failed; there are no tables.
+    Failed(StageFailure),
+}
+
+/// What the result of a stage was made from, and its outcome.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// Stage name.
+    pub stage: String,
+    /// Trial name, or [`WHOLE_STUDY`].
+    pub trial: String,
+    /// Version of the stage's code.
+    pub version: u32,
+    /// The parameters that the stage reads.
+    pub parameters: serde_json::Value,
+    /// Hash of each input: recordings and upstream results.
+    pub inputs: BTreeMap<String, String>,
+    /// Outcome.
+    pub outcome: Outcome,
+    /// Warnings.
+    pub warnings: Vec<StageWarning>,
+    /// Figures for tables.
+    pub summary: BTreeMap<String, serde_json::Value>,
+    /// Hash over all files of the result.
+    pub output: String,
+    /// Every file of the result except the manifest itself.
+    #[serde(default)]
+    pub files: BTreeMap<String, FileStamp>,
+    /// Wall time of the stage, s.
+    pub seconds: f64,
+    /// Version of the program.
+    pub program: String,
+}
+
+/// Size and hash of a file as it was written.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FileStamp {
+    /// Size, bytes.
+    pub bytes: u64,
+    /// Hash of the content.
+    pub blake3: String,
+}
+
+impl FileStamp {
+    fn of(bytes: &[u8]) -> Self {
+        Self { bytes: bytes.len() as u64, blake3: blake3::hash(bytes).to_hex().to_string() }
+    }
+}
+
+impl Manifest {
+    /// True if the result can be used.
+    pub fn is_ok(&self) -> bool {
+        self.outcome == Outcome::Ok
+    }
+
+    /// Differences between what this result was made from and the given version, parameters and
+    /// inputs, in words; empty if there are none.
+    pub fn differences(
+        &self,
+        version: u32,
+        parameters: &serde_json::Value,
+        inputs: &BTreeMap<String, String>,
+    ) -> Vec<String> {
+        let mut changes = Vec::new();
+        if self.version != version {
+            changes.push(format!("the stage's code: version {} → {version}", self.version));
+        }
+        describe_changes("", &self.parameters, parameters, &mut changes);
+        for (name, hash) in inputs {
+            match self.inputs.get(name) {
+                // appears and disappears together with the result of the same recording
+                None if name.starts_with(ROLE) => {}
+                None => changes.push(format!("new input: {}", in_words(name))),
+                Some(old) if old != hash => changes.push(format!("input changed: {}", in_words(name))),
+                Some(_) => {}
+            }
+        }
+        changes.extend(
+            self.inputs
+                .keys()
+                .filter(|k| !inputs.contains_key(*k) && !k.starts_with(ROLE))
+                .map(|k| format!("input gone: {}", in_words(k))),
+        );
+        changes
+    }
+}
+
+/// Prefix of the key of an input that is the role of a recording.
+pub const ROLE: &str = "role ";
+
+/// An input's key in words: `file jump01.c3d`, `ik/jump01` or `role jump01`.
+fn in_words(key: &str) -> String {
+    if let Some(trial) = key.strip_prefix(ROLE) {
+        return format!("the part that {trial} plays");
+    }
+    match (key.strip_prefix("file "), key.split_once('/')) {
+        (Some(file), _) => format!("the content of the file {file}"),
+        (None, Some((stage, trial))) if trial == WHOLE_STUDY => format!("the result of `{stage}`"),
+        (None, Some((stage, trial))) => format!("the result of `{stage}` for {trial}"),
+        _ => key.to_owned(),
+    }
+}
+
+fn describe_changes(path: &str, old: &serde_json::Value, new: &serde_json::Value, out: &mut Vec<String>) {
+    use serde_json::Value::Object;
+    match (old, new) {
+        (Object(a), Object(b)) => {
+            for (key, value) in b {
+                let here = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+                describe_changes(&here, a.get(key).unwrap_or(&serde_json::Value::Null), value, out);
+            }
+            for key in a.keys().filter(|k| !b.contains_key(*k)) {
+                out.push(format!("parameter gone: {path}.{key}"));
+            }
+        }
+        _ if old == new => {}
+        _ => {
+            let show = |v: &serde_json::Value| {
+                let s = v.to_string();
+                if s.len() > 60 { format!("{}…", s.chars().take(57).collect::<String>()) } else { s }
+            };
+            out.push(format!("parameter `{path}`: {} → {}", show(old), show(new)));
+        }
+    }
+}
+
+/// Compares a result's folder with its manifest.
+pub(crate) fn examine(place: &Path) -> Vec<String> {
+    if !place.exists() {
+        return Vec::new();
+    }
+    let manifest: Manifest = match seal::read(&place.join(MANIFEST)) {
+        Ok(manifest) => manifest,
+        Err(PipelineError::Damaged { problem, .. }) => return vec![format!("{MANIFEST}: {problem}")],
+        Err(PipelineError::Io { source, .. }) => return vec![format!("{MANIFEST}: {source}")],
+        Err(e) => return vec![format!("{MANIFEST}: {e}")],
+    };
+    let mut problems = Vec::new();
+    for (name, stamp) in &manifest.files {
+        match std::fs::read(place.join(name)) {
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => problems.push(format!("{name} is missing")),
+            Err(e) => problems.push(format!("{name}: {e}")),
+            Ok(bytes) if bytes.len() as u64 != stamp.bytes => {
+                problems.push(format!("{name} has {} bytes, expected {}", bytes.len(), stamp.bytes));
+            }
+            Ok(bytes) if FileStamp::of(&bytes) != *stamp => {
+                problems.push(format!("{name}: its content is not what was written"));
+            }
+            Ok(_) => {}
+        }
+    }
+    // hidden files belong to the file system or to file managers
+    let names = std::fs::read_dir(place).into_iter().flatten().flatten();
+    for name in names.map(|e| e.file_name().to_string_lossy().into_owned()) {
+        if name != MANIFEST && !name.starts_with('.') && !manifest.files.contains_key(&name) {
+            problems.push(format!("{name} does not belong to the result"));
+        }
+    }
+    problems
+}
+
+/// Files of a folder with their hashes.
+pub(crate) fn stamps(folder: &Path) -> Result<BTreeMap<String, FileStamp>, PipelineError> {
+    let mut all = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).map_err(PipelineError::io("list", folder))? {
+        let path = entry.map_err(PipelineError::io("list", folder))?.path();
+        let bytes = std::fs::read(&path).map_err(PipelineError::io("read", &path))?;
+        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        all.insert(name, FileStamp::of(&bytes));
+    }
+    Ok(all)
+}
+
+/// Combined hash of all files of a result.
+pub(crate) fn hash_of(files: &BTreeMap<String, FileStamp>) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for (name, stamp) in files {
+        hasher.update(&(name.len() as u64).to_le_bytes());
+        hasher.update(name.as_bytes());
+        hasher.update(stamp.blake3.as_bytes());
+    }
+    hasher.finalize().to_hex().to_string()
+}
