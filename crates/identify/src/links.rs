@@ -29,8 +29,8 @@ use aloft_body::{BaseParameters, LinkInertia, Phi};
 use aloft_regressor::Factor;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix4, SMatrix, Vector3};
 
-/// Number of times that the linear map of the prior is taken anew at the links just found. The
-/// second change is already below a hundredth of an interval.
+/// Number of times that the linear map of the prior is taken anew at the links just found. On a
+/// chain one time changes widths of intervals by up to 10 %, two more times by up to 5 %.
 const ROUNDS: usize = 2;
 
 /// Weights of the three terms.
