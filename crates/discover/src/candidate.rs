@@ -98,6 +98,9 @@ pub(crate) fn pseudo_solve(s: &DMatrix<f64>, c: &DVector<f64>) -> DVector<f64> {
     inverse * c
 }
 
+/// Smallest eigenvalue of a Gram matrix of unit columns that counts as determined.
+const LEAST: f64 = 1e-9;
+
 /// Pseudo-inverse of a Gram matrix with columns scaled to unit length.
 pub(crate) fn pseudo_inverse(s: &DMatrix<f64>) -> DMatrix<f64> {
     let k = s.nrows();
@@ -107,9 +110,18 @@ pub(crate) fn pseudo_inverse(s: &DMatrix<f64>) -> DMatrix<f64> {
     }
     let unit = DMatrix::from_fn(k, k, |i, j| s[(i, j)] * scale[i] * scale[j]);
     let eigen = unit.symmetric_eigen();
-    let kept = eigen.eigenvalues.map(|l| if l > 1e-9 { l.recip() } else { 0.0 });
+    let kept = eigen.eigenvalues.map(|l| if l > LEAST { l.recip() } else { 0.0 });
     let inner = &eigen.eigenvectors * DMatrix::from_diagonal(&kept) * eigen.eigenvectors.transpose();
     DMatrix::from_fn(k, k, |i, j| inner[(i, j)] * scale[i] * scale[j])
+}
+
+/// True if a Gram matrix determines every direction, by the limit of [`pseudo_inverse`].
+pub(crate) fn is_determined(s: &DMatrix<f64>) -> bool {
+    if (0..s.nrows()).any(|i| !(s[(i, i)] > 0.0 && s[(i, i)].is_finite())) {
+        return false;
+    }
+    let unit = DMatrix::from_fn(s.nrows(), s.nrows(), |i, j| s[(i, j)] / (s[(i, i)] * s[(j, j)]).sqrt());
+    unit.symmetric_eigenvalues().iter().all(|l| *l > LEAST)
 }
 
 /// Held-out score of one variant.
@@ -124,7 +136,8 @@ pub(crate) struct Scored<'a> {
     pub fold_nonlinear: Vec<Vec<f64>>,
     pub fold_gain: Vec<f64>,
     pub fold_error: Vec<f64>,
-    /// Standard errors of coefficients and nonlinear parameters estimated jointly (Gauss-Newton);
+    /// Standard errors of coefficients and nonlinear parameters estimated jointly (jackknife of the
+    /// Gauss-Newton step);
     /// empty where no parameter was fitted.
     pub joint_se: Vec<f64>,
     /// Degrees of freedom of the jackknife: coefficients first, then the fitted nonlinear

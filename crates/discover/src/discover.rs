@@ -131,34 +131,37 @@ pub fn discover(
                     let refit = Refit { accepted, kept: &kept, found: &found, options };
                     better_pair(session, &problem, &scores, rival.index, &usable, PAIR, &refit)
                 }
-                // two effects can hide each other: where no single one is accepted and the error is far
-                // above its floor, pairs are tried
-                None if round.verdict == Verdict::NothingMissing
-                    && round.clusters >= FEWEST_CLUSTERS
-                    && session.standing[usize::from(domain == Domain::Contact)].is_some_and(|s| s.is_far())
-                    && kept.is_empty() =>
-                {
-                    let usable: Vec<bool> =
-                        scores.iter().map(|s| !s.placebo && limit(s.effect, false, options) > 0.0).collect();
-                    pair_alone(
-                        session,
-                        &problem,
-                        &scores,
-                        &usable,
-                        &Refit { accepted, kept: &kept, found: &found, options },
-                    )
-                }
                 _ => None,
             };
+            // two effects can hide each other: where the best single one leaves the error far above its
+            // floor, or none is accepted, pairs are tried without a winner
+            let share = if go_on { ((plain - gain) / plain).max(0.0).sqrt() } else { 1.0 };
+            let remains = session.standing[usize::from(domain == Domain::Contact)]
+                .map(|s| Standing { held_out_error: s.held_out_error * share, ..s });
+            let pair = pair.or_else(|| {
+                if !(kept.is_empty() && round.clusters >= FEWEST_CLUSTERS && remains.is_some_and(|s| s.is_far())) {
+                    return None;
+                }
+                let usable: Vec<bool> =
+                    scores.iter().map(|s| !s.placebo && limit(s.effect, false, options) > 0.0).collect();
+                let refit = Refit { accepted, kept: &kept, found: &found, options };
+                pair_alone(session, &problem, &scores, &usable, &refit)
+            });
             if let Some((a, b, error)) = pair {
                 let ids = [a.variant.effect.id().to_owned(), b.variant.effect.id().to_owned()];
-                round.words = format!(
-                    "two effects together, `{}` and `{}`, explain more ({:.0} % of the held-out error remains) than any one: {}",
-                    key_of(session, &a),
-                    key_of(session, &b),
-                    100.0 * (error / (plain * problem.n_judged as f64)).sqrt(),
-                    round.words
-                );
+                let share = 100.0 * (error / (plain * problem.n_judged as f64)).sqrt();
+                let both = format!("`{}` and `{}`", key_of(session, &a), key_of(session, &b));
+                round.words = if go_on {
+                    format!(
+                        "two effects together, {both}, explain more ({share:.0} % of the held-out error remains) than any \
+                         one: {}",
+                        round.words
+                    )
+                } else {
+                    format!(
+                        "two effects together, {both}, are missing: held-out error falls to {share:.0} %; none explains it alone"
+                    )
+                };
                 round.verdict = Verdict::Supported;
                 round.effects = ids.to_vec();
                 rounds.push(round);
@@ -216,6 +219,12 @@ pub fn discover(
             |id: &str| rounds.iter().any(|r| r.verdict == Verdict::Supported && r.effects.iter().any(|e| e == id));
         named = found.iter().map(|f| f.effect.clone()).filter(|id| sure(id)).collect();
     }
+    let mut once: Vec<String> = Vec::new();
+    for id in named {
+        if !once.contains(&id) {
+            once.push(id);
+        }
+    }
     let mut candidates: Vec<Candidate> = Vec::new();
     for r in &rounds {
         for c in &r.candidates {
@@ -263,7 +272,7 @@ pub fn discover(
     let mut out = Discovery {
         schema: 1,
         verdict,
-        effects: named,
+        effects: once,
         words: String::new(),
         noise_floor: standing.map_or(f64::NAN, |s| s.noise_floor),
         noise_floor_ci95: standing.and_then(|s| s.noise_floor_ci95),

@@ -5,9 +5,10 @@
 //! together (Kaufman's form), within bounds. In a fold the parameters take one step from the common optimum with the derivatives there, so that a
 //! cluster's own rows do not help to predict it.
 
-use crate::candidate::{Scored, Variant, fold_freedom, pseudo_inverse, pseudo_solve, solve};
+use crate::candidate::{Scored, Variant, fold_freedom, is_determined, pseudo_inverse, pseudo_solve, solve};
 use crate::problem::Problem;
 use crate::session::Session;
+use crate::statistics::jackknife_se;
 use aloft_effects::NonlinearParameter;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -122,19 +123,36 @@ pub(crate) fn improve<'a>(
 }
 
 /// Standard errors of coefficients and nonlinear parameters estimated jointly, from the columns `[C
-/// | ∂(Cθ)/∂p]`.
+/// | ∂(Cθ)/∂p]`: the jackknife over clusters of their joint linear fit. Its steps are not damped,
+/// so it follows directions in which unknowns compensate each other, and the spread among clusters
+/// counts along each unknown by itself: the variance of single rows is no measure of it, because
+/// windows overlap. If the rows leave a direction undetermined, the standard errors are those of
+/// [`Problem::covariance`], very large along it.
 fn joint_se(
     problem: &Problem,
     parameters: &[NonlinearParameter],
     wide: &[DMatrix<f64>],
     theta: &DVector<f64>,
 ) -> Vec<f64> {
+    let variances: Vec<f64> = if is_determined(&problem.reduce_all(wide).0) {
+        let left_out: Vec<DVector<f64>> = (0..problem.folds.len())
+            .into_par_iter()
+            .map(|g| {
+                let fold = problem.reduce_fold(g, wide);
+                pseudo_solve(&fold.s, &fold.c)
+            })
+            .collect();
+        let of = |i| jackknife_se(&left_out.iter().map(|x| x[i]).collect::<Vec<_>>()).powi(2);
+        (0..wide[0].ncols()).map(of).collect()
+    } else {
+        problem.covariance(wide, theta).diagonal().iter().copied().collect()
+    };
     let se = |(i, v): (usize, &f64)| match i.checked_sub(theta.len()).map(|j| &parameters[j]) {
         // at most the standard deviation of a uniform distribution between the bounds
         Some(q) if (q.upper - q.lower).is_finite() => v.sqrt().min((q.upper - q.lower) / 12f64.sqrt()),
         _ => v.sqrt(),
     };
-    problem.covariance(wide, theta).diagonal().iter().enumerate().map(se).collect()
+    variances.iter().enumerate().map(se).collect()
 }
 
 /// Fit of an effect with nonlinear parameters without the rows of one fold.

@@ -71,6 +71,12 @@ pub(crate) struct Spread {
     /// Sum of outer products of the adjusted scores, m × m: the middle factor ("meat") of the
     /// sandwich covariance.
     pub meat: DMatrix<f64>,
+    /// `Σ_g cᵀ G_g c` of each function: its variance for rows of unit variance.
+    pub own: Vec<f64>,
+    /// `Σ_g b_gᵀ (1 − G) b_g` of each function.
+    pub by_prior: Vec<f64>,
+    /// What the known errors of the rows contribute to each variance on average.
+    pub by_known: Vec<f64>,
 }
 
 /// With more clusters than this the pair products are left out of the degrees of freedom, which are
@@ -257,25 +263,47 @@ impl Clusters {
     /// be those of the matrix with diagonal elements `c G_g c` and off-diagonal elements `−b_gᵀ
     /// b_h`, `b_g = (1 − G_g)^(−1/2) G_g c`: the degrees of freedom are its squared trace over the
     /// sum of its squared elements.
-    pub fn spread(&self, functions: &DMatrix<f64>) -> Spread {
+    ///
+    /// `known` holds, by cluster, the scores `Q_gᵀ K_g` of errors of the rows with a variance of
+    /// their own (m × number of realisations each); empty without such errors.
+    pub fn spread(&self, functions: &DMatrix<f64>, known: &[DMatrix<f64>]) -> Spread {
         let (m, n) = functions.shape();
         let by = Mat::from_fn(m, n, |i, j| functions[(i, j)]);
-        let parts: Vec<(DVector<f64>, Vec<f64>, Mat<f64>)> =
-            self.clusters.par_iter().map(|c| cluster_spread(c, &by)).collect();
+        let all = known.iter().cloned().reduce(|a, b| a + b);
+        let parts: Vec<ClusterSpread> = self
+            .clusters
+            .par_iter()
+            .enumerate()
+            .map(|(g, c)| {
+                let residual = all.as_ref().map(|all| &known[g] - &c.gram * all);
+                cluster_spread(c, &by, residual.as_ref())
+            })
+            .collect();
+        let left = DMatrix::identity(m, m) - self.gram();
+        let left = Mat::from_fn(m, m, |i, j| left[(i, j)]);
+        let (mut by_prior, mut by_known) = (vec![0.0; n], vec![0.0; n]);
+        for part in &parts {
+            let rest = &left * &part.b;
+            for k in 0..n {
+                by_prior[k] += (0..m).map(|i| part.b[(i, k)] * rest[(i, k)]).sum::<f64>();
+                by_known[k] += part.known[k];
+            }
+        }
+        let own: Vec<f64> = (0..n).map(|k| parts.iter().map(|p| p.own[k]).sum()).collect();
         let mut meat = DMatrix::zeros(m, m);
-        for (score, _, _) in &parts {
-            meat.ger(1.0, score, score, 1.0);
+        for part in &parts {
+            meat.ger(1.0, &part.score, &part.score, 1.0);
         }
         let pairs = parts.len() <= MOST_PAIRED;
         let (variance, freedom) = (0..n)
             .into_par_iter()
             .map(|k| {
                 let c = functions.column(k);
-                let variance: f64 = parts.iter().map(|(score, _, _)| c.dot(score).powi(2)).sum();
-                let trace: f64 = parts.iter().map(|(_, own, _)| own[k]).sum();
-                let mut squares: f64 = parts.iter().map(|(_, own, _)| own[k] * own[k]).sum();
+                let variance: f64 = parts.iter().map(|p| c.dot(&p.score).powi(2)).sum();
+                let trace: f64 = own[k];
+                let mut squares: f64 = parts.iter().map(|p| p.own[k] * p.own[k]).sum();
                 if pairs {
-                    let reach = Mat::from_fn(m, parts.len(), |i, g| parts[g].2[(i, k)]);
+                    let reach = Mat::from_fn(m, parts.len(), |i, g| parts[g].b[(i, k)]);
                     let products = reach.transpose() * &reach;
                     for h in 0..parts.len() {
                         for g in 0..h {
@@ -286,7 +314,7 @@ impl Clusters {
                 (variance, if squares > 0.0 { trace * trace / squares } else { f64::INFINITY })
             })
             .unzip();
-        Spread { variance, freedom, meat }
+        Spread { variance, freedom, meat, own, by_prior, by_known }
     }
 
     /// Estimates from clusters drawn with replacement, mass first. Draw `i` depends only on `seed`
@@ -326,12 +354,25 @@ impl Clusters {
     }
 }
 
-/// Adjusted score `(1 − G)^(−1/2) Qᵀ r` of a cluster; `cᵀ G c` of each function, and `(1 − G)^(−1/2) G c`.
-fn cluster_spread(cluster: &ClusterRows, functions: &Mat<f64>) -> (DVector<f64>, Vec<f64>, Mat<f64>) {
+/// What one cluster contributes to the spread of functions c.
+struct ClusterSpread {
+    /// Adjusted score `(1 − G)^(−1/2) Qᵀ r`.
+    score: DVector<f64>,
+    /// `cᵀ G c` of each function.
+    own: Vec<f64>,
+    /// `(1 − G)^(−1/2) G c`.
+    b: Mat<f64>,
+    /// `‖cᵀ (1 − G)^(−1/2) K‖²` of each function.
+    known: Vec<f64>,
+}
+
+/// Contribution of a cluster; the columns of `known` are the scores K of its known errors.
+fn cluster_spread(cluster: &ClusterRows, functions: &Mat<f64>, known: Option<&DMatrix<f64>>) -> ClusterSpread {
     let (m, n) = (functions.nrows(), functions.ncols());
-    let nothing = || (DVector::zeros(m), vec![0.0; n], Mat::zeros(m, n));
     let gram = Mat::from_fn(m, m, |i, j| cluster.gram[(i, j)]);
-    let Ok(eigen) = gram.self_adjoint_eigen(Side::Lower) else { return nothing() };
+    let Ok(eigen) = gram.self_adjoint_eigen(Side::Lower) else {
+        return ClusterSpread { score: DVector::zeros(m), own: vec![0.0; n], b: Mat::zeros(m, n), known: vec![0.0; n] };
+    };
     let (v, values) = (eigen.U(), eigen.S().column_vector());
     // a direction determined by no other cluster and no prior has no residual to estimate its
     // variance from
@@ -343,7 +384,15 @@ fn cluster_spread(cluster: &ClusterRows, functions: &Mat<f64>) -> (DVector<f64>,
     };
     let own = (0..n).map(|k| (0..m).map(|i| values[i] * along[(i, k)] * along[(i, k)]).sum()).collect();
     let score = v * by_root(&score, 0);
-    (DVector::from_fn(m, |i, _| score[(i, 0)]), own, v * by_root(&along, 1))
+    let known = known.map_or_else(
+        || vec![0.0; n],
+        |known| {
+            let errors = v.transpose() * Mat::from_fn(m, known.ncols(), |i, j| known[(i, j)]);
+            let reach = by_root(&along, 0).transpose() * errors;
+            (0..n).map(|k| (0..known.ncols()).map(|j| reach[(k, j)] * reach[(k, j)]).sum()).collect()
+        },
+    );
+    ClusterSpread { score: DVector::from_fn(m, |i, _| score[(i, 0)]), own, b: v * by_root(&along, 1), known }
 }
 
 /// Number of bootstrap draws whose sums are formed together.

@@ -147,7 +147,8 @@ pub fn identify_with_slides(
         Estimator::Regularized { .. } => balanced(factors, mass_kg, base_prior.as_ref())?,
     };
     let factors = factors.as_slice();
-    let tissue = Tissue::of(factors, &slides, balance.as_ref().map_or(1.0, |b| b.contact_weight));
+    let (groups, cluster_names) = options.cluster.groups(factors);
+    let tissue = Tissue::of(factors, &slides, &groups, balance.as_ref().map_or(1.0, |b| b.contact_weight));
     // the merged factor must have as many rows as the factors
     let rows: usize = factors.iter().map(|f| f.n_rows).sum();
     let alone = factors.iter().all(|f| f.kind != StretchKind::Contact);
@@ -162,7 +163,6 @@ pub fn identify_with_slides(
             found: merged.n_parameters(),
         });
     }
-    let (groups, cluster_names) = options.cluster.groups(factors);
     let clusters = merge_groups(factors, &groups)?;
     let fit = match options.estimator {
         Estimator::NullVector(scaling) => Fit::null_vector(factors, &groups, &merged, mass_kg, scaling)?,
@@ -498,7 +498,7 @@ impl Fit {
         let weights = LinkOptions { row_variance, prior_weight, divergence_weight };
         let consistent = consistent_links(merged, base, mass_kg, prior, &weights)?;
         let variances: Vec<[Variance; 10]> = match &self.uncertainty {
-            Some(uncertainty) => uncertainty.links(&consistent, merged, base, prior, row_variance, prior_weight),
+            Some(uncertainty) => uncertainty.links(&consistent, merged, base, row_variance, prior_weight),
             None => {
                 let of = |(j, phi): (usize, &Phi)| {
                     let by = gradient(phi);

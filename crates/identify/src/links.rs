@@ -13,14 +13,25 @@
 //! Wensing, Park 2020). It is infinite where J is not positive definite. All three are convex, so
 //! Newton's method with step halving finds the unique minimum. The gradient of the divergence is
 //! nonzero everywhere except at the prior, so `Bφ` differs slightly from the regularised estimate.
+//!
+//! The prior states relative deviations (mass, stretches and shears of the mass distribution), so φ
+//! is a nonlinear function f of the ten numbers x per link ([`crate::prior`]). Its linear map is
+//! first taken at the prior and then, as in Gauss and Newton's method, at the links found: `φ₀ =
+//! f(x̂) − F x̂`, `P = F Cov(x) Fᵀ` with `F = ∂f/∂x` at x̂. With the map of the prior alone, the
+//! values that motion does not determine keep the scale of a prior that the other values contradict,
+//! and 95 % intervals contain the truth in 92 to 93 % of sets.
 
-use crate::prior::covariance_root;
+use crate::prior::{PriorAt, covariance_root};
 use crate::system::inverse_triangle;
 use crate::{IdentifyError, LinkPrior};
 use aloft_body::inertia::pseudo_inertia;
 use aloft_body::{BaseParameters, LinkInertia, Phi};
 use aloft_regressor::Factor;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix4, SMatrix, Vector3};
+
+/// Number of times that the linear map of the prior is taken anew at the links just found. On a
+/// chain one time changes widths of intervals by up to 10 %, two more times by up to 5 %.
+const ROUNDS: usize = 2;
 
 /// Weights of the three terms.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,6 +56,10 @@ pub struct ConsistentLinks {
     pub response: DMatrix<f64>,
     /// Part of the covariance due to the bias from the prior and the divergence, (10 n)².
     pub known: DMatrix<f64>,
+    /// Covariance of the prior with its linear map taken at these links, (10 n)².
+    pub prior_covariance: DMatrix<f64>,
+    /// Its part of second order ([`LinkPrior::second_order`]).
+    pub second_order: DMatrix<f64>,
     /// Effect coefficients belonging to these links.
     pub effects: DVector<f64>,
     /// Number of Newton steps.
@@ -89,8 +104,27 @@ pub fn consistent_links(
             inverse.ok_or_else(|| IdentifyError::Numeric(format!("the prior of link {j} is not physically consistent")))
         })
         .collect::<Result<_, _>>()?;
-    let problem = Problem::new(merged, base, prior, &start, references, options)?;
-    problem.solve(options.divergence_weight)
+    let mut problem = Problem::new(
+        merged,
+        base,
+        &stacked(&start),
+        prior.covariance.clone(),
+        prior.second_order.clone(),
+        references,
+        options,
+    )?;
+    let mut links = problem.solve(options.divergence_weight)?;
+    for _ in 0..ROUNDS {
+        let Some(at) = prior.at(&start, &links.phi) else { break };
+        let Ok(moved) = problem.moved(base, at, options) else { break };
+        let Ok(next) = moved.solve_from(&stacked(&links.phi), options.divergence_weight) else { break };
+        (problem, links) = (moved, next);
+    }
+    Ok(links)
+}
+
+fn stacked(phi: &[Phi]) -> DVector<f64> {
+    DVector::from_iterator(10 * phi.len(), phi.iter().flat_map(|p| p.iter().copied()))
 }
 
 /// The prior's links with all masses (and quantities proportional to them) scaled so that they add
@@ -102,10 +136,19 @@ fn scaled_to_mass(prior: &LinkPrior, mass_kg: f64) -> Vec<Phi> {
 }
 
 struct Problem {
+    /// Mean of the prior's linear map, 10 n.
     start: DVector<f64>,
+    /// Its covariance, (10 n)², and the part of second order.
+    covariance: DMatrix<f64>,
+    second_order: DMatrix<f64>,
     references: Vec<Matrix4<f64>>,
     /// φ = start + root y keeps the total mass.
     root: DMatrix<f64>,
+    /// y of a φ of that mass.
+    back: DMatrix<f64>,
+    /// Evidence of the rows, `A φ` and its right-hand side, both divided by s.
+    by_base: DMatrix<f64>,
+    by_base_right: DVector<f64>,
     /// Rows in y with the effects eliminated, and their right-hand side, both divided by s.
     rows: DMatrix<f64>,
     right: DVector<f64>,
@@ -115,6 +158,7 @@ struct Problem {
 }
 
 /// θ as a function of the base parameters.
+#[derive(Clone)]
 struct EffectsOf {
     inverse: DMatrix<f64>,
     coupling: DMatrix<f64>,
@@ -126,14 +170,12 @@ impl Problem {
     fn new(
         merged: &Factor,
         base: &BaseParameters,
-        prior: &LinkPrior,
-        start: &[Phi],
+        start: &DVector<f64>,
+        covariance: DMatrix<f64>,
+        second_order: DMatrix<f64>,
         references: Vec<Matrix4<f64>>,
         options: &LinkOptions,
     ) -> Result<Self, IdentifyError> {
-        let n = start.len();
-        let start = DVector::from_iterator(10 * n, start.iter().flat_map(|p| p.iter().copied()));
-        let root = mass_keeping_root(&prior.covariance)?;
         // effects first, so that one triangularisation eliminates them
         let (p, k) = (merged.n_parameters(), merged.n_effects());
         let dense = merged.dense();
@@ -160,10 +202,44 @@ impl Problem {
         let s = options.row_variance.sqrt();
         let a = DMatrix::from_fn(p, p, |i, j| get(k + i, k + j)) / s;
         let b = DVector::from_fn(p, |i, _| get(k + i, k + p)) / s;
+        Self::of(start, (covariance, second_order), references, (a, b), base, options, effects)
+    }
+
+    /// From the rows `a` of the base parameters with their right-hand side `b`.
+    fn of(
+        start: &DVector<f64>,
+        (covariance, second_order): (DMatrix<f64>, DMatrix<f64>),
+        references: Vec<Matrix4<f64>>,
+        (a, b): (DMatrix<f64>, DVector<f64>),
+        base: &BaseParameters,
+        options: &LinkOptions,
+        effects: EffectsOf,
+    ) -> Result<Self, IdentifyError> {
+        let (root, back) = mass_keeping_root(&covariance)?;
         let by_full = &a * &base.from_full;
-        let right = b - &by_full * &start;
+        let right = &b - &by_full * start;
         let rows = by_full * &root;
-        Ok(Self { start, references, root, rows, right, prior_weight: options.prior_weight, effects })
+        Ok(Self {
+            start: start.clone(),
+            covariance,
+            second_order,
+            references,
+            root,
+            back,
+            by_base: a,
+            by_base_right: b,
+            rows,
+            right,
+            prior_weight: options.prior_weight,
+            effects,
+        })
+    }
+
+    /// The same rows with the prior's linear map taken elsewhere.
+    fn moved(&self, base: &BaseParameters, at: PriorAt, options: &LinkOptions) -> Result<Self, IdentifyError> {
+        let evidence = (self.by_base.clone(), self.by_base_right.clone());
+        let covariance = (at.covariance, at.second_order);
+        Self::of(&at.mean, covariance, self.references.clone(), evidence, base, options, self.effects.clone())
     }
 
     fn phi(&self, y: &DVector<f64>) -> DVector<f64> {
@@ -202,7 +278,26 @@ impl Problem {
             }
             mu = (0.1 * mu).max(target);
         };
-        let phi = self.phi(&y);
+        self.at_minimum(&y, &hessian, steps)
+    }
+
+    /// Minimum for the weight `target`, from consistent links `phi` of the body's mass near it.
+    fn solve_from(&self, phi: &DVector<f64>, target: f64) -> Result<ConsistentLinks, IdentifyError> {
+        let m = self.root.ncols();
+        let gram = self.rows.tr_mul(&self.rows) + DMatrix::identity(m, m) * self.prior_weight;
+        let mut y = &self.back * (phi - &self.start);
+        let mut steps = 0;
+        let hessian = self.descend(target, &gram, &mut y, &mut steps)?;
+        self.at_minimum(&y, &hessian, steps)
+    }
+
+    fn at_minimum(
+        &self,
+        y: &DVector<f64>,
+        hessian: &DMatrix<f64>,
+        steps: usize,
+    ) -> Result<ConsistentLinks, IdentifyError> {
+        let phi = self.phi(y);
         let inverse = hessian
             .clone()
             .cholesky()
@@ -212,7 +307,7 @@ impl Problem {
         // + μD, and a truth distributed about the prior with unit variance, the bias term has the
         // variance (λ + μD)²
         let by_rows = self.rows.tr_mul(&self.rows);
-        let pull = &hessian - &by_rows;
+        let pull = hessian - &by_rows;
         let bias = &pull * &pull;
         let middle = by_rows + &bias;
         let response = &self.root * &inverse * self.root.transpose();
@@ -233,6 +328,8 @@ impl Problem {
             covariance,
             response,
             known,
+            prior_covariance: self.covariance.clone(),
+            second_order: self.second_order.clone(),
             effects,
             steps,
             smallest_eigenvalue: smallest,
@@ -338,8 +435,9 @@ fn pseudo_basis() -> [Matrix4<f64>; 10] {
     })
 }
 
-/// Columns that span all changes of φ that keep the total mass, scaled by the prior covariance.
-fn mass_keeping_root(covariance: &DMatrix<f64>) -> Result<DMatrix<f64>, IdentifyError> {
+/// Columns that span all changes of φ that keep the total mass, scaled by the prior covariance, and
+/// their pseudo-inverse.
+fn mass_keeping_root(covariance: &DMatrix<f64>) -> Result<(DMatrix<f64>, DMatrix<f64>), IdentifyError> {
     let n = covariance.nrows();
     let masses = DVector::from_fn(n, |i, _| if i % 10 == 0 { 1.0 } else { 0.0 });
     let cross = covariance * &masses;
@@ -355,11 +453,8 @@ fn mass_keeping_root(covariance: &DMatrix<f64>) -> Result<DMatrix<f64>, Identify
     let eigen = (0.5 * (&whitened + whitened.transpose())).symmetric_eigen();
     // in whitened coordinates the conditional covariance is a projector: one eigenvalue is zero, the others are one
     let kept: Vec<usize> = (0..n).filter(|&i| eigen.eigenvalues[i] > 0.5).collect();
-    let mut out = DMatrix::zeros(n, kept.len());
-    for (c, &i) in kept.iter().enumerate() {
-        out.set_column(c, &(&root * eigen.eigenvectors.column(i)));
-    }
-    Ok(out)
+    let along = eigen.eigenvectors.select_columns(&kept);
+    Ok((&root * &along, along.tr_mul(&inverse)))
 }
 
 /// Derivatives of mass, centre of mass (x y z) and inertia about it (xx yy zz yz zx xy) with

@@ -60,6 +60,19 @@ pub struct LinkPrior {
     /// Part of the covariance of second order in the shifts of the centres of mass; inertias about
     /// the centres of mass do not contain it.
     pub second_order: DMatrix<f64>,
+    /// Covariance of the ten numbers of all links, (10 n)²; see the module's description.
+    pub numbers: DMatrix<f64>,
+}
+
+/// A prior whose linear map is taken at other links than its own.
+#[derive(Debug, Clone)]
+pub(crate) struct PriorAt {
+    /// Mean of the linear map, 10 n.
+    pub mean: DVector<f64>,
+    /// Covariance of the stacked φ, (10 n)².
+    pub covariance: DMatrix<f64>,
+    /// As [`LinkPrior::second_order`].
+    pub second_order: DMatrix<f64>,
 }
 
 /// Standard deviation of the shears as a share of that of the radii.
@@ -101,7 +114,7 @@ impl LinkPrior {
         let mut numbers = DMatrix::zeros(10 * n, 10 * n);
         for (i, (link, sd)) in links.iter().zip(sd).enumerate() {
             mean.rows_mut(10 * i, 10).copy_from(&link.to_phi());
-            map.view_mut((10 * i, 10 * i), (10, 10)).copy_from(&variation(link));
+            map.view_mut((10 * i, 10 * i), (10, 10)).copy_from(&variation(link, &second_moment(link)));
             for (k, s) in deviations(sd).iter().enumerate() {
                 numbers[(10 * i + k, 10 * i + k)] = s * s;
             }
@@ -124,7 +137,7 @@ impl LinkPrior {
                 }
             }
         }
-        let mut covariance = &map * numbers * map.transpose();
+        let mut covariance = &map * &numbers * map.transpose();
         let mut second_order = DMatrix::zeros(10 * n, 10 * n);
         for (i, (link, sd)) in links.iter().zip(sd).enumerate() {
             let mut block = covariance.fixed_view_mut::<10, 10>(10 * i, 10 * i);
@@ -132,7 +145,7 @@ impl LinkPrior {
             block += own;
             second_order.fixed_view_mut::<10, 10>(10 * i, 10 * i).copy_from(&own);
         }
-        Ok(Self { links: links.to_vec(), mean, covariance, second_order })
+        Ok(Self { links: links.to_vec(), mean, covariance, second_order, numbers })
     }
 
     /// The same prior in base parameters.
@@ -149,6 +162,26 @@ impl LinkPrior {
         }
         let b = &base.from_full;
         Ok(Prior { mean: b * &self.mean, covariance: b * &self.covariance * b.transpose() })
+    }
+
+    /// The prior with its linear map taken at the links `at`: their ten numbers x̂ relative to the
+    /// prior's links, scaled as in `own`, give the mean `φ̂ − F x̂` with `F = ∂φ/∂x` at x̂. `None` if
+    /// a link is not consistent.
+    pub(crate) fn at(&self, own: &[Phi], at: &[Phi]) -> Option<PriorAt> {
+        let n = self.links.len();
+        let mut mean = DVector::zeros(10 * n);
+        let mut map = DMatrix::zeros(10 * n, 10 * n);
+        let mut second_order = DMatrix::zeros(10 * n, 10 * n);
+        for (i, (own, phi)) in own.iter().zip(at).enumerate() {
+            let (x, f) = deformation(own, phi)?;
+            mean.fixed_rows_mut::<10>(10 * i).copy_from(&(phi - f * x));
+            map.fixed_view_mut::<10, 10>(10 * i, 10 * i).copy_from(&f);
+            let ratio = phi[0] / self.links[i].mass_kg;
+            let block = self.second_order.fixed_view::<10, 10>(10 * i, 10 * i) * (ratio * ratio);
+            second_order.fixed_view_mut::<10, 10>(10 * i, 10 * i).copy_from(&block);
+        }
+        let covariance = &map * &self.numbers * map.transpose() + &second_order;
+        Some(PriorAt { mean, covariance, second_order })
     }
 
     /// The parameters of each link.
@@ -213,11 +246,56 @@ fn of_second_order(mass_kg: f64, com_sd_m: f64) -> SMatrix<f64, 10, 10> {
     map * SMatrix::<f64, 6, 6>::from_diagonal(&squares) * map.transpose()
 }
 
-/// ∂φ/∂(ten numbers) at the prior.
-fn variation(link: &LinkInertia) -> SMatrix<f64, 10, 10> {
+/// Second moments of mass about the centre of mass, kg·m².
+fn second_moment(link: &LinkInertia) -> Matrix3<f64> {
     let i = link.inertia_com_kgm2;
-    // second moments of mass about the centre of mass
-    let second = Matrix3::identity() * (0.5 * i.trace()) - i;
+    Matrix3::identity() * (0.5 * i.trace()) - i
+}
+
+/// Root of a symmetric positive definite matrix and its inverse.
+fn roots(m: &Matrix3<f64>) -> Option<(Matrix3<f64>, Matrix3<f64>)> {
+    let eigen = m.symmetric_eigen();
+    if !eigen.eigenvalues.iter().all(|l| *l > 0.0 && l.is_finite()) {
+        return None;
+    }
+    let of =
+        |values: Vector3<f64>| eigen.eigenvectors * Matrix3::from_diagonal(&values) * eigen.eigenvectors.transpose();
+    Some((of(eigen.eigenvalues.map(f64::sqrt)), of(eigen.eigenvalues.map(|l| l.sqrt().recip()))))
+}
+
+/// The ten numbers by which a link differs from `own`, and ∂φ/∂(ten numbers) there. With the second
+/// moments S per unit of mass about the centres of mass, `S = (1 + E) S₀ (1 + E)` has one solution
+/// with `1 + E` symmetric and positive definite.
+fn deformation(own: &Phi, phi: &Phi) -> Option<(SMatrix<f64, 10, 1>, SMatrix<f64, 10, 10>)> {
+    let (from, to) = (LinkInertia::from_phi(own), LinkInertia::from_phi(phi));
+    let before = second_moment(&from) / from.mass_kg;
+    let (root, inverse) = roots(&before)?;
+    let (middle, _) = roots(&(root * (second_moment(&to) / to.mass_kg) * root))?;
+    let stretch = inverse * middle * inverse;
+    let shift = to.com_m - from.com_m;
+    let e = stretch - Matrix3::identity();
+    let x = SMatrix::<f64, 10, 1>::from_column_slice(&[
+        to.mass_kg / from.mass_kg - 1.0,
+        shift.x,
+        shift.y,
+        shift.z,
+        e[(0, 0)],
+        e[(1, 1)],
+        e[(2, 2)],
+        e[(1, 2)],
+        e[(2, 0)],
+        e[(0, 1)],
+    ]);
+    let mut map = variation(&to, &(before * stretch * to.mass_kg));
+    let mass = map.column(0) * (from.mass_kg / to.mass_kg);
+    map.set_column(0, &mass);
+    Some((x, map))
+}
+
+/// ∂φ/∂(ten numbers) at a link; `behind` is the matrix B for which a strain E changes the second
+/// moments about the centre of mass by `E B + Bᵀ E` (at the prior these moments themselves).
+fn variation(link: &LinkInertia, behind: &Matrix3<f64>) -> SMatrix<f64, 10, 10> {
+    let i = link.inertia_com_kgm2;
     let inertia_of = |s: Matrix3<f64>| Matrix3::identity() * s.trace() - s;
     let about_origin = |mass: f64, com: Vector3<f64>, inertia: Matrix3<f64>| {
         let steiner = Matrix3::identity() * com.norm_squared() - com * com.transpose();
@@ -252,7 +330,7 @@ fn variation(link: &LinkInertia) -> SMatrix<f64, 10, 10> {
         let mut strain = Matrix3::zeros();
         strain[(a, b)] = 1.0;
         strain[(b, a)] = 1.0;
-        let change = strain * second + second * strain;
+        let change = strain * behind + behind.transpose() * strain;
         out.set_column(4 + k, &about_origin(0.0, Vector3::zeros(), inertia_of(change)));
     }
     out

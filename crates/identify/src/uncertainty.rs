@@ -16,7 +16,6 @@
 //! The parts are added, and their degrees of freedom are combined by Satterthwaite's formula
 //! ([`crate::interval::satterthwaite`]).
 
-use crate::LinkPrior;
 use crate::clusters::Clusters;
 use crate::interval::satterthwaite;
 use crate::links::{ConsistentLinks, gradient};
@@ -37,26 +36,27 @@ pub(crate) type Variance = (f64, f64);
 /// Soft tissue errors in a fit.
 #[derive(Debug, Clone)]
 pub(crate) struct Tissue {
-    /// `Σ_g A_gᵀ D_g` for the parameters without the mass and the effects, one column for each
-    /// realisation, divided by the square root of their number.
-    sums: DMatrix<f64>,
+    /// `A_gᵀ D_g` of each cluster for the parameters without the mass and the effects, one column
+    /// for each realisation, divided by the square root of their number.
+    sums: Vec<DMatrix<f64>>,
     /// Size of the slides, m/rad.
     pub size: f64,
 }
 
 impl Tissue {
-    /// From the slides of all factors, in the same order; `contact_weight` is the factor applied to
+    /// From the slides of all factors, in the same order, with the cluster of each; `contact_weight` is the factor applied to
     /// contact rows. `None` without slides, or if the markers show none.
-    pub fn of(factors: &[Factor], slides: &[Slides], contact_weight: f64) -> Option<Self> {
+    pub fn of(factors: &[Factor], slides: &[Slides], groups: &[usize], contact_weight: f64) -> Option<Self> {
         let first = slides.first().filter(|_| slides.len() == factors.len())?;
         let (n, draws) = first.sums.shape();
-        let (mut sums, mut predicted, mut observed) = (DMatrix::zeros(n, draws), 0.0, 0.0);
-        for (factor, slides) in factors.iter().zip(slides) {
+        let count = groups.iter().max().map_or(0, |g| g + 1);
+        let (mut sums, mut predicted, mut observed) = (vec![DMatrix::zeros(n, draws); count], 0.0, 0.0);
+        for ((factor, slides), group) in factors.iter().zip(slides).zip(groups) {
             if slides.sums.shape() != (n, draws) {
                 return None;
             }
             let weight = if factor.kind == StretchKind::Contact { contact_weight * contact_weight } else { 1.0 };
-            sums += &slides.sums * weight;
+            sums[*group] += &slides.sums * weight;
             predicted += slides.predicted;
             observed += slides.observed;
         }
@@ -64,9 +64,16 @@ impl Tissue {
         if !(size > 0.0 && size.is_finite()) {
             return None;
         }
-        let scaled = sums.rows(1, n - 1) * (size / (draws as f64).sqrt());
+        let scaled = sums.iter().map(|s| s.rows(1, n - 1) * (size / (draws as f64).sqrt())).collect();
         Some(Self { sums: scaled, size })
     }
+}
+
+/// Variances of functions caused by the rows; see [`Uncertainty::rows`].
+struct Rows {
+    variances: Vec<Variance>,
+    shares: Vec<f64>,
+    middle: DMatrix<f64>,
 }
 
 /// Sources of the variances.
@@ -81,6 +88,10 @@ pub(crate) struct Uncertainty {
     inflation: f64,
     /// `Uᵀ⁻¹ Σ A_gᵀ D_g`.
     tissue: Option<DMatrix<f64>>,
+    /// The same by cluster.
+    tissue_of: Vec<DMatrix<f64>>,
+    /// Variance s² of a row in the working model.
+    row_variance: f64,
 }
 
 impl Uncertainty {
@@ -98,8 +109,11 @@ impl Uncertainty {
     ) -> Self {
         let pooled = (!robust || clusters.len() < MIN_CLUSTERS)
             .then(|| (row_variance, ((rows as f64 - effective) / OVERLAP).max(1.0)));
-        let tissue = tissue.filter(|t| t.sums.nrows() == clusters.unknowns()).map(|t| clusters.reach(&t.sums));
-        Self { clusters, pooled, weight, inflation, tissue }
+        let tissue_of: Vec<DMatrix<f64>> = tissue
+            .filter(|t| t.sums.iter().all(|s| s.nrows() == clusters.unknowns()))
+            .map_or_else(Vec::new, |t| t.sums.iter().map(|s| clusters.reach(s)).collect());
+        let tissue = tissue_of.iter().cloned().reduce(|a, b| a + b);
+        Self { clusters, pooled, weight, inflation, tissue, tissue_of, row_variance }
     }
 
     /// True if the spread among clusters is used.
@@ -107,20 +121,40 @@ impl Uncertainty {
         self.pooled.is_none()
     }
 
-    /// Variances of functions of the rows' errors, one per column, and the middle factor of the
-    /// covariance.
-    fn rows(&self, functions: &DMatrix<f64>) -> (Vec<Variance>, DMatrix<f64>) {
+    /// Variances of functions of the rows' errors, one per column, with the share of the spread
+    /// among clusters that the rows' errors account for, and the middle factor of the covariance
+    /// before it is reduced to that share.
+    ///
+    /// Residuals also contain the error of the prior and the slides of soft tissue, whose variances
+    /// are added as parts of their own; what they contribute to the spread is not counted twice. In
+    /// the working model (rows of variance s², prior of weight w with its stated covariance, slides
+    /// of the size that the markers show) the spread of a function is expected to be `s² Σ cᵀG_g c +
+    /// (w − s²) Σ b_gᵀ(1 − ΣG) b_g + Σ ‖cᵀ(1 − G_g)^(−1/2)(T_g − G_g ΣT)‖²`, of which the first
+    /// term is the variance caused by the rows.
+    fn rows(&self, functions: &DMatrix<f64>) -> Rows {
         match self.pooled {
             Some((variance, freedom)) => {
                 let gram = self.clusters.gram() * (variance * self.inflation);
                 let by_rows = &gram * functions;
                 let of = |k| (functions.column(k).dot(&by_rows.column(k)).max(0.0), freedom);
-                ((0..functions.ncols()).map(of).collect(), gram)
+                let n = functions.ncols();
+                Rows { variances: (0..n).map(of).collect(), shares: vec![1.0; n], middle: gram }
             }
             None => {
-                let spread = self.clusters.spread(functions);
-                let variances = spread.variance.iter().map(|v| v * self.inflation);
-                (variances.zip(spread.freedom).collect(), spread.meat * self.inflation)
+                let spread = self.clusters.spread(functions, &self.tissue_of);
+                let share = |k: usize| {
+                    let own = self.row_variance * spread.own[k];
+                    let repeated = (self.weight - self.row_variance) * spread.by_prior[k] + spread.by_known[k];
+                    // without information the spread is zero as well
+                    if own > 0.0 { own / (own + repeated) } else { 1.0 }
+                };
+                let shares: Vec<f64> = (0..functions.ncols()).map(share).collect();
+                let variances = spread.variance.iter().zip(&shares).map(|(v, share)| v * share * self.inflation);
+                Rows {
+                    variances: variances.zip(spread.freedom).collect(),
+                    shares,
+                    middle: spread.meat * self.inflation,
+                }
             }
         }
     }
@@ -143,16 +177,22 @@ impl Uncertainty {
     /// Covariance of parameters and effects, the mass first (zeros), and degrees of freedom of each variance.
     pub fn estimates(&self) -> (DMatrix<f64>, Vec<f64>) {
         let functions = self.clusters.own_functions();
-        let (rows, mut middle) = self.rows(&functions);
-        let variances = self.together(&functions, &rows, &self.clusters.of_prior(self.weight, &functions));
+        let rows = self.rows(&functions);
+        let variances = self.together(&functions, &rows.variances, &self.clusters.of_prior(self.weight, &functions));
         let gram = self.clusters.gram();
         let m = gram.nrows();
-        middle += (DMatrix::identity(m, m) - gram) * self.weight;
+        let mut middle = (DMatrix::identity(m, m) - gram) * self.weight;
         if let Some(t) = &self.tissue {
             middle += t * t.transpose();
         }
         let freedom = std::iter::once(f64::INFINITY).chain(variances.iter().map(|v| v.1)).collect();
-        (self.clusters.covariance(&middle), freedom)
+        let mut covariance = self.clusters.covariance(&rows.middle);
+        for (i, a) in rows.shares.iter().enumerate() {
+            for (j, b) in rows.shares.iter().enumerate() {
+                covariance[(i + 1, j + 1)] *= (a * b).sqrt();
+            }
+        }
+        (covariance + self.clusters.covariance(&middle), freedom)
     }
 
     /// Variances of the ten numbers of each link: mass, centre of mass, inertia about it (in the
@@ -163,7 +203,6 @@ impl Uncertainty {
         links: &ConsistentLinks,
         merged: &Factor,
         base: &BaseParameters,
-        prior: &LinkPrior,
         row_variance: f64,
         prior_weight: f64,
     ) -> Vec<[Variance; 10]> {
@@ -188,9 +227,9 @@ impl Uncertainty {
         }
         let all_known = by_columns(&gradients, &links.known);
         // second-order shifts change moments about the origin, not those about the centre of mass
-        let beyond = covariance_root(&prior.covariance).ok().and_then(DMatrix::try_inverse).map(|inverse| {
+        let beyond = covariance_root(&links.prior_covariance).ok().and_then(DMatrix::try_inverse).map(|inverse| {
             let back = inverse.tr_mul(&inverse) * (&follow * prior_weight);
-            by_columns(&back, &prior.second_order)
+            by_columns(&back, &links.second_order)
         });
         let known: Vec<f64> = all_known
             .iter()
@@ -201,7 +240,7 @@ impl Uncertainty {
             })
             .collect();
         let functions = self.clusters.functions(&by_rows);
-        let all = self.together(&functions, &self.rows(&functions).0, &known);
+        let all = self.together(&functions, &self.rows(&functions).variances, &known);
         (0..n).map(|j| std::array::from_fn(|i| all[10 * j + i])).collect()
     }
 }
