@@ -1,7 +1,7 @@
 //! Discovery rounds: rank the effects, judge the ranking, add the best, and repeat.
 
 use crate::addition::addition;
-use crate::candidate::Variant;
+use crate::candidate::{Scored, Variant};
 use crate::floor::Standing;
 use crate::judge::{
     Rival, alternatives, chosen_shares, confusions, is_trivial, judge, limit, limit_by_number, minimum_detectable,
@@ -138,17 +138,26 @@ pub fn discover(
             let share = if go_on { ((plain - gain) / plain).max(0.0).sqrt() } else { 1.0 };
             let remains = session.standing[usize::from(domain == Domain::Contact)]
                 .map(|s| Standing { held_out_error: s.held_out_error * share, ..s });
-            let pair = pair.or_else(|| {
-                if !(kept.is_empty() && round.clusters >= FEWEST_CLUSTERS && remains.is_some_and(|s| s.is_far())) {
-                    return None;
-                }
-                let usable: Vec<bool> =
-                    scores.iter().map(|s| !s.placebo && limit(s.effect, false, options) > 0.0).collect();
-                let refit = Refit { accepted, kept: &kept, found: &found, options };
-                pair_alone(session, &problem, &scores, &usable, &refit)
-            });
-            if let Some((a, b, error)) = pair {
-                let ids = [a.variant.effect.id().to_owned(), b.variant.effect.id().to_owned()];
+            let two = |a: &Scored<'_>, b: &Scored<'_>| {
+                vec![a.variant.effect.id().to_owned(), b.variant.effect.id().to_owned()]
+            };
+            let pair = pair
+                .map(|(a, b, error)| {
+                    let ids = two(&a, &b);
+                    (a, b, error, ids)
+                })
+                .or_else(|| {
+                    if !(kept.is_empty() && round.clusters >= FEWEST_CLUSTERS && remains.is_some_and(|s| s.is_far())) {
+                        return None;
+                    }
+                    let usable: Vec<bool> =
+                        scores.iter().map(|s| !s.placebo && limit(s.effect, false, options) > 0.0).collect();
+                    let refit = Refit { accepted, kept: &kept, found: &found, options };
+                    pair_alone(session, &problem, &scores, &usable, &refit)
+                });
+            if let Some((a, b, error, ids)) = pair {
+                let both = two(&a, &b);
+                let sure_of_both = ids.iter().all(|id| both.contains(id));
                 let share = 100.0 * (error / (plain * problem.n_judged as f64)).sqrt();
                 let both = format!("`{}` and `{}`", key_of(session, &a), key_of(session, &b));
                 round.words = if go_on {
@@ -162,8 +171,8 @@ pub fn discover(
                         "two effects together, {both}, are missing: held-out error falls to {share:.0} %; none explains it alone"
                     )
                 };
-                round.verdict = Verdict::Supported;
-                round.effects = ids.to_vec();
+                round.verdict = if sure_of_both { Verdict::Supported } else { Verdict::OneOf };
+                round.effects = ids;
                 rounds.push(round);
                 first_gain = first_gain.or(Some(gain));
                 if domain == Domain::Flight || !has_flights {
@@ -342,11 +351,31 @@ fn run_round<'a>(
         .filter_map(|(e, placebo)| {
             let taken: Vec<Target> =
                 already.iter().filter(|(a, _)| a.id() == e.id()).map(|(_, target)| *target).collect();
-            score_effect(session, problem, *e, &taken, *placebo, true)
+            score_effect(session, problem, *e, &taken, None, *placebo, true)
         })
         .collect();
     let plain = problem.plain();
-    scores.sort_by(|a, b| a.mean_square(problem).total_cmp(&b.mean_square(problem)));
+    let by_error = |a: &EffectScore<'_>, b: &EffectScore<'_>| a.mean_square(problem).total_cmp(&b.mean_square(problem));
+    scores.sort_by(by_error);
+    // where the best effect acts in some trials only, every other one is given the same trials
+    let part = scores.first().map(|s| (s.effect.about().by_group, s.scored[s.best].variant.group.clone()));
+    if let Some((false, acting)) = part.filter(|(_, group)| !group.is_empty()) {
+        let again: Vec<Option<EffectScore<'a>>> = scores
+            .par_iter()
+            .map(|s| {
+                let taken: Vec<Target> =
+                    already.iter().filter(|(a, _)| a.id() == s.effect.id()).map(|(_, target)| *target).collect();
+                let whole = s.placebo || s.effect.about().by_group;
+                (!whole).then(|| score_effect(session, problem, s.effect, &taken, Some(&acting), false, true)).flatten()
+            })
+            .collect();
+        for (score, again) in scores.iter_mut().zip(again) {
+            if let Some(again) = again.filter(|a| by_error(a, score).is_lt()) {
+                *score = again;
+            }
+        }
+        scores.sort_by(by_error);
+    }
     let mut null = null_ratios(problem, &scores, options.null_draws, options.seed);
     null.sort_by(f64::total_cmp);
     let quantile = |share: f64| null.get((share * null.len() as f64) as usize).copied().unwrap_or(f64::NAN);
@@ -412,7 +441,14 @@ fn run_round<'a>(
         .collect();
     confusions(session, problem, &scores, &mut candidates, options);
     let (sharp, rivals) = rivals(session, problem, extra, &scores, &candidates, options);
-    let (mut verdict, effects, duels) = judge(session, sharp.as_ref().unwrap_or(problem), &rivals, options);
+    let (mut verdict, mut effects, duels) = judge(session, sharp.as_ref().unwrap_or(problem), &rivals, options);
+    // the effect that the answer describes, that joins the model in later rounds and that the user is
+    // told to add is one and the same
+    if let Some(first) = to_build_on(&rivals, &effects, options)
+        && let Some(at) = effects.iter().position(|id| id == first.id())
+    {
+        effects[..=at].rotate_right(1);
+    }
     if few || candidates.iter().all(|c| c.placebo) {
         verdict = Verdict::NotDetectable;
     }

@@ -22,7 +22,7 @@ const NEARLY: f64 = 0.94;
 const TARGETS: usize = 3;
 /// Errors whose ratio is above this count as equal: rigid bodies, and people, whose soft tissue
 /// repeats.
-const SAME: [f64; 2] = [0.98, 0.96];
+pub(crate) const SAME: [f64; 2] = [0.98, 0.96];
 
 /// The best variant of every target, best first.
 pub(crate) fn alternatives(session: &Session<'_>, problem: &Problem, score: &EffectScore<'_>) -> Vec<Alternative> {

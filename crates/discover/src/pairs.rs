@@ -6,7 +6,7 @@
 //! if it is better by as much as a second effect would have to be.
 
 use crate::candidate::{Scored, Variant, score, solve};
-use crate::judge::is_trivial;
+use crate::judge::{SAME, is_trivial};
 use crate::ladder::Refit;
 use crate::nonlinear::{improve, score_fitted};
 use crate::problem::Problem;
@@ -143,14 +143,14 @@ const TURNS: usize = 2;
 
 /// Two effects together where none alone is accepted: two of a kind on different links (a load on
 /// both shanks), or two kinds. Each is fitted beside the other in turn; `None` if no pair explains
-/// most of the error.
+/// most of the error. The last part are the effects of all pairs that leave nearly the same error.
 pub(crate) fn pair_alone<'a>(
     session: &Session<'_>,
     problem: &Problem,
     scores: &[EffectScore<'a>],
     usable: &[bool],
     refit: &Refit<'_, '_>,
-) -> Option<(Scored<'a>, Scored<'a>, f64)> {
+) -> Option<(Scored<'a>, Scored<'a>, f64, Vec<String>)> {
     let parts: Vec<(usize, Variant<'a>, Vec<DMatrix<f64>>)> = (0..scores.len())
         .into_par_iter()
         .filter(|&i| usable[i])
@@ -224,10 +224,29 @@ pub(crate) fn pair_alone<'a>(
             (!is_trivial(session, problem, error / problem.n_judged as f64)).then_some((x, y, error))
         })
         .collect();
-    let best = fitted.into_iter().min_by(|x, y| x.2.total_cmp(&y.2))?;
+    // of pairs that leave nearly the same error, the one with the fewest unknowns; the others are
+    // named beside it
+    let least = fitted.iter().map(|f| f.2).fold(f64::INFINITY, f64::min);
+    let same = SAME[usize::from(session.prior.is_some())];
+    let mut near: Vec<(Scored<'a>, Scored<'a>, f64)> =
+        fitted.into_iter().filter(|f| (least / f.2).sqrt() > same).collect();
+    let unknowns = |f: &(Scored<'_>, Scored<'_>, f64)| f.0.variant.unknowns() + f.1.variant.unknowns();
+    near.sort_by(|x, y| unknowns(x).cmp(&unknowns(y)).then(x.2.total_cmp(&y.2)));
+    let mut ids: Vec<String> = Vec::new();
+    for f in &near {
+        for s in [&f.0, &f.1] {
+            let id = s.variant.effect.id();
+            let contains = s.variant.effect.about().contains;
+            if !ids.iter().any(|i| i == id || contains.contains(&i.as_str())) {
+                ids.push(id.to_owned());
+            }
+        }
+    }
+    let best = near.into_iter().next()?;
     let plain: Vec<f64> = problem.folds.iter().map(|f| f.error).collect();
     let whole: f64 = plain.iter().sum();
     let single = scores.iter().filter(|s| !s.placebo).map(|s| s.fold_error.iter().sum::<f64>()).fold(whole, f64::min);
     let small = (best.2 / whole).sqrt() < ALONE[0] && (best.2 / single).sqrt() < ALONE[1];
-    (small && sign_flip_p(&best.1.fold_error, &plain, 2000, refit.seed()) < 0.01).then_some(best)
+    let real = small && sign_flip_p(&best.1.fold_error, &plain, 2000, refit.seed()) < 0.01;
+    real.then_some((best.0, best.1, best.2, ids))
 }

@@ -66,19 +66,21 @@ fn criterion(gain: f64, rss: f64, n_rows: f64, unknowns: usize) -> f64 {
 }
 
 /// Scores all variants of an effect on all targets that are not `taken`; `None` if it cannot act
-/// here.
+/// here. With `acting` the effect acts only in those trials; otherwise it acts in all of them or, if
+/// the trials fall into two clear sets, in one of these.
 pub(crate) fn score_effect<'a>(
     session: &Session<'_>,
     problem: &Problem,
     effect: &'a dyn Effect,
     taken: &[Target],
+    acting: Option<&[bool]>,
     placebo: bool,
     refine: bool,
 ) -> Option<EffectScore<'a>> {
     let mut targets = effect.targets(session.scene);
     targets.retain(|t| !taken.contains(t));
     let nonlinear = targets.iter().any(|t| !effect.nonlinear(session.scene, *t).is_empty());
-    let screened = screen(session, problem, effect, &targets);
+    let screened = screen(session, problem, effect, &targets, acting);
     if screened.is_empty() {
         return None;
     }
@@ -131,11 +133,19 @@ pub(crate) fn score_effect<'a>(
         scored.extend(fitted.into_iter().flatten());
     }
     let n_rows: f64 = problem.clusters.iter().map(|c| c.n_rows as f64).sum();
-    let worth = |s: &Scored<'_>| criterion(s.gain, problem.rss, n_rows, unknowns_of(s));
-    let first = (0..scored.len()).min_by(|&a, &b| worth(&scored[a]).total_cmp(&worth(&scored[b])));
-    if let Some(part) = first.filter(|_| refine && !placebo).and_then(|i| in_some_trials(session, problem, &scored[i]))
-    {
-        scored.push(part);
+    if refine && !placebo && acting.is_none() {
+        let worth = |s: &Scored<'_>| criterion(s.gain, problem.rss, n_rows, unknowns_of(s));
+        let mut order: Vec<usize> = (0..scored.len()).collect();
+        order.sort_by(|&a, &b| worth(&scored[a]).total_cmp(&worth(&scored[b])));
+        let mut targets = Vec::new();
+        order.retain(|&i| {
+            let first = !targets.contains(&scored[i].variant.target);
+            targets.push(scored[i].variant.target);
+            first
+        });
+        let in_part: Vec<Option<Scored<'a>>> =
+            order.into_par_iter().take(FINISHED).map(|i| in_some_trials(session, problem, &scored[i])).collect();
+        scored.extend(in_part.into_iter().flatten());
     }
     let pick = |gain: &dyn Fn(&Scored<'_>) -> f64, rss: f64, n_rows: f64| {
         let of: Vec<f64> = scored.iter().map(|s| criterion(gain(s), rss, n_rows, unknowns_of(s))).collect();
@@ -236,7 +246,13 @@ type Screened<'a> = Vec<(Variant<'a>, Vec<DMatrix<f64>>)>;
 
 /// Variants at given values with their columns: all targets at the starts that gave the largest
 /// gain on the first target.
-fn screen<'a>(session: &Session<'_>, problem: &Problem, effect: &'a dyn Effect, targets: &[Target]) -> Screened<'a> {
+fn screen<'a>(
+    session: &Session<'_>,
+    problem: &Problem,
+    effect: &'a dyn Effect,
+    targets: &[Target],
+    acting: Option<&[bool]>,
+) -> Screened<'a> {
     const FEW: usize = 4;
     const MANY: usize = 60;
     let mut out: Screened<'a> = Vec::new();
@@ -256,6 +272,7 @@ fn screen<'a>(session: &Session<'_>, problem: &Problem, effect: &'a dyn Effect, 
             .into_par_iter()
             .filter_map(|i| {
                 let mut variant = Variant::new(session, effect, target, starts[i].clone());
+                variant.group = acting.map(<[bool]>::to_vec).unwrap_or_default();
                 let mut columns = variant.columns(session, problem)?;
                 if effect.about().by_group {
                     variant.group = group(session, problem, &columns)?;

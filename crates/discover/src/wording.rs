@@ -60,7 +60,7 @@ pub(crate) fn round(
             if c.class.is_empty() { String::new() } else { format!(" (cannot be told from: {})", c.class) },
         ),
         (Verdict::OneOf, Some(c), _) => format!(
-            "one of {} is missing; the most economical is `{}`: held-out error falls to {:.0} %; {}",
+            "one of {} is missing, which these recordings cannot tell apart; with `{}` held-out error falls to {:.0} %; {}",
             list(effects),
             c.key,
             100.0 * c.held_out_ratio,
