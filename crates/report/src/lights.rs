@@ -36,13 +36,12 @@ pub fn gap(ratio: f64) -> Light {
     }
 }
 
-/// Compares an error with that of the prior on the same frames.
-pub fn beside(own: f64, prior: Option<f64>) -> Light {
-    match prior {
-        Some(p) if own < 0.95 * p => Light::Good,
-        Some(p) if own > 1.05 * p => Light::Poor,
-        Some(_) => Light::Fair,
-        None => Light::Neutral,
+/// Held-out error in multiples of the floor that a perfect model would leave. Bodies with nothing
+/// hidden reach 0.7 to 1.3; above three times the floor an error is unexplained.
+pub fn times_floor(ratio: Option<f64>) -> Light {
+    match ratio {
+        Some(ratio) if ratio.is_finite() => Light::below(ratio, 1.5, 3.0),
+        _ => Light::Neutral,
     }
 }
 

@@ -8,6 +8,7 @@ use super::story::{Story, TrialStory};
 use super::wording::{card, maybe, number};
 use aloft_analysis::compare::{errors_of, judged_on, mean};
 use aloft_analysis::freshness::Freshness;
+use aloft_compare::AgainstFloor;
 use aloft_discover::{Discovery, Verdict};
 use aloft_page::{Block, Card, Cell, Chapter, Light, Section, Table};
 
@@ -44,10 +45,35 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
     Chapter { id: "overview".into(), title: "Overview".into(), group: STUDY.into(), light, sections }
 }
 
+/// The error of the present model against its floor, in flight and in contact.
+fn errors(story: &Story<'_>) -> Vec<Card> {
+    let Some(view) = &story.comparison else { return Vec::new() };
+    let against = &view.comparison.against_floor;
+    let of = |a: &AgainstFloor| {
+        let title = format!("Error of the model in {}", a.judged_on);
+        let own = format!("held out {} N", number(a.held_out_error));
+        match (a.times_floor, a.floor) {
+            (Some(ratio), Some(floor)) => {
+                let note = format!("{own}; a perfect model would leave {} N", number(floor.noise_floor));
+                let value = if a.at_floor == Some(true) {
+                    "at its floor".to_owned()
+                } else {
+                    format!("{} × its floor", number(ratio))
+                };
+                let light = if a.at_floor == Some(true) { Light::Good } else { lights::times_floor(Some(ratio)) };
+                card(&title, value, note, light)
+            }
+            _ => card(&title, own, "its floor is not known", Light::Neutral),
+        }
+    };
+    against.iter().map(of).collect()
+}
+
 fn cards(story: &Story<'_>) -> Vec<Card> {
     let (light, note) = lights::recordings(story);
     let used = story.trials.iter().filter(|t| t.entry.excluded.is_none()).count();
-    let mut cards = vec![card("Recordings", used.to_string(), note, light)];
+    let mut cards = errors(story);
+    cards.push(card("Recordings", used.to_string(), note, light));
     let rms: Vec<f64> = story.dynamic().filter_map(|t| t.kinematics.as_ref()?.marker_rms_mm).collect();
     let mean_rms = rms.iter().sum::<f64>() / rms.len() as f64;
     cards.push(card(
@@ -91,9 +117,11 @@ fn cards(story: &Story<'_>) -> Vec<Card> {
         };
         let (f, n) = (prior.map(|p| mean(&p.0)), prior.map(|p| mean(&p.1)));
         let own = mean(&force);
-        cards.push(card("Force error", format!("{} N", number(own)), note(f, "N"), lights::beside(own, f)));
+        let title = "Force error, frame by frame";
+        cards.push(card(title, format!("{} N", number(own)), note(f, "N"), Light::Neutral));
         let own = mean(&moment);
-        cards.push(card("Moment error", format!("{} N·m", number(own)), note(n, "N·m"), lights::beside(own, n)));
+        let title = "Moment error, frame by frame";
+        cards.push(card(title, format!("{} N·m", number(own)), note(n, "N·m"), Light::Neutral));
     }
     if let Some(d) = story.discovery() {
         let (value, light) = match d.verdict {
@@ -161,8 +189,17 @@ fn remarks(story: &Story<'_>) -> Vec<Block> {
             let now = story.history.revisions.last().map_or(String::new(), |r| r.effects.join(", "));
             Block::remark(Light::Neutral, format!("The model now holds {now}, which the last `discover` found to be missing; ask it again for what remains."))
         } else {
-            Block::remark(verdict_light(d.verdict), format!("Missing from the model? {}.", d.words.trim_end_matches('.')))
+            let text = format!("Asked what the model is missing, `discover` answers: {}.", d.words.trim_end_matches('.'));
+            Block::remark(verdict_light(d.verdict), text)
         });
+    } else if story.comparison.as_ref().is_some_and(|v| {
+        v.comparison
+            .against_floor
+            .iter()
+            .any(|a| lights::times_floor(a.times_floor) > Light::Good && a.at_floor != Some(true))
+    }) {
+        let text = "The error is above its floor: `aloft discover` looks for the effect that the model is missing.";
+        blocks.push(Block::remark(Light::Fair, text));
     }
     blocks
 }

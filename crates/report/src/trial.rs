@@ -90,14 +90,14 @@ fn cards(story: &Story<'_>, t: &TrialStory<'_>) -> Vec<Card> {
                 "Force error",
                 format!("{} N", number(f)),
                 format!("{place}{}", beside(p, "N")),
-                lights::beside(f, p),
+                Light::Neutral,
             ));
             let (n, p) = (errors(&own).moment_nm.mean_mae(), prior.as_ref().map(|p| errors(p).moment_nm.mean_mae()));
             cards.push(card(
                 "Moment error",
                 format!("{} N·m", number(n)),
                 format!("{place}{}", beside(p, "N·m")),
-                lights::beside(n, p),
+                Light::Neutral,
             ));
         }
     }
