@@ -318,8 +318,16 @@ fn duel(
     b: &Rival<'_>,
     options: &DiscoverOptions,
 ) -> RivalTest {
-    let ratio = (a.error() / b.error()).sqrt();
-    let p_value = sign_flip_p(&a.fold_error, &b.fold_error, 2000, options.seed ^ 0xc1a5);
+    // errors of the motion act on the whole inertia, that of an effect included: in a model with more
+    // of it the same noise leaves a larger error, which is no evidence
+    let inertia = |r: &Rival<'_>| {
+        let added_kg = r.scored.variant.effect.added_inertia_kg(r.scored.theta.as_slice());
+        (1.0 + added_kg / session.mass_kg).max(0.1)
+    };
+    let scale = (inertia(b) / inertia(a)).powi(2);
+    let ratio = (a.error() / b.error() * scale).sqrt();
+    let of_b: Vec<f64> = b.fold_error.iter().map(|e| e / scale).collect();
+    let p_value = sign_flip_p(&a.fold_error, &of_b, 2000, options.seed ^ 0xc1a5);
     let alias = a.scored.variant.effect.about().aliases.contains(&b.id());
     let mut out = RivalTest {
         effect: b.id().to_owned(),

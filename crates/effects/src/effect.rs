@@ -44,6 +44,11 @@ pub trait Effect: Sync {
         let about = self.about();
         about.id == id || about.other_ids.contains(&id)
     }
+    /// Mass that the effect adds to the body's inertia at these coefficients, kg: the scale on which
+    /// errors of the motion act.
+    fn added_inertia_kg(&self, _coefficients: &[f64]) -> f64 {
+        0.0
+    }
     /// Title in a few words.
     fn title(&self) -> &str {
         self.about().title

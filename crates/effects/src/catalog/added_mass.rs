@@ -30,6 +30,9 @@ impl Effect for AddedMass {
     fn about(&self) -> About<'_> {
         ABOUT
     }
+    fn added_inertia_kg(&self, coefficients: &[f64]) -> f64 {
+        coefficients.first().copied().unwrap_or(0.0)
+    }
     fn targets(&self, scene: &Scene) -> Vec<Target> {
         Target::links(scene)
     }

@@ -35,6 +35,9 @@ impl Effect for BodyMass {
     fn about(&self) -> About<'_> {
         ABOUT
     }
+    fn added_inertia_kg(&self, coefficients: &[f64]) -> f64 {
+        coefficients.first().copied().unwrap_or(0.0)
+    }
     fn targets(&self, scene: &Scene) -> Vec<Target> {
         Target::body_on_plates(scene)
     }
