@@ -35,6 +35,12 @@ impl Standing {
         self.held_out_error / self.noise_floor
     }
 
+    /// True if an error is not above what a perfect model could leave: the upper end of the floor's
+    /// interval.
+    pub(crate) fn reached_by(&self, error_n: f64) -> bool {
+        self.noise_floor > 0.0 && self.noise_floor_ci95.is_some_and(|ci| error_n <= ci[1])
+    }
+
     /// True if the error exceeds three times the floor and the upper end of the floor's interval.
     pub(crate) fn is_far(&self) -> bool {
         let most = self.noise_floor_ci95.map_or(0.0, |ci| ci[1]).max(3.0 * self.noise_floor);

@@ -3,6 +3,7 @@
 
 use crate::candidate::{Scored, score};
 use crate::exchange::exchange;
+use crate::floor::Standing;
 use crate::ladder::{is_at_bound, key_of, sharpened};
 use crate::nonlinear::{improve, score_fitted};
 use crate::options::DiscoverOptions;
@@ -11,7 +12,7 @@ use crate::rank::{EffectScore, FULL_STEPS, cosine};
 use crate::result::{Alternative, Candidate, Confusion, Estimate, MANY_CLUSTERS, RivalTest, Verdict};
 use crate::session::Session;
 use crate::statistics::{jackknife_se, sign_flip_p};
-use aloft_effects::{Effect, Family};
+use aloft_effects::{Effect, Family, Target};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
@@ -196,10 +197,16 @@ impl Rival<'_> {
     }
 }
 
+/// True for two effects that no recording can tell apart: aliases that both act on the whole body or
+/// on all plates.
+fn is_alias(effect: &dyn Effect, target: Target, other: &str, other_target: Target) -> bool {
+    effect.about().aliases.contains(&other) && target == Target::Body && other_target == Target::Body
+}
+
 /// True for an effect that narrowly misses the limit that the best one passes, so that only the
 /// limit separates them. Plate and kinematic errors have limits of their own.
 fn close(effect: &dyn Effect, candidate: &Candidate, best: &Candidate, options: &DiscoverOptions) -> bool {
-    if effect.about().aliases.contains(&best.effect.as_str()) && candidate.plausible {
+    if is_alias(effect, candidate.target, &best.effect, best.target) && candidate.plausible {
         return true;
     }
     candidate.plausible
@@ -263,12 +270,27 @@ pub(crate) fn rivals<'a>(
     (Some(sharp), refitted)
 }
 
+/// The floor of a comparison, for mean squares of rows.
+pub(crate) struct AtFloor {
+    pub standing: Standing,
+    /// Error of the comparison, N, over the root mean square of rows, for the same model.
+    pub scale: f64,
+}
+
+impl AtFloor {
+    /// True if a mean square of rows is not above the floor.
+    pub fn reached_by(&self, mean_square: f64) -> bool {
+        self.standing.reached_by(mean_square.sqrt() * self.scale)
+    }
+}
+
 /// Verdict and names: the accepted effects that no other one beats by more than chance and
 /// repeating errors explain, the one with the fewest unknowns first.
 pub(crate) fn judge(
     session: &Session<'_>,
     problem: &Problem,
     rivals: &[Rival<'_>],
+    floor: Option<&AtFloor>,
     options: &DiscoverOptions,
 ) -> (Verdict, Vec<String>, Vec<RivalTest>) {
     let believed = || rivals.iter().filter(|r| r.believed);
@@ -285,8 +307,16 @@ pub(crate) fn judge(
         })
         .min_by(|a, b| a.error().total_cmp(&b.error()));
     let best = simpler.unwrap_or(first);
-    let duels: Vec<RivalTest> =
+    let mut duels: Vec<RivalTest> =
         rivals.iter().filter(|r| r.index != best.index).map(|r| duel(session, problem, best, r, options)).collect();
+    // On a person errors repeat in every trial (soft tissue, the prior), and the effect with more
+    // freedom fits them better whichever is true. What leaves no more than a perfect model could is not
+    // excluded.
+    if let (true, Some(floor)) = (session.prior.is_some(), floor) {
+        let reaches =
+            |id: &str| rivals.iter().any(|r| r.id() == id && floor.reached_by(r.error() / problem.n_judged as f64));
+        duels.iter_mut().filter(|d| reaches(&d.effect)).for_each(|d| d.separated = false);
+    }
     let mut class: Vec<&Rival<'_>> =
         rivals.iter().filter(|r| !duels.iter().any(|d| d.separated && d.effect == r.id())).collect();
     // an effect that contains another one counts only if it does better
@@ -328,7 +358,7 @@ fn duel(
     let ratio = (a.error() / b.error() * scale).sqrt();
     let of_b: Vec<f64> = b.fold_error.iter().map(|e| e / scale).collect();
     let p_value = sign_flip_p(&a.fold_error, &of_b, 2000, options.seed ^ 0xc1a5);
-    let alias = a.scored.variant.effect.about().aliases.contains(&b.id());
+    let alias = is_alias(a.scored.variant.effect, a.scored.variant.target, b.id(), b.scored.variant.target);
     let mut out = RivalTest {
         effect: b.id().to_owned(),
         error_ratio: ratio,

@@ -175,7 +175,8 @@ fn unknowns_of(s: &Scored<'_>) -> usize {
 /// The variant acting only in those trials that show it, if the trials fall into two clear sets: its
 /// size in the one is far above, in the other near zero.
 fn in_some_trials<'a>(session: &Session<'_>, problem: &Problem, scored: &Scored<'a>) -> Option<Scored<'a>> {
-    if scored.variant.effect.about().by_group {
+    // a load in some trials is `payload`, which also changes the body's mass
+    if !scored.variant.effect.has_wrench() {
         return None;
     }
     let mut trials: Vec<usize> = problem.clusters.iter().map(|c| c.trial).collect();
