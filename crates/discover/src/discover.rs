@@ -27,6 +27,11 @@ use rayon::prelude::*;
 /// A pair of effects has to reduce the error below this share of that of the best single effect.
 const PAIR: f64 = 0.93;
 
+/// Below this multiple of the floor an effect on a person has to leave less than `STRONG` of the
+/// error.
+const NEAR_FLOOR: f64 = 2.0;
+const STRONG: f64 = 0.70;
+
 /// All effects of the catalogue.
 pub fn catalogue() -> Vec<&'static dyn Effect> {
     aloft_effects::EFFECTS.to_vec()
@@ -416,10 +421,16 @@ fn run_round<'a>(
     } else {
         options.belief.min(0.8)
     };
-    // On a person the error of a model at its floor still repeats from trial to trial (soft tissue), and
-    // an effect that fits it would be believed. On plates, errors of a few per mille stand out.
-    let explained =
-        session.prior.is_some() && problem.domain == Domain::Flight && at_floor.is_some_and(|f| f.reached_by(plain));
+    // On a person errors repeat from trial to trial (soft tissue, the prior), and where they are most of
+    // what is left an effect that imitates them fits well. Differences between groups of trials do not
+    // repeat.
+    let near_floor = session.prior.is_some()
+        && problem.domain == Domain::Flight
+        && at_floor.is_some_and(|f| f.times(plain) < NEAR_FLOOR);
+    let limit_for = |effect: &dyn Effect| {
+        let limit = limit(effect, first_round, options);
+        if near_floor && !effect.about().by_group { limit.min(STRONG) } else { limit }
+    };
     let plain_errors: Vec<f64> = problem.folds.iter().map(|f| f.error).collect();
     let weights = resamples(problem.folds.len(), options.resamples, options.seed ^ 0x5eed);
     let shares = chosen_shares(&scores, &weights);
@@ -436,10 +447,9 @@ fn run_round<'a>(
             let plausible = plausible(best, &coefficients);
             let beaten = null.iter().filter(|n| **n <= ratio).count();
             let believed = !few
-                && !explained
                 && !score.placebo
                 && plausible
-                && ratio < threshold.min(limit(score.effect, first_round, options))
+                && ratio < threshold.min(limit_for(score.effect))
                 && ci95[1] < 1.0
                 && score.mean_square(problem) < placebo
                 && !is_trivial(session, problem, score.mean_square(problem));
@@ -482,9 +492,9 @@ fn run_round<'a>(
     }
     let limit_of = |c: &Candidate| {
         let effect = scores.iter().find(|s| s.effect.id() == c.effect).map(|s| s.effect);
-        effect.map_or(options.belief, |e| limit(e, first_round, options))
+        effect.map_or(options.belief, limit_for)
     };
-    let words = wording::round(verdict, &effects, &candidates, threshold, limit_of, [few, explained]);
+    let words = wording::round(verdict, &effects, &candidates, threshold, limit_of, few);
     let round = Round {
         judged_on: wording::domain(problem.domain).to_owned(),
         model,

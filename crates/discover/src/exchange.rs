@@ -76,6 +76,8 @@ pub(crate) fn exchange(
                     }
                     columns.iter().zip(&signal).map(|(c, s)| c * (&theta * k.sqrt()) - s).collect()
                 }
+                // flipped residuals no longer repeat from trial to trial, as those of a person do
+                None if session.prior.is_some() => return None,
                 None => residual
                     .iter()
                     .map(|r| if rng.random_bool(0.5) { r * -2.0 } else { DVector::zeros(r.len()) })

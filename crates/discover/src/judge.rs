@@ -7,7 +7,7 @@ use crate::floor::Standing;
 use crate::ladder::{is_at_bound, key_of, sharpened};
 use crate::nonlinear::{improve, score_fitted};
 use crate::options::DiscoverOptions;
-use crate::problem::Problem;
+use crate::problem::{Domain, Problem};
 use crate::rank::{EffectScore, FULL_STEPS, cosine};
 use crate::result::{Alternative, Candidate, Confusion, Estimate, MANY_CLUSTERS, RivalTest, Verdict};
 use crate::session::Session;
@@ -282,6 +282,10 @@ impl AtFloor {
     pub fn reached_by(&self, mean_square: f64) -> bool {
         self.standing.reached_by(mean_square.sqrt() * self.scale)
     }
+    /// Root of a mean square of rows in multiples of the floor.
+    pub fn times(&self, mean_square: f64) -> f64 {
+        mean_square.sqrt() * self.scale / self.standing.noise_floor
+    }
 }
 
 /// Verdict and names: the accepted effects that no other one beats by more than chance and
@@ -309,20 +313,26 @@ pub(crate) fn judge(
     let best = simpler.unwrap_or(first);
     let mut duels: Vec<RivalTest> =
         rivals.iter().filter(|r| r.index != best.index).map(|r| duel(session, problem, best, r, options)).collect();
+    let unknowns = |r: &Rival<'_>| r.scored.variant.unknowns();
     // On a person errors repeat in every trial (soft tissue, the prior), and the effect with more
-    // freedom fits them better whichever is true. What leaves no more than a perfect model could is not
-    // excluded.
-    if let (true, Some(floor)) = (session.prior.is_some(), floor) {
-        let reaches =
-            |id: &str| rivals.iter().any(|r| r.id() == id && floor.reached_by(r.error() / problem.n_judged as f64));
-        duels.iter_mut().filter(|d| reaches(&d.effect)).for_each(|d| d.separated = false);
+    // freedom fits them better whichever is true. The simplest effect that leaves no more than a perfect
+    // model would is not excluded.
+    let mut spared = None;
+    if let (true, Domain::Flight, Some(floor)) = (session.prior.is_some(), problem.domain, floor) {
+        let at_floor = |r: &&Rival<'_>| floor.times(r.error() / problem.n_judged as f64) <= 1.0;
+        let simplest = believed()
+            .filter(at_floor)
+            .min_by(|a, b| unknowns(a).cmp(&unknowns(b)).then(a.error().total_cmp(&b.error())));
+        if let Some(duel) = simplest.and_then(|r| duels.iter_mut().find(|d| d.separated && d.effect == r.id())) {
+            duel.separated = false;
+            spared = simplest.map(|r| r.index);
+        }
     }
     let mut class: Vec<&Rival<'_>> =
         rivals.iter().filter(|r| !duels.iter().any(|d| d.separated && d.effect == r.id())).collect();
     // an effect that contains another one counts only if it does better
     let ids: Vec<String> = class.iter().filter(|r| r.believed).map(|r| r.id().to_owned()).collect();
     class.retain(|r| !r.scored.variant.effect.about().contains.iter().any(|c| ids.iter().any(|i| i == c)));
-    let unknowns = |r: &Rival<'_>| r.scored.variant.unknowns();
     // a richer effect whose advantage over a simpler one is smaller than it would be if it were
     // true
     let falls_short = |x: &Rival<'_>, y: &Rival<'_>| {
@@ -331,7 +341,10 @@ pub(crate) fn judge(
     };
     let short: Vec<usize> = class
         .iter()
-        .filter(|x| class.iter().any(|y| y.believed && unknowns(x) > unknowns(y) && falls_short(x, y)))
+        .filter(|x| {
+            let simpler = |y: &&Rival<'_>| y.believed && Some(y.index) != spared && unknowns(x) > unknowns(y);
+            class.iter().copied().filter(simpler).any(|y| falls_short(x, y))
+        })
         .map(|x| x.index)
         .collect();
     class.retain(|r| !short.contains(&r.index));

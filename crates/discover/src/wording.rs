@@ -44,7 +44,7 @@ pub(crate) fn round(
     candidates: &[Candidate],
     threshold: f64,
     limit: impl Fn(&Candidate) -> f64,
-    [few, explained]: [bool; 2],
+    few: bool,
 ) -> String {
     let best = candidates.iter().find(|c| !c.placebo);
     let first = effects.first().and_then(|e| candidates.iter().find(|c| c.effect == *e));
@@ -71,11 +71,7 @@ pub(crate) fn round(
             if verdict == Verdict::NotDetectable { "not detectable" } else { "nothing missing" },
             b.key,
             100.0 * b.held_out_ratio,
-            if explained {
-                "the error is at its floor without it".to_owned()
-            } else {
-                disbelief(b, threshold.min(limit(b)), candidates)
-            },
+            disbelief(b, threshold.min(limit(b)), candidates),
             if few { " (fewer than six flights or trials: too few to name an effect)" } else { "" },
         ),
         _ => "no effect could be tried".to_owned(),
