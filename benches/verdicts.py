@@ -100,8 +100,8 @@ def draw(body, rng, index):
         if case == "two":
             other, more = chain_effect(rng)
             # wind contains drag in still air: two of them are one
-        air = {"wind", "quadratic_drag", "linear_drag"}
-        if other["effect"] not in ("payload", one["effect"]) and not {one["effect"], other["effect"]} <= air:
+            air = {"wind", "quadratic_drag", "linear_drag"}
+            if other["effect"] not in ("payload", one["effect"]) and not {one["effect"], other["effect"]} <= air:
                 return [(base, [one, other])], [names, more], "two"
         return [(base, [one])], [names], "one"
     person = {"sex": rng.choice("MF"), "height_m": round(rng.uniform(1.55, 1.9), 3), "mass_kg": round(rng.uniform(52, 90), 1)}

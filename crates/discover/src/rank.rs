@@ -109,6 +109,11 @@ pub(crate) fn score_effect<'a>(
         scored.push(score(problem, variant, &reduced));
         null.push(of_null);
     }
+    // everything that the effect does is part of the model already (a load in every trial of a body
+    // without a prior)
+    if scored.iter().all(|s| s.s.iter().all(|x| *x == 0.0)) {
+        return None;
+    }
     if nonlinear && refine {
         // a few steps from every start, then all steps for the best
         let mut tried: Vec<(Variant<'a>, f64)> = promising(session, &scored)
