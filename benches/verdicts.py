@@ -11,6 +11,8 @@ drawn from the seed; nothing is chosen by what the program finds. An answer coun
   missed       "nothing missing" or "not detectable"
   wrong        something is named and the hidden effect is not among it
 
+Of empty sets "nothing missing" and "not detectable" are right.
+
 Sets are reported by how far the model without the effect stands above its noise floor. Usage:
 
   python3 benches/verdicts.py --aloft target/release/aloft --body chain --sets 40 --empty 10 --seed 1
@@ -141,10 +143,10 @@ def judge(found, truth):
     named = set(found["effects"])
     if found["verdict"] == "unexplained":
         return "unexplained"
+    if not truth:
+        return "wrong" if named else "right"
     if not named:
         return "missed"
-    if not truth:
-        return "wrong"
     if all(named & right for right in truth):
         extra = named - set().union(*truth)
         return "right" if not extra else "class"

@@ -395,7 +395,9 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let results = inputs.results;
     let subject = results.load_subject("calibrate")?;
     let base = BaseParameters::of(&subject.model);
-    let names = inputs.trials_of("regressor");
+    // a trial whose motion could not be filtered has weak rows, but nothing to compare frame by frame
+    let filtered = inputs.trials_of("filter");
+    let names: Vec<String> = inputs.trials_of("regressor").into_iter().filter(|n| filtered.contains(n)).collect();
     let chosen = params.regressor.rows;
     let other = if chosen == Rows::Weak { Rows::Acceleration } else { Rows::Weak };
     let mut candidates = Vec::new();
