@@ -71,7 +71,7 @@ fn jobs_side_by_side_give_the_numbers_of_one_run() {
         for trial in stems("throws") {
             let job = &job;
             scope.spawn(move || {
-                for stage in ["ik", "filter", "flight", "regressor"] {
+                for stage in ["ik", "filter", "flight", "regressor", "acceleration"] {
                     job(stage, &trial, broken(&trial));
                 }
             });

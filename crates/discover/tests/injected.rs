@@ -89,7 +89,8 @@ fn nothing_is_claimed_where_nothing_is() {
 fn errors_and_floor_are_those_of_the_comparison() {
     let ci = Some([0.6, 0.9]);
     let standing = |held_out_error| Standing { held_out_error, noise_floor: 0.7, noise_floor_ci95: ci };
-    let options = only(&["quadratic_drag", "gravity_scale"]);
+    // one round: with a floor known, rounds end where the error reaches it
+    let options = DiscoverOptions { rounds: 1, ..only(&["quadratic_drag", "gravity_scale"]) };
     let run = |standing: Option<Standing>, size: f64| {
         lab().with(|scene, mut session| {
             session.inject(&EffectInstance::parse("quadratic_drag", scene).unwrap(), &[size]).unwrap();
