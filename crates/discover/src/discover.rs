@@ -301,7 +301,7 @@ pub fn discover(
             (0, true) | (_, false) => (after / before).sqrt(),
             _ => error_with(places[i], &kept, &found)? / first_error[i],
         };
-        share.is_finite().then(|| Standing { held_out_error: standing.held_out_error * share, ..standing })
+        share.is_finite().then_some(Standing { held_out_error: standing.held_out_error * share, ..standing })
     };
     let left = [left(0), left(1)];
     let mut out = Discovery {
