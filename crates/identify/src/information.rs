@@ -15,7 +15,7 @@
 //! Each flight is predicted from the others, because its own rows always determine its own wrench:
 //! a single flight would explain itself perfectly without predicting the next one.
 
-use crate::gate::Determination;
+use crate::determination::Determination;
 use crate::{IdentifyError, Prior};
 use aloft_regressor::Factor;
 use nalgebra::{DMatrix, DVector};

@@ -28,16 +28,16 @@ pub enum ColumnScaling {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Sigma {
     /// Largest, σ_1.
-    #[serde(deserialize_with = "crate::parameters::nullable")]
+    #[serde(deserialize_with = "crate::missing_number::nullable")]
     pub max: f64,
     /// Second smallest, σ_{N−1}.
-    #[serde(deserialize_with = "crate::parameters::nullable")]
+    #[serde(deserialize_with = "crate::missing_number::nullable")]
     pub second: f64,
     /// Smallest, σ_N.
-    #[serde(deserialize_with = "crate::parameters::nullable")]
+    #[serde(deserialize_with = "crate::missing_number::nullable")]
     pub min: f64,
     /// σ_{N−1} / σ_N.
-    #[serde(deserialize_with = "crate::parameters::nullable")]
+    #[serde(deserialize_with = "crate::missing_number::nullable")]
     pub ratio: f64,
 }
 

@@ -2,14 +2,16 @@
 //! verdict on their reliability.
 
 use crate::clusters::{ClusterBy, WeightTrial};
-use crate::gate::{Determination, Gate, Origin};
+use crate::determination::{Determination, Origin};
+use crate::gate::Gate;
 use crate::information::Information;
 use crate::links::LinkSd;
+use crate::missing_number::{nothing, nullable};
 use crate::{ColumnScaling, KindBalance, Sigma};
 use aloft_body::LinkInertia;
 use aloft_regressor::RowKind;
 use nalgebra::DMatrix;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 
 /// How parameters are estimated from the merged factor.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -37,15 +39,6 @@ impl Estimator {
             Self::Regularized { .. } => "regularised",
         }
     }
-}
-
-/// JSON has no NaN and no infinity: both are written as null, and null is read as NaN.
-pub(crate) fn nullable<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
-    Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::NAN))
-}
-
-fn nothing() -> f64 {
-    f64::NAN
 }
 
 /// One base parameter.
