@@ -145,7 +145,7 @@ pub fn discovery(d: &Discovery, at: &PipelineArgs) -> Result<(), Stop> {
     for a in &d.advice {
         out(format!("next: {a}"))?;
     }
-    if let Some(found) = d.found.first() {
+    for found in &d.found {
         let chosen = |flag: &str, names: &[String]| {
             names
                 .iter()

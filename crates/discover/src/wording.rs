@@ -2,7 +2,7 @@
 
 use crate::floor::Standing;
 use crate::problem::Domain;
-use crate::result::{Candidate, Discovery, Verdict};
+use crate::result::{Candidate, Discovery, FEWEST_CLUSTERS, Verdict};
 use aloft_effects::{About, Effect, EffectKind};
 use aloft_identify::half_of;
 
@@ -119,9 +119,13 @@ pub(crate) fn answer(d: &Discovery, far: Option<(&str, Standing)>) -> String {
         let nearest = d.candidates.iter().find(|c| !c.placebo && c.judged_on == place).map_or(String::new(), |c| {
             format!("; the best candidate, `{}`, leaves {:.1} % of the error", c.key, 100.0 * c.held_out_ratio)
         });
-        return format!(
-            "unexplained: the held-out error in {place} is {remains}, and no effect of the catalogue explains it{nearest}{left}"
-        );
+        let few = d.rounds.iter().any(|r| r.judged_on == place && r.clusters < FEWEST_CLUSTERS);
+        let why = if few {
+            "there are too few flights or trials to name an effect"
+        } else {
+            "no effect of the catalogue explains it"
+        };
+        return format!("unexplained: the held-out error in {place} is {remains}, and {why}{nearest}{left}");
     }
     let said: Vec<&str> = d
         .rounds
@@ -160,7 +164,7 @@ pub(crate) fn advice(d: &Discovery, effects: &[&dyn Effect]) -> Vec<String> {
             }
         }
         Verdict::NotDetectable if d.candidates.iter().all(|c| c.placebo) => {}
-        Verdict::NotDetectable => out.push("record at least five flights in at least two trials".to_owned()),
+        Verdict::NotDetectable => out.push("record at least six flights, better in six trials".to_owned()),
         Verdict::Unexplained => {
             out.push(
                 "an effect of your own (`effects: {define: …}`) can be ranked beside the catalogue; wrong joint centres, a wrong prior of a link, or soft \
