@@ -321,6 +321,7 @@ pub fn discover(
         advice: Vec::new(),
         warnings: session.warnings.clone(),
         not_tried: left_out,
+        open: None,
     };
     // An error that remains far above its floor is not explained, whatever was found. Effects found
     // in flight are judged in flight; their error in contact also contains what only contact shows.
@@ -333,9 +334,32 @@ pub fn discover(
         out.verdict = Verdict::Unexplained;
         out.effects.clear();
     }
+    if has_flights && beyond(&out, &left, options) {
+        let catalogue = (out.held_out_error_after / out.held_out_error)
+            .min(out.candidates.iter().filter(|c| !c.placebo).map(|c| c.held_out_ratio).fold(1.0, f64::min));
+        out.open = crate::laws::search(session, accepted, catalogue, options);
+        if out.open.as_ref().is_some_and(|o| !o.laws.is_empty()) {
+            out.verdict = Verdict::Unexplained;
+            out.effects.clear();
+        }
+    }
     out.words = wording::answer(&out, far);
+    if let Some(open) = &out.open {
+        out.words = format!("{}; {}", out.words, open.words);
+    }
     out.advice = wording::advice(&out, effects);
     Ok(out)
+}
+
+/// True if flights leave an error that neither the model nor the catalogue explains: it is above the
+/// interval of its floor, and no effect that was named brings it near the floor.
+fn beyond(found: &Discovery, left: &[Option<Standing>; 2], options: &DiscoverOptions) -> bool {
+    if options.closed || !options.only.is_empty() {
+        return false;
+    }
+    let above =
+        left[0].is_some_and(|s| s.noise_floor > 0.0 && !s.reached_by(s.held_out_error) && s.times_floor() > 1.2);
+    above && !matches!(found.verdict, Verdict::Supported | Verdict::OneOf)
 }
 
 fn wanted(effect: &dyn Effect, options: &DiscoverOptions) -> bool {

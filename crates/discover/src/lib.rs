@@ -15,6 +15,7 @@
 //! | ranking | `statistics` | intervals over clusters |
 //! | ranking | `placebo` | effects without physical basis |
 //! | judgement | `discover`, `ladder`, `pairs` | rounds, pruning, pairs of effects |
+//! | beyond the catalogue | `laws` | where and how an unexplained error acts, and by which law |
 //! | judgement | `judge`, `exchange` | accepted effects, effects that cannot be told apart |
 //! | judgement | `words` | the result in words |
 //! | intervals | `repeating` | wider intervals for errors that repeat from trial to trial |
@@ -59,6 +60,7 @@ mod exchange;
 mod floor;
 mod judge;
 mod ladder;
+mod laws;
 mod nonlinear;
 mod not_tried;
 mod options;
@@ -77,6 +79,7 @@ pub use addition::{addition, detectable, ladder};
 pub use discover::{catalogue, discover};
 pub use error::DiscoverError;
 pub use floor::Standing;
+pub use laws::{Action, Carrier, Diagnosis, Direction, Entry, FoundLaw, LawKind, OpenWorld, Variable, Work};
 pub use not_tried::NotTried;
 pub use options::DiscoverOptions;
 pub use result::{Addition, Alternative, Candidate, Confusion, Discovery, Estimate, Found, RivalTest, Round, Verdict};

@@ -30,6 +30,8 @@ pub struct DiscoverOptions {
     pub only: Vec<String>,
     /// Effects to leave out.
     pub without: Vec<String>,
+    /// True to rank the catalogue only, without the search for laws beyond it.
+    pub closed: bool,
     /// Seed of all random draws.
     pub seed: u64,
 }
@@ -48,6 +50,7 @@ impl Default for DiscoverOptions {
             significance: 0.05,
             only: Vec::new(),
             without: Vec::new(),
+            closed: false,
             seed: 20_100_503,
         }
     }

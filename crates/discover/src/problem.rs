@@ -260,6 +260,13 @@ impl Problem {
         }
     }
 
+    /// Rows of an orthonormal basis of the model's columns, those of the prior included, by cluster:
+    /// `A_g L⁻ᵀ` with `L Lᵀ` the Gram matrix.
+    pub fn bases(&self) -> Option<Vec<DMatrix<f64>>> {
+        let l = self.cholesky.l();
+        self.clusters.iter().map(|c| l.solve_lower_triangular(&c.a.transpose()).map(|x| x.transpose())).collect()
+    }
+
     /// Residual of a cluster at the fit to all rows.
     pub fn residual(&self, g: usize) -> DVector<f64> {
         let c = &self.clusters[g];

@@ -1,5 +1,6 @@
 //! Result of a discovery, as written by `aloft discover --json`.
 
+use crate::laws::OpenWorld;
 use crate::not_tried::NotTried;
 use aloft_effects::{EffectKind, Target};
 use serde::{Deserialize, Serialize};
@@ -273,6 +274,9 @@ pub struct Discovery {
     pub advice: Vec<String>,
     /// Data that were left out, with the reason.
     pub warnings: Vec<String>,
+    /// Search beyond the catalogue; null if the error is at its floor, or the catalogue explains it.
+    #[serde(default)]
+    pub open: Option<OpenWorld>,
     /// Effects whose law gives no numbers on these recordings, so that no conclusion about them is
     /// possible.
     #[serde(default)]

@@ -114,7 +114,8 @@ pub fn self_test(
     progress: &(dyn Fn(&SelfTestProgress<'_>) + Sync),
 ) -> Result<SelfTest, DiscoverError> {
     let scene = session.scene();
-    let first = discover(session, catalogue, accepted, &options.discover)?;
+    let closed = DiscoverOptions { closed: true, ..options.discover.clone() };
+    let first = discover(session, catalogue, accepted, &closed)?;
     let mut model: Vec<EffectInstance<'_>> = accepted.to_vec();
     for found in &first.found {
         if let Some(effect) = catalogue.iter().copied().find(|e| e.id() == found.effect) {
@@ -123,7 +124,7 @@ pub fn self_test(
         }
     }
     let quick =
-        DiscoverOptions { rounds: 1, null_draws: options.discover.null_draws.min(100), ..options.discover.clone() };
+        DiscoverOptions { rounds: 1, null_draws: options.discover.null_draws.min(100), ..closed };
     // take the sizes from the ranking with the effects found in the model
     let ranked = if first.found.is_empty() { first } else { discover(session, catalogue, &model, &quick)? };
     let mut left_out = Vec::new();

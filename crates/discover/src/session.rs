@@ -433,6 +433,59 @@ impl Block {
     }
 }
 
+impl Session<'_> {
+    /// Rows of a block for wrenches `unit[d] · weight[b]`, in the rows' weights; column `d · nb +
+    /// b`. `unit[d]` holds force and moment about the world origin in every frame of the trial's
+    /// flight series, `weight` holds `nb` numbers a frame. Every `stride`-th frame of a window is
+    /// used. `None` without windows.
+    pub(crate) fn modulated(
+        &self,
+        block: usize,
+        unit: &[Vec<[f64; 6]>],
+        weight: &[f64],
+        nb: usize,
+        stride: usize,
+    ) -> Option<DMatrix<f64>> {
+        let b = &self.blocks[block];
+        let windows = b.windows.as_ref()?;
+        let series = &self.series[b.trial][usize::from(b.kind != StretchKind::Flight)];
+        let mut rows = DMatrix::zeros(b.y.nrows(), unit.len() * nb);
+        let mut sums = vec![0.0; unit.len() * nb * 6];
+        for (w, &center) in windows.centers.iter().enumerate() {
+            let first = center - windows.half;
+            let Some(start) = series.index_of(first) else { continue };
+            sums.fill(0.0);
+            let skip = (windows.half % stride).min(stride - 1);
+            for (i, (psi, at)) in windows.psi.iter().zip(&windows.origin[w]).enumerate().skip(skip).step_by(stride) {
+                let index = start + i;
+                if index >= series.len() || series.motion_frames()[index] != first + i {
+                    continue;
+                }
+                let psi = -psi * stride as f64;
+                let weights = &weight[index * nb..(index + 1) * nb];
+                for (d, wrenches) in unit.iter().enumerate() {
+                    let h = &wrenches[index];
+                    let force = Vector3::new(h[0], h[1], h[2]);
+                    let moment = Vector3::new(h[3], h[4], h[5]) - at.position.cross(&force);
+                    let (f, m) = (force * (psi * windows.force_weight), moment * (psi * windows.moment_weight));
+                    for (x, sum) in weights.iter().zip(sums[d * nb * 6..].chunks_exact_mut(6)) {
+                        for axis in 0..3 {
+                            sum[axis] += x * f[axis];
+                            sum[3 + axis] += x * m[axis];
+                        }
+                    }
+                }
+            }
+            for (c, sum) in sums.chunks_exact(6).enumerate() {
+                for (axis, x) in sum.iter().enumerate() {
+                    rows[(6 * w + axis, c)] = *x;
+                }
+            }
+        }
+        Some(rows)
+    }
+}
+
 impl Windows {
     /// `−Σ ψ (f, n₀ − o × f)` in the rows' weights.
     fn apply(&self, series: &Series<'_>, columns: &Columns, rows: &mut DMatrix<f64>) {

@@ -16,6 +16,9 @@
 //! | `r_x r_y r_z` | m | place of the point in the world |
 //! | `omega_x omega_y omega_z`, `spin` | rad/s | angular velocity of the link |
 //! | `alpha_x alpha_y alpha_z` | rad/s² | angular acceleration of the link |
+//! | `v_world_x …`, `v_link_x …` | m/s | velocity of the point in the world's and the link's axes |
+//! | `omega_world_x …`, `omega_link_x …` | rad/s | angular velocity in the world's and the link's axes |
+//! | `tilt_x tilt_y tilt_z` | 1 | vertical component of the link's axes |
 //! | `com_x com_y com_z`, `comv_x …` | m, m/s | whole centre of mass, its velocity |
 //! | `t`, `since_start`, `to_end` | s | time in the recording, in the stretch, until its end |
 //! | `q_<link>`, `qd_<link>` | rad, rad/s (m, m/s) | a hinge's (slide's) coordinate and rate |
@@ -48,7 +51,7 @@ use crate::{
 };
 use law::{Law, Source, Symbol};
 use nalgebra::Vector3;
-use quantity::quantity;
+use quantity::{Place, quantity};
 use unit::Unit;
 
 /// A user's effect, parsed and checked for a body.
@@ -68,8 +71,7 @@ pub struct CompiledFormula {
 /// A law on some links.
 #[derive(Debug)]
 struct Part {
-    /// Links, each with the point in its frame.
-    points: Vec<(usize, Vector3<f64>)>,
+    places: Vec<Place>,
     axes: FormulaAxes,
     /// Laws of force x y z and moment x y z.
     laws: Vec<Option<Law>>,
@@ -104,7 +106,7 @@ impl FormulaEffect {
         self.check_names(scene, &symbols)?;
         let mut parts = Vec::new();
         for (place, part) in self.laws() {
-            let points = self.points(scene, &place, &part.point)?;
+            let places = self.places(scene, &place, &part.point)?;
             let mut laws = Vec::new();
             for (what, texts, unit) in [("force", &part.force, Unit::FORCE), ("moment", &part.moment, Unit::MOMENT)] {
                 for axis in 0..3 {
@@ -121,7 +123,7 @@ impl FormulaEffect {
                 let at = if place.is_empty() { "id".to_owned() } else { format!("{place}point") };
                 return Err(self.wrong(&at, "there is neither force nor moment"));
             }
-            parts.push(Part { points, axes: part.axes, laws });
+            parts.push(Part { places, axes: part.axes, laws });
         }
         if parts.is_empty() {
             return Err(self.wrong("id", "there is neither a `point` with a law nor `parts`"));
@@ -221,20 +223,24 @@ impl FormulaEffect {
         Ok(())
     }
 
-    fn points(
-        &self,
-        scene: &Scene,
-        place: &str,
-        point: &FormulaPoint,
-    ) -> Result<Vec<(usize, Vector3<f64>)>, EffectsError> {
+    fn places(&self, scene: &Scene, place: &str, point: &FormulaPoint) -> Result<Vec<Place>, EffectsError> {
         let links = &scene.model.links;
-        let at = |link: usize| (link, point.position_m.map_or(scene.link_com_m[link], Vector3::from));
+        let at =
+            |link: usize| Place { link, point: Some(point.position_m.map_or(scene.link_com_m[link], Vector3::from)) };
         match links.iter().position(|l| l.name == point.link) {
             Some(link) => Ok(vec![at(link)]),
             None if point.link == "all" => Ok((0..links.len()).map(at).collect()),
+            None if point.link == "body" && point.position_m.is_some() => {
+                let text = "the centre of mass of the body has no position on a link: remove `position_m`";
+                Err(self.wrong(&format!("{place}point.position_m"), text))
+            }
+            None if point.link == "body" => Ok(vec![Place { link: 0, point: None }]),
             None => {
                 let known = links.iter().map(|l| format!("`{}`", l.name)).collect::<Vec<_>>().join(", ");
-                let text = format!("there is no link `{}`; there are {known}, and `all`", point.link);
+                let text = format!(
+                    "there is no link `{}`; there are {known}, `body` (its centre of mass), and `all`",
+                    point.link
+                );
                 Err(self.wrong(&format!("{place}point.link"), text))
             }
         }
@@ -312,14 +318,14 @@ impl Effect for CompiledFormula {
                 continue;
             }
             for part in &self.parts {
-                for (at, point) in &part.points {
-                    let link = &f.links[*at];
+                for place in &part.places {
+                    let link = &f.links[place.link];
                     for k in 0..self.coefficients.len() {
                         let mut six = [0.0; 6];
                         for (x, law) in six.iter_mut().zip(&part.laws) {
                             if let Some(law) = law {
                                 *x = law.value(&mut values, |s| match s {
-                                    Source::Quantity(q) => q.value(&f, *at, point, part.axes),
+                                    Source::Quantity(q) => q.value(&f, place, part.axes),
                                     Source::Coefficient(j) => f64::from(u8::from(j == k)),
                                     Source::Parameter(j) => nonlinear.get(j).copied().unwrap_or(f64::NAN),
                                     Source::Constant(x) => x,
@@ -332,7 +338,7 @@ impl Effect for CompiledFormula {
                             force = link.rotation * force;
                             moment = link.rotation * moment;
                         }
-                        out.force_at(i, k, &force, &link.point(point));
+                        out.force_at(i, k, &force, &place.position(&f));
                         out.couple(i, k, &moment);
                     }
                 }

@@ -10,6 +10,11 @@ use nalgebra::Vector3;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Quantity {
     V(usize),
+    VWorld(usize),
+    VLink(usize),
+    OmegaWorld(usize),
+    OmegaLink(usize),
+    Tilt(usize),
     Speed,
     A(usize),
     R(usize),
@@ -33,7 +38,7 @@ pub(super) enum Quantity {
 
 /// Quantities by name, without those of the joints.
 pub(super) const QUANTITIES: &str = "v_x v_y v_z speed a_x a_y a_z r_x r_y r_z omega_x omega_y omega_z spin alpha_x alpha_y alpha_z \
-com_x com_y com_z comv_x comv_y comv_z t since_start to_end mass link_mass area_share air_density gravity pi";
+v_world_x … v_link_x … omega_world_x … omega_link_x … tilt_x tilt_y tilt_z com_x com_y com_z comv_x comv_y comv_z t since_start to_end mass link_mass area_share air_density gravity pi";
 
 /// Quantity with a given name, and its unit.
 pub(super) fn quantity(scene: &Scene, name: &str) -> Option<(Quantity, Unit)> {
@@ -70,13 +75,25 @@ pub(super) fn quantity(scene: &Scene, name: &str) -> Option<(Quantity, Unit)> {
             _ => (Quantity::Rate(joint.v_offset), unit.times(per_s, 1.0)),
         });
     }
-    let axis = ["x", "y", "z"].iter().position(|a| *a == rest)?;
+    let axis_of = |name: &str| ["x", "y", "z"].iter().position(|a| *a == name);
+    if let Some((axes, axis)) = rest.split_once('_') {
+        let k = axis_of(axis)?;
+        return match (stem, axes) {
+            ("v", "world") => Some((Quantity::VWorld(k), speed)),
+            ("v", "link") => Some((Quantity::VLink(k), speed)),
+            ("omega", "world") => Some((Quantity::OmegaWorld(k), per_s)),
+            ("omega", "link") => Some((Quantity::OmegaLink(k), per_s)),
+            _ => None,
+        };
+    }
+    let axis = axis_of(rest)?;
     Some(match stem {
         "v" => (Quantity::V(axis), speed),
         "a" => (Quantity::A(axis), m.times(per_s2, 1.0)),
         "r" => (Quantity::R(axis), m),
         "omega" => (Quantity::Omega(axis), per_s),
         "alpha" => (Quantity::Alpha(axis), per_s2),
+        "tilt" => (Quantity::Tilt(axis), Unit::NONE),
         "com" => (Quantity::Com(axis), m),
         "comv" => (Quantity::ComV(axis), speed),
         _ => return None,
@@ -84,18 +101,23 @@ pub(super) fn quantity(scene: &Scene, name: &str) -> Option<(Quantity, Unit)> {
 }
 
 impl Quantity {
-    /// Value of the quantity at a point of a link in a frame.
-    pub(super) fn value(self, f: &EffectFrame<'_>, link_index: usize, point: &Vector3<f64>, axes: FormulaAxes) -> f64 {
-        let link = &f.links[link_index];
+    /// Value of the quantity at a place in a frame.
+    pub(super) fn value(self, f: &EffectFrame<'_>, place: &Place, axes: FormulaAxes) -> f64 {
+        let link = &f.links[place.link];
         let turn = |v: Vector3<f64>| match axes {
             FormulaAxes::World => v,
             FormulaAxes::Link => link.rotation.tr_mul(&v),
         };
         match self {
-            Self::V(k) => turn(link.point_velocity(point))[k],
-            Self::Speed => link.point_velocity(point).norm(),
-            Self::A(k) => turn(link.point_acceleration(point))[k],
-            Self::R(k) => link.point(point)[k],
+            Self::V(k) => turn(place.velocity(f))[k],
+            Self::VWorld(k) => place.velocity(f)[k],
+            Self::VLink(k) => link.rotation.tr_mul(&place.velocity(f))[k],
+            Self::OmegaWorld(k) => link.omega[k],
+            Self::OmegaLink(k) => link.rotation.tr_mul(&link.omega)[k],
+            Self::Tilt(k) => link.rotation[(2, k)],
+            Self::Speed => place.velocity(f).norm(),
+            Self::A(k) => turn(place.acceleration(f))[k],
+            Self::R(k) => place.position(f)[k],
             Self::Omega(k) => turn(link.omega)[k],
             Self::Spin => link.omega.norm(),
             Self::Alpha(k) => turn(link.alpha)[k],
@@ -107,11 +129,37 @@ impl Quantity {
             Self::Coordinate(i) => f.q[i],
             Self::Rate(i) => f.v[i],
             Self::Mass => f.scene.mass_kg,
-            Self::LinkMass => f.scene.phi[link_index][0],
-            Self::AreaShare => f.scene.area_share[link_index],
+            Self::LinkMass => match place.point {
+                Some(_) => f.scene.phi[place.link][0],
+                None => f.scene.mass_kg,
+            },
+            Self::AreaShare => match place.point {
+                Some(_) => f.scene.area_share[place.link],
+                None => 1.0,
+            },
             Self::AirDensity => AIR_DENSITY_KGPM3,
             Self::Gravity => f.scene.gravity(),
             Self::Pi => std::f64::consts::PI,
         }
+    }
+}
+
+/// Place of a law: a point of a link, or the centre of mass of the body (with the root's axes).
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place {
+    pub link: usize,
+    /// Position in the link's frame, m; none for the centre of mass of the body.
+    pub point: Option<Vector3<f64>>,
+}
+
+impl Place {
+    pub(super) fn position(&self, f: &EffectFrame<'_>) -> Vector3<f64> {
+        self.point.map_or(f.com, |p| f.links[self.link].point(&p))
+    }
+    fn velocity(&self, f: &EffectFrame<'_>) -> Vector3<f64> {
+        self.point.map_or(f.com_velocity, |p| f.links[self.link].point_velocity(&p))
+    }
+    fn acceleration(&self, f: &EffectFrame<'_>) -> Vector3<f64> {
+        self.point.map_or(f.com_acceleration, |p| f.links[self.link].point_acceleration(&p))
     }
 }

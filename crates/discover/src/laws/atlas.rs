@@ -1,0 +1,364 @@
+//! The atlas: every place, direction and variable with a free curve of strength against the
+//! variable, all linear, ranked by held-out error.
+
+use super::evidence::{Evidence, Score};
+use super::kinematics::{Action, Carrier, Direction, Instant, Variable};
+use super::shape::Range;
+use crate::problem::Problem;
+use crate::session::Session;
+use aloft_effects::{EffectFrame, Scene};
+use nalgebra::{DMatrix, Vector3};
+use rayon::prelude::*;
+
+/// Number of cubic B-splines of a curve.
+const SPLINES: usize = 6;
+/// Bodies with more links than this get one point a link and fewer clocks and anchors.
+const MANY_LINKS: usize = 4;
+/// Number of groups kept.
+const KEPT: usize = 300;
+
+/// One entry of the atlas.
+#[derive(Debug, Clone)]
+pub(crate) struct Group {
+    pub carrier: Carrier,
+    pub point: Vector3<f64>,
+    pub action: Action,
+    pub direction: Direction,
+    pub components: Vec<usize>,
+    pub variable: Variable,
+    pub range: Range,
+    pub anchor: Vector3<f64>,
+    /// Angular frequency of a periodic entry, rad/s.
+    pub frequency: Option<f64>,
+    /// Number of columns.
+    pub columns: usize,
+    pub score: Score,
+}
+
+/// All entries, best first, and the best ratio under each pattern of random signs.
+pub(crate) struct Atlas {
+    pub groups: Vec<Group>,
+    /// Squared ratio of the best entry under each pattern of signs.
+    pub null: Vec<f64>,
+    /// Number of entries that were scored.
+    pub tried: usize,
+}
+
+/// Frames of all trials with the kinematics of one place.
+pub(crate) struct PlaceFrames<'s> {
+    pub trials: Vec<Vec<(EffectFrame<'s>, Instant)>>,
+}
+
+impl<'s> PlaceFrames<'s> {
+    pub fn new(session: &'s Session<'_>, carrier: Carrier, point: &Vector3<f64>) -> Self {
+        let of = |series: &'s aloft_effects::Series<'_>| {
+            series.instants().map(|(_, f)| (f, Instant::of(&f, carrier, point))).collect()
+        };
+        Self { trials: session.series.iter().map(|pair| of(&pair[0])).collect() }
+    }
+
+    /// Wrench of the unit vector of each component, by trial.
+    pub fn unit(
+        &self,
+        action: Action,
+        direction: Direction,
+        components: &[usize],
+        anchor: &Vector3<f64>,
+    ) -> Vec<Vec<Vec<[f64; 6]>>> {
+        self.trials
+            .iter()
+            .map(|frames| {
+                components
+                    .iter()
+                    .map(|&k| {
+                        frames
+                            .iter()
+                            .map(|(_, at)| {
+                                let v = direction.vector(k, at, anchor);
+                                let m = at.position.cross(&v);
+                                match action {
+                                    Action::Force => [v.x, v.y, v.z, m.x, m.y, m.z],
+                                    Action::Couple => [0.0, 0.0, 0.0, v.x, v.y, v.z],
+                                }
+                            })
+                            .collect()
+                    })
+                    .collect()
+            })
+            .collect()
+    }
+
+    /// Values of a variable by trial.
+    pub fn values(&self, variable: Variable, anchor: &Vector3<f64>) -> Vec<Vec<f64>> {
+        self.trials.iter().map(|t| t.iter().map(|(f, at)| variable.value(f, at, anchor)).collect()).collect()
+    }
+}
+
+/// Quantiles 1 and 99 % of all values; `None` if the variable does not vary.
+pub(crate) fn range_of(values: &[Vec<f64>]) -> Option<Range> {
+    let mut all: Vec<f64> = values.iter().flatten().copied().filter(|x| x.is_finite()).collect();
+    if all.len() < 20 {
+        return None;
+    }
+    all.sort_by(f64::total_cmp);
+    let at = |share: f64| all[((all.len() - 1) as f64 * share) as usize];
+    let range = Range { low: at(0.01), high: at(0.99) };
+    (range.high - range.low > 1e-9 * (1.0 + range.reach())).then_some(range)
+}
+
+/// Values of uniform cubic B-splines over a range, `SPLINES` a frame.
+pub(crate) fn splines(values: &[f64], range: Range) -> Vec<f64> {
+    let mut out = vec![0.0; values.len() * SPLINES];
+    let pieces = (SPLINES - 3) as f64;
+    for (x, b) in values.iter().zip(out.chunks_exact_mut(SPLINES)) {
+        let u = ((x - range.low) / range.width()).clamp(0.0, 1.0) * pieces;
+        let i = (u.floor() as usize).min(SPLINES - 4);
+        let t = u - i as f64;
+        let s = 1.0 - t;
+        b[i] = s * s * s / 6.0;
+        b[i + 1] = (3.0 * t * t * t - 6.0 * t * t + 4.0) / 6.0;
+        b[i + 2] = (3.0 * s * s * s - 6.0 * s * s + 4.0) / 6.0;
+        b[i + 3] = t * t * t / 6.0;
+    }
+    out
+}
+
+/// Columns by cluster of unit wrenches times weights.
+pub(crate) fn columns(
+    session: &Session<'_>,
+    problem: &Problem,
+    unit: &[Vec<Vec<[f64; 6]>>],
+    weight: &[Vec<f64>],
+    nb: usize,
+    stride: usize,
+) -> Option<Vec<DMatrix<f64>>> {
+    problem
+        .clusters
+        .iter()
+        .map(|c| {
+            let mut out = DMatrix::zeros(c.b.len(), unit[c.trial].len() * nb);
+            let mut at = 0;
+            for &i in &c.blocks {
+                let trial = session.blocks[i].trial;
+                let rows = session.modulated(i, &unit[trial], &weight[trial], nb, stride)?;
+                out.view_mut((at, 0), rows.shape()).copy_from(&rows);
+                at += rows.nrows();
+            }
+            Some(out)
+        })
+        .collect()
+}
+
+/// Quadrature step: rows are smooth test functions of a motion below 20 Hz, so 100 Hz is enough.
+pub(crate) fn stride(session: &Session<'_>) -> usize {
+    let rate = session.series.iter().flatten().map(|s| s.rate_hz).fold(0.0, f64::max);
+    ((rate / 100.0).floor() as usize).max(1)
+}
+
+/// Points of a carrier at which forces are tried.
+pub(crate) fn points(scene: &Scene, carrier: Carrier) -> Vec<Vector3<f64>> {
+    let Carrier::Link(i) = carrier else { return vec![Vector3::zeros()] };
+    let com = scene.link_com_m[i];
+    if scene.model.n_links() > MANY_LINKS {
+        return vec![com];
+    }
+    // the ends of the link: its joints, and their reflections at the centre of mass
+    let mut out = vec![com];
+    let mut ends = vec![Vector3::zeros(), com * 2.0];
+    for link in &scene.model.links {
+        if link.parent == Some(i) {
+            let joint = link.joint.parent_from_joint.translation.vector;
+            ends.extend([joint, com * 2.0 - joint]);
+        }
+    }
+    for e in ends {
+        if out.iter().all(|o| (o - e).norm() > 0.04) {
+            out.push(e);
+        }
+    }
+    out
+}
+
+/// All carriers of a body.
+pub(crate) fn carriers(scene: &Scene) -> Vec<Carrier> {
+    let links = (0..scene.model.n_links()).map(Carrier::Link);
+    std::iter::once(Carrier::Body).chain(links).collect()
+}
+
+struct Job {
+    carrier: Carrier,
+    point: Vector3<f64>,
+    first_point: bool,
+}
+
+/// Scores the whole atlas on the residuals.
+pub(crate) fn atlas(session: &Session<'_>, problem: &Problem, evidence: &Evidence) -> Atlas {
+    let scene = session.scene;
+    let jobs: Vec<Job> = carriers(scene)
+        .into_iter()
+        .flat_map(|carrier| {
+            let of = move |(i, point)| Job { carrier, point, first_point: i == 0 };
+            points(scene, carrier).into_iter().enumerate().map(of)
+        })
+        .collect();
+    let draws = evidence.plain.len() - 1;
+    let parts: Vec<Atlas> = jobs.par_iter().map(|job| place(session, problem, evidence, job)).collect();
+    let mut out = Atlas { groups: Vec::new(), null: vec![1.0; draws], tried: 0 };
+    for part in parts {
+        out.groups.extend(part.groups);
+        out.tried += part.tried;
+        for (a, b) in out.null.iter_mut().zip(part.null) {
+            *a = a.min(b);
+        }
+    }
+    sort(&mut out.groups);
+    out
+}
+
+fn sort(groups: &mut Vec<Group>) {
+    groups.sort_by(|a, b| a.score.ratio.total_cmp(&b.score.ratio));
+    groups.truncate(KEPT);
+}
+
+/// Entries of one place.
+fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Job) -> Atlas {
+    let scene = session.scene;
+    let frames = PlaceFrames::new(session, job.carrier, &job.point);
+    let none = Vector3::zeros();
+    let mut out = Atlas { groups: Vec::new(), null: vec![1.0; evidence.plain.len() - 1], tried: 0 };
+    let stride = stride(session);
+    let weights: Vec<(Variable, Range, Vec<Vec<f64>>, usize)> = Variable::of(scene)
+        .into_iter()
+        .filter_map(|v| {
+            if v == Variable::None {
+                let ones = frames.trials.iter().map(|t| vec![1.0; t.len()]).collect();
+                return Some((v, Range { low: 0.0, high: 1.0 }, ones, 1));
+            }
+            let values = frames.values(v, &none);
+            let range = range_of(&values)?;
+            Some((v, range, values.iter().map(|x| splines(x, range)).collect(), SPLINES))
+        })
+        .collect();
+    let mut add = |unit: &[Vec<Vec<[f64; 6]>>], base: &Group, choices: &[&[usize]], weight: &[Vec<f64>], nb: usize| {
+        let Some(columns) = columns(session, problem, unit, weight, nb, stride) else { return };
+        if !columns.iter().all(|c| c.iter().all(|x| x.is_finite())) {
+            return;
+        }
+        let prepared = evidence.prepare(&columns);
+        for choice in choices {
+            let of: Vec<usize> = choice.iter().flat_map(|d| d * nb..(d + 1) * nb).collect();
+            let Some(score) = evidence.score(&prepared, &of) else { continue };
+            out.tried += 1;
+            for (a, b) in out.null.iter_mut().zip(&score.null) {
+                *a = a.min(*b);
+            }
+            if score.ratio < 1.0 {
+                out.groups.push(Group { components: choice.to_vec(), columns: of.len(), score, ..base.clone() });
+            }
+        }
+    };
+    let blank = |action, direction| Group {
+        carrier: job.carrier,
+        point: job.point,
+        action,
+        direction,
+        components: Vec::new(),
+        variable: Variable::None,
+        range: Range { low: 0.0, high: 1.0 },
+        anchor: none,
+        frequency: None,
+        columns: 0,
+        score: Score { ratio: 1.0, null: Vec::new(), errors: Vec::new(), theta: nalgebra::DVector::zeros(0) },
+    };
+    for action in [Action::Force, Action::Couple] {
+        // a couple has no point, and none on the whole body as such: the root's axes carry it
+        if action == Action::Couple && (!job.first_point || job.carrier == Carrier::Body) {
+            continue;
+        }
+        for direction in Direction::FIXED {
+            if action == Action::Couple
+                && matches!(direction, Direction::AcrossVelocity | Direction::AcrossVelocityInLink)
+            {
+                continue;
+            }
+            let all: Vec<usize> = (0..direction.components()).collect();
+            let unit = frames.unit(action, direction, &all, &none);
+            for (variable, range, weight, nb) in &weights {
+                let base = Group { variable: *variable, range: *range, ..blank(action, direction) };
+                add(&unit, &base, direction.choices(), weight, *nb);
+            }
+            let clock = matches!(direction, Direction::World | Direction::Link | Direction::AgainstVelocity);
+            if clock && job.first_point && (all.len() == 3 || scene.model.n_links() <= MANY_LINKS) {
+                for k in frequencies(&frames) {
+                    let weight: Vec<Vec<f64>> = frames
+                        .values(Variable::Clock, &none)
+                        .iter()
+                        .map(|t| t.iter().flat_map(|t| [1.0, (k * t).cos(), (k * t).sin()]).collect())
+                        .collect();
+                    let base = Group {
+                        variable: Variable::Clock,
+                        frequency: Some(k),
+                        range: range_of(&frames.values(Variable::Clock, &none))
+                            .unwrap_or(Range { low: 0.0, high: 1.0 }),
+                        ..blank(action, direction)
+                    };
+                    add(&unit, &base, &[if all.len() == 3 { &[0, 1, 2] } else { &[0] }], &weight, 3);
+                }
+            }
+        }
+    }
+    for anchor in anchors(scene, &frames) {
+        let unit = frames.unit(Action::Force, Direction::Towards, &[0], &anchor);
+        let values = frames.values(Variable::Distance, &anchor);
+        let logs: Vec<Vec<f64>> = values.iter().map(|t| t.iter().map(|d| d.max(1e-6).ln()).collect()).collect();
+        let (Some(range), Some(of_logs)) = (range_of(&values), range_of(&logs)) else { continue };
+        let weight: Vec<Vec<f64>> = logs
+            .iter()
+            .map(|t| {
+                let powers = |l: &f64| {
+                    let x = (l - of_logs.low) / of_logs.width() * 2.0 - 1.0;
+                    [1.0, x, x * x, x * x * x]
+                };
+                t.iter().flat_map(powers).collect()
+            })
+            .collect();
+        let base = Group { variable: Variable::Distance, range, anchor, ..blank(Action::Force, Direction::Towards) };
+        add(&unit, &base, &[&[0]], &weight, 4);
+    }
+    sort(&mut out.groups);
+    out
+}
+
+/// Angular frequencies of the clock, rad/s: steps that lose no line between them, up to 8 Hz.
+fn frequencies(frames: &PlaceFrames<'_>) -> Vec<f64> {
+    let long = |t: &Vec<(EffectFrame<'_>, Instant)>| match (t.first(), t.last()) {
+        (Some(a), Some(b)) => b.0.time_s - a.0.time_s,
+        _ => 0.0,
+    };
+    let duration = frames.trials.iter().map(long).fold(0.5, f64::max);
+    let step = 0.4 / duration;
+    let first = (0.4 / duration).max(0.15);
+    let n = (((8.0 - first) / step) as usize).min(400);
+    (0..n).map(|i| (first + step * i as f64) * 2.0 * std::f64::consts::PI).collect()
+}
+
+/// Anchors around the volume of the motion, world, m.
+fn anchors(scene: &Scene, frames: &PlaceFrames<'_>) -> Vec<Vector3<f64>> {
+    let values: Vec<Vec<Vec<f64>>> = (0..3).map(|k| frames.values(Variable::Place(k), &Vector3::zeros())).collect();
+    let Some(ranges) = values.iter().map(|v| range_of(v)).collect::<Option<Vec<Range>>>() else { return Vec::new() };
+    let few = scene.model.n_links() > MANY_LINKS;
+    let steps: &[f64] = if few { &[-2.0, -0.7, 0.5, 1.7, 3.0] } else { &[-2.2, -1.1, -0.3, 0.5, 1.3, 2.1, 3.2] };
+    let place = |k: usize, share: f64| {
+        let middle = 0.5 * (ranges[k].low + ranges[k].high);
+        middle + (share - 0.5) * ranges[k].width().max(0.6)
+    };
+    let mut out = Vec::new();
+    for &x in steps {
+        for &y in steps {
+            for &z in steps {
+                out.push(Vector3::new(place(0, x), place(1, y), place(2, z)));
+            }
+        }
+    }
+    out
+}

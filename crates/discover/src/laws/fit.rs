@@ -1,0 +1,279 @@
+//! From an entry of the atlas to a law: shapes with their parameters are screened linearly, the
+//! best are fitted with point, anchor and parameters free, again in every fold.
+
+use super::atlas::{Group, PlaceFrames, columns, stride};
+use super::evidence::Evidence;
+use super::kinematics::{Action, Carrier, Variable};
+use super::law::{Factor, Law};
+use super::shape::{KNOTS, Shape};
+use crate::candidate::{Variant, score};
+use crate::nonlinear::{improve, score_fitted};
+use crate::problem::Problem;
+use crate::session::Session;
+use aloft_effects::{Effect, Target};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// Gauss-Newton steps of a fit.
+const STEPS: usize = 15;
+/// Shapes of one entry that are fitted.
+const SHAPES: usize = 4;
+
+/// A law fitted to all rows, with its held-out errors.
+#[derive(Debug, Clone)]
+pub(crate) struct Fitted {
+    pub law: Law,
+    pub nonlinear: Vec<f64>,
+    pub theta: DVector<f64>,
+    /// Squared held-out error by cluster.
+    pub errors: Vec<f64>,
+    /// Standard errors of coefficients, then of nonlinear parameters; with the degrees of freedom.
+    pub se: Vec<f64>,
+    pub freedom: Vec<f64>,
+    pub unknowns: usize,
+}
+
+impl Fitted {
+    /// Squared held-out error.
+    pub fn error(&self) -> f64 {
+        self.errors.iter().sum()
+    }
+}
+
+/// Fits a law from starting values of its nonlinear parameters.
+pub(crate) fn fit(
+    session: &Session<'_>,
+    problem: &Problem,
+    law: &Law,
+    start: Vec<f64>,
+    steps: usize,
+) -> Option<Fitted> {
+    let variant = Variant::new(session, law, Target::Body, start);
+    let fitted = law.nonlinear(session.scene, Target::Body).len();
+    let scored = if fitted == 0 {
+        let columns = variant.columns(session, problem)?;
+        score(problem, variant, &problem.reduce(&columns))
+    } else {
+        let (better, _) = improve(session, problem, &variant, steps)?;
+        score_fitted(session, problem, better)?
+    };
+    let k = scored.theta.len();
+    let se = if scored.joint_se.is_empty() {
+        (0..k)
+            .map(|i| {
+                let left: Vec<f64> = scored.fold_theta.iter().map(|t| t[i]).collect();
+                crate::statistics::jackknife_se(&left)
+            })
+            .collect()
+    } else {
+        scored.joint_se.clone()
+    };
+    scored.fold_error.iter().all(|e| e.is_finite()).then(|| Fitted {
+        law: law.clone(),
+        nonlinear: scored.variant.nonlinear.clone(),
+        unknowns: law.unknowns(session.scene),
+        theta: scored.theta,
+        errors: scored.fold_error,
+        se,
+        freedom: scored.freedom,
+    })
+}
+
+/// A law with a shape, and the start of its nonlinear parameters.
+struct Start {
+    law: Law,
+    nonlinear: Vec<f64>,
+    ratio: f64,
+}
+
+/// The law of an entry with a shape and values of its parameters.
+fn law_of(group: &Group, shape: Shape, values: &[f64], free_point: bool) -> (Law, Vec<f64>) {
+    let variable = if shape == Shape::Constant { Variable::None } else { group.variable };
+    let free_point = free_point && group.action == Action::Force && group.carrier != Carrier::Body;
+    let law = Law {
+        id: "law".to_owned(),
+        carrier: group.carrier,
+        action: group.action,
+        direction: group.direction,
+        components: group.components.clone(),
+        factors: vec![Factor { variable, shape, range: group.range, fixed: None }],
+        point: group.point,
+        point_is_free: free_point,
+    };
+    let mut start = Vec::new();
+    if free_point {
+        start.extend(group.point.iter());
+    }
+    if law.has_anchor() {
+        start.extend(group.anchor.iter());
+    }
+    start.extend(values);
+    (law, start)
+}
+
+/// Laws for one entry: each shape from its best start.
+fn starts(session: &Session<'_>, problem: &Problem, evidence: &Evidence, group: &Group) -> Vec<Start> {
+    let frames = PlaceFrames::new(session, group.carrier, &group.point);
+    let unit = frames.unit(group.action, group.direction, &group.components, &group.anchor);
+    let values = frames.values(group.variable, &group.anchor);
+    let stride = stride(session);
+    let distance = group.variable == Variable::Distance;
+    let mut out: Vec<Start> = Vec::new();
+    let mut try_shape = |shape: Shape, starts: Vec<Vec<f64>>| {
+        let mut best: Option<Start> = None;
+        for p in starts {
+            let nb = shape.terms();
+            let mut buffer = [0.0; KNOTS];
+            let weight: Vec<Vec<f64>> = values
+                .iter()
+                .map(|t| {
+                    let mut w = Vec::with_capacity(t.len() * nb);
+                    for x in t {
+                        shape.values(*x, &p, group.range, &mut buffer[..nb]);
+                        w.extend_from_slice(&buffer[..nb]);
+                    }
+                    w
+                })
+                .collect();
+            let Some(made) = columns(session, problem, &unit, &weight, nb, stride) else { continue };
+            if !made.iter().all(|c: &DMatrix<f64>| c.iter().all(|x| x.is_finite())) {
+                continue;
+            }
+            let all: Vec<usize> = (0..made[0].ncols()).collect();
+            let Some(score) = evidence.score(&evidence.prepare(&made), &all) else { continue };
+            if best.as_ref().is_none_or(|b| score.ratio < b.ratio) {
+                let (law, nonlinear) = law_of(group, shape, &p, true);
+                best = Some(Start { law, nonlinear, ratio: score.ratio });
+            }
+        }
+        out.extend(best);
+    };
+    try_shape(Shape::Constant, vec![Vec::new()]);
+    match group.variable {
+        Variable::None => {}
+        Variable::Clock => {
+            let k = group.frequency.unwrap_or(1.0);
+            try_shape(Shape::Wave, vec![vec![k]]);
+            try_shape(Shape::WaveAbout, vec![vec![k]]);
+            let phases = (0..8).map(|i| f64::from(i) * std::f64::consts::FRAC_PI_4 - std::f64::consts::PI);
+            let pulses = phases.flat_map(|a| [-0.5, 0.0, 0.5].map(|b| vec![k, a, b])).collect();
+            try_shape(Shape::Pulses, pulses);
+        }
+        v => {
+            for shape in Shape::of(v.is_signed(), distance, false) {
+                try_shape(shape, shape.starts(group.range, distance));
+            }
+        }
+    }
+    out.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
+    out
+}
+
+/// Entries of the atlas that differ in place, direction or variable, best first.
+pub(crate) fn distinct(groups: &[Group], most: usize) -> Vec<&Group> {
+    let mut out: Vec<&Group> = Vec::new();
+    for g in groups {
+        let same = |o: &&Group| {
+            o.carrier == g.carrier
+                && o.action == g.action
+                && o.direction == g.direction
+                && o.variable == g.variable
+                && (g.frequency.is_none() || o.frequency.is_some())
+        };
+        if !out.iter().any(|o| same(&o)) {
+            out.push(g);
+        }
+        if out.len() == most {
+            break;
+        }
+    }
+    out
+}
+
+/// Fits laws to the best entries of the atlas, best first.
+pub(crate) fn laws(session: &Session<'_>, problem: &Problem, evidence: &Evidence, groups: &[&Group]) -> Vec<Fitted> {
+    let begun: Vec<Start> = groups
+        .par_iter()
+        .flat_map_iter(|g| starts(session, problem, evidence, g).into_iter().take(SHAPES).collect::<Vec<_>>())
+        .collect();
+    // identical laws come from entries that differ in the variable only
+    let mut unique: Vec<Start> = Vec::new();
+    for s in begun {
+        if !unique.iter().any(|u| u.law == s.law && u.nonlinear == s.nonlinear) {
+            unique.push(s);
+        }
+    }
+    let mut out: Vec<Fitted> =
+        unique.into_par_iter().filter_map(|s| fit(session, problem, &s.law, s.nonlinear, STEPS)).collect();
+    out.sort_by(|a, b| a.error().total_cmp(&b.error()));
+    out
+}
+
+/// The free curve of an entry, with a free point.
+pub(crate) fn curve(session: &Session<'_>, problem: &Problem, group: &Group) -> Option<Fitted> {
+    let shape = match group.variable {
+        Variable::None => Shape::Constant,
+        Variable::Clock => Shape::WaveAbout,
+        _ => Shape::Curve,
+    };
+    let values = group.frequency.map_or_else(Vec::new, |k| vec![k]);
+    let (law, start) = law_of(group, shape, &values, true);
+    fit(session, problem, &law, start, STEPS)
+}
+
+/// Simpler forms of a law that leave nearly the same error: the point at the centre of mass, a
+/// power that is a small integer or a half.
+pub(crate) fn simplify(session: &Session<'_>, problem: &Problem, found: Fitted) -> Fitted {
+    /// Largest growth of the squared error.
+    const MORE: f64 = 1.02;
+    let mut best = found;
+    let (point, anchor, parts) = best.law.split(&best.nonlinear);
+    let parts: Vec<Vec<f64>> = parts.into_iter().map(<[f64]>::to_vec).collect();
+    // a power that is nearly a simple number
+    for (i, p) in parts.iter().enumerate() {
+        let shape = best.law.factors[i].shape;
+        if !matches!(shape, Shape::Power | Shape::EvenPower) || best.law.factors[i].fixed.is_some() {
+            continue;
+        }
+        let n = p[0];
+        let near = (n * 2.0).round() / 2.0;
+        if near == 0.0 || (n - near).abs() > 0.15 {
+            continue;
+        }
+        let mut law = best.law.clone();
+        if near == 1.0 && shape == Shape::Power {
+            law.factors[i].shape = Shape::Linear;
+        } else {
+            law.factors[i].fixed = Some(vec![near]);
+        }
+        let mut start = Vec::new();
+        if law.point_is_free {
+            start.extend(point.iter());
+        }
+        if law.has_anchor() {
+            start.extend(anchor.iter());
+        }
+        for (j, q) in parts.iter().enumerate().filter(|(j, _)| *j != i) {
+            if law.factors[j].fixed.is_none() {
+                start.extend(q);
+            }
+        }
+        if let Some(simple) = fit(session, problem, &law, start, STEPS)
+            && simple.error() <= MORE * best.error()
+        {
+            best = simple;
+        }
+    }
+    if best.law.point_is_free {
+        let mut law = best.law.clone();
+        law.point_is_free = false;
+        law.point = session.scene.link_com_m[law.carrier.link()];
+        let start = best.nonlinear[3..].to_vec();
+        if let Some(simple) = fit(session, problem, &law, start, STEPS)
+            && simple.error() <= MORE * best.error()
+        {
+            best = simple;
+        }
+    }
+    best
+}

@@ -1,0 +1,167 @@
+//! A fitted law as an effect of the user's own: formulas with units, as a file that a pipeline can
+//! name.
+
+use super::kinematics::{Action, Carrier, Direction, Variable};
+use super::law::{Law, factor_name};
+use super::shape::Shape;
+use aloft_effects::{
+    ActsIn, Effect, EffectKind, FormulaAxes, FormulaCoefficient, FormulaConstant, FormulaEffect, FormulaParameter,
+    FormulaPoint, Scene, Target,
+};
+
+/// Speeds and rates below this have no direction, m/s and rad/s.
+const STILL: f64 = 1e-9;
+
+impl Law {
+    /// The law as formulas, with the values of its nonlinear parameters as starts. `documentation`
+    /// is Markdown with the evidence.
+    pub fn formula(&self, scene: &Scene, nonlinear: &[f64], documentation: String) -> FormulaEffect {
+        let (point, _, parts) = self.split(nonlinear);
+        let axes = match self.direction {
+            Direction::Link | Direction::AcrossVelocityInLink => FormulaAxes::Link,
+            _ => FormulaAxes::World,
+        };
+        let mut terms = vec![String::new()];
+        for (i, (f, p)) in self.factors.iter().zip(self.parameters_of(&parts)).enumerate() {
+            let names: Vec<String> = match &f.fixed {
+                Some(values) => values.iter().map(|v| format!("({v})")).collect(),
+                None => f
+                    .shape
+                    .parameters(f.range, f.variable == Variable::Distance)
+                    .iter()
+                    .map(|q| factor_name(i, q.name))
+                    .collect(),
+            };
+            debug_assert_eq!(names.len(), p.len());
+            let x = match f.variable {
+                Variable::Distance => "sqrt((anchor_x-r_x)^2+(anchor_y-r_y)^2+(anchor_z-r_z)^2)".to_owned(),
+                v => v.formula(scene),
+            };
+            let one = format!("one_{}", i + 1);
+            let made = f.shape.formulas(&x, &names, f.range);
+            terms = terms
+                .iter()
+                .flat_map(|t| made.iter().map(move |m| if m == "1" { t.clone() } else { format!("{t}*{m}") }))
+                .map(|t| replace_word(&t, "one", &one))
+                .collect();
+        }
+        let component = |axis: usize| -> String {
+            let mut sum = Vec::new();
+            for (j, term) in terms.iter().enumerate() {
+                for &k in &self.components {
+                    if let Some(vector) = self.vector_formula(k, axis) {
+                        let vector = if vector == "1" { String::new() } else { format!("*{vector}") };
+                        sum.push(format!("{}{vector}{term}", self.coefficient_name(j, k)));
+                    }
+                }
+            }
+            if sum.is_empty() { "0".to_owned() } else { sum.join(" + ") }
+        };
+        let three = [component(0), component(1), component(2)];
+        let (force, moment) = match self.action {
+            Action::Force => (Some(three), None),
+            Action::Couple => (None, Some(three)),
+        };
+        let mut constants = Vec::new();
+        for (i, f) in self.factors.iter().enumerate() {
+            if f.shape.needs_unit() {
+                let unit = f.variable.unit(scene).to_owned();
+                constants.push(FormulaConstant { name: format!("one_{}", i + 1), unit, value: 1.0 });
+            }
+        }
+        match self.direction {
+            Direction::AgainstVelocity | Direction::AcrossVelocity | Direction::AcrossVelocityInLink => {
+                constants.push(FormulaConstant { name: "still".to_owned(), unit: "m/s".to_owned(), value: STILL });
+            }
+            Direction::AgainstSpin => {
+                constants.push(FormulaConstant { name: "still".to_owned(), unit: "1/s".to_owned(), value: STILL });
+            }
+            _ => {}
+        }
+        let skipped = if self.point_is_free { 3 } else { 0 };
+        let parameters = self.nonlinear(scene, Target::Body).into_iter().zip(nonlinear).skip(skipped);
+        let rounded = |x: f64| (x * 1e5).round() / 1e5;
+        FormulaEffect {
+            id: self.id.clone(),
+            title: "law found on the recordings".to_owned(),
+            point: Some(FormulaPoint {
+                link: self.carrier.name(scene),
+                position_m: match self.carrier {
+                    Carrier::Body => None,
+                    Carrier::Link(_) => Some(std::array::from_fn(|k| rounded(point[k]))),
+                },
+            }),
+            axes,
+            force,
+            moment,
+            parts: Vec::new(),
+            coefficients: self
+                .coefficients(scene, Target::Body)
+                .into_iter()
+                .map(|c| FormulaCoefficient { name: c.name, unit: c.unit, lower: None, upper: None })
+                .collect(),
+            parameters: parameters
+                .map(|(p, value)| FormulaParameter {
+                    start: Some(value.clamp(p.lower, p.upper)),
+                    name: p.name,
+                    unit: p.unit,
+                    lower: p.lower,
+                    upper: p.upper,
+                })
+                .collect(),
+            constants,
+            acts: ActsIn::Flight,
+            kind: EffectKind::Physics,
+            documentation,
+        }
+    }
+
+    /// Component `axis` of the direction's unit vector `k` as a formula; `None` where it is zero.
+    fn vector_formula(&self, k: usize, axis: usize) -> Option<String> {
+        let name = |stem: &str, axis: usize| format!("{stem}_{}", ["x", "y", "z"][axis]);
+        match self.direction {
+            Direction::World | Direction::Link => (k == axis).then(|| "1".to_owned()),
+            Direction::AgainstVelocity => Some(format!("(-{}/(speed+still))", name("v", axis))),
+            Direction::AgainstSpin => Some(format!("(-{}/(spin+still))", name("omega", axis))),
+            Direction::AcrossVelocity | Direction::AcrossVelocityInLink => {
+                // (e_k × v)_axis = ε(axis, k, m) v_m
+                let m = 3 - axis.min(3) - k.min(3);
+                if axis == k {
+                    return None;
+                }
+                let sign = if (axis + 1) % 3 == k { "" } else { "-" };
+                Some(format!("({sign}{}/(speed+still))", name("v", m)))
+            }
+            Direction::SpinCrossVelocity => {
+                let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
+                let product = |i: usize, j: usize| format!("{}*{}", name("omega", i), name("v", j));
+                Some(format!("({}-{})", product(a, b), product(b, a)))
+            }
+            Direction::Towards => {
+                let x = ["x", "y", "z"][axis];
+                Some(format!("((anchor_{x}-r_{x})/sqrt((anchor_x-r_x)^2+(anchor_y-r_y)^2+(anchor_z-r_z)^2))"))
+            }
+        }
+    }
+}
+
+/// Replaces a whole word.
+fn replace_word(text: &str, word: &str, by: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    let mut rest = text;
+    let part = |c: char| c == '_' || c.is_ascii_alphanumeric();
+    while let Some(at) = rest.find(word) {
+        let before = rest[..at].chars().next_back().is_some_and(part);
+        let after = rest[at + word.len()..].chars().next().is_some_and(part);
+        out.push_str(&rest[..at]);
+        out.push_str(if before || after { word } else { by });
+        rest = &rest[at + word.len()..];
+    }
+    out.push_str(rest);
+    out
+}
+
+/// True for a shape that is a curve through free values, not an expression.
+pub(crate) fn is_curve(law: &Law) -> bool {
+    law.factors.iter().any(|f| f.shape == Shape::Curve)
+}

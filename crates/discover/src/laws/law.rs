@@ -1,0 +1,249 @@
+//! A law as an effect: a force or couple on one place, in one direction, with a strength that is a
+//! product of functions of variables.
+
+use super::kinematics::{Action, Carrier, Direction, Instant, Variable};
+use super::shape::{Range, Shape};
+use aloft_effects::{
+    About, ActsIn, Coefficient, Columns, Effect, NonlinearParameter, ParameterKind, Scene, Series, Target,
+};
+use nalgebra::Vector3;
+
+/// One factor of the strength.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Factor {
+    pub variable: Variable,
+    pub shape: Shape,
+    pub range: Range,
+    /// Values of the shape's parameters if they are not fitted.
+    pub fixed: Option<Vec<f64>>,
+}
+
+impl Factor {
+    fn is_distance(&self) -> bool {
+        self.variable == Variable::Distance
+    }
+}
+
+/// A law with free coefficients and parameters. Nonlinear parameters in this order: the point on the
+/// link (if free), the anchor (if the direction needs one), the parameters of each factor.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Law {
+    pub id: String,
+    pub carrier: Carrier,
+    pub action: Action,
+    pub direction: Direction,
+    /// Components of the direction that have a coefficient.
+    pub components: Vec<usize>,
+    /// At most one factor has several linear terms.
+    pub factors: Vec<Factor>,
+    /// Point on the link, link frame, m: start of a free point, or the point itself.
+    pub point: Vector3<f64>,
+    pub point_is_free: bool,
+}
+
+/// Distance from the link's centre of mass within which a point is searched, m.
+pub(crate) const POINT_REACH_M: f64 = 0.4;
+
+impl Law {
+    /// True if the law needs a point in the world.
+    pub fn has_anchor(&self) -> bool {
+        self.direction == Direction::Towards || self.factors.iter().any(Factor::is_distance)
+    }
+
+    /// Splits the nonlinear parameters: point, anchor, parameters of each factor.
+    pub fn split<'v>(&self, mut rest: &'v [f64]) -> (Vector3<f64>, Vector3<f64>, Vec<&'v [f64]>) {
+        let mut three = |taken: bool, otherwise: Vector3<f64>| {
+            if !taken || rest.len() < 3 {
+                return otherwise;
+            }
+            let (head, tail) = rest.split_at(3);
+            rest = tail;
+            Vector3::from_column_slice(head)
+        };
+        let point = three(self.point_is_free, self.point);
+        let anchor = three(self.has_anchor(), Vector3::zeros());
+        let mut parts = Vec::new();
+        for f in &self.factors {
+            let n = if f.fixed.is_some() { 0 } else { f.shape.parameters(f.range, f.is_distance()).len() };
+            let (head, tail) = rest.split_at(n.min(rest.len()));
+            parts.push(head);
+            rest = tail;
+        }
+        (point, anchor, parts)
+    }
+
+    /// Parameters of each factor, fixed or fitted.
+    pub fn parameters_of<'v>(&'v self, parts: &[&'v [f64]]) -> Vec<&'v [f64]> {
+        self.factors.iter().zip(parts).map(|(f, p)| f.fixed.as_deref().unwrap_or(p)).collect()
+    }
+
+    /// Number of linear terms.
+    pub fn terms(&self) -> usize {
+        self.factors.iter().map(|f| f.shape.terms()).product()
+    }
+
+    /// Number of unknowns: what parsimony counts.
+    pub fn unknowns(&self, scene: &Scene) -> usize {
+        self.components.len() * self.terms() + self.nonlinear(scene, Target::Body).len()
+    }
+
+    /// Values of all linear terms in a frame.
+    pub fn strengths(
+        &self,
+        frame: &aloft_effects::EffectFrame<'_>,
+        at: &Instant,
+        anchor: &Vector3<f64>,
+        parts: &[&[f64]],
+        out: &mut Vec<f64>,
+    ) {
+        out.clear();
+        out.push(1.0);
+        let mut values = [0.0; super::shape::KNOTS];
+        for (f, p) in self.factors.iter().zip(self.parameters_of(parts)) {
+            let n = f.shape.terms();
+            f.shape.values(f.variable.value(frame, at, anchor), p, f.range, &mut values[..n]);
+            let before = out.clone();
+            out.clear();
+            for b in &before {
+                out.extend(values[..n].iter().map(|v| b * v));
+            }
+        }
+    }
+
+    /// Names of linear terms.
+    pub fn term_name(&self, term: usize) -> String {
+        if self.terms() == 1 {
+            "f".to_owned()
+        } else if self.terms() <= 4 {
+            ["a", "b", "c", "d"][term].to_owned()
+        } else {
+            format!("f{term}")
+        }
+    }
+
+    /// Name of the coefficient of a term and a component.
+    pub fn coefficient_name(&self, term: usize, component: usize) -> String {
+        if self.direction.components() == 1 {
+            self.term_name(term)
+        } else {
+            format!("{}_{}", self.term_name(term), ["x", "y", "z"][component])
+        }
+    }
+
+    /// Unit of the coefficient of a linear term.
+    pub fn coefficient_unit(&self, scene: &Scene, term: usize) -> String {
+        let mut unit = match self.action {
+            Action::Force => "N".to_owned(),
+            Action::Couple => "N*m".to_owned(),
+        };
+        if self.direction == Direction::SpinCrossVelocity {
+            unit.push_str("*s^2/m");
+        }
+        let mut left = term;
+        for f in self.factors.iter().rev() {
+            let n = f.shape.terms();
+            let power = f.shape.unit_powers()[left % n];
+            left /= n;
+            let of = f.variable.unit(scene);
+            if of != "1" && power != 0 {
+                let (sign, base) = if power > 0 { ("/", of) } else { ("*", of) };
+                unit.push_str(&format!("{sign}({base})^{}", power.abs()));
+            }
+        }
+        simplified(&unit)
+    }
+}
+
+/// A unit with the parentheses of its parts resolved: `N/(m/s)^2` to `N*s^2/m^2`.
+fn simplified(text: &str) -> String {
+    text.replace("/(m/s)^1", "*s/m")
+        .replace("/(m/s)^2", "*s^2/m^2")
+        .replace("*(m/s)^2", "*m^2/s^2")
+        .replace("/(1/s)^1", "*s")
+        .replace("/(1/s)^2", "*s^2")
+        .replace("*(1/s)^2", "/s^2")
+        .replace("/(m)^1", "/m")
+        .replace("/(m)^2", "/m^2")
+        .replace("*(m)^2", "*m^2")
+        .replace("/(s)^1", "/s")
+        .replace("/(s)^2", "/s^2")
+        .replace("*(s)^2", "*s^2")
+}
+
+impl Effect for Law {
+    fn about(&self) -> About<'_> {
+        About { id: &self.id, title: "law found on the recordings", acts: ActsIn::Flight, ..About::PLAIN }
+    }
+    fn targets(&self, _: &Scene) -> Vec<Target> {
+        vec![Target::Body]
+    }
+    fn coefficients(&self, scene: &Scene, _: Target) -> Vec<Coefficient> {
+        let mut out = Vec::new();
+        for term in 0..self.terms() {
+            for &k in &self.components {
+                let mut c = Coefficient::free(self.coefficient_name(term, k), &self.coefficient_unit(scene, term));
+                if self.components.len() == 3 {
+                    c.kind = match self.direction {
+                        Direction::World | Direction::AcrossVelocity => ParameterKind::VectorInWorld(k),
+                        _ => ParameterKind::VectorOnLink(k),
+                    };
+                }
+                out.push(c);
+            }
+        }
+        out
+    }
+    fn nonlinear(&self, scene: &Scene, _: Target) -> Vec<NonlinearParameter> {
+        let mut out = Vec::new();
+        if self.point_is_free {
+            let center = scene.link_com_m[self.carrier.link()];
+            out.extend(NonlinearParameter::point_on_link("point", &center, POINT_REACH_M));
+        }
+        if self.has_anchor() {
+            out.extend(NonlinearParameter::point_in_world("anchor", &scene.volume_center_m, 6.0));
+        }
+        for (i, f) in self.factors.iter().enumerate().filter(|(_, f)| f.fixed.is_none()) {
+            for p in f.shape.parameters(f.range, f.is_distance()) {
+                let base = f.variable.unit(scene);
+                let unit = match (p.power, base) {
+                    (0, _) | (_, "1") => "1".to_owned(),
+                    (1, b) => b.to_owned(),
+                    (_, "s") => "1/s".to_owned(),
+                    (_, "m") => "1/m".to_owned(),
+                    (_, "m/s") => "s/m".to_owned(),
+                    (_, "1/s") => "s".to_owned(),
+                    (n, b) => format!("({b})^{n}"),
+                };
+                out.push(NonlinearParameter::new(factor_name(i, p.name), &unit, p.lower, p.upper, p.scale));
+            }
+        }
+        out
+    }
+    fn evaluate(&self, series: &Series<'_>, _: Target, nonlinear: &[f64], out: &mut Columns) {
+        let (point, anchor, parts) = self.split(nonlinear);
+        let mut strengths = Vec::new();
+        for (i, frame) in series.instants() {
+            if !frame.flight {
+                continue;
+            }
+            let at = Instant::of(&frame, self.carrier, &point);
+            self.strengths(&frame, &at, &anchor, &parts, &mut strengths);
+            let mut column = 0;
+            for s in &strengths {
+                for &k in &self.components {
+                    let v = self.direction.vector(k, &at, &anchor) * *s;
+                    match self.action {
+                        Action::Force => out.force_at(i, column, &v, &at.position),
+                        Action::Couple => out.couple(i, column, &v),
+                    }
+                    column += 1;
+                }
+            }
+        }
+    }
+}
+
+/// Name of a factor's parameter: with a number for all factors but the first.
+pub(crate) fn factor_name(factor: usize, name: &str) -> String {
+    if factor == 0 { name.to_owned() } else { format!("{name}_{}", factor + 1) }
+}

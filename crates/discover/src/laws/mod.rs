@@ -1,0 +1,34 @@
+//! The search beyond the catalogue: where a force acts that no effect describes, along what, on
+//! what it depends, and by which law.
+//!
+//! | step | module | what it does |
+//! |---|---|---|
+//! | evidence | `evidence` | residual rows with the body's parameters projected out, for every fold and for random signs |
+//! | vocabulary | `kinematics`, `shape` | places, directions, variables; functions of a variable |
+//! | atlas | `atlas` | every place, direction and variable with a free curve, ranked by held-out error |
+//! | laws | `fit`, `law` | expressions for the best entries, with point, anchor and constants fitted in every fold |
+//! | rounds | `search` | a second factor, the simplest law that is as good, and again on what remains |
+//! | output | `formula`, `result`, `wording` | an effect of the user's own, numbers, words |
+//!
+//! The method joins the weak form of sparse identification (Messenger and Bortz, *Weak SINDy*, 2021)
+//! with the projection of known linear unknowns (Frisch and Waugh, 1933), variable projection for
+//! constants inside a law (Golub and Pereyra, 1973), units as types (dimensional analysis), and a
+//! choice by held-out error and number of unknowns, as in symbolic regression. What is particular
+//! here: a candidate is a force on a link of a body whose inertial parameters are unknown too, so
+//! that place and direction of the force are found from six rows of a floating base.
+
+mod atlas;
+mod evidence;
+mod fit;
+mod formula;
+mod kinematics;
+mod law;
+mod result;
+mod search;
+mod shape;
+mod wording;
+
+pub use kinematics::{Action, Carrier, Direction, Variable};
+pub use result::{Diagnosis, Entry, FoundLaw, LawKind, OpenWorld, Work};
+
+pub(crate) use search::search;

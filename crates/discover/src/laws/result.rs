@@ -1,0 +1,132 @@
+//! Result of the search beyond the catalogue, as written by `aloft discover --json` under `open`.
+
+use super::kinematics::{Action, Direction};
+use crate::Estimate;
+use aloft_effects::FormulaEffect;
+use serde::{Deserialize, Serialize};
+
+/// Where and how the remaining error acts, without a law: the best entry of the atlas.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Diagnosis {
+    /// Link, or `body` for the whole body.
+    pub carrier: String,
+    /// Force or couple.
+    pub action: Action,
+    /// Direction that it keeps.
+    pub direction: Direction,
+    /// Variable on which its strength depends (`1` for none), as formulas name it.
+    pub variable: String,
+    /// Held-out error with this entry, as a share of that without it (root mean square).
+    pub held_out_ratio: f64,
+    /// Share of the error that it removes: 1 − ratio.
+    pub removes: f64,
+    /// Probability that the best entry under random signs of flights or trials does as well.
+    pub family_wise_p: f64,
+    /// The same place and direction with constant strength: held-out ratio.
+    pub constant_ratio: Option<f64>,
+    /// Probability that the dependence on the variable is chance.
+    pub dependence_p: Option<f64>,
+    /// Strength (N, or N·m) over the variable, along the direction's first component with the largest
+    /// strength: pairs of the variable's value and the strength.
+    pub curve: Vec<[f64; 2]>,
+    /// In words.
+    pub text: String,
+}
+
+/// One entry of the atlas.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Entry {
+    /// Link, or `body`.
+    pub carrier: String,
+    /// Force or couple.
+    pub action: Action,
+    /// Direction.
+    pub direction: Direction,
+    /// Variable.
+    pub variable: String,
+    /// Held-out error with the entry over that without.
+    pub held_out_ratio: f64,
+}
+
+/// Whether a law is an expression or a curve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LawKind {
+    /// An expression with fitted constants.
+    Formula,
+    /// A curve through free values: no expression came within 15 % of it.
+    Curve,
+}
+
+/// A law found by the search.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FoundLaw {
+    /// Identifier, as accepted by `aloft effect add`.
+    pub id: String,
+    /// Expression or curve.
+    pub kind: LawKind,
+    /// Link, or `body`.
+    pub carrier: String,
+    /// Force or couple.
+    pub action: Action,
+    /// Direction.
+    pub direction: Direction,
+    /// Variables of its factors, as formulas name them.
+    pub variables: Vec<String>,
+    /// Point on the link, link frame, m, with its standard errors; empty for a couple, the whole
+    /// body, or the link's centre of mass.
+    pub point: Vec<Estimate>,
+    /// Linear unknowns.
+    pub coefficients: Vec<Estimate>,
+    /// Nonlinear unknowns that the formulas name.
+    pub parameters: Vec<Estimate>,
+    /// Held-out error with the laws up to this one, over that without this one.
+    pub held_out_ratio: f64,
+    /// Probability that the best entry of the atlas under random signs does as well.
+    pub family_wise_p: f64,
+    /// Work over all flights: share of the absolute power that is taken from the body (1: it only
+    /// brakes), and mean absolute power over force times speed (0: it does no work).
+    pub work: Work,
+    /// In words.
+    pub text: String,
+    /// The law as an effect of the user's own.
+    pub effect: FormulaEffect,
+}
+
+/// Work done by a law over all flights.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Work {
+    /// Share of the absolute power that is taken from the body: 1 if it only brakes.
+    pub taken: f64,
+    /// Mean absolute power over mean magnitude of force times speed (couple times angular
+    /// velocity): 0 if it does no work.
+    pub share: f64,
+}
+
+/// Result of the search beyond the catalogue.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OpenWorld {
+    /// Effects in the model on which the search was made.
+    pub model: Vec<String>,
+    /// Number of entries of the atlas that were scored in the first round.
+    pub entries: usize,
+    /// Flights or trials that count as evidence.
+    pub clusters: usize,
+    /// The 5 % quantile of the best ratio under random signs, first round.
+    pub by_chance: f64,
+    /// Where and how the error acts; none if the best entry is not better than chance.
+    pub diagnosis: Option<Diagnosis>,
+    /// The best entries that differ in place, direction or variable, best first.
+    pub atlas: Vec<Entry>,
+    /// Laws, in the order in which they were found; empty if none convinces.
+    pub laws: Vec<FoundLaw>,
+    /// True if the laws bring the error to 1.5 times its floor or less: they are the answer. False:
+    /// they are a part of it.
+    pub complete: bool,
+    /// Held-out error with the laws over the floor; null without a floor.
+    pub times_floor_after: Option<f64>,
+    /// Held-out error with the laws, N.
+    pub held_out_error_after: f64,
+    /// The result in words.
+    pub words: String,
+}

@@ -1,0 +1,478 @@
+//! Rounds of the search: atlas, laws, a second factor, the simplest law that is as good, and again
+//! on what remains.
+
+use super::atlas::{Atlas, Group, PlaceFrames, atlas, columns, range_of, stride};
+use super::evidence::Evidence;
+use super::fit::{self, Fitted};
+use super::formula::is_curve;
+use super::kinematics::{Action, Variable};
+use super::law::{Factor, Law};
+use super::result::{Diagnosis, Entry, FoundLaw, LawKind, OpenWorld, Work};
+use super::shape::{KNOTS, Shape};
+use super::wording;
+use crate::floor::Standing;
+use crate::options::DiscoverOptions;
+use crate::problem::{Domain, Problem};
+use crate::result::Estimate;
+use crate::session::Session;
+use crate::statistics::sign_flip_p;
+use aloft_effects::{Effect, EffectInstance, Target};
+use nalgebra::{DMatrix, Vector3};
+
+/// Draws of random signs for the null distribution of the atlas.
+const DRAWS: usize = 60;
+/// Entries of the atlas for which laws are fitted.
+const TRIED: usize = 12;
+/// A law may leave this much more error than the best one if it is simpler.
+const SIMPLER: f64 = 1.02;
+/// A curve is the answer if the best expression leaves this much more error.
+const CURVE: f64 = 1.15;
+/// A second factor has to leave less than this share of the error.
+const SECOND: f64 = 0.85;
+/// Laws are the answer if they leave no more than this multiple of the floor.
+const ANSWERED: f64 = 1.5;
+/// Laws that leave more than this share of the error are not named.
+const PART: f64 = 0.5;
+/// Laws that leave more than this share of what the catalogue leaves are not named.
+const BETTER: f64 = 0.85;
+/// Largest number of laws.
+const ROUNDS: usize = 3;
+
+/// Searches for a law beyond the catalogue on what a model leaves in flight. `catalogue` is the share
+/// of the error that the best effects of the catalogue leave: laws have to do better. `None` if there are no
+/// flights to search, or they do not determine the parameters.
+pub(crate) fn search(
+    session: &Session<'_>,
+    accepted: &[EffectInstance<'_>],
+    catalogue: f64,
+    options: &DiscoverOptions,
+) -> Option<OpenWorld> {
+    let standing = session.standing[0];
+    let model: Vec<String> = accepted.iter().map(|c| c.key(session.scene)).collect();
+    let base: Vec<Vec<DMatrix<f64>>> =
+        accepted.iter().map(|c| session.columns_of(c, Domain::Flight)).collect::<Option<_>>()?;
+    let plain = Problem::new(session, Domain::Flight, &base, options.fewest_trials, options.prior_weight).ok()?;
+    let before: f64 = plain.folds.iter().map(|f| f.error).sum();
+    let person = session.prior.is_some();
+    let believed = if person { options.belief_kinematics } else { options.belief };
+    let mut laws: Vec<(Fitted, f64, f64)> = Vec::new();
+    let mut first: Option<(Atlas, usize)> = None;
+    let mut diagnosis = None;
+    let mut left = before;
+    for round in 0..ROUNDS {
+        let problem = if round == 0 {
+            plain_again(session, &base, &[], options)?
+        } else {
+            plain_again(session, &base, &laws, options)?
+        };
+        let now: f64 = problem.folds.iter().map(|f| f.error).sum();
+        left = now;
+        if round > 0 && standing.is_some_and(|s| s.noise_floor > 0.0 && at_floor(&s, now / before)) {
+            break;
+        }
+        let evidence = Evidence::new(&problem, DRAWS, options.seed ^ round as u64)?;
+        let made = atlas(session, &problem, &evidence);
+        let Some(best) = made.groups.first() else { break };
+        let as_good = made.null.iter().filter(|r| **r <= best.score.ratio).count();
+        let p = (as_good + 1) as f64 / (made.null.len() + 1) as f64;
+        let groups = fit::distinct(&made.groups, TRIED);
+        let enough = best.score.ratio.sqrt() < believed && p < 0.05;
+        if round == 0 && p < 0.05 && best.score.ratio.sqrt() < 0.97 {
+            diagnosis = Some(diagnose(session, &problem, &made, p));
+        }
+        if enough && let Some(found) = one_law(session, &problem, &evidence, &groups) {
+            let ratio = (found.error() / now).sqrt();
+            let p_gain = sign_flip_p(
+                &found.errors,
+                &problem.folds.iter().map(|f| f.error).collect::<Vec<_>>(),
+                2000,
+                options.seed ^ 0x1a35,
+            );
+            if ratio < believed && p_gain < options.significance {
+                laws.push((found, ratio, p));
+            }
+        }
+        let count = laws.len();
+        if round == 0 {
+            let clusters = problem.clusters.len();
+            first = Some((made, clusters));
+        }
+        if count <= round {
+            break;
+        }
+        left = laws[count - 1].0.error();
+    }
+    // unknowns of all laws together
+    let laws = refit(session, &base, laws, options);
+    if let Some(last) = plain_again(session, &base, &laws, options) {
+        left = if laws.is_empty() { before } else { last.folds.iter().map(|f| f.error).sum::<f64>().min(left) };
+    }
+    let (made, clusters) = first?;
+    let ratio = (left / before).sqrt();
+    let after = standing.map(|s| s.held_out_error * ratio);
+    let times_floor = standing.filter(|s| s.noise_floor > 0.0).map(|s| s.held_out_error * ratio / s.noise_floor);
+    let complete = !laws.is_empty()
+        && (times_floor.is_some_and(|t| t <= ANSWERED) || standing.is_some_and(|s| at_floor(&s, left / before)));
+    let better = ratio < BETTER * catalogue;
+    let complete = complete && better;
+    let named = complete || (better && ratio < PART);
+    let found: Vec<FoundLaw> =
+        if named { laws.iter().enumerate().map(|(i, l)| describe(session, &laws, i, l)).collect() } else { Vec::new() };
+    let mut null: Vec<f64> = made.null.iter().map(|r| r.sqrt()).collect();
+    null.sort_by(f64::total_cmp);
+    let atlas = fit::distinct(&made.groups, 10)
+        .into_iter()
+        .map(|g| Entry {
+            carrier: g.carrier.name(session.scene),
+            action: g.action,
+            direction: g.direction,
+            variable: g.variable.formula(session.scene),
+            held_out_ratio: g.score.ratio.sqrt(),
+        })
+        .collect();
+    let ratio = if named { ratio } else { 1.0 };
+    let mut out = OpenWorld {
+        model,
+        entries: made.tried,
+        clusters,
+        by_chance: null.get(null.len() / 20).copied().unwrap_or(f64::NAN),
+        diagnosis,
+        atlas,
+        laws: found,
+        complete,
+        times_floor_after: if named { times_floor } else { standing.map(|s| s.held_out_error / s.noise_floor) },
+        held_out_error_after: after.filter(|_| named).or(standing.map(|s| s.held_out_error)).unwrap_or(ratio),
+        words: String::new(),
+    };
+    out.words = wording::answer(&out);
+    Some(out)
+}
+
+/// True if a share of the squared error stands within the floor's interval.
+fn at_floor(standing: &Standing, share: f64) -> bool {
+    standing.reached_by(standing.held_out_error * share.sqrt())
+}
+
+/// The problem with laws in the model.
+fn plain_again(
+    session: &Session<'_>,
+    base: &[Vec<DMatrix<f64>>],
+    laws: &[(Fitted, f64, f64)],
+    options: &DiscoverOptions,
+) -> Option<Problem> {
+    let mut extra = base.to_vec();
+    for (f, _, _) in laws {
+        extra.push(session.columns(&f.law, Target::Body, &f.nonlinear, Domain::Flight)?);
+    }
+    Problem::new(session, Domain::Flight, &extra, options.fewest_trials, options.prior_weight).ok()
+}
+
+/// The law for the best entries: an expression, with a second factor where that removes more, or
+/// the free curve.
+fn one_law(session: &Session<'_>, problem: &Problem, evidence: &Evidence, groups: &[&Group]) -> Option<Fitted> {
+    let laws = fit::laws(session, problem, evidence, groups);
+    let curves: Vec<Fitted> = groups.iter().take(3).filter_map(|g| fit::curve(session, problem, g)).collect();
+    let curve = curves.into_iter().min_by(|a, b| a.error().total_cmp(&b.error()));
+    let simple = simplest(&laws).cloned();
+    let mut best = match (simple, curve) {
+        (Some(law), Some(curve)) => {
+            let ratio = (law.error() / curve.error()).sqrt();
+            if ratio > CURVE { curve } else { law }
+        }
+        (law, curve) => law.or(curve)?,
+    };
+    if let Some(product) = second_factor(session, problem, evidence, &best)
+        && product.error() < SECOND * SECOND * best.error()
+    {
+        best = product;
+    }
+    Some(fit::simplify(session, problem, best))
+}
+
+/// The simplest law whose error is as good as the best one's.
+fn simplest(laws: &[Fitted]) -> Option<&Fitted> {
+    let best = laws.first()?;
+    let n = best.errors.len() as f64;
+    let as_good = |f: &&Fitted| {
+        let d: Vec<f64> = f.errors.iter().zip(&best.errors).map(|(a, b)| a - b).collect();
+        let mean = d.iter().sum::<f64>() / n;
+        let sd = (d.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt();
+        let ratio = (f.error() / best.error()).sqrt();
+        ratio <= SIMPLER || (mean <= sd / n.sqrt() && ratio <= 1.05)
+    };
+    laws.iter().filter(as_good).min_by(|a, b| a.unknowns.cmp(&b.unknowns).then(a.error().total_cmp(&b.error())))
+}
+
+/// A law times a function of a second variable.
+fn second_factor(session: &Session<'_>, problem: &Problem, evidence: &Evidence, law: &Fitted) -> Option<Fitted> {
+    let scene = session.scene;
+    let (point, anchor, parts) = law.law.split(&law.nonlinear);
+    let frames = PlaceFrames::new(session, law.law.carrier, &point);
+    // the whole force of the law as one column
+    let unit: Vec<Vec<Vec<[f64; 6]>>> = frames
+        .trials
+        .iter()
+        .map(|t| {
+            let mut strengths = Vec::new();
+            let column = t
+                .iter()
+                .map(|(frame, at)| {
+                    law.law.strengths(frame, at, &anchor, &parts, &mut strengths);
+                    let mut v = Vector3::zeros();
+                    let mut i = 0;
+                    for s in &strengths {
+                        for &k in &law.law.components {
+                            v += law.law.direction.vector(k, at, &anchor) * (law.theta[i] * s);
+                            i += 1;
+                        }
+                    }
+                    let m = at.position.cross(&v);
+                    match law.law.action {
+                        Action::Force => [v.x, v.y, v.z, m.x, m.y, m.z],
+                        Action::Couple => [0.0, 0.0, 0.0, v.x, v.y, v.z],
+                    }
+                })
+                .collect();
+            vec![column]
+        })
+        .collect();
+    let stride = stride(session);
+    let score_of = |shape: Shape, p: &[f64], variable: Variable, range| {
+        let nb = shape.terms();
+        let mut buffer = [0.0; KNOTS];
+        let weight: Vec<Vec<f64>> = frames
+            .values(variable, &anchor)
+            .iter()
+            .map(|t| {
+                let mut w = Vec::with_capacity(t.len() * nb);
+                for x in t {
+                    shape.values(*x, p, range, &mut buffer[..nb]);
+                    w.extend_from_slice(&buffer[..nb]);
+                }
+                w
+            })
+            .collect();
+        let made = columns(session, problem, &unit, &weight, nb, stride)?;
+        if !made.iter().all(|c| c.iter().all(|x| x.is_finite())) {
+            return None;
+        }
+        let all: Vec<usize> = (0..nb).collect();
+        evidence.score(&evidence.prepare(&made), &all).map(|s| s.ratio)
+    };
+    let mut tried: Vec<(f64, Variable, super::shape::Range)> = Variable::of(scene)
+        .into_iter()
+        .filter(|v| *v != Variable::None && law.law.factors.iter().all(|f| f.variable != *v))
+        .filter_map(|v| {
+            let range = range_of(&frames.values(v, &anchor))?;
+            Some((score_of(Shape::Curve, &[], v, range)?, v, range))
+        })
+        .collect();
+    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let plain = law.error() / evidence.plain[0];
+    let mut best: Option<Fitted> = None;
+    for (ratio, variable, range) in tried.into_iter().take(3) {
+        if ratio > SECOND * SECOND * plain {
+            break;
+        }
+        let mut shapes: Vec<(f64, Shape, Vec<f64>)> = Shape::of(variable.is_signed(), false, false)
+            .into_iter()
+            .filter(|s| *s != Shape::Wave && law.law.terms() * s.terms() <= 4)
+            .flat_map(|s| s.starts(range, false).into_iter().map(move |p| (s, p)))
+            .filter_map(|(s, p)| Some((score_of(s, &p, variable, range)?, s, p)))
+            .collect();
+        shapes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut seen: Vec<Shape> = Vec::new();
+        for (_, shape, p) in shapes {
+            if seen.contains(&shape) {
+                continue;
+            }
+            seen.push(shape);
+            if seen.len() > 3 {
+                break;
+            }
+            let mut with: Law = law.law.clone();
+            // a constant first factor is replaced, not multiplied
+            with.factors.retain(|f| f.shape != Shape::Constant);
+            with.factors.push(Factor { variable, shape, range, fixed: None });
+            let start = [law.nonlinear.as_slice(), p.as_slice()].concat();
+            if let Some(f) = fit::fit(session, problem, &with, start, 15)
+                && best.as_ref().is_none_or(|b| f.error() < b.error())
+            {
+                best = Some(f);
+            }
+        }
+    }
+    best
+}
+
+/// All laws again, each beside the others.
+fn refit(
+    session: &Session<'_>,
+    base: &[Vec<DMatrix<f64>>],
+    mut laws: Vec<(Fitted, f64, f64)>,
+    options: &DiscoverOptions,
+) -> Vec<(Fitted, f64, f64)> {
+    if laws.len() < 2 {
+        return laws;
+    }
+    for _ in 0..2 {
+        for i in 0..laws.len() {
+            let mut others = laws.clone();
+            others.remove(i);
+            let Some(problem) = plain_again(session, base, &others, options) else { continue };
+            let start = laws[i].0.nonlinear.clone();
+            if let Some(better) = fit::fit(session, &problem, &laws[i].0.law, start, 15) {
+                laws[i].0 = better;
+            }
+        }
+    }
+    laws
+}
+
+/// The best entry of the atlas in numbers: the simplest of those that are nearly as good.
+fn diagnose(session: &Session<'_>, problem: &Problem, atlas: &Atlas, p: f64) -> Diagnosis {
+    let scene = session.scene;
+    let best = &atlas.groups[0];
+    let as_good = |g: &&Group| g.score.ratio <= 1.04 * best.score.ratio;
+    let g = atlas
+        .groups
+        .iter()
+        .filter(as_good)
+        .min_by(|a, b| a.columns.cmp(&b.columns).then(a.score.ratio.total_cmp(&b.score.ratio)))
+        .unwrap_or(best);
+    let constant = atlas.groups.iter().find(|o| {
+        o.variable == Variable::None
+            && o.carrier == g.carrier
+            && o.action == g.action
+            && o.direction == g.direction
+            && o.components == g.components
+    });
+    let plain: Vec<f64> = problem.folds.iter().map(|f| f.error).collect();
+    let dependence_p = (g.variable != Variable::None)
+        .then(|| sign_flip_p(&g.score.errors, constant.map_or(&plain, |c| &c.score.errors), 2000, 0x7157));
+    let mut out = Diagnosis {
+        carrier: g.carrier.name(scene),
+        action: g.action,
+        direction: g.direction,
+        variable: g.variable.formula(scene),
+        held_out_ratio: g.score.ratio.sqrt(),
+        removes: 1.0 - g.score.ratio.sqrt(),
+        family_wise_p: p,
+        constant_ratio: constant.map(|c| c.score.ratio.sqrt()),
+        dependence_p,
+        curve: curve_of(g),
+        text: String::new(),
+    };
+    out.text = wording::diagnosis(&out);
+    out
+}
+
+/// Strength over the variable for the component with the largest strength.
+fn curve_of(g: &Group) -> Vec<[f64; 2]> {
+    const POINTS: usize = 13;
+    if g.frequency.is_some() || g.variable == Variable::None || g.variable == Variable::Distance {
+        return Vec::new();
+    }
+    let nb = g.columns / g.components.len().max(1);
+    let x: Vec<f64> = (0..POINTS).map(|i| g.range.low + g.range.width() * i as f64 / (POINTS - 1) as f64).collect();
+    let basis = super::atlas::splines(&x, g.range);
+    let of = |d: usize| -> Vec<f64> {
+        basis.chunks_exact(nb).map(|b| b.iter().enumerate().map(|(k, b)| b * g.score.theta[d * nb + k]).sum()).collect()
+    };
+    let size = |y: &[f64]| y.iter().map(|v| v * v).sum::<f64>();
+    let all: Vec<Vec<f64>> = (0..g.components.len()).map(of).collect();
+    let Some(largest) = all.into_iter().max_by(|a, b| size(a).total_cmp(&size(b))) else { return Vec::new() };
+    x.into_iter().zip(largest).map(|(x, y)| [x, y]).collect()
+}
+
+/// A fitted law for users.
+fn describe(session: &Session<'_>, all: &[(Fitted, f64, f64)], index: usize, found: &(Fitted, f64, f64)) -> FoundLaw {
+    let scene = session.scene;
+    let (f, ratio, p) = found;
+    let mut law = f.law.clone();
+    let carrier = law.carrier.name(scene);
+    let before = all[..index].iter().filter(|o| o.0.law.carrier == law.carrier).count();
+    law.id = if before == 0 { format!("law_{carrier}") } else { format!("law_{carrier}_{}", before + 1) };
+    let k = f.theta.len();
+    let of = |i: usize| (f.se.get(i).copied().unwrap_or(f64::NAN), f.freedom.get(i).copied().unwrap_or(f64::NAN));
+    let estimate = |name: String, unit: String, value: f64, i: usize, at_bound: bool| {
+        let (se, freedom) = of(i);
+        Estimate { name, value, se: f64::NAN, ci95: None, freedom: f64::NAN, at_bound, widening: 1.0, unit }
+            .with_error(se, freedom)
+    };
+    let coefficients: Vec<Estimate> = law
+        .coefficients(scene, Target::Body)
+        .into_iter()
+        .enumerate()
+        .map(|(i, c)| estimate(c.name, c.unit, f.theta[i], i, false))
+        .collect();
+    let nonlinear: Vec<Estimate> = law
+        .nonlinear(scene, Target::Body)
+        .into_iter()
+        .zip(&f.nonlinear)
+        .enumerate()
+        .map(|(j, (q, value))| {
+            let at_bound = (value - q.lower).abs() < 1e-9 || (value - q.upper).abs() < 1e-9;
+            estimate(q.name, q.unit, *value, k + j, at_bound)
+        })
+        .collect();
+    let split = if law.point_is_free { 3 } else { 0 };
+    let kind = if is_curve(&law) { LawKind::Curve } else { LawKind::Formula };
+    let work = work(session, f);
+    let text = wording::law(scene, &law, &f.nonlinear, &f.theta, work);
+    let documentation = wording::documentation(scene, &text, &coefficients, &nonlinear, *ratio, *p);
+    let mut effect = law.formula(scene, &f.nonlinear, documentation);
+    effect.title.clone_from(&text);
+    FoundLaw {
+        id: law.id.clone(),
+        kind,
+        carrier,
+        action: law.action,
+        direction: law.direction,
+        variables: law
+            .factors
+            .iter()
+            .filter(|f| f.variable != Variable::None)
+            .map(|f| f.variable.formula(scene))
+            .collect(),
+        point: nonlinear[..split].to_vec(),
+        coefficients,
+        parameters: nonlinear[split..].to_vec(),
+        held_out_ratio: *ratio,
+        family_wise_p: *p,
+        work,
+        text,
+        effect,
+    }
+}
+
+/// Work of a law over all flights.
+fn work(session: &Session<'_>, f: &Fitted) -> Work {
+    let (point, anchor, parts) = f.law.split(&f.nonlinear);
+    let frames = PlaceFrames::new(session, f.law.carrier, &point);
+    let (mut taken, mut absolute, mut size) = (0.0, 0.0, 0.0);
+    let mut strengths = Vec::new();
+    for (frame, at) in frames.trials.iter().flatten() {
+        f.law.strengths(frame, at, &anchor, &parts, &mut strengths);
+        let mut v = Vector3::zeros();
+        let mut i = 0;
+        for s in &strengths {
+            for &k in &f.law.components {
+                v += f.law.direction.vector(k, at, &anchor) * (f.theta[i] * s);
+                i += 1;
+            }
+        }
+        let rate = match f.law.action {
+            Action::Force => at.velocity,
+            Action::Couple => at.omega,
+        };
+        let power = v.dot(&rate);
+        absolute += power.abs();
+        taken += (-power).max(0.0);
+        size += v.norm() * rate.norm();
+    }
+    Work {
+        taken: if absolute > 0.0 { taken / absolute } else { 0.0 },
+        share: if size > 0.0 { absolute / size } else { 0.0 },
+    }
+}

@@ -1,0 +1,184 @@
+//! The search beyond the catalogue in words.
+
+use super::kinematics::{Action, Direction, Variable};
+use super::law::Law;
+use super::result::{Diagnosis, LawKind, OpenWorld, Work};
+use crate::result::Estimate;
+use aloft_effects::Scene;
+use aloft_identify::half_of;
+use nalgebra::{DVector, Vector3};
+
+/// A direction in words.
+fn direction(d: Direction, action: Action) -> &'static str {
+    match (d, action) {
+        (Direction::World, _) => "in a direction fixed in the world",
+        (Direction::Link, _) => "in a direction fixed in the link",
+        (Direction::AgainstVelocity, _) => "against the velocity",
+        (Direction::AcrossVelocity, _) => "across the velocity",
+        (Direction::AcrossVelocityInLink, _) => "across the velocity, about an axis fixed in the link",
+        (Direction::AgainstSpin, Action::Couple) => "against the angular velocity",
+        (Direction::AgainstSpin, Action::Force) => "along the axis of rotation",
+        (Direction::SpinCrossVelocity, _) => "across both velocity and angular velocity",
+        (Direction::Towards, _) => "towards a point of the room",
+    }
+}
+
+/// A variable in words, from its name in formulas.
+fn variable(name: &str) -> String {
+    let axis = |stem: &str| name.strip_prefix(stem).map(str::to_owned);
+    match name {
+        "speed" => "the speed of the point".to_owned(),
+        "spin" => "the rate of rotation of the link".to_owned(),
+        "since_start" => "the time since take-off".to_owned(),
+        "t" => "the time in the recording".to_owned(),
+        "distance" => "the distance from that point".to_owned(),
+        "r_z" => "the height".to_owned(),
+        _ => {
+            if let Some(a) = axis("v_world_") {
+                format!("the velocity along {a} of the room")
+            } else if let Some(a) = axis("v_link_") {
+                format!("the velocity along {a} of the link")
+            } else if let Some(a) = axis("omega_world_") {
+                format!("the angular velocity about {a} of the room")
+            } else if let Some(a) = axis("omega_link_") {
+                format!("the angular velocity about {a} of the link")
+            } else if let Some(a) = axis("r_") {
+                format!("the place along {a} of the room")
+            } else if let Some(a) = axis("tilt_") {
+                format!("the inclination of axis {a} of the link")
+            } else if let Some(link) = axis("qd_") {
+                format!("the rate of the joint of {link}")
+            } else if let Some(link) = axis("q_") {
+                format!("the angle of the joint of {link}")
+            } else {
+                name.to_owned()
+            }
+        }
+    }
+}
+
+fn carrier(name: &str) -> String {
+    if name == "body" { "the centre of mass".to_owned() } else { format!("`{name}`") }
+}
+
+fn action(a: Action) -> &'static str {
+    match a {
+        Action::Force => "a force",
+        Action::Couple => "a couple",
+    }
+}
+
+/// "a force on `link1`, against the velocity, depending on the speed; it removes 64 % of the error".
+pub(crate) fn diagnosis(d: &Diagnosis) -> String {
+    let on = match d.variable.as_str() {
+        "1" => "of constant size".to_owned(),
+        v => format!("depending on {}", variable(v)),
+    };
+    format!(
+        "{} on {}, {}, {on}; it removes {:.0} % of the error",
+        action(d.action),
+        carrier(&d.carrier),
+        direction(d.direction, d.action),
+        100.0 * d.removes
+    )
+}
+
+/// A law in words, with its direction.
+pub(crate) fn law(scene: &Scene, law: &Law, nonlinear: &[f64], theta: &DVector<f64>, work: Work) -> String {
+    let (point, anchor, parts) = law.split(nonlinear);
+    let strength: Vec<String> = law
+        .factors
+        .iter()
+        .zip(law.parameters_of(&parts))
+        .map(|(f, p)| f.shape.describe(&variable(&f.variable.formula(scene)), p))
+        .collect();
+    let name = law.carrier.name(scene);
+    let mut text = format!("{} on {}", action(law.action), carrier(&name));
+    if law.point_is_free {
+        text.push_str(&format!(" at {}", vector(&point)));
+    }
+    text.push_str(&format!(", {}", direction(law.direction, law.action)));
+    if law.components.len() == 3 && law.terms() == 1 {
+        let v = Vector3::new(theta[0], theta[1], theta[2]);
+        if v.norm() > 0.0 {
+            text.push_str(&format!(" {}", vector(&(v / v.norm()))));
+        }
+    }
+    if law.direction == Direction::Towards {
+        text.push_str(&format!(" {}", vector(&anchor)));
+    }
+    text.push_str(&format!(", {}", strength.join(", times ")));
+    if work.share < 0.02 {
+        text.push_str("; it does no work");
+    } else if work.taken > 0.98 {
+        text.push_str("; it only brakes");
+    } else if work.taken < 0.02 {
+        text.push_str("; it only drives");
+    }
+    text
+}
+
+fn vector(v: &Vector3<f64>) -> String {
+    format!("({:.3}, {:.3}, {:.3})", v.x, v.y, v.z)
+}
+
+/// An estimate with its interval.
+fn estimate(e: &Estimate) -> String {
+    match half_of(e.ci95) {
+        Some(half) if half.is_finite() => format!("{} = {:.4} ± {:.2} {} (95 %)", e.name, e.value, half, e.unit),
+        _ => format!("{} = {:.4} {}", e.name, e.value, e.unit),
+    }
+}
+
+/// Documentation of the law as an effect.
+pub(crate) fn documentation(
+    _: &Scene,
+    text: &str,
+    coefficients: &[Estimate],
+    nonlinear: &[Estimate],
+    ratio: f64,
+    p: f64,
+) -> String {
+    let values: Vec<String> = coefficients.iter().chain(nonlinear).map(estimate).collect();
+    format!(
+        "## Physics\nFound by `aloft discover`, not derived: {text}.\n## Equation\nAs in the formulas; on the recordings where it was found: {}.\n\
+         ## Identifiability\nHeld-out error fell to {:.1} % with it; by chance the best of the search does as well with a probability of {p:.3}. \
+         A law fitted to some motions need not hold for others: rank it again on new recordings, at other places, speeds and headings.\n## References\n\
+         None: this law comes from recordings.\n",
+        values.join("; "),
+        100.0 * ratio
+    )
+}
+
+/// The result of the search.
+pub(crate) fn answer(o: &OpenWorld) -> String {
+    let floor = o.times_floor_after.map_or(String::new(), |t| format!(", {t:.2} times the noise floor"));
+    match (&o.laws[..], &o.diagnosis) {
+        ([], None) => format!(
+            "beyond the catalogue: none of {} combinations of place, direction and variable explains the error better than chance",
+            o.entries
+        ),
+        ([], Some(d)) => format!("beyond the catalogue: no law explains the error; nearest is {}", d.text),
+        (laws, _) => {
+            let each: Vec<String> = laws
+                .iter()
+                .map(|l| match l.kind {
+                    LawKind::Formula => format!("`{}`: {}", l.id, l.text),
+                    LawKind::Curve => format!("`{}` (no simple expression fits: a curve): {}", l.id, l.text),
+                })
+                .collect();
+            let lead = if o.complete {
+                "a law outside the catalogue explains the error"
+            } else {
+                "part of the error follows a law outside the catalogue"
+            };
+            format!("{lead}: {}; held-out error {:.3} N{floor}", each.join("; and "), o.held_out_error_after)
+        }
+    }
+}
+
+/// Name of a variable for tables.
+#[allow(dead_code, reason = "used by the report")]
+pub(crate) fn variable_name(v: Variable, scene: &Scene) -> String {
+    variable(&v.formula(scene))
+}
