@@ -309,7 +309,8 @@ pub fn self_test(
     })
 }
 
-/// Options that restrict the ranking to some effects, or leave some out.
-pub fn options(only: Vec<String>, without: Vec<String>) -> DiscoverOptions {
-    DiscoverOptions { only, without, ..DiscoverOptions::default() }
+/// Options that restrict the ranking to some effects, or leave some out; `closed` leaves out the
+/// search beyond the catalogue.
+pub fn options(only: Vec<String>, without: Vec<String>, closed: bool) -> DiscoverOptions {
+    DiscoverOptions { only, without, closed, ..DiscoverOptions::default() }
 }

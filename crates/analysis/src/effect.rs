@@ -23,7 +23,7 @@ use aloft_workspace::seal;
 use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// One effect of the list.
@@ -169,7 +169,19 @@ pub fn add(
     wait: bool,
     progress: &dyn Progress,
 ) -> Result<(RunReport, History), PipelineError> {
+    let written = write_law(session, key)?;
+    let read_again;
+    let session = match &written {
+        Some(_) => {
+            read_again = session.with_own_effects_read_again()?;
+            &read_again
+        }
+        None => session,
+    };
     change(session, wait, progress, |session, all, notes| {
+        if let Some(path) = &written {
+            notes.push(format!("the law is an effect of your own now: {}", path.display()));
+        }
         let mut scene = scene(session)?;
         let mut effects = all.effects();
         let found: Option<Kept<Discovery>> = seal::read_if_there(&session.workspace.join("discovery.json"))?;
@@ -205,6 +217,30 @@ pub fn add(
     })
 }
 
+/// Writes a law that the last discovery found as a file in the folder `effects` beside the pipeline,
+/// so that it is an effect of the user's own. `None` if `key` names no such law, or an effect that
+/// exists already.
+fn write_law(session: &SubjectSession, key: &str) -> Result<Option<PathBuf>, PipelineError> {
+    let known = EFFECTS.iter().any(|e| e.is_called(key)) || session.own_effects.iter().any(|o| o.spec.id == key);
+    let found: Option<Kept<Discovery>> = seal::read_if_there(&session.workspace.join("discovery.json"))?;
+    let law = found.and_then(|d| d.answer.open).and_then(|o| o.laws.into_iter().find(|l| l.id == key));
+    let Some(law) = law.filter(|_| !known) else { return Ok(None) };
+    let folder = session.effects_folder();
+    let path = folder.join(format!("{key}.yaml"));
+    if path.exists() {
+        return Err(PipelineError::request_hint(
+            format!("{} exists already, and holds another effect", path.display()),
+            "move or rename it, then add the law again",
+        ));
+    }
+    let text = serde_yaml::to_string(&law.effect)
+        .map_err(|e| PipelineError::request(format!("`{key}` cannot be written as YAML: {e}")))?;
+    aloft_workspace::disk::create_dir_all(&folder)?;
+    let text = format!("# Found by `aloft discover`: {}\n{text}", law.text);
+    aloft_workspace::disk::write_whole(&path, text.as_bytes())?;
+    Ok(Some(path))
+}
+
 /// What the last discovery found for an effect: its key with target, its nonlinear parameters and
 /// its trials. A key with a target selects that target, and only what was found for it is used.
 fn suggestion(d: &Discovery, key: &str) -> Option<ModelEffect> {
@@ -223,7 +259,10 @@ fn suggestion(d: &Discovery, key: &str) -> Option<ModelEffect> {
     d.found.iter().find(of_found).map(|f| made(&f.key, values(&f.nonlinear), &f.coefficients, &f.trials)).or_else(
         || {
             let found = d.candidates.iter().find(of_candidate);
-            found.map(|c| made(&c.key, values(&c.nonlinear), &c.coefficients, &c.trials))
+            found.map(|c| made(&c.key, values(&c.nonlinear), &c.coefficients, &c.trials)).or_else(|| {
+                let law = d.open.as_ref()?.laws.iter().find(|l| l.id == key)?;
+                Some(made(&law.id, values(&law.parameters), &law.coefficients, &[]))
+            })
         },
     )
 }

@@ -339,6 +339,9 @@ pub enum Command {
         /// Not these effects.
         #[arg(long, value_name = "NAME")]
         without: Vec<String>,
+        /// Rank the catalogue only: no search for laws beyond it.
+        #[arg(long)]
+        closed: bool,
         /// Inject effects of known size into these recordings and count how often they come out under their name.
         #[arg(long)]
         self_test: bool,

@@ -107,16 +107,16 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             let reads = ["compare", "identify", "calibrate", "flight", "ik"];
             each_result(&pipeline, strict, as_json, &reads, compare::compare, |found| residuals::comparison(found, &by))
         }
-        Command::Discover { pipeline, strict, only, without, self_test: true, json: as_json } => {
-            let options = discover::options(only, without);
+        Command::Discover { pipeline, strict, only, without, self_test: true, json: as_json, .. } => {
+            let options = discover::options(only, without, true);
             let ask = |session: &SubjectSession| {
                 let bar = Counted::new("self-test");
                 discover::self_test(session, &options, &|done, all| bar.at(done, all))
             };
             each_result(&pipeline, strict, as_json, &[], ask, |found| findings::self_test(&found.self_test))
         }
-        Command::Discover { pipeline, strict, only, without, self_test: false, json: as_json } => {
-            let options = discover::options(only, without);
+        Command::Discover { pipeline, strict, only, without, closed, self_test: false, json: as_json } => {
+            let options = discover::options(only, without, closed);
             each_result(
                 &pipeline,
                 strict,

@@ -136,6 +136,9 @@ pub fn discovery(d: &Discovery, at: &PipelineArgs) -> Result<(), Stop> {
         ]);
     }
     out(format!("\n{t}"))?;
+    if let Some(open) = &d.open {
+        crate::laws::laws(open, at)?;
+    }
     for w in &d.warnings {
         out(format!("left out: {w}"))?;
     }

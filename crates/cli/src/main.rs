@@ -5,6 +5,7 @@ mod args;
 mod commands;
 mod each;
 mod findings;
+mod laws;
 mod open;
 mod progress;
 mod render;

@@ -334,32 +334,41 @@ pub fn discover(
         out.verdict = Verdict::Unexplained;
         out.effects.clear();
     }
-    if has_flights && beyond(&out, &left, options) {
+    let named = matches!(out.verdict, Verdict::Supported | Verdict::OneOf);
+    if has_flights && beyond(&left, options) {
         let catalogue = (out.held_out_error_after / out.held_out_error)
             .min(out.candidates.iter().filter(|c| !c.placebo).map(|c| c.held_out_ratio).fold(1.0, f64::min));
-        out.open = crate::laws::search(session, accepted, catalogue, options);
+        let taken: Vec<&str> = effects.iter().map(|e| e.id()).collect();
+        out.open = crate::laws::search(session, accepted, catalogue, &taken, options);
+        // what the catalogue names stands, unless a law brings the error to the floor that it leaves above
+        if named && out.open.as_ref().is_some_and(|o| !o.complete) {
+            out.open = None;
+        }
         if out.open.as_ref().is_some_and(|o| !o.laws.is_empty()) {
             out.verdict = Verdict::Unexplained;
             out.effects.clear();
         }
+        if out.open.as_ref().is_some_and(|o| o.complete) {
+            // effects that removed a part of the error stood in for the law
+            out.found.clear();
+            out.ladder.clear();
+            out.held_out_error_after = out.held_out_error;
+        }
     }
     out.words = wording::answer(&out, far);
     if let Some(open) = &out.open {
-        out.words = format!("{}; {}", out.words, open.words);
+        out.words = wording::with_open(&out, open);
     }
     out.advice = wording::advice(&out, effects);
     Ok(out)
 }
 
-/// True if flights leave an error that neither the model nor the catalogue explains: it is above the
-/// interval of its floor, and no effect that was named brings it near the floor.
-fn beyond(found: &Discovery, left: &[Option<Standing>; 2], options: &DiscoverOptions) -> bool {
+/// True if flights leave an error above the interval of its floor, whatever the catalogue named.
+fn beyond(left: &[Option<Standing>; 2], options: &DiscoverOptions) -> bool {
     if options.closed || !options.only.is_empty() {
         return false;
     }
-    let above =
-        left[0].is_some_and(|s| s.noise_floor > 0.0 && !s.reached_by(s.held_out_error) && s.times_floor() > 1.2);
-    above && !matches!(found.verdict, Verdict::Supported | Verdict::OneOf)
+    left[0].is_some_and(|s| s.noise_floor > 0.0 && !s.reached_by(s.held_out_error) && s.times_floor() > 1.2)
 }
 
 fn wanted(effect: &dyn Effect, options: &DiscoverOptions) -> bool {

@@ -123,8 +123,7 @@ pub fn self_test(
             model.push(EffectInstance { effect, target: found.target, nonlinear, trials: found.trials.clone() });
         }
     }
-    let quick =
-        DiscoverOptions { rounds: 1, null_draws: options.discover.null_draws.min(100), ..closed };
+    let quick = DiscoverOptions { rounds: 1, null_draws: options.discover.null_draws.min(100), ..closed };
     // take the sizes from the ranking with the effects found in the model
     let ranked = if first.found.is_empty() { first } else { discover(session, catalogue, &model, &quick)? };
     let mut left_out = Vec::new();

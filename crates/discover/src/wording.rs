@@ -1,6 +1,7 @@
 //! The result of a discovery in words.
 
 use crate::floor::Standing;
+use crate::laws::OpenWorld;
 use crate::problem::Domain;
 use crate::result::{Candidate, Discovery, FEWEST_CLUSTERS, Verdict};
 use aloft_effects::{About, Effect, EffectKind};
@@ -142,6 +143,22 @@ pub(crate) fn answer(d: &Discovery, far: Option<(&str, Standing)>) -> String {
         text.push_str(&format!("; {left}"));
     }
     text
+}
+
+/// The result with that of the search beyond the catalogue.
+pub(crate) fn with_open(d: &Discovery, open: &OpenWorld) -> String {
+    if !open.complete {
+        return format!("{}; {}", d.words, open.words);
+    }
+    let best = d.candidates.iter().find(|c| !c.placebo).map_or(String::new(), |c| {
+        format!(": the best effect of the catalogue, `{}`, leaves {:.1} % of it", c.key, 100.0 * c.held_out_ratio)
+    });
+    format!(
+        "the catalogue does not explain the held-out error of {:.3} N, {:.1} times the noise floor{best}; {}",
+        d.held_out_error,
+        d.held_out_error / d.noise_floor,
+        open.words
+    )
 }
 
 /// Recording that would distinguish two of the ranked effects.

@@ -11,7 +11,7 @@ use aloft_effects::{CompiledFormula, EFFECTS, Effect, EffectInstance, EffectsErr
 use aloft_workspace::error::PipelineError;
 use serde::ser::{SerializeMap, SerializeSeq};
 use serde::{Serialize, Serializer};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A user-defined effect and where it is defined.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,6 +32,14 @@ impl OwnEffect {
         let source = catalog::find("effects", name, dir)?;
         let spec = ranges::parse(&source.origin, &source.text)?;
         Ok(Self { spec, origin: source.origin, text: source.text, path: String::new() })
+    }
+
+    /// Reads a file that holds one effect, given by its path.
+    pub fn read_file(path: &Path) -> Result<Self, PipelineError> {
+        let text = std::fs::read_to_string(path).map_err(PipelineError::io("read", path))?;
+        let origin = path.display().to_string();
+        let spec = ranges::parse(&origin, &text)?;
+        Ok(Self { spec, origin, text, path: String::new() })
     }
 
     /// Compiles its formulas; an error points at the character.
@@ -58,7 +66,11 @@ impl OwnEffect {
     }
 }
 
-/// Effects that the pipeline defines or names, each with a unique identifier.
+/// Folder beside a pipeline file whose files (`*.yaml`) each hold one effect.
+pub const EFFECTS_FOLDER: &str = "effects";
+
+/// Effects that the pipeline defines or names, and those in the folder `effects` beside it, each with
+/// a unique identifier.
 pub fn own_effects(
     config: &PipelineConfig,
     file: &str,
@@ -90,7 +102,44 @@ pub fn own_effects(
         let one = OwnEffect { spec: spec.clone(), origin: file.to_owned(), text: text.to_owned(), path: path.clone() };
         add(&mut own, one, format!("{path}.id"))?;
     }
+    for path in effect_files(dir)? {
+        let one = OwnEffect::read_file(&path)?;
+        let named = |o: &OwnEffect| o.spec == one.spec;
+        if own.iter().any(named) {
+            continue;
+        }
+        if let Some(first) = own.iter().find(|o| o.spec.id == one.spec.id) {
+            return Err(PipelineError::request_hint(
+                format!(
+                    "two effects have the identifier `{}`: one in {}, one in {}",
+                    one.spec.id,
+                    first.origin,
+                    path.display()
+                ),
+                "give one of them another `id`, or move the file out of the folder `effects`",
+            ));
+        }
+        own.push(one);
+    }
     Ok(own)
+}
+
+/// Files of the folder `effects` beside a pipeline, sorted by name; none if there is no such folder.
+fn effect_files(dir: &Path) -> Result<Vec<PathBuf>, PipelineError> {
+    let folder = dir.join(EFFECTS_FOLDER);
+    if !folder.is_dir() {
+        return Ok(Vec::new());
+    }
+    let entries = std::fs::read_dir(&folder).map_err(PipelineError::io("list", &folder))?;
+    let mut out = Vec::new();
+    for entry in entries {
+        let path = entry.map_err(PipelineError::io("list", &folder))?.path();
+        if path.extension().is_some_and(|e| e == "yaml" || e == "yml") && path.is_file() {
+            out.push(path);
+        }
+    }
+    out.sort();
+    Ok(out)
 }
 
 /// Compiles the formulas for the bare model, so that an error is reported before anything runs.

@@ -234,6 +234,20 @@ impl SubjectSession {
         Ok(Self { effects: revisions.effects(), plain_base: revisions.plain_base(), ..self.clone() })
     }
 
+    /// The folder beside the pipeline file whose files each hold one effect of the user's own.
+    pub fn effects_folder(&self) -> PathBuf {
+        self.config_path.parent().unwrap_or(Path::new("")).join(crate::effects::EFFECTS_FOLDER)
+    }
+
+    /// The same study with the effects that the pipeline and its folder define now.
+    pub fn with_own_effects_read_again(&self) -> Result<Self, PipelineError> {
+        let file = self.config_path.display().to_string();
+        let dir = self.config_path.parent().unwrap_or(Path::new(""));
+        let own_effects = own_effects(&self.config, &file, &self.config_text, dir)?;
+        check_formulas(&own_effects, &self.model)?;
+        Ok(Self { own_effects, ..self.clone() })
+    }
+
     /// Import settings of a trial (or of the session, for none).
     pub fn import_of<'s>(&'s self, trial: Option<&'s TrialEntry>) -> &'s ImportConfig {
         trial.and_then(|t| t.settings.as_ref()).map_or(&self.config.import, |s| &s.import)

@@ -96,13 +96,18 @@ impl<'s> PlaceFrames<'s> {
 
 /// Quantiles 1 and 99 % of all values; `None` if the variable does not vary.
 pub(crate) fn range_of(values: &[Vec<f64>]) -> Option<Range> {
+    range_within(values, 0.01)
+}
+
+/// Quantiles `share` and 1 − `share` of all values; `None` if the variable does not vary.
+pub(crate) fn range_within(values: &[Vec<f64>], share: f64) -> Option<Range> {
     let mut all: Vec<f64> = values.iter().flatten().copied().filter(|x| x.is_finite()).collect();
     if all.len() < 20 {
         return None;
     }
     all.sort_by(f64::total_cmp);
     let at = |share: f64| all[((all.len() - 1) as f64 * share) as usize];
-    let range = Range { low: at(0.01), high: at(0.99) };
+    let range = Range { low: at(share), high: at(1.0 - share) };
     (range.high - range.low > 1e-9 * (1.0 + range.reach())).then_some(range)
 }
 
@@ -244,7 +249,7 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Jo
         if !columns.iter().all(|c| c.iter().all(|x| x.is_finite())) {
             return;
         }
-        let prepared = evidence.prepare(&columns);
+        let prepared = evidence.prepare(&columns, if nb == SPLINES { nb } else { 0 });
         for choice in choices {
             let of: Vec<usize> = choice.iter().flat_map(|d| d * nb..(d + 1) * nb).collect();
             let Some(score) = evidence.score(&prepared, &of) else { continue };

@@ -20,6 +20,8 @@ use rand_chacha::ChaCha8Rng;
 
 /// Relative ridge that keeps nearly collinear curves solvable.
 const RIDGE: f64 = 1e-7;
+/// Weight of a curve's second differences, in mean squares of its columns.
+const SMOOTH: f64 = 1e-3;
 /// Share of a column's square outside the span of the model's columns below which it is rounding
 /// error.
 const SPANNED: f64 = 1e-9;
@@ -117,8 +119,10 @@ impl Evidence {
         Some(Self { parts, plain })
     }
 
-    /// Projects the model out of columns given by cluster.
-    pub fn prepare(&self, columns: &[DMatrix<f64>]) -> Prepared {
+    /// Projects the model out of columns given by cluster. Each `smooth` consecutive columns are the
+    /// values of a curve: a light penalty on its second differences extends it where a fold has no
+    /// rows (`smooth` 0 or 1: none).
+    pub fn prepare(&self, columns: &[DMatrix<f64>], smooth: usize) -> Prepared {
         let k = columns[0].ncols();
         let m = self.parts[0].q.ncols();
         let n_right = self.plain.len();
@@ -132,6 +136,18 @@ impl Evidence {
         }
         let whole = s.diagonal();
         s.gemm_tr(-1.0, &qc, &qc, 1.0);
+        if smooth > 2 {
+            let weight = SMOOTH * s.trace() / k as f64;
+            for first in (0..k).step_by(smooth) {
+                for i in first + 1..first + smooth - 1 {
+                    for (a, x) in [(i - 1, 1.0), (i, -2.0), (i + 1, 1.0)] {
+                        for (b, y) in [(i - 1, 1.0), (i, -2.0), (i + 1, 1.0)] {
+                            s[(a, b)] += weight * x * y;
+                        }
+                    }
+                }
+            }
+        }
         let folds = self
             .parts
             .iter()

@@ -1,9 +1,9 @@
 //! From an entry of the atlas to a law: shapes with their parameters are screened linearly, the
 //! best are fitted with point, anchor and parameters free, again in every fold.
 
-use super::atlas::{Group, PlaceFrames, columns, stride};
+use super::atlas::{Group, PlaceFrames, columns, range_of, range_within, stride};
 use super::evidence::Evidence;
-use super::kinematics::{Action, Carrier, Variable};
+use super::kinematics::{Action, Carrier, Direction, Variable};
 use super::law::{Factor, Law};
 use super::shape::{KNOTS, Shape};
 use crate::candidate::{Variant, score};
@@ -114,15 +114,47 @@ fn law_of(group: &Group, shape: Shape, values: &[f64], free_point: bool) -> (Law
 /// Laws for one entry: each shape from its best start.
 fn starts(session: &Session<'_>, problem: &Problem, evidence: &Evidence, group: &Group) -> Vec<Start> {
     let frames = PlaceFrames::new(session, group.carrier, &group.point);
+    let distance = group.variable == Variable::Distance;
+    let mut shapes = vec![Shape::Constant];
+    match group.variable {
+        Variable::None => {}
+        v => shapes.extend(Shape::of(v.is_signed(), distance, v == Variable::Clock)),
+    }
+    screened(session, problem, evidence, group, &frames, &shapes)
+}
+
+/// Values of a shape's parameters from which a fit starts, for an entry.
+fn parameters(shape: Shape, group: &Group) -> Vec<Vec<f64>> {
+    let Some(k) = group.frequency else {
+        return shape.starts(group.range, group.variable == Variable::Distance);
+    };
+    match shape {
+        Shape::Wave | Shape::WaveAbout => vec![vec![k]],
+        Shape::Pulses => {
+            let phases = (0..8).map(|i| f64::from(i) * std::f64::consts::FRAC_PI_4 - std::f64::consts::PI);
+            phases.flat_map(|a| [-0.5, 0.0, 0.5].map(|b| vec![k, a, b])).collect()
+        }
+        _ => vec![Vec::new()],
+    }
+}
+
+/// Shapes for an entry, each from its best start, best first.
+fn screened(
+    session: &Session<'_>,
+    problem: &Problem,
+    evidence: &Evidence,
+    group: &Group,
+    frames: &PlaceFrames<'_>,
+    shapes: &[Shape],
+) -> Vec<Start> {
     let unit = frames.unit(group.action, group.direction, &group.components, &group.anchor);
     let values = frames.values(group.variable, &group.anchor);
     let stride = stride(session);
-    let distance = group.variable == Variable::Distance;
     let mut out: Vec<Start> = Vec::new();
-    let mut try_shape = |shape: Shape, starts: Vec<Vec<f64>>| {
+    for &shape in shapes {
+        let nb = shape.terms();
         let mut best: Option<Start> = None;
-        for p in starts {
-            let nb = shape.terms();
+        for p in parameters(shape, group) {
             let mut buffer = [0.0; KNOTS];
             let weight: Vec<Vec<f64>> = values
                 .iter()
@@ -140,30 +172,13 @@ fn starts(session: &Session<'_>, problem: &Problem, evidence: &Evidence, group: 
                 continue;
             }
             let all: Vec<usize> = (0..made[0].ncols()).collect();
-            let Some(score) = evidence.score(&evidence.prepare(&made), &all) else { continue };
+            let Some(score) = evidence.score(&evidence.prepare(&made, 0), &all) else { continue };
             if best.as_ref().is_none_or(|b| score.ratio < b.ratio) {
                 let (law, nonlinear) = law_of(group, shape, &p, true);
                 best = Some(Start { law, nonlinear, ratio: score.ratio });
             }
         }
         out.extend(best);
-    };
-    try_shape(Shape::Constant, vec![Vec::new()]);
-    match group.variable {
-        Variable::None => {}
-        Variable::Clock => {
-            let k = group.frequency.unwrap_or(1.0);
-            try_shape(Shape::Wave, vec![vec![k]]);
-            try_shape(Shape::WaveAbout, vec![vec![k]]);
-            let phases = (0..8).map(|i| f64::from(i) * std::f64::consts::FRAC_PI_4 - std::f64::consts::PI);
-            let pulses = phases.flat_map(|a| [-0.5, 0.0, 0.5].map(|b| vec![k, a, b])).collect();
-            try_shape(Shape::Pulses, pulses);
-        }
-        v => {
-            for shape in Shape::of(v.is_signed(), distance, false) {
-                try_shape(shape, shape.starts(group.range, distance));
-            }
-        }
     }
     out.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
     out
@@ -190,15 +205,56 @@ pub(crate) fn distinct(groups: &[Group], most: usize) -> Vec<&Group> {
     out
 }
 
+/// Places and directions, best first.
+fn places<'g>(groups: &[&'g Group], most: usize) -> Vec<&'g Group> {
+    let mut out: Vec<&Group> = Vec::new();
+    for g in groups {
+        let same = |o: &&Group| o.carrier == g.carrier && o.action == g.action && o.direction == g.direction;
+        if g.direction != Direction::Towards && !out.iter().any(|o| same(&o)) {
+            out.push(g);
+        }
+        if out.len() == most {
+            break;
+        }
+    }
+    out
+}
+
+/// Laws with a threshold in any variable, for the place and direction of an entry: smooth curves of
+/// the atlas do not follow them, so their variable need not be among the best.
+fn thresholds(session: &Session<'_>, problem: &Problem, evidence: &Evidence, group: &Group) -> Vec<Start> {
+    let frames = PlaceFrames::new(session, group.carrier, &group.point);
+    let mut out: Vec<Start> = Vec::new();
+    for variable in Variable::of(session.scene) {
+        let Some(range) = range_of(&frames.values(variable, &group.anchor)) else { continue };
+        let of = Group { variable, range, frequency: None, ..group.clone() };
+        out.extend(screened(
+            session,
+            problem,
+            evidence,
+            &of,
+            &frames,
+            &[Shape::Switch, Shape::RampUp, Shape::RampDown],
+        ));
+    }
+    out.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
+    out
+}
+
 /// Fits laws to the best entries of the atlas, best first.
 pub(crate) fn laws(session: &Session<'_>, problem: &Problem, evidence: &Evidence, groups: &[&Group]) -> Vec<Fitted> {
     let begun: Vec<Start> = groups
         .par_iter()
         .flat_map_iter(|g| starts(session, problem, evidence, g).into_iter().take(SHAPES).collect::<Vec<_>>())
         .collect();
+    let best: Vec<&Group> = places(groups, 3);
+    let thresholds: Vec<Start> = best
+        .par_iter()
+        .flat_map_iter(|g| thresholds(session, problem, evidence, g).into_iter().take(SHAPES).collect::<Vec<_>>())
+        .collect();
     // identical laws come from entries that differ in the variable only
     let mut unique: Vec<Start> = Vec::new();
-    for s in begun {
+    for s in begun.into_iter().chain(thresholds) {
         if !unique.iter().any(|u| u.law == s.law && u.nonlinear == s.nonlinear) {
             unique.push(s);
         }
@@ -217,7 +273,13 @@ pub(crate) fn curve(session: &Session<'_>, problem: &Problem, group: &Group) -> 
         _ => Shape::Curve,
     };
     let values = group.frequency.map_or_else(Vec::new, |k| vec![k]);
-    let (law, start) = law_of(group, shape, &values, true);
+    let (mut law, start) = law_of(group, shape, &values, true);
+    if shape == Shape::Curve {
+        // the ends of a curve need rows in every fold
+        let frames = PlaceFrames::new(session, group.carrier, &group.point);
+        let range = range_within(&frames.values(group.variable, &group.anchor), 0.05)?;
+        law.factors.iter_mut().for_each(|f| f.range = range);
+    }
     fit(session, problem, &law, start, STEPS)
 }
 
@@ -241,7 +303,8 @@ pub(crate) fn simplify(session: &Session<'_>, problem: &Problem, found: Fitted) 
             continue;
         }
         let mut law = best.law.clone();
-        if near == 1.0 && shape == Shape::Power {
+        let plain = shape == Shape::Power || !law.factors[i].variable.is_signed();
+        if near == 1.0 && plain {
             law.factors[i].shape = Shape::Linear;
         } else {
             law.factors[i].fixed = Some(vec![near]);

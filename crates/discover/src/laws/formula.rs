@@ -125,10 +125,10 @@ impl Law {
             Direction::AgainstSpin => Some(format!("(-{}/(spin+still))", name("omega", axis))),
             Direction::AcrossVelocity | Direction::AcrossVelocityInLink => {
                 // (e_k × v)_axis = ε(axis, k, m) v_m
-                let m = 3 - axis.min(3) - k.min(3);
                 if axis == k {
                     return None;
                 }
+                let m = 3 - axis - k;
                 let sign = if (axis + 1) % 3 == k { "" } else { "-" };
                 Some(format!("({sign}{}/(speed+still))", name("v", m)))
             }

@@ -13,7 +13,7 @@ use super::wording;
 use crate::floor::Standing;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
-use crate::result::Estimate;
+use crate::result::{Estimate, FEWEST_CLUSTERS};
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
 use aloft_effects::{Effect, EffectInstance, Target};
@@ -25,6 +25,8 @@ const DRAWS: usize = 60;
 const TRIED: usize = 12;
 /// A law may leave this much more error than the best one if it is simpler.
 const SIMPLER: f64 = 1.02;
+/// The same for a constant strength on a person.
+const PERSON: f64 = 1.11;
 /// A curve is the answer if the best expression leaves this much more error.
 const CURVE: f64 = 1.15;
 /// A second factor has to leave less than this share of the error.
@@ -39,12 +41,14 @@ const BETTER: f64 = 0.85;
 const ROUNDS: usize = 3;
 
 /// Searches for a law beyond the catalogue on what a model leaves in flight. `catalogue` is the share
-/// of the error that the best effects of the catalogue leave: laws have to do better. `None` if there are no
+/// of the error that the best effects of the catalogue leave: laws have to do better. `taken` are
+/// identifiers of effects that exist. `None` if there are no
 /// flights to search, or they do not determine the parameters.
 pub(crate) fn search(
     session: &Session<'_>,
     accepted: &[EffectInstance<'_>],
     catalogue: f64,
+    taken: &[&str],
     options: &DiscoverOptions,
 ) -> Option<OpenWorld> {
     let standing = session.standing[0];
@@ -52,6 +56,9 @@ pub(crate) fn search(
     let base: Vec<Vec<DMatrix<f64>>> =
         accepted.iter().map(|c| session.columns_of(c, Domain::Flight)).collect::<Option<_>>()?;
     let plain = Problem::new(session, Domain::Flight, &base, options.fewest_trials, options.prior_weight).ok()?;
+    if plain.clusters.len() < FEWEST_CLUSTERS {
+        return None;
+    }
     let before: f64 = plain.folds.iter().map(|f| f.error).sum();
     let person = session.prior.is_some();
     let believed = if person { options.belief_kinematics } else { options.belief };
@@ -116,8 +123,12 @@ pub(crate) fn search(
     let better = ratio < BETTER * catalogue;
     let complete = complete && better;
     let named = complete || (better && ratio < PART);
-    let found: Vec<FoundLaw> =
-        if named { laws.iter().enumerate().map(|(i, l)| describe(session, &laws, i, l)).collect() } else { Vec::new() };
+    let found: Vec<FoundLaw> = if named {
+        let mut ids: Vec<String> = taken.iter().map(|t| (*t).to_owned()).collect();
+        laws.iter().map(|l| describe(session, &mut ids, l)).collect()
+    } else {
+        Vec::new()
+    };
     let mut null: Vec<f64> = made.null.iter().map(|r| r.sqrt()).collect();
     null.sort_by(f64::total_cmp);
     let atlas = fit::distinct(&made.groups, 10)
@@ -173,7 +184,7 @@ fn one_law(session: &Session<'_>, problem: &Problem, evidence: &Evidence, groups
     let laws = fit::laws(session, problem, evidence, groups);
     let curves: Vec<Fitted> = groups.iter().take(3).filter_map(|g| fit::curve(session, problem, g)).collect();
     let curve = curves.into_iter().min_by(|a, b| a.error().total_cmp(&b.error()));
-    let simple = simplest(&laws).cloned();
+    let simple = simplest(&laws, session.prior.is_some()).cloned();
     let mut best = match (simple, curve) {
         (Some(law), Some(curve)) => {
             let ratio = (law.error() / curve.error()).sqrt();
@@ -181,7 +192,19 @@ fn one_law(session: &Session<'_>, problem: &Problem, evidence: &Evidence, groups
         }
         (law, curve) => law.or(curve)?,
     };
-    if let Some(product) = second_factor(session, problem, evidence, &best)
+    // a product may begin with another law than the best single one
+    let mut bases: Vec<&Fitted> = vec![&best];
+    for l in &laws {
+        let same = |o: &&Fitted| {
+            o.law.carrier == l.law.carrier && o.law.direction == l.law.direction && o.law.action == l.law.action
+        };
+        if bases.len() < 3 && !bases.iter().any(|o| same(&o)) {
+            bases.push(l);
+        }
+    }
+    let products: Vec<Fitted> =
+        bases.into_iter().filter_map(|l| second_factor(session, problem, evidence, l)).collect();
+    if let Some(product) = products.into_iter().min_by(|a, b| a.error().total_cmp(&b.error()))
         && product.error() < SECOND * SECOND * best.error()
     {
         best = product;
@@ -190,7 +213,7 @@ fn one_law(session: &Session<'_>, problem: &Problem, evidence: &Evidence, groups
 }
 
 /// The simplest law whose error is as good as the best one's.
-fn simplest(laws: &[Fitted]) -> Option<&Fitted> {
+fn simplest(laws: &[Fitted], person: bool) -> Option<&Fitted> {
     let best = laws.first()?;
     let n = best.errors.len() as f64;
     let as_good = |f: &&Fitted| {
@@ -198,7 +221,9 @@ fn simplest(laws: &[Fitted]) -> Option<&Fitted> {
         let mean = d.iter().sum::<f64>() / n;
         let sd = (d.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt();
         let ratio = (f.error() / best.error()).sqrt();
-        ratio <= SIMPLER || (mean <= sd / n.sqrt() && ratio <= 1.05)
+        // soft tissue imitates smooth dependences: on a person they have to earn their place
+        let constant = f.law.factors.iter().all(|f| f.shape == Shape::Constant);
+        ratio <= SIMPLER || (person && constant && ratio <= PERSON) || (mean <= sd / n.sqrt() && ratio <= 1.05)
     };
     laws.iter().filter(as_good).min_by(|a, b| a.unknowns.cmp(&b.unknowns).then(a.error().total_cmp(&b.error())))
 }
@@ -257,7 +282,7 @@ fn second_factor(session: &Session<'_>, problem: &Problem, evidence: &Evidence, 
             return None;
         }
         let all: Vec<usize> = (0..nb).collect();
-        evidence.score(&evidence.prepare(&made), &all).map(|s| s.ratio)
+        evidence.score(&evidence.prepare(&made, nb), &all).map(|s| s.ratio)
     };
     let mut tried: Vec<(f64, Variable, super::shape::Range)> = Variable::of(scene)
         .into_iter()
@@ -386,13 +411,17 @@ fn curve_of(g: &Group) -> Vec<[f64; 2]> {
 }
 
 /// A fitted law for users.
-fn describe(session: &Session<'_>, all: &[(Fitted, f64, f64)], index: usize, found: &(Fitted, f64, f64)) -> FoundLaw {
+fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &(Fitted, f64, f64)) -> FoundLaw {
     let scene = session.scene;
     let (f, ratio, p) = found;
     let mut law = f.law.clone();
     let carrier = law.carrier.name(scene);
-    let before = all[..index].iter().filter(|o| o.0.law.carrier == law.carrier).count();
-    law.id = if before == 0 { format!("law_{carrier}") } else { format!("law_{carrier}_{}", before + 1) };
+    let stem: String = carrier.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    law.id = (1..)
+        .map(|n| if n == 1 { format!("law_{stem}") } else { format!("law_{stem}_{n}") })
+        .find(|id| !ids.contains(id))
+        .unwrap_or_default();
+    ids.push(law.id.clone());
     let k = f.theta.len();
     let of = |i: usize| (f.se.get(i).copied().unwrap_or(f64::NAN), f.freedom.get(i).copied().unwrap_or(f64::NAN));
     let estimate = |name: String, unit: String, value: f64, i: usize, at_bound: bool| {

@@ -86,9 +86,9 @@ impl Shape {
         if periodic {
             return vec![Self::Wave, Self::WaveAbout, Self::Pulses];
         }
-        let mut out = vec![Self::Linear, Self::Affine, Self::Parabola, Self::Power, Self::Exponential];
+        let mut out = vec![Self::Linear, Self::Affine, Self::Parabola, Self::EvenPower, Self::Exponential];
         if signed {
-            out.extend([Self::EvenPower, Self::DeadZone, Self::ShiftedPower, Self::Wave]);
+            out.extend([Self::Power, Self::DeadZone, Self::ShiftedPower, Self::Wave]);
         }
         if distance {
             out.push(Self::Softened);
@@ -254,34 +254,43 @@ impl Shape {
         matches!(self, Self::Power | Self::EvenPower | Self::ShiftedPower | Self::Curve)
     }
 
-    /// The dependence in words, `{x}` standing for the variable.
-    pub fn describe(self, x: &str, p: &[f64]) -> String {
+    /// The dependence on `x` in words; `unit` is that of x, `signed` if x takes both signs.
+    pub fn describe(self, x: &str, unit: &str, p: &[f64], signed: bool) -> String {
         let p0 = p.first().copied().unwrap_or(f64::NAN);
         let p1 = p.get(1).copied().unwrap_or(f64::NAN);
+        let with = |v: f64| match unit {
+            "1" => format!("{v:.3}"),
+            "1/s" => format!("{v:.3} rad/s"),
+            u => format!("{v:.3} {u}"),
+        };
         match self {
-            Self::Constant => "constant".to_owned(),
+            Self::Constant => "of constant size".to_owned(),
             Self::Linear => format!("proportional to {x}"),
             Self::Affine => format!("linear in {x}"),
             Self::Parabola => format!("a parabola in {x} without constant part"),
             Self::Power => format!("with the power {p0:.2} of {x}, with its sign"),
-            Self::EvenPower => format!("with the power {p0:.2} of the magnitude of {x}"),
-            Self::ShiftedPower => format!("with the power {p1:.2} of the difference of {x} from {p0:.3}"),
-            Self::Exponential => format!("exponentially with {x}, by e over {:.3}", p0.recip()),
-            Self::DeadZone => format!("in proportion to what {x} exceeds {p0:.3}, zero below"),
-            Self::RampUp => format!("in proportion to {x} above {p0:.3}, zero below"),
-            Self::RampDown => format!("in proportion to {x} below {p0:.3}, zero above"),
-            Self::Switch => format!("switched on where {x} exceeds {p0:.3}"),
-            Self::Bell => format!("only where {x} is near {p0:.3}, within about {p1:.3}"),
-            Self::Softened => format!("with 1/({x}² + {:.3}²)", p0),
+            Self::EvenPower if signed => format!("with the power {p0:.2} of the magnitude of {x}"),
+            Self::EvenPower => format!("with the power {p0:.2} of {x}"),
+            Self::ShiftedPower => format!("with the power {p1:.2} of the difference of {x} from {}", with(p0)),
+            Self::Exponential => {
+                let grows = if p0 > 0.0 { "growing" } else { "falling" };
+                format!("{grows} by the factor e for every {} of {x}", with(p0.recip().abs()))
+            }
+            Self::DeadZone => format!("in proportion to what {x} exceeds {} by, zero below it", with(p0)),
+            Self::RampUp => format!("in proportion to what {x} exceeds {} by, zero below it", with(p0)),
+            Self::RampDown => format!("in proportion to what {x} is below {} by, zero above it", with(p0)),
+            Self::Switch => format!("switched on where {x} exceeds {}", with(p0)),
+            Self::Bell => format!("only where {x} is near {}, within about {}", with(p0), with(p1)),
+            Self::Softened => format!("proportional to 1/(d² + s²), d {x}, s {}", with(p0)),
             Self::Wave | Self::WaveAbout => {
-                format!("periodic in {x}, period {:.4}", 2.0 * std::f64::consts::PI / p0)
+                format!("periodic in {x}, period {}", with(2.0 * std::f64::consts::PI / p0))
             }
             Self::Pulses => {
                 let bound = p.get(2).copied().unwrap_or(0.0);
                 format!(
-                    "switched on for {:.0} % of every period of {:.4} in {x}",
+                    "switched on for {:.0} % of every period of {} in {x}",
                     100.0 * bound.clamp(-1.0, 1.0).acos() / std::f64::consts::PI,
-                    2.0 * std::f64::consts::PI / p0
+                    with(2.0 * std::f64::consts::PI / p0)
                 )
             }
             Self::Curve => format!("a curve of {x}"),

@@ -1,6 +1,6 @@
 //! The search beyond the catalogue in words.
 
-use super::kinematics::{Action, Direction, Variable};
+use super::kinematics::{Action, Direction};
 use super::law::Law;
 use super::result::{Diagnosis, LawKind, OpenWorld, Work};
 use crate::result::Estimate;
@@ -90,7 +90,10 @@ pub(crate) fn law(scene: &Scene, law: &Law, nonlinear: &[f64], theta: &DVector<f
         .factors
         .iter()
         .zip(law.parameters_of(&parts))
-        .map(|(f, p)| f.shape.describe(&variable(&f.variable.formula(scene)), p))
+        .map(|(f, p)| {
+            let v = f.variable;
+            f.shape.describe(&variable(&v.formula(scene)), v.unit(scene), p, v.is_signed())
+        })
         .collect();
     let name = law.carrier.name(scene);
     let mut text = format!("{} on {}", action(law.action), carrier(&name));
@@ -175,10 +178,4 @@ pub(crate) fn answer(o: &OpenWorld) -> String {
             format!("{lead}: {}; held-out error {:.3} N{floor}", each.join("; and "), o.held_out_error_after)
         }
     }
-}
-
-/// Name of a variable for tables.
-#[allow(dead_code, reason = "used by the report")]
-pub(crate) fn variable_name(v: Variable, scene: &Scene) -> String {
-    variable(&v.formula(scene))
 }

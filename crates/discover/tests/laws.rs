@@ -1,0 +1,242 @@
+//! Laws that no effect of the catalogue describes are found with their place, direction, variable
+//! and size; the formulas of a law give the columns that were fitted; without a law none is claimed.
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test that fails should say where")]
+
+#[path = "../../regressor/tests/common/mod.rs"]
+mod common;
+
+use aloft_discover::*;
+use aloft_effects::{EffectInstance, FormulaEffect, Target};
+use aloft_regressor::WeakOptions;
+
+struct Lab {
+    truth: common::Truth,
+    motion: aloft_body::Motion,
+    stretches: Vec<aloft_regressor::Stretch>,
+}
+
+/// Thirty throws of a chain with markers of 0.3 mm.
+fn lab(seed: u64) -> Lab {
+    let truth = common::load("chain_a");
+    let motion = truth.noisy(0.3e-3, seed);
+    let stretches = truth.stretches();
+    Lab { truth, motion, stretches }
+}
+
+fn options() -> DiscoverOptions {
+    DiscoverOptions { null_draws: 60, rounds: 1, ..Default::default() }
+}
+
+impl Lab {
+    /// The search on recordings in which a law acts, of such a size that the error is `strength`
+    /// times that without it; `size` is the amplitude of the law.
+    fn find(&self, law: Option<(&FormulaEffect, f64)>) -> (Discovery, f64) {
+        let body = Body {
+            model: &self.truth.model,
+            base: &self.truth.base,
+            phi: &self.truth.phi,
+            prior: None,
+            mass_kg: self.truth.mass(),
+            plate_centers_m: &[],
+        };
+        let trials = [TrialInput {
+            motion: &self.motion,
+            stretches: &self.stretches,
+            measured: None,
+            plates: &[],
+            group: None,
+            session_time_s: 0.0,
+        }];
+        let scene = scene_of(&body, &trials);
+        let empty = Session::new(&body, &scene, &trials, &WeakOptions::default()).unwrap();
+        let closed = DiscoverOptions { closed: true, only: vec!["gravity_tilt".to_owned()], ..options() };
+        let error = |s: &Session<'_>| discover(s, &catalogue(), &[], &closed).unwrap().held_out_error;
+        let floor = error(&empty);
+        let mut session = empty.clone();
+        let mut size = 0.0;
+        if let Some((formula, strength)) = law {
+            let compiled = formula.compile(&scene).unwrap();
+            let nonlinear = formula.parameters.iter().map(|p| p.start.unwrap()).collect();
+            let choice = EffectInstance { effect: &compiled, target: Target::Body, nonlinear, trials: Vec::new() };
+            let n = formula.coefficients.len();
+            let theta = |a: f64| -> Vec<f64> { (0..n).map(|k| a * [0.6, -0.3, 0.74][k % 3]).collect() };
+            let mut big = empty.clone();
+            big.inject(&choice, &theta(1.0)).unwrap();
+            size = (strength * strength - 1.0).sqrt() * floor / error(&big);
+            session.inject(&choice, &theta(size)).unwrap();
+        }
+        let standing = Standing {
+            held_out_error: error(&session),
+            noise_floor: floor,
+            noise_floor_ci95: Some([0.88 * floor, 1.12 * floor]),
+        };
+        let session = session.with_standing(Some(standing), None);
+        (discover(&session, &catalogue(), &[], &options()).unwrap(), size)
+    }
+}
+
+fn formula(text: &str) -> FormulaEffect {
+    serde_yaml::from_str(text).unwrap()
+}
+
+struct Case {
+    name: &'static str,
+    yaml: &'static str,
+    carriers: &'static [&'static str],
+    action: Action,
+    direction: Direction,
+    variables: &'static [&'static str],
+}
+
+const CASES: [Case; 7] = [
+    Case {
+        name: "drag with the power 1.5 of the speed at the end of a link",
+        yaml: "id: hidden\npoint: {link: link1, position_m: [-0.2, 0.0, 0.02]}\n\
+               force: ['-c*v_x*(speed/one)^0.5', '-c*v_y*(speed/one)^0.5', '-c*v_z*(speed/one)^0.5']\n\
+               coefficients: [{name: c, unit: N*s/m}]\nconstants: [{name: one, unit: m/s, value: 1}]",
+        carriers: &["link1"],
+        action: Action::Force,
+        direction: Direction::AgainstVelocity,
+        variables: &["speed"],
+    },
+    Case {
+        name: "a couple against the spin, with its cube",
+        yaml: "id: hidden\npoint: {link: link0}\n\
+               moment: ['-c*omega_x*spin^2', '-c*omega_y*spin^2', '-c*omega_z*spin^2']\n\
+               coefficients: [{name: c, unit: N*m*s^3}]",
+        carriers: &["link0"],
+        action: Action::Couple,
+        direction: Direction::AgainstSpin,
+        variables: &["spin"],
+    },
+    Case {
+        name: "attraction to a point, falling with the square of the distance",
+        yaml: "id: hidden\npoint: {link: link0, position_m: [0.0, 0.18, 0.02]}\n\
+               force: ['c*(p_x-r_x)/((p_x-r_x)^2+(p_y-r_y)^2+(p_z-r_z)^2)^1.5', 'c*(p_y-r_y)/((p_x-r_x)^2+(p_y-r_y)^2+(p_z-r_z)^2)^1.5', 'c*(p_z-r_z)/((p_x-r_x)^2+(p_y-r_y)^2+(p_z-r_z)^2)^1.5']\n\
+               coefficients: [{name: c, unit: N*m^2}]\n\
+               constants: [{name: p_x, unit: m, value: 1.1}, {name: p_y, unit: m, value: -0.4}, {name: p_z, unit: m, value: 2.2}]",
+        carriers: &["link0"],
+        action: Action::Force,
+        direction: Direction::Towards,
+        variables: &["distance"],
+    },
+    Case {
+        name: "a jet that is on above a height",
+        yaml: "id: hidden\npoint: {link: link1}\naxes: link\n\
+               force: ['c_x*(1+tanh((r_z-h)/w))/2', 'c_y*(1+tanh((r_z-h)/w))/2', 'c_z*(1+tanh((r_z-h)/w))/2']\n\
+               coefficients: [{name: c_x, unit: N}, {name: c_y, unit: N}, {name: c_z, unit: N}]\n\
+               constants: [{name: h, unit: m, value: 1.75}, {name: w, unit: m, value: 0.03}]",
+        carriers: &["link1"],
+        action: Action::Force,
+        direction: Direction::Link,
+        variables: &["r_z"],
+    },
+    Case {
+        name: "a force across the velocity",
+        yaml: "id: hidden\npoint: {link: link0}\n\
+               force: ['c_y*v_z-c_z*v_y', 'c_z*v_x-c_x*v_z', 'c_x*v_y-c_y*v_x']\n\
+               coefficients: [{name: c_x, unit: N*s/m}, {name: c_y, unit: N*s/m}, {name: c_z, unit: N*s/m}]",
+        carriers: &["link0"],
+        action: Action::Force,
+        direction: Direction::AcrossVelocity,
+        variables: &["speed"],
+    },
+    Case {
+        name: "a couple that grows with the joint angle",
+        yaml: "id: hidden\npoint: {link: link1}\naxes: link\nmoment: ['c_x*q_link1', 'c_y*q_link1', 'c_z*q_link1']\n\
+               coefficients: [{name: c_x, unit: N*m}, {name: c_y, unit: N*m}, {name: c_z, unit: N*m}]",
+        carriers: &["link1"],
+        action: Action::Couple,
+        direction: Direction::Link,
+        variables: &["q_link1"],
+    },
+    Case {
+        name: "a product: a force in the world with the speed, falling with height",
+        yaml: "id: hidden\npoint: {link: link0}\n\
+               force: ['c_x*speed*exp(-r_z/h)', 'c_y*speed*exp(-r_z/h)', 'c_z*speed*exp(-r_z/h)']\n\
+               coefficients: [{name: c_x, unit: N*s/m}, {name: c_y, unit: N*s/m}, {name: c_z, unit: N*s/m}]\n\
+               constants: [{name: h, unit: m, value: 0.5}]",
+        carriers: &["link0"],
+        action: Action::Force,
+        direction: Direction::World,
+        variables: &["r_z", "speed"],
+    },
+];
+
+fn report(name: &str, d: &Discovery) {
+    println!("{name}: {} {:?}", d.words, d.effects);
+    if let Some(o) = &d.open {
+        for l in &o.laws {
+            println!("  {:?} {:?} {:?} {:?}", l.carrier, l.direction, l.variables, l.effect.force);
+        }
+    }
+}
+
+fn found(case: &Case, strength: f64) {
+    let (d, _) = lab(7).find(Some((&formula(case.yaml), strength)));
+    report(case.name, &d);
+    let open = d.open.as_ref().unwrap();
+    assert!(open.complete, "{}: {}", case.name, d.words);
+    let law = &open.laws[0];
+    assert!(case.carriers.contains(&law.carrier.as_str()), "{}: {}", case.name, law.carrier);
+    assert_eq!((law.action, law.direction), (case.action, case.direction), "{}", case.name);
+    let mut variables = law.variables.clone();
+    variables.sort();
+    assert_eq!(variables, case.variables, "{}", case.name);
+    assert!(open.times_floor_after.unwrap() < 1.3, "{}: {:?}", case.name, open.times_floor_after);
+    assert_eq!((d.verdict, d.effects.len()), (Verdict::Unexplained, 0));
+}
+
+macro_rules! laws {
+    ($($test:ident: $index:literal,)*) => { $(#[test] fn $test() { found(&CASES[$index], 12.0); })* };
+}
+
+laws! {
+    drag_with_an_unusual_power: 0,
+    couple_with_the_cube_of_the_spin: 1,
+    attraction_to_a_point: 2,
+    jet_above_a_height: 3,
+    force_across_the_velocity: 4,
+    couple_by_the_joint_angle: 5,
+    product_of_speed_and_height: 6,
+}
+
+#[test]
+fn no_law_is_claimed_where_there_is_none() {
+    for seed in 1..4 {
+        let (d, _) = lab(seed).find(None);
+        assert!(d.open.is_none_or(|o| o.laws.is_empty()), "seed {seed}");
+    }
+}
+
+#[test]
+fn a_listed_effect_is_named_as_itself() {
+    let drag = formula(
+        "id: hidden\npoint: {link: all}\n\
+         force: ['-c*area_share*v_x*speed', '-c*area_share*v_y*speed', '-c*area_share*v_z*speed']\n\
+         coefficients: [{name: c, unit: kg/m}]",
+    );
+    let (d, _) = lab(7).find(Some((&drag, 12.0)));
+    assert_eq!(d.effects, ["quadratic_drag"], "{}", d.words);
+    assert!(d.open.is_none());
+}
+
+/// The formulas that a law is written with give the error that the search found.
+#[test]
+fn formulas_give_the_error_of_the_law() {
+    for case in &CASES {
+        let lab = lab(7);
+        let hidden = formula(case.yaml);
+        let (d, _) = lab.find(Some((&hidden, 12.0)));
+        for law in d.open.unwrap().laws {
+            let text = serde_yaml::to_string(&law.effect).unwrap();
+            assert_eq!(formula(&text), law.effect);
+            let scene = aloft_effects::Scene::new(&lab.truth.model, &lab.truth.phi, &[]);
+            let compiled = law.effect.compile(&scene).unwrap();
+            let names = |l: &[Estimate]| l.iter().map(|e| e.name.clone()).collect::<Vec<_>>();
+            let effect: &dyn aloft_effects::Effect = &compiled;
+            let of = |n: Vec<aloft_effects::Coefficient>| n.into_iter().map(|c| c.name).collect::<Vec<_>>();
+            assert_eq!(names(&law.coefficients), of(effect.coefficients(&scene, Target::Body)));
+        }
+    }
+}
