@@ -35,7 +35,7 @@ fn estimate(c: &Candidate) -> String {
 }
 
 /// Number of decimals that show two digits of the half-width of an interval.
-fn decimals(half: f64) -> usize {
+pub(crate) fn decimals(half: f64) -> usize {
     if half.is_finite() && half > 0.0 { (1.0 - half.log10().floor()).clamp(0.0, 9.0) as usize } else { 4 }
 }
 
@@ -182,6 +182,12 @@ pub(crate) fn advice(d: &Discovery, effects: &[&dyn Effect]) -> Vec<String> {
         }
         Verdict::NotDetectable if d.candidates.iter().all(|c| c.placebo) => {}
         Verdict::NotDetectable => out.push("record at least six flights, better in six trials".to_owned()),
+        Verdict::Unexplained if d.open.as_ref().is_some_and(|o| o.complete) => {
+            out.push(
+                "a law found on these motions need not hold for others: record at other places, speeds and headings, and rank it again there"
+                    .to_owned(),
+            );
+        }
         Verdict::Unexplained => {
             out.push(
                 "an effect of your own (`effects: {define: …}`) can be ranked beside the catalogue; wrong joint centres, a wrong prior of a link, or soft \

@@ -4,14 +4,14 @@
 use super::atlas::{Group, PlaceFrames, columns, range_of, range_within, stride};
 use super::evidence::Evidence;
 use super::kinematics::{Action, Carrier, Direction, Variable};
-use super::law::{Factor, Law};
+use super::law::{Factor, Law, PointIs};
 use super::shape::{KNOTS, Shape};
 use crate::candidate::{Variant, score};
 use crate::nonlinear::{improve, score_fitted};
 use crate::problem::Problem;
 use crate::session::Session;
 use aloft_effects::{Effect, Target};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 
 /// Gauss-Newton steps of a fit.
@@ -98,7 +98,7 @@ fn law_of(group: &Group, shape: Shape, values: &[f64], free_point: bool) -> (Law
         components: group.components.clone(),
         factors: vec![Factor { variable, shape, range: group.range, fixed: None }],
         point: group.point,
-        point_is_free: free_point,
+        point_is: if free_point { PointIs::Free } else { PointIs::Given },
     };
     let mut start = Vec::new();
     if free_point {
@@ -310,7 +310,7 @@ pub(crate) fn simplify(session: &Session<'_>, problem: &Problem, found: Fitted) 
             law.factors[i].fixed = Some(vec![near]);
         }
         let mut start = Vec::new();
-        if law.point_is_free {
+        if law.point_is == PointIs::Free {
             start.extend(point.iter());
         }
         if law.has_anchor() {
@@ -327,16 +327,40 @@ pub(crate) fn simplify(session: &Session<'_>, problem: &Problem, found: Fitted) 
             best = simple;
         }
     }
-    if best.law.point_is_free {
-        let mut law = best.law.clone();
-        law.point_is_free = false;
-        law.point = session.scene.link_com_m[law.carrier.link()];
-        let start = best.nonlinear[3..].to_vec();
-        if let Some(simple) = fit(session, problem, &law, start, STEPS)
+    if best.law.point_is == PointIs::Free {
+        let com = session.scene.link_com_m[best.law.carrier.link()];
+        let rest = best.nonlinear[3..].to_vec();
+        let at_com = Law { point_is: PointIs::Given, point: com, ..best.law.clone() };
+        if let Some(simple) = fit(session, problem, &at_com, rest.clone(), STEPS)
             && simple.error() <= MORE * best.error()
         {
-            best = simple;
+            return simple;
+        }
+        // the point of the line of action that is closest to the centre of mass
+        if let Some(along) = constant_in_link(&best) {
+            let foot = point - along * along.dot(&(point - com));
+            let a = along.cross(&Vector3::ith(along.iamin(), 1.0)).normalize();
+            let law = Law { point_is: PointIs::OnPlane([a, along.cross(&a)]), point: foot, ..best.law.clone() };
+            let start = [&[0.0, 0.0], rest.as_slice()].concat();
+            if let Some(simple) = fit(session, problem, &law, start, STEPS)
+                && simple.error() <= MORE * best.error()
+            {
+                best = simple;
+            }
         }
     }
     best
+}
+
+/// Direction of a force that keeps it in the link, link axes; `None` for others.
+fn constant_in_link(f: &Fitted) -> Option<Vector3<f64>> {
+    let law = &f.law;
+    if law.action != Action::Force || law.direction != Direction::Link || law.terms() != 1 {
+        return None;
+    }
+    let mut v = Vector3::zeros();
+    for (k, x) in law.components.iter().zip(f.theta.iter()) {
+        v[*k] = *x;
+    }
+    (v.norm() > 0.0).then(|| v.normalize())
 }

@@ -78,7 +78,7 @@ impl Law {
             }
             _ => {}
         }
-        let skipped = if self.point_is_free { 3 } else { 0 };
+        let skipped = self.point_is.unknowns();
         let parameters = self.nonlinear(scene, Target::Body).into_iter().zip(nonlinear).skip(skipped);
         let rounded = |x: f64| (x * 1e5).round() / 1e5;
         FormulaEffect {

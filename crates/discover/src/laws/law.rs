@@ -38,7 +38,30 @@ pub(crate) struct Law {
     pub factors: Vec<Factor>,
     /// Point on the link, link frame, m: start of a free point, or the point itself.
     pub point: Vector3<f64>,
-    pub point_is_free: bool,
+    pub point_is: PointIs,
+}
+
+/// What is known of the point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum PointIs {
+    /// Given, or of no meaning (a couple, the centre of mass of the body).
+    Given,
+    /// Three unknown coordinates in the link.
+    Free,
+    /// Two unknown coordinates along these unit vectors of the link, from `point`: a force that keeps
+    /// its direction in the link may slide along its line of action.
+    OnPlane([Vector3<f64>; 2]),
+}
+
+impl PointIs {
+    /// Number of nonlinear parameters.
+    pub fn unknowns(self) -> usize {
+        match self {
+            Self::Given => 0,
+            Self::Free => 3,
+            Self::OnPlane(_) => 2,
+        }
+    }
 }
 
 /// Distance from the link's centre of mass within which a point is searched, m.
@@ -52,16 +75,17 @@ impl Law {
 
     /// Splits the nonlinear parameters: point, anchor, parameters of each factor.
     pub fn split<'v>(&self, mut rest: &'v [f64]) -> (Vector3<f64>, Vector3<f64>, Vec<&'v [f64]>) {
-        let mut three = |taken: bool, otherwise: Vector3<f64>| {
-            if !taken || rest.len() < 3 {
-                return otherwise;
-            }
-            let (head, tail) = rest.split_at(3);
-            rest = tail;
-            Vector3::from_column_slice(head)
+        let point = match self.point_is {
+            PointIs::Free if rest.len() >= 3 => Vector3::from_column_slice(&rest[..3]),
+            PointIs::OnPlane([a, b]) if rest.len() >= 2 => self.point + a * rest[0] + b * rest[1],
+            _ => self.point,
         };
-        let point = three(self.point_is_free, self.point);
-        let anchor = three(self.has_anchor(), Vector3::zeros());
+        rest = &rest[self.point_is.unknowns().min(rest.len())..];
+        let anchor = match rest {
+            [x, y, z, ..] if self.has_anchor() => Vector3::new(*x, *y, *z),
+            _ => Vector3::zeros(),
+        };
+        rest = &rest[if self.has_anchor() { 3.min(rest.len()) } else { 0 }..];
         let mut parts = Vec::new();
         for f in &self.factors {
             let n = if f.fixed.is_some() { 0 } else { f.shape.parameters(f.range, f.is_distance()).len() };
@@ -195,9 +219,16 @@ impl Effect for Law {
     }
     fn nonlinear(&self, scene: &Scene, _: Target) -> Vec<NonlinearParameter> {
         let mut out = Vec::new();
-        if self.point_is_free {
-            let center = scene.link_com_m[self.carrier.link()];
-            out.extend(NonlinearParameter::point_on_link("point", &center, POINT_REACH_M));
+        match self.point_is {
+            PointIs::Given => {}
+            PointIs::Free => {
+                let center = scene.link_com_m[self.carrier.link()];
+                out.extend(NonlinearParameter::point_on_link("point", &center, POINT_REACH_M));
+            }
+            PointIs::OnPlane(_) => {
+                let of = |name| NonlinearParameter::new(name, "m", -POINT_REACH_M, POINT_REACH_M, 0.2 * POINT_REACH_M);
+                out.extend(["offset_1", "offset_2"].map(of));
+            }
         }
         if self.has_anchor() {
             out.extend(NonlinearParameter::point_in_world("anchor", &scene.volume_center_m, 6.0));

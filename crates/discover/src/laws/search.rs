@@ -6,7 +6,7 @@ use super::evidence::Evidence;
 use super::fit::{self, Fitted};
 use super::formula::is_curve;
 use super::kinematics::{Action, Variable};
-use super::law::{Factor, Law};
+use super::law::{Factor, Law, PointIs};
 use super::result::{Diagnosis, Entry, FoundLaw, LawKind, OpenWorld, Work};
 use super::shape::{KNOTS, Shape};
 use super::wording;
@@ -445,13 +445,15 @@ fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &(Fitted, f64, 
             estimate(q.name, q.unit, *value, k + j, at_bound)
         })
         .collect();
-    let split = if law.point_is_free { 3 } else { 0 };
+    let split = law.point_is.unknowns();
     let kind = if is_curve(&law) { LawKind::Curve } else { LawKind::Formula };
     let work = work(session, f);
+    let point = point_of(&law, &f.nonlinear, &nonlinear);
     let text = wording::law(scene, &law, &f.nonlinear, &f.theta, work);
-    let documentation = wording::documentation(scene, &text, &coefficients, &nonlinear, *ratio, *p);
+    let values: Vec<&Estimate> = coefficients.iter().chain(&nonlinear[split..]).chain(&point).collect();
+    let documentation = wording::documentation(&text, &values, *ratio, *p);
     let mut effect = law.formula(scene, &f.nonlinear, documentation);
-    effect.title.clone_from(&text);
+    effect.title = wording::title(scene, &law);
     FoundLaw {
         id: law.id.clone(),
         kind,
@@ -464,7 +466,7 @@ fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &(Fitted, f64, 
             .filter(|f| f.variable != Variable::None)
             .map(|f| f.variable.formula(scene))
             .collect(),
-        point: nonlinear[..split].to_vec(),
+        point,
         coefficients,
         parameters: nonlinear[split..].to_vec(),
         held_out_ratio: *ratio,
@@ -472,6 +474,25 @@ fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &(Fitted, f64, 
         work,
         text,
         effect,
+    }
+}
+
+/// Coordinates of the point in the link with their intervals; empty where they are given.
+fn point_of(law: &Law, values: &[f64], fitted: &[Estimate]) -> Vec<Estimate> {
+    match law.point_is {
+        PointIs::Given => Vec::new(),
+        PointIs::Free => fitted[..3].to_vec(),
+        PointIs::OnPlane(axes) => {
+            let (point, _, _) = law.split(values);
+            let freedom = fitted[0].freedom.min(fitted[1].freedom);
+            (0..3)
+                .map(|k| {
+                    let se = (axes[0][k] * fitted[0].se).hypot(axes[1][k] * fitted[1].se);
+                    let name = format!("point_{}", ["x", "y", "z"][k]);
+                    Estimate { name, value: point[k], ..fitted[0].clone() }.with_error(se, freedom)
+                })
+                .collect()
+        }
     }
 }
 

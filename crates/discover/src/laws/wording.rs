@@ -1,7 +1,7 @@
 //! The search beyond the catalogue in words.
 
-use super::kinematics::{Action, Direction};
-use super::law::Law;
+use super::kinematics::{Action, Direction, Variable};
+use super::law::{Law, PointIs};
 use super::result::{Diagnosis, LawKind, OpenWorld, Work};
 use crate::result::Estimate;
 use aloft_effects::Scene;
@@ -97,7 +97,7 @@ pub(crate) fn law(scene: &Scene, law: &Law, nonlinear: &[f64], theta: &DVector<f
         .collect();
     let name = law.carrier.name(scene);
     let mut text = format!("{} on {}", action(law.action), carrier(&name));
-    if law.point_is_free {
+    if law.point_is != PointIs::Given {
         text.push_str(&format!(" at {}", vector(&point)));
     }
     text.push_str(&format!(", {}", direction(law.direction, law.action)));
@@ -125,29 +125,40 @@ fn vector(v: &Vector3<f64>) -> String {
     format!("({:.3}, {:.3}, {:.3})", v.x, v.y, v.z)
 }
 
-/// An estimate with its interval.
+/// A short title: "force on `link1` with the speed of the point".
+pub(crate) fn title(scene: &Scene, law: &Law) -> String {
+    let what = action(law.action).trim_start_matches("a ");
+    let on = law.carrier.name(scene);
+    let with: Vec<String> = law
+        .factors
+        .iter()
+        .filter(|f| f.variable != Variable::None)
+        .map(|f| variable(&f.variable.formula(scene)))
+        .collect();
+    let with = if with.is_empty() { String::new() } else { format!(" with {}", with.join(" and ")) };
+    format!("{what} on {on}{with} (found by search)")
+}
+
+/// An estimate with its interval, to two digits of its half-width.
 fn estimate(e: &Estimate) -> String {
     match half_of(e.ci95) {
-        Some(half) if half.is_finite() => format!("{} = {:.4} ± {:.2} {} (95 %)", e.name, e.value, half, e.unit),
-        _ => format!("{} = {:.4} {}", e.name, e.value, e.unit),
+        Some(half) if half.is_finite() && half > 0.0 => {
+            let digits = crate::wording::decimals(half);
+            format!("{} = {:.digits$} ± {half:.digits$} {} (95 %)", e.name, e.value, e.unit)
+        }
+        _ => format!("{} = {:.4e} {}", e.name, e.value, e.unit),
     }
 }
 
 /// Documentation of the law as an effect.
-pub(crate) fn documentation(
-    _: &Scene,
-    text: &str,
-    coefficients: &[Estimate],
-    nonlinear: &[Estimate],
-    ratio: f64,
-    p: f64,
-) -> String {
-    let values: Vec<String> = coefficients.iter().chain(nonlinear).map(estimate).collect();
+pub(crate) fn documentation(text: &str, values: &[&Estimate], ratio: f64, p: f64) -> String {
+    let values: Vec<String> = values.iter().map(|e| estimate(e)).collect();
     format!(
-        "## Physics\nFound by `aloft discover`, not derived: {text}.\n## Equation\nAs in the formulas; on the recordings where it was found: {}.\n\
+        "## Physics\nFound by `aloft discover`, not derived: {text}.\n\
+         ## Equation\nAs in the formulas. On the recordings where it was found: {}.\n\
          ## Identifiability\nHeld-out error fell to {:.1} % with it; by chance the best of the search does as well with a probability of {p:.3}. \
-         A law fitted to some motions need not hold for others: rank it again on new recordings, at other places, speeds and headings.\n## References\n\
-         None: this law comes from recordings.\n",
+         A law fitted to some motions need not hold for others: rank it again on new recordings, at other places, speeds and headings.\n\
+         ## References\nNone: this law comes from recordings.\n",
         values.join("; "),
         100.0 * ratio
     )
