@@ -124,9 +124,10 @@ def call(aloft, *args):
 def prepare(aloft, place, scenarios, seed):
     """The folder of recordings; of two scenarios, recordings 1-2 of the first and 3-5 of the second."""
     folders = []
-    for k, (body, hidden) in enumerate(scenarios):
+    for k, (body, hidden, *capture) in enumerate(scenarios):
         file, out = place / f"scenario{k}.yaml", place / f"data{k}"
-        file.write_text(json.dumps({"name": f"set{k}", "seed": seed, "body": body, "hidden": hidden}))
+        scenario = {"name": f"set{k}", "seed": seed, "body": body, "hidden": hidden}
+        file.write_text(json.dumps({**scenario, "capture": capture[0]} if capture else scenario))
         done = call(aloft, "simulate", file, "--out", out)
         if done.returncode:
             raise RuntimeError(done.stderr[-500:])

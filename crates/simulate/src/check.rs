@@ -1,8 +1,9 @@
 //! Checks the values of a scenario.
 
 use crate::error::SimulateError;
-use crate::hidden::Hidden;
+use crate::hidden::{Hidden, WHOLE_BODY};
 use crate::physics::Body;
+use crate::physics::law::FormulaLaw;
 use crate::scenario::{BodySpec, Scenario};
 
 /// Checks the ranges of the instruments' settings and of the hidden effects.
@@ -43,6 +44,24 @@ pub(crate) fn check_capture(scenario: &Scenario) -> Result<(), SimulateError> {
                 let length = axis.iter().map(|x| x * x).sum::<f64>();
                 scenario.expect(&field("axis"), length, 1e-12..=f64::MAX, "a direction")?;
             }
+            Hidden::Panels { plates, air_density_kgpm3, normal_coefficient, .. } => {
+                scenario.expect(&field("air_density_kgpm3"), *air_density_kgpm3, 0.0..=2e3, "0 to 2000 kg/m³")?;
+                scenario.expect(&field("normal_coefficient"), *normal_coefficient, 0.0..=10.0, "0 to 10")?;
+                for (i, plate) in plates.iter().enumerate() {
+                    let length = plate.normal.iter().map(|x| x * x).sum::<f64>();
+                    let place = |name: &str| field(&format!("plates[{i}].{name}"));
+                    scenario.expect(&place("normal"), length, 1e-12..=f64::MAX, "a direction")?;
+                    scenario.expect(&place("area_m2"), plate.area_m2, 0.0..=100.0, "0 to 100 m²")?;
+                }
+            }
+            Hidden::Law { force, moment, delay_s, .. } => {
+                if force.is_none() && moment.is_none() {
+                    return Err(scenario.value_error(&field("force"), "missing", "`force`, `moment` or both"));
+                }
+                if *delay_s != 0.0 {
+                    scenario.expect(&field("delay_s"), *delay_s, 0.005..=0.5, "0, or 0.005 to 0.5 s")?;
+                }
+            }
             _ => {}
         }
     }
@@ -52,17 +71,40 @@ pub(crate) fn check_capture(scenario: &Scenario) -> Result<(), SimulateError> {
 /// Checks that the links and plates named by hidden effects exist.
 pub(crate) fn check_hidden(scenario: &Scenario, body: &Body, n_plates: usize) -> Result<(), SimulateError> {
     let model = &body.model;
-    for effect in &scenario.hidden {
+    let find = |effect: &Hidden, link: &str| {
+        model.links.iter().position(|l| l.name == link).ok_or_else(|| {
+            let known: Vec<&str> = model.links.iter().map(|l| l.name.as_str()).collect();
+            SimulateError::UnknownLink {
+                scenario: scenario.name.clone(),
+                effect: effect.name().to_owned(),
+                link: link.to_owned(),
+                known: known.join(", "),
+            }
+        })
+    };
+    for (entry, effect) in scenario.hidden.iter().enumerate() {
+        match effect {
+            Hidden::Law { link, point_m, .. } => {
+                if find(effect, link).is_err() && link == WHOLE_BODY {
+                    if point_m.iter().any(|x| *x != 0.0) {
+                        let found = format!("{point_m:?}");
+                        let expected = "no point: `body` is the centre of mass";
+                        return Err(scenario.value_error("hidden.law.point_m", found, expected));
+                    }
+                } else {
+                    find(effect, link)?;
+                }
+            }
+            Hidden::Panels { plates, .. } => {
+                for plate in plates {
+                    find(effect, &plate.link)?;
+                }
+            }
+            _ => {}
+        }
+        FormulaLaw::new(model, effect, entry, 0, &scenario.name)?;
         if let Some(link) = effect.link() {
-            let Some(index) = model.links.iter().position(|l| l.name == link) else {
-                let known: Vec<&str> = model.links.iter().map(|l| l.name.as_str()).collect();
-                return Err(SimulateError::UnknownLink {
-                    scenario: scenario.name.clone(),
-                    effect: effect.name().to_owned(),
-                    link: link.to_owned(),
-                    known: known.join(", "),
-                });
-            };
+            let index = find(effect, link)?;
             if let Hidden::WobblingMass { mass_kg, .. } = effect {
                 let half = 0.5 * body.phi[index][0];
                 scenario.expect(

@@ -52,6 +52,37 @@ pub enum SimulateError {
         #[doc(hidden)]
         problem: String,
     },
+    /// A formula of a hidden law that is not understood.
+    #[error("scenario `{scenario}`: {place} `{formula}`, character {position}: {problem}")]
+    Formula {
+        #[doc(hidden)]
+        scenario: String,
+        #[doc(hidden)]
+        place: String,
+        #[doc(hidden)]
+        formula: String,
+        #[doc(hidden)]
+        position: usize,
+        #[doc(hidden)]
+        problem: String,
+    },
+    /// A formula of a hidden law that has no value where the body went: a root of a negative number, a division by zero.
+    #[error(
+        "{place} `{formula}` is {found} at t = {time_s:.4} s, place {at_m:.3?} m; expected a finite number wherever the \
+         body goes"
+    )]
+    Undefined {
+        #[doc(hidden)]
+        place: String,
+        #[doc(hidden)]
+        formula: String,
+        #[doc(hidden)]
+        found: String,
+        #[doc(hidden)]
+        time_s: f64,
+        #[doc(hidden)]
+        at_m: [f64; 3],
+    },
     /// The equations of motion could not be solved (a link without inertia, or a step far too long).
     #[error("the motion of `{model}` diverged at t = {time_s:.4} s; expected finite accelerations, found none")]
     Diverged {

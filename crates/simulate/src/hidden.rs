@@ -15,6 +15,49 @@ fn yes() -> bool {
     true
 }
 
+/// The carrier of a law that acts on the whole body.
+pub const WHOLE_BODY: &str = "body";
+
+/// Axes of the components of a law.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Axes {
+    /// The capture frame's.
+    #[default]
+    World,
+    /// Those of the link (of the root link for the whole body).
+    Link,
+}
+
+/// One component of a law: a formula, or just a number.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum FormulaText {
+    /// A constant.
+    Number(f64),
+    /// A formula of the quantities listed at [`Hidden::Law`].
+    Text(String),
+}
+
+/// A flat plate on a link.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plate {
+    /// The link.
+    pub link: String,
+    /// Middle of the plate, link frame, m; the link's centre of mass if not stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub point_m: Option<[f64; 3]>,
+    /// Normal, link axes, any length; both sides are alike.
+    pub normal: [f64; 3],
+    /// Area, m².
+    pub area_m2: f64,
+}
+
+fn plate_coefficient() -> f64 {
+    1.2
+}
+
 /// One hidden effect. Points are in the named link's frame (m), world vectors in the capture frame (Z up).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "effect", rename_all = "snake_case", deny_unknown_fields)]
@@ -108,6 +151,50 @@ pub enum Hidden {
         #[serde(default)]
         on_s: f64,
     },
+    /// Flat plates on links in moving air: `−½ ρ C A |u·n| (u·n) n` at the middle of each plate, `u` relative to the air
+    /// (velocity `wind_mps`), no friction along the plate; `C` is `normal_coefficient`.
+    Panels {
+        plates: Vec<Plate>,
+        #[serde(default = "origin")]
+        wind_mps: [f64; 3],
+        #[serde(default = "air")]
+        air_density_kgpm3: f64,
+        #[serde(default = "plate_coefficient")]
+        normal_coefficient: f64,
+    },
+    /// Any law: force (N) at a point of a link and couple (N·m) on it, three formulas each, along the axes of the world or
+    /// of the link. `link: body` is the whole body: the force then acts at its centre of mass, spread over the links by
+    /// mass like weight, and the axes of the "link" are those of the root.
+    ///
+    /// | name | quantity |
+    /// |---|---|
+    /// | `x y z` | position of the point, world, m |
+    /// | `vx vy vz`, `ux uy uz`, `speed` | its velocity along the axes of the world, of the link; its magnitude; m/s |
+    /// | `wx wy wz`, `px py pz`, `spin` | angular velocity along the axes of the world, of the link; its magnitude; rad/s |
+    /// | `up_x up_y up_z` | vertical component of the link's axes |
+    /// | `ex_x ex_y ex_z`, `ey_x …`, `ez_x …` | world components of the link's axes x, y, z |
+    /// | `q_LINK`, `qd_LINK` | coordinate and rate of the hinge (slider) of a link: rad, rad/s (m, m/s) |
+    /// | `t` | time of the recording, s |
+    /// | `since_start` | time since take-off (release), s; zero on the ground and in the hand |
+    ///
+    /// Operators `+ - * / ^`; `pi`; functions `abs sign sqrt exp ln sin cos tan atan tanh`, `step` (0 below zero, else 1),
+    /// `min max hypot atan2` of two arguments, and `dist(x0, y0, z0)`, the distance of the point from a place in the world.
+    ///
+    /// `delay_s` (0, or 0.005 to 0.5 s): the components are those of the state `delay_s` ago; they act at the present point
+    /// along the present axes. Before the recording's first instant they are those of that instant.
+    Law {
+        link: String,
+        #[serde(default = "origin")]
+        point_m: [f64; 3],
+        #[serde(default)]
+        axes: Axes,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        force: Option<[FormulaText; 3]>,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        moment: Option<[FormulaText; 3]>,
+        #[serde(default)]
+        delay_s: f64,
+    },
     /// The plates' samples are `offset_s` later than the cameras' (negative: earlier).
     PlateTimeOffset { offset_s: f64 },
     /// The plates' clock runs fast by `rate_ppm`; recordings start `spacing_s` apart in a session
@@ -160,6 +247,8 @@ impl Hidden {
             Self::WobblingMass { .. } => "wobbling_mass",
             Self::AddedMass { .. } => "added_mass",
             Self::Thrust { .. } => "thrust",
+            Self::Panels { .. } => "panels",
+            Self::Law { .. } => "law",
             Self::PlateTimeOffset { .. } => "plate_time_offset",
             Self::ClockDrift { .. } => "clock_drift",
             Self::PlateTare { .. } => "plate_tare",
@@ -172,7 +261,7 @@ impl Hidden {
         }
     }
 
-    /// The link that the effect acts on, if it names one.
+    /// The link that the effect acts on, if it names one and only one (a law may name the whole body instead).
     pub fn link(&self) -> Option<&str> {
         match self {
             Self::ConstantForce { link, .. }

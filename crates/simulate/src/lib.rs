@@ -14,6 +14,7 @@
 //! |---|---|
 //! | an individual body: geometry, masses, markers | [`human::person`], [`object`] |
 //! | hidden effects: forces, payloads, gravity | [`physics::plant`], [`physics::forces`] |
+//! | hidden laws given as formulas | [`physics::law`], [`physics::formula`] |
 //! | prescribed motion on the ground | [`human::ground`], [`human::exercise`] |
 //! | prescribed motion in the hand | [`object::throws`] |
 //! | flight by equations of motion, take-off adjusted | [`human::jump`], [`physics::dynamics`] |

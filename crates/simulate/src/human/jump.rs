@@ -103,6 +103,8 @@ impl<'b> Jumper<'_, 'b> {
         let model = &self.plant.model;
         let (mut y, _) = self.state_of(start);
         let mut dynamics = ForwardDynamics::new(self.plant, &root_only(model.n_links()));
+        dynamics.take_off_s = Some(t0);
+        dynamics.remember(air, t0, &y)?;
         let mut rk4 = Rk4::new(y.len());
         let steps = (duration / 2.5e-3).ceil() as usize;
         let h = duration / steps as f64;
@@ -110,6 +112,7 @@ impl<'b> Jumper<'_, 'b> {
             let t = t0 + k as f64 * h;
             rk4.step(t, h, &mut y, |t, y, dy| dynamics.rate(air, t, y, dy))?;
             dynamics.settle(air, t + h, &mut y);
+            dynamics.remember(air, t + h, &y)?;
         }
         dynamics.accelerations(air, t0 + duration, &y)?;
         let (q, v, a) = dynamics.motion();

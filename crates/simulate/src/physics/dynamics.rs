@@ -7,6 +7,7 @@
 use crate::error::SimulateError;
 use crate::motion::chart::read;
 use crate::physics::forces::{ForceField, Wrench};
+use crate::physics::law::{Instant, Past};
 use crate::physics::plant::Plant;
 use aloft_body::{JointKind, Model, Phi, State};
 use nalgebra::{DMatrix, DVector, Matrix6, Quaternion, Vector3, Vector6};
@@ -25,6 +26,10 @@ pub trait Drive {
 /// drive whenever they are needed.
 pub struct ForwardDynamics<'a> {
     plant: &'a Plant,
+    /// Time of the last take-off (release), s; `None` on the ground and in the hand.
+    pub take_off_s: Option<f64>,
+    /// Past steps, for laws with a delay.
+    pub past: Past,
     followed: Vec<usize>,
     /// Velocity indices of the followed links.
     dofs: Vec<usize>,
@@ -54,6 +59,8 @@ impl<'a> ForwardDynamics<'a> {
             .collect();
         Self {
             plant,
+            take_off_s: None,
+            past: Past::default(),
             followed,
             dofs,
             state: State::new(model),
@@ -97,6 +104,17 @@ impl<'a> ForwardDynamics<'a> {
     ) -> Result<(&[f64], &[Wrench]), SimulateError> {
         self.evaluate(drive, t, y)?;
         Ok((&self.a, &self.wrenches))
+    }
+
+    /// Stores the step of the last evaluation's coordinates for laws with a delay; `y` is the state
+    /// at `t`.
+    pub fn remember(&mut self, drive: &dyn Drive, t: f64, y: &[f64]) -> Result<(), SimulateError> {
+        if self.plant.forces.is_delayed() {
+            self.place(drive, t, y);
+            let now = instant(self.plant, self.take_off_s, t, &self.state, &self.q, &self.v);
+            self.plant.forces.remember(&now, &mut self.past)?;
+        }
+        Ok(())
     }
 
     /// `dy/dt`.
@@ -154,9 +172,10 @@ impl<'a> ForwardDynamics<'a> {
         &self.state
     }
 
-    fn evaluate(&mut self, drive: &dyn Drive, t: f64, y: &[f64]) -> Result<(), SimulateError> {
-        let plant = self.plant;
-        let model = &plant.model;
+    /// Poses, velocities and accelerations at a state, those of the followed links without the
+    /// acceleration that the forces give them.
+    fn place(&mut self, drive: &dyn Drive, t: f64, y: &[f64]) {
+        let model = &self.plant.model;
         self.q.copy_from_slice(&y[..model.nq]);
         self.v.copy_from_slice(&y[model.nq..model.nq + model.nv]);
         self.a.fill(0.0);
@@ -166,9 +185,16 @@ impl<'a> ForwardDynamics<'a> {
         }
         model.normalize(&mut self.q);
         self.state.forward_acceleration(model, &self.q, &self.v, &self.a);
+    }
+
+    fn evaluate(&mut self, drive: &dyn Drive, t: f64, y: &[f64]) -> Result<(), SimulateError> {
+        let plant = self.plant;
+        let model = &plant.model;
+        self.place(drive, t, y);
         self.state.inverse_dynamics(model, &plant.phi, &mut self.tau);
         let states = &y[model.nq + model.nv..];
-        plant.forces.evaluate(t, model, &self.state, states, &mut self.wrenches, &mut self.rates);
+        let now = instant(plant, self.take_off_s, t, &self.state, &self.q, &self.v);
+        plant.forces.evaluate(&now, &self.past, states, &mut self.wrenches, &mut self.rates)?;
         self.applied.fill(0.0);
         drive.torque(t, &self.q, &self.v, &mut self.applied);
         if !plant.forces.is_empty() {
@@ -197,6 +223,18 @@ impl<'a> ForwardDynamics<'a> {
         }
         self.a.iter().all(|x| x.is_finite()).then_some(())
     }
+}
+
+fn instant<'b>(
+    plant: &'b Plant,
+    take_off_s: Option<f64>,
+    t: f64,
+    state: &'b State,
+    q: &'b [f64],
+    v: &'b [f64],
+) -> Instant<'b> {
+    let since_start = take_off_s.map_or(0.0, |start| t - start);
+    Instant { t, since_start, model: &plant.model, phi: plant.forces.phi(), state, q, v }
 }
 
 fn quaternion_rate(q: &[f64], omega: &[f64], out: &mut [f64]) {

@@ -4,8 +4,9 @@
 
 use crate::error::SimulateError;
 use crate::hidden::Hidden;
+use crate::physics::law::{FormulaLaw, Instant, Past};
 use crate::physics::plant::Body;
-use aloft_body::{Model, State};
+use aloft_body::{Model, Phi, State};
 use nalgebra::Vector3;
 
 /// Force and moment about the world origin, world axes.
@@ -84,6 +85,15 @@ enum Law {
         damping: f64,
         slot: usize,
     },
+    /// A plate: −k |u·n| (u·n) n at the point, u relative to the air.
+    Panel {
+        link: usize,
+        point: Vector3<f64>,
+        normal: Vector3<f64>,
+        coefficient: f64,
+        air: Vector3<f64>,
+    },
+    Formula(Box<FormulaLaw>),
 }
 
 /// All hidden forces on one body. Each wobbling mass adds six states: position and velocity in the
@@ -92,12 +102,17 @@ enum Law {
 pub struct ForceField {
     laws: Vec<Law>,
     n_states: usize,
+    /// Inertias of the plant, whose centre of mass the laws on the whole body follow.
+    phi: Vec<Phi>,
+    n_delayed: usize,
+    longest_delay_s: f64,
 }
 
 impl ForceField {
-    /// Collects the hidden effects that are forces; `model` has the true gravity.
-    pub fn new(body: &Body, model: &Model, hidden: &[Hidden]) -> Result<Self, SimulateError> {
-        let mut field = Self::default();
+    /// Collects the hidden effects that are forces; `model` has the true gravity, `phi` the inertias
+    /// with those of the hidden effects.
+    pub fn new(body: &Body, model: &Model, phi: &[Phi], hidden: &[Hidden]) -> Result<Self, SimulateError> {
+        let mut field = Self { phi: phi.to_vec(), ..Self::default() };
         let total_area: f64 = body.area_m2.iter().sum();
         let mut air = |linear: f64, quadratic: f64, air: Vector3<f64>| {
             for (link, (area, phi)) in body.area_m2.iter().zip(&body.phi).enumerate() {
@@ -118,7 +133,7 @@ impl ForceField {
                 _ => {}
             }
         }
-        for effect in hidden {
+        for (index, effect) in hidden.iter().enumerate() {
             let link = match effect.link() {
                 Some(name) => model.link_index(name)?,
                 None => 0,
@@ -187,6 +202,29 @@ impl ForceField {
                     });
                     field.n_states += 6;
                 }
+                Hidden::Panels { plates, wind_mps, air_density_kgpm3, normal_coefficient } => {
+                    for plate in plates {
+                        let link = model.link_index(&plate.link)?;
+                        let phi = &body.phi[link];
+                        let com = Vector3::new(phi[1], phi[2], phi[3]) / phi[0];
+                        field.laws.push(Law::Panel {
+                            link,
+                            point: plate.point_m.map_or(com, Vector3::from),
+                            normal: Vector3::from(plate.normal).normalize(),
+                            coefficient: 0.5 * air_density_kgpm3 * normal_coefficient * plate.area_m2,
+                            air: (*wind_mps).into(),
+                        });
+                    }
+                }
+                Hidden::Law { .. } => {
+                    if let Some(law) = FormulaLaw::new(model, effect, index, field.n_delayed, &model.name)? {
+                        if let Some(delay_s) = law.delay_s() {
+                            field.n_delayed += 1;
+                            field.longest_delay_s = field.longest_delay_s.max(delay_s);
+                        }
+                        field.laws.push(Law::Formula(Box::new(law)));
+                    }
+                }
                 _ => {}
             }
         }
@@ -215,17 +253,50 @@ impl ForceField {
         }
     }
 
-    /// Wrenches on the links at time `t` (overwritten, one per link), and rates of the laws'
-    /// states. `state` needs poses and velocities.
+    /// Inertias of the plant.
+    pub fn phi(&self) -> &[Phi] {
+        &self.phi
+    }
+
+    /// Stores the step at `now` for the delayed laws; nothing to do without any.
+    ///
+    /// # Errors
+    /// [`SimulateError::Undefined`] where a formula has no finite value.
+    pub fn remember(&self, now: &Instant<'_>, past: &mut Past) -> Result<(), SimulateError> {
+        if self.n_delayed == 0 {
+            return Ok(());
+        }
+        let mut values = Vec::with_capacity(self.n_delayed);
+        for law in &self.laws {
+            if let Law::Formula(law) = law
+                && law.delay_s().is_some()
+            {
+                values.push(law.components(now)?);
+            }
+        }
+        past.push(now.t, values, self.longest_delay_s);
+        Ok(())
+    }
+
+    /// True if a law is delayed.
+    pub fn is_delayed(&self) -> bool {
+        self.n_delayed > 0
+    }
+
+    /// Wrenches on the links at an instant (overwritten, one per link), and rates of the laws'
+    /// states.
+    ///
+    /// # Errors
+    /// [`SimulateError::Undefined`] where a formula has no finite value.
     pub fn evaluate(
         &self,
-        t: f64,
-        model: &Model,
-        state: &State,
+        now: &Instant<'_>,
+        past: &Past,
         states: &[f64],
         wrenches: &mut [Wrench],
         rates: &mut [f64],
-    ) {
+    ) -> Result<(), SimulateError> {
+        let (t, model, state) = (now.t, now.model, now.state);
         wrenches.fill(Wrench::default());
         for law in &self.laws {
             match law {
@@ -286,8 +357,15 @@ impl ForceField {
                     rates[*slot..slot + 3].copy_from_slice(velocity.as_slice());
                     rates[slot + 3..slot + 6].copy_from_slice(accel.as_slice());
                 }
+                Law::Panel { link, point, normal, coefficient, air } => {
+                    let normal = state.world_from_link[*link].rotation * normal;
+                    let u = (state.point_velocity_in_world(*link, point) - air).dot(&normal);
+                    wrenches[*link].push(&(normal * (-coefficient * u.abs() * u)), &state.point_in_world(*link, point));
+                }
+                Law::Formula(law) => law.add(now, past, wrenches)?,
             }
         }
+        Ok(())
     }
 
     /// Total wrench of the hidden forces on the body, including the weight-free share of wobbling
@@ -302,7 +380,7 @@ impl ForceField {
 }
 
 /// Angular velocity of a link in the world.
-fn omega(state: &State, link: usize) -> Vector3<f64> {
+pub(crate) fn omega(state: &State, link: usize) -> Vector3<f64> {
     let v = &state.velocity[link];
     state.world_from_link[link].rotation * Vector3::new(v[3], v[4], v[5])
 }

@@ -62,7 +62,7 @@ impl Plant {
                 _ => {}
             }
         }
-        let forces = ForceField::new(body, &model, hidden)?;
+        let forces = ForceField::new(body, &model, &phi, hidden)?;
         Ok(Self { model, phi, forces })
     }
 }

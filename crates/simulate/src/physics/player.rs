@@ -7,6 +7,7 @@
 use crate::error::SimulateError;
 use crate::physics::dynamics::{Drive, ForwardDynamics};
 use crate::physics::forces::{ForceField, Wrench};
+use crate::physics::law::Past;
 use crate::physics::plant::Plant;
 use crate::physics::rk4::Rk4;
 use aloft_body::State;
@@ -63,6 +64,7 @@ pub struct Player<'a> {
     pub y: Vec<f64>,
     tick: usize,
     motion: TrueMotion,
+    past: Past,
 }
 
 impl<'a> Player<'a> {
@@ -76,7 +78,7 @@ impl<'a> Player<'a> {
         state.forward_velocity(model, q, &v);
         plant.forces.rest_states(model, &state, &mut y[model.nq + model.nv..]);
         let motion = TrueMotion { tick_s, nq: model.nq, nv: model.nv, ..TrueMotion::default() };
-        Self { plant, y, tick: 0, motion }
+        Self { plant, y, tick: 0, motion, past: Past::default() }
     }
 
     /// Number of ticks simulated so far: the index of the tick of the present state.
@@ -107,6 +109,9 @@ impl<'a> Player<'a> {
         let flight = followed.first().copied().unwrap_or(false);
         let h = self.motion.tick_s / SUBSTEPS as f64;
         dynamics.settle(drive, self.time(), &mut self.y);
+        dynamics.take_off_s = flight.then(|| self.time());
+        dynamics.past = std::mem::take(&mut self.past);
+        dynamics.remember(drive, self.time(), &self.y)?;
         if flight {
             self.motion.flights.push([self.tick, self.tick + ticks]);
         }
@@ -118,10 +123,12 @@ impl<'a> Player<'a> {
                 let t = self.time() + step as f64 * h;
                 rk4.step(t, h, &mut self.y, |t, y, dy| dynamics.rate(drive, t, y, dy))?;
                 dynamics.settle(drive, t + h, &mut self.y);
+                dynamics.remember(drive, t + h, &self.y)?;
             }
             self.tick += 1;
             self.record(&mut dynamics, drive)?;
         }
+        self.past = std::mem::take(&mut dynamics.past);
         Ok(())
     }
 
@@ -150,6 +157,7 @@ impl<'a> Player<'a> {
     /// advancing.
     pub fn accelerations(&self, followed: &[bool], drive: &dyn Drive) -> Result<Vec<f64>, SimulateError> {
         let mut dynamics = ForwardDynamics::new(self.plant, followed);
+        dynamics.past = self.past.clone();
         Ok(dynamics.accelerations(drive, self.time(), &self.y)?.0.to_vec())
     }
 

@@ -1,0 +1,374 @@
+#!/usr/bin/env python3
+"""How often `aloft discover` finds a law that no catalogue lists: hidden laws through the whole program.
+
+A law is drawn from the population of `law_population.py` and hidden in a laboratory that `aloft simulate` writes (C3D files
+with marker noise, gaps and, for people, soft tissue), which goes through `aloft run` and `aloft discover`. The strength of a
+set is the held-out error with the law left out of the model, over that of its twin: the same session without the law, whose
+error is the one that a model with the true law leaves. Each law is scaled until the set stands at the strengths asked for,
+within 20 %. Empty sets vary in noise, soft tissue, gaps and number of flights.
+
+Results are lines of JSON in OUT: `laws.jsonl` (each law with its scales) and `sets.jsonl` (each answer). A run that was
+interrupted continues. Scoring is a step of its own and needs no program. `--from OTHER` takes laws and scales from another
+run, so that two versions of the program see the same recordings. Usage:
+
+  python3 benches/laws.py --body chain --laws 30 --strengths 2,4,8 --empty 50 --seed 1 --jobs 2 --out OUT
+  python3 benches/laws.py --score OUT [OUT ...]
+
+Outcome of a set, by the first law that the program states (`open.laws`):
+
+  formula      link, action, direction and variable right, a formula, error within 1.3 times that of the twin
+  formula, loose  the same with more error left
+  curve        link, action, direction and variable right, a free curve instead of a formula
+  link         link and action right, direction or variable wrong
+  wrong        wrong link or action (of any law stated), or a name out of the catalogue
+  unexplained  the program says that something remains that it cannot name
+  missed       nothing missing, or not detectable
+"""
+
+import argparse
+import hashlib
+import json
+import os
+import random
+import sys
+import tempfile
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import law_population
+from verdicts import ROOT, call, interval, prepare
+
+TOLERANCE = 0.2
+FORMULA_WITHIN = 1.3
+NAMED = ["link right", "direction, variable", "diagnosis: link", "formula", "formula, loose", "curve", "link", "catalogue", "wrong law",
+         "unexplained", "missed", "not usable"]
+
+
+# ---- laboratories ------------------------------------------------------------------------------
+
+def session(kind, rng):
+    """Body and instruments of the laboratory of a law, near `chain_clean` and `human_clean`: 20 to 30 flights."""
+    if kind == "chain":
+        throws = {"recordings": 5, "throws": rng.choice([4, 5, 6])}
+        return {"kind": "chain", "throws": throws}, {"marker_noise_m": 0.0003, "gap_fraction": 0.008}
+    person = {"sex": rng.choice("MF"), "height_m": round(rng.uniform(1.55, 1.9), 3), "mass_kg": round(rng.uniform(52, 90), 1)}
+    return {"kind": "human", "person": person, "protocol": {"jumps": rng.choice([8, 9, 10]), "exercises": 2}}, {"marker_noise_m": 0.0003, "soft_tissue_m": 0.003}
+
+
+def empty_session(kind, rng):
+    """The laboratory of an empty set: instruments and number of flights vary."""
+    body, capture = session(kind, rng)
+    capture["marker_noise_m"] = round(rng.choice([0.00015, 0.0003, 0.0006, 0.001]), 6)
+    capture["gap_fraction"] = rng.choice([0.0, 0.002, 0.01, 0.03])
+    if kind == "chain":
+        body["throws"] = {"recordings": rng.choice([3, 5, 6]), "throws": rng.choice([4, 6, 7])}
+    else:
+        capture["soft_tissue_m"] = rng.choice([0.001, 0.003, 0.005, 0.007])
+        body["protocol"]["jumps"] = rng.choice([6, 8, 12])
+    return body, capture
+
+
+def scaled(entry, scale):
+    """The hidden effect with `@` replaced by the law's scale."""
+    number = f"{scale:.6g}"
+    return {k: [f.replace("@", number) if isinstance(f, str) else f for f in v] if isinstance(v, list) else v for k, v in entry.items()}
+
+
+class Bench:
+    """The program, and where results go."""
+
+    def __init__(self, args):
+        self.aloft, self.kind, self.seed = args.aloft, args.body, args.seed
+        self.pipeline = ROOT / f"pipelines/{args.body}.yaml"
+        self.out, self.lock = Path(args.out), threading.Lock()
+        self.out.mkdir(parents=True, exist_ok=True)
+        self.digest = hashlib.sha256(Path(self.aloft).read_bytes()).hexdigest()[:12]
+
+    def lines(self, name):
+        return read_lines(self.out / name)
+
+    def keep(self, name, line):
+        with self.lock, open(self.out / name, "a") as file:
+            file.write(json.dumps(line) + "\n")
+
+    def laboratory(self, place, session, hidden, seed):
+        """Simulates and runs; folder options for the commands that ask."""
+        body, capture = session
+        data = prepare(self.aloft, place, [(body, hidden, capture)], seed)
+        at = ["--data", data, "--workspace", place / "ws"]
+        done = call(self.aloft, "run", self.pipeline, *at)
+        if done.returncode:
+            raise RuntimeError(done.stderr[-500:])
+        return at
+
+    def held_out(self, at):
+        """Error in flight on left-out flights, and the floor: N."""
+        compared = json.loads(call(self.aloft, "compare", self.pipeline, *at, "--json").stdout)
+        for entry in compared["against_floor"]:
+            if entry["judged_on"] == "flight":
+                return entry["held_out_error"], entry["floor"]["noise_floor"]
+        raise RuntimeError("no comparison in flight")
+
+    def error_of(self, session, hidden, seed):
+        with tempfile.TemporaryDirectory() as folder:
+            return self.held_out(self.laboratory(Path(folder), session, hidden, seed))
+
+    def ask(self, session, hidden, seed):
+        """The program's answer: a line for `sets.jsonl`."""
+        with tempfile.TemporaryDirectory() as folder:
+            at = self.laboratory(Path(folder), session, hidden, seed)
+            error, floor = self.held_out(at)
+            start = time.time()
+            done = call(self.aloft, "discover", self.pipeline, *at, "--json")
+            if done.returncode and not done.stdout:
+                raise RuntimeError(done.stderr[-500:])
+            found = json.loads(done.stdout)
+        kept = {k: found.get(k) for k in ("verdict", "effects", "words", "noise_floor", "held_out_error", "held_out_error_after", "open")}
+        kept["found"] = [f["key"] for f in found.get("found", [])]
+        return {"held_out": error, "floor": floor, "discover_s": round(time.time() - start, 2), "answer": kept}
+
+    # ---- strength --------------------------------------------------------------------------
+
+    def scale_for(self, session, entry, seed, twin, wanted, guess):
+        """Scale of the law at which the error is `wanted` times that of the twin: (scale, strength) or None.
+
+        The part of the error that the law makes is near proportional to its scale; secant steps on its logarithm, between
+        bounds once both sides are known."""
+        low, high, scale = None, None, guess
+        for _ in range(9):
+            try:
+                strength = self.error_of(session, [scaled(entry, scale)], seed)[0] / twin
+            except RuntimeError as problem:
+                # only a body that does not fly any more is a law too strong
+                if not any(word in str(problem) for word in ("diverged", "no feasible motion", "flight")):
+                    raise
+                strength = float("inf")
+            if abs(strength / wanted - 1) <= TOLERANCE * 0.6:
+                return scale, strength
+            if strength < wanted:
+                low = scale
+            else:
+                high = scale
+            part = (strength**2 - 1) if strength > 1.02 else 0.04
+            step = ((wanted**2 - 1) / part) ** 0.5 if strength != float("inf") else 0.1
+            scale *= min(max(step, 1 / 30), 30)
+            if low and high and not low < scale < high:
+                scale = (low * high) ** 0.5
+        return None
+
+    def calibrate(self, index, strengths):
+        """Law `index` with a scale for each strength; other draws are tried if it cannot reach them."""
+        reasons = []
+        for attempt in range(4):
+            drawn = law_population.draw(self.kind, self.seed, index, attempt, random)
+            rng = random.Random(f"session {self.kind} {self.seed} {index} {attempt}")
+            where, seed = session(self.kind, rng), 2_000_000 + 10_000 * self.seed + 10 * index + attempt
+            line = {"law": index, "body": self.kind, "attempt": attempt, **drawn, "session": where, "seed": seed}
+            try:
+                twin, floor = self.error_of(where, [], seed)
+                line |= {"twin": twin, "floor": floor, "scales": {}}
+                guess = 0.1 if self.kind == "chain" else 5.0
+                if "moment" in drawn["entry"]:
+                    guess *= 0.05
+                for wanted in sorted(strengths, key=lambda s: abs(s - 4)):
+                    found = self.scale_for(where, drawn["entry"], seed, twin, wanted, guess)
+                    if found is None:
+                        raise RuntimeError(f"{drawn['family']}: strength {wanted} not reached")
+                    guess = found[0] * (0.45 if wanted == sorted(strengths, key=lambda s: abs(s - 4))[0] else 4.3)
+                    line["scales"][str(wanted)] = found
+                return {**line, "tried": reasons}
+            except (RuntimeError, ValueError, KeyError) as problem:
+                reasons.append(str(problem)[-300:])
+        return {"law": index, "body": self.kind, "tried": reasons}
+
+    # ---- one piece of work -----------------------------------------------------------------
+
+    def law(self, index, strengths, known, done):
+        line = known.get(index)
+        if line is None or any(str(s) not in line.get("scales", {}) for s in strengths):
+            line = self.calibrate(index, strengths)
+            self.keep("laws.jsonl", line)
+        if "entry" not in line:
+            print(f"law {index:3d} not usable: {line['tried']}", file=sys.stderr, flush=True)
+            return
+        for wanted in strengths:
+            name = f"{self.kind}-law{index}-x{wanted}"
+            if name not in done:
+                hidden = [scaled(line["entry"], line["scales"][str(wanted)][0])]
+                of = {k: line[k] for k in ("law", "family", "expressible", "truth", "twin", "seed", "session")}
+                self.answer(name, {**of, "strength": wanted, "hidden": hidden}, line["session"], hidden, line["seed"])
+
+    def empty(self, index, done):
+        name = f"{self.kind}-empty{index}"
+        if name not in done:
+            where = empty_session(self.kind, random.Random(f"empty {self.kind} {self.seed} {index}"))
+            seed = 3_000_000 + 10_000 * self.seed + index
+            self.answer(name, {"strength": 0, "session": where, "seed": seed}, where, [], seed)
+
+    def answer(self, name, of, where, hidden, seed):
+        line = {"set": name, "body": self.kind, "program": self.digest, **of}
+        start = time.time()
+        try:
+            line |= self.ask(where, hidden, seed)
+        except (RuntimeError, ValueError, KeyError) as problem:
+            line["problem"] = str(problem)[-500:]
+        line["seconds"] = round(time.time() - start, 1)
+        self.keep("sets.jsonl", line)
+        print(describe(line), flush=True)
+
+
+def read_lines(path):
+    """Lines of JSON; the last one may be cut off by an interruption."""
+    out = []
+    for text in path.read_text().splitlines() if path.exists() else []:
+        try:
+            out.append(json.loads(text))
+        except json.JSONDecodeError:
+            print(f"{path}: a line cut off is left out", file=sys.stderr)
+    return out
+
+
+# ---- scoring -----------------------------------------------------------------------------------
+
+def right_of(claim, truth):
+    """Whether link and action, and whether direction and variables of a claim are right."""
+    where = claim.get("carrier") in truth["carriers"] and claim.get("action") in truth["actions"]
+    # the diagnosis has one variable, a law a list of them
+    said = claim.get("variables", claim.get("variable"))
+    said = set([said] if isinstance(said, str) else said or [])
+    variables = bool(said or truth["constant"]) and any(said <= set(v) for v in truth["variables"])
+    return where, claim.get("direction") in truth["directions"] and variables
+
+
+def judge(line):
+    """Outcome of a set and what else is counted of it: a set of words out of `NAMED`."""
+    if "answer" not in line:
+        return {"not usable"}
+    answer = line["answer"]
+    opened = answer.get("open") or {}
+    claims = opened.get("laws") or []
+    catalogue = answer["effects"] if answer["verdict"] not in ("unexplained", "nothing_missing", "not_detectable") else []
+    if line["strength"] == 0:
+        return {"catalogue"} if catalogue else {"wrong law"} if claims else {"unexplained"} if answer["verdict"] == "unexplained" else {"missed"}
+    truth, out = line["truth"], set()
+    diagnosis = opened.get("diagnosis") or {}
+    if claims and right_of(claims[0], truth)[0]:
+        out.add("link right")
+    if (claims and right_of(claims[0], truth)[0]) or (not claims and diagnosis and right_of(diagnosis, truth)[0]):
+        out.add("diagnosis: link")
+    if claims and all(right_of(claims[0], truth)):
+        out.add("direction, variable")
+    if set(catalogue) - set(truth["known"]):
+        return out | {"catalogue"}
+    if any(not right_of(claim, truth)[0] for claim in claims):
+        return out | {"wrong law"}
+    if not claims:
+        return out | ({"unexplained"} if answer["verdict"] == "unexplained" else {"missed"})
+    if "direction, variable" not in out:
+        return out | {"link"}
+    if claims[0].get("kind") != "formula":
+        return out | {"curve"}
+    # `times_floor` is in multiples of the program's floor; a model with the true law stands where the twin does
+    best = max(line["twin"] / line["floor"], 1.0)
+    left = opened.get("times_floor_after") or claims[0].get("times_floor") or float("inf")
+    return out | ({"formula"} if left <= FORMULA_WITHIN * best else {"formula, loose"})
+
+
+def describe(line):
+    outcome = ", ".join(n for n in NAMED if n in judge(line))
+    if "answer" not in line:
+        return f"{line['set']:20s} not usable: {line['problem']}"
+    answer, above = line["answer"], line["held_out"] / line["floor"]
+    laws = (answer.get("open") or {}).get("laws") or []
+    said = answer["verdict"] + "".join(f" {e}" for e in answer["effects"]) + "".join(
+        f" [{c.get('kind')}: {c.get('carrier')} {c.get('action')} {c.get('direction')} {','.join(c.get('variables') or [])}]" for c in laws)
+    twin = f"{line['held_out'] / line['twin']:.1f} x twin, " if "twin" in line else ""
+    return f"{line['set']:20s} {line.get('family', 'empty'):34s} {twin}{above:.1f} x floor  {outcome or '-':28s} said: {said}  ({line['seconds']:.0f} s)"
+
+
+def score(folders):
+    lines = {}
+    for folder in folders:
+        for line in read_lines(Path(folder) / "sets.jsonl"):
+            lines[(str(folder), line["set"])] = line
+    lines = list(lines.values())
+    for kind in sorted({line["body"] for line in lines}):
+        of_kind = [line for line in lines if line["body"] == kind]
+        hidden = [line for line in of_kind if line["strength"]]
+        strengths = sorted({line["strength"] for line in hidden})
+        groups = [("all", hidden)]
+        groups += [(f"strength {s}", [line for line in hidden if line["strength"] == s]) for s in strengths]
+        groups += [(f"expressible, {s}", [line for line in hidden if line["strength"] == s and line["expressible"]]) for s in strengths]
+        groups += [(f"not expressible, {s}", [line for line in hidden if line["strength"] == s and not line["expressible"]]) for s in strengths]
+        groups += [("empty", [line for line in of_kind if not line["strength"]])]
+        print(f"\n## {kind}\n")
+        print("| sets | n | " + " | ".join(NAMED) + " | wrong claims |")
+        print("|---" * (len(NAMED) + 3) + "|")
+        for name, group in groups:
+            usable = [judge(line) for line in group]
+            n = sum("not usable" not in j for j in usable)
+            cells = [interval(sum(what in j for j in usable), n) if what != "not usable" else str(len(group) - n) for what in NAMED]
+            wrong = interval(sum(bool(j & {"catalogue", "wrong law"}) for j in usable), n)
+            print(f"| {name} | {n} | " + " | ".join(cells) + f" | {wrong} |")
+        times = sorted(line["discover_s"] for line in of_kind if "discover_s" in line)
+        off = [line["set"] for line in hidden if "answer" in line and abs(line["held_out"] / line["twin"] / line["strength"] - 1) > TOLERANCE]
+        if times:
+            print(f"\ndiscover: median {times[len(times) // 2]:.1f} s, longest {times[-1]:.1f} s; strength off by more than {TOLERANCE:.0%}: {', '.join(off) or 'none'}")
+    print("\n`link right`, `direction, variable` and `diagnosis: link` (the stated law's link, else the diagnosed one) are counted beside the outcomes `formula` to `missed`, which exclude each other. "
+          "`wrong claims` is `catalogue` and `wrong law` together; of empty sets, all claims; `missed` of empty sets is right.")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--aloft", default=str(ROOT / "target/release/aloft"))
+    parser.add_argument("--body", choices=["chain", "human"], default="chain")
+    parser.add_argument("--laws", type=int, default=30)
+    parser.add_argument("--strengths", default="2,4,8")
+    parser.add_argument("--empty", type=int, default=50)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--out")
+    parser.add_argument("--from", dest="origin", help="take laws and their scales from this folder")
+    parser.add_argument("--score", nargs="+", metavar="OUT", help="only score these folders")
+    parser.add_argument("--list", action="store_true", help="only print the laws drawn")
+    args = parser.parse_args()
+    if args.score:
+        return score(args.score)
+    if args.list:
+        for index in range(args.laws):
+            drawn = law_population.draw(args.body, args.seed, index, 0, random)
+            print(index, "expressible" if drawn["expressible"] else "-", drawn["family"], json.dumps(drawn["entry"]), json.dumps(drawn["truth"]))
+        return None
+    if not args.out:
+        parser.error("--out is needed")
+    os.environ.setdefault("RAYON_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // args.jobs)))
+    bench = Bench(args)
+    strengths = [int(s) if float(s).is_integer() else float(s) for s in args.strengths.split(",")]
+    stamp = {"body": args.body, "seed": args.seed}
+    setup = bench.out / "setup.json"
+    if setup.exists() and json.loads(setup.read_text()) != stamp:
+        parser.error(f"{setup} is of another body or seed: {setup.read_text()}")
+    setup.write_text(json.dumps(stamp))
+    if args.origin and json.loads((Path(args.origin) / "setup.json").read_text()) != stamp:
+        parser.error(f"{args.origin} is of another body or seed")
+    if args.origin and not (bench.out / "laws.jsonl").exists():
+        for line in read_lines(Path(args.origin) / "laws.jsonl"):
+            bench.keep("laws.jsonl", line)
+    known = {line["law"]: line for line in bench.lines("laws.jsonl")}
+    done = {line["set"] for line in bench.lines("sets.jsonl") if "answer" in line}
+    others = {line["program"] for line in bench.lines("sets.jsonl")} - {bench.digest}
+    if others:
+        print(f"warning: {bench.out} also holds answers of other builds ({', '.join(sorted(others))})", file=sys.stderr)
+    with ThreadPoolExecutor(args.jobs) as pool:
+        work = [pool.submit(bench.law, i, strengths, known, done) for i in range(args.laws)]
+        work += [pool.submit(bench.empty, i, done) for i in range(args.empty)]
+        for piece in work:
+            piece.result()
+    score([args.out])
+    return None
+
+
+if __name__ == "__main__":
+    sys.exit(main())
