@@ -67,10 +67,7 @@ pub enum SimulateError {
         problem: String,
     },
     /// A formula of a hidden law that has no value where the body went: a root of a negative number, a division by zero.
-    #[error(
-        "{place} `{formula}` is {found} at t = {time_s:.4} s, place {at_m:.3?} m; expected a finite number wherever the \
-         body goes"
-    )]
+    #[error("{place} `{formula}` is {found} at t = {time_s:.4} s, place {at_m:.3?} m; expected a finite number")]
     Undefined {
         #[doc(hidden)]
         place: String,
