@@ -126,6 +126,8 @@ class Bench:
                 raise RuntimeError(done.stderr[-500:])
             found = json.loads(done.stdout)
         kept = {k: found.get(k) for k in ("verdict", "effects", "words", "noise_floor", "held_out_error", "held_out_error_after", "open")}
+        if kept["open"]:
+            kept["open"] = {**kept["open"], "atlas": (kept["open"].get("atlas") or [])[:5]}
         kept["found"] = [f["key"] for f in found.get("found", [])]
         return {"held_out": error, "floor": floor, "discover_s": round(time.time() - start, 2), "answer": kept}
 
