@@ -348,13 +348,14 @@ def main():
     os.environ.setdefault("RAYON_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // args.jobs)))
     bench = Bench(args)
     strengths = [int(s) if float(s).is_integer() else float(s) for s in args.strengths.split(",")]
-    stamp = {"body": args.body, "seed": args.seed}
+    population = hashlib.sha256(Path(law_population.__file__).read_bytes()).hexdigest()[:12]
+    stamp = {"body": args.body, "seed": args.seed, "population": population}
     setup = bench.out / "setup.json"
     if setup.exists() and json.loads(setup.read_text()) != stamp:
-        parser.error(f"{setup} is of another body or seed: {setup.read_text()}")
+        parser.error(f"{setup} is of another body, seed or population: {setup.read_text()}")
     setup.write_text(json.dumps(stamp))
     if args.origin and json.loads((Path(args.origin) / "setup.json").read_text()) != stamp:
-        parser.error(f"{args.origin} is of another body or seed")
+        parser.error(f"{args.origin} is of another body, seed or population")
     if args.origin and not (bench.out / "laws.jsonl").exists():
         for line in read_lines(Path(args.origin) / "laws.jsonl"):
             bench.keep("laws.jsonl", line)
