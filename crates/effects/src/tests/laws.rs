@@ -4,7 +4,7 @@ use super::Fixture;
 use crate::*;
 use aloft_body::State;
 use aloft_simulate::Hidden;
-use aloft_simulate::physics::{Body, ForceField, Wrench};
+use aloft_simulate::physics::{Body, ForceField, Instant, Past, Wrench};
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 
 /// The power of a column on moving links does not follow from the total wrench, but that on a
@@ -127,7 +127,7 @@ fn validate_columns_against_the_simulator_s_laws() {
     ];
     fixture.with(|series| {
         for (hidden, key, theta, p) in &cases {
-            let field = ForceField::new(&body, &scene.model, std::slice::from_ref(hidden)).unwrap();
+            let field = ForceField::new(&body, &scene.model, &body.phi, std::slice::from_ref(hidden)).unwrap();
             let choice = EffectInstance::parse(key, scene).unwrap();
             let columns = fixture.columns(series, choice.effect, choice.target, p);
             let mut state = State::new(&scene.model);
@@ -136,7 +136,16 @@ fn validate_columns_against_the_simulator_s_laws() {
             for i in 0..series.len() {
                 let f = series.frame(i);
                 state.forward_velocity(&scene.model, f.q, f.v);
-                field.evaluate(f.time_s, &scene.model, &state, &[], &mut wrenches, &mut []);
+                let now = Instant {
+                    t: f.time_s,
+                    since_start: 0.0,
+                    model: &scene.model,
+                    phi: &body.phi,
+                    state: &state,
+                    q: f.q,
+                    v: f.v,
+                };
+                field.evaluate(&now, &Past::default(), &[], &mut wrenches, &mut []).unwrap();
                 let total = ForceField::total(&wrenches);
                 let mut ours = Vector6::zeros();
                 for (k, x) in theta.iter().enumerate() {
