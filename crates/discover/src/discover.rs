@@ -348,11 +348,11 @@ pub fn discover(
             out.verdict = Verdict::Unexplained;
             out.effects.clear();
         }
-        if out.open.as_ref().is_some_and(|o| o.complete) {
+        if let Some(open) = out.open.as_ref().filter(|o| o.complete) {
             // effects that removed a part of the error stood in for the law
             out.found.clear();
             out.ladder.clear();
-            out.held_out_error_after = out.held_out_error;
+            out.held_out_error_after = open.held_out_error_after;
         }
     }
     out.words = wording::answer(&out, far);

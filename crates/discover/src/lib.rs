@@ -79,7 +79,9 @@ pub use addition::{addition, detectable, ladder};
 pub use discover::{catalogue, discover};
 pub use error::DiscoverError;
 pub use floor::Standing;
-pub use laws::{Action, Carrier, Diagnosis, Direction, Entry, FoundLaw, LawKind, OpenWorld, Variable, Work};
+pub use laws::{
+    Action, Carrier, Diagnosis, Direction, Entry, FoundLaw, LawKind, NextRecording, OpenWorld, Variable, Work,
+};
 pub use not_tried::NotTried;
 pub use options::DiscoverOptions;
 pub use result::{Addition, Alternative, Candidate, Confusion, Discovery, Estimate, Found, RivalTest, Round, Verdict};

@@ -187,6 +187,13 @@ pub(crate) fn advice(d: &Discovery, effects: &[&dyn Effect]) -> Vec<String> {
                 "a law found on these motions need not hold for others: record at other places, speeds and headings, and rank it again there"
                     .to_owned(),
             );
+            if let Some(n) = d.open.as_ref().and_then(|o| o.next.as_ref()) {
+                out.push(format!(
+                    "the next best law ({}) leaves {:.1} times its error; the same flights {} would tell the two apart best: they differ by {:.3} N \
+                     there, by {:.3} N here",
+                    n.rival, n.rival_error_ratio, n.change, n.differ_there_n, n.differ_here_n
+                ));
+            }
         }
         Verdict::Unexplained => {
             out.push(

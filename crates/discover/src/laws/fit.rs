@@ -3,14 +3,14 @@
 
 use super::atlas::{Group, PlaceFrames, columns, range_of, range_within, stride};
 use super::evidence::Evidence;
-use super::kinematics::{Action, Carrier, Direction, Variable};
+use super::kinematics::{Action, Carrier, Direction, Instant, Variable};
 use super::law::{Factor, Law, PointIs};
 use super::shape::{KNOTS, Shape};
 use crate::candidate::{Variant, score};
 use crate::nonlinear::{improve, score_fitted};
 use crate::problem::Problem;
 use crate::session::Session;
-use aloft_effects::{Effect, Target};
+use aloft_effects::{Effect, EffectFrame, Target};
 use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 
@@ -34,6 +34,36 @@ pub(crate) struct Fitted {
 }
 
 impl Fitted {
+    /// Force (N) or couple (N·m) in a frame at an instant of the law's place, world axes.
+    pub fn vector(
+        &self,
+        frame: &EffectFrame<'_>,
+        at: &Instant,
+        anchor: &Vector3<f64>,
+        parts: &[&[f64]],
+        strengths: &mut Vec<f64>,
+    ) -> Vector3<f64> {
+        self.law.strengths(frame, at, anchor, parts, strengths);
+        let mut v = Vector3::zeros();
+        let mut i = 0;
+        for s in strengths.iter() {
+            for &k in &self.law.components {
+                v += self.law.direction.vector(k, at, anchor) * (self.theta[i] * s);
+                i += 1;
+            }
+        }
+        v
+    }
+
+    /// True if place, direction and variables are those of another law.
+    pub fn is_like(&self, other: &Self) -> bool {
+        let of = |f: &Self| {
+            let variables: Vec<Variable> = f.law.factors.iter().map(|f| f.variable).collect();
+            (f.law.carrier, f.law.action, f.law.direction, variables)
+        };
+        of(self) == of(other)
+    }
+
     /// Squared held-out error.
     pub fn error(&self) -> f64 {
         self.errors.iter().sum()

@@ -8,6 +8,7 @@
 //! | atlas | `atlas` | every place, direction and variable with a free curve, ranked by held-out error |
 //! | laws | `fit`, `law` | expressions for the best entries, with point, anchor and constants fitted in every fold |
 //! | rounds | `search` | a second factor, the simplest law that is as good, and again on what remains |
+//! | advice | `next` | the recording that tells a law from the next best one |
 //! | output | `formula`, `result`, `wording` | an effect of the user's own, numbers, words |
 //!
 //! The method joins the weak form of sparse identification (Messenger and Bortz, *Weak SINDy*, 2021)
@@ -23,12 +24,13 @@ mod fit;
 mod formula;
 mod kinematics;
 mod law;
+mod next;
 mod result;
 mod search;
 mod shape;
 mod wording;
 
 pub use kinematics::{Action, Carrier, Direction, Variable};
-pub use result::{Diagnosis, Entry, FoundLaw, LawKind, OpenWorld, Work};
+pub use result::{Diagnosis, Entry, FoundLaw, LawKind, NextRecording, OpenWorld, Work};
 
 pub(crate) use search::search;

@@ -103,6 +103,22 @@ pub struct Work {
     pub share: f64,
 }
 
+/// The recording that would tell a law from the next best one.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NextRecording {
+    /// The next best law with another place, direction or variable, in words.
+    pub rival: String,
+    /// Its held-out error over that of the law.
+    pub rival_error_ratio: f64,
+    /// How the flights should be changed.
+    pub change: String,
+    /// Root mean square of the difference of the two laws on the present flights, N: force, and
+    /// moment over a lever of 0.1 m.
+    pub differ_here_n: f64,
+    /// The same on the changed flights.
+    pub differ_there_n: f64,
+}
+
 /// Result of the search beyond the catalogue.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct OpenWorld {
@@ -120,6 +136,8 @@ pub struct OpenWorld {
     pub atlas: Vec<Entry>,
     /// Laws, in the order in which they were found; empty if none convinces.
     pub laws: Vec<FoundLaw>,
+    /// Recording that would tell the first law from the next best one.
+    pub next: Option<NextRecording>,
     /// True if the laws bring the error to 1.5 times its floor or less: they are the answer. False:
     /// they are a part of it.
     pub complete: bool,

@@ -7,6 +7,7 @@ use super::fit::{self, Fitted};
 use super::formula::is_curve;
 use super::kinematics::{Action, Variable};
 use super::law::{Factor, Law, PointIs};
+use super::next::next_recording;
 use super::result::{Diagnosis, Entry, FoundLaw, LawKind, OpenWorld, Work};
 use super::shape::{KNOTS, Shape};
 use super::wording;
@@ -17,7 +18,7 @@ use crate::result::{Estimate, FEWEST_CLUSTERS};
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
 use aloft_effects::{Effect, EffectInstance, Target};
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::DMatrix;
 
 /// Draws of random signs for the null distribution of the atlas.
 const DRAWS: usize = 60;
@@ -65,6 +66,7 @@ pub(crate) fn search(
     let mut laws: Vec<(Fitted, f64, f64)> = Vec::new();
     let mut first: Option<(Atlas, usize)> = None;
     let mut diagnosis = None;
+    let mut next = None;
     let mut left = before;
     for round in 0..ROUNDS {
         let problem = if round == 0 {
@@ -87,7 +89,7 @@ pub(crate) fn search(
         if round == 0 && p < 0.05 && best.score.ratio.sqrt() < 0.97 {
             diagnosis = Some(diagnose(session, &problem, &made, p));
         }
-        if enough && let Some(found) = one_law(session, &problem, &evidence, &groups) {
+        if enough && let Some((found, rival)) = one_law(session, &problem, &evidence, &groups) {
             let ratio = (found.error() / now).sqrt();
             let p_gain = sign_flip_p(
                 &found.errors,
@@ -96,6 +98,9 @@ pub(crate) fn search(
                 options.seed ^ 0x1a35,
             );
             if ratio < believed && p_gain < options.significance {
+                if round == 0 {
+                    next = rival.and_then(|r| next_recording(session, &found, &r));
+                }
                 laws.push((found, ratio, p));
             }
         }
@@ -149,6 +154,7 @@ pub(crate) fn search(
         by_chance: null.get(null.len() / 20).copied().unwrap_or(f64::NAN),
         diagnosis,
         atlas,
+        next: next.filter(|_| !found.is_empty()),
         laws: found,
         complete,
         times_floor_after: if named { times_floor } else { standing.map(|s| s.held_out_error / s.noise_floor) },
@@ -180,7 +186,12 @@ fn plain_again(
 
 /// The law for the best entries: an expression, with a second factor where that removes more, or
 /// the free curve.
-fn one_law(session: &Session<'_>, problem: &Problem, evidence: &Evidence, groups: &[&Group]) -> Option<Fitted> {
+fn one_law(
+    session: &Session<'_>,
+    problem: &Problem,
+    evidence: &Evidence,
+    groups: &[&Group],
+) -> Option<(Fitted, Option<Fitted>)> {
     let laws = fit::laws(session, problem, evidence, groups);
     let curves: Vec<Fitted> = groups.iter().take(3).filter_map(|g| fit::curve(session, problem, g)).collect();
     let curve = curves.into_iter().min_by(|a, b| a.error().total_cmp(&b.error()));
@@ -209,7 +220,9 @@ fn one_law(session: &Session<'_>, problem: &Problem, evidence: &Evidence, groups
     {
         best = product;
     }
-    Some(fit::simplify(session, problem, best))
+    let best = fit::simplify(session, problem, best);
+    let rival = laws.into_iter().find(|l| !l.is_like(&best));
+    Some((best, rival))
 }
 
 /// The simplest law whose error is as good as the best one's.
@@ -242,15 +255,7 @@ fn second_factor(session: &Session<'_>, problem: &Problem, evidence: &Evidence, 
             let column = t
                 .iter()
                 .map(|(frame, at)| {
-                    law.law.strengths(frame, at, &anchor, &parts, &mut strengths);
-                    let mut v = Vector3::zeros();
-                    let mut i = 0;
-                    for s in &strengths {
-                        for &k in &law.law.components {
-                            v += law.law.direction.vector(k, at, &anchor) * (law.theta[i] * s);
-                            i += 1;
-                        }
-                    }
+                    let v = law.vector(frame, at, &anchor, &parts, &mut strengths);
                     let m = at.position.cross(&v);
                     match law.law.action {
                         Action::Force => [v.x, v.y, v.z, m.x, m.y, m.z],
@@ -497,21 +502,13 @@ fn point_of(law: &Law, values: &[f64], fitted: &[Estimate]) -> Vec<Estimate> {
 }
 
 /// Work of a law over all flights.
-fn work(session: &Session<'_>, f: &Fitted) -> Work {
+pub(crate) fn work(session: &Session<'_>, f: &Fitted) -> Work {
     let (point, anchor, parts) = f.law.split(&f.nonlinear);
     let frames = PlaceFrames::new(session, f.law.carrier, &point);
     let (mut taken, mut absolute, mut size) = (0.0, 0.0, 0.0);
     let mut strengths = Vec::new();
     for (frame, at) in frames.trials.iter().flatten() {
-        f.law.strengths(frame, at, &anchor, &parts, &mut strengths);
-        let mut v = Vector3::zeros();
-        let mut i = 0;
-        for s in &strengths {
-            for &k in &f.law.components {
-                v += f.law.direction.vector(k, at, &anchor) * (f.theta[i] * s);
-                i += 1;
-            }
-        }
+        let v = f.vector(frame, at, &anchor, &parts, &mut strengths);
         let rate = match f.law.action {
             Action::Force => at.velocity,
             Action::Couple => at.omega,
