@@ -4,8 +4,7 @@ use crate::args::PipelineArgs;
 use crate::open::description_of;
 use crate::render::{out, plus_minus, significant};
 use crate::stop::Stop;
-use aloft_discover::{FoundLaw, OpenWorld};
-use aloft_effects::FormulaEffect;
+use aloft_discover::{Action, FoundLaw, OpenWorld};
 use aloft_study::quote;
 
 /// What the search found: where the error acts, laws as formulas, and how to add them.
@@ -54,28 +53,13 @@ pub fn laws(found: &OpenWorld, at: &PipelineArgs) -> Result<(), Stop> {
 
 fn one(law: &FoundLaw) -> Result<(), Stop> {
     out(format!("  {}: {}", law.id, law.text))?;
-    for line in formulas(&law.effect) {
-        out(format!("    {line}"))?;
-    }
+    let unit = match law.action {
+        Action::Force => "N",
+        Action::Couple => "N·m",
+    };
+    out(format!("    strength ({unit}) = {}", law.strength))?;
     for e in law.coefficients.iter().chain(&law.parameters).chain(&law.point) {
         out(format!("    {} = {}{} {}", e.name, significant(e.value, 4), plus_minus(e.ci95, e.at_bound), e.unit))?;
     }
     Ok(())
-}
-
-/// The components of the law that are not zero.
-fn formulas(effect: &FormulaEffect) -> Vec<String> {
-    let axes = match effect.axes {
-        aloft_effects::FormulaAxes::World => "world",
-        aloft_effects::FormulaAxes::Link => "link",
-    };
-    let mut out = Vec::new();
-    for (what, unit, of) in [("force", "N", &effect.force), ("moment", "N·m", &effect.moment)] {
-        for (axis, text) in ["x", "y", "z"].iter().zip(of.iter().flatten()) {
-            if text != "0" {
-                out.push(format!("{what} {axis} ({unit}, {axes} axes) = {text}"));
-            }
-        }
-    }
-    out
 }

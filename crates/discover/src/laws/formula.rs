@@ -116,6 +116,43 @@ impl Law {
         }
     }
 
+    /// The strength along the direction as one line, for people: variables by name, units of 1 left
+    /// out.
+    pub fn strength(&self, scene: &Scene) -> String {
+        let mut terms = vec![String::new()];
+        for (i, f) in self.factors.iter().enumerate() {
+            let names: Vec<String> = match &f.fixed {
+                Some(values) => {
+                    values.iter().map(|v| if *v < 0.0 { format!("({v})") } else { v.to_string() }).collect()
+                }
+                None => f
+                    .shape
+                    .parameters(f.range, f.variable == Variable::Distance)
+                    .iter()
+                    .map(|q| factor_name(i, q.name))
+                    .collect(),
+            };
+            let x = f.variable.formula(scene);
+            let made = if f.shape == Shape::Curve {
+                (0..f.shape.terms()).map(|k| format!("hat{k}({x})")).collect()
+            } else {
+                f.shape.formulas(&x, &names, f.range)
+            };
+            let signed = f.variable.is_signed();
+            let plain = |t: &String| {
+                let t = t.replace("/one)", ")");
+                let t = if signed { t } else { t.replace(&format!("(abs({x}))"), &x) };
+                t.replace(&format!("(abs({x}))"), &format!("abs({x})"))
+            };
+            terms = terms
+                .iter()
+                .flat_map(|t| made.iter().map(move |m| if m == "1" { t.clone() } else { format!("{t}*{}", plain(m)) }))
+                .collect();
+        }
+        let names = (0..terms.len()).map(|j| self.term_name(j));
+        names.zip(&terms).map(|(n, t)| format!("{n}{t}")).collect::<Vec<_>>().join(" + ")
+    }
+
     /// Component `axis` of the direction's unit vector `k` as a formula; `None` where it is zero.
     fn vector_formula(&self, k: usize, axis: usize) -> Option<String> {
         let name = |stem: &str, axis: usize| format!("{stem}_{}", ["x", "y", "z"][axis]);

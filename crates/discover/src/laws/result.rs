@@ -73,6 +73,9 @@ pub struct FoundLaw {
     pub direction: Direction,
     /// Variables of its factors, as formulas name them.
     pub variables: Vec<String>,
+    /// Strength along the direction (N, or N·m) in the names of its unknowns and variables, one term
+    /// for each linear unknown of a component.
+    pub strength: String,
     /// Point on the link, link frame, m, with its standard errors; empty for a couple, the whole
     /// body, or the link's centre of mass.
     pub point: Vec<Estimate>,

@@ -471,6 +471,7 @@ fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &(Fitted, f64, 
             .filter(|f| f.variable != Variable::None)
             .map(|f| f.variable.formula(scene))
             .collect(),
+        strength: law.strength(scene),
         point,
         coefficients,
         parameters: nonlinear[split..].to_vec(),
