@@ -141,6 +141,11 @@ fn the_tutorial_is_what_the_program_says() {
 }
 
 #[test]
+fn the_tutorial_of_an_unlisted_law_is_what_the_program_says() {
+    check(&["tutorial/unlisted.md"]);
+}
+
+#[test]
 fn the_tutorial_of_a_person_is_what_the_program_says() {
     check(&["tutorial/your-recordings.md", "tutorial/by-other-programs.md"]);
 }

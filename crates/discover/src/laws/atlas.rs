@@ -27,6 +27,8 @@ pub(crate) struct Group {
     pub components: Vec<usize>,
     pub variable: Variable,
     pub range: Range,
+    /// Second variable of a product, with its range.
+    pub second: Option<(Variable, Range)>,
     pub anchor: Vector3<f64>,
     /// Angular frequency of a periodic entry, rad/s.
     pub frequency: Option<f64>,
@@ -244,6 +246,15 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Jo
             Some((v, range, values.iter().map(|x| splines(x, range)).collect(), SPLINES))
         })
         .collect();
+    // a product of a rate and a place shows in neither alone if it is odd in both
+    let products: Vec<(Variable, Range, Vec<Vec<f64>>)> = Variable::of(scene)
+        .into_iter()
+        .filter(|v| *v != Variable::None)
+        .filter_map(|v| {
+            let values = frames.values(v, &none);
+            Some((v, range_of(&values)?, values))
+        })
+        .collect();
     let mut add = |unit: &[Vec<Vec<[f64; 6]>>], base: &Group, choices: &[&[usize]], weight: &[Vec<f64>], nb: usize| {
         let Some(columns) = columns(session, problem, unit, weight, nb, stride) else { return };
         if !columns.iter().all(|c| c.iter().all(|x| x.is_finite())) {
@@ -270,6 +281,7 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Jo
         components: Vec::new(),
         variable: Variable::None,
         range: Range { low: 0.0, high: 1.0 },
+        second: None,
         anchor: none,
         frequency: None,
         columns: 0,
@@ -291,6 +303,24 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Jo
             for (variable, range, weight, nb) in &weights {
                 let base = Group { variable: *variable, range: *range, ..blank(action, direction) };
                 add(&unit, &base, direction.choices(), weight, *nb);
+            }
+            if scene.model.n_links() <= MANY_LINKS && job.first_point {
+                for (rate, of_rate, x) in products.iter().filter(|p| p.0.is_rate()) {
+                    for (place, of_place, y) in products.iter().filter(|p| !p.0.is_rate()) {
+                        let base = Group {
+                            variable: *rate,
+                            range: *of_rate,
+                            second: Some((*place, *of_place)),
+                            ..blank(action, direction)
+                        };
+                        let weight: Vec<Vec<f64>> = x
+                            .iter()
+                            .zip(y)
+                            .map(|(x, y)| x.iter().zip(y).flat_map(|(x, y)| [x * y, *x]).collect())
+                            .collect();
+                        add(&unit, &base, direction.choices(), &weight, 2);
+                    }
+                }
             }
             let clock = matches!(direction, Direction::World | Direction::Link | Direction::AgainstVelocity);
             if clock && job.first_point && (all.len() == 3 || scene.model.n_links() <= MANY_LINKS) {

@@ -143,6 +143,14 @@ fn law_of(group: &Group, shape: Shape, values: &[f64], free_point: bool) -> (Law
 
 /// Laws for one entry: each shape from its best start.
 fn starts(session: &Session<'_>, problem: &Problem, evidence: &Evidence, group: &Group) -> Vec<Start> {
+    if let Some((variable, range)) = group.second {
+        let of = |shape: Shape| {
+            let (mut law, nonlinear) = law_of(group, Shape::Linear, &[], true);
+            law.factors.push(Factor { variable, shape, range, fixed: None });
+            Start { law, nonlinear, ratio: group.score.ratio }
+        };
+        return [Shape::Linear, Shape::Affine].map(of).into();
+    }
     let frames = PlaceFrames::new(session, group.carrier, &group.point);
     let distance = group.variable == Variable::Distance;
     let mut shapes = vec![Shape::Constant];
@@ -223,6 +231,7 @@ pub(crate) fn distinct(groups: &[Group], most: usize) -> Vec<&Group> {
                 && o.action == g.action
                 && o.direction == g.direction
                 && o.variable == g.variable
+                && o.second.map(|s| s.0) == g.second.map(|s| s.0)
                 && (g.frequency.is_none() || o.frequency.is_some())
         };
         if !out.iter().any(|o| same(&o)) {
@@ -240,7 +249,7 @@ fn places<'g>(groups: &[&'g Group], most: usize) -> Vec<&'g Group> {
     let mut out: Vec<&Group> = Vec::new();
     for g in groups {
         let same = |o: &&Group| o.carrier == g.carrier && o.action == g.action && o.direction == g.direction;
-        if g.direction != Direction::Towards && !out.iter().any(|o| same(&o)) {
+        if g.direction != Direction::Towards && g.second.is_none() && !out.iter().any(|o| same(&o)) {
             out.push(g);
         }
         if out.len() == most {
@@ -297,6 +306,9 @@ pub(crate) fn laws(session: &Session<'_>, problem: &Problem, evidence: &Evidence
 
 /// The free curve of an entry, with a free point.
 pub(crate) fn curve(session: &Session<'_>, problem: &Problem, group: &Group) -> Option<Fitted> {
+    if group.second.is_some() {
+        return None;
+    }
     let shape = match group.variable {
         Variable::None => Shape::Constant,
         Variable::Clock => Shape::WaveAbout,

@@ -267,6 +267,20 @@ impl Variable {
         }
     }
 
+    /// True for velocities and angular velocities.
+    pub fn is_rate(self) -> bool {
+        matches!(
+            self,
+            Self::Speed
+                | Self::Spin
+                | Self::VelocityInWorld(_)
+                | Self::VelocityInLink(_)
+                | Self::SpinInWorld(_)
+                | Self::SpinInLink(_)
+                | Self::JointRate(_)
+        )
+    }
+
     /// True if it takes both signs.
     pub fn is_signed(self) -> bool {
         !matches!(self, Self::None | Self::Speed | Self::Spin | Self::SinceTakeOff | Self::Clock | Self::Distance)

@@ -139,7 +139,7 @@ impl Law {
         if self.terms() == 1 {
             "f".to_owned()
         } else if self.terms() <= 4 {
-            ["a", "b", "c", "d"][term].to_owned()
+            ["f", "g", "h", "l"][term].to_owned()
         } else {
             format!("f{term}")
         }

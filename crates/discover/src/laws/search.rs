@@ -17,7 +17,7 @@ use crate::problem::{Domain, Problem};
 use crate::result::{Estimate, FEWEST_CLUSTERS};
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
-use aloft_effects::{Effect, EffectInstance, Target};
+use aloft_effects::{Effect, EffectInstance, Scene, Target};
 use nalgebra::DMatrix;
 
 /// Draws of random signs for the null distribution of the atlas.
@@ -142,7 +142,7 @@ pub(crate) fn search(
             carrier: g.carrier.name(session.scene),
             action: g.action,
             direction: g.direction,
-            variable: g.variable.formula(session.scene),
+            variable: variable_of(g, session.scene),
             held_out_ratio: g.score.ratio.sqrt(),
         })
         .collect();
@@ -384,7 +384,7 @@ fn diagnose(session: &Session<'_>, problem: &Problem, atlas: &Atlas, p: f64) -> 
         carrier: g.carrier.name(scene),
         action: g.action,
         direction: g.direction,
-        variable: g.variable.formula(scene),
+        variable: variable_of(g, scene),
         held_out_ratio: g.score.ratio.sqrt(),
         removes: 1.0 - g.score.ratio.sqrt(),
         family_wise_p: p,
@@ -397,10 +397,16 @@ fn diagnose(session: &Session<'_>, problem: &Problem, atlas: &Atlas, p: f64) -> 
     out
 }
 
+/// Variable of an entry in formulas, `a*b` for a product.
+fn variable_of(g: &Group, scene: &Scene) -> String {
+    let first = g.variable.formula(scene);
+    g.second.map_or(first.clone(), |s| format!("{first}*{}", s.0.formula(scene)))
+}
+
 /// Strength over the variable for the component with the largest strength.
 fn curve_of(g: &Group) -> Vec<[f64; 2]> {
     const POINTS: usize = 13;
-    if g.frequency.is_some() || g.variable == Variable::None || g.variable == Variable::Distance {
+    if g.frequency.is_some() || g.second.is_some() || g.variable == Variable::None || g.variable == Variable::Distance {
         return Vec::new();
     }
     let nb = g.columns / g.components.len().max(1);

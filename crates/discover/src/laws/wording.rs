@@ -25,6 +25,9 @@ fn direction(d: Direction, action: Action) -> &'static str {
 
 /// A variable in words, from its name in formulas.
 fn variable(name: &str) -> String {
+    if let Some((a, b)) = name.split_once('*') {
+        return format!("{} times {}", variable(a), variable(b));
+    }
     let axis = |stem: &str| name.strip_prefix(stem).map(str::to_owned);
     match name {
         "speed" => "the speed of the point".to_owned(),
