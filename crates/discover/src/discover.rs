@@ -334,26 +334,8 @@ pub fn discover(
         out.verdict = Verdict::Unexplained;
         out.effects.clear();
     }
-    let named = matches!(out.verdict, Verdict::Supported | Verdict::OneOf);
-    if has_flights && beyond(&left, options) {
-        let catalogue = (out.held_out_error_after / out.held_out_error)
-            .min(out.candidates.iter().filter(|c| !c.placebo).map(|c| c.held_out_ratio).fold(1.0, f64::min));
-        let taken: Vec<&str> = effects.iter().map(|e| e.id()).collect();
-        out.open = crate::laws::search(session, accepted, catalogue, &taken, options);
-        // what the catalogue names stands, unless a law brings the error to the floor that it leaves above
-        if named && out.open.as_ref().is_some_and(|o| !o.complete) {
-            out.open = None;
-        }
-        if out.open.as_ref().is_some_and(|o| !o.laws.is_empty()) {
-            out.verdict = Verdict::Unexplained;
-            out.effects.clear();
-        }
-        if let Some(open) = out.open.as_ref().filter(|o| o.complete) {
-            // effects that removed a part of the error stood in for the law
-            out.found.clear();
-            out.ladder.clear();
-            out.held_out_error_after = open.held_out_error_after;
-        }
+    if has_flights && !options.closed && options.only.is_empty() {
+        look_beyond(session, accepted, effects, &kept, &left, &mut out, options);
     }
     out.words = wording::answer(&out, far);
     if let Some(open) = &out.open {
@@ -363,12 +345,49 @@ pub fn discover(
     Ok(out)
 }
 
-/// True if flights leave an error above the interval of its floor, whatever the catalogue named.
-fn beyond(left: &[Option<Standing>; 2], options: &DiscoverOptions) -> bool {
-    if options.closed || !options.only.is_empty() {
-        return false;
+/// Searches for laws beyond the catalogue where flights leave an error above the interval of its
+/// floor, or where the catalogue needs effects of several kinds, and lets laws that convince replace
+/// what the catalogue names.
+fn look_beyond(
+    session: &Session<'_>,
+    accepted: &[EffectInstance<'_>],
+    effects: &[&dyn Effect],
+    kept: &[Variant<'_>],
+    left: &[Option<Standing>; 2],
+    out: &mut Discovery,
+    options: &DiscoverOptions,
+) {
+    let above = |s: &Standing| s.noise_floor > 0.0 && !s.reached_by(s.held_out_error) && s.times_floor() > 1.2;
+    let several = kept.iter().any(|v| v.effect.id() != kept[0].effect.id());
+    if !(left[0].as_ref().is_some_and(above) || (several && session.standing[0].as_ref().is_some_and(above))) {
+        return;
     }
-    left[0].is_some_and(|s| s.noise_floor > 0.0 && !s.reached_by(s.held_out_error) && s.times_floor() > 1.2)
+    let catalogue = (out.held_out_error_after / out.held_out_error)
+        .min(out.candidates.iter().filter(|c| !c.placebo).map(|c| c.held_out_ratio).fold(1.0, f64::min));
+    let taken: Vec<&str> = effects.iter().map(|e| e.id()).collect();
+    let unknowns: usize = kept.iter().map(Variant::unknowns).sum();
+    let rival = crate::laws::Rivals { ratio: catalogue, several: several.then_some(unknowns) };
+    out.open = crate::laws::search(session, accepted, rival, &taken, options);
+    let Some(open) = &out.open else { return };
+    let named = matches!(out.verdict, Verdict::Supported | Verdict::OneOf);
+    if named && !open.complete {
+        // what the catalogue names stands, unless a law brings the error to the floor
+        out.open = None;
+        return;
+    }
+    let limit = if session.prior.is_some() { options.belief_kinematics } else { options.belief };
+    let acts =
+        open.diagnosis.as_ref().is_some_and(|d| d.held_out_ratio < limit && d.family_wise_p < options.significance);
+    if !open.laws.is_empty() || acts {
+        out.verdict = Verdict::Unexplained;
+        out.effects.clear();
+    }
+    if open.complete {
+        // effects that removed a part of the error stood in for the law
+        out.found.clear();
+        out.ladder.clear();
+        out.held_out_error_after = open.held_out_error_after;
+    }
 }
 
 fn wanted(effect: &dyn Effect, options: &DiscoverOptions) -> bool {

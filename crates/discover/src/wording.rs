@@ -148,7 +148,18 @@ pub(crate) fn answer(d: &Discovery, far: Option<(&str, Standing)>) -> String {
 /// The result with that of the search beyond the catalogue.
 pub(crate) fn with_open(d: &Discovery, open: &OpenWorld) -> String {
     if !open.complete {
-        return format!("{}; {}", d.words, open.words);
+        let above = format!(
+            "the held-out error in flight is {:.3} N, {:.1} times the noise floor, and no effect of the catalogue explains it",
+            d.held_out_error,
+            d.held_out_error / d.noise_floor
+        );
+        // a verdict below three times the floor comes from the search
+        let lead = if d.verdict == Verdict::Unexplained && !d.words.starts_with("unexplained") {
+            above
+        } else {
+            d.words.clone()
+        };
+        return format!("{lead}; {}", open.words);
     }
     let best = d.candidates.iter().find(|c| !c.placebo).map_or(String::new(), |c| {
         format!(": the best effect of the catalogue, `{}`, leaves {:.1} % of it", c.key, 100.0 * c.held_out_ratio)

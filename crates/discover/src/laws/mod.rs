@@ -33,4 +33,4 @@ mod wording;
 pub use kinematics::{Action, Carrier, Direction, Variable};
 pub use result::{Diagnosis, Entry, FoundLaw, LawKind, NextRecording, OpenWorld, Work};
 
-pub(crate) use search::search;
+pub(crate) use search::{Rivals, search};

@@ -41,14 +41,23 @@ const BETTER: f64 = 0.85;
 /// Largest number of laws.
 const ROUNDS: usize = 3;
 
-/// Searches for a law beyond the catalogue on what a model leaves in flight. `catalogue` is the share
-/// of the error that the best effects of the catalogue leave: laws have to do better. `taken` are
+/// What laws have to do better than.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Rivals {
+    /// Share of the error that the best effects of the catalogue leave.
+    pub ratio: f64,
+    /// Number of unknowns if these are effects of several kinds: a single law with fewer unknowns that
+    /// leaves no more is simpler.
+    pub several: Option<usize>,
+}
+
+/// Searches for a law beyond the catalogue on what a model leaves in flight. `taken` are
 /// identifiers of effects that exist. `None` if there are no
 /// flights to search, or they do not determine the parameters.
 pub(crate) fn search(
     session: &Session<'_>,
     accepted: &[EffectInstance<'_>],
-    catalogue: f64,
+    catalogue: Rivals,
     taken: &[&str],
     options: &DiscoverOptions,
 ) -> Option<OpenWorld> {
@@ -125,7 +134,8 @@ pub(crate) fn search(
     let times_floor = standing.filter(|s| s.noise_floor > 0.0).map(|s| s.held_out_error * ratio / s.noise_floor);
     let complete = !laws.is_empty()
         && (times_floor.is_some_and(|t| t <= ANSWERED) || standing.is_some_and(|s| at_floor(&s, left / before)));
-    let better = ratio < BETTER * catalogue;
+    let simpler = |most: usize| laws.len() == 1 && laws[0].0.unknowns < most && ratio <= SIMPLER * catalogue.ratio;
+    let better = ratio < BETTER * catalogue.ratio || catalogue.several.is_some_and(simpler);
     let complete = complete && better;
     let named = complete || (better && ratio < PART);
     let found: Vec<FoundLaw> = if named {
