@@ -259,22 +259,19 @@ fn places<'g>(groups: &[&'g Group], most: usize) -> Vec<&'g Group> {
     out
 }
 
-/// Laws with a threshold in any variable, for the place and direction of an entry: smooth curves of
-/// the atlas do not follow them, so their variable need not be among the best.
-fn thresholds(session: &Session<'_>, problem: &Problem, evidence: &Evidence, group: &Group) -> Vec<Start> {
+/// Shapes that are tried in every variable.
+const EVERYWHERE: [Shape; 5] = [Shape::Linear, Shape::Affine, Shape::Switch, Shape::RampUp, Shape::RampDown];
+
+/// Laws with a straight line or a threshold in any variable, for the place and direction of an
+/// entry: a smooth curve does not follow a threshold, and a curve with many values predicts a flight
+/// beyond the range of the others worse than a line, so their variable need not be among the best.
+fn in_every_variable(session: &Session<'_>, problem: &Problem, evidence: &Evidence, group: &Group) -> Vec<Start> {
     let frames = PlaceFrames::new(session, group.carrier, &group.point);
     let mut out: Vec<Start> = Vec::new();
     for variable in Variable::of(session.scene) {
         let Some(range) = range_of(&frames.values(variable, &group.anchor)) else { continue };
         let of = Group { variable, range, frequency: None, ..group.clone() };
-        out.extend(screened(
-            session,
-            problem,
-            evidence,
-            &of,
-            &frames,
-            &[Shape::Switch, Shape::RampUp, Shape::RampDown],
-        ));
+        out.extend(screened(session, problem, evidence, &of, &frames, &EVERYWHERE));
     }
     out.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
     out
@@ -287,13 +284,15 @@ pub(crate) fn laws(session: &Session<'_>, problem: &Problem, evidence: &Evidence
         .flat_map_iter(|g| starts(session, problem, evidence, g).into_iter().take(SHAPES).collect::<Vec<_>>())
         .collect();
     let best: Vec<&Group> = places(groups, 3);
-    let thresholds: Vec<Start> = best
+    let everywhere: Vec<Start> = best
         .par_iter()
-        .flat_map_iter(|g| thresholds(session, problem, evidence, g).into_iter().take(SHAPES).collect::<Vec<_>>())
+        .flat_map_iter(|g| {
+            in_every_variable(session, problem, evidence, g).into_iter().take(SHAPES).collect::<Vec<_>>()
+        })
         .collect();
     // identical laws come from entries that differ in the variable only
     let mut unique: Vec<Start> = Vec::new();
-    for s in begun.into_iter().chain(thresholds) {
+    for s in begun.into_iter().chain(everywhere) {
         if !unique.iter().any(|u| u.law == s.law && u.nonlinear == s.nonlinear) {
             unique.push(s);
         }

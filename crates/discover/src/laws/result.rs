@@ -67,6 +67,9 @@ pub struct FoundLaw {
     pub kind: LawKind,
     /// Link, or `body`.
     pub carrier: String,
+    /// Other links on which a law of the same kind leaves at most 5 % more error: the recordings do
+    /// not exclude them.
+    pub also: Vec<String>,
     /// Force or couple.
     pub action: Action,
     /// Direction.

@@ -5,7 +5,7 @@ use super::atlas::{Atlas, Group, PlaceFrames, atlas, columns, range_of, stride};
 use super::evidence::Evidence;
 use super::fit::{self, Fitted};
 use super::formula::is_curve;
-use super::kinematics::{Action, Variable};
+use super::kinematics::{Action, Carrier, Variable};
 use super::law::{Factor, Law, PointIs};
 use super::next::next_recording;
 use super::result::{Diagnosis, Entry, FoundLaw, LawKind, OpenWorld, Work};
@@ -38,8 +38,24 @@ const ANSWERED: f64 = 1.5;
 const PART: f64 = 0.5;
 /// Laws that leave more than this share of what the catalogue leaves are not named.
 const BETTER: f64 = 0.85;
+/// Laws on another link that leave no more than this multiple of the error are not excluded.
+const ALSO: f64 = 1.05;
+/// Share of the error that a further law may leave on a person.
+const FURTHER: f64 = 0.6;
 /// Largest number of laws.
 const ROUNDS: usize = 3;
+
+/// A law as accepted in its round.
+#[derive(Clone)]
+struct Step {
+    fitted: Fitted,
+    /// Error with it over that without (root mean square).
+    ratio: f64,
+    /// Family-wise p-value of its entry.
+    p: f64,
+    /// Other carriers that the rows do not exclude.
+    also: Vec<Carrier>,
+}
 
 /// What laws have to do better than.
 #[derive(Debug, Clone, Copy)]
@@ -72,7 +88,7 @@ pub(crate) fn search(
     let before: f64 = plain.folds.iter().map(|f| f.error).sum();
     let person = session.prior.is_some();
     let believed = if person { options.belief_kinematics } else { options.belief };
-    let mut laws: Vec<(Fitted, f64, f64)> = Vec::new();
+    let mut laws: Vec<Step> = Vec::new();
     let mut first: Option<(Atlas, usize)> = None;
     let mut diagnosis = None;
     let mut next = None;
@@ -94,11 +110,13 @@ pub(crate) fn search(
         let as_good = made.null.iter().filter(|r| **r <= best.score.ratio).count();
         let p = (as_good + 1) as f64 / (made.null.len() + 1) as f64;
         let groups = fit::distinct(&made.groups, TRIED);
+        // errors that repeat in every trial of a person look like further laws
+        let believed = if round > 0 && person { believed.min(FURTHER) } else { believed };
         let enough = best.score.ratio.sqrt() < believed && p < 0.05;
         if round == 0 && p < 0.05 && best.score.ratio.sqrt() < 0.97 {
             diagnosis = Some(diagnose(session, &problem, &made, p));
         }
-        if enough && let Some((found, rival)) = one_law(session, &problem, &evidence, &groups) {
+        if enough && let Some(OneLaw { best: found, rival, also }) = one_law(session, &problem, &evidence, &groups) {
             let ratio = (found.error() / now).sqrt();
             let p_gain = sign_flip_p(
                 &found.errors,
@@ -110,7 +128,7 @@ pub(crate) fn search(
                 if round == 0 {
                     next = rival.and_then(|r| next_recording(session, &found, &r));
                 }
-                laws.push((found, ratio, p));
+                laws.push(Step { fitted: found, ratio, p, also });
             }
         }
         let count = laws.len();
@@ -121,7 +139,7 @@ pub(crate) fn search(
         if count <= round {
             break;
         }
-        left = laws[count - 1].0.error();
+        left = laws[count - 1].fitted.error();
     }
     // unknowns of all laws together
     let laws = refit(session, &base, laws, options);
@@ -134,7 +152,7 @@ pub(crate) fn search(
     let times_floor = standing.filter(|s| s.noise_floor > 0.0).map(|s| s.held_out_error * ratio / s.noise_floor);
     let complete = !laws.is_empty()
         && (times_floor.is_some_and(|t| t <= ANSWERED) || standing.is_some_and(|s| at_floor(&s, left / before)));
-    let simpler = |most: usize| laws.len() == 1 && laws[0].0.unknowns < most && ratio <= SIMPLER * catalogue.ratio;
+    let simpler = |most: usize| laws.len() == 1 && laws[0].fitted.unknowns < most && ratio <= SIMPLER * catalogue.ratio;
     let better = ratio < BETTER * catalogue.ratio || catalogue.several.is_some_and(simpler);
     let complete = complete && better;
     let named = complete || (better && ratio < PART);
@@ -184,24 +202,26 @@ fn at_floor(standing: &Standing, share: f64) -> bool {
 fn plain_again(
     session: &Session<'_>,
     base: &[Vec<DMatrix<f64>>],
-    laws: &[(Fitted, f64, f64)],
+    laws: &[Step],
     options: &DiscoverOptions,
 ) -> Option<Problem> {
     let mut extra = base.to_vec();
-    for (f, _, _) in laws {
+    for Step { fitted: f, .. } in laws {
         extra.push(session.columns(&f.law, Target::Body, &f.nonlinear, Domain::Flight)?);
     }
     Problem::new(session, Domain::Flight, &extra, options.fewest_trials, options.prior_weight).ok()
 }
 
+/// A law, the next best one that differs from it, and other carriers that the rows do not exclude.
+struct OneLaw {
+    best: Fitted,
+    rival: Option<Fitted>,
+    also: Vec<Carrier>,
+}
+
 /// The law for the best entries: an expression, with a second factor where that removes more, or
 /// the free curve.
-fn one_law(
-    session: &Session<'_>,
-    problem: &Problem,
-    evidence: &Evidence,
-    groups: &[&Group],
-) -> Option<(Fitted, Option<Fitted>)> {
+fn one_law(session: &Session<'_>, problem: &Problem, evidence: &Evidence, groups: &[&Group]) -> Option<OneLaw> {
     let laws = fit::laws(session, problem, evidence, groups);
     let curves: Vec<Fitted> = groups.iter().take(3).filter_map(|g| fit::curve(session, problem, g)).collect();
     let curve = curves.into_iter().min_by(|a, b| a.error().total_cmp(&b.error()));
@@ -231,8 +251,15 @@ fn one_law(
         best = product;
     }
     let best = fit::simplify(session, problem, best);
-    let rival = laws.into_iter().find(|l| !l.is_like(&best));
-    Some((best, rival))
+    let rival = laws.iter().find(|l| !l.is_like(&best)).cloned();
+    let mut also: Vec<Carrier> = Vec::new();
+    for l in &laws {
+        let near = l.law.action == best.law.action && l.error() <= ALSO * ALSO * best.error();
+        if near && l.law.carrier != best.law.carrier && !also.contains(&l.law.carrier) {
+            also.push(l.law.carrier);
+        }
+    }
+    Some(OneLaw { best, rival, also })
 }
 
 /// The simplest law whose error is as good as the best one's.
@@ -240,12 +267,19 @@ fn simplest(laws: &[Fitted], person: bool) -> Option<&Fitted> {
     let best = laws.first()?;
     let n = best.errors.len() as f64;
     let as_good = |f: &&Fitted| {
+        // fewer unknowns are no reason to move a force to another link
+        if f.law.carrier != best.law.carrier || f.law.action != best.law.action {
+            return false;
+        }
         let d: Vec<f64> = f.errors.iter().zip(&best.errors).map(|(a, b)| a - b).collect();
         let mean = d.iter().sum::<f64>() / n;
         let sd = (d.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt();
         let ratio = (f.error() / best.error()).sqrt();
         // soft tissue imitates smooth dependences: on a person they have to earn their place
-        let constant = f.law.factors.iter().all(|f| f.shape == Shape::Constant);
+        let constant = f.law.factors.iter().all(|f| f.shape == Shape::Constant)
+            && f.law.carrier == best.law.carrier
+            && f.law.action == best.law.action
+            && f.law.direction == best.law.direction;
         ratio <= SIMPLER || (person && constant && ratio <= PERSON) || (mean <= sd / n.sqrt() && ratio <= 1.05)
     };
     laws.iter().filter(as_good).min_by(|a, b| a.unknowns.cmp(&b.unknowns).then(a.error().total_cmp(&b.error())))
@@ -349,9 +383,9 @@ fn second_factor(session: &Session<'_>, problem: &Problem, evidence: &Evidence, 
 fn refit(
     session: &Session<'_>,
     base: &[Vec<DMatrix<f64>>],
-    mut laws: Vec<(Fitted, f64, f64)>,
+    mut laws: Vec<Step>,
     options: &DiscoverOptions,
-) -> Vec<(Fitted, f64, f64)> {
+) -> Vec<Step> {
     if laws.len() < 2 {
         return laws;
     }
@@ -360,9 +394,9 @@ fn refit(
             let mut others = laws.clone();
             others.remove(i);
             let Some(problem) = plain_again(session, base, &others, options) else { continue };
-            let start = laws[i].0.nonlinear.clone();
-            if let Some(better) = fit::fit(session, &problem, &laws[i].0.law, start, 15) {
-                laws[i].0 = better;
+            let start = laws[i].fitted.nonlinear.clone();
+            if let Some(better) = fit::fit(session, &problem, &laws[i].fitted.law, start, 15) {
+                laws[i].fitted = better;
             }
         }
     }
@@ -432,9 +466,9 @@ fn curve_of(g: &Group) -> Vec<[f64; 2]> {
 }
 
 /// A fitted law for users.
-fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &(Fitted, f64, f64)) -> FoundLaw {
+fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &Step) -> FoundLaw {
     let scene = session.scene;
-    let (f, ratio, p) = found;
+    let Step { fitted: f, ratio, p, also } = found;
     let mut law = f.law.clone();
     let carrier = law.carrier.name(scene);
     let stem: String = carrier.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
@@ -470,7 +504,8 @@ fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &(Fitted, f64, 
     let kind = if is_curve(&law) { LawKind::Curve } else { LawKind::Formula };
     let work = work(session, f);
     let point = point_of(&law, &f.nonlinear, &nonlinear);
-    let text = wording::law(scene, &law, &f.nonlinear, &f.theta, work);
+    let also: Vec<String> = also.iter().map(|c| c.name(scene)).collect();
+    let text = wording::law(scene, &law, &f.nonlinear, &f.theta, work) + &wording::also(&also);
     let values: Vec<&Estimate> = coefficients.iter().chain(&nonlinear[split..]).chain(&point).collect();
     let documentation = wording::documentation(&text, &values, *ratio, *p);
     let mut effect = law.formula(scene, &f.nonlinear, documentation);
@@ -479,6 +514,7 @@ fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &(Fitted, f64, 
         id: law.id.clone(),
         kind,
         carrier,
+        also,
         action: law.action,
         direction: law.direction,
         variables: law

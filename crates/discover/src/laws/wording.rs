@@ -124,6 +124,17 @@ pub(crate) fn law(scene: &Scene, law: &Law, nonlinear: &[f64], theta: &DVector<f
     text
 }
 
+/// Other links that are not excluded.
+pub(crate) fn also(names: &[String]) -> String {
+    match names {
+        [] => String::new(),
+        names => {
+            let list: Vec<String> = names.iter().map(|n| carrier(n)).collect();
+            format!("; {} is not excluded as its place", list.join(" or "))
+        }
+    }
+}
+
 fn vector(v: &Vector3<f64>) -> String {
     format!("({:.3}, {:.3}, {:.3})", v.x, v.y, v.z)
 }
