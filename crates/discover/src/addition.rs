@@ -124,7 +124,7 @@ pub fn detectable(
 /// Flight where the effect acts there and there are flights, contact otherwise.
 fn domain_of(session: &Session<'_>, choice: &EffectInstance<'_>) -> Domain {
     let flights = session.blocks.iter().any(|b| b.kind != StretchKind::Contact);
-    if flights && judged_in(choice.effect, Domain::Flight, flights) { Domain::Flight } else { Domain::Contact }
+    if flights && judged_in(choice.effect, Domain::Flight) { Domain::Flight } else { Domain::Contact }
 }
 
 /// Columns by block, finite and not all zero.

@@ -56,7 +56,7 @@ pub fn discover(
     if has_flights {
         domains.push(Domain::Flight);
     }
-    if has_contact && effects.iter().any(|e| wanted(*e, options) && judged_in(*e, Domain::Contact, has_flights)) {
+    if has_contact && (!has_flights || effects.iter().any(|e| wanted(*e, options) && judged_in(*e, Domain::Contact))) {
         domains.push(Domain::Contact);
     }
     let mut before = f64::NAN;
@@ -111,7 +111,7 @@ pub fn discover(
                 let listed =
                     scores.iter().any(|s| s.effect.id() == e.id()) || already.iter().any(|(a, _)| a.id() == e.id());
                 wanted(e, options)
-                    && judged_in(e, domain, has_flights)
+                    && judged_in(e, domain)
                     && (!listed || aloft_effects::effect(e.id()).is_err())
                     && !left_out.iter().any(|l| l.effect == e.id())
             };
@@ -342,6 +342,10 @@ pub fn discover(
         out.words = wording::with_open(&out, open);
     }
     out.advice = wording::advice(&out, effects);
+    if !has_flights {
+        let untried = effects.iter().filter(|e| wanted(**e, options) && !judged_in(**e, Domain::Contact)).count();
+        out.warnings.push(wording::no_flights(untried));
+    }
     Ok(out)
 }
 
@@ -397,12 +401,14 @@ fn wanted(effect: &dyn Effect, options: &DiscoverOptions) -> bool {
 
 /// True for an effect that cannot be found again beside those found before: an alias of one of them,
 /// a generalisation of it, or the same on the whole body. A second one of a kind on another link or plate can.
-fn excluded(effect: &dyn Effect, already: &[(&dyn Effect, Target)]) -> bool {
+/// Without flights, an alias on any target counts: gains of single plates together with a wrong mass
+/// would scale both sides of every row to zero.
+fn excluded(effect: &dyn Effect, already: &[(&dyn Effect, Target)], has_flights: bool) -> bool {
     already.iter().any(|(found, target)| {
         let again = found.id() == effect.id() && !matches!(target, Target::Link(_) | Target::Plate(_));
         // what contains the effect found (wind contains drag) would only describe it once more
         let wider = effect.about().contains.contains(&found.id());
-        again || wider || (found.about().aliases.contains(&effect.id()) && *target == Target::Body)
+        again || wider || (found.about().aliases.contains(&effect.id()) && (!has_flights || *target == Target::Body))
     })
 }
 
@@ -421,7 +427,7 @@ fn run_round<'a>(
     let used: Vec<(&'a dyn Effect, bool)> = effects
         .iter()
         .copied()
-        .filter(|e| wanted(*e, options) && judged_in(*e, problem.domain, has_flights) && !excluded(*e, already))
+        .filter(|e| wanted(*e, options) && judged_in(*e, problem.domain) && !excluded(*e, already, has_flights))
         .map(|e| (e, false))
         .chain(PLACEBOS.iter().map(|p| (p as &dyn Effect, true)))
         .collect();

@@ -429,10 +429,11 @@ pub(crate) fn cosine(session: &Session<'_>, problem: &Problem, a: &Scored<'_>, b
     (inside / own).clamp(0.0, 1.0).sqrt()
 }
 
-/// True if an effect is judged in a domain.
-pub(crate) fn judged_in(effect: &dyn Effect, domain: Domain, has_flights: bool) -> bool {
+/// True if an effect is judged in a domain. What also acts in the air is judged in the air alone: on
+/// the plates a force on the body cannot be told from an error of the plates or of the model.
+pub(crate) fn judged_in(effect: &dyn Effect, domain: Domain) -> bool {
     match domain {
         Domain::Flight => effect.acts().in_flight(),
-        Domain::Contact => effect.acts().in_contact() && (!effect.acts().in_flight() || !has_flights),
+        Domain::Contact => effect.acts().in_contact() && !effect.acts().in_flight(),
     }
 }

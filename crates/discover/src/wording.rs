@@ -218,3 +218,11 @@ pub(crate) fn advice(d: &Discovery, effects: &[&dyn Effect]) -> Vec<String> {
     }
     out
 }
+
+/// What a session without flights cannot show.
+pub(crate) fn no_flights(untried: usize) -> String {
+    format!(
+        "no recording has a flight: only errors of the plates and of the stated mass can be judged; {untried} effects that act in the air, \
+         too, were not tried, because on the plates they cannot be told from these errors (record jumps)"
+    )
+}

@@ -8,8 +8,10 @@
 
 mod center_of_mass;
 mod combine;
+mod coverage;
 mod error;
 mod explain;
+mod feet;
 mod flight;
 mod free_acceleration;
 mod free_fall;
@@ -23,6 +25,7 @@ mod warning;
 mod wrench;
 
 pub use combine::{combine, find_flights};
+pub use coverage::{Coverage, LeftOut, Unmeasured, coverage};
 pub use error::FlightError;
 pub use explain::{Cause, Evidence, Explanation};
 pub use flight::{EdgeSource, Flight, FlightReport, FlightSource, Rejected, RejectionReason};

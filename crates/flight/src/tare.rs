@@ -10,6 +10,9 @@ use aloft_trial::{Plate, Trial};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+/// Least time without load from which a plate is tared by its own readings, s.
+const LEAST_UNLOADED_S: f64 = 0.25;
+
 /// Source of a tare.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -145,7 +148,8 @@ pub fn unloaded_tare(plate: &Plate) -> PlateTare {
 
 /// Tares every plate from the flights of this trial and returns the values subtracted. With several
 /// flights the tare is interpolated linearly from flight to flight, because amplifiers drift.
-/// Without flights nothing changes and the source is `None`.
+/// Without flights, every stretch in which a plate is unloaded counts (for at least 0.25 s in all);
+/// a plate that is loaded all the time keeps its readings, and the source is `None`.
 ///
 /// `frame_rate_hz` is the trial's marker rate; 10 ms at both ends of each flight are omitted.
 pub fn tare(trial: &mut Trial, flights: &[Flight]) -> Vec<PlateTare> {
@@ -181,7 +185,7 @@ pub fn tare(trial: &mut Trial, flights: &[Flight]) -> Vec<PlateTare> {
                 noise.push(spread);
             }
             if out.times_s.is_empty() {
-                return PlateTare::none(plate);
+                return own_tare(plate);
             }
             out.noise_n = noise.iter().sum::<f64>() / noise.len() as f64;
             out.source = TareSource::Flights;
@@ -190,6 +194,12 @@ pub fn tare(trial: &mut Trial, flights: &[Flight]) -> Vec<PlateTare> {
         .collect();
     apply_tare(trial, &tares);
     tares
+}
+
+/// Tare from the plate's own unloaded stretches, if they last long enough.
+fn own_tare(plate: &Plate) -> PlateTare {
+    let own = unloaded_tare(plate);
+    if own.samples as f64 >= LEAST_UNLOADED_S * plate.rate_hz { own } else { PlateTare::none(plate) }
 }
 
 /// Subtracts tares from the plates of the same names (for a trial without flights: tares of another

@@ -6,8 +6,8 @@ mod shared_data;
 
 use aloft_body::{JointSpec, LinkSpec, Model, ModelSpec, Motion, Phi};
 use aloft_flight::{
-    EdgeSource, FlightMethod, FlightOptions, FlightSource, RejectionReason, apply_tare, find_flights, from_motion,
-    from_plates, plate_wrench_at_marker_rate, tare, total_wrench,
+    EdgeSource, FlightMethod, FlightOptions, FlightSource, RejectionReason, TareSource, apply_tare, find_flights,
+    from_motion, from_plates, plate_wrench_at_marker_rate, tare, total_wrench,
 };
 use aloft_signal::LowPass;
 use aloft_trial::{ImportOptions, Plate, Trial};
@@ -88,14 +88,21 @@ fn tare_from_flights_leaves_nothing_in_the_air() {
             assert!(mean.norm() < 0.3 && moment.norm() < 0.05, "{mean} {moment}");
         }
     }
-    // The same values can be applied to another recording of the session; without flights nothing
-    // changes.
+    // The same values can be applied to another recording of the session; without known flights,
+    // the stretches without load serve.
     let mut other = before.clone();
     apply_tare(&mut other, &tares);
     assert!(other.plates == trial.plates);
     let mut still = before.clone();
-    tare(&mut still, &[]);
-    assert!(still.plates == before.plates);
+    let own = tare(&mut still, &[]);
+    assert!(own.iter().all(|t| t.source == TareSource::OwnReadings));
+    assert!((own[0].force_n[0].z - 10.5).abs() < 2.0, "{own:?}");
+    // a plate that is loaded all the time keeps its readings
+    let mut loaded = before.clone();
+    for force in &mut loaded.plates[1].force_n {
+        force.z = 300.0 + 0.1 * force.z;
+    }
+    assert_eq!(tare(&mut loaded, &[])[1].source, TareSource::None);
 }
 
 #[test]

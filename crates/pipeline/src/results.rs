@@ -2,7 +2,7 @@
 //! declare, and for commands.
 
 use aloft_body::{Motion, Subject};
-use aloft_flight::{FlightReport, PlateTare, apply_tare};
+use aloft_flight::{Coverage, FlightReport, PlateTare, apply_tare};
 use aloft_identify::Parameters;
 use aloft_study::config::Rows;
 use aloft_trial::Trial;
@@ -77,6 +77,11 @@ impl<'a> Results<'a> {
     /// Readings of a trial's plates when nothing stands on them.
     pub fn load_tares(&self, trial: &str) -> Result<Vec<PlateTare>, StageFailure> {
         Ok(read_json(&self.place("flight", trial)?.join("tare.json"))?)
+    }
+
+    /// The contact of a trial that its plates measure completely.
+    pub fn load_coverage(&self, trial: &str) -> Result<Coverage, StageFailure> {
+        Ok(read_json(&self.place("flight", trial)?.join("coverage.json"))?)
     }
 
     /// The motion of a trial as written by a stage.

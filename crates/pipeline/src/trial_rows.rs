@@ -15,21 +15,26 @@ use aloft_trial::Trial;
 use aloft_workspace::error::StageFailure;
 use nalgebra::{DMatrix, Vector3, Vector6};
 
-/// Contact stretches that are completely measured by plates: between flights (50 ms away from
-/// them), loaded with at least a fifth of body weight.
+/// Contact stretches that are completely measured by plates (`covered`): between flights (50 ms
+/// away from them), loaded with at least a fifth of body weight.
 pub fn contact_stretches(
     trial: &Trial,
     flights: &FlightReport,
     motion: &Motion,
     force_z: &[f64],
     weight_n: f64,
+    covered: &[bool],
 ) -> Vec<Stretch> {
     let n = motion.n_frames();
     let edge = (0.05 * motion.rate_hz).ceil() as usize;
     let shortest = (0.2 * motion.rate_hz) as usize;
     let near_flight = |f: usize| flights.flights.iter().any(|x| f + edge >= x.start && f < x.end + edge);
-    let usable =
-        |f: usize| motion.is_valid(f) && !near_flight(f) && force_z.get(f).is_some_and(|z| *z > 0.2 * weight_n);
+    let usable = |f: usize| {
+        motion.is_valid(f)
+            && !near_flight(f)
+            && force_z.get(f).is_some_and(|z| *z > 0.2 * weight_n)
+            && covered.get(f).copied().unwrap_or(false)
+    };
     let mut out = Vec::new();
     let mut start = None;
     for f in 0..=n {
@@ -115,6 +120,8 @@ pub struct TrialRows {
     pub flights: Vec<std::ops::Range<usize>>,
     /// Flights and contact stretches.
     pub stretches: Vec<Stretch>,
+    /// Frames in contact whose forces the plates measure completely.
+    pub covered: Vec<bool>,
     /// Plate wrench about the world origin at the frames, unfiltered.
     pub wrench: Option<Vec<Vector6<f64>>>,
     /// The same, filtered like the motion; none where the motion is not filtered.
@@ -160,6 +167,7 @@ impl TrialRows {
         let trial = results.load_tared_plates(name)?;
         let mut stretches: Vec<Stretch> =
             flights.flights.iter().enumerate().map(|(i, f)| Stretch::flight(name, i, f.start, f.end)).collect();
+        let covered = results.load_coverage(name)?.mask();
         let (mut wrench, mut wrench_filtered) = (None, None);
         let mut plates = Vec::new();
         let plate_centers_m = trial
@@ -174,7 +182,7 @@ impl TrialRows {
             plates = each.into_iter().map(|p| PlateSeries { force_n: p.force_n, moment_nm: p.moment_nm }).collect();
             let weight_n = force_scale_n(subject.facts.mass_kg, subject.model.gravity_mps2.norm());
             let z: Vec<f64> = raw.force_n.iter().map(|f| f.z).collect();
-            stretches.extend(contact_stretches(&trial, &flights, &motion, &z, weight_n));
+            stretches.extend(contact_stretches(&trial, &flights, &motion, &z, weight_n, &covered));
             let join = |w: &aloft_flight::FrameWrench| {
                 w.force_n.iter().zip(&w.moment_nm).map(|(f, m)| Vector6::new(f.x, f.y, f.z, m.x, m.y, m.z)).collect()
             };
@@ -194,6 +202,7 @@ impl TrialRows {
             filtered,
             flights,
             stretches,
+            covered,
             wrench,
             wrench_filtered,
             plates,

@@ -4,6 +4,8 @@
 use crate::lab::{Evidence, Known, lab};
 use crate::person::{CAPTURE, SEED, person, plain};
 use crate::{Case, recovers};
+use aloft_discover::{DiscoverOptions, catalogue, discover};
+use aloft_regressor::StretchKind;
 use aloft_simulate::measure::plates::{PlateGeometry, record};
 use aloft_simulate::random::Stream;
 use aloft_simulate::{CaptureSpec, Hidden, Lab};
@@ -106,4 +108,34 @@ pub fn body_mass() {
     }
     recovers(&Case { key: "body_mass", truth: &[truth], ..Case::default() }, &heavy, &twin);
     recovers(&Case { key: "plate_gain", truth: &[EXCESS], ..Case::default() }, &heavy, &twin);
+}
+
+/// Contact alone, with a stated mass that is far too high and a plate that reads too little: a wrong
+/// mass and a gain would together scale both sides of every row to zero.
+#[test]
+fn without_flights_only_errors_of_the_plates_are_candidates() {
+    let mut heavy =
+        with_plates_of(&read_again(&[Hidden::PlateGain { plate: 1, gain: [0.8; 6] }])).only(StretchKind::Contact);
+    heavy.mass_kg *= 1.2;
+    for link in &mut heavy.links {
+        link.mass_kg *= 1.2;
+        link.inertia_com_kgm2 *= 1.2;
+    }
+    let options = DiscoverOptions { null_draws: 20, ..DiscoverOptions::default() };
+    let found = heavy.with(|_, session| discover(session, &catalogue(), &[], &options).unwrap());
+    assert!(!found.candidates.is_empty());
+    for c in found.candidates.iter().filter(|c| !c.placebo) {
+        let acts = aloft_effects::effect(&c.effect).unwrap().acts();
+        assert!(acts.in_contact() && !acts.in_flight(), "{} needs a flight", c.effect);
+    }
+    let named = |id: &str| found.found.iter().any(|f| f.effect == id);
+    assert!(!(named("body_mass") && named("plate_gain")), "{}", found.words);
+    for f in &found.found {
+        assert!(f.coefficients.iter().all(|c| f.effect != "plate_gain" || c.value.abs() < 0.45), "{f:?}");
+    }
+    assert!(found.warnings.iter().any(|w| w.starts_with("no recording has a flight")), "{:?}", found.warnings);
+    // a force that acts in the air, too, is not tried even when asked for
+    let only = DiscoverOptions { only: vec!["constant_force".into()], ..options };
+    let found = heavy.with(|_, session| discover(session, &catalogue(), &[], &only).unwrap());
+    assert!(found.candidates.iter().all(|c| c.placebo) && found.effects.is_empty(), "{}", found.words);
 }

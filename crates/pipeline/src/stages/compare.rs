@@ -35,7 +35,7 @@ use std::ops::Range;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "compare",
-    version: 4,
+    version: 5,
     scope: Scope::Session,
     seconds: 0.6,
     reads: "parameters, held-out trials",
@@ -141,7 +141,7 @@ pub struct ComparedTrial {
     pub drift: Option<PlateDrift>,
     /// Columns of the model's effects.
     pub effects: Option<EffectColumns>,
-    /// True if the plates were never unloaded, so that their reading at rest is not known.
+    /// True if a plate was never unloaded, so that its reading at rest is not known.
     pub untared: bool,
 }
 
@@ -199,9 +199,9 @@ impl ComparedTrial {
                 .map_err(|e| StageFailure::new(e.to_string()))?;
             Some(m)
         };
-        let complete = completely_measured(measured.as_ref(), &flights, frames);
+        let complete = completely_measured(&rows.covered, &flights, frames);
         let tares = results.load_tares(name)?;
-        let untared = measured.is_some() && tares.iter().all(|t| t.source == TareSource::None);
+        let untared = measured.is_some() && tares.iter().any(|t| t.source == TareSource::None);
         Ok(Self {
             name: name.to_owned(),
             role,
@@ -264,15 +264,10 @@ pub fn load_trials(
         .collect()
 }
 
-/// Frames in which all external forces are known: in flight always; on the ground only while plates
-/// are loaded, because somebody who stands on a box before a drop loads none.
-fn completely_measured(measured: Option<&Measured>, flights: &[Range<usize>], frames: usize) -> Vec<bool> {
-    (0..frames)
-        .map(|f| {
-            flights.iter().any(|r| r.contains(&f))
-                || measured.is_some_and(|m| m.unfiltered.get(f).is_some_and(|w| w[2] > 20.0))
-        })
-        .collect()
+/// Frames in which all external forces are known: in flight always; on the ground only where the
+/// plates measure all that the body touches.
+fn completely_measured(covered: &[bool], flights: &[Range<usize>], frames: usize) -> Vec<bool> {
+    (0..frames).map(|f| flights.iter().any(|r| r.contains(&f)) || covered.get(f).copied().unwrap_or(false)).collect()
 }
 
 /// True if a trial that takes no part in identification was measured by plates; models are then

@@ -3,8 +3,8 @@
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use aloft_body::{Motion, Subject};
 use aloft_flight::{
-    FlightMethod, FlightOptions, FlightReport, FlightWarning, ImpulseMass, TareSource, find_flights, impulse_masses,
-    plate_wrench_at_marker_rate, tare, total_wrench,
+    FlightMethod, FlightOptions, FlightReport, FlightWarning, ImpulseMass, PlateTare, TareSource, coverage,
+    find_flights, impulse_masses, plate_wrench_at_marker_rate, tare, total_wrench,
 };
 use aloft_study::config::{FlightConfig, FlightSource};
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
@@ -19,11 +19,11 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "flight",
-    version: 3,
+    version: 4,
     scope: Scope::Trial(&[Role::Identify, Role::Validate]),
     seconds: 0.03,
     reads: "`Motion`, plates, prior",
-    gives: "intervals in which no external force acts; tare of the plates",
+    gives: "intervals in which no external force acts; tare of the plates; contact that they measure completely",
     needs: &[Need::Same("import"), Need::Same("ik"), Need::Once("calibrate")],
     parameters: parameters_of::<Work>,
     run: run_of::<Work>,
@@ -108,6 +108,9 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let tares = tare(&mut trial, &report.flights);
     write_json(&inputs.out.join("flights.json"), &report)?;
     write_json(&inputs.out.join("tare.json"), &tares)?;
+    let covered = coverage(&trial, &subject, &motion, &report.flights, config.threshold_n)
+        .map_err(|e| StageFailure::new(e.to_string()))?;
+    write_json(&inputs.out.join("coverage.json"), &covered)?;
     let weighed = weigh(&trial, &subject, &motion, &report)?;
     write_json(&inputs.out.join("impulse_mass.json"), &weighed)?;
     let mut done = StageReport::default();
@@ -129,6 +132,17 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     }
     if tares.iter().any(|t| t.source == TareSource::None) {
         reasons.push(QcReason::UntaredPlate);
+    }
+    if !tares.is_empty() {
+        let of = |t: &PlateTare| t.force_n.iter().map(|f| f.z).sum::<f64>() / t.force_n.len().max(1) as f64;
+        let known = tares.iter().map(|t| (t.plate.clone(), (t.source != TareSource::None).then(|| of(t))));
+        done.note("tare_n", json!(known.collect::<std::collections::BTreeMap<_, _>>()));
+        done.note("contact_measured_s", covered.complete_s());
+        done.note("contact_left_out_s", covered.lost_s());
+    }
+    if let Some(words) = covered.words() {
+        done.warnings.push(StageWarning::new(QcReason::PartlyMeasured, words));
+        reasons.push(QcReason::PartlyMeasured);
     }
     if params.role == Some(Role::Identify) && report.flights.is_empty() {
         reasons.push(QcReason::NoFlight);
