@@ -199,7 +199,7 @@ fn landmarks(made: &Made<'_>, used: &Subject) -> Result<Option<Tracked>, StageFa
         .par_iter()
         .map(|(name, role)| {
             let ik = session.ik_of(session.trial(name));
-            let (with_weights, motion, _) = track(ik, results, subject.clone(), name)?;
+            let (with_weights, motion, ..) = track(ik, results, subject.clone(), name)?;
             let filtered = smooth(&with_weights.model, &motion, Some(low_pass(&acceleration.filter)))
                 .map_err(|e| StageFailure::new(e.to_string()))?;
             let calendar = || made.calendar();

@@ -264,7 +264,7 @@ fn figures(row: &mut SummaryRow, session: &SubjectSession, trial: &TrialEntry, m
     row.missing_markers = count(import, "missing_markers");
     row.gaps = count(import, "gaps");
     row.longest_gap_s = number(import, "longest_gap_s");
-    for list in [import, own("flight")].into_iter().flatten().filter_map(|m| m.summary.get("qc")) {
+    for list in [import, own("ik"), own("flight")].into_iter().flatten().filter_map(|m| m.summary.get("qc")) {
         row.reasons.extend(serde_json::from_value::<Vec<QcReason>>(list.clone()).unwrap_or_default());
     }
     row.scaling_error_mm = number(once("scale"), "scaling_error_mm");

@@ -128,7 +128,26 @@ impl<'a> Solver<'a> {
             let excess = self.limit_excess(hinge.flexion(q[hinge.q_index]));
             cost += 0.5 * problem.limit_weight * excess * excess;
         }
+        for limit in &problem.limits {
+            let [swing, twist] = limit.excess(&q[limit.q_index..limit.q_index + 4]);
+            if swing != 0.0 || twist != 0.0 {
+                cost += 0.5 * problem.limit_weight * (swing * swing + twist * twist);
+            }
+        }
         cost
+    }
+
+    /// Joints beyond their ranges at `q`: link and excess, rad.
+    pub fn beyond(&self, q: &[f64]) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let problem = self.problem;
+        let hinges: Vec<(usize, f64)> =
+            problem.hinges.iter().map(|h| (h.link, self.limit_excess(h.flexion(q[h.q_index])).abs())).collect();
+        let others: Vec<(usize, f64)> = problem
+            .limits
+            .iter()
+            .map(|l| (l.link, l.excess(&q[l.q_index..l.q_index + 4]).map(f64::abs).into_iter().fold(0.0, f64::max)))
+            .collect();
+        hinges.into_iter().chain(others).filter(|(_, excess)| *excess > 0.0)
     }
 
     /// Signed excess of a flexion beyond the soft limits, rad.
@@ -178,6 +197,22 @@ impl<'a> Solver<'a> {
                 self.normal.gradient[hinge.v_index] += problem.limit_weight * excess * hinge.sense;
                 let at = self.normal.diagonal(tree, hinge.v_index);
                 self.normal.values[at] += problem.limit_weight;
+            }
+        }
+        for limit in &problem.limits {
+            let at_q = &q[limit.q_index..limit.q_index + 4];
+            let excess = limit.excess(at_q);
+            if excess == [0.0; 2] {
+                continue;
+            }
+            for (e, slope) in excess.iter().zip(limit.slopes(at_q)) {
+                let size: f64 = slope.iter().map(|s| s.abs()).sum();
+                for (i, s) in slope.iter().enumerate() {
+                    self.normal.gradient[limit.v_index + i] += problem.limit_weight * e * s;
+                    // sums of rows on the diagonal bound the block from above
+                    let at = self.normal.diagonal(tree, limit.v_index + i);
+                    self.normal.values[at] += problem.limit_weight * s.abs() * size;
+                }
             }
         }
         if problem.any_locked {

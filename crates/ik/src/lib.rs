@@ -11,10 +11,12 @@ mod bridge;
 mod calibrate;
 mod error;
 mod frame;
+mod labels;
 mod marker_errors;
 mod normal;
 mod options;
 mod problem;
+mod ranges;
 mod report;
 mod solve;
 mod start;
@@ -25,7 +27,9 @@ pub use calibrate::{
     calibrate_clips, shares,
 };
 pub use error::IkError;
+pub use labels::{LabelExchange, exchange_labels, label_exchanges};
 pub use marker_errors::MarkerErrors;
 pub use options::IkOptions;
+pub use ranges::{BeyondRange, JointRange};
 pub use report::{IkReport, MarkerFit};
 pub use solve::{IkResult, solve};

@@ -1,6 +1,6 @@
 //! Options of tracking; the defaults are suitable for people and for rigid objects.
 
-use crate::IkError;
+use crate::{IkError, JointRange};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -25,6 +25,9 @@ pub struct IkOptions {
     /// have no limits and no preferred side. Filled in for the forearms and shanks of the human
     /// model.
     pub flexion: BTreeMap<String, f64>,
+    /// Range of spherical joints by link name; a joint beyond it is drawn back softly and reported.
+    /// Filled in for the links of a person.
+    pub ranges: BTreeMap<String, JointRange>,
     /// Coordinates held at the static posture, as indices into v.
     pub locked: Vec<usize>,
     /// Distance at which the influence of a marker is limited (Huber's loss), m; `None` for plain
@@ -61,6 +64,7 @@ impl Default for IkOptions {
             flexion_limit_rad: 2.8,
             limit_sd_rad: 0.1,
             flexion: flexion.into_iter().map(|(name, sense)| (name.to_owned(), sense)).collect(),
+            ranges: crate::ranges::of_person().collect(),
             locked: Vec::new(),
             huber_m: None,
             max_iterations: 40,

@@ -1,5 +1,6 @@
 //! Data that is constant over the frames: the tree, its markers, the soft priors.
 
+use crate::ranges::Limit;
 use crate::tree::{NONE, Pose, Tree};
 use crate::{IkError, IkOptions};
 use aloft_body::{JointKind, Subject, rigid};
@@ -63,6 +64,8 @@ pub(crate) struct Problem {
     pub rest_pose: Pose,
     pub rest_weight: f64,
     pub hinges: Vec<Hinge>,
+    /// Ranges of spherical joints.
+    pub limits: Vec<Limit>,
     pub limit_weight: f64,
     pub overextension: f64,
     pub flexion_limit: f64,
@@ -128,6 +131,15 @@ impl Problem {
         let mut rest_pose = tree.pose();
         tree.forward(&rest_q, &mut rest_pose);
         let hinges = find_hinges(&tree, &markers, options);
+        let limits = tree
+            .links
+            .iter()
+            .enumerate()
+            .filter(|(_, link)| link.kind == JointKind::Spherical)
+            .filter_map(|(i, link)| {
+                options.ranges.get(&link.name).map(|range| Limit::new(i, link.q_offset, link.v_offset, range))
+            })
+            .collect();
         Ok(Self {
             any_locked: locked.iter().any(|l| *l),
             locked,
@@ -137,6 +149,7 @@ impl Problem {
             rest_pose,
             rest_weight: 1.0 / (options.posture_sd_rad * options.posture_sd_rad),
             hinges,
+            limits,
             limit_weight: 1.0 / (options.limit_sd_rad * options.limit_sd_rad),
             overextension: options.overextension_rad,
             flexion_limit: options.flexion_limit_rad,

@@ -1,5 +1,6 @@
 //! Quality of tracking, by marker and by frame.
 
+use crate::BeyondRange;
 use serde::{Deserialize, Serialize};
 
 /// Fit of one marker over a trial.
@@ -36,6 +37,13 @@ pub struct IkReport {
     pub n_branch_changes: usize,
     /// Frames in which a gap of a marker was bridged.
     pub n_bridged: usize,
+    /// Frames in which a segment was turned to the pose that its own markers show, because the
+    /// posture had gone to a wrong branch.
+    #[serde(default)]
+    pub n_turned: usize,
+    /// Joints beyond their ranges, the farthest first.
+    #[serde(default)]
+    pub beyond_range: Vec<BeyondRange>,
     /// Mean number of minimisation steps per frame.
     pub mean_iterations: f64,
     /// Root mean square over markers and frames, m.
@@ -55,6 +63,14 @@ pub struct IkReport {
 }
 
 impl IkReport {
+    /// The worst markers (up to `n`), largest root mean square first.
+    pub fn worst(&self, n: usize) -> Vec<&MarkerFit> {
+        let mut all: Vec<&MarkerFit> = self.markers.iter().filter(|m| m.rms_m.is_finite()).collect();
+        all.sort_by(|a, b| b.rms_m.total_cmp(&a.rms_m));
+        all.truncate(n);
+        all
+    }
+
     /// Computes the figures from distances `residual_m[frame * n_markers + marker]` (NaN where
     /// missing).
     pub(crate) fn gather(trial: &str, labels: &[String], residual_m: &[f64], solved: &[bool]) -> Self {
@@ -107,6 +123,8 @@ impl IkReport {
             n_restarts: 0,
             n_branch_changes: 0,
             n_bridged: 0,
+            n_turned: 0,
+            beyond_range: Vec::new(),
             mean_iterations: 0.0,
             rms_m: if count == 0 { f64::NAN } else { (total / count as f64).sqrt() },
             max_m: markers.iter().map(|m| m.max_m).fold(f64::NAN, f64::max),

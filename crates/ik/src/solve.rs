@@ -10,7 +10,7 @@
 use crate::bridge::bridge;
 use crate::frame::{Fit, Solver};
 use crate::problem::{FEWEST_MARKERS, Problem};
-use crate::{IkError, IkOptions, IkReport};
+use crate::{BeyondRange, IkError, IkOptions, IkReport};
 use aloft_body::{JointKind, Motion, Subject};
 use aloft_trial::Trial;
 use nalgebra::Vector3;
@@ -20,6 +20,11 @@ use rayon::prelude::*;
 const NEAR_STRAIGHT_RAD: f64 = 0.15;
 /// Increase of χ² that is always accepted for a fit on the flexed side.
 const FLEXED_SLACK: f64 = 9.0;
+
+/// Most segments that are turned to their markers in one frame.
+const MOST_TURNED: usize = 4;
+/// Share of the cost below which a turned segment is kept.
+const TURNED_COST: f64 = 0.8;
 
 /// Motion of one trial and its fit to the markers.
 #[derive(Debug, Clone, PartialEq)]
@@ -117,12 +122,37 @@ fn solve_with(subject: &Subject, trial: &Trial, options: &IkOptions, deviations:
         report.n_unconverged += piece.n_unconverged;
         report.n_restarts += piece.n_restarts;
         report.n_branch_changes += piece.n_branch_changes;
+        report.n_turned += piece.n_turned;
         report.mean_iterations += piece.iterations as f64;
     }
+    report.beyond_range = beyond_range(&problem, &motion);
     report.mean_iterations /= n_frames.max(1) as f64;
     report.missing_labels = all.into_iter().filter(|l| trial.markers.index(l).is_none()).collect();
     report.unused_labels = trial.markers.labels.iter().filter(|l| !motion.marker_labels.contains(l)).cloned().collect();
     Ok(IkResult { motion, report })
+}
+
+/// Joints beyond their ranges in a motion, the farthest first.
+fn beyond_range(problem: &Problem, motion: &Motion) -> Vec<BeyondRange> {
+    let solver = Solver::new(problem);
+    let mut found: std::collections::BTreeMap<usize, BeyondRange> = std::collections::BTreeMap::new();
+    for frame in (0..motion.n_frames()).filter(|f| motion.is_valid(*f)) {
+        for (link, excess) in solver.beyond(motion.q(frame)) {
+            let entry = found.entry(link).or_insert_with(|| BeyondRange {
+                link: problem.tree.links[link].name.clone(),
+                n_frames: 0,
+                worst_frame: frame,
+                worst_deg: 0.0,
+            });
+            entry.n_frames += 1;
+            if excess.to_degrees() > entry.worst_deg {
+                (entry.worst_frame, entry.worst_deg) = (frame, excess.to_degrees());
+            }
+        }
+    }
+    let mut out: Vec<BeyondRange> = found.into_values().collect();
+    out.sort_by(|a, b| b.worst_deg.total_cmp(&a.worst_deg));
+    out
 }
 
 /// Frames `start..end` of a trial.
@@ -134,6 +164,7 @@ pub(crate) struct Piece {
     pub n_unconverged: usize,
     pub n_restarts: usize,
     pub n_branch_changes: usize,
+    pub n_turned: usize,
     pub iterations: usize,
 }
 
@@ -178,6 +209,7 @@ pub(crate) fn track(
             piece.iterations += outcome.iterations;
             piece.n_restarts += usize::from(outcome.restarted);
             piece.n_branch_changes += usize::from(outcome.branch_changed);
+            piece.n_turned += usize::from(outcome.turned);
         }
         if !outcome.solved {
             memory.depth = 0;
@@ -185,7 +217,8 @@ pub(crate) fn track(
         }
         memory.before.copy_from_slice(&memory.last);
         memory.last.copy_from_slice(&tracker.q);
-        memory.depth = if outcome.restarted || outcome.branch_changed { 1 } else { (memory.depth + 1).min(2) };
+        memory.depth =
+            if outcome.restarted || outcome.branch_changed || outcome.turned { 1 } else { (memory.depth + 1).min(2) };
         memory.any = true;
         memory.rms = solver.rms();
         if frame >= start {
@@ -247,6 +280,7 @@ struct Outcome {
     converged: bool,
     restarted: bool,
     branch_changed: bool,
+    turned: bool,
     iterations: usize,
 }
 
@@ -284,6 +318,7 @@ impl Tracker<'_> {
                 fit = self.try_flexed(solver, index, fit, &mut outcome);
             }
         }
+        fit = self.turn_segments(solver, fit, &mut outcome);
         if !plain || outcome.iterations != fit.iterations {
             // Another start was tried last: restore poses and residuals of the one that was kept.
             solver.evaluate(&self.q);
@@ -353,6 +388,29 @@ impl Tracker<'_> {
             outcome.branch_changed |= (now - then).abs() > 0.02;
             std::mem::swap(&mut self.q, &mut self.other);
             return tried;
+        }
+        fit
+    }
+
+    /// Turns segments to the pose that their own markers show, where these keep their shape but lie
+    /// far from the model: a wrong branch, which no step of the minimisation leaves.
+    fn turn_segments(&mut self, solver: &mut Solver<'_>, mut fit: Fit, outcome: &mut Outcome) -> Fit {
+        for _ in 0..MOST_TURNED {
+            if outcome.iterations != fit.iterations {
+                solver.evaluate(&self.q);
+            }
+            let Some((link, rotation)) = solver.turned_segment() else { break };
+            self.other.copy_from_slice(&self.q);
+            solver.start_turned(link, &rotation, &mut self.other);
+            let tried = solver.minimize(&mut self.other);
+            outcome.iterations += tried.iterations;
+            if !(tried.cost.is_finite() && tried.cost < TURNED_COST * fit.cost) {
+                solver.evaluate(&self.q);
+                break;
+            }
+            std::mem::swap(&mut self.q, &mut self.other);
+            outcome.turned = true;
+            fit = tried;
         }
         fit
     }

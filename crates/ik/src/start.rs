@@ -10,6 +10,12 @@ use nalgebra::{Matrix3, Vector3};
 /// Weight of a marker farther out on the branch, which gives a direction only, relative to one on
 /// the link itself.
 const BEYOND: f64 = 0.05;
+/// A segment is far from its markers above this root mean square distance, m …
+const FAR_M: f64 = 0.02;
+/// … and on a wrong branch if a rigid fit leaves less than this share of it …
+const RIGID: f64 = 0.5;
+/// … and is turned by more than 40° from it.
+const TURNED_COSINE: f64 = 0.766;
 /// Lever arm of the attraction to the resting posture, m, at one nominal marker weight.
 const REST_ARM_M: f64 = 0.02;
 
@@ -85,12 +91,18 @@ impl Solver<'_> {
     /// Rotates every joint beyond the root to the best fit of the markers on its branch, one joint
     /// after the other.
     pub fn descend(&mut self, q: &mut [f64]) {
+        self.descend_below(None, q);
+    }
+
+    /// The same for the joints beyond one link.
+    fn descend_below(&mut self, above: Option<usize>, q: &mut [f64]) {
         let problem = self.problem;
         let tree = &problem.tree;
         let rest = &problem.rest_pose;
         for (index, link) in tree.links.iter().enumerate() {
             tree.forward_link(index, link, q, &mut self.pose);
-            if index == 0 || problem.locked_link[index] {
+            let beyond = above.is_none_or(|a| a != index && tree.is_beyond(index, a));
+            if index == 0 || problem.locked_link[index] || !beyond {
                 continue;
             }
             let origin = self.pose.origin[index];
@@ -131,6 +143,48 @@ impl Solver<'_> {
             }
             tree.forward_link(index, link, q, &mut self.pose);
         }
+    }
+
+    /// A segment whose visible markers keep their shape but lie far from the model at the last
+    /// evaluation, the farthest one, with the rotation that they show.
+    pub fn turned_segment(&self) -> Option<(usize, Matrix3<f64>)> {
+        let problem = self.problem;
+        let mut worst: Option<(usize, f64)> = None;
+        for (index, link) in problem.tree.links.iter().enumerate() {
+            if link.kind != JointKind::Spherical || problem.locked_link[index] {
+                continue;
+            }
+            let (mut sum, mut n) = (0.0, 0);
+            for &i in self.visible.iter().filter(|&&i| problem.markers[i].link == index) {
+                sum += self.residual[i].norm_squared();
+                n += 1;
+            }
+            let rms_m = (sum / f64::max(1.0, n as f64)).sqrt();
+            if n >= 3 && rms_m > FAR_M && worst.is_none_or(|(_, w)| rms_m > w) {
+                worst = Some((index, rms_m));
+            }
+        }
+        let (index, rms_m) = worst?;
+        let own = |i: usize| problem.markers[i].link == index;
+        let (rotation, origin) = self.rigid_fit(own, |i| problem.markers[i].position)?;
+        let (mut sum, mut n) = (0.0, 0.0);
+        for &i in self.visible.iter().filter(|&&i| own(i)) {
+            sum += (origin + rotation * problem.markers[i].position - self.targets[i]).norm_squared();
+            n += 1.0;
+        }
+        let rigid_m = f64::sqrt(sum / f64::max(1.0, n));
+        let turned = (rotation.transpose() * self.pose.rotation[index]).trace();
+        // cos of the angle from the trace
+        (rigid_m < RIGID * rms_m && 0.5 * (turned - 1.0) < TURNED_COSINE).then_some((index, rotation))
+    }
+
+    /// Gives a link the rotation of its markers, and fits the joints beyond it to theirs.
+    pub fn start_turned(&mut self, turned: usize, rotation: &Matrix3<f64>, q: &mut [f64]) {
+        let tree = &self.problem.tree;
+        tree.forward(q, &mut self.pose);
+        tree.set_rotation(turned, rotation, &self.pose, q);
+        tree.forward(q, &mut self.pose);
+        self.descend_below(Some(turned), q);
     }
 
     /// A marker in a link's frame with its weight there: full on the link, small farther out (at

@@ -241,6 +241,18 @@ impl Tree {
         if link.parent == NONE { link.rotation } else { pose.rotation[link.parent] * link.rotation }
     }
 
+    /// True if a link hangs below another one, or is the same.
+    pub fn is_beyond(&self, link: usize, above: usize) -> bool {
+        let mut at = link;
+        while at != NONE {
+            if at == above {
+                return true;
+            }
+            at = self.links[at].parent;
+        }
+        false
+    }
+
     /// Sets the rotation coordinates of a free or spherical joint so that its link has `world_from_link`.
     pub fn set_rotation(&self, index: usize, world_from_link: &Matrix3<f64>, pose: &Pose, q: &mut [f64]) {
         let link = &self.links[index];

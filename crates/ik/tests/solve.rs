@@ -219,3 +219,46 @@ fn a_short_gap_leaves_no_step() {
     assert_eq!(report.n_bridged, 90);
     assert_eq!(report.markers.iter().map(|m| m.n_missing).sum::<usize>(), 100);
 }
+
+/// Markers of one foot are recorded upside down for the first frames (as a bad reconstruction gives
+/// them), then right: the foot stays on the wrong branch unless it is turned to its markers.
+#[test]
+fn a_segment_on_a_wrong_branch_is_turned_to_its_markers() {
+    let mut person = common::person();
+    // three markers on the foot that lie nearly in a plane with its long axis
+    let foot = person.model.links.iter().position(|l| l.name == "foot_l").unwrap();
+    person.markers.retain(|m| m.link != foot);
+    for (label, at) in [
+        ("F1", [0.02, -0.03, 0.02]),
+        ("F2", [0.15, -0.05, 0.03]),
+        ("F3", [0.14, -0.05, -0.04]),
+        ("F4", [-0.05, -0.04, 0.0]),
+    ] {
+        person.markers.push(aloft_body::ModelMarker {
+            label: label.into(),
+            link: foot,
+            position_m: at.into(),
+            weight: 1.0,
+        });
+    }
+    let motion = common::motion(&person, 60, 200.0, 0.15, 3);
+    let mut trial = common::trial(&person, &motion, 200.0, 0.0005, 4);
+    let mut state = aloft_body::State::new(&person.model);
+    for (frame, q) in motion.iter().enumerate().take(20) {
+        state.forward_position(&person.model, q);
+        for m in person.markers.iter().filter(|m| m.link == foot) {
+            let over = nalgebra::Vector3::new(-m.position_m.x, m.position_m.y, -m.position_m.z);
+            let index = trial.markers.index(&m.label).unwrap();
+            trial.markers.trajectories[index][frame] = state.point_in_world(foot, &over);
+        }
+    }
+    let found = solve(&person, &trial, &IkOptions::default()).unwrap();
+    for (frame, q) in motion.iter().enumerate().skip(20) {
+        let off = common::distance(&person, found.motion.q(frame), q);
+        assert!(off < 0.1, "frame {frame}: {off} rad");
+    }
+    // while it was upside down, the report says so
+    let beyond = found.report.beyond_range.iter().find(|b| b.link == "foot_l").unwrap();
+    assert!(beyond.n_frames >= 18 && beyond.n_frames <= 22 && beyond.worst_deg > 60.0, "{beyond:?}");
+    assert!(found.report.beyond_range.iter().all(|b| b.link == "foot_l"), "{:?}", found.report.beyond_range);
+}

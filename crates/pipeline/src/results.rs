@@ -4,6 +4,7 @@
 use aloft_body::{Motion, Subject};
 use aloft_flight::{Coverage, FlightReport, PlateTare, apply_tare};
 use aloft_identify::Parameters;
+use aloft_ik::{LabelExchange, exchange_labels, label_exchanges};
 use aloft_study::config::Rows;
 use aloft_trial::Trial;
 use aloft_workspace::artifact::{load_markers, load_motion, load_trial, load_trial_without_points};
@@ -65,6 +66,16 @@ impl<'a> Results<'a> {
     /// The same without plates and computed points.
     pub fn load_markers(&self, trial: &str) -> Result<Trial, StageFailure> {
         Ok(load_markers(&self.place("import", trial)?)?)
+    }
+
+    /// The same with labels on the markers that have them in the static trial, and the exchanges
+    /// that this took.
+    pub fn load_labelled_markers(&self, trial: &str) -> Result<(Trial, Vec<LabelExchange>), StageFailure> {
+        let subject = self.load_subject("scale")?;
+        let mut recording = self.load_markers(trial)?;
+        let exchanges = label_exchanges(&subject, &recording);
+        exchange_labels(&mut recording, &exchanges);
+        Ok((recording, exchanges))
     }
 
     /// The imported recording without its trajectories, with tared plates.

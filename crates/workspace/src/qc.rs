@@ -78,6 +78,7 @@ reasons! {
     LongGap, "long_gap", Warning, "A gap is too long to be filled.", "Label the trial again, or accept frames without a result.";
     Spikes, "spikes", Warning, "A marker jumps.", "Set `import: {repair: true}`, or clean the trial.";
     LabelSwap, "label_swap", Warning, "Two labels are exchanged for some frames.", "Set `import: {repair: true}`, or label the trial again.";
+    LabelsExchanged, "labels_exchanged", Warning, "Labels of a rigid segment are on other markers than in the static trial; they were exchanged back.", "Check the labels that `aloft explain` names; label the trial again.";
     NoisyMarker, "noisy_marker", Warning, "A marker is noisier than usual.", "Look at cameras and at the marker's fixation.";
     ShortTrial, "short_trial", Warning, "The recording is very short.", "Check that it was exported whole.";
     PlateSaturated, "plate_saturated", Warning, "A force plate stands at its extreme value.", "Raise the amplifier's range.";

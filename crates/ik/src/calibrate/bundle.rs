@@ -98,6 +98,7 @@ impl Bundle {
         let landmarks =
             Reference { rotation: present.rotation.clone(), angle: present.angle.clone(), ..landmarks.clone() };
         problem.hinges.clear();
+        problem.limits.clear();
         let mut frames = Vec::with_capacity(used.len() + 1);
         let rezeroed = |q: &[f64], problem: &Problem| {
             let mut q = q.to_vec();

@@ -22,7 +22,7 @@ use serde::Serialize;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "calibrate",
-    version: 3,
+    version: 4,
     scope: Scope::Session,
     seconds: 1.5,
     reads: "dynamic trials that are not held out, `Subject`",
@@ -138,7 +138,7 @@ fn calibrate_over(
         .par_iter()
         .zip(shares(&lengths, options))
         .filter(|(_, share)| *share > 0)
-        .map(|(name, share)| Ok(Clip::of(subject, &inputs.results.load_markers(name)?, share, options)))
+        .map(|(name, share)| Ok(Clip::of(subject, &inputs.results.load_labelled_markers(name)?.0, share, options)))
         .collect::<Result<_, StageFailure>>()?;
     Ok(clips.into_iter().collect::<Result<Vec<Clip>, IkError>>().and_then(|c| calibrate_clips(subject, &c, options)))
 }

@@ -172,7 +172,7 @@ impl ComparedTrial {
         }
         let mut subject = subject.clone();
         let options = fit_options(params.ik_of(&self.name), results, &mut subject)?;
-        let trial = results.load_markers(&self.name)?;
+        let (trial, _) = results.load_labelled_markers(&self.name)?;
         let errors = MarkerErrors::of(&subject, &trial, &self.unfiltered, &options)
             .map_err(|e| StageFailure::new(e.to_string()))?;
         self.errors = errors.map(DrawnErrors);

@@ -4,19 +4,21 @@ use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, para
 use crate::results::Results;
 use aloft_body::{Motion, Subject};
 use aloft_filter::continuous;
-use aloft_ik::{IkOptions, IkReport, solve};
+use aloft_ik::{IkOptions, IkReport, LabelExchange, solve};
 use aloft_study::config::IkConfig;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::artifact::save_motion;
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::json::write_json;
 use aloft_workspace::qc::QcReason;
+use aloft_workspace::warning::StageWarning;
 use serde::Serialize;
+use serde_json::json;
 
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "ik",
-    version: 3,
+    version: 4,
     scope: Scope::Trial(&[Role::Calibration, Role::Identify, Role::Validate]),
     seconds: 0.15,
     reads: "trial, `Subject`",
@@ -64,27 +66,32 @@ pub fn fit_options(config: &IkConfig, results: Results<'_>, subject: &mut Subjec
 }
 
 /// Tracks a trial with a subject's geometry: motion with continuous angles and quaternion signs,
-/// and the report.
+/// the report, and labels that were exchanged against the static trial.
 pub fn track(
     config: &IkConfig,
     results: Results<'_>,
     mut subject: Subject,
     name: &str,
-) -> Result<(Subject, Motion, IkReport), StageFailure> {
-    let trial = results.load_trial(name)?;
+) -> Result<(Subject, Motion, IkReport, Vec<LabelExchange>), StageFailure> {
+    let (trial, exchanges) = results.load_labelled_markers(name)?;
     let options = fit_options(config, results, &mut subject)?;
     let result = solve(&subject, &trial, &options).map_err(|e| StageFailure::new(e.to_string()))?;
     let motion = continuous(&subject.model, &result.motion).map_err(|e| StageFailure::new(e.to_string()))?;
-    Ok((subject, motion, result.report))
+    Ok((subject, motion, result.report, exchanges))
 }
 
 fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
     let name = inputs.trial()?;
     let subject = inputs.results.load_subject("calibrate")?;
-    let (subject, motion, report) = track(&params.ik, inputs.results, subject, name)?;
+    let (subject, motion, report, exchanges) = track(&params.ik, inputs.results, subject, name)?;
     save_motion(inputs.out, &motion, &subject.model)?;
     write_json(&inputs.out.join("report.json"), &report)?;
     let mut done = StageReport::default();
+    if !exchanges.is_empty() {
+        write_json(&inputs.out.join("labels.json"), &exchanges)?;
+        done.warnings.extend(exchanges.iter().map(|e| StageWarning::new(QcReason::LabelsExchanged, e.to_string())));
+        done.note("qc", json!([QcReason::LabelsExchanged]));
+    }
     done.note("marker_rms_mm", report.rms_m * 1e3);
     done.note("marker_max_mm", report.max_m * 1e3);
     done.note("unsolved_frames", report.n_unsolved);
@@ -98,8 +105,31 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     if report.n_unsolved > 0 {
         done.warnings.push(format!("{} of {} frames could not be solved", report.n_unsolved, report.n_frames));
     }
+    let worst = || {
+        let of = |m: &&aloft_ik::MarkerFit| format!("{} {:.0} mm", m.label, m.rms_m * 1e3);
+        report.worst(4).iter().map(of).collect::<Vec<_>>().join(", ")
+    };
     if report.rms_m > 0.02 {
-        done.warnings.push(format!("marker RMS {:.1} mm (usual limit 20 mm)", report.rms_m * 1e3));
+        done.warnings.push(StageWarning::new(
+            QcReason::IkErrorLarge,
+            format!("marker RMS {:.1} mm (usual limit 20 mm); worst: {}", report.rms_m * 1e3, worst()),
+        ));
+    }
+    if report.n_turned > 0 {
+        done.note("turned_frames", report.n_turned);
+    }
+    let shortest = (0.02 * report.n_frames as f64).max(3.0) as usize;
+    for b in report.beyond_range.iter().filter(|b| b.n_frames > shortest && b.worst_deg > 5.0) {
+        done.warnings.push(format!(
+            "joint of {}: beyond its range in {} of {} frames, by up to {:.0}° in frame {}: a label on a wrong marker, a \
+             wrong branch, or a joint centre in the wrong place; worst markers: {}",
+            b.link,
+            b.n_frames,
+            report.n_frames,
+            b.worst_deg,
+            b.worst_frame + 1,
+            worst()
+        ));
     }
     Ok(done)
 }
