@@ -1,5 +1,6 @@
 //! `check`: checks configuration, labels and files; changes nothing.
 
+use crate::session_check::{SessionCheck, session_check};
 use aloft_pipeline::graph::Recording;
 use aloft_pipeline::stages::filter::low_pass;
 use aloft_pipeline::stages::import::{abridged, holds_enough, read_recording};
@@ -16,6 +17,8 @@ pub struct Check {
     pub trials: Vec<CheckRow>,
     /// Remarks about the study as a whole.
     pub remarks: Vec<String>,
+    /// What the recordings say about themselves; no lines before a run.
+    pub session: SessionCheck,
 }
 
 /// One recording.
@@ -141,5 +144,5 @@ pub fn check(session: &SubjectSession) -> Result<Check, PipelineError> {
     {
         remarks.push(format!("{}: no force file beside it; see `trials: {{forces: …}}`", t.name));
     }
-    Ok(Check { trials, remarks })
+    Ok(Check { trials, remarks, session: session_check(session) })
 }

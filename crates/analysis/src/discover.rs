@@ -8,7 +8,7 @@ use aloft_discover::{
     Body, DiscoverOptions, Discovery, SelfTest, SelfTestOptions, SelfTestProgress, Session, Standing, TrialInput,
     discover as rank, scene_of,
 };
-use aloft_effects::{Effect, EffectInstance};
+use aloft_effects::{Effect, EffectInstance, PlateSeries};
 use aloft_flight::FlightReport;
 use aloft_identify::{LinkPrior, Prior};
 use aloft_pipeline::trial_rows::TrialRows;
@@ -119,8 +119,8 @@ impl Evidence {
             let links = LinkPrior::of_subject(&subject).map_err(|e| wrong(&e))?;
             Some(links.base(&base).map_err(|e| wrong(&e))?)
         };
-        let plate_centers_m =
-            rows.iter().map(|r| r.plate_centers_m.clone()).find(|c| !c.is_empty()).unwrap_or_default();
+        let mut rows = rows;
+        let plate_centers_m = same_plates(&mut rows);
         let window = session.config.regressor.window_s;
         let weak = WeakOptions { window_s: (window > 0.0).then_some(window), ..WeakOptions::default() };
         Ok(Self { rows, groups, subject, base, phi, prior, plate_centers_m, weak })
@@ -165,6 +165,36 @@ impl Evidence {
         let prepared = prepared.with_standing(standing(session, "flight"), standing(session, "contact"));
         with(&RankingInputs { session: prepared, effects: known.all(), accepted })
     }
+}
+
+/// Gives every trial the plates of the whole session, in the order of their names, so that a plate is
+/// the same one in every trial: a trial in which one was not recorded reads zero there. Returns the
+/// centres, m.
+fn same_plates(rows: &mut [TrialRows]) -> Vec<Vector3<f64>> {
+    let mut names: Vec<(String, Vector3<f64>)> = Vec::new();
+    for row in rows.iter() {
+        for (plate, center) in row.trial.plates.iter().zip(&row.plate_centers_m) {
+            if !names.iter().any(|(n, _)| *n == plate.name) {
+                names.push((plate.name.clone(), *center));
+            }
+        }
+    }
+    let alike = |row: &TrialRows| {
+        row.plates.is_empty() || row.trial.plates.iter().map(|p| &p.name).eq(names.iter().map(|(n, _)| n))
+    };
+    if rows.iter().all(alike) {
+        return names.into_iter().map(|(_, c)| c).collect();
+    }
+    names.sort_by(|a, b| a.0.cmp(&b.0));
+    for row in rows.iter_mut().filter(|r| !r.plates.is_empty()) {
+        let frames = row.motion.n_frames();
+        let silent =
+            || PlateSeries { force_n: vec![Vector3::zeros(); frames], moment_nm: vec![Vector3::zeros(); frames] };
+        let own = |name: &String| row.trial.plates.iter().position(|p| p.name == *name);
+        row.plates = names.iter().map(|(name, _)| own(name).map_or_else(silent, |i| row.plates[i].clone())).collect();
+        row.plate_centers_m = names.iter().map(|(_, center)| *center).collect();
+    }
+    names.into_iter().map(|(_, c)| c).collect()
 }
 
 /// Held-out error and noise floor that the comparison found in flight or in contact; none without a

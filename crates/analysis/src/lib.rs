@@ -14,6 +14,7 @@ pub mod init;
 pub mod inspect;
 pub mod parameters;
 mod results;
+pub mod session_check;
 pub mod simulate;
 pub mod status;
 pub mod summary;

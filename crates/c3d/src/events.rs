@@ -11,7 +11,12 @@ pub(crate) fn events_of_group(groups: &Parameters, warnings: &mut Vec<Warning>) 
     let subjects = groups.merged_strings("EVENT", "SUBJECTS");
     let descriptions = groups.merged_strings("EVENT", "DESCRIPTIONS");
     let used = group.get("USED").and_then(|p| p.count());
-    let pairs = group.get("TIMES").is_none_or(|p| p.dimensions.first().is_none_or(|d| *d == 2));
+    // minutes and seconds in rows of two; some writers give the same numbers one dimension, [2n]
+    let flat = |p: &crate::Parameter| {
+        let count = used.unwrap_or(labels.len());
+        p.dimensions.len() == 1 && count > 0 && times.len() == 2 * count && labels.len() <= count
+    };
+    let pairs = group.get("TIMES").is_none_or(|p| p.dimensions.first().is_none_or(|d| *d == 2) || flat(p));
     let held = if pairs { times.len() / 2 } else { times.len() };
     let n = used.unwrap_or(held);
     if n > held {

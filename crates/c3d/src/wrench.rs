@@ -264,7 +264,15 @@ fn up_axis(file: &C3dFile, frame: &PlateFrame, metres: f64, warn: &mut impl FnMu
             }
             !above
         }
-        None => stated_down,
+        // the axes of a screen say nothing certain: Qualisys writes `-Z` into recordings that are Z-up
+        None => {
+            if stated_down {
+                warn(format!(
+                    "POINT:Y_SCREEN `{screen}` is not taken as the vertical; no marker says which side is up"
+                ));
+            }
+            false
+        }
     };
     let mut up = Vector3::zeros();
     up[axis] = if down { -1.0 } else { 1.0 };

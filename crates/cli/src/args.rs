@@ -202,12 +202,15 @@ pub enum Command {
     },
     /// Check configuration, labels and files; changes nothing.
     #[command(
-        after_help = "Examples:\n  aloft check P.yaml\n  aloft check P.yaml --data lab/s01\n  aloft check P.yaml --subject sub-02"
+        after_help = "Examples:\n  aloft check P.yaml\n  aloft check P.yaml --data lab/s01\n  aloft check P.yaml --subject sub-02\n\nAfter a run, the session check is shown, too: time of the plates against the cameras, weights, zeros, vertical, labels and markers, each with its interval and what it should be."
     )]
     Check {
         /// The pipeline.
         #[command(flatten)]
         pipeline: PipelineArgs,
+        /// Machine-readable output.
+        #[arg(long)]
+        json: bool,
     },
     /// Show the grid of trials and stages: ok, warning, stale, damaged, failed, blocked, missing, excluded.
     #[command(after_help = "Examples:\n  aloft status P.yaml\n  aloft status P.yaml --subject sub-02 --json")]

@@ -8,6 +8,7 @@ use crate::render::{command, json, note, out, table};
 use crate::stop::Stop;
 use crate::{Success, findings, residuals, show, show_estimators, workflow};
 use aloft_analysis::freshness::{Freshness, freshness};
+use aloft_analysis::session_check::{SessionCheck, Standing};
 use aloft_analysis::{
     assess, check, compare, discover, effect, estimators, export, init, inspect, parameters, simulate, status, summary,
     verify,
@@ -38,7 +39,8 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             let selection = Selection { from, only, until, trials: trial, dry_run, force, shared, wait };
             run(&pipeline, &selection, jobs)
         }
-        Command::Check { pipeline } => show_check(&pipeline),
+        Command::Check { pipeline, json: true } => each(&pipeline, true, check::check, |_| Ok(())),
+        Command::Check { pipeline, json: false } => show_check(&pipeline),
         Command::Status { pipeline, strict, json: as_json } => {
             let late = std::cell::Cell::new(false);
             let ask = |session: &SubjectSession| {
@@ -424,6 +426,31 @@ fn show_check(args: &PipelineArgs) -> Result<Success, Stop> {
     Ok(if trouble { Success::Partial } else { Success::Full })
 }
 
+/// The session check, where the recordings have been processed.
+fn show_session_check(checked: &SessionCheck) -> Result<(), Stop> {
+    if checked.lines.is_empty() {
+        return Ok(());
+    }
+    let mut t = table(&["session check", "value", "95 %", "expected", "n", ""]);
+    for line in &checked.lines {
+        let digits = line.digits();
+        let number = |x: f64| if x.is_finite() { format!("{x:.digits$}") } else { "–".to_owned() };
+        t.add_row([
+            visible(&line.what),
+            format!("{} {}", number(line.value), line.unit),
+            line.ci95.map_or("–".to_owned(), |[low, high]| format!("{} to {}", number(low), number(high))),
+            line.expected.map_or("–".to_owned(), number),
+            line.n.to_string(),
+            line.standing.word().to_owned(),
+        ]);
+    }
+    out(t)?;
+    for line in checked.lines.iter().filter(|l| l.standing == Standing::Differs || l.id == "contact_measured") {
+        note(format!("{}: {}", line.what, visible(&line.words)));
+    }
+    Ok(())
+}
+
 fn show_one_check(session: &SubjectSession) -> Result<bool, Stop> {
     let found = check::check(session)?;
     let mut t = table(&["trial", "role", "frames", "rate Hz", "markers", "plates", "remarks"]);
@@ -439,6 +466,7 @@ fn show_one_check(session: &SubjectSession) -> Result<bool, Stop> {
         ]);
     }
     out(t)?;
+    show_session_check(&found.session)?;
     for row in &found.trials {
         for remark in &row.remarks {
             note(format!("{}: {}: {remark}", if row.broken { "broken" } else { "warning" }, row.name));

@@ -21,6 +21,7 @@ mod impulse;
 pub mod options;
 mod parabola;
 mod tare;
+mod timing;
 mod warning;
 mod wrench;
 
@@ -35,5 +36,6 @@ pub use from_plates::from_plates;
 pub use impulse::{ImpulseMass, impulse_masses};
 pub use options::{FlightMethod, FlightOptions};
 pub use tare::{PlateTare, TareSource, apply_tare, tare, unloaded_tare};
+pub use timing::{POSTURE_SD_M, PlateDelay, plate_delays};
 pub use warning::FlightWarning;
 pub use wrench::{FrameWrench, plate_wrench_at_marker_rate, total_wrench};

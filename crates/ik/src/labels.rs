@@ -244,7 +244,8 @@ fn of_segment(subject: &Subject, trial: &Trial, segment: &Segment, all: &[Segmen
     let says: Vec<Option<bool>> =
         (0..n).map(|f| segment.fit(trial, f, &same).and_then(|plain| better(f, &plain, best))).collect();
     let (yes, told) = (says.iter().filter(|s| **s == Some(true)).count(), says.iter().flatten().count());
-    let runs = if yes as f64 >= WHOLE * told as f64 { vec![0..n] } else { runs_where(n, |f| says[f] == Some(true)) };
+    let whole = yes as f64 >= WHOLE * told as f64;
+    let runs = runs_where(n, |f| whole || says[f] == Some(true));
     let shortest = (SHORTEST_S * trial.markers.rate_hz).ceil() as usize;
     runs.into_iter()
         .filter(|run| run.len() >= shortest.max(3))

@@ -1,7 +1,7 @@
 //! Import options, and helpers shared by the readers of all formats.
 
 use crate::rows::RATES_HZ;
-use crate::world::{rotate, up_axis_from_plates};
+use crate::world::{rotate, up_axis_from_body, up_axis_from_plates};
 use crate::{Trial, TrialError, UpAxis, Warning, WarningKind};
 use serde::{Deserialize, Serialize};
 
@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImportOptions {
-    /// Axis of the source that points up; if absent, determined from the plates, otherwise by the
-    /// convention of the format (C3D Z, TRC Y).
+    /// Axis of the source that points up; if absent, determined from the plates, from feet and
+    /// shoulders, otherwise by the convention of the format (C3D Z, TRC Y).
     pub up_axis: Option<UpAxis>,
     /// Remove the prefix `Subject:` from labels.
     pub strip_prefix: bool,
@@ -57,10 +57,34 @@ pub(crate) fn disambiguate(labels: &mut [String], warnings: &mut Vec<Warning>) {
 }
 
 /// Rotates the recording into the world frame. The vertical axis is, in this order, the one in the
-/// options, the one found from the plates, the one that the file declares, or the convention of the
-/// format.
+/// options, the one found from the plates, the one from the feet to the shoulders, the axis that the
+/// file declares (without its sign), or the convention of the format.
 pub(crate) fn to_world(trial: &mut Trial, options: &ImportOptions, declared: Option<UpAxis>, habit: UpAxis) {
-    let told = up_axis_from_plates(trial).or(declared.map(|up| (up, "the file's screen axes")));
+    let (plates, body) = (up_axis_from_plates(trial), up_axis_from_body(trial));
+    let told = plates
+        .or(body.map(|up| (up, "shoulders above feet")))
+        .or(declared.map(|up| (up.positive(), "the file's screen axes")));
+    if options.up_axis.is_none() {
+        match (plates, body, declared) {
+            (Some((seen, by)), Some(body), _) if seen != body => trial.warn(
+                WarningKind::Axes,
+                format!("up axis {seen}, told by {by}, but shoulders are above feet along {body}; state `up_axis` if that is right"),
+            ),
+            // where plates are read, their reader says it
+            (None, Some(body), Some(screen)) if screen != body => trial.warn(
+                WarningKind::Axes,
+                format!("POINT:Y_SCREEN says {screen}, but shoulders are above feet along {body}, which is taken as up"),
+            ),
+            (None, None, Some(screen)) if screen != screen.positive() => trial.warn(
+                WarningKind::Axes,
+                format!(
+                    "POINT:Y_SCREEN `{screen}` is not taken as the vertical, and nothing else tells it: {} is taken as up; state `up_axis` if that is wrong",
+                    screen.positive()
+                ),
+            ),
+            _ => {}
+        }
+    }
     let up = match (options.up_axis, told) {
         (Some(stated), Some((seen, by))) if stated != seen => {
             trial.warn(

@@ -156,11 +156,13 @@ impl std::fmt::Display for QualityReason {
             Self::ShortTrial { duration_s } => write!(f, "only {duration_s:.3} s long"),
             Self::MissingMarker { marker } => write!(f, "marker `{marker}` is missing"),
             Self::LongGap { marker, first_frame, last_frame } => {
-                write!(f, "marker `{marker}` is missing in frames {first_frame} to {last_frame}")
+                let (first, last) = (first_frame + 1, last_frame + 1);
+                write!(f, "marker `{marker}` is missing in frames {first} to {last}")
             }
             Self::Spikes { marker, count } => write!(f, "marker `{marker}` has {count} spikes"),
             Self::LabelSwap { marker, with, first_frame, last_frame } => {
-                write!(f, "markers `{marker}` and `{with}` are exchanged in frames {first_frame} to {last_frame}")
+                let (first, last) = (first_frame + 1, last_frame + 1);
+                write!(f, "markers `{marker}` and `{with}` are exchanged in frames {first} to {last}")
             }
             Self::NoisyMarker { marker, noise_rms_m } => {
                 write!(f, "marker `{marker}` is noisy: {:.2} mm along an axis", noise_rms_m * 1e3)

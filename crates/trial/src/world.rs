@@ -42,6 +42,15 @@ impl UpAxis {
         }
     }
 
+    /// The same axis, positive.
+    pub(crate) fn positive(self) -> Self {
+        match self {
+            Self::X | Self::NegX => Self::X,
+            Self::Y | Self::NegY => Self::Y,
+            Self::Z | Self::NegZ => Self::Z,
+        }
+    }
+
     /// From the index of an axis and the sign of "up" along it.
     pub(crate) fn from_index(axis: usize, positive: bool) -> Self {
         match (axis, positive) {
@@ -126,6 +135,46 @@ pub(crate) fn up_axis_from_plates(trial: &Trial) -> Option<(UpAxis, &'static str
     }
     let positive = if above == 0 { total[axis] >= 0.0 } else { above > 0 };
     Some((UpAxis::from_index(axis, positive), told))
+}
+
+/// Parts of labels of markers on the upper body and on the feet, lower case, letters and digits.
+const UPPER: [&str; 16] = [
+    "head", "fhd", "bhd", "hdf", "hdb", "temp", "occ", "c7", "cv7", "sho", "acr", "clav", "stern", "strn", "sjn", "snj",
+];
+const FEET: [&str; 15] =
+    ["heel", "hee", "calc", "cal", "fcc", "toe", "ank", "mal", "meta", "mt1", "mt5", "fm1", "fm5", "mfh", "tam"];
+/// Least mean distance between the two groups, m, and the share of it that has to lie along one axis.
+const TALL_M: f64 = 0.5;
+const UPRIGHT: f64 = 0.8;
+
+/// Vertical axis told by the body: shoulders and head are above the feet on average, in any
+/// recording of a person. `None` where the labels do not name both, or the person lies.
+pub(crate) fn up_axis_from_body(trial: &Trial) -> Option<UpAxis> {
+    let group = |parts: &[&str]| -> Vec<usize> {
+        let plain = |label: &String| -> String {
+            label.chars().filter(char::is_ascii_alphanumeric).map(|c| c.to_ascii_lowercase()).collect()
+        };
+        let labels = trial.markers.labels.iter().map(plain).enumerate();
+        labels.filter(|(_, l)| parts.iter().any(|p| l.contains(p))).map(|(i, _)| i).collect()
+    };
+    let (upper, feet) = (group(&UPPER), group(&FEET));
+    if upper.is_empty() || feet.len() < 2 {
+        return None;
+    }
+    let mean = |group: &[usize], frame: usize| -> Option<Vector3<f64>> {
+        let seen: Vec<Vector3<f64>> = group.iter().filter_map(|&m| trial.markers.position(m, frame)).collect();
+        (!seen.is_empty()).then(|| seen.iter().sum::<Vector3<f64>>() / seen.len() as f64)
+    };
+    let step = (trial.markers.n_frames / 50).max(1);
+    let spans: Vec<Vector3<f64>> =
+        (0..trial.markers.n_frames).step_by(step).filter_map(|f| Some(mean(&upper, f)? - mean(&feet, f)?)).collect();
+    if spans.is_empty() {
+        return None;
+    }
+    let span = spans.iter().sum::<Vector3<f64>>() / spans.len() as f64;
+    let axis = span.iamax();
+    (span.norm() > TALL_M && span[axis].abs() > UPRIGHT * span.norm())
+        .then(|| UpAxis::from_index(axis, span[axis] > 0.0))
 }
 
 /// Index of the coordinate that all corners share within 5 % of the plate's size, if exactly one

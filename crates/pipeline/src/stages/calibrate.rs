@@ -109,6 +109,15 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let keep = config.enabled == Switch::On || r.held_out_rms_after_m < r.held_out_rms_before_m;
     done.note("used", keep);
     write_json(&inputs.out.join("report.json"), r)?;
+    for joint in r.joints.iter().filter(|j| keep && j.moved_m > FAR_M) {
+        done.warnings.push(format!(
+            "the joint of {} moved by {:.0} mm from its landmarks (± {:.0} mm): look for labels on wrong markers, or set \
+             `calibrate: {{enabled: off}}`",
+            joint.link,
+            1e3 * joint.moved_m,
+            1e3 * joint.sd_m
+        ));
+    }
     let chosen: Subject = if keep {
         let mut calibrated = result.subject;
         let anatomy: StaticAnatomy = read_json(&folder.join("anatomy.json"))?;
@@ -124,6 +133,9 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     save_subject(inputs, &chosen)?;
     Ok(done)
 }
+
+/// Distance from the landmarks above which a calibrated joint centre deserves a warning, m.
+const FAR_M: f64 = 0.08;
 
 /// Each thread reads one trial after the other and keeps only the frames that take part.
 fn calibrate_over(

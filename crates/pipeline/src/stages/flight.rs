@@ -3,8 +3,8 @@
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use aloft_body::{Motion, Subject};
 use aloft_flight::{
-    FlightMethod, FlightOptions, FlightReport, FlightWarning, ImpulseMass, PlateTare, TareSource, coverage,
-    find_flights, impulse_masses, plate_wrench_at_marker_rate, tare, total_wrench,
+    Coverage, FlightMethod, FlightOptions, FlightReport, FlightWarning, ImpulseMass, PlateDelay, PlateTare, TareSource,
+    coverage, find_flights, impulse_masses, plate_delays, plate_wrench_at_marker_rate, tare, total_wrench,
 };
 use aloft_study::config::{FlightConfig, FlightSource};
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
@@ -111,8 +111,9 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let covered = coverage(&trial, &subject, &motion, &report.flights, config.threshold_n)
         .map_err(|e| StageFailure::new(e.to_string()))?;
     write_json(&inputs.out.join("coverage.json"), &covered)?;
-    let weighed = weigh(&trial, &subject, &motion, &report)?;
+    let (weighed, delays) = between_flights(&trial, &subject, &motion, &report, &covered)?;
     write_json(&inputs.out.join("impulse_mass.json"), &weighed)?;
+    write_json(&inputs.out.join("plate_delay.json"), &delays)?;
     let mut done = StageReport::default();
     done.note("flights", report.flights.len());
     done.note("flight_s", report.flight_frames() as f64 / report.rate_hz);
@@ -159,17 +160,24 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     Ok(done)
 }
 
-/// The body's mass from the impulse of the tared plates between flights.
-fn weigh(
+/// The body's mass and the delay of the tared plates from the impulse between flights.
+fn between_flights(
     trial: &Trial,
     subject: &Subject,
     motion: &Motion,
     report: &FlightReport,
-) -> Result<Vec<ImpulseMass>, StageFailure> {
+    covered: &Coverage,
+) -> Result<(Vec<ImpulseMass>, Vec<PlateDelay>), StageFailure> {
     if trial.plates.is_empty() || report.flights.len() < 2 {
-        return Ok(Vec::new());
+        return Ok((Vec::new(), Vec::new()));
     }
     let fail = |e: aloft_flight::FlightError| StageFailure::new(e.to_string());
     let total = total_wrench(&plate_wrench_at_marker_rate(trial, None).map_err(fail)?);
-    impulse_masses(&subject.model, &subject.prior_phi(), motion, &report.flights, &total).map_err(fail)
+    let (model, phi) = (&subject.model, subject.prior_phi());
+    let mask = covered.mask();
+    let measured = |f: usize| mask.get(f).copied().unwrap_or(false);
+    Ok((
+        impulse_masses(model, &phi, motion, &report.flights, &total).map_err(fail)?,
+        plate_delays(model, &phi, motion, &report.flights, &total, measured).map_err(fail)?,
+    ))
 }

@@ -9,7 +9,7 @@ use aloft_trial::{
     ArtefactOptions, BidsMotion, GapOptions, ImportOptions, MarkerSet, QualityOptions, Severity, Trial, TrialQuality,
     UpAxis,
 };
-use aloft_trial::{MarkerSetMatch, apply_marker_set, assess, fill_gaps, find_artefacts};
+use aloft_trial::{MarkerSetMatch, QualityReason, apply_marker_set, assess, fill_gaps, find_artefacts};
 use aloft_workspace::artifact::save_trial;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::json::write_json;
@@ -74,6 +74,7 @@ pub fn read_recording(import: &ImportConfig, recording: &Recording) -> Result<Tr
             Vertical::Z => Some(UpAxis::Z),
         },
         strip_prefix: import.strip_prefix,
+        point_unit: import.point_unit.clone(),
         ..ImportOptions::default()
     };
     read_file(&recording.name, &recording.file, recording.forces.as_deref(), &options)
@@ -179,6 +180,22 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         )
         .because(QcReason::NoMarkers));
     }
+    let wanted = marker_set.markers.iter().filter(|m| m.tracking && !m.optional && !m.static_only).count();
+    let found = wanted.saturating_sub(matched.missing.len());
+    if (found as f64) < LEAST_FIT * wanted as f64 {
+        return Err(StageFailure::with_hint(
+            format!(
+                "{}: only {found} of {wanted} markers of the set `{}` are in the recording ({:.0} %); it has {}",
+                recording.file.display(),
+                marker_set.name,
+                100.0 * found as f64 / wanted as f64,
+                abridged(&trial.markers.labels),
+            ),
+            "another `marker_set` fits better, or map the labels under `import: {aliases: {MyLabel: LASI}}`; a set is a \
+             YAML file with a label, a link and a landmark a line, and `marker_set: path/to/file.yaml` uses it",
+        )
+        .because(QcReason::NoMarkers));
+    }
     let segments = marker_set.segments();
     let artefacts = ArtefactOptions { repair: import.repair, ..ArtefactOptions::default() };
     let findings = find_artefacts(&mut trial, &segments, &artefacts);
@@ -228,9 +245,41 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         .sum();
     done.note("missing_samples", gaps_left);
     done.warnings.extend(trial.warnings.iter().map(ToString::to_string));
-    done.warnings.extend(quality.reasons.iter().filter(|r| r.severity() == Severity::Warning).map(ToString::to_string));
+    done.warnings.extend(told(&quality.reasons));
     write_json(&inputs.out.join("quality.json"), &ImportRecord { matched, fills, findings, quality })?;
     Ok(done)
+}
+
+/// Share of a marker set's markers that a recording has to have.
+const LEAST_FIT: f64 = 0.5;
+/// Number of long gaps that are named one by one.
+const NAMED_GAPS: usize = 4;
+
+/// The reasons as warnings; many long gaps (a person who walks through the volume) are one.
+fn told(reasons: &[QualityReason]) -> Vec<String> {
+    let warned = || reasons.iter().filter(|r| r.severity() == Severity::Warning);
+    let gaps: Vec<(&String, usize, usize)> = warned()
+        .filter_map(|r| match r {
+            QualityReason::LongGap { marker, first_frame, last_frame } => Some((marker, *first_frame, *last_frame)),
+            _ => None,
+        })
+        .collect();
+    let many = gaps.len() > NAMED_GAPS;
+    let mut out: Vec<String> =
+        warned().filter(|r| !(many && matches!(r, QualityReason::LongGap { .. }))).map(ToString::to_string).collect();
+    if let (true, Some((marker, first, last))) = (many, gaps.iter().max_by_key(|g| g.2 - g.1)) {
+        let mut markers: Vec<&&String> = gaps.iter().map(|g| &g.0).collect();
+        markers.sort();
+        markers.dedup();
+        out.push(format!(
+            "{} markers are missing in {} stretches that are too long to fill; the longest: `{marker}` in frames {} to {}",
+            markers.len(),
+            gaps.len(),
+            first + 1,
+            last + 1
+        ));
+    }
+    out
 }
 
 /// A truncated file is used as far as it goes, unless it holds less than the pipeline's

@@ -40,6 +40,9 @@ section! {
 ImportConfig {
     /// Vertical axis of the recordings.
     up_axis: Vertical = Vertical::Auto,
+    /// Length unit of recordings that state none or a wrong one: `mm`, `cm`, `dm`, `m`, `in`, `ft`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    point_unit: Option<String> = None,
     /// Strip `Subject:` from labels.
     strip_prefix: bool = true,
     /// Labels of this laboratory and the marker of the set that each means.

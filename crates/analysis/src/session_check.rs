@@ -1,0 +1,489 @@
+//! The session check: what the recordings say about themselves before any model is judged. Times,
+//! weights, zeros, vertical, labels and markers, each with its interval and what it should be.
+//!
+//! Everything comes from results of the stages `import`, `ik` and `flight`; nothing is computed from
+//! an identified model. A line without an interval is a reading, not a measurement with known error.
+
+use aloft_flight::{Coverage, FlightReport, ImpulseMass, PlateDelay, PlateTare, TareSource, Unmeasured};
+use aloft_identify::half95;
+use aloft_ik::{IkReport, LabelExchange};
+use aloft_study::subject_session::{Role, SubjectSession};
+use aloft_workspace::artifact::{load_markers, load_trial_without_points};
+use aloft_workspace::json::read_json;
+use aloft_workspace::workspace::Workspace;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+/// How a measurement stands to its expectation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Standing {
+    /// The interval holds the expectation.
+    Agrees,
+    /// It does not.
+    Differs,
+    /// A reading without an interval or without an expectation.
+    Reading,
+}
+
+impl Standing {
+    /// Word used in tables.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Agrees => "agrees",
+            Self::Differs => "differs",
+            Self::Reading => "–",
+        }
+    }
+}
+
+/// One line of the check.
+#[derive(Debug, Clone, Serialize)]
+pub struct SessionLine {
+    /// Identifier for programs.
+    pub id: &'static str,
+    /// What is measured.
+    pub what: String,
+    /// Value.
+    pub value: f64,
+    /// Unit.
+    pub unit: &'static str,
+    /// 95 % interval, if known.
+    pub ci95: Option<[f64; 2]>,
+    /// What the value should be, if something says it.
+    pub expected: Option<f64>,
+    /// Number of observations.
+    pub n: usize,
+    /// How it stands.
+    pub standing: Standing,
+    /// Explanation, and what to do.
+    pub words: String,
+}
+
+/// The check of one session.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct SessionCheck {
+    /// Lines, in the order of reading; empty before a run.
+    pub lines: Vec<SessionLine>,
+}
+
+/// Mean, standard error of the mean, number.
+fn mean(values: &[f64]) -> Option<(f64, f64, usize)> {
+    let n = values.len();
+    let mean = values.iter().sum::<f64>() / n as f64;
+    let square: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+    (n > 0).then(|| (mean, if n > 1 { (square / (n - 1) as f64 / n as f64).sqrt() } else { f64::NAN }, n))
+}
+
+fn standing(ci95: Option<[f64; 2]>, expected: Option<f64>) -> Standing {
+    match (ci95, expected) {
+        (Some([low, high]), Some(e)) if (low..=high).contains(&e) => Standing::Agrees,
+        (Some(_), Some(_)) => Standing::Differs,
+        _ => Standing::Reading,
+    }
+}
+
+/// Results of a session that the check reads.
+struct Source<'a> {
+    session: &'a SubjectSession,
+    ws: Workspace,
+}
+
+impl Source<'_> {
+    fn read<T: DeserializeOwned>(&self, stage: &str, trial: &str, file: &str) -> Option<T> {
+        self.ws.manifest(stage, trial).filter(|m| m.is_ok())?;
+        read_json(&self.ws.place(stage, trial).join(file)).ok()
+    }
+    /// A file of every dynamic trial that has it.
+    fn each<T: DeserializeOwned>(&self, stage: &str, file: &str) -> Vec<(String, T)> {
+        self.session
+            .included()
+            .filter(|t| t.role.is_dynamic())
+            .filter_map(|t| Some((t.name.clone(), self.read(stage, &t.name, file)?)))
+            .collect()
+    }
+}
+
+/// Collects the check from the results in the session's workspace.
+pub fn session_check(session: &SubjectSession) -> SessionCheck {
+    let source = Source { session, ws: Workspace::open(&session.workspace) };
+    let mut lines = Vec::new();
+    timing(&source, &mut lines);
+    weights(&source, &mut lines);
+    tares(&source, &mut lines);
+    free_fall(&source, &mut lines);
+    contact(&source, &mut lines);
+    markers(&source, &mut lines);
+    SessionCheck { lines }
+}
+
+fn timing(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
+    let delays: Vec<PlateDelay> =
+        source.each::<Vec<PlateDelay>>("flight", "plate_delay.json").into_iter().flat_map(|d| d.1).collect();
+    let values: Vec<f64> = delays.iter().map(|d| 1e3 * d.delay_s).collect();
+    let Some((value, se, n)) = mean(&values) else { return };
+    let common = 1e3 * delays.iter().map(|d| d.posture_s).sum::<f64>() / n as f64;
+    let own = 1e3 * delays.iter().map(|d| d.scatter_s.powi(2)).sum::<f64>().sqrt() / n as f64;
+    let scatter = if n > 1 { half95(se, (n - 1) as f64) } else { Some(1.96 * own) };
+    let half = scatter.map(|s| s.hypot(1.96 * common));
+    let ci95 = half.map(|h| [value - h, value + h]);
+    let standing = standing(ci95, Some(0.0));
+    let spread = scatter.filter(|_| n > 1).map_or(String::new(), |s| format!("; contact to contact ± {s:.1} ms"));
+    let words = if standing == Standing::Differs {
+        format!(
+            "plates are {} by the time at which the flights before and after a contact cross{spread}; the effect \
+             `plate_time_offset` can be added to the model",
+            if value > 0.0 { "late" } else { "early" }
+        )
+    } else {
+        format!("from the time at which the flights before and after a contact cross{spread}")
+    };
+    let what = "plates against cameras in time".to_owned();
+    lines.push(SessionLine {
+        id: "plate_delay",
+        what,
+        value,
+        unit: "ms",
+        ci95,
+        expected: Some(0.0),
+        n,
+        standing,
+        words,
+    });
+}
+
+fn weights(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
+    let facts = &source.session.facts;
+    let stated = facts.person.mass_kg;
+    let g = facts.gravity_mps2;
+    let masses: Vec<f64> = source
+        .each::<Vec<ImpulseMass>>("flight", "impulse_mass.json")
+        .into_iter()
+        .flat_map(|m| m.1)
+        .map(|m| m.mass_kg)
+        .collect();
+    let by_impulse = mean(&masses).map(|(value, se, n)| {
+        let half = half95(se, n.saturating_sub(1) as f64).filter(|h| h.is_finite());
+        // velocities of a table's centre of mass: 0.5 % beside the scatter
+        (value, half.map(|h| h.hypot(0.01 * value)), n)
+    });
+    if let Some((value, half, n)) = by_impulse {
+        let ci95 = half.map(|h| [value - h, value + h]);
+        let standing = standing(ci95, Some(stated));
+        let words = if standing == Standing::Differs {
+            format!(
+                "the stated mass is {:.1} kg: either it or the gain of all plates ({:+.1} %) is off; standing on them with a \
+                 known weight tells which",
+                stated,
+                100.0 * (value / stated - 1.0)
+            )
+        } else {
+            "plates from flight to flight, against the stated mass".to_owned()
+        };
+        let what = "mass from the impulse between flights".to_owned();
+        lines.push(SessionLine {
+            id: "impulse_mass",
+            what,
+            value,
+            unit: "kg",
+            ci95,
+            expected: Some(stated),
+            n,
+            standing,
+            words,
+        });
+    }
+    let statics = source.session.included().filter(|t| t.role == Role::Static);
+    for t in statics {
+        let Ok(trial) = load_trial_without_points(&source.ws.place("import", &t.name)) else { continue };
+        if trial.plates.is_empty() {
+            continue;
+        }
+        let of = |p: &aloft_trial::Plate| {
+            let z: Vec<f64> = p.force_n.iter().map(|f| f.z).filter(|z| z.is_finite()).collect();
+            z.iter().sum::<f64>() / z.len().max(1) as f64
+        };
+        let load_n: f64 = trial.plates.iter().map(of).sum();
+        if load_n < 100.0 {
+            continue;
+        }
+        let value = load_n / g;
+        let expected = by_impulse.map_or(stated, |(mass, ..)| mass);
+        // the impulse knows its own error; the zero of the static plates is not known
+        let ci95 = by_impulse.and_then(|(_, half, _)| half).map(|h| [value - h, value + h]);
+        let standing = standing(ci95, Some(expected));
+        let by = if by_impulse.is_some() { "impulse" } else { "the stated mass" };
+        let words = format!(
+            "static plates are {:+.0} N against {by}{}",
+            load_n - expected * g,
+            if standing == Standing::Differs {
+                ": an offset of plates that are never unloaded there, or a part of the body beside them"
+            } else {
+                ""
+            }
+        );
+        let what = format!("mass from standing still ({})", t.name);
+        lines.push(SessionLine {
+            id: "static_mass",
+            what,
+            value,
+            unit: "kg",
+            ci95,
+            expected: Some(expected),
+            n: 1,
+            standing,
+            words,
+        });
+    }
+}
+
+fn tares(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
+    let all: Vec<(String, Vec<PlateTare>)> = source.each("flight", "tare.json");
+    let mut names: Vec<String> = Vec::new();
+    for t in all.iter().flat_map(|(_, tares)| tares) {
+        if !names.contains(&t.plate) {
+            names.push(t.plate.clone());
+        }
+    }
+    for name in names {
+        let of =
+            || all.iter().flat_map(|(trial, t)| t.iter().map(move |t| (trial, t))).filter(|(_, t)| t.plate == name);
+        let known: Vec<f64> = of()
+            .filter(|(_, t)| t.source != TareSource::None)
+            .map(|(_, t)| t.force_n.iter().map(|f| f.z).sum::<f64>() / t.force_n.len().max(1) as f64)
+            .collect();
+        let unknown: Vec<&str> = of().filter(|(_, t)| t.source == TareSource::None).map(|(n, _)| n.as_str()).collect();
+        let what = format!("zero of plate {name}");
+        let never = if unknown.is_empty() {
+            String::new()
+        } else {
+            format!("; never unloaded in {}, where it is not known", unknown.join(", "))
+        };
+        let Some((value, _, n)) = mean(&known) else {
+            let words =
+                format!("never unloaded in any recording{}", if unknown.is_empty() { "" } else { ": not known" });
+            lines.push(SessionLine {
+                id: "plate_zero",
+                what,
+                value: f64::NAN,
+                unit: "N",
+                ci95: None,
+                expected: Some(0.0),
+                n: 0,
+                standing: Standing::Reading,
+                words,
+            });
+            continue;
+        };
+        let (low, high) = known.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |r, x| (r.0.min(*x), r.1.max(*x)));
+        let noise = of().map(|(_, t)| t.noise_n / (t.samples.max(1) as f64).sqrt()).fold(0.0, f64::max);
+        let ci95 = Some([low - 1.96 * noise, high + 1.96 * noise]);
+        let exact = known.iter().all(|k| *k == 0.0);
+        let words = if exact {
+            format!("exactly zero: set to zero by an earlier program{never}")
+        } else {
+            format!("taken off in {n} recordings ({low:+.1} to {high:+.1} N){never}")
+        };
+        let standing = if value.abs() > 2.0 { Standing::Differs } else { Standing::Agrees };
+        lines.push(SessionLine {
+            id: "plate_zero",
+            what,
+            value,
+            unit: "N",
+            ci95,
+            expected: Some(0.0),
+            n,
+            standing,
+            words,
+        });
+    }
+}
+
+fn free_fall(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
+    let reports: Vec<(String, FlightReport)> = source.each("flight", "flights.json");
+    let falls: Vec<_> = reports.into_iter().filter_map(|(_, r)| r.free_fall).collect();
+    let ratios: Vec<f64> = falls.iter().filter_map(|f| f.ratio).collect();
+    let Some((value, se, n)) = mean(&ratios) else { return };
+    // one percent is common to all flights of a person (masses of a table, soft tissue)
+    let common = if source.session.object.is_some() { 0.003 } else { 0.01 };
+    let half = half95(se, n.saturating_sub(1) as f64).filter(|h| h.is_finite()).unwrap_or(0.0).hypot(1.96 * common);
+    let ci95 = Some([value - half, value + half]);
+    let state = standing(ci95, Some(1.0));
+    let words = if state == Standing::Differs {
+        "free fall over stated gravity: a frame rate (½ of the difference), a length, or a steady support; see `aloft explain`"
+    } else {
+        "free fall over stated gravity: rate² and length together are right"
+    };
+    lines.push(SessionLine {
+        id: "free_fall",
+        what: "free fall (frame rate and length)".to_owned(),
+        value,
+        unit: "g",
+        ci95,
+        expected: Some(1.0),
+        n,
+        standing: state,
+        words: words.to_owned(),
+    });
+    let flights: f64 = falls.iter().map(|f| f.flights as f64).sum();
+    let sums = falls
+        .iter()
+        .fold([0.0; 3], |s, f| [0, 1, 2].map(|i: usize| s[i] + f.acceleration_mps2[i] * f.flights as f64 / flights));
+    let tilt = sums[0].hypot(sums[1]).atan2(-sums[2]).to_degrees();
+    let halves: Vec<f64> = falls.iter().filter_map(|f| f.tilt_half95_deg).collect();
+    if let Some((mean_half, ..)) = mean(&halves) {
+        // the bias of a person's centre of mass repeats from flight to flight
+        let ci95 = [(tilt - mean_half).max(0.0), tilt + mean_half];
+        let state = standing(Some(ci95), Some(0.0));
+        lines.push(SessionLine {
+            id: "vertical",
+            what: "vertical against gravity".to_owned(),
+            value: tilt,
+            unit: "°",
+            ci95: Some(ci95),
+            expected: Some(0.0),
+            n,
+            standing: state,
+            words: "angle between the stated vertical and the mean fall".to_owned(),
+        });
+    }
+}
+
+fn contact(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
+    let all: Vec<(String, Coverage)> = source.each("flight", "coverage.json");
+    let with: Vec<&Coverage> = all.iter().map(|c| &c.1).filter(|c| c.complete_s() + c.lost_s() > 0.0).collect();
+    if with.is_empty() {
+        return;
+    }
+    let (kept, lost): (f64, f64) = with.iter().fold((0.0, 0.0), |s, c| (s.0 + c.complete_s(), s.1 + c.lost_s()));
+    let why: Vec<String> = [Unmeasured::FootBeside, Unmeasured::LoadMissing, Unmeasured::LoadExcess]
+        .into_iter()
+        .map(|r| (r, with.iter().map(|c| c.left_out_s(r)).sum::<f64>()))
+        .filter(|(_, s)| *s > 0.0)
+        .map(|(r, s)| format!("{} {s:.2} s", r.words()))
+        .collect();
+    let words = if why.is_empty() {
+        format!("{kept:.1} s in contact, all of it measured")
+    } else {
+        format!("of {:.1} s under load; left out: {}", kept + lost, why.join("; "))
+    };
+    lines.push(SessionLine {
+        id: "contact_measured",
+        what: "contact that the plates measure completely".to_owned(),
+        value: 100.0 * kept / (kept + lost),
+        unit: "%",
+        ci95: None,
+        expected: None,
+        n: with.len(),
+        standing: Standing::Reading,
+        words,
+    });
+}
+
+/// Root mean square of the sum of squared binomial coefficients of a fourth difference.
+const FOURTH_DIFFERENCE: f64 = 70.0;
+
+fn markers(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
+    let exchanges: Vec<(String, Vec<LabelExchange>)> = source.each("ik", "labels.json");
+    let reports: Vec<(String, IkReport)> = source.each("ik", "report.json");
+    if reports.is_empty() {
+        return;
+    }
+    let n: usize = exchanges.iter().map(|e| e.1.len()).sum();
+    let words = if n == 0 {
+        "labels are on the same markers as in the static trial".to_owned()
+    } else {
+        let of = |(trial, list): &(String, Vec<LabelExchange>)| {
+            let pairs: Vec<String> =
+                list.iter().flat_map(|e| &e.labels).filter(|(a, b)| a < b).map(|(a, b)| format!("{a}/{b}")).collect();
+            format!("{trial}: {}", pairs.join(", "))
+        };
+        format!("exchanged back: {}", exchanges.iter().map(of).collect::<Vec<_>>().join("; "))
+    };
+    lines.push(SessionLine {
+        id: "labels",
+        what: "labels against the static trial".to_owned(),
+        value: n as f64,
+        unit: "exchanges",
+        ci95: None,
+        expected: Some(0.0),
+        n: reports.len(),
+        standing: if n == 0 { Standing::Agrees } else { Standing::Differs },
+        words,
+    });
+    let noise: Vec<f64> = source
+        .session
+        .included()
+        .filter(|t| t.role.is_dynamic())
+        .filter_map(|t| load_markers(&source.ws.place("import", &t.name)).ok())
+        .filter_map(|trial| white_noise_mm(&trial.markers))
+        .collect();
+    if let Some((value, se, n)) = mean(&noise) {
+        let half = half95(se, n.saturating_sub(1) as f64).filter(|h| h.is_finite());
+        lines.push(SessionLine {
+            id: "marker_noise",
+            what: "noise of a marker, one axis".to_owned(),
+            value,
+            unit: "mm",
+            ci95: half.map(|h| [(value - h).max(0.0), value + h]),
+            expected: None,
+            n,
+            standing: Standing::Reading,
+            words: "white part, from fourth differences; a lower bound where trajectories were smoothed".to_owned(),
+        });
+    }
+    let rms: Vec<f64> = reports.iter().map(|r| 1e3 * r.1.rms_m).filter(|x| x.is_finite()).collect();
+    if let Some((value, se, n)) = mean(&rms) {
+        let half = half95(se, n.saturating_sub(1) as f64).filter(|h| h.is_finite());
+        let mut worst: Vec<(&str, f64)> =
+            reports.iter().flat_map(|r| r.1.worst(3)).map(|m| (m.label.as_str(), 1e3 * m.rms_m)).collect();
+        worst.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let mut seen: Vec<&str> = Vec::new();
+        worst.retain(|(label, _)| {
+            let first = !seen.contains(label);
+            seen.push(label);
+            first
+        });
+        let worst: Vec<String> = worst.iter().take(3).map(|(label, mm)| format!("{label} {mm:.0} mm")).collect();
+        lines.push(SessionLine {
+            id: "soft_tissue",
+            what: "markers off the rigid segments (soft tissue)".to_owned(),
+            value,
+            unit: "mm",
+            ci95: half.map(|h| [(value - h).max(0.0), value + h]),
+            expected: None,
+            n,
+            standing: Standing::Reading,
+            words: format!("worst: {}", worst.join(", ")),
+        });
+    }
+}
+
+/// White noise of one coordinate, mm: median over markers and axes of the median absolute fourth
+/// difference.
+fn white_noise_mm(markers: &aloft_trial::Markers) -> Option<f64> {
+    let mut each = Vec::new();
+    for track in &markers.trajectories {
+        for axis in 0..3 {
+            let mut steps: Vec<f64> = track
+                .windows(5)
+                .map(|w| (w[0][axis] - 4.0 * w[1][axis] + 6.0 * w[2][axis] - 4.0 * w[3][axis] + w[4][axis]).abs())
+                .filter(|d| d.is_finite())
+                .collect();
+            if steps.len() > 20
+                && let Some(median) = aloft_signal::upper_median(&mut steps)
+            {
+                each.push(1e3 * median / 0.674_489_750_196_081_7 / FOURTH_DIFFERENCE.sqrt());
+            }
+        }
+    }
+    aloft_signal::upper_median(&mut each)
+}
+
+impl SessionLine {
+    /// Digits behind the point that the value deserves: one beyond the first digit of its half interval.
+    pub fn digits(&self) -> usize {
+        let half = self.ci95.map_or(self.value.abs() * 0.01, |[low, high]| 0.5 * (high - low));
+        if half.is_finite() && half > 0.0 { (1.0 - half.log10()).ceil().clamp(0.0, 4.0) as usize } else { 1 }
+    }
+}
