@@ -14,6 +14,7 @@ const COMMANDS: &[(&str, &str, &str)] = &[
     ("compare --leave-one-out", "pipeline", "LeaveOneOutView"),
     ("discover", "discover", "Discovery"),
     ("history", "pipeline", "History"),
+    ("check", "pipeline", "Check"),
     ("status", "pipeline", "Status"),
     ("inspect", "pipeline", "Inspection"),
     ("summary", "pipeline", "Summary"),

@@ -13,6 +13,8 @@ use serde::Serialize;
 /// Result of the check.
 #[derive(Debug, Clone, Serialize)]
 pub struct Check {
+    /// Version of this structure.
+    pub version: u32,
     /// One row per recording.
     pub trials: Vec<CheckRow>,
     /// Remarks about the study as a whole.
@@ -144,5 +146,5 @@ pub fn check(session: &SubjectSession) -> Result<Check, PipelineError> {
     {
         remarks.push(format!("{}: no force file beside it; see `trials: {{forces: …}}`", t.name));
     }
-    Ok(Check { trials, remarks, session: session_check(session) })
+    Ok(Check { version: 1, trials, remarks, session: session_check(session) })
 }

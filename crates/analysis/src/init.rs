@@ -1,6 +1,10 @@
 //! `init`: inspects a folder of recordings and writes a commented pipeline file for it. Existing
 //! files are not overwritten.
 
+mod facts;
+mod quiet;
+
+use self::facts::{StatedFacts, agreed, force_patterns};
 use aloft_pipeline::stages::import::read_file;
 use aloft_study::catalog;
 use aloft_study::data_set::guess_subjects;
@@ -20,6 +24,8 @@ struct Determination {
     trial: Trial,
     /// Length unit that the file states.
     unit: String,
+    /// Body facts that the file states.
+    stated: StatedFacts,
 }
 
 /// How recordings are sorted into folders.
@@ -54,9 +60,31 @@ pub fn init(folder: &Path, out: Option<&Path>) -> Result<PathBuf, PipelineError>
             broken.first().cloned().unwrap_or_else(|| "expected .c3d or .trc files".to_owned()),
         ));
     }
+    if layout.subjects.is_empty() {
+        refuse_several_subjects(folder, &seen)?;
+    }
     let text = write(folder, &target, &layout, files.len(), &seen, &broken)?;
     aloft_workspace::disk::write_whole(&target, text.as_bytes())?;
     Ok(target)
+}
+
+/// Refuses a folder whose files name several subjects: they would become one body.
+fn refuse_several_subjects(folder: &Path, seen: &[Determination]) -> Result<(), PipelineError> {
+    let mut names: Vec<String> = seen.iter().filter_map(|s| s.stated.subject.clone()).collect();
+    names.sort();
+    names.dedup();
+    if names.len() < 2 {
+        return Ok(());
+    }
+    Err(PipelineError::request_hint(
+        format!(
+            "{}: the files are of {} subjects (SUBJECTS:NAMES): {}",
+            folder.display(),
+            names.len(),
+            aloft_pipeline::stages::import::abridged(&names)
+        ),
+        "put the files of each subject into a folder of its own, and give `aloft init` the folder that holds them",
+    ))
 }
 
 fn layout(folder: &Path) -> Result<Layout, PipelineError> {
@@ -127,7 +155,8 @@ fn look(folder: &Path, layout: &Layout, files: &[PathBuf]) -> (Vec<Determination
             let stem = stem_of(&path);
             let trial = read_file(&stem, &path, None, &ImportOptions::default()).map_err(|f| f.problem)?;
             let parts: Vec<_> = relative.components().map(|c| c.as_os_str().to_string_lossy()).collect();
-            Ok(Determination { relative: parts.join("/"), stem, unit: stated_unit(&path), trial })
+            let stated = StatedFacts::of(&path);
+            Ok(Determination { relative: parts.join("/"), stem, unit: stated_unit(&path), stated, trial })
         })
         .collect();
     let mut seen = Vec::new();
@@ -338,7 +367,18 @@ fn write(
         }
         Some(file) => line(format!("# name, sex, height and mass come from {file} beside the recordings")),
         None if is_object => line("subject:\n  mass_kg:              # from a scale: fill in".to_owned()),
-        None => line("subject:\n  sex:                  # F or M\n  height_m:             # stature, m\n  mass_kg:              # from a scale, kg: fill in".to_owned()),
+        None => {
+            let of = |value: fn(&StatedFacts) -> Option<f64>| agreed(seen.iter().filter_map(|s| value(&s.stated)));
+            line("subject:\n  sex:                  # F or M".to_owned());
+            line(match of(|s| s.height_m) {
+                Some(height) => format!("  height_m: {height:.3}       # stature, m, as the files state it"),
+                None => "  height_m:             # stature, m".to_owned(),
+            });
+            line(match of(|s| s.mass_kg) {
+                Some(mass) => format!("  mass_kg: {mass:.2}        # kg, as the files state it: compare with a scale"),
+                None => "  mass_kg:              # from a scale, kg: fill in".to_owned(),
+            });
+        }
     }
     line("trials:".to_owned());
     line(format!("  static: {}", list(&statics, layout)));
@@ -347,12 +387,18 @@ fn write(
     line(format!("  validate: {}      # held out for comparison", list(&validate, layout)));
     if statics.is_empty()
         && layout.subjects.is_empty()
-        && let Some(first) = rest.first()
+        && let Some((still, quiet)) = quiet::quietest(&rest)
     {
         line(format!(
-            "  # no static trial was found: quiet frames of a dynamic trial can serve\n  static_frames: {{trial: {}, first: 1, last: 30}}",
-            quote::yaml(&first.stem)
+            "  # no static trial was found; in these frames the markers move by {:.0} mm (median)\n  static_frames: {{trial: {}, first: {}, last: {}}}",
+            1e3 * quiet.spread_m,
+            quote::yaml(&still.stem),
+            quiet.first + 1,
+            quiet.last + 1
         ));
+    }
+    if let Some(patterns) = force_patterns(folder, seen) {
+        line(format!("  forces: {}      # ground reactions beside the markers", yaml_list(&patterns)));
     }
     if !broken.is_empty() {
         line("  # could not be read:".to_owned());

@@ -17,7 +17,7 @@ use serde::de::DeserializeOwned;
 /// How a measurement stands to its expectation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Standing {
+pub enum LineStanding {
     /// The interval holds the expectation.
     Agrees,
     /// It does not.
@@ -26,7 +26,7 @@ pub enum Standing {
     Reading,
 }
 
-impl Standing {
+impl LineStanding {
     /// Word used in tables.
     pub fn word(self) -> &'static str {
         match self {
@@ -55,7 +55,7 @@ pub struct SessionLine {
     /// Number of observations.
     pub n: usize,
     /// How it stands.
-    pub standing: Standing,
+    pub standing: LineStanding,
     /// Explanation, and what to do.
     pub words: String,
 }
@@ -75,11 +75,11 @@ fn mean(values: &[f64]) -> Option<(f64, f64, usize)> {
     (n > 0).then(|| (mean, if n > 1 { (square / (n - 1) as f64 / n as f64).sqrt() } else { f64::NAN }, n))
 }
 
-fn standing(ci95: Option<[f64; 2]>, expected: Option<f64>) -> Standing {
+fn standing(ci95: Option<[f64; 2]>, expected: Option<f64>) -> LineStanding {
     match (ci95, expected) {
-        (Some([low, high]), Some(e)) if (low..=high).contains(&e) => Standing::Agrees,
-        (Some(_), Some(_)) => Standing::Differs,
-        _ => Standing::Reading,
+        (Some([low, high]), Some(e)) if (low..=high).contains(&e) => LineStanding::Agrees,
+        (Some(_), Some(_)) => LineStanding::Differs,
+        _ => LineStanding::Reading,
     }
 }
 
@@ -129,7 +129,7 @@ fn timing(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
     let ci95 = half.map(|h| [value - h, value + h]);
     let standing = standing(ci95, Some(0.0));
     let spread = scatter.filter(|_| n > 1).map_or(String::new(), |s| format!("; contact to contact ± {s:.1} ms"));
-    let words = if standing == Standing::Differs {
+    let words = if standing == LineStanding::Differs {
         format!(
             "plates are {} by the time at which the flights before and after a contact cross{spread}; the effect \
              `plate_time_offset` can be added to the model",
@@ -164,13 +164,13 @@ fn weights(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         .collect();
     let by_impulse = mean(&masses).map(|(value, se, n)| {
         let half = half95(se, n.saturating_sub(1) as f64).filter(|h| h.is_finite());
-        // velocities of a table's centre of mass: 0.5 % beside the scatter
+        // velocities of a table's centre of mass: 1 % (95 %) beside the scatter, common to all contacts
         (value, half.map(|h| h.hypot(0.01 * value)), n)
     });
     if let Some((value, half, n)) = by_impulse {
         let ci95 = half.map(|h| [value - h, value + h]);
         let standing = standing(ci95, Some(stated));
-        let words = if standing == Standing::Differs {
+        let words = if standing == LineStanding::Differs {
             format!(
                 "the stated mass is {:.1} kg: either it or the gain of all plates ({:+.1} %) is off; standing on them with a \
                  known weight tells which",
@@ -216,7 +216,7 @@ fn weights(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         let words = format!(
             "static plates are {:+.0} N against {by}{}",
             load_n - expected * g,
-            if standing == Standing::Differs {
+            if standing == LineStanding::Differs {
                 ": an offset of plates that are never unloaded there, or a part of the body beside them"
             } else {
                 ""
@@ -270,7 +270,7 @@ fn tares(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
                 ci95: None,
                 expected: Some(0.0),
                 n: 0,
-                standing: Standing::Reading,
+                standing: LineStanding::Reading,
                 words,
             });
             continue;
@@ -284,7 +284,7 @@ fn tares(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         } else {
             format!("taken off in {n} recordings ({low:+.1} to {high:+.1} N){never}")
         };
-        let standing = if value.abs() > 2.0 { Standing::Differs } else { Standing::Agrees };
+        let standing = if value.abs() > 2.0 { LineStanding::Differs } else { LineStanding::Agrees };
         lines.push(SessionLine {
             id: "plate_zero",
             what,
@@ -309,7 +309,7 @@ fn free_fall(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
     let half = half95(se, n.saturating_sub(1) as f64).filter(|h| h.is_finite()).unwrap_or(0.0).hypot(1.96 * common);
     let ci95 = Some([value - half, value + half]);
     let state = standing(ci95, Some(1.0));
-    let words = if state == Standing::Differs {
+    let words = if state == LineStanding::Differs {
         "free fall over stated gravity: a frame rate (½ of the difference), a length, or a steady support; see `aloft explain`"
     } else {
         "free fall over stated gravity: rate² and length together are right"
@@ -375,7 +375,7 @@ fn contact(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         ci95: None,
         expected: None,
         n: with.len(),
-        standing: Standing::Reading,
+        standing: LineStanding::Reading,
         words,
     });
 }
@@ -408,7 +408,7 @@ fn markers(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         ci95: None,
         expected: Some(0.0),
         n: reports.len(),
-        standing: if n == 0 { Standing::Agrees } else { Standing::Differs },
+        standing: if n == 0 { LineStanding::Agrees } else { LineStanding::Differs },
         words,
     });
     let noise: Vec<f64> = source
@@ -428,7 +428,7 @@ fn markers(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
             ci95: half.map(|h| [(value - h).max(0.0), value + h]),
             expected: None,
             n,
-            standing: Standing::Reading,
+            standing: LineStanding::Reading,
             words: "white part, from fourth differences; a lower bound where trajectories were smoothed".to_owned(),
         });
     }
@@ -453,7 +453,7 @@ fn markers(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
             ci95: half.map(|h| [(value - h).max(0.0), value + h]),
             expected: None,
             n,
-            standing: Standing::Reading,
+            standing: LineStanding::Reading,
             words: format!("worst: {}", worst.join(", ")),
         });
     }

@@ -8,7 +8,7 @@ use crate::render::{command, json, note, out, table};
 use crate::stop::Stop;
 use crate::{Success, findings, residuals, show, show_estimators, workflow};
 use aloft_analysis::freshness::{Freshness, freshness};
-use aloft_analysis::session_check::{SessionCheck, Standing};
+use aloft_analysis::session_check::{LineStanding, SessionCheck};
 use aloft_analysis::{
     assess, check, compare, discover, effect, estimators, export, init, inspect, parameters, simulate, status, summary,
     verify,
@@ -445,7 +445,7 @@ fn show_session_check(checked: &SessionCheck) -> Result<(), Stop> {
         ]);
     }
     out(t)?;
-    for line in checked.lines.iter().filter(|l| l.standing == Standing::Differs || l.id == "contact_measured") {
+    for line in checked.lines.iter().filter(|l| l.standing == LineStanding::Differs || l.id == "contact_measured") {
         note(format!("{}: {}", line.what, visible(&line.words)));
     }
     Ok(())
