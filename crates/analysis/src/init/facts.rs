@@ -31,10 +31,8 @@ impl StatedFacts {
             let all = GROUPS.iter().flat_map(|g| names.iter().map(move |n| (*g, *n)));
             all.filter_map(|(g, n)| file.groups.get(g, n).and_then(|p| p.number())).find_map(read)
         };
-        let names: Vec<String> =
-            file.groups.get("SUBJECTS", "NAMES").map(|p| p.strings()).unwrap_or_default();
-        let names: Vec<String> =
-            names.into_iter().map(|n| n.trim().to_owned()).filter(|n| !n.is_empty()).collect();
+        let names: Vec<String> = file.groups.get("SUBJECTS", "NAMES").map(|p| p.strings()).unwrap_or_default();
+        let names: Vec<String> = names.into_iter().map(|n| n.trim().to_owned()).filter(|n| !n.is_empty()).collect();
         Self {
             mass_kg: number(&MASSES, kilograms),
             height_m: number(&HEIGHTS, metres),
