@@ -366,11 +366,12 @@ fn look_beyond(
     if !(left[0].as_ref().is_some_and(above) || (several && session.standing[0].as_ref().is_some_and(above))) {
         return;
     }
-    let catalogue = (out.held_out_error_after / out.held_out_error)
-        .min(out.candidates.iter().filter(|c| !c.placebo).map(|c| c.held_out_ratio).fold(1.0, f64::min));
+    let first = out.rounds.first().map_or(&out.candidates, |r| &r.candidates);
+    let single = first.iter().filter(|c| !c.placebo).map(|c| c.held_out_ratio).fold(1.0, f64::min);
+    let ratio = (out.held_out_error_after / out.held_out_error).min(single);
     let taken: Vec<&str> = effects.iter().map(|e| e.id()).collect();
     let unknowns: usize = kept.iter().map(Variant::unknowns).sum();
-    let rival = crate::laws::Rivals { ratio: catalogue, several: several.then_some(unknowns) };
+    let rival = crate::laws::Rivals { ratio, single, several: several.then_some(unknowns) };
     out.open = crate::laws::search(session, accepted, rival, &taken, options);
     let Some(open) = &out.open else { return };
     let named = matches!(out.verdict, Verdict::Supported | Verdict::OneOf);

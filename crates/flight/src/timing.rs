@@ -184,7 +184,7 @@ mod tests {
                 inertia: None,
             }],
         };
-        let model = aloft_body::Model::from_spec(&spec).unwrap();
+        let model = Model::from_spec(&spec).unwrap();
         let inertia = LinkInertia { mass_kg: m, com_m: Vector3::zeros(), inertia_com_kgm2: Matrix3::identity() };
         let q = heights.iter().flat_map(|z| [0.0, 0.0, *z, 0.0, 0.0, 0.0, 1.0]).collect();
         let motion = Motion { rate_hz: rate, nq: 7, nv: 6, q, ..Motion::default() };

@@ -224,7 +224,7 @@ fn a_short_gap_leaves_no_step() {
 /// them), then right: the foot stays on the wrong branch unless it is turned to its markers.
 #[test]
 fn a_segment_on_a_wrong_branch_is_turned_to_its_markers() {
-    let mut person = common::person();
+    let mut person = person();
     // three markers on the foot that lie nearly in a plane with its long axis
     let foot = person.model.links.iter().position(|l| l.name == "foot_l").unwrap();
     person.markers.retain(|m| m.link != foot);
@@ -241,20 +241,20 @@ fn a_segment_on_a_wrong_branch_is_turned_to_its_markers() {
             weight: 1.0,
         });
     }
-    let motion = common::motion(&person, 60, 200.0, 0.15, 3);
-    let mut trial = common::trial(&person, &motion, 200.0, 0.0005, 4);
+    let motion = motion(&person, 60, 200.0, 0.15, 3);
+    let mut trial = trial(&person, &motion, 200.0, 0.0005, 4);
     let mut state = aloft_body::State::new(&person.model);
     for (frame, q) in motion.iter().enumerate().take(20) {
         state.forward_position(&person.model, q);
         for m in person.markers.iter().filter(|m| m.link == foot) {
-            let over = nalgebra::Vector3::new(-m.position_m.x, m.position_m.y, -m.position_m.z);
+            let over = Vector3::new(-m.position_m.x, m.position_m.y, -m.position_m.z);
             let index = trial.markers.index(&m.label).unwrap();
             trial.markers.trajectories[index][frame] = state.point_in_world(foot, &over);
         }
     }
     let found = solve(&person, &trial, &IkOptions::default()).unwrap();
     for (frame, q) in motion.iter().enumerate().skip(20) {
-        let off = common::distance(&person, found.motion.q(frame), q);
+        let off = distance(&person, found.motion.q(frame), q);
         assert!(off < 0.1, "frame {frame}: {off} rad");
     }
     // while it was upside down, the report says so

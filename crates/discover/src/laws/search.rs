@@ -62,8 +62,10 @@ struct Step {
 pub(crate) struct Rivals {
     /// Share of the error that the best effects of the catalogue leave.
     pub ratio: f64,
-    /// Number of unknowns if these are effects of several kinds: a single law with fewer unknowns that
-    /// leaves no more is simpler.
+    /// Share that the best single effect leaves.
+    pub single: f64,
+    /// Number of unknowns if the best effects are of several kinds: a single law with fewer unknowns
+    /// that leaves no more is simpler, if no single effect comes near it.
     pub several: Option<usize>,
 }
 
@@ -152,7 +154,10 @@ pub(crate) fn search(
     let times_floor = standing.filter(|s| s.noise_floor > 0.0).map(|s| s.held_out_error * ratio / s.noise_floor);
     let complete = !laws.is_empty()
         && (times_floor.is_some_and(|t| t <= ANSWERED) || standing.is_some_and(|s| at_floor(&s, left / before)));
-    let simpler = |most: usize| laws.len() == 1 && laws[0].fitted.unknowns < most && ratio <= SIMPLER * catalogue.ratio;
+    let simpler = |most: usize| {
+        let alone = laws.len() == 1 && laws[0].fitted.unknowns < most;
+        alone && ratio <= SIMPLER * catalogue.ratio && ratio < BETTER * catalogue.single
+    };
     let better = ratio < BETTER * catalogue.ratio || catalogue.several.is_some_and(simpler);
     let complete = complete && better;
     let named = complete || (better && ratio < PART);
