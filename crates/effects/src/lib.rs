@@ -54,7 +54,7 @@ mod unknown;
 
 pub use about::{About, ActsIn, EffectKind, Family, Separation};
 pub use catalog::EFFECTS;
-pub use columns::Columns;
+pub use columns::{Applied, Columns};
 pub use effect::Effect;
 pub use error::{EffectsError, FormulaProblem};
 pub use formula::{

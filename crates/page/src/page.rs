@@ -1,6 +1,6 @@
 //! Structure of the page: chapters of sections of blocks.
 
-use crate::{Figure, Table};
+use crate::{Figure, Ladder, Table};
 use serde::Serialize;
 
 /// A traffic light; always shown with its symbol and its word, never by colour alone.
@@ -55,6 +55,35 @@ pub struct Card {
     pub light: Light,
 }
 
+/// A line of a [`Headline`]: what, and the answer.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Fact {
+    /// What it answers, in a word or two.
+    pub label: String,
+    /// Plain text; parts between backticks are set as code.
+    pub text: String,
+    /// Command to type, with a button that copies it; empty for none.
+    pub command: String,
+}
+
+impl Fact {
+    /// A line without a command.
+    pub fn new(label: &str, text: impl Into<String>) -> Self {
+        Self { label: label.to_owned(), text: text.into(), command: String::new() }
+    }
+}
+
+/// The result in one sentence, and what a reader asks next.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Headline {
+    /// Judgement.
+    pub light: Light,
+    /// The sentence.
+    pub sentence: String,
+    /// Short answers.
+    pub facts: Vec<Fact>,
+}
+
 /// One element of a section.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
@@ -75,6 +104,23 @@ pub enum Block {
     List {
         /// Plain text of each.
         items: Vec<String>,
+    },
+    /// The result in one sentence.
+    Headline {
+        /// The sentence and its details.
+        headline: Headline,
+    },
+    /// Errors of the revisions of a model, falling to the noise floor.
+    Ladder {
+        /// The ladder.
+        ladder: Ladder,
+    },
+    /// Two columns on wide screens, one below the other on narrow ones.
+    Beside {
+        /// Left column.
+        left: Vec<Block>,
+        /// Right column.
+        right: Vec<Block>,
     },
     /// Figures of merit, side by side.
     Cards {
@@ -118,6 +164,18 @@ impl Block {
     /// A remark with its judgement.
     pub fn remark(light: Light, text: impl Into<String>) -> Self {
         Self::Remark { text: text.into(), light }
+    }
+}
+
+impl From<Headline> for Block {
+    fn from(headline: Headline) -> Self {
+        Self::Headline { headline }
+    }
+}
+
+impl From<Ladder> for Block {
+    fn from(ladder: Ladder) -> Self {
+        Self::Ladder { ladder }
     }
 }
 
@@ -182,12 +240,13 @@ pub struct Page {
 }
 
 impl Page {
-    /// True if a figure on the page is drawn by `drawn_by` (`chart` or `player`).
+    /// True if a figure on the page is drawn by `drawn_by` (`chart`, `map` or `player`).
     pub fn has(&self, drawn_by: &str) -> bool {
         fn any(blocks: &[Block], drawn_by: &str) -> bool {
             blocks.iter().any(|b| match b {
                 Block::Figure { figure } => figure.drawn_by == drawn_by,
                 Block::Folded { blocks, .. } => any(blocks, drawn_by),
+                Block::Beside { left, right } => any(left, drawn_by) || any(right, drawn_by),
                 _ => false,
             })
         }

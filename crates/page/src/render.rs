@@ -14,12 +14,39 @@ pub enum ReportError {
     Template(#[from] minijinja::Error),
 }
 
-/// plotly.js, the bundle with Cartesian charts only (MIT, `vendor/plotly-LICENSE`).
-const PLOTLY: &str = include_str!("../vendor/plotly-cartesian.min.js");
+/// uPlot for line charts, three.js for the player (both MIT, `vendor/README.md`). As text: the
+/// browser reads a library only when something on the page needs it.
+const LIBRARIES: [(&str, &str, &str); 2] = [
+    ("chart", "uplot", include_str!("../vendor/uplot.min.js")),
+    ("player", "three", include_str!("../vendor/three.min.js")),
+];
 
-/// The plotting library as text: the browser parses it only when a chart comes into view.
-fn plotting_script() -> String {
-    format!("<script type=\"text/plain\" id=\"plotting-library\">{PLOTLY}</script>")
+/// The libraries that the page uses.
+fn libraries(page: &Page) -> String {
+    let of = |(_, name, text): &(&str, &str, &str)| {
+        format!("<script type=\"text/plain\" id=\"library-{name}\">{text}</script>\n")
+    };
+    LIBRARIES.iter().filter(|(drawn_by, _, _)| page.has(drawn_by)).map(of).collect()
+}
+
+/// Scripts of the page, in the order in which they need each other.
+const SCRIPTS: [&str; 9] = [
+    include_str!("../templates/numbers.js"),
+    include_str!("../templates/time.js"),
+    include_str!("../templates/charts.js"),
+    include_str!("../templates/maps.js"),
+    include_str!("../templates/player_scene.js"),
+    include_str!("../templates/player_gl.js"),
+    include_str!("../templates/player_canvas.js"),
+    include_str!("../templates/player.js"),
+    include_str!("../templates/page.js"),
+];
+
+/// Number that the page's security policy asks of scripts. Text from recordings cannot contain it,
+/// because it is computed from all of the text.
+fn nonce(page: &Page) -> String {
+    let text = serde_json::to_vec(page).unwrap_or_default();
+    blake3::hash(&text).to_hex()[..32].to_owned()
 }
 
 /// A judgement: its symbol, and its word if requested. The symbols differ in shape, so that colour
@@ -63,18 +90,12 @@ pub fn render(page: &Page) -> Result<String, ReportError> {
     env.add_template("blocks.html", include_str!("../templates/blocks.html"))?;
     env.add_function("light", light);
     env.add_function("prose", prose);
-    // include the plotting library only if there are charts: pages without charts stay small
-    let charts = page.has("chart");
     let html = env.get_template("page.html")?.render(context! {
         page => Serde(page),
-        plotting_script => if charts { plotting_script() } else { String::new() },
-        style => include_str!("../templates/page.css"),
-        scripts => [
-            include_str!("../templates/numbers.js"),
-            include_str!("../templates/charts.js"),
-            include_str!("../templates/player.js"),
-            include_str!("../templates/page.js"),
-        ].concat(),
+        libraries => libraries(page),
+        nonce => nonce(page),
+        style => [include_str!("../vendor/uplot.min.css"), include_str!("../templates/page.css"), include_str!("../templates/figures.css")].join("\n"),
+        scripts => SCRIPTS.concat(),
     })?;
     Ok(html)
 }
@@ -82,7 +103,10 @@ pub fn render(page: &Page) -> Result<String, ReportError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Animation, Block, Cell, Chapter, Figure, Light, Panel, Section, Series, Table, Words};
+    use crate::{
+        Animation, Block, Cell, Chapter, Fact, Figure, Headline, Ladder, Light, Panel, Rung, Section, Series, Table,
+        Words,
+    };
 
     fn chapter(id: &str, blocks: Vec<Block>) -> Chapter {
         Chapter {
@@ -118,17 +142,35 @@ mod tests {
         }
     }
 
+    /// The page without the libraries, which are third-party text.
+    fn own(page: &Page) -> String {
+        render(page).unwrap().replace(&libraries(page), "")
+    }
+
     #[test]
     fn page_is_self_contained_and_escaped() {
         let html = render(&sample()).unwrap();
         assert!(html.contains("S &lt;01&gt;") && html.contains("&lt;i&gt;"));
         assert!(!html.contains("</script><b>"));
-        assert!(html.contains("plotly.js (cartesian"), "the plotting library must be inside");
-        assert!(html.len() < 6_000_000, "{} bytes", html.len());
-        let own = html.replace(&plotting_script(), "");
-        for outside in ["src=", "http:", "https:", "@import", "url("] {
-            assert!(!own.contains(outside), "`{outside}` on the page");
+        assert!(html.contains("uPlot.js") && html.contains("three.js 0."), "the libraries must be inside");
+        assert!(html.len() < 800_000, "{} bytes", html.len());
+        for outside in [" src=", "http:", "https:", "@import", "url("] {
+            assert!(!own(&sample()).contains(outside), "`{outside}` on the page");
         }
+    }
+
+    #[test]
+    fn only_the_scripts_of_the_page_may_run_and_none_may_use_a_network() {
+        let html = render(&sample()).unwrap();
+        let policy = html.split("http-equiv=\"Content-Security-Policy\" content=\"").nth(1).unwrap();
+        let policy = policy.split('"').next().unwrap();
+        assert!(policy.starts_with("default-src 'none'") && !policy.contains("unsafe-eval"), "{policy}");
+        let nonce = policy.split("'nonce-").nth(1).unwrap().split('\'').next().unwrap();
+        assert!(nonce.len() == 32 && html.matches(&format!("<script nonce=\"{nonce}\">")).count() == 1);
+        assert!(!own(&sample()).contains(" onclick="), "no script in attributes");
+        assert_eq!(html, render(&sample()).unwrap(), "the same page each time");
+        let other = Page { title: "another".into(), ..sample() };
+        assert!(!render(&other).unwrap().contains(nonce), "another page, another number");
     }
 
     #[test]
@@ -146,7 +188,7 @@ mod tests {
 
     #[test]
     fn folded_blocks_are_drawn_and_chapters_lead_on() {
-        let html = render(&sample()).unwrap();
+        let html = own(&sample());
         assert!(html.contains("<summary>more</summary>") && html.contains("class=\"drawing player\""));
         assert!(html.contains("<a rel=\"next\" href=\"#b\">Chapter b →</a>"));
         assert_eq!(html.matches("<figure").count(), html.matches("</figure>").count());
@@ -154,8 +196,27 @@ mod tests {
     }
 
     #[test]
-    fn pages_without_charts_do_not_carry_the_plotting_library() {
+    fn the_headline_and_the_ladder_are_text_and_html() {
+        let headline = Headline {
+            light: Light::Poor,
+            sentence: "4.4 times the floor <now>".into(),
+            facts: vec![Fact { command: "aloft effect add 'tether[pelvis]'".into(), ..Fact::new("Next", "add it") }],
+        };
+        let rung = Rung { name: "start".into(), error: 4.0, words: "4.0 N".into(), ..Rung::default() };
+        let ladder = Ladder { floor: Some(1.0), rungs: vec![rung], ..Ladder::default() };
+        let blocks = vec![Block::Beside { left: vec![headline.into(), ladder.into()], right: vec![Block::text("t")] }];
+        let page = Page { chapters: vec![chapter("a", blocks)], ..Page::default() };
+        let html = render(&page).unwrap();
+        assert!(
+            html.contains("4.4 times the floor &lt;now&gt;")
+                && html.contains("aloft effect add &#x27;tether[pelvis]&#x27;")
+        );
+        assert!(html.contains("class=\"rung") && html.contains("left:24.51%"), "the floor at its place");
+    }
+
+    #[test]
+    fn pages_carry_only_the_libraries_that_they_use() {
         let page = Page { chapters: vec![chapter("a", vec![Block::text("t")])], ..Page::default() };
-        assert!(render(&page).unwrap().len() < 60_000);
+        assert!(render(&page).unwrap().len() < 120_000);
     }
 }

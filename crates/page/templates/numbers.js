@@ -1,5 +1,6 @@
-// Packed numbers back to lists; colours of the theme; CSV. (`pack.rs` says how numbers are packed.)
+// Packed numbers back to lists; colours of the theme; libraries of the page; CSV. (`pack.rs` says how numbers are packed.)
 const Numbers = (() => {
+  const nonce = document.currentScript.nonce;
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   const list = (packed) => {
     if (Array.isArray(packed)) return packed.map((v) => (v === null ? NaN : v));
@@ -9,6 +10,31 @@ const Numbers = (() => {
       const n = view.getInt16(2 * i, true);
       return n === -32768 ? NaN : n * packed.s;
     });
+  };
+  const read = (figure) => JSON.parse(figure.querySelector("script").textContent);
+  // a number with about three digits, for people
+  const short = (v) => {
+    const a = Math.abs(v);
+    if (!Number.isFinite(v)) return "–";
+    if (a >= 100) return v.toFixed(0);
+    if (a === 0) return "0";
+    return a >= 0.001 ? String(+v.toPrecision(3)) : v.toExponential(1);
+  };
+  // a library that the page holds as text becomes a script when it is first needed
+  const library = (name) => {
+    const text = document.getElementById("library-" + name);
+    if (!text || text.dataset.run) return;
+    text.dataset.run = "yes";
+    const program = document.createElement("script");
+    program.nonce = nonce;
+    program.textContent = text.textContent;
+    document.head.append(program);
+  };
+  const make = (tag, attributes = {}, ...children) => {
+    const el = document.createElement(tag);
+    for (const [k, v] of Object.entries(attributes)) el.setAttribute(k, v);
+    el.append(...children);
+    return el;
   };
   // seven digits: what single precision holds
   const text = (v) => (typeof v === "number" ? (Number.isFinite(v) ? String(+v.toPrecision(7)) : "") : v ?? "");
@@ -22,5 +48,7 @@ const Numbers = (() => {
     setTimeout(() => URL.revokeObjectURL(a.href), 1000);
   };
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
-  return { list, save, colour };
+  // a colour of the theme with an opacity
+  const faint = (name, alpha) => colour(name) + Math.round(255 * alpha).toString(16).padStart(2, "0");
+  return { list, read, short, library, make, save, colour, faint };
 })();

@@ -3,11 +3,12 @@
   const chapters = [...document.querySelectorAll(".chapter")];
   const drawings = [...document.querySelectorAll(".drawing")];
   const drawn = new Set();
+  const drawer = (el) => (el.classList.contains("player") ? Player : el.classList.contains("map") ? Maps : Charts);
   const draw = (el) => {
     if (drawn.has(el)) return;
     drawn.add(el);
     try {
-      (el.classList.contains("player") ? Player : Charts).draw(el);
+      drawer(el).draw(el);
     } catch (e) {
       el.textContent = "This figure could not be drawn: " + e.message;
     }
@@ -34,15 +35,20 @@
     if (all) drawings.forEach(draw);
     if (move) setTimeout(() => (target && target !== chapter ? target.scrollIntoView() : window.scrollTo(0, 0)));
   };
-  window.addEventListener("hashchange", () => show(true));
+  window.addEventListener("hashchange", () => { unfold(false); show(true); });
   show(location.hash.length > 1);
 
-  // the library while nothing else is to do, so that the first chart need not wait
-  if (document.getElementById("plotting-library")) (window.requestIdleCallback || setTimeout)(() => Charts.library());
+  // libraries while nothing else is to do, so that the first figure of the next chapter need not wait
+  const idle = window.requestIdleCallback || setTimeout;
+  idle(() => { Numbers.library("uplot"); idle(() => Numbers.library("three")); });
+
+  const menu = document.querySelector("nav .menu");
+  const unfold = (open) => { menu.setAttribute("aria-expanded", open); document.body.classList.toggle("chapters-open", open); };
+  menu.addEventListener("click", () => unfold(menu.getAttribute("aria-expanded") !== "true"));
 
   // print what is shown, in the light theme, or everything
   const repaint = () => {
-    [...drawn].filter((d) => d.classList.contains("chart") && d.offsetParent).forEach(Charts.draw);
+    [...drawn].filter((d) => !d.classList.contains("player") && d.offsetParent).forEach((d) => drawer(d).draw(d));
     Player.renderAll();
   };
   window.addEventListener("beforeprint", () => {
@@ -62,22 +68,22 @@
   });
 
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
-    drawn.forEach((d) => { if (d.classList.contains("chart") && !d.offsetParent) drawn.delete(d); });
+    drawn.forEach((d) => { if (!d.classList.contains("player") && !d.offsetParent) drawn.delete(d); });
     repaint();
   });
 
   document.querySelectorAll("button.csv").forEach((b) => b.addEventListener("click", () => {
-    const figure = b.closest("figure"), table = figure.querySelector("table");
+    const figure = b.closest("figure"), table = figure.querySelector("script") ? null : figure.querySelector("table");
     const name = b.closest(".chapter").querySelector(".chapter-title").textContent + " " + figure.querySelector(".what").textContent;
     const rows = table
       ? [...table.rows].map((r) => [...r.cells].map((c) => c.innerText.trim()))
-      : (figure.querySelector(".player") ? Player : Charts).rows(figure);
+      : (figure.querySelector(".player") ? Player : figure.querySelector(".drawing.chart") ? Charts : Maps).rows(figure);
     Numbers.save(name, rows);
   }));
 
   // a click on a head sorts by it
   const key = (cell) => { const t = cell.innerText.trim(), v = parseFloat(t.replace("−", "-")); return Number.isFinite(v) ? v : t; };
-  document.querySelectorAll("table").forEach((table) => {
+  document.querySelectorAll("figure.table table").forEach((table) => {
     const body = table.tBodies[0];
     if (body.rows.length < 3) return;
     [...table.tHead.rows[0].cells].forEach((head, i) => {
@@ -100,14 +106,14 @@
     });
   });
 
-  document.querySelectorAll("button.copy-text").forEach((b) => b.addEventListener("click", async () => {
-    const text = b.previousElementSibling.textContent;
+  document.querySelectorAll("button.copy-text, button.copy-command").forEach((b) => b.addEventListener("click", async () => {
+    const text = b.previousElementSibling;
     try {
-      await navigator.clipboard.writeText(text);
+      await navigator.clipboard.writeText(text.textContent);
       b.textContent = "Copied";
     } catch {
       const range = document.createRange();
-      range.selectNodeContents(b.previousElementSibling);
+      range.selectNodeContents(text);
       getSelection().removeAllRanges();
       getSelection().addRange(range);
       b.textContent = "Selected: press Ctrl+C";

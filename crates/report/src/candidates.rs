@@ -3,7 +3,7 @@
 use super::wording::{number, plus_minus, unit};
 use aloft_discover::{Candidate, Discovery};
 use aloft_effects::EffectKind;
-use aloft_page::{Block, Cell, Columns, Dots, Figure, HeatMap, Line, Section, Table, Words};
+use aloft_page::{Block, Cell, Columns, Dots, Figure, HeatMap, Line, Scale, Section, Table, Words};
 
 /// Number of candidates drawn.
 const SHOWN: usize = 14;
@@ -130,8 +130,8 @@ fn confusions(shown: &[&Candidate]) -> Option<Block> {
         z,
         unit: "cosine".into(),
         step: 1e-3,
-        top: Some(1.0),
-        values: None,
+        scale: Scale::To(1.0),
+        ..HeatMap::default()
     };
     let words = Words::new(
         "What looks alike",

@@ -3,7 +3,9 @@
 
 use super::STUDY;
 use super::candidates;
+use super::commands::command;
 use super::ladder;
+use super::standing::{asked, effects};
 use super::story::Story;
 use super::wording::{card, number};
 use aloft_discover::{Discovery, Verdict};
@@ -38,18 +40,18 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
         }
     }
     if story.discoveries.is_empty() {
-        let p = aloft_study::quote::path(&story.session.config_path);
         sections.insert(
             0,
             Section::new(
                 "missing",
                 "Not asked yet",
                 "`discover` refits the mass parameters together with each physical effect and each measurement artefact, and judges them on recordings that took no part.",
-                vec![Block::Commands { lines: vec![format!("aloft discover {p}"), format!("aloft report {p}")] }],
+                vec![Block::Commands { lines: ["discover", "report"].map(|w| command(story.session, w, None)).to_vec() }],
             ),
         );
     }
-    let light = story.discovery().map_or(Light::Neutral, |d| verdict_light(d.verdict));
+    // a verdict on an earlier model is no signal of the present one
+    let light = asked(story).map_or(Light::Neutral, |d| verdict_light(d.verdict).max(Light::Neutral));
     Chapter { id: "discovery".into(), title: "What is missing".into(), group: STUDY.into(), light, sections }
 }
 
@@ -77,14 +79,24 @@ fn verdict_word(v: Verdict) -> &'static str {
 fn answer(story: &Story<'_>, revision: usize, d: &Discovery, several: bool, older: bool) -> Section {
     let held = story.history.revisions.get(revision).map(|r| r.effects.join(", ")).filter(|e| !e.is_empty());
     let model = held.map_or_else(|| "the plain model".to_owned(), |e| format!("the model with {e}"));
-    let mut blocks = vec![Block::remark(verdict_light(d.verdict), d.words.clone())];
+    let present = story.history.revisions.last().map_or(0, |r| r.revision);
+    let earlier = revision != present;
+    let judged = if earlier { Light::Neutral } else { verdict_light(d.verdict) };
+    let mut blocks = vec![Block::remark(judged, d.words.clone())];
+    if earlier {
+        let now = effects(story);
+        let holds = if now.is_empty() { "no effects".to_owned() } else { format!("`{}`", now.join("`, `")) };
+        let text =
+            format!("Asked of {model} (revision {revision}). The model is now revision {present} and holds {holds}.");
+        blocks.insert(0, Block::remark(Light::Neutral, text));
+    }
     if older {
         let text = "Not up to date: `discover` looked at other results than those of this page. Ask it again.";
         blocks.insert(0, Block::remark(Light::Poor, text));
     }
     let share = 100.0 * d.held_out_error_of_weight;
     let mut cards = vec![
-        card("Verdict", verdict_word(d.verdict).to_owned(), d.effects.join(", "), verdict_light(d.verdict)),
+        card("Verdict", verdict_word(d.verdict).to_owned(), d.effects.join(", "), judged),
         card(
             "Held-out error",
             format!("{} N", number(d.held_out_error)),
@@ -128,7 +140,8 @@ fn answer(story: &Story<'_>, revision: usize, d: &Discovery, several: bool, olde
         });
         blocks.push(Block::List { items: items.collect() });
     }
-    let title = if several { format!("Revision {revision}: asked of {model}") } else { "The verdict".to_owned() };
+    let title =
+        if several || earlier { format!("Revision {revision}: asked of {model}") } else { "The verdict".to_owned() };
     Section::new(
         format!("missing-{revision}"),
         &title,

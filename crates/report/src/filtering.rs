@@ -17,7 +17,7 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         .map(|(t, a)| {
             let y = a.residual_rms.iter().map(|r| 1e3 * r).collect();
             let s = Series::line(t.entry.name.clone(), a.cutoff_hz.clone(), y);
-            if many { Series { quiet: true, ..s.coloured("$c0") } } else { s }
+            if many { Series { quiet: true, ..s.coloured("c0") } } else { s }
         })
         .collect();
     let panel = Panel {

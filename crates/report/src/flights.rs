@@ -75,19 +75,19 @@ fn residuals(story: &Story<'_>) -> Option<Figure> {
     let panels: Vec<Panel> = COMPONENTS
         .iter()
         .map(|(key, title, unit)| {
-            let bands = [("prior", "$c1"), ("identified", "$c0")]
+            let bands = [("prior", "c1"), ("identified", "c0")]
                 .into_iter()
                 .map(|(model, colour)| (model, collect(model, key), colour))
                 .filter(|(_, curves, _)| curves.len() > 1)
                 .map(|(model, curves, colour)| band(model, &curves, Some(colour)))
                 .collect();
-            Panel { title: (*title).to_owned(), y: (*unit).to_owned(), bands, ..Panel::default() }
+            Panel { title: (*title).to_owned(), y: format!("{unit}, root axes"), bands, ..Panel::default() }
         })
         .collect();
     let words = Words::new(
-        "Wrench that the models ask for in flight",
-        "Nothing acts in the air, so the truth is zero. A mean that stays away from zero is a fault that all flights share; a wide band, noise or \
-         what differs from flight to flight. At the edges the filter mixes flight with contact.",
+        "Residual wrench in flight",
+        "External wrench that the models still need in flight beside their effects; zero for a perfect model. A mean away from zero is an error that all \
+         flights share; a wide band is noise, or what differs from flight to flight. At the edges the filter mixes flight with contact.",
     );
     panels.iter().any(|p| !p.bands.is_empty()).then(|| Figure::panels(words, "flight, %", 2, &panels, &[]))
 }
@@ -137,7 +137,7 @@ fn angles(story: &Story<'_>) -> Option<Figure> {
         let (stem, side) = side(&model.links[*i].name);
         let title = joint_name(stem);
         let named = if side.is_empty() { "mean ± SD" } else { side };
-        let colour = if side == "left" { "$c1" } else { "$c0" };
+        let colour = if side == "left" { "c1" } else { "c0" };
         let one = band(named, list, Some(colour));
         match panels.iter_mut().find(|p| p.title == title) {
             Some(p) => p.bands.push(one),

@@ -1,12 +1,15 @@
 //! The page of a study of several subjects: one row per subject with lights, distributions over the
 //! group, and links to the subjects' pages.
 
+use super::standing::{self, standings};
 use super::story::Story;
 use super::wording::{anchor, card, count, maybe, number, with_half};
 use super::{STUDY, lights};
 use aloft_analysis::compare::{errors_of, mean};
 use aloft_discover::Verdict;
-use aloft_page::{Block, Cell, Chapter, Columns, Dots, Figure, HeatMap, Light, Line, Page, Section, Table, Words};
+use aloft_page::{
+    Block, Cell, Chapter, Columns, Dots, Fact, Figure, Headline, HeatMap, Light, Line, Page, Section, Table, Words,
+};
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use rayon::prelude::*;
@@ -40,8 +43,14 @@ type TrialLine = (String, Light, Option<f64>, Option<usize>, String);
 struct Row {
     name: String,
     link: String,
+    /// Judgement of the model.
     light: Light,
+    /// Where the model is judged, its error over the floor, and what is said of it.
+    times_floor: Option<f64>,
+    standing: String,
     recordings: usize,
+    /// Judgement of the recordings, and how many have each.
+    recorded: Light,
     remarks: String,
     flights: Option<usize>,
     marker_rms_mm: Option<f64>,
@@ -52,6 +61,8 @@ struct Row {
     force: [Option<f64>; 2],
     moment: [Option<f64>; 2],
     verdict: Option<(Verdict, String)>,
+    /// Effects of the model.
+    held: String,
     /// Share of each link in the body mass: identified and prior.
     shares: Vec<(String, f64, f64)>,
     /// Mean error of each marker over recordings, mm.
@@ -91,6 +102,9 @@ fn row(m: &Member<'_>) -> Row {
         name: m.name.clone(),
         link: m.link.clone(),
         light: Light::Poor,
+        times_floor: None,
+        standing: String::new(),
+        recorded: Light::Poor,
         recordings: m.session.included().count(),
         remarks: String::new(),
         flights: None,
@@ -101,6 +115,7 @@ fn row(m: &Member<'_>) -> Row {
         force: [None; 2],
         moment: [None; 2],
         verdict: None,
+        held: String::new(),
         shares: Vec::new(),
         markers: BTreeMap::new(),
         trials: Vec::new(),
@@ -115,9 +130,13 @@ fn row(m: &Member<'_>) -> Row {
             return out;
         }
     };
-    (out.light, out.remarks) = lights::recordings(&story);
+    (out.recorded, out.remarks) = lights::recordings(&story);
+    out.light = standing::light(&story);
+    if let Some(first) = standings(&story).first() {
+        out.times_floor = first.ratio;
+        out.standing = format!("{} in {}", first.ratio_words(), first.place);
+    }
     if !story.freshness.is_current() {
-        out.light = Light::Poor;
         out.remarks = format!("not up to date ({}); {}", story.freshness.describe().join("; "), out.remarks);
     }
     let average = |v: Vec<f64>| (!v.is_empty()).then(|| v.iter().sum::<f64>() / v.len() as f64);
@@ -134,9 +153,6 @@ fn row(m: &Member<'_>) -> Row {
             .iter()
             .map(|l| (l.name.clone(), 100.0 * l.mass_kg / p.mass_kg, 100.0 * l.prior.mass_kg / p.mass_kg))
             .collect();
-        if !p.gate.passed {
-            out.light = out.light.max(Light::Fair);
-        }
     }
     if let Some(view) = &story.comparison {
         let c = &view.comparison;
@@ -147,7 +163,8 @@ fn row(m: &Member<'_>) -> Row {
     } else {
         out.light = Light::Poor;
     }
-    out.verdict = story.discovery().map(|d| (d.verdict, d.effects.join(", ")));
+    out.verdict = standing::asked(&story).map(|d| (d.verdict, d.effects.join(", ")));
+    out.held = standing::effects(&story).join(", ");
     for t in story.dynamic() {
         let Some(motion) = &t.motion else { continue };
         let n = motion.marker_labels.len();
@@ -232,19 +249,21 @@ fn overview(rows: &[Row], absent: &[Absent]) -> Chapter {
             Light::Neutral,
         ),
         card(
-            "Force error",
+            "Force error, frame by frame",
             format!("{} N", mean_sd(rows.iter().map(|r| r.force[0]))),
             format!("prior {} N", mean_sd(rows.iter().map(|r| r.force[1]))),
             Light::Neutral,
         ),
         card(
-            "Moment error",
+            "Moment error, frame by frame",
             format!("{} N·m", mean_sd(rows.iter().map(|r| r.moment[0]))),
             format!("prior {} N·m", mean_sd(rows.iter().map(|r| r.moment[1]))),
             Light::Neutral,
         ),
     ];
-    let mut blocks = vec![Block::Cards { cards }, subjects(rows).into()];
+    let mut first: Vec<Block> = vec![headline(rows, light).into()];
+    first.extend(floors(rows).map(Block::from));
+    let mut blocks = vec![subjects(rows).into(), Block::Cards { cards }];
     let failed = rows.iter().filter_map(|r| Some((r.name.clone(), r.failure.clone()?)));
     let lost: Vec<(String, String, bool)> = failed
         .map(|(n, f)| (n, f, false))
@@ -255,13 +274,103 @@ fn overview(rows: &[Row], absent: &[Absent]) -> Chapter {
         let what = if on_purpose { "left out" } else { "no results" };
         blocks.push(Block::remark(light, format!("{name}: {what}: {reason}")));
     }
-    let sections = vec![Section::new("subjects", "Subjects", "Click a name to open the subject's page.", blocks)];
+    let sections = vec![
+        Section::new("result", "", "", first),
+        Section::new("subjects", "Subjects", "Click a name to open the subject's page.", blocks),
+    ];
     Chapter { id: "overview".into(), title: "Overview".into(), group: STUDY.into(), light, sections }
+}
+
+/// How many models are at their floor, what is missing, what to do next.
+fn headline(rows: &[Row], light: Light) -> Headline {
+    let known: Vec<f64> = rows.iter().filter_map(|r| r.times_floor).collect();
+    let good = rows.iter().filter(|r| r.light == Light::Good).count();
+    let sentence = if known.is_empty() {
+        format!("Of {} no noise floor is known, so no error can be judged.", count(rows.len(), "subject"))
+    } else {
+        format!("{good} of {} are at the noise floor of their recordings.", count(rows.len(), "subject"))
+    };
+    let mut facts = Vec::new();
+    if !known.is_empty() {
+        let (low, high) = known.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), v| (l.min(*v), h.max(*v)));
+        let median = middle(known.clone());
+        let text = format!(
+            "{} to {} times the floor, median {}.",
+            lights::times(low),
+            lights::times(high),
+            lights::times(median)
+        );
+        facts.push(Fact::new("How wrong", text));
+    }
+    let worst = rows
+        .iter()
+        .filter(|r| r.times_floor.is_some())
+        .max_by(|a, b| a.times_floor.unwrap_or(0.0).total_cmp(&b.times_floor.unwrap_or(0.0)));
+    facts.extend(
+        worst
+            .filter(|w| w.light > Light::Good)
+            .map(|w| Fact::new("Where", format!("Most for {}: {}.", w.name, w.standing))),
+    );
+    let mut named: BTreeMap<String, usize> = BTreeMap::new();
+    for (verdict, effects) in rows.iter().filter_map(|r| r.verdict.as_ref()) {
+        if matches!(verdict, Verdict::Supported | Verdict::OneOf) {
+            let one_of = if *verdict == Verdict::OneOf { "one of " } else { "" };
+            *named.entry(format!("{one_of}`{effects}`")).or_default() += 1;
+        }
+    }
+    let asked = rows.iter().filter(|r| r.verdict.is_some()).count();
+    let missing = if asked == 0 {
+        "Not asked.".to_owned()
+    } else if named.is_empty() {
+        format!("Nothing was named for the {} asked.", count(asked, "subject"))
+    } else {
+        let all: Vec<String> = named.iter().map(|(k, n)| format!("{k} for {n} of {}", rows.len())).collect();
+        format!("{}.", all.join("; "))
+    };
+    facts.push(Fact::new("Missing", missing));
+    let trusted = rows.iter().filter(|r| r.trusted == Some(true)).count();
+    let lost = rows.iter().filter(|r| r.failure.is_some()).count();
+    let without = if lost > 0 { format!(" {} without results.", count(lost, "subject")) } else { String::new() };
+    facts.push(Fact::new(
+        "How sure",
+        format!("Motion determines the parameters of {trusted} of {}.{without}", rows.len()),
+    ));
+    Headline { light, sentence, facts }
+}
+
+/// The median.
+fn middle(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    if n % 2 == 1 { values[n / 2] } else { 0.5 * (values[n / 2 - 1] + values[n / 2]) }
+}
+
+/// Error of each subject's model in multiples of its floor.
+fn floors(rows: &[Row]) -> Option<Figure> {
+    let known: Vec<&Row> = rows.iter().filter(|r| r.times_floor.is_some()).collect();
+    if known.is_empty() {
+        return None;
+    }
+    let names: Vec<String> = known.iter().map(|r| r.name.clone()).collect();
+    let of = |l: Light, name: &str| {
+        let values = known.iter().map(|r| if r.light == l { r.times_floor.unwrap_or(f64::NAN) } else { f64::NAN });
+        Dots::new(name, values.collect())
+    };
+    let kinds =
+        [of(Light::Neutral, "not judged"), of(Light::Poor, "poor"), of(Light::Good, "good"), of(Light::Fair, "fair")];
+    let line = |at: f64, label: &str| Line { at, upright: true, label: label.to_owned() };
+    let lines = [line(1.0, "floor"), line(3.0, "3 ×")];
+    let words = Words::new(
+        "Error in multiples of the noise floor",
+        "Held-out error of each subject's model where it is judged; 1 is what a perfect model would leave.",
+    );
+    Some(Figure::dots(words, "error / noise floor", &names, &kinds, &lines))
 }
 
 fn subjects(rows: &[Row]) -> Table {
     let verdict = |r: &Row| match &r.verdict {
-        None => "not asked".to_owned(),
+        None if r.held.is_empty() => "not asked".to_owned(),
+        None => format!("added: {}", r.held),
         Some((Verdict::NothingMissing, _)) => "nothing".to_owned(),
         Some((Verdict::Unexplained, _)) => "unexplained".to_owned(),
         Some((Verdict::NotDetectable, _)) => "cannot tell".to_owned(),
@@ -275,7 +384,9 @@ fn subjects(rows: &[Row]) -> Table {
     let cells = |r: &Row| -> Vec<Cell> {
         vec![
             Cell::from(r.name.clone()).to(r.link.clone()),
-            Cell::light(r.light, r.remarks.clone()),
+            Cell::light(r.light, r.standing.clone()),
+            verdict(r).into(),
+            Cell::light(r.recorded, r.remarks.clone()),
             r.recordings.to_string().into(),
             r.flights.map_or("–".into(), |n| n.to_string().into()),
             maybe(r.marker_rms_mm).into(),
@@ -285,15 +396,16 @@ fn subjects(rows: &[Row]) -> Table {
             of_prior(&r.force).into(),
             maybe(r.moment[0]).into(),
             of_prior(&r.moment).into(),
-            verdict(r).into(),
         ]
     };
     Table::new(
         "Subjects",
-        "Marker error and free fall are means over recordings; errors of the identified model are mean absolute errors on motion that was held out, \
-         beside them as a share of what the anthropometric prior leaves.",
+        "The model is judged by its held-out error in multiples of the noise floor. Marker error and free fall are means over recordings; force and moment \
+         errors are mean absolute errors frame by frame on held-out motion, also as a share of what the anthropometric prior leaves.",
         &[
             "subject",
+            "model",
+            "missing",
             "recordings judged",
             "recordings",
             "flights",
@@ -304,7 +416,6 @@ fn subjects(rows: &[Row]) -> Table {
             "of prior's, %",
             "moment error, N·m",
             "of prior's, %",
-            "missing",
         ],
         rows.iter().map(cells).collect(),
     )
@@ -396,8 +507,7 @@ fn markers(rows: &[Row]) -> Option<Section> {
             .collect(),
         unit: "RMS, mm".into(),
         step: 0.01,
-        top: None,
-        values: None,
+        ..HeatMap::default()
     };
     let words = Words::new(
         "Distance of each marker from the model",

@@ -8,7 +8,11 @@ use aloft_page::{Block, Chapter, Columns, Figure, HeatMap, Light, Section, Words
 /// The chapter.
 pub fn chapter(story: &Story<'_>) -> Chapter {
     let rms: Vec<f64> = story.dynamic().filter_map(|t| t.kinematics.as_ref()?.marker_rms_mm).collect();
-    let light = lights::marker_rms(rms.iter().sum::<f64>() / rms.len() as f64);
+    // a signal only where something is wrong: small marker errors say nothing about the model
+    let light = match lights::marker_rms(rms.iter().sum::<f64>() / rms.len() as f64) {
+        Light::Good => Light::Neutral,
+        other => other,
+    };
     let mut sections = Vec::new();
     sections.extend(markers(story));
     sections.extend(calibration::section(story));
@@ -56,8 +60,7 @@ fn markers(story: &Story<'_>) -> Option<Section> {
         z: rows.into_iter().map(|r| r.1).collect(),
         unit: "RMS, mm".into(),
         step: 0.01,
-        top: None,
-        values: None,
+        ..HeatMap::default()
     };
     let words = Words::new(
         "Distance of each marker from the model",

@@ -1,11 +1,112 @@
 //! The revisions of the model and the error that each of them left.
 
+use super::drawn_effects::units;
+use super::headline::{floor_words, rung_light};
+use super::lights::times;
+use super::standing::{Standing, asked, standings};
 use super::story::Story;
-use super::wording::{maybe, number, plus_minus};
+use super::wording::{maybe, number, plus_minus, unit};
 use aloft_analysis::compare::JudgedOn;
 use aloft_analysis::history::HistoryRow;
-use aloft_page::{Block, Cell, Figure, Light, Panel, Section, Series, Table, Words};
+use aloft_page::{Block, Cell, Figure, Ladder, Light, Panel, Rung, Section, Series, Table, Words};
 use aloft_study::revision::Judged;
+use std::collections::HashMap;
+
+/// Most coefficients shown beside an effect.
+const COEFFICIENTS: usize = 2;
+
+/// The ladder as a picture on the first screen: the revisions of the model, and what `discover`
+/// promises for the effects that it found; none where nothing was compared.
+pub fn picture(story: &Story<'_>) -> Option<Ladder> {
+    let all = standings(story);
+    let first = all.first()?;
+    let units = units(story);
+    let mut rungs: Vec<Rung> = Vec::new();
+    let rows = &story.history.revisions;
+    for (i, r) in rows.iter().enumerate() {
+        let last = i + 1 == rows.len();
+        // the present revision is what the comparison shows, the others are as they were recorded
+        let judged = if first.place == "flight" { r.flight } else { r.contact };
+        let (error, ratio, at_floor) = match judged {
+            _ if last => (first.error_n, first.ratio, first.at_floor),
+            Some(j) => (j.error_n, j.times_floor(), j.at_floor() == Some(true)),
+            None => (f64::NAN, None, false),
+        };
+        rungs.push(Rung {
+            name: name(r, i.checked_sub(1).map(|k| &rows[k])),
+            size: size(r, i.checked_sub(1).map(|k| &rows[k]), &units),
+            error,
+            words: words(error, ratio, at_floor),
+            light: rung_light(ratio, at_floor, r.void.is_some()),
+            forecast: false,
+        });
+    }
+    rungs.extend(promised(story, first));
+    Some(Ladder {
+        title: format!("Error in {}", first.place),
+        caption: String::new(),
+        floor: first.floor_n,
+        floor_interval: first.interval_n,
+        floor_words: floor_words(first),
+        rungs,
+    })
+}
+
+fn words(error: f64, ratio: Option<f64>, at_floor: bool) -> String {
+    if !error.is_finite() {
+        return "not run".to_owned();
+    }
+    let floor = if at_floor { ", at floor" } else { "" };
+    format!("{} N{}", number(error), ratio.map_or(String::new(), |r| format!(" · {} ×{floor}", times(r))))
+}
+
+/// What a revision changes.
+fn name(r: &HistoryRow, before: Option<&HistoryRow>) -> String {
+    let Some(before) = before else {
+        return if r.effects.is_empty() { "no effects".to_owned() } else { format!("`{}`", r.effects.join("`, `")) };
+    };
+    let added = r.effects.iter().filter(|e| !before.effects.contains(e)).map(|e| format!("+ `{e}`"));
+    let removed = before.effects.iter().filter(|e| !r.effects.contains(e)).map(|e| format!("− `{e}`"));
+    let parts: Vec<String> = added.chain(removed).collect();
+    if parts.is_empty() { r.action.clone() } else { parts.join(" ") }
+}
+
+/// Coefficients of what a revision adds.
+fn size(r: &HistoryRow, before: Option<&HistoryRow>, units: &HashMap<String, String>) -> String {
+    let new =
+        |key: &str| r.effects.iter().any(|e| e == key) && before.is_none_or(|b| !b.effects.iter().any(|e| e == key));
+    let own = r.coefficients.iter().filter_map(|c| {
+        let (key, name) = c.name.rsplit_once('.')?;
+        let unit = units.get(&c.name).map_or(String::new(), |u| unit(u));
+        new(key).then(|| format!("{} {} {unit}", name.replace('_', " "), plus_minus(c.value, c.ci95)))
+    });
+    own.take(COEFFICIENTS).map(|t| t.trim_end().to_owned()).collect::<Vec<_>>().join(", ")
+}
+
+/// What `discover` promises for the effects that it found.
+fn promised(story: &Story<'_>, first: &Standing) -> Option<Rung> {
+    let d = asked(story).filter(|d| !d.found.is_empty() && d.held_out_error_after.is_finite())?;
+    let ratio = first.floor_n.map(|f| d.held_out_error_after / f);
+    let at_floor = first.interval_n.is_some_and(|[_, most]| d.held_out_error_after <= most);
+    let keys: Vec<&str> = d.found.iter().map(|f| f.key.as_str()).collect();
+    let of = |c: &aloft_discover::Estimate| {
+        format!("{} {} {}", c.name.replace('_', " "), plus_minus(c.value, c.ci95), unit(&c.unit))
+    };
+    let sizes: Vec<String> = d
+        .found
+        .iter()
+        .flat_map(|f| f.coefficients.iter().take(COEFFICIENTS))
+        .map(|c| of(c).trim_end().to_owned())
+        .collect();
+    Some(Rung {
+        name: format!("+ `{}`?", keys.join("` + `")),
+        size: sizes.join(", "),
+        error: d.held_out_error_after,
+        words: format!("{}, forecast", words(d.held_out_error_after, ratio, at_floor)),
+        light: Light::Neutral,
+        forecast: true,
+    })
+}
 
 /// The section; none if the model was never changed.
 pub fn section(story: &Story<'_>) -> Option<Section> {
@@ -28,8 +129,8 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         y: "error, N".into(),
         ticks: ticks.clone(),
         series: vec![
-            Series::line("held-out error", x.clone(), of(&|r| get(r).map(|j| j.error_n))).with_points().coloured("$c0"),
-            Series::line("noise floor", x.clone(), of(&|r| get(r).and_then(|j| j.noise_n))).dashed().coloured("$dim"),
+            Series::line("held-out error", x.clone(), of(&|r| get(r).map(|j| j.error_n))).with_points().coloured("c0"),
+            Series::line("noise floor", x.clone(), of(&|r| get(r).and_then(|j| j.noise_n))).dashed().coloured("dim"),
         ],
         from_zero: true,
         ..Panel::default()

@@ -3,8 +3,6 @@
 use super::story::{Story, TrialStory};
 use super::wording::number;
 use aloft_page::Light;
-use aloft_workspace::qc::QcReason;
-use aloft_workspace::warning::StageWarning;
 
 /// Marker error, RMS, mm: 20 mm is the usual limit for inverse kinematics (OpenSim's best
 /// practices).
@@ -45,6 +43,21 @@ pub fn times_floor(ratio: Option<f64>) -> Light {
     }
 }
 
+/// The same for an error of which it is known whether it lies within the interval of the floor. A
+/// wide interval does not make an error good that is three times the floor.
+pub fn against_floor(ratio: Option<f64>, at_floor: bool) -> Light {
+    match times_floor(ratio) {
+        Light::Fair if at_floor => Light::Good,
+        Light::Good if !at_floor => Light::Fair,
+        other => other,
+    }
+}
+
+/// A ratio with two digits.
+pub fn times(ratio: f64) -> String {
+    if ratio >= 9.95 { format!("{ratio:.0}") } else { format!("{ratio:.1}") }
+}
+
 /// Problems of a recording, most serious first.
 pub fn remarks(t: &TrialStory<'_>) -> Vec<(Light, String)> {
     let mut out: Vec<(Light, String)> = Vec::new();
@@ -71,13 +84,14 @@ pub fn remarks(t: &TrialStory<'_>) -> Vec<(Light, String)> {
     {
         out.push((missing(p), format!("{p:.0} % of the marker samples are missing")));
     }
-    // plates that were never unloaded cannot be tared: mentioned, but not counted as a fault of the
-    // recording
-    let weight = |w: &StageWarning| match w.reason {
-        QcReason::UntaredPlate => Light::Neutral,
-        _ => Light::Fair,
-    };
-    out.extend(t.warnings.iter().map(|w| (weight(w), w.text.clone())));
+    // a recording with a warning is not good
+    out.extend(t.warnings.iter().map(|w| (Light::Fair, w.text.clone())));
+    if let Some((place, ratio)) = t.times_floor
+        && times_floor(Some(ratio)) != Light::Good
+    {
+        let text = format!("the model errs by {} times its noise floor in {place}", times(ratio));
+        out.push((times_floor(Some(ratio)), text));
+    }
     out.sort_by_key(|r| std::cmp::Reverse(r.0));
     out
 }

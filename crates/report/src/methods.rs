@@ -2,6 +2,7 @@
 //! further analysis.
 
 use super::STUDY;
+use super::commands::command;
 use super::story::Story;
 use aloft_page::{Block, Chapter, Light, Section, Table};
 use aloft_pipeline::stages::STAGES;
@@ -9,13 +10,12 @@ use aloft_workspace::manifest::WHOLE_STUDY;
 
 /// The chapter.
 pub fn chapter(story: &Story<'_>) -> Chapter {
-    let p = aloft_study::quote::path(&story.session.config_path);
+    let line = |words: &str, what: &str| format!("{}   # {what}", command(story.session, words, None));
     let commands = vec![
-        format!("aloft compare {p}            # where the model fails"),
-        format!("aloft discover {p}           # which effect is missing"),
-        format!("aloft parameters {p}         # every number with its interval"),
-        format!("aloft status {p}             # what is done, stale or failed"),
-        format!("aloft run {p} --from ik      # again from one stage on"),
+        line("compare", "where the model fails"),
+        line("discover", "which effect is missing"),
+        line("parameters", "every number with its interval"),
+        line("status", "what is done, stale or failed"),
     ];
     let sections = vec![
         Section::new("paragraph", "A paragraph to paste", "", vec![Block::Copy { text: paragraph(story) }]),

@@ -1,40 +1,46 @@
 //! What was identified, how well it predicts, and which recordings were used.
 
-use super::STUDY;
-use super::discovery::verdict_light;
-use super::lights;
+use super::headline::headline;
 use super::prediction::model_table;
+use super::standing::{self, standings};
 use super::story::{Story, TrialStory};
 use super::wording::{card, maybe, number};
-use aloft_analysis::compare::{errors_of, judged_on, mean};
+use super::{STUDY, ladder, lights, player, residuals, series};
 use aloft_analysis::freshness::Freshness;
-use aloft_compare::AgainstFloor;
-use aloft_discover::{Discovery, Verdict};
 use aloft_page::{Block, Card, Cell, Chapter, Light, Section, Table};
 
-/// The first chapter.
+/// The first chapter: the headline with the ladder and the player, what remains, then the quality of
+/// the recordings.
 pub fn chapter(story: &Story<'_>) -> Chapter {
-    let cards = cards(story);
-    let light = cards.iter().map(|c| c.light).max().unwrap_or_default();
-    let mut result = banner(&story.freshness);
-    result.push(Block::Cards { cards });
-    result.extend(remarks(story));
-    let mut sections = vec![Section::new(
-        "result",
-        "Result",
-        "What was identified from flight, how well it predicts held-out measurements, and how reliable it is.",
-        result,
-    )];
-    if let Some(view) = &story.comparison {
-        let mut blocks: Vec<Block> = vec![model_table(view).into()];
-        let words = &view.comparison.words;
-        blocks.push(Block::List { items: words.iter().take(6).cloned().collect() });
-        if words.len() > 6 {
-            let rest = vec![Block::List { items: words[6..].to_vec() }];
-            blocks.push(Block::Folded { title: "More".into(), blocks: rest });
-        }
-        sections.push(Section::new("in-short", "Model against measurement, in short", "", blocks));
+    let mut left: Vec<Block> = vec![headline(story).into()];
+    left.extend(ladder::picture(story).map(Block::from));
+    let place = standings(story).first().map(|s| s.place.clone());
+    let view = story.comparison.as_ref();
+    left.extend(view.zip(place).and_then(|(v, place)| residuals::remains(&v.comparison, &place)).map(Block::from));
+    let example = example(story);
+    let player = example.and_then(|t| player::figure(story, t));
+    let mut first = banner(&story.freshness);
+    match player {
+        Some(figure) => first.push(Block::Beside { left, right: vec![figure.into()] }),
+        None => first.extend(left),
     }
+    let mut sections = vec![Section::new("result", "", "", first)];
+    let curves: Vec<Block> = example.and_then(|t| series::wrench(story, t)).into_iter().map(Block::from).collect();
+    if !curves.is_empty() {
+        let lead = "The recording of the player above. Each recording has its curves in its own chapter.";
+        sections.push(Section::new("curves", "Measured and predicted", lead, curves));
+    }
+    let mut details = vec![Block::Cards { cards: cards(story) }];
+    details.extend(remarks(story));
+    if let Some(view) = view {
+        details.push(model_table(view).into());
+        let words = &view.comparison.words;
+        details.push(Block::Folded {
+            title: "Where the model fails, in sentences".into(),
+            blocks: vec![Block::List { items: words.clone() }],
+        });
+    }
+    sections.push(Section::new("details", "What it rests on", "", details));
     sections.push(Section::new(
         "quality",
         "Quality of the recordings",
@@ -42,45 +48,37 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
          does, with the masses of the tables, checks cameras, markers and flight edges together.",
         vec![recordings(story).into()],
     ));
+    let light = standing::light(story);
     Chapter { id: "overview".into(), title: "Overview".into(), group: STUDY.into(), light, sections }
 }
 
-/// The error of the present model against its floor, in flight and in contact.
-fn errors(story: &Story<'_>) -> Vec<Card> {
-    let Some(view) = &story.comparison else { return Vec::new() };
-    let against = &view.comparison.against_floor;
-    let of = |a: &AgainstFloor| {
-        let title = format!("Error of the model in {}", a.judged_on);
-        let own = format!("held out {} N", number(a.held_out_error));
-        match (a.times_floor, a.floor) {
-            (Some(ratio), Some(floor)) => {
-                let note = format!("{own}; a perfect model would leave {} N", number(floor.noise_floor));
-                let value = if a.at_floor == Some(true) {
-                    "at its floor".to_owned()
-                } else {
-                    format!("{} × its floor", number(ratio))
-                };
-                let light = if a.at_floor == Some(true) { Light::Good } else { lights::times_floor(Some(ratio)) };
-                card(&title, value, note, light)
-            }
-            _ => card(&title, own, "its floor is not known", Light::Neutral),
-        }
+/// The recording shown on the first screen: the one on which the model errs most where it is judged,
+/// of those that can be played.
+fn example<'s, 'a>(story: &'s Story<'a>) -> Option<&'s TrialStory<'a>> {
+    let place = standings(story).first().map_or_else(|| "flight".to_owned(), |s| s.place.clone());
+    let error = |t: &TrialStory<'_>| {
+        let own = story.comparison.as_ref()?.comparison.first.trials.iter().find(|c| c.trial == t.entry.name)?;
+        let errors = if place == "flight" { &own.flight_weak } else { &own.contact_weak };
+        (errors.windows > 0).then(|| errors.size()).filter(|e| e.is_finite())
     };
-    against.iter().map(of).collect()
+    let played = || story.dynamic().filter(|t| t.motion.is_some());
+    let worst = played().filter_map(|t| Some((error(t)?, t))).max_by(|a, b| a.0.total_cmp(&b.0));
+    worst.map(|w| w.1).or_else(|| played().next())
 }
 
 fn cards(story: &Story<'_>) -> Vec<Card> {
     let (light, note) = lights::recordings(story);
+    // a signal only where something is wrong: good recordings say nothing about the model
+    let quiet = |l: Light| if l == Light::Good { Light::Neutral } else { l };
     let used = story.trials.iter().filter(|t| t.entry.excluded.is_none()).count();
-    let mut cards = errors(story);
-    cards.push(card("Recordings", used.to_string(), note, light));
+    let mut cards = vec![card("Recordings", used.to_string(), note, quiet(light))];
     let rms: Vec<f64> = story.dynamic().filter_map(|t| t.kinematics.as_ref()?.marker_rms_mm).collect();
     let mean_rms = rms.iter().sum::<f64>() / rms.len() as f64;
     cards.push(card(
         "Marker error, RMS",
         format!("{} mm", number(mean_rms)),
         "mean over recordings; usual limit 20 mm",
-        lights::marker_rms(mean_rms),
+        quiet(lights::marker_rms(mean_rms)),
     ));
     let fall: Vec<f64> = story.dynamic().filter_map(|t| t.kinematics.as_ref()?.gravity_error_percent).collect();
     if !fall.is_empty() {
@@ -89,7 +87,7 @@ fn cards(story: &Story<'_>) -> Vec<Card> {
             "Free fall against g",
             format!("{} %", number(mean_fall)),
             "mean size over recordings, masses of the tables",
-            lights::free_fall(mean_fall),
+            quiet(lights::free_fall(mean_fall)),
         ));
     }
     if let Some(found) = &story.found {
@@ -100,56 +98,16 @@ fn cards(story: &Story<'_>) -> Vec<Card> {
             format!("{} rows of the regressor", p.n_rows),
             Light::Neutral,
         ));
+        let before = story.history.revisions.iter().rev().nth(1).and_then(|r| r.sigma_ratio);
+        let was = before.map_or(String::new(), |b| format!("; {} in the revision before", number(b)));
         cards.push(card(
             "Singular-value gap σ_N−1 / σ_N",
             number(p.sigma.ratio),
-            "how clearly the motion shows the parameters; 20 is clear",
-            lights::gap(p.sigma.ratio),
+            format!("how clearly the motion shows the parameters; 20 is clear{was}"),
+            quiet(lights::gap(p.sigma.ratio)),
         ));
     }
-    if let Some(view) = &story.comparison {
-        let c = &view.comparison;
-        let (force, moment, _, _) = errors_of(&c.first);
-        let prior = c.beside.iter().find(|m| m.model == "prior").map(errors_of);
-        let note = |p: Option<f64>, unit: &str| {
-            let beside = p.map_or(String::new(), |p| format!("; prior {} {unit}", number(p)));
-            format!("{}{beside}", judged_on(c))
-        };
-        let (f, n) = (prior.map(|p| mean(&p.0)), prior.map(|p| mean(&p.1)));
-        let own = mean(&force);
-        let title = "Force error, frame by frame";
-        cards.push(card(title, format!("{} N", number(own)), note(f, "N"), Light::Neutral));
-        let own = mean(&moment);
-        let title = "Moment error, frame by frame";
-        cards.push(card(title, format!("{} N·m", number(own)), note(n, "N·m"), Light::Neutral));
-    }
-    if let Some(d) = story.discovery() {
-        let (value, light) = match d.verdict {
-            Verdict::NothingMissing => ("nothing".to_owned(), Light::Good),
-            Verdict::Unexplained => ("unexplained".to_owned(), Light::Poor),
-            Verdict::Supported => (d.effects.join(", "), Light::Fair),
-            Verdict::OneOf => (format!("one of {}", d.effects.len()), Light::Fair),
-            Verdict::NotDetectable => ("cannot tell".to_owned(), Light::Neutral),
-        };
-        let held = story.history.revisions.last().map_or(String::new(), |r| match r.effects.len() {
-            0 => "plain model".to_owned(),
-            _ => format!("model holds {}", r.effects.join(", ")),
-        });
-        let added = was_added(story, d);
-        let light = if added { Light::Good } else { light };
-        cards.push(card(if added { "Was missing, now added" } else { "Missing from the model" }, value, held, light));
-    }
     cards
-}
-
-/// True if the model now contains what an earlier answer named.
-fn was_added(story: &Story<'_>, d: &Discovery) -> bool {
-    let holds = |effects: &[String], id: &String| effects.iter().any(|key| key.split('[').next() == Some(id));
-    let last = story.history.revisions.last();
-    last.is_some_and(|r| match d.verdict {
-        Verdict::OneOf => d.effects.iter().any(|e| holds(&r.effects, e)),
-        _ => !d.effects.is_empty() && d.effects.iter().all(|e| holds(&r.effects, e)),
-    })
 }
 
 /// States which results on this page differ from what the pipeline and the recordings would give
@@ -171,35 +129,28 @@ fn remarks(story: &Story<'_>) -> Vec<Block> {
         let hint = f.hint.as_ref().map_or(String::new(), |h| format!(" Hint: {h}."));
         blocks.push(Block::remark(Light::Poor, format!("{stage} failed: {}.{hint}", f.problem.trim_end_matches('.'))));
     }
+    let lost: Vec<&str> =
+        story.trials.iter().filter(|t| !t.failures.is_empty()).map(|t| t.entry.name.as_str()).collect();
+    if !lost.is_empty() {
+        let text = format!(
+            "Failed, and in none of these numbers: {}. The error, the gap and the intervals rest on the other recordings.",
+            lost.join(", ")
+        );
+        blocks.push(Block::remark(Light::Poor, text));
+    }
     if let Some(found) = &story.found {
         let gate = &found.parameters.gate;
         if gate.passed && gate.reasons.is_empty() {
             let text = "Motion determines only certain combinations of the mass parameters, the base parameters. Every value has its 95 % interval.";
-            blocks.push(Block::remark(Light::Good, text));
+            blocks.push(Block::remark(Light::Neutral, text));
         }
         let light = if gate.passed { Light::Fair } else { Light::Poor };
         blocks.extend(gate.reasons.iter().map(|r| Block::remark(light, r.clone())));
         if !gate.advice.is_empty() {
-            blocks.push(Block::text("What to record next, to see more of the parameters:"));
-            blocks.push(Block::List { items: gate.advice.iter().take(4).cloned().collect() });
+            let advice = gate.advice.iter().take(4).cloned().collect();
+            let title = "What to record next, to see more of the parameters".to_owned();
+            blocks.push(Block::Folded { title, blocks: vec![Block::List { items: advice }] });
         }
-    }
-    if let Some(d) = story.discovery() {
-        blocks.push(if was_added(story, d) {
-            let now = story.history.revisions.last().map_or(String::new(), |r| r.effects.join(", "));
-            Block::remark(Light::Neutral, format!("The model now holds {now}, which the last `discover` found to be missing; ask it again for what remains."))
-        } else {
-            let text = format!("Asked what the model is missing, `discover` answers: {}.", d.words.trim_end_matches('.'));
-            Block::remark(verdict_light(d.verdict), text)
-        });
-    } else if story.comparison.as_ref().is_some_and(|v| {
-        v.comparison
-            .against_floor
-            .iter()
-            .any(|a| lights::times_floor(a.times_floor) > Light::Good && a.at_floor != Some(true))
-    }) {
-        let text = "The error is above its floor: `aloft discover` looks for the effect that the model is missing.";
-        blocks.push(Block::remark(Light::Fair, text));
     }
     blocks
 }

@@ -1,8 +1,14 @@
 //! Distribution of the error: maps over groups of frames, and the segments that may cause it.
 
+use super::headline::times_floor_by_axis;
 use super::wording::number;
-use aloft_compare::{Comparison, Group, GroupedBy};
-use aloft_page::{Block, Columns, Dots, Figure, HeatMap, Section, Table, Words};
+use aloft_compare::{Comparison, Group, GroupedBy, NoiseFloor, WindowErrors};
+use aloft_page::{Block, Columns, Dots, Figure, HeatMap, Scale, Section, Table, Words};
+
+/// Fewest windows of a group that is shown.
+const FEWEST_WINDOWS: usize = 3;
+/// Columns of the maps.
+const AXES: [&str; 6] = ["force x", "force y", "force z", "moment x", "moment y", "moment z"];
 
 /// Maps by groups of frames, and attribution of the error to segments.
 pub fn sections(c: &Comparison) -> Vec<Section> {
@@ -13,12 +19,15 @@ pub fn sections(c: &Comparison) -> Vec<Section> {
     let groups = some(&|by| !single(by));
     let (trials, flights) = (some(&|by| by == GroupedBy::Trial), some(&|by| by == GroupedBy::Flight));
     if !groups.is_empty() {
-        let mut blocks = maps(&groups, "what frames have in common");
+        let mut blocks = maps(&groups, "kind of motion", c.noise_floor.as_ref());
         for (what, by, list) in
             [("Recording by recording", "recording", &trials), ("Flight by flight", "flight", &flights)]
         {
             if list.len() > 1 {
-                blocks.push(Block::Folded { title: format!("{what} ({})", list.len()), blocks: maps(list, by) });
+                blocks.push(Block::Folded {
+                    title: format!("{what} ({})", list.len()),
+                    blocks: maps(list, by, c.noise_floor.as_ref()),
+                });
             }
         }
         let all: Vec<&Group> = c.first.breakdown.iter().collect();
@@ -46,39 +55,58 @@ fn label(g: &Group) -> String {
     if single(g.by) { g.name.clone() } else { format!("{}: {}", g.by.word(), g.name) }
 }
 
-fn maps(groups: &[&Group], by: &str) -> Vec<Block> {
-    let names: Vec<String> = groups.iter().map(|g| label(g)).collect();
-    let map = |title: &str, unit: &str, get: &dyn Fn(&Group) -> [f64; 6]| {
-        let axes = ["root x", "root y", "root z", "world x", "world y", "world z"];
-        let values: Vec<Vec<f64>> = groups.iter().map(|g| get(g).to_vec()).collect();
-        // contact and flight differ by nature, so a row is shaded relative to the rows of its own
-        // kind
-        let usual = |by: GroupedBy, axis: usize| {
-            let own: Vec<f64> = groups.iter().zip(&values).filter(|(g, _)| g.by == by).map(|(_, v)| v[axis]).collect();
-            own.iter().sum::<f64>() / own.len() as f64
-        };
-        let z = groups.iter().zip(&values).map(|(g, row)| (0..6).map(|i| row[i] / usual(g.by, i)).collect()).collect();
-        let map = HeatMap {
-            x_title: "axis".into(),
-            x: Columns::Names(axes.iter().map(|a| (*a).to_owned()).collect()),
-            y: names.clone(),
-            z,
-            unit: "error / mean of its kind".to_owned(),
-            step: 1e-3,
-            top: Some(2.5),
-            values: Some((values, unit.to_owned())),
-        };
-        let caption = format!(
-            "Mean absolute error of the identified model in {unit}, by {by} and axis, in root and in world axes. Shades compare a row with the \
-             others of its kind: a dark row errs twice as much as they do on average."
-        );
-        Block::from(Figure::heat_map(Words::new(title, &caption), &map))
+fn maps(groups: &[&Group], by: &str, floor: Option<&NoiseFloor>) -> Vec<Block> {
+    // a map in multiples of the floor shows what is left; without a floor, in newtons
+    let six = |e: &WindowErrors| {
+        let (f, m) = (e.force_n.rmse, e.moment_nm.rmse);
+        [f[0], f[1], f[2], m[0], m[1], m[2]]
     };
-    let six = |a: [f64; 3], b: [f64; 3]| [a[0], a[1], a[2], b[0], b[1], b[2]];
-    vec![
-        map("Force error", "N", &|g| six(g.errors.force_n.mae, g.errors.force_world_n.mae)),
-        map("Moment error", "N·m", &|g| six(g.errors.moment_nm.mae, g.errors.moment_world_nm.mae)),
-    ]
+    let ratio = |g: &Group| -> Option<Vec<f64>> {
+        let own = g.floor(floor).filter(|f| f.windows.windows > 0 && g.windows.windows >= FEWEST_WINDOWS)?;
+        Some(six(&g.windows).iter().zip(six(&own.windows)).map(|(e, f)| e / f).collect())
+    };
+    let rows: Vec<(String, Vec<f64>)> = groups.iter().filter_map(|g| Some((label(g), ratio(g)?))).collect();
+    if rows.is_empty() {
+        return vec![Block::text(
+            "No noise floor is known for these groups, or they have too few windows; the numbers are in the table below.",
+        )];
+    }
+    let (names, z) = rows.into_iter().unzip();
+    let map = HeatMap {
+        x_title: String::new(),
+        x: Columns::Names(AXES.iter().map(|a| (*a).to_owned()).collect()),
+        y: names,
+        z,
+        unit: "error / noise floor".into(),
+        step: 1e-3,
+        scale: Scale::TimesFloor,
+        recording: String::new(),
+    };
+    let caption = format!(
+        "Error over weak windows by {by} and world axis, in multiples of what a perfect model would leave there. A cell without colour is at its floor."
+    );
+    vec![Figure::heat_map(Words::new("What is left, in multiples of the noise floor", &caption), &map).into()]
+}
+
+/// What remains of the present model, by axis, in multiples of the floor; none if no floor is known.
+pub fn remains(c: &Comparison, place: &str) -> Option<Figure> {
+    let all = times_floor_by_axis(c, place);
+    if all.len() != 6 || !all.iter().any(|x| x.1.is_finite()) {
+        return None;
+    }
+    let values: Vec<f64> = all.iter().map(|x| x.1).collect();
+    let map = HeatMap {
+        x_title: String::new(),
+        x: Columns::Names(["x", "y", "z"].map(str::to_owned).to_vec()),
+        y: vec!["force".into(), "moment".into()],
+        z: vec![values[..3].to_vec(), values[3..].to_vec()],
+        unit: "error / noise floor".into(),
+        step: 1e-3,
+        scale: Scale::TimesFloor,
+        recording: String::new(),
+    };
+    let title = format!("What remains in {place}");
+    Some(Figure::heat_map(Words::new(&title, "By world axis, in multiples of the noise floor."), &map))
 }
 
 fn table(groups: &[&Group]) -> Table {

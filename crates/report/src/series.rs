@@ -1,8 +1,9 @@
 //! Curves of one recording, thinned to a resolution suitable for the screen.
 
+use super::standing::standings;
 use super::story::{Story, TrialStory};
 use aloft_body::State;
-use aloft_page::{Figure, Panel, Series, Shade, Words};
+use aloft_page::{Chart, Figure, Focus, Panel, Series, Shade, Words};
 use nalgebra::Vector3;
 
 /// Column, title and unit of the six components, root axes.
@@ -82,7 +83,7 @@ pub fn wrench(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
     let x = thin(time, points);
     let has_plates =
         columns.get("measured.force_z_n").is_some_and(|v| v.iter().any(|f| f.is_finite() && f.abs() > 1e-9));
-    let styles = [("prior", "$c1"), ("identified", "$c0"), ("measured", "$ink")];
+    let styles = [("prior", "c1"), ("identified", "c0"), ("measured", "ink")];
     let panels: Vec<Panel> = COMPONENTS
         .iter()
         .enumerate()
@@ -99,15 +100,15 @@ pub fn wrench(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
                     Some(if *model == "prior" { line.dashed() } else { line })
                 })
                 .collect();
-            Panel { title: (*title).to_owned(), y: (*unit).to_owned(), series, ..Panel::default() }
+            Panel { title: (*title).to_owned(), y: format!("{unit}, root axes"), series, ..Panel::default() }
         })
         .collect();
     let caption = if has_plates {
-        "External wrench on the root, in root axes about the root's origin. Where the lines of measured and identified lie on each other, the \
-         identified masses explain the forces; in flight (shaded) all should be zero."
+        "External wrench on the root, root axes, about the root's origin. Where measured and identified coincide, the identified model explains \
+         the forces; in flight (shaded) both are zero for a perfect model."
     } else {
-        "External wrench that the body needs for its motion, in root axes about the root's origin. No plates: in flight (shaded) all \
-         should be zero; outside, hands or ground act that nobody measured."
+        "External wrench that the model needs for the motion, root axes, about the root's origin. In flight (shaded) it is zero for a \
+         perfect model; outside, hands or ground act that no plate measured."
     };
     let taken = if offset.is_some() {
         " The plates were never unloaded: the constant wrench that they read at rest, as the identified model finds it, is taken off."
@@ -116,7 +117,18 @@ pub fn wrench(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
     };
     let caption = &format!("{caption}{taken}");
     let title = format!("{}: measured and predicted wrench", t.entry.name);
-    Some(Figure::panels(Words::new(&title, caption), "time, s", 2, &panels, &shades(time, in_flight)))
+    let judged_in_flight = standings(story).first().is_none_or(|s| s.place == "flight");
+    let shades = shades(time, in_flight);
+    let chart = Chart {
+        x: "time, s",
+        columns: 2,
+        panels: &panels,
+        shades: &shades,
+        recording: &t.entry.name,
+        // without plates nothing outside flights can be compared
+        focus: if !shades.is_empty() && (judged_in_flight || !has_plates) { Focus::Flight } else { Focus::All },
+    };
+    Some(Figure::chart(Words::new(&title, caption), &chart))
 }
 
 #[cfg(test)]

@@ -73,6 +73,9 @@ pub struct TrialStory<'a> {
     pub failures: Vec<(&'static str, StageFailure)>,
     /// Warnings of the stages.
     pub warnings: Vec<StageWarning>,
+    /// Kind of motion in which the model errs most on this recording, and its error over windows
+    /// there in multiples of the study's noise floor; none where it is not known.
+    pub times_floor: Option<(&'static str, f64)>,
 }
 
 impl<'a> Story<'a> {
@@ -92,7 +95,18 @@ impl<'a> Story<'a> {
         let freshness = freshness(now)?;
         freshness.refuse_damaged(session, &[])?;
         let rows = kinematics(session, &ws);
-        let trials = session.trials.par_iter().map(|entry| TrialStory::read(&ws, entry, &rows)).collect();
+        let comparison = compare(session).ok();
+        let trials = session
+            .trials
+            .par_iter()
+            .map(|entry| {
+                let mut trial = TrialStory::read(&ws, entry, &rows);
+                if trial.failures.is_empty() {
+                    trial.times_floor = comparison.as_ref().and_then(|v| times_floor(&v.comparison, &entry.name));
+                }
+                trial
+            })
+            .collect();
         let failures = STAGES
             .iter()
             .filter_map(|s| match ws.manifest(s.name, WHOLE_STUDY)?.outcome {
@@ -105,7 +119,7 @@ impl<'a> Story<'a> {
             failures,
             freshness,
             subject: read_json(&ws.place("calibrate", WHOLE_STUDY).join("subject.json")).ok(),
-            comparison: compare(session).ok(),
+            comparison,
             found: parameters(session, None).ok(),
             discoveries: discoveries(session)?,
             looked_at: looked_at(session),
@@ -129,6 +143,20 @@ impl<'a> Story<'a> {
     pub fn discovery(&self) -> Option<&Discovery> {
         self.discoveries.last().map(|d| &d.1.answer)
     }
+}
+
+/// The larger of a recording's errors over windows in flight and contact, over the floor of the study.
+fn times_floor(c: &aloft_compare::Comparison, trial: &str) -> Option<(&'static str, f64)> {
+    let own = c.first.trials.iter().find(|t| t.trial == trial)?;
+    let floor = c.noise_floor.as_ref()?;
+    let of = |place, errors: &aloft_compare::WindowErrors, floor: Option<aloft_compare::Floor>| {
+        let ratio = errors.size() / floor?.noise_floor;
+        (errors.windows > 0 && ratio.is_finite()).then_some((place, ratio))
+    };
+    // contact that took part in identification and that no floor was computed for is not judged
+    let contact = if own.held_out_contact { of("contact", &own.contact_weak, floor.contact_floor) } else { None };
+    let flight = of("flight", &own.flight_weak, floor.flight_floor);
+    [flight, contact].into_iter().flatten().max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 /// The answers stored for each revision of the model; if there are none, the latest answer.
@@ -158,17 +186,20 @@ impl<'a> TrialStory<'a> {
             }
         }
         let series = ws.place("compare", WHOLE_STUDY).join(format!("series_{name}.parquet"));
+        // results of a recording that failed are from an earlier run: none of them is shown
+        let whole = failures.is_empty();
         Self {
             entry,
             import: ws.manifest("import", name),
             quality: read_json(&ws.place("import", name).join("quality.json")).ok(),
-            kinematics: rows.iter().find(|k| k.trial == name).cloned(),
-            motion: load_motion(&ws.place("ik", name)).ok(),
-            flights: read_json(&ws.place("flight", name).join("flights.json")).ok(),
-            analysis: read_json(&ws.place("filter", name).join("residual_analysis.json")).ok(),
-            series: Table::read(&series).ok().map(Table::into_map),
+            kinematics: rows.iter().find(|k| whole && k.trial == name).cloned(),
+            motion: load_motion(&ws.place("ik", name)).ok().filter(|_| whole),
+            flights: read_json(&ws.place("flight", name).join("flights.json")).ok().filter(|_| whole),
+            analysis: read_json(&ws.place("filter", name).join("residual_analysis.json")).ok().filter(|_| whole),
+            series: Table::read(&series).ok().filter(|_| whole).map(Table::into_map),
             failures,
             warnings,
+            times_floor: None,
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::story::{Story, TrialStory};
 use super::wording::{anchor, card, maybe, number};
-use super::{RECORDINGS, lights, series, skeleton};
+use super::{RECORDINGS, lights, player, series};
 use aloft_page::{Block, Card, Chapter, Columns, Figure, HeatMap, Light, Section, Table, Words};
 
 /// Number of columns in the map of marker errors over time.
@@ -19,7 +19,7 @@ pub fn chapter(story: &Story<'_>, t: &TrialStory<'_>) -> Chapter {
     let remarks = lights::remarks(t);
     first.push(Block::Cards { cards: cards(story, t) });
     if remarks.is_empty() && t.entry.excluded.is_none() && t.motion.is_some() {
-        first.push(Block::remark(Light::Good, "Nothing to remark."));
+        first.push(Block::remark(lights::trial(t), "No warning."));
     }
     let block = |(light, text): &(Light, String)| Block::remark(*light, text.clone());
     first.extend(remarks.iter().take(6).map(block));
@@ -35,11 +35,18 @@ pub fn chapter(story: &Story<'_>, t: &TrialStory<'_>) -> Chapter {
             sections.push(Section::new(id(key), title, "", blocks));
         }
     };
-    add("player", "Motion", skeleton::figure(story, t).into_iter().map(Block::from).collect());
-    let mut wrench: Vec<Block> = series::wrench(story, t).into_iter().map(Block::from).collect();
-    wrench.extend(flights(story, t).map(Block::from));
-    add("wrench", "Measured against predicted", wrench);
+    let beside = |left: Option<Figure>, right: Option<Figure>| match (left, right) {
+        (Some(left), Some(right)) => vec![Block::Beside { left: vec![left.into()], right: vec![right.into()] }],
+        (left, right) => left.into_iter().chain(right).map(Block::from).collect(),
+    };
+    let mut motion = beside(player::figure(story, t), series::wrench(story, t));
+    motion.extend(flights(story, t).map(Block::from));
+    add("motion", "Motion, measured and predicted", motion);
     add("markers", "Markers over time", markers(t).into_iter().map(Block::from).collect());
+    // the quality of the recording follows its motion
+    if sections.len() > 1 {
+        sections[..2].rotate_left(1);
+    }
     Chapter { id: t.anchor(), title: name.clone(), group: RECORDINGS.into(), light: lights::trial(t), sections }
 }
 
@@ -167,8 +174,8 @@ fn markers(t: &TrialStory<'_>) -> Option<Figure> {
         z: rows.into_iter().map(|r| r.1).collect(),
         unit: "error, mm".into(),
         step: 0.02,
-        top: None,
-        values: None,
+        recording: t.entry.name.clone(),
+        ..HeatMap::default()
     };
     let words = Words::new(
         "Distance of each marker from the model over time",

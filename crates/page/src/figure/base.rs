@@ -1,7 +1,7 @@
-//! What all figures share: title and caption, the data of the drawing, the layout of a chart.
+//! What all figures share: title, caption, the drawing or the data of the drawing.
 
 use serde::{Serialize, Serializer};
-use serde_json::{Value, json};
+use serde_json::Value;
 
 /// Title and caption of a figure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,17 +19,19 @@ impl<'a> Words<'a> {
     }
 }
 
-/// A chart or a player.
+/// A chart, a map or a player.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Figure {
     /// Title.
     pub title: String,
     /// Caption.
     pub caption: String,
-    /// Renderer: `chart` or `player`.
+    /// Renderer: `chart`, `map` or `player` are scripts, `still` is HTML.
     pub drawn_by: &'static str,
-    /// Height on the page, pixels.
+    /// Height on the page before it is drawn, pixels.
     pub height: usize,
+    /// The drawing, for `still`.
+    html: String,
     #[serde(serialize_with = "inside_script")]
     data: Value,
 }
@@ -41,30 +43,22 @@ fn inside_script<S: Serializer>(value: &Value, to: S) -> Result<S::Ok, S::Error>
 
 impl Figure {
     pub(crate) fn new(drawn_by: &'static str, words: Words<'_>, height: usize, data: Value) -> Self {
-        Self { title: words.title.to_owned(), caption: words.caption.to_owned(), drawn_by, height, data }
+        let (title, caption) = (words.title.to_owned(), words.caption.to_owned());
+        Self { title, caption, drawn_by, height, html: String::new(), data }
+    }
+
+    /// A drawing in HTML; `data` is for the CSV.
+    pub(crate) fn still(words: Words<'_>, html: String, data: Value) -> Self {
+        Self { html, ..Self::new("still", words, 0, data) }
     }
 
     /// The data of the drawing.
     pub fn data(&self) -> &Value {
         &self.data
     }
-}
 
-/// Layout common to all charts.
-pub(super) fn base_layout() -> Value {
-    json!({
-        "margin": {"l": 62, "r": 18, "t": 44, "b": 48},
-        "font": {"family": "system-ui, -apple-system, 'Segoe UI', sans-serif", "size": 12.5, "color": "$ink"},
-        "paper_bgcolor": "rgba(0,0,0,0)", "plot_bgcolor": "rgba(0,0,0,0)",
-        "legend": {"orientation": "h", "yref": "container", "y": 1.0, "yanchor": "top", "x": 0, "itemwidth": 30},
-        "hovermode": "closest",
-        "modebar": {"bgcolor": "rgba(0,0,0,0)", "color": "$line", "activecolor": "$accent"},
-        "hoverlabel": {"bgcolor": "$paper", "bordercolor": "$grid", "font": {"color": "$ink"}}
-    })
-}
-
-/// A coordinate axis with its title.
-pub(super) fn axis(title: &str) -> Value {
-    json!({"title": {"text": title, "standoff": 8}, "gridcolor": "$grid", "zerolinecolor": "$line", "linecolor": "$line",
-        "showline": true, "ticks": "outside", "ticklen": 4, "tickcolor": "$line", "automargin": true})
+    /// The drawing, if it is HTML.
+    pub fn html(&self) -> &str {
+        &self.html
+    }
 }

@@ -1,12 +1,14 @@
 //! Dot plot of values with intervals by name: estimates against tables, ratios of candidates.
 
-use super::base::{Figure, Words, axis, base_layout};
-use super::panels::{COLOURS, Line};
+use super::base::{Figure, Words};
+use super::chart::Line;
+use super::html::{escape, percent, short, tick, ticks};
 use crate::pack;
 use serde_json::{Value, json};
+use std::fmt::Write;
 
 /// Symbols that can be distinguished without colour.
-const SIGNS: [&str; 6] = ["circle", "diamond-open", "square-open", "triangle-up-open", "cross-thin-open", "star-open"];
+const SIGNS: [&str; 6] = ["●", "◇", "□", "△", "✕", "☆"];
 
 /// One kind of value, with one value per name.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -29,6 +31,38 @@ impl Dots {
         let intervals = values.iter().zip(half).map(|(v, h)| [v - h, v + h]).collect();
         Self { name: name.into(), values, intervals }
     }
+    fn value(&self, i: usize) -> Option<f64> {
+        self.values.get(i).copied().filter(|v| v.is_finite())
+    }
+    fn interval(&self, i: usize) -> Option<[f64; 2]> {
+        self.intervals.get(i).copied().filter(|x| x.iter().all(|v| v.is_finite()))
+    }
+}
+
+/// Range of the abscissa: all values and lines. An interval many times as wide as the values is cut
+/// off rather than the values pressed together.
+fn range(kinds: &[(usize, &Dots)], lines: &[Line]) -> [f64; 2] {
+    let mut out = [f64::INFINITY, f64::NEG_INFINITY];
+    let mut grow = |v: f64| {
+        if v.is_finite() {
+            out = [out[0].min(v), out[1].max(v)];
+        }
+    };
+    kinds.iter().flat_map(|(_, k)| &k.values).for_each(|v| grow(*v));
+    lines.iter().for_each(|l| grow(l.at));
+    let [low, high] = out;
+    if !(low.is_finite() && high.is_finite()) {
+        return [0.0, 1.0];
+    }
+    let (low, high) = (low.min(if low > 0.0 && low < 0.7 * high { 0.0 } else { low }), high);
+    let reach = (high - low).max(1e-9 * high.abs()).max(1e-12);
+    let (mut from, mut to) = (low, high);
+    for end in kinds.iter().flat_map(|(_, k)| &k.intervals).flatten().filter(|v| v.is_finite()) {
+        from = from.min(end.max(low - reach));
+        to = to.max(end.min(high + reach));
+    }
+    let margin = 0.03 * (to - from).max(reach);
+    [if from == 0.0 { 0.0 } else { from - margin }, to + margin]
 }
 
 impl Figure {
@@ -38,64 +72,111 @@ impl Figure {
         // a kind keeps its colour and symbol even if others are empty
         let kinds: Vec<(usize, &Dots)> =
             kinds.iter().enumerate().filter(|(_, k)| k.values.iter().any(|v| v.is_finite())).collect();
-        let n = kinds.len().max(1) as f64;
-        let crowded = (0..names.len())
-            .any(|i| kinds.iter().filter(|(_, k)| k.values.get(i).is_some_and(|v| v.is_finite())).count() > 1);
-        let apart = crowded && kinds.iter().any(|(_, k)| !k.intervals.is_empty());
+        let crowded = (0..names.len()).any(|i| kinds.iter().filter(|(_, k)| k.value(i).is_some()).count() > 1);
+        let lanes = if crowded && kinds.iter().any(|(_, k)| !k.intervals.is_empty()) { kinds.len() } else { 1 };
+        let [from, to] = range(&kinds, lines);
+        let share = |v: f64| ((v - from) / (to - from)).clamp(0.0, 1.0);
+        let marks = ticks(from, to, 6);
+        let mut html = String::new();
+        if kinds.iter().any(|(_, k)| !k.name.is_empty()) {
+            html.push_str("<p class=\"legend\">");
+            for (k, kind) in &kinds {
+                let _ = write!(
+                    html,
+                    "<span><b class=\"k{k}\">{}</b> {}</span>",
+                    SIGNS[k % SIGNS.len()],
+                    escape(&kind.name)
+                );
+            }
+            html.push_str("</p>");
+        }
+        let grid: String =
+            marks.iter().map(|m| format!("<i class=\"grid\" style=\"left:{}\"></i>", percent(share(*m)))).collect();
+        let refs: String =
+            lines.iter().map(|l| format!("<i class=\"ref\" style=\"left:{}\"></i>", percent(share(l.at)))).collect();
+        let _ = write!(html, "<div class=\"dots\" style=\"--lanes:{lanes}\">");
+        if !lines.is_empty() {
+            let labels: String = lines
+                .iter()
+                .map(|l| {
+                    format!("<span class=\"at\" style=\"left:{}\">{}</span>", percent(share(l.at)), escape(&l.label))
+                })
+                .collect();
+            let _ = write!(html, "<span></span><span class=\"scale top\">{labels}</span>");
+        }
+        for (i, name) in names.iter().enumerate() {
+            let _ = write!(html, "<span class=\"name\">{}</span><span class=\"lane\">{grid}{refs}", escape(name));
+            for (lane, (k, kind)) in kinds.iter().enumerate() {
+                let Some(value) = kind.value(i) else { continue };
+                let lane = if lanes > 1 { lane } else { 0 };
+                let mut told =
+                    format!("{name}, {}: {}", if kind.name.is_empty() { x_title } else { &kind.name }, short(value));
+                if let Some([low, high]) = kind.interval(i) {
+                    let cut = |outside: bool, side: &str| if outside { format!(" cut-{side}") } else { String::new() };
+                    let _ = write!(
+                        html,
+                        "<i class=\"bar k{k}{}{}\" style=\"left:{};width:{};--lane:{lane}\"></i>",
+                        cut(low < from, "low"),
+                        cut(high > to, "high"),
+                        percent(share(low)),
+                        percent(share(high) - share(low))
+                    );
+                    let _ = write!(told, " ({} to {})", short(low), short(high));
+                }
+                let _ = write!(
+                    html,
+                    "<b class=\"dot k{k}\" style=\"left:{};--lane:{lane}\" title=\"{}\">{}</b>",
+                    percent(share(value)),
+                    escape(&told),
+                    SIGNS[k % SIGNS.len()]
+                );
+            }
+            html.push_str("</span>");
+        }
+        let labels: String = marks
+            .iter()
+            .map(|m| format!("<span class=\"at\" style=\"left:{}\">{}</span>", percent(share(*m)), tick(*m)))
+            .collect();
+        let _ = write!(
+            html,
+            "<span></span><span class=\"scale\">{labels}</span><span></span><span class=\"x-title\">{}</span></div>",
+            escape(x_title)
+        );
         let data: Vec<Value> = kinds
             .iter()
-            .enumerate()
-            .map(|(place, (k, kind))| {
-                // kinds are shifted slightly downwards, so that their intervals do not overlap
-                let shift = if apart { (place as f64 / (n - 1.0) - 0.5) * 0.56 } else { 0.0 };
-                let y: Vec<f64> = (0..names.len()).map(|i| i as f64 + shift).collect();
-                let colour = COLOURS[k % COLOURS.len()];
-                let mut t = json!({"type": "scatter", "mode": "markers", "name": kind.name, "x": pack::numbers(&kind.values),
-                    "y": pack::numbers(&y), "names": names, "showlegend": !kind.name.is_empty(),
-                    "text": names, "hovertemplate": "%{text}: %{x:.4g}<extra>%{fullData.name}</extra>",
-                    "marker": {"color": colour, "symbol": SIGNS[k % SIGNS.len()], "size": 9, "line": {"width": 1.8, "color": colour}}});
-                if !kind.intervals.is_empty() {
-                    let up: Vec<f64> = kind.intervals.iter().zip(&kind.values).map(|(i, v)| i[1] - v).collect();
-                    let down: Vec<f64> = kind.intervals.iter().zip(&kind.values).map(|(i, v)| v - i[0]).collect();
-                    t["error_x"] = json!({"type": "data", "symmetric": false, "array": pack::numbers(&up),
-                        "arrayminus": pack::numbers(&down), "thickness": 1.6, "width": 4, "color": colour});
-                }
-                t
+            .map(|(_, k)| {
+                let end = |which: usize| {
+                    let ends = (0..names.len()).map(|i| k.interval(i).map_or(f64::NAN, |x| x[which]));
+                    pack::numbers(&ends.collect::<Vec<f64>>())
+                };
+                json!({"name": k.name, "values": pack::numbers(&k.values), "lower": end(0), "upper": end(1)})
             })
             .collect();
-        let mut layout = base_layout();
-        layout["xaxis"] = axis(x_title);
-        layout["yaxis"] = axis("");
-        layout["yaxis"]["tickvals"] = json!((0..names.len()).collect::<Vec<_>>());
-        layout["yaxis"]["ticktext"] = json!(names);
-        layout["yaxis"]["range"] = json!([names.len() as f64 - 0.4, -0.6]);
-        layout["yaxis"]["zeroline"] = json!(false);
-        layout["yaxis"]["ticks"] = json!("");
-        let labels: Vec<Value> = lines
-            .iter()
-            .map(|l| {
-                json!({"xref": "x", "yref": "paper", "x": pack::number(l.at), "y": 1, "xanchor": "center", "yanchor": "bottom",
-                "text": l.label, "showarrow": false, "font": {"size": 11, "color": "$dim"}})
-            })
-            .collect();
-        layout["annotations"] = Value::Array(labels);
-        layout["shapes"] = lines
-            .iter()
-            .map(|l| {
-                json!({"type": "line", "layer": "below", "xref": "x", "yref": "paper", "x0": pack::number(l.at),
-                "x1": pack::number(l.at), "y0": 0, "y1": 1, "line": {"color": "$dim", "width": 1.3, "dash": "dot"}})
-            })
-            .collect();
-        if kinds.iter().all(|(_, k)| k.name.is_empty()) {
-            layout["showlegend"] = json!(false);
-        }
-        let row = if apart { 14 + 7 * kinds.len() } else { 21 };
-        let height = 44 + 56 + names.len().max(2) * row;
-        Self::new(
-            "chart",
-            words,
-            height,
-            json!({"data": data, "layout": layout, "lists": [], "x": x_title, "panels": [""]}),
-        )
+        Self::still(words, html, json!({"kind": "dots", "x": x_title, "names": names, "series": data}))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dots_lie_on_a_round_scale_and_tell_their_interval() {
+        let kinds =
+            [Dots::with_half("identified", vec![2.0, f64::NAN], &[0.5, 1.0]), Dots::new("<prior>", vec![1.0, 3.0])];
+        let f = Figure::dots(Words::new("t", "c"), "mass, kg", &["a".into(), "b".into()], &kinds, &[]);
+        let html = f.html();
+        assert!(html.contains("title=\"a, identified: 2.00 (1.50 to 2.50)\""), "{html}");
+        assert!(html.contains("&lt;prior&gt;") && html.contains(">mass, kg<"));
+        assert_eq!(html.matches("class=\"dot").count(), 3, "a missing value has no dot");
+    }
+
+    #[test]
+    fn an_interval_of_any_width_leaves_the_values_apart() {
+        let kinds = [Dots { name: String::new(), values: vec![1.0, 2.0], intervals: vec![[-1e6, 1e6], [1.9, 2.1]] }];
+        let [from, to] = range(&[(0, &kinds[0])], &[]);
+        assert!(to - from < 10.0, "{from} to {to}");
+        let f = Figure::dots(Words::new("t", "c"), "x", &["a".into(), "b".into()], &kinds, &[]);
+        assert!(f.html().contains("cut-low cut-high"));
     }
 }

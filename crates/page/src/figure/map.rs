@@ -1,11 +1,16 @@
-//! Heat maps of values over two lists; small ones also show the numbers.
+//! Heat maps of values over two lists. Maps of few cells are tables with their numbers; maps over
+//! many columns are drawn by a script.
 
-use super::base::{Figure, Words, axis, base_layout};
+use super::base::{Figure, Words};
+use super::heat::{SHADES, Scale};
+use super::html::{escape, short};
 use crate::pack;
 use serde_json::{Value, json};
 
-/// Maps with fewer cells than this show their numbers.
-const NUMBERS_IN: usize = 260;
+/// Maps with more columns than this are drawn without numbers.
+const NUMBERS_UP_TO: usize = 16;
+/// Height of a row of a map that a script draws, pixels.
+const ROW_PX: usize = 14;
 
 /// Columns of a map.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,86 +38,78 @@ pub struct HeatMap {
     pub y: Vec<String>,
     /// `z[row][column]`; NaN cells are blank.
     pub z: Vec<Vec<f64>>,
-    /// Quantity shown, with unit, for the colour bar.
+    /// Quantity shown, with unit.
     pub unit: String,
     /// Resolution to keep, in the unit.
     pub step: f64,
-    /// Upper end of the colour scale; the largest value if not given.
-    pub top: Option<f64>,
-    /// Numbers for the cells and the CSV if `z` gives only their shade, and their quantity with
-    /// unit.
-    pub values: Option<(Vec<Vec<f64>>, String)>,
+    /// How values become shades.
+    pub scale: Scale,
+    /// Recording whose time the columns are; empty for none.
+    pub recording: String,
 }
 
-/// Formats with three significant digits.
-fn short(v: f64) -> String {
-    let a = v.abs();
-    if !v.is_finite() {
-        String::new()
-    } else if a >= 100.0 {
-        format!("{v:.0}")
-    } else if a >= 10.0 {
-        format!("{v:.1}")
-    } else if a >= 1.0 || a == 0.0 {
-        format!("{v:.2}")
-    } else if a >= 0.001 {
-        format!("{:.*}", 2 + (-a.log10()).floor() as usize + usize::from(a < 0.1), v)
-    } else {
-        format!("{v:.1e}")
+impl HeatMap {
+    fn largest(&self) -> f64 {
+        self.z.iter().flatten().filter(|v| v.is_finite()).fold(0.0_f64, |m, v| m.max(*v))
+    }
+
+    /// Colours with their ends in words; colour is not the only sign, cells hold numbers.
+    fn legend(&self) -> String {
+        let [from, to] = self.scale.ends(self.largest());
+        let shades: String = (0..SHADES).map(|k| format!("<i class=\"h{k}\"></i>")).collect();
+        let unit = if self.scale == Scale::TimesFloor { String::new() } else { format!(" · {}", escape(&self.unit)) };
+        format!(
+            "<p class=\"shades\">{} <span aria-hidden=\"true\">{shades}</span> {}{unit}</p>",
+            escape(&from),
+            escape(&to)
+        )
+    }
+
+    fn table(&self, names: &[String]) -> String {
+        let largest = self.largest();
+        let head: String = names.iter().map(|n| format!("<th scope=\"col\">{}</th>", escape(n))).collect();
+        let cell = |v: &f64| match self.scale.shade(*v, largest) {
+            Some(k) => format!("<td class=\"h{k}\">{}</td>", short(*v)),
+            None => "<td></td>".to_owned(),
+        };
+        let row = |(name, values): (&String, &Vec<f64>)| {
+            let cells: String = values.iter().map(cell).collect();
+            format!("<tr><th scope=\"row\">{}</th>{cells}</tr>", escape(name))
+        };
+        let rows: String = self.y.iter().zip(&self.z).map(row).collect();
+        format!(
+            "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{}\"><table class=\"heat\"><thead><tr><th scope=\"col\">{}</th>{head}</tr></thead>\
+             <tbody>{rows}</tbody></table></div>{}",
+            escape(&self.unit),
+            escape(&self.x_title),
+            self.legend()
+        )
     }
 }
 
 impl Figure {
     /// Draws a heat map.
     pub fn heat_map(words: Words<'_>, map: &HeatMap) -> Self {
-        let width = map.z.first().map_or(0, Vec::len);
-        let cells = width * map.y.len();
         let step = if map.step > 0.0 { map.step } else { 1e-3 };
         let z: Vec<Value> = map.z.iter().map(|row| pack::steps(row.iter().copied(), step)).collect();
-        let largest = map.z.iter().flatten().filter(|v| v.is_finite()).fold(0.0_f64, |m, v| m.max(*v));
         let x = match &map.x {
             Columns::Names(names) => json!(names),
             Columns::Values(values) => pack::numbers(values),
         };
-        let mut trace = json!({"type": "heatmap", "x": x, "y": map.y, "z": z, "colorscale": "$sequence", "zmin": 0,
-            "zmax": pack::number(map.top.unwrap_or(largest).max(step)), "hoverongaps": false, "name": map.unit,
-            "hovertemplate": format!("%{{y}} · %{{x}}: %{{z:.4g}} <extra>{}</extra>", map.unit),
-            "colorbar": {"title": {"text": map.unit, "side": "right"}, "thickness": 12, "outlinewidth": 0}});
-        let mut layout = base_layout();
-        layout["xaxis"] = axis(&map.x_title);
-        layout["yaxis"] = axis("");
-        layout["yaxis"]["autorange"] = json!("reversed");
-        for key in ["xaxis", "yaxis"] {
-            layout[key]["showgrid"] = json!(false);
-            layout[key]["ticks"] = json!("");
-            layout[key]["showline"] = json!(false);
-            layout[key]["zeroline"] = json!(false);
+        let mut data = json!({"kind": "map", "x": x, "x_title": map.x_title, "y": map.y, "z": z, "unit": map.unit});
+        let named = match &map.x {
+            Columns::Names(names) if names.len() <= NUMBERS_UP_TO => Some(names),
+            _ => None,
+        };
+        if let Some(names) = named {
+            return Self::still(words, map.table(names), data);
         }
-        // names stay text: `01` is not a number
-        layout["yaxis"]["type"] = json!("category");
-        if matches!(map.x, Columns::Names(_)) {
-            layout["xaxis"]["type"] = json!("category");
-            trace["xgap"] = json!(1);
-            trace["ygap"] = json!(1);
-        }
-        let crowded = cells >= NUMBERS_IN || width > 16;
-        if !crowded && cells > 0 {
-            trace["texttemplate"] = json!("%{z:.3~g}");
-            trace["textfont"] = json!({"size": 11});
-        }
-        if let Some((values, unit)) = &map.values {
-            trace["values"] = values.iter().map(|row| pack::numbers(row)).collect();
-            trace["text"] = values.iter().map(|row| row.iter().map(|v| short(*v)).collect::<Value>()).collect();
-            trace["texttemplate"] = json!("%{text}");
-            trace["textfont"] = json!({"size": 11});
-            trace["hovertemplate"] =
-                json!(format!("%{{y}} · %{{x}}: %{{text}} {unit} (shade %{{z:.2f}})<extra></extra>"));
-        }
-        layout["margin"]["t"] = json!(32);
-        let row = if crowded { 15 } else { 22 };
-        let height = 32 + 80 + map.y.len().max(3) * row;
-        let plot = json!({"data": [trace], "layout": layout, "lists": [], "x": map.x_title, "panels": [map.values.as_ref().map_or(&map.unit, |v| &v.1)]});
-        Self::new("chart", words, height, plot)
+        let largest = map.largest();
+        let shade = |v: &f64| map.scale.shade(*v, largest).map_or(f64::NAN, |k| k as f64);
+        data["shade"] = map.z.iter().map(|row| pack::steps(row.iter().map(shade), 1.0)).collect();
+        data["legend"] = json!(map.scale.ends(largest));
+        data["recording"] = json!(map.recording);
+        Self::new("map", words, map.y.len() * ROW_PX + 58, data)
     }
 }
 
@@ -121,20 +118,31 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_map_keeps_its_holes_and_its_unit() {
+    fn a_small_map_is_a_table_with_holes_and_shades() {
         let map = HeatMap {
-            x: Columns::Names(vec!["a".into(), "b".into()]),
+            x: Columns::Names(vec!["a".into(), "<b>".into()]),
             y: vec!["r".into()],
             z: vec![vec![f64::NAN, 2.5]],
-            unit: "mm".into(),
+            unit: "times the floor".into(),
             step: 0.01,
+            scale: Scale::TimesFloor,
             ..HeatMap::default()
         };
         let f = Figure::heat_map(Words::new("t", "c"), &map);
-        let z = &f.data()["data"][0]["z"][0];
-        assert_eq!(z["s"], 0.01);
-        assert_eq!(z["b"], pack::base64(&[0, 0x80, 250, 0]));
-        assert_eq!(f.data()["data"][0]["colorbar"]["title"]["text"], "mm");
-        assert_eq!(f.data()["data"][0]["zmax"], 2.5);
+        assert!(f.html().contains("<td></td><td class=\"h3\">2.50</td>") && f.html().contains("&lt;b&gt;"));
+        assert_eq!(f.data()["z"][0]["b"], pack::base64(&[0, 0x80, 250, 0]));
+    }
+
+    #[test]
+    fn a_map_over_time_is_drawn_by_the_script() {
+        let map = HeatMap {
+            x: Columns::Values((0..40).map(f64::from).collect()),
+            y: vec!["r".into()],
+            z: vec![vec![1.0; 40]],
+            recording: "jump".into(),
+            ..HeatMap::default()
+        };
+        let f = Figure::heat_map(Words::new("t", "c"), &map);
+        assert_eq!((f.drawn_by, f.data()["recording"].as_str()), ("map", Some("jump")));
     }
 }

@@ -1,15 +1,18 @@
-//! Figures: a title and a caption in words, and the drawing as data for the plotting library or the
-//! player.
+//! Figures: a title and a caption in words, and the drawing.
 //!
-//! Colours are names (`$c0` … `$c5`, `$ink`, `$dim`, `$grid`), which the page replaces with those
-//! of its light or dark theme.
+//! Dot plots and maps of few cells are HTML, so that they need no script and print as they are.
+//! Line charts, maps of many cells and the player are drawn by the page's scripts from data.
+//! Colours are names of the page's theme (`c0` … `c5`, `ink`, `dim`), light or dark.
 
 mod base;
+mod chart;
 mod dots;
+mod heat;
+pub(crate) mod html;
 mod map;
-mod panels;
 
 pub use base::{Figure, Words};
+pub use chart::{Band, Chart, Focus, Line, Panel, Series, Shade};
 pub use dots::Dots;
+pub use heat::Scale;
 pub use map::{Columns, HeatMap};
-pub use panels::{Band, Line, Panel, Series, Shade};

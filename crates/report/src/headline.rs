@@ -1,0 +1,302 @@
+//! The first screen: how wrong the model is, where, what is missing, how sure, what to do next.
+
+use super::commands::command;
+use super::standing::{self, Standing, asked, effects, standings};
+use super::story::Story;
+use super::wording::{number, plus_minus, unit};
+use aloft_compare::{Comparison, Group, GroupedBy};
+use aloft_discover::{Candidate, Discovery, Verdict};
+use aloft_page::{Fact, Headline, Light};
+
+/// The headline.
+pub fn headline(story: &Story<'_>) -> Headline {
+    let all = standings(story);
+    let sentence = sentence(story, all.first(), all.get(1));
+    let mut facts: Vec<Fact> = Vec::new();
+    if let Some(first) = all.first() {
+        facts.push(Fact::new("How wrong", how_wrong(story, first, all.get(1))));
+        facts.extend(place(story, first).map(|text| Fact::new("Where", text)));
+    }
+    facts.push(Fact::new("Missing", missing(story)));
+    facts.push(Fact::new("How sure", how_sure(story)));
+    facts.push(next(story, all.first()));
+    Headline { light: standing::light(story), sentence, facts }
+}
+
+fn held(story: &Story<'_>) -> String {
+    let effects = effects(story);
+    if effects.is_empty() { "The model".to_owned() } else { format!("With `{}` the model", effects.join("`, `")) }
+}
+
+fn sentence(story: &Story<'_>, first: Option<&Standing>, other: Option<&Standing>) -> String {
+    if let Some((stage, f)) = story.failures.first() {
+        return format!("`{stage}` failed: {}.", f.problem.trim_end_matches('.'));
+    }
+    let Some(first) = first else {
+        return "Nothing was compared: there is no flight, and no contact that plates measure as a whole.".to_owned();
+    };
+    let place = &first.place;
+    let Some(ratio) = first.ratio else {
+        return format!(
+            "{} errs by {} N in {place}; its noise floor is not known.",
+            held(story),
+            number(first.error_n)
+        );
+    };
+    // the other kind of motion is told of where the model is worse there
+    let worse = other.filter(|o| o.light() > first.light()).and_then(|o| Some((o.place.clone(), o.ratio?)));
+    if first.at_floor {
+        let but = worse.map_or(": a perfect model could err as much".to_owned(), |(place, ratio)| {
+            format!(", but errs by {} times its floor in {place}", super::lights::times(ratio))
+        });
+        return format!("{} is at its noise floor in {place}{but}.", held(story));
+    }
+    let times = super::lights::times;
+    let also = worse.map_or(String::new(), |(place, ratio)| format!(" and {} times in {place}", times(ratio)));
+    let wrong = format!("{} errs by {} times its noise floor in {place}{also}", held(story), times(ratio));
+    match asked(story) {
+        None => format!("{wrong}. What it is missing has not been asked."),
+        Some(d) => match d.verdict {
+            Verdict::Supported => format!("{wrong}, and `{}` is missing.", named(d).join("` and `")),
+            Verdict::OneOf => format!("{wrong}: one of {} effects is missing.", d.effects.len()),
+            Verdict::Unexplained => format!("{wrong}, and no effect of the catalogue explains it."),
+            Verdict::NothingMissing => format!("{wrong}; no missing effect was found."),
+            Verdict::NotDetectable => format!("{wrong}; the recordings cannot tell what is missing."),
+        },
+    }
+}
+
+/// Keys of what was found, or else the identifiers that the verdict names.
+fn named(d: &Discovery) -> Vec<String> {
+    if d.found.is_empty() { d.effects.clone() } else { d.found.iter().map(|f| f.key.clone()).collect() }
+}
+
+fn how_wrong(story: &Story<'_>, first: &Standing, other: Option<&Standing>) -> String {
+    let weight = story.session.facts.person.mass_kg * story.session.facts.gravity_mps2;
+    let share = if weight > 0.0 {
+        format!(" ({} % of body weight)", number(100.0 * first.error_n / weight))
+    } else {
+        String::new()
+    };
+    let mut text = format!("{} N{share} on held-out {}", number(first.error_n), first.place);
+    if let Some(floor) = first.floor_n {
+        text.push_str(&format!("; a perfect model would leave {} N", number(floor)));
+        if let Some([low, high]) = first.interval_n {
+            text.push_str(&format!(" ({} to {})", number(low), number(high)));
+        }
+    }
+    if let Some(other) = other {
+        text.push_str(&format!(". In {}: {} N, {}", other.place, number(other.error_n), other.ratio_words()));
+    }
+    text.push('.');
+    text
+}
+
+/// Ratio between groups from which a trend is told.
+const TREND: f64 = 1.5;
+/// Fewest windows of a group that is used.
+const FEWEST_WINDOWS: usize = 4;
+
+fn place(story: &Story<'_>, first: &Standing) -> Option<String> {
+    let c = &story.comparison.as_ref()?.comparison;
+    let mut parts = Vec::new();
+    if let Some((axis, ratio)) = times_floor_by_axis(c, &first.place)
+        .into_iter()
+        .filter(|(_, r)| r.is_finite())
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+    {
+        parts.push(format!("most in {axis} ({} × its floor)", super::lights::times(ratio)));
+    }
+    if !first.at_floor {
+        parts.extend(trend(c));
+        let segments = if first.place == "flight" && !c.first.segments_in_flight.is_empty() {
+            &c.first.segments_in_flight
+        } else {
+            &c.first.segments
+        };
+        if let Some(s) = segments.first().filter(|s| s.inertia_share > 0.3 && segments.len() > 2) {
+            parts.push(format!("{:.0} % of it could sit in `{}`", 100.0 * s.inertia_share, s.link));
+        }
+    }
+    let mut text = parts.join("; ");
+    if let Some(c) = text.chars().next() {
+        text.replace_range(..c.len_utf8(), &c.to_uppercase().to_string());
+    }
+    (!text.is_empty()).then(|| text + ".")
+}
+
+/// Names of the axes and the error over windows along each, in multiples of the floor of the same
+/// axis: force, then moment, world axes.
+pub fn times_floor_by_axis(c: &Comparison, place: &str) -> Vec<(String, f64)> {
+    let Some(floor) = &c.noise_floor else { return Vec::new() };
+    let (own, floor) = if place == "flight" {
+        (&c.first.flight_weak, &floor.flight_weak)
+    } else {
+        (&c.first.held_out_weak, &floor.contact_weak)
+    };
+    let of = |what: &str, own: &[f64; 3], floor: &[f64; 3]| {
+        ["x", "y", "z"]
+            .iter()
+            .enumerate()
+            .map(|(i, axis)| (format!("{what} {axis}"), own[i] / floor[i]))
+            .collect::<Vec<_>>()
+    };
+    let mut out = of("force", &own.force_n.rmse, &floor.force_n.rmse);
+    out.extend(of("moment", &own.moment_nm.rmse, &floor.moment_nm.rmse));
+    out
+}
+
+/// The quantity with which the error grows most, if it grows by more than [`TREND`].
+fn trend(c: &Comparison) -> Option<String> {
+    let kinds = [
+        (GroupedBy::Speed, "the speed of the centre of mass"),
+        (GroupedBy::Turning, "the turning of the root"),
+        (GroupedBy::TimeInFlight, "the time in flight"),
+        (GroupedBy::Acceleration, "the acceleration of the centre of mass"),
+    ];
+    let growth = |by: GroupedBy| {
+        let of: Vec<&Group> =
+            c.first.breakdown.iter().filter(|g| g.by == by && g.windows.windows >= FEWEST_WINDOWS).collect();
+        let (first, last) = (of.first()?.windows.size(), of.last()?.windows.size());
+        (of.len() > 2 && first > 0.0).then_some(last / first)
+    };
+    let grown = kinds.iter().filter_map(|(by, what)| Some((growth(*by)?, what))).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    (grown.0 > TREND).then(|| format!("grows {} times with {}", super::lights::times(grown.0), grown.1))
+}
+
+/// What a candidate is, with its coefficients.
+fn described(key: &str, d: &Discovery) -> String {
+    let of = |c: &aloft_discover::Estimate| {
+        format!("{} {} {}", c.name.replace('_', " "), plus_minus(c.value, c.ci95), unit(&c.unit))
+    };
+    let coefficients: Vec<String> =
+        d.found.iter().find(|f| f.key == key).map_or(Vec::new(), |f| f.coefficients.iter().take(2).map(of).collect());
+    if coefficients.is_empty() {
+        format!("`{key}`")
+    } else {
+        format!("`{key}`: {}", coefficients.join(", ").trim_end().to_owned())
+    }
+}
+
+fn missing(story: &Story<'_>) -> String {
+    let own = effects(story);
+    let Some(d) = asked(story) else {
+        return if own.is_empty() {
+            "Not asked: `discover` looks for the effect that the model is missing.".to_owned()
+        } else {
+            format!("`{}` was missing and is in the model now. What remains has not been asked.", own.join("`, `"))
+        };
+    };
+    match d.verdict {
+        Verdict::Supported => {
+            let all: Vec<String> = named(d).iter().map(|k| described(k, d)).collect();
+            format!("{}.", all.join("; "))
+        }
+        Verdict::OneOf => format!("One of `{}`; these recordings cannot tell which.", d.effects.join("`, `")),
+        Verdict::NothingMissing => "Nothing that these recordings could show.".to_owned(),
+        Verdict::Unexplained => "Something, but no effect of the catalogue explains it.".to_owned(),
+        Verdict::NotDetectable => "The recordings are too few or too noisy to tell.".to_owned(),
+    }
+}
+
+fn how_sure(story: &Story<'_>) -> String {
+    let mut parts = Vec::new();
+    if let Some(d) = asked(story) {
+        let best = d.candidates.iter().find(|c: &&Candidate| !c.placebo);
+        let believed = matches!(d.verdict, Verdict::Supported | Verdict::OneOf);
+        if let (Some(best), Some(round)) = (best, d.rounds.first()) {
+            let falls = format!(
+                "{:.0} % ({:.0} to {:.0} %)",
+                100.0 * best.held_out_ratio,
+                100.0 * best.ci95[0],
+                100.0 * best.ci95[1]
+            );
+            let (share, chance) = round.by_chance();
+            parts.push(if believed {
+                format!(
+                    "The held-out error falls to {falls}; by chance it falls below {:.0} % in {:.0} of 100 cases.",
+                    100.0 * chance,
+                    100.0 * share
+                )
+            } else {
+                format!(
+                    "The best effect, `{}`, leaves {falls} of the error; less than {:.0} % would be believed.",
+                    best.key,
+                    100.0 * round.threshold
+                )
+            });
+        }
+    }
+    if let Some(found) = &story.found {
+        let p = &found.parameters;
+        let mut text = super::wording::count(p.n_stretches, "flight");
+        if !p.gate.passed {
+            text.push_str(", too little to determine the parameters");
+        }
+        if let Some(reason) = p.gate.reasons.first().and_then(|r| r.split(';').next()) {
+            text.push_str(&format!(": {}", reason.trim_end_matches('.')));
+        }
+        parts.push(text + ".");
+    }
+    let lost = story.trials.iter().filter(|t| !t.failures.is_empty()).count();
+    if lost > 0 {
+        parts.push(format!("{} failed and is in none of these numbers.", super::wording::count(lost, "recording")));
+    }
+    if parts.is_empty() { "Nothing was identified.".to_owned() } else { parts.join(" ") }
+}
+
+fn next(story: &Story<'_>, first: Option<&Standing>) -> Fact {
+    let s = story.session;
+    let with = |text: &str, command: String| Fact { command, ..Fact::new("Next", text) };
+    if !story.freshness.is_current() || !story.failures.is_empty() {
+        return with("Bring the results up to date.", command(s, "run", None));
+    }
+    let Some(found) = &story.found else { return with("Find out what is missing.", command(s, "status", None)) };
+    let gate = &found.parameters.gate;
+    if !gate.passed
+        && let Some(advice) = gate.advice.first()
+    {
+        return Fact::new("Next", format!("Record more: {advice}."));
+    }
+    let at_floor = first.is_some_and(|f| f.at_floor);
+    match asked(story) {
+        None if at_floor => with("Ask whether anything remains.", command(s, "discover", None)),
+        None => with("Ask what is missing.", command(s, "discover", None)),
+        Some(d) => match (d.verdict, d.found.first()) {
+            (Verdict::Supported | Verdict::OneOf, Some(effect)) => {
+                let text = if d.verdict == Verdict::OneOf {
+                    "Record what tells them apart, or add the simplest."
+                } else {
+                    "Add it."
+                };
+                with(text, command(s, "effect add", Some(&effect.key)))
+            }
+            (Verdict::NothingMissing, _) if at_floor => with("Use the model.", command(s, "parameters", None)),
+            _ => match d.advice.first().or(gate.advice.first()) {
+                Some(advice) => Fact::new("Next", format!("Record more: {}.", advice.trim_end_matches('.'))),
+                None => with("See where the error sits.", command(s, "compare", None)),
+            },
+        },
+    }
+}
+
+/// Text below the ladder: the floor in words.
+pub fn floor_words(first: &Standing) -> String {
+    match (first.floor_n, first.interval_n) {
+        (Some(floor), Some([low, high])) => {
+            format!(
+                "noise floor {} N ({} to {} N, shaded): what a perfect model would leave",
+                number(floor),
+                number(low),
+                number(high)
+            )
+        }
+        (Some(floor), None) => format!("noise floor {} N: what a perfect model would leave", number(floor)),
+        _ => "the noise floor is not known".to_owned(),
+    }
+}
+
+/// The signal of a rung of the ladder.
+pub fn rung_light(ratio: Option<f64>, at_floor: bool, void: bool) -> Light {
+    if void { Light::Poor } else { super::lights::against_floor(ratio, at_floor) }
+}
