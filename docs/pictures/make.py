@@ -382,4 +382,5 @@ def main():
                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=120, check=False)
 
 
-main()
+if __name__ == "__main__":
+    main()

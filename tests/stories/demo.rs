@@ -1,6 +1,6 @@
 //! The demonstration in the README, on the recordings in the repository.
 
-use crate::report::{check_page, figures};
+use crate::report::{check_page, figures, signal};
 use crate::support::{expect, folder, json, repo};
 use std::fs;
 
@@ -33,6 +33,17 @@ fn the_demonstration_goes_from_recordings_to_a_report() {
     let found = json(&["discover", &demo, "--workspace", &ws, "--json"]);
     assert_eq!(found["verdict"], "supported", "{}", found["words"]);
     assert_eq!(found["effects"][0], "quadratic_drag");
+    // before it is added: no good signal far above the floor, the drag as a suspicion, the command that adds it
+    let (page, _) = expect(&["report", &demo, "--workspace", &ws], 0);
+    let html = fs::read_to_string(page.trim()).unwrap();
+    check_page(&html, &["overview"]);
+    assert_eq!(signal(&html), "poor", "4.4 times the floor");
+    assert!(html.contains("<code>quadratic_drag[links]</code> is missing"));
+    assert!(html.contains("aloft effect add ") && html.contains("quadratic_drag[links]"));
+    assert!(html.contains("class=\"rung neutral forecast\""), "what adding it promises");
+    let suspected =
+        |f: &serde_json::Value| f["arrows"].as_array().is_some_and(|a| a.iter().any(|a| a["suspected"] == true));
+    assert!(figures(&html).iter().any(suspected));
     expect(&["effect", "add", &demo, "quadratic_drag", "--workspace", &ws], 0);
     let ladder = json(&["history", &demo, "--workspace", &ws, "--json"]);
     let rung = &ladder["revisions"][1];
@@ -66,8 +77,19 @@ fn the_demonstration_goes_from_recordings_to_a_report() {
     }
     // the report shows both answers: for the model without effects, and after the drag was added
     assert!(html.contains("asked of the plain model") && html.contains("asked of the model with quadratic_drag"));
-    let players = figures(&html).iter().filter(|f| f["joints"].is_object()).count();
-    assert_eq!(players, 3, "one player a recording");
+    let figures = figures(&html);
+    let players: Vec<_> = figures.iter().filter(|f| f["kind"] == "player").collect();
+    assert_eq!(players.len(), 4, "one on the first screen, and one a recording");
+    // the page follows the model: at the floor, the drag drawn on the links, the body without it
+    assert_eq!(signal(&html), "good");
+    assert!(html.contains("With <code>quadratic_drag[links]</code> the model is at its noise floor"));
+    assert!(!html.contains("no external force"), "a force acts in flight");
+    assert!(!html.contains("</code> is missing"), "what was added is not missing");
+    for player in players {
+        let effects: Vec<_> = player["arrows"].as_array().unwrap().iter().filter(|a| a["of"] == "effect").collect();
+        assert!(effects.len() == 1 && effects[0]["n"] == 2 && effects[0]["suspected"] == false, "drag on both links");
+        assert!(!player["ghost"].is_null(), "the body without the effects");
+    }
 }
 
 #[test]

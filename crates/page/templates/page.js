@@ -13,7 +13,9 @@
       el.textContent = "This figure could not be drawn: " + e.message;
     }
   };
-  const seen = new IntersectionObserver((list) => list.forEach((e) => { if (e.isIntersecting) draw(e.target); }), { rootMargin: "300px" });
+  // words first: figures are drawn after the page has been painted
+  const later = (el) => requestAnimationFrame(() => setTimeout(() => draw(el)));
+  const seen = new IntersectionObserver((list) => list.forEach((e) => { if (e.isIntersecting) later(e.target); }), { rootMargin: "300px" });
   drawings.forEach((d) => seen.observe(d));
   document.querySelectorAll("details").forEach((d) => d.addEventListener("toggle", () => d.open && d.querySelectorAll(".drawing").forEach(draw)));
 

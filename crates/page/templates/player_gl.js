@@ -5,6 +5,8 @@ const PlayerGl = (() => {
   const begin = () => {
     if (stage || failed) return stage;
     try {
+      // ask before the library is read: without WebGL it is not needed
+      if (!document.createElement("canvas").getContext("webgl2")) throw new Error("no WebGL");
       Numbers.library("three");
       const renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
       renderer.setClearColor(0x000000, 0);

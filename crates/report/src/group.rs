@@ -4,12 +4,10 @@
 use super::standing::{self, standings};
 use super::story::Story;
 use super::wording::{anchor, card, count, maybe, number, with_half};
-use super::{STUDY, lights};
+use super::{STUDY, group_headline, lights};
 use aloft_analysis::compare::{errors_of, mean};
 use aloft_discover::Verdict;
-use aloft_page::{
-    Block, Cell, Chapter, Columns, Dots, Fact, Figure, Headline, HeatMap, Light, Line, Page, Section, Table, Words,
-};
+use aloft_page::{Block, Cell, Chapter, Columns, Dots, Figure, HeatMap, Light, Line, Page, Section, Table, Words};
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use rayon::prelude::*;
@@ -36,40 +34,40 @@ pub struct Absent {
 }
 
 /// A recording: name, judgement, marker error (mm), flights, reasons.
-type TrialLine = (String, Light, Option<f64>, Option<usize>, String);
+pub(super) type TrialLine = (String, Light, Option<f64>, Option<usize>, String);
 
 /// Data of one subject on the group page: figures only, so that hundreds of subjects fit into
 /// memory.
-struct Row {
-    name: String,
-    link: String,
+pub(super) struct Row {
+    pub(super) name: String,
+    pub(super) link: String,
     /// Judgement of the model.
-    light: Light,
+    pub(super) light: Light,
     /// Where the model is judged, its error over the floor, and what is said of it.
-    times_floor: Option<f64>,
-    standing: String,
-    recordings: usize,
+    pub(super) times_floor: Option<f64>,
+    pub(super) standing: String,
+    pub(super) recordings: usize,
     /// Judgement of the recordings, and how many have each.
-    recorded: Light,
-    remarks: String,
-    flights: Option<usize>,
-    marker_rms_mm: Option<f64>,
-    fall_percent: Option<f64>,
-    gap: Option<f64>,
-    trusted: Option<bool>,
+    pub(super) recorded: Light,
+    pub(super) remarks: String,
+    pub(super) flights: Option<usize>,
+    pub(super) marker_rms_mm: Option<f64>,
+    pub(super) fall_percent: Option<f64>,
+    pub(super) gap: Option<f64>,
+    pub(super) trusted: Option<bool>,
     /// Force and moment error of the identified model and of the prior.
-    force: [Option<f64>; 2],
-    moment: [Option<f64>; 2],
-    verdict: Option<(Verdict, String)>,
+    pub(super) force: [Option<f64>; 2],
+    pub(super) moment: [Option<f64>; 2],
+    pub(super) verdict: Option<(Verdict, String)>,
     /// Effects of the model.
-    held: String,
+    pub(super) held: String,
     /// Share of each link in the body mass: identified and prior.
-    shares: Vec<(String, f64, f64)>,
+    pub(super) shares: Vec<(String, f64, f64)>,
     /// Mean error of each marker over recordings, mm.
-    markers: BTreeMap<String, f64>,
+    pub(super) markers: BTreeMap<String, f64>,
     /// Name, judgement, marker error, flights and first remark of each recording.
-    trials: Vec<TrialLine>,
-    failure: Option<String>,
+    pub(super) trials: Vec<TrialLine>,
+    pub(super) failure: Option<String>,
 }
 
 /// Builds the page.
@@ -261,8 +259,8 @@ fn overview(rows: &[Row], absent: &[Absent]) -> Chapter {
             Light::Neutral,
         ),
     ];
-    let mut first: Vec<Block> = vec![headline(rows, light).into()];
-    first.extend(floors(rows).map(Block::from));
+    let mut first: Vec<Block> = vec![group_headline::headline(rows, light).into()];
+    first.extend(group_headline::floors(rows).map(Block::from));
     let mut blocks = vec![subjects(rows).into(), Block::Cards { cards }];
     let failed = rows.iter().filter_map(|r| Some((r.name.clone(), r.failure.clone()?)));
     let lost: Vec<(String, String, bool)> = failed
@@ -279,92 +277,6 @@ fn overview(rows: &[Row], absent: &[Absent]) -> Chapter {
         Section::new("subjects", "Subjects", "Click a name to open the subject's page.", blocks),
     ];
     Chapter { id: "overview".into(), title: "Overview".into(), group: STUDY.into(), light, sections }
-}
-
-/// How many models are at their floor, what is missing, what to do next.
-fn headline(rows: &[Row], light: Light) -> Headline {
-    let known: Vec<f64> = rows.iter().filter_map(|r| r.times_floor).collect();
-    let good = rows.iter().filter(|r| r.light == Light::Good).count();
-    let sentence = if known.is_empty() {
-        format!("Of {} no noise floor is known, so no error can be judged.", count(rows.len(), "subject"))
-    } else {
-        format!("{good} of {} are at the noise floor of their recordings.", count(rows.len(), "subject"))
-    };
-    let mut facts = Vec::new();
-    if !known.is_empty() {
-        let (low, high) = known.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), v| (l.min(*v), h.max(*v)));
-        let median = middle(known.clone());
-        let text = format!(
-            "{} to {} times the floor, median {}.",
-            lights::times(low),
-            lights::times(high),
-            lights::times(median)
-        );
-        facts.push(Fact::new("How wrong", text));
-    }
-    let worst = rows
-        .iter()
-        .filter(|r| r.times_floor.is_some())
-        .max_by(|a, b| a.times_floor.unwrap_or(0.0).total_cmp(&b.times_floor.unwrap_or(0.0)));
-    facts.extend(
-        worst
-            .filter(|w| w.light > Light::Good)
-            .map(|w| Fact::new("Where", format!("Most for {}: {}.", w.name, w.standing))),
-    );
-    let mut named: BTreeMap<String, usize> = BTreeMap::new();
-    for (verdict, effects) in rows.iter().filter_map(|r| r.verdict.as_ref()) {
-        if matches!(verdict, Verdict::Supported | Verdict::OneOf) {
-            let one_of = if *verdict == Verdict::OneOf { "one of " } else { "" };
-            *named.entry(format!("{one_of}`{effects}`")).or_default() += 1;
-        }
-    }
-    let asked = rows.iter().filter(|r| r.verdict.is_some()).count();
-    let missing = if asked == 0 {
-        "Not asked.".to_owned()
-    } else if named.is_empty() {
-        format!("Nothing was named for the {} asked.", count(asked, "subject"))
-    } else {
-        let all: Vec<String> = named.iter().map(|(k, n)| format!("{k} for {n} of {}", rows.len())).collect();
-        format!("{}.", all.join("; "))
-    };
-    facts.push(Fact::new("Missing", missing));
-    let trusted = rows.iter().filter(|r| r.trusted == Some(true)).count();
-    let lost = rows.iter().filter(|r| r.failure.is_some()).count();
-    let without = if lost > 0 { format!(" {} without results.", count(lost, "subject")) } else { String::new() };
-    facts.push(Fact::new(
-        "How sure",
-        format!("Motion determines the parameters of {trusted} of {}.{without}", rows.len()),
-    ));
-    Headline { light, sentence, facts }
-}
-
-/// The median.
-fn middle(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    if n % 2 == 1 { values[n / 2] } else { 0.5 * (values[n / 2 - 1] + values[n / 2]) }
-}
-
-/// Error of each subject's model in multiples of its floor.
-fn floors(rows: &[Row]) -> Option<Figure> {
-    let known: Vec<&Row> = rows.iter().filter(|r| r.times_floor.is_some()).collect();
-    if known.is_empty() {
-        return None;
-    }
-    let names: Vec<String> = known.iter().map(|r| r.name.clone()).collect();
-    let of = |l: Light, name: &str| {
-        let values = known.iter().map(|r| if r.light == l { r.times_floor.unwrap_or(f64::NAN) } else { f64::NAN });
-        Dots::new(name, values.collect())
-    };
-    let kinds =
-        [of(Light::Neutral, "not judged"), of(Light::Poor, "poor"), of(Light::Good, "good"), of(Light::Fair, "fair")];
-    let line = |at: f64, label: &str| Line { at, upright: true, label: label.to_owned() };
-    let lines = [line(1.0, "floor"), line(3.0, "3 ×")];
-    let words = Words::new(
-        "Error in multiples of the noise floor",
-        "Held-out error of each subject's model where it is judged; 1 is what a perfect model would leave.",
-    );
-    Some(Figure::dots(words, "error / noise floor", &names, &kinds, &lines))
 }
 
 fn subjects(rows: &[Row]) -> Table {

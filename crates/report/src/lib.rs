@@ -13,6 +13,7 @@ mod drawn_effects;
 mod filtering;
 mod flights;
 mod group;
+mod group_headline;
 mod headline;
 mod kinematics;
 mod ladder;

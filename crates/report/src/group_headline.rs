@@ -1,0 +1,95 @@
+//! The first screen of a study of several subjects: how many models are at their floor, what is
+//! missing, and the error of each in multiples of its floor.
+
+use super::group::Row;
+use super::lights;
+use super::wording::count;
+use aloft_discover::Verdict;
+use aloft_page::{Dots, Fact, Figure, Headline, Light, Line, Words};
+use std::collections::BTreeMap;
+
+/// How many models are at their floor, what is missing, what to do next.
+pub(super) fn headline(rows: &[Row], light: Light) -> Headline {
+    let known: Vec<f64> = rows.iter().filter_map(|r| r.times_floor).collect();
+    let good = rows.iter().filter(|r| r.light == Light::Good).count();
+    let sentence = if known.is_empty() {
+        format!("Of {} no noise floor is known, so no error can be judged.", count(rows.len(), "subject"))
+    } else {
+        format!("{good} of {} are at the noise floor of their recordings.", count(rows.len(), "subject"))
+    };
+    let mut facts = Vec::new();
+    if !known.is_empty() {
+        let (low, high) = known.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), v| (l.min(*v), h.max(*v)));
+        let median = middle(known.clone());
+        let text = format!(
+            "{} to {} times the floor, median {}.",
+            lights::times(low),
+            lights::times(high),
+            lights::times(median)
+        );
+        facts.push(Fact::new("How wrong", text));
+    }
+    let worst = rows
+        .iter()
+        .filter(|r| r.times_floor.is_some())
+        .max_by(|a, b| a.times_floor.unwrap_or(0.0).total_cmp(&b.times_floor.unwrap_or(0.0)));
+    facts.extend(
+        worst
+            .filter(|w| w.light > Light::Good)
+            .map(|w| Fact::new("Where", format!("Most for {}: {}.", w.name, w.standing))),
+    );
+    let mut named: BTreeMap<String, usize> = BTreeMap::new();
+    for (verdict, effects) in rows.iter().filter_map(|r| r.verdict.as_ref()) {
+        if matches!(verdict, Verdict::Supported | Verdict::OneOf) {
+            let one_of = if *verdict == Verdict::OneOf { "one of " } else { "" };
+            *named.entry(format!("{one_of}`{effects}`")).or_default() += 1;
+        }
+    }
+    let asked = rows.iter().filter(|r| r.verdict.is_some()).count();
+    let missing = if asked == 0 {
+        "Not asked.".to_owned()
+    } else if named.is_empty() {
+        format!("Nothing was named for the {} asked.", count(asked, "subject"))
+    } else {
+        let all: Vec<String> = named.iter().map(|(k, n)| format!("{k} for {n} of {}", rows.len())).collect();
+        format!("{}.", all.join("; "))
+    };
+    facts.push(Fact::new("Missing", missing));
+    let trusted = rows.iter().filter(|r| r.trusted == Some(true)).count();
+    let lost = rows.iter().filter(|r| r.failure.is_some()).count();
+    let without = if lost > 0 { format!(" {} without results.", count(lost, "subject")) } else { String::new() };
+    facts.push(Fact::new(
+        "How sure",
+        format!("Motion determines the parameters of {trusted} of {}.{without}", rows.len()),
+    ));
+    Headline { light, sentence, facts }
+}
+
+/// The median.
+fn middle(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    if n % 2 == 1 { values[n / 2] } else { 0.5 * (values[n / 2 - 1] + values[n / 2]) }
+}
+
+/// Error of each subject's model in multiples of its floor.
+pub(super) fn floors(rows: &[Row]) -> Option<Figure> {
+    let known: Vec<&Row> = rows.iter().filter(|r| r.times_floor.is_some()).collect();
+    if known.is_empty() {
+        return None;
+    }
+    let names: Vec<String> = known.iter().map(|r| r.name.clone()).collect();
+    let of = |l: Light, name: &str| {
+        let values = known.iter().map(|r| if r.light == l { r.times_floor.unwrap_or(f64::NAN) } else { f64::NAN });
+        Dots::new(name, values.collect())
+    };
+    let kinds =
+        [of(Light::Neutral, "not judged"), of(Light::Poor, "poor"), of(Light::Good, "good"), of(Light::Fair, "fair")];
+    let line = |at: f64, label: &str| Line { at, upright: true, label: label.to_owned() };
+    let lines = [line(1.0, "floor"), line(3.0, "3 ×")];
+    let words = Words::new(
+        "Error in multiples of the noise floor",
+        "Held-out error of each subject's model where it is judged; 1 is what a perfect model would leave.",
+    );
+    Some(Figure::dots(words, "error / noise floor", &names, &kinds, &lines))
+}
