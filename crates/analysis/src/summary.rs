@@ -185,7 +185,8 @@ pub fn summary(set: &DataSet, words: &str) -> Result<Summary, PipelineError> {
     Ok(Summary { version: 1, rows, reasons, stale })
 }
 
-fn rows_of(session: &SubjectSession, words: &str) -> Result<Vec<SummaryRow>, PipelineError> {
+/// The rows of one subject or session; `words` holds the pipeline and the folders of printed commands.
+pub fn rows_of(session: &SubjectSession, words: &str) -> Result<Vec<SummaryRow>, PipelineError> {
     let ws = Workspace::open(&session.workspace);
     let manifests = Manifests::read_and_examine(session, &ws, STAGES);
     let made = aloft_pipeline::made::as_made(session);

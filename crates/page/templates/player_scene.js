@@ -50,7 +50,7 @@ const PlayerScene = (() => {
     }
     const middle = low.map((v, k) => (v + high[k]) / 2), radius = Math.max(0.3, 0.5 * size(less(high, low)));
     const bounds = { low, high, middle, radius, reach, tall: 0.5 * (high[2] - low[2]), wide: 0.5 * Math.hypot(high[0] - low[0], high[1] - low[1]) };
-    const thick = Math.min(0.012, 0.03 * reach);
+    const thick = Math.min(0.012, 0.018 * reach);
 
     const flights = [];
     for (let i = 0, from = -1; i <= n; i++) {

@@ -7,6 +7,21 @@ use std::path::{Path, PathBuf};
 /// `aloft WORDS PIPELINE …` for this study, with the folders that the pipeline does not name; `last`
 /// is an argument after the pipeline.
 pub fn command(session: &SubjectSession, words: &str, last: Option<&str>) -> String {
+    let mut all = whole_command(session, words);
+    all.extend(last.map(str::to_owned));
+    if matches!(words, "effect add" | "effect remove" | "discover") {
+        all.extend(session.id.subject.iter().flat_map(|s| quote::option("subject", s)));
+        all.extend(session.id.session.iter().flat_map(|s| quote::option("session", s)));
+    }
+    quote::line(all)
+}
+
+/// The same for all subjects of the study that this one belongs to.
+pub fn for_all(session: &SubjectSession, words: &str) -> String {
+    quote::line(whole_command(session, words))
+}
+
+fn whole_command(session: &SubjectSession, words: &str) -> Vec<String> {
     let mut all: Vec<String> = std::iter::once("aloft").chain(words.split(' ')).map(str::to_owned).collect();
     all.push(quote::argument(&session.config_path));
     let dir = session.config_path.parent().unwrap_or(Path::new(""));
@@ -23,12 +38,7 @@ pub fn command(session: &SubjectSession, words: &str, last: Option<&str>) -> Str
     if !named && !usual {
         all.extend(quote::option("workspace", &workspace.display().to_string()));
     }
-    all.extend(last.map(str::to_owned));
-    if matches!(words, "effect add" | "effect remove" | "discover") {
-        all.extend(session.id.subject.iter().flat_map(|s| quote::option("subject", s)));
-        all.extend(session.id.session.iter().flat_map(|s| quote::option("session", s)));
-    }
-    quote::line(all)
+    all
 }
 
 /// True for two names of the same folder.

@@ -46,6 +46,10 @@ pub(super) struct Row {
     /// Where the model is judged, its error over the floor, and what is said of it.
     pub(super) times_floor: Option<f64>,
     pub(super) standing: String,
+    /// True if a perfect model could have left as much.
+    pub(super) at_floor: bool,
+    /// Number of recordings that failed.
+    pub(super) lost: usize,
     pub(super) recordings: usize,
     /// Judgement of the recordings, and how many have each.
     pub(super) recorded: Light,
@@ -79,7 +83,8 @@ pub fn page(title: &str, members: &[Member<'_>], absent: &[Absent]) -> Result<Pa
     if rows.iter().all(|r| r.failure.is_some()) {
         return Err(PipelineError::request_hint("no subject of the study has results", "run `aloft run` first"));
     }
-    let mut chapters = vec![overview(&rows, absent)];
+    let next = members.first().map_or(String::new(), |m| super::commands::for_all(m.session, "discover"));
+    let mut chapters = vec![overview(&rows, absent, &next)];
     chapters.push(distributions(&rows));
     chapters.push(recordings(&rows));
     let n: usize = rows.iter().map(|r| r.recordings).sum();
@@ -102,6 +107,8 @@ fn row(m: &Member<'_>) -> Row {
         light: Light::Poor,
         times_floor: None,
         standing: String::new(),
+        at_floor: false,
+        lost: 0,
         recorded: Light::Poor,
         recordings: m.session.included().count(),
         remarks: String::new(),
@@ -130,8 +137,10 @@ fn row(m: &Member<'_>) -> Row {
     };
     (out.recorded, out.remarks) = lights::recordings(&story);
     out.light = standing::light(&story);
+    out.lost = story.trials.iter().filter(|t| !t.failures.is_empty()).count();
     if let Some(first) = standings(&story).first() {
         out.times_floor = first.ratio;
+        out.at_floor = standings(&story).iter().all(|s| s.at_floor);
         out.standing = format!("{} in {}", first.ratio_words(), first.place);
     }
     if !story.freshness.is_current() {
@@ -215,7 +224,7 @@ fn mean_sd(values: impl Iterator<Item = Option<f64>>) -> String {
     }
 }
 
-fn overview(rows: &[Row], absent: &[Absent]) -> Chapter {
+fn overview(rows: &[Row], absent: &[Absent], next: &str) -> Chapter {
     let of = |l: Light| rows.iter().filter(|r| r.light == l).count();
     let light = if of(Light::Poor) > 0 {
         if 2 * of(Light::Poor) > rows.len() { Light::Poor } else { Light::Fair }
@@ -259,7 +268,7 @@ fn overview(rows: &[Row], absent: &[Absent]) -> Chapter {
             Light::Neutral,
         ),
     ];
-    let mut first: Vec<Block> = vec![group_headline::headline(rows, light).into()];
+    let mut first: Vec<Block> = vec![group_headline::headline(rows, light, next).into()];
     first.extend(group_headline::floors(rows).map(Block::from));
     let mut blocks = vec![subjects(rows).into(), Block::Cards { cards }];
     let failed = rows.iter().filter_map(|r| Some((r.name.clone(), r.failure.clone()?)));

@@ -9,13 +9,13 @@ use aloft_page::{Dots, Fact, Figure, Headline, Light, Line, Words};
 use std::collections::BTreeMap;
 
 /// How many models are at their floor, what is missing, what to do next.
-pub(super) fn headline(rows: &[Row], light: Light) -> Headline {
+pub(super) fn headline(rows: &[Row], light: Light, next: &str) -> Headline {
     let known: Vec<f64> = rows.iter().filter_map(|r| r.times_floor).collect();
-    let good = rows.iter().filter(|r| r.light == Light::Good).count();
+    let good = rows.iter().filter(|r| r.at_floor).count();
     let sentence = if known.is_empty() {
         format!("Of {} no noise floor is known, so no error can be judged.", count(rows.len(), "subject"))
     } else {
-        format!("{good} of {} are at the noise floor of their recordings.", count(rows.len(), "subject"))
+        format!("{good} of {} are at the noise floor of their recordings.", count(rows.len(), "model"))
     };
     let mut facts = Vec::new();
     if !known.is_empty() {
@@ -34,9 +34,7 @@ pub(super) fn headline(rows: &[Row], light: Light) -> Headline {
         .filter(|r| r.times_floor.is_some())
         .max_by(|a, b| a.times_floor.unwrap_or(0.0).total_cmp(&b.times_floor.unwrap_or(0.0)));
     facts.extend(
-        worst
-            .filter(|w| w.light > Light::Good)
-            .map(|w| Fact::new("Where", format!("Most for {}: {}.", w.name, w.standing))),
+        worst.filter(|w| !w.at_floor).map(|w| Fact::new("Where", format!("Most for {}: {}.", w.name, w.standing))),
     );
     let mut named: BTreeMap<String, usize> = BTreeMap::new();
     for (verdict, effects) in rows.iter().filter_map(|r| r.verdict.as_ref()) {
@@ -57,11 +55,19 @@ pub(super) fn headline(rows: &[Row], light: Light) -> Headline {
     facts.push(Fact::new("Missing", missing));
     let trusted = rows.iter().filter(|r| r.trusted == Some(true)).count();
     let lost = rows.iter().filter(|r| r.failure.is_some()).count();
-    let without = if lost > 0 { format!(" {} without results.", count(lost, "subject")) } else { String::new() };
-    facts.push(Fact::new(
-        "How sure",
-        format!("Motion determines the parameters of {trusted} of {}.{without}", rows.len()),
-    ));
+    let mut sure = format!("Motion determines the parameters of {trusted} of {}.", count(rows.len(), "subject"));
+    if lost > 0 {
+        sure.push_str(&format!(" {} without results.", count(lost, "subject")));
+    }
+    let failed: usize = rows.iter().map(|r| r.lost).sum();
+    if failed > 0 {
+        sure.push_str(&format!(" {} failed and count nowhere.", count(failed, "recording")));
+    }
+    facts.push(Fact::new("How sure", sure));
+    if asked < rows.len() - lost {
+        let text = if asked == 0 { "Ask what is missing." } else { "Ask the others." };
+        facts.push(Fact { command: next.to_owned(), ..Fact::new("Next", text) });
+    }
     Headline { light, sentence, facts }
 }
 

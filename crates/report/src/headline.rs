@@ -235,6 +235,8 @@ fn how_sure(story: &Story<'_>) -> String {
         }
         if let Some(reason) = p.gate.reasons.first().and_then(|r| r.split(';').next()) {
             text.push_str(&format!(": {}", reason.trim_end_matches('.')));
+        } else if p.gate.passed {
+            text.push_str(" determine the parameters");
         }
         parts.push(text + ".");
     }

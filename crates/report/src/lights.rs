@@ -3,6 +3,7 @@
 use super::story::{Story, TrialStory};
 use super::wording::number;
 use aloft_page::Light;
+use aloft_workspace::qc::QcLevel;
 
 /// Marker error, RMS, mm: 20 mm is the usual limit for inverse kinematics (OpenSim's best
 /// practices).
@@ -91,6 +92,11 @@ pub fn remarks(t: &TrialStory<'_>) -> Vec<(Light, String)> {
     {
         let text = format!("the model errs by {} times its noise floor in {place}", times(ratio));
         out.push((times_floor(Some(ratio)), text));
+    }
+    // warnings of the summary that no stage has put into words
+    if out.iter().all(|r| r.0 < Light::Fair) {
+        let warned = t.reasons.iter().filter(|r| r.level() == QcLevel::Warning);
+        out.extend(warned.map(|r| (Light::Fair, r.meaning().to_owned())));
     }
     out.sort_by_key(|r| std::cmp::Reverse(r.0));
     out

@@ -58,8 +58,12 @@ fn example<'s, 'a>(story: &'s Story<'a>) -> Option<&'s TrialStory<'a>> {
     let place = standings(story).first().map_or_else(|| "flight".to_owned(), |s| s.place.clone());
     let error = |t: &TrialStory<'_>| {
         let own = story.comparison.as_ref()?.comparison.first.trials.iter().find(|c| c.trial == t.entry.name)?;
-        let errors = if place == "flight" { &own.flight_weak } else { &own.contact_weak };
-        (errors.windows > 0).then(|| errors.size()).filter(|e| e.is_finite())
+        let (errors, held) = if place == "flight" {
+            (&own.flight_weak, own.held_out_flight)
+        } else {
+            (&own.contact_weak, own.held_out_contact)
+        };
+        (held && errors.windows > 0).then(|| errors.size()).filter(|e| e.is_finite())
     };
     let played = || story.dynamic().filter(|t| t.motion.is_some());
     let worst = played().filter_map(|t| Some((error(t)?, t))).max_by(|a, b| a.0.total_cmp(&b.0));

@@ -56,7 +56,7 @@ pub fn figure(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
             .collect(),
         masses: drawn.masses.clone(),
         unplaced: drawn.unplaced.clone(),
-        plates_complete: !plates.is_empty(),
+        plates_complete: !trial.plates.is_empty(),
         plates,
         ..Animation::default()
     };
@@ -276,13 +276,17 @@ fn scales(
     frames: &[usize],
 ) -> [f64; 2] {
     let ground = round_number(2.0 * force_scale_n(subject.facts.mass_kg, story.session.facts.gravity_mps2));
+    let largest = |list: &[[[f64; 3]; 2]]| {
+        list.iter().map(|x| Vector3::from(x[1]).norm()).filter(|v| v.is_finite()).reduce(f64::max)
+    };
+    let effects: Vec<&Arrows> = drawn.arrows.iter().filter(|k| k.of == ArrowOf::Effect).collect();
     let mut sizes: Vec<f64> = Vec::new();
     for (i, &f) in frames.iter().enumerate().filter(|(i, _)| a.in_flight[*i]) {
-        sizes.extend(predicted[i].iter().map(|x| Vector3::from(x[1]).norm()));
-        let effects = drawn.arrows.iter().filter(|k| k.of == ArrowOf::Effect);
-        sizes.extend(effects.filter_map(|k| {
-            k.frames[f].iter().map(|x| Vector3::from(x[1]).norm()).filter(|v| v.is_finite()).reduce(f64::max)
-        }));
+        // effects set the scale where there are any: what the model leaves beside them is smaller
+        if effects.is_empty() {
+            sizes.extend(largest(&predicted[i]));
+        }
+        sizes.extend(effects.iter().filter_map(|k| largest(&k.frames[f])));
     }
     sizes.retain(|v| v.is_finite());
     sizes.sort_by(f64::total_cmp);

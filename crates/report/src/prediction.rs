@@ -36,7 +36,8 @@ fn curves(story: &Story<'_>, view: &ComparisonView) -> Section {
     let f = &c.first.flight;
     if f.frames > 0 {
         blocks.push(Block::text(format!(
-            "No external force acts in flight: the residual wrench of the identified model there has a root mean square of {} N and {} N·m over {} frames.",
+            "In flight a perfect model needs no wrench beside its effects. The residual of the identified model there has a root mean square of {} N and {} N·m, \
+             frame by frame over {} frames.",
             three(&f.residual_force_n.rms),
             three(&f.residual_moment_nm.rms),
             f.frames
@@ -45,7 +46,7 @@ fn curves(story: &Story<'_>, view: &ComparisonView) -> Section {
     Section::new(
         "wrench",
         "The wrench",
-        "External force required by the recorded motion: of the identified model, as measured by the plates, and of the \
+        "External wrench that the recorded motion requires: of the identified model, as measured by the plates, and of the \
          anthropometric prior. Each recording has its curves in its own chapter.",
         blocks,
     )

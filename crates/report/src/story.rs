@@ -5,6 +5,7 @@ use aloft_analysis::discover::{Kept, answer_of, looked_at};
 use aloft_analysis::freshness::{Freshness, freshness};
 use aloft_analysis::history::{History, history};
 use aloft_analysis::parameters::{ParametersView, parameters};
+use aloft_analysis::summary::rows_of;
 use aloft_body::{Motion, Subject};
 use aloft_discover::Discovery;
 use aloft_flight::FlightReport;
@@ -16,6 +17,7 @@ use aloft_workspace::artifact::load_motion;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::json::read_json;
 use aloft_workspace::manifest::{Manifest, Outcome, WHOLE_STUDY};
+use aloft_workspace::qc::QcReason;
 use aloft_workspace::seal;
 use aloft_workspace::table::Table;
 use aloft_workspace::warning::StageWarning;
@@ -73,6 +75,8 @@ pub struct TrialStory<'a> {
     pub failures: Vec<(&'static str, StageFailure)>,
     /// Warnings of the stages.
     pub warnings: Vec<StageWarning>,
+    /// Reasons for which the summary warns of the recording.
+    pub reasons: Vec<QcReason>,
     /// Kind of motion in which the model errs most on this recording, and its error over windows
     /// there in multiples of the study's noise floor; none where it is not known.
     pub times_floor: Option<(&'static str, f64)>,
@@ -96,11 +100,14 @@ impl<'a> Story<'a> {
         freshness.refuse_damaged(session, &[])?;
         let rows = kinematics(session, &ws);
         let comparison = compare(session).ok();
+        let summary = rows_of(now, "").unwrap_or_default();
         let trials = session
             .trials
             .par_iter()
             .map(|entry| {
                 let mut trial = TrialStory::read(&ws, entry, &rows);
+                let own = summary.iter().find(|r| r.trial == entry.name);
+                trial.reasons = own.map_or_else(Vec::new, |r| r.reasons.clone());
                 if trial.failures.is_empty() {
                     trial.times_floor = comparison.as_ref().and_then(|v| times_floor(&v.comparison, &entry.name));
                 }
@@ -199,6 +206,7 @@ impl<'a> TrialStory<'a> {
             series: Table::read(&series).ok().filter(|_| whole).map(Table::into_map),
             failures,
             warnings,
+            reasons: Vec::new(),
             times_floor: None,
         }
     }

@@ -102,7 +102,7 @@ impl Figure {
                     format!("<span class=\"at\" style=\"left:{}\">{}</span>", percent(share(l.at)), escape(&l.label))
                 })
                 .collect();
-            let _ = write!(html, "<span></span><span class=\"scale top\">{labels}</span>");
+            let _ = write!(html, "<span></span><span class=\"scale upper\">{labels}</span>");
         }
         for (i, name) in names.iter().enumerate() {
             let _ = write!(html, "<span class=\"name\">{}</span><span class=\"lane\">{grid}{refs}", escape(name));
