@@ -152,7 +152,7 @@ mod tests {
         let html = render(&sample()).unwrap();
         assert!(html.contains("S &lt;01&gt;") && html.contains("&lt;i&gt;"));
         assert!(!html.contains("</script><b>"));
-        assert!(html.contains("uPlot.js") && html.contains("three.js 0."), "the libraries must be inside");
+        assert!(html.contains("leeoniya/uPlot") && html.contains("three.js 0."), "the libraries must be inside");
         assert!(html.len() < 800_000, "{} bytes", html.len());
         for outside in [" src=", "http:", "https:", "@import", "url("] {
             assert!(!own(&sample()).contains(outside), "`{outside}` on the page");

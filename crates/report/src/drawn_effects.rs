@@ -252,16 +252,14 @@ pub fn units(story: &Story<'_>) -> HashMap<String, String> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 mod tests {
     use super::*;
+    use aloft_flight::{EdgeSource, FlightSource};
 
     fn flight(start: usize, end: usize) -> Flight {
-        serde_json::from_value(serde_json::json!({
-            "start": start, "end": end, "takeoff_source": "motion", "landing_source": "motion",
-            "mean_acceleration_mps2": [0.0, 0.0, -9.81]
-        }))
-        .unwrap()
+        let mean_acceleration_mps2 = [0.0, 0.0, -9.81];
+        let (takeoff_source, landing_source) = (EdgeSource::Motion, EdgeSource::Motion);
+        Flight { start, end, source: FlightSource::Motion, takeoff_source, landing_source, mean_acceleration_mps2 }
     }
 
     #[test]

@@ -168,7 +168,7 @@ mod tests {
         let html = f.html();
         assert!(html.contains("title=\"a, identified: 2.00 (1.50 to 2.50)\""), "{html}");
         assert!(html.contains("&lt;prior&gt;") && html.contains(">mass, kg<"));
-        assert_eq!(html.matches("class=\"dot").count(), 3, "a missing value has no dot");
+        assert_eq!(html.matches("class=\"dot k").count(), 3, "a missing value has no dot");
     }
 
     #[test]

