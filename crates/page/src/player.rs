@@ -198,7 +198,7 @@ mod tests {
         let packed = arrows(&one);
         assert_eq!((packed["n"].as_u64(), packed["of"].as_str()), (Some(1), Some("measured")));
         let missing = [0u8, 0x80].repeat(3);
-        let foot = [&[0, 0, 0, 0, 0x10, 0x27][..], &missing].concat();
+        let foot = [&[0, 0, 0, 0, 0x10, 0x27][..], &missing[..]].concat();
         assert_eq!(packed["foot"]["b"], pack::base64(&foot));
     }
 }
