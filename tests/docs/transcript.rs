@@ -40,7 +40,7 @@ fn run(command: &str, place: &Path) -> String {
         .current_dir(place)
         .env("PATH", path)
         .env("NO_COLOR", "1")
-        .env("COLUMNS", "110")
+        .env("COLUMNS", "100")
         .output()
         .unwrap();
     let text = String::from_utf8_lossy(&output.stdout).into_owned();

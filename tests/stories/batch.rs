@@ -63,7 +63,7 @@ fn one_command_does_all_subjects_and_says_what_failed_and_how_to_repeat_it() {
     let ws = dir.path().join("ws");
     let base = ["--data", &data.display().to_string(), "--workspace", &ws.display().to_string()].map(str::to_owned);
     let base: Vec<&str> = base.iter().map(String::as_str).collect();
-    let (out, err) = expect(&[&["run", &p], &base[..]].concat(), 1);
+    let (out, err) = expect(&[&["run", &p, "--details"], &base[..]].concat(), 1);
     let failed: Vec<&str> = err.lines().filter(|l| l.starts_with("failed: ")).collect();
     assert_eq!(failed.len(), 1, "{err}");
     assert!(failed[0].starts_with("failed: import bar_b day1 throws_01:"), "{err}");
@@ -105,7 +105,7 @@ fn one_command_does_all_subjects_and_says_what_failed_and_how_to_repeat_it() {
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
     let (_, err) = expect(&words, 0);
     assert!(!err.contains("failed"), "{err}");
-    let (out, err) = expect(&[&["run", &p], &base[..]].concat(), 0);
+    let (out, err) = expect(&[&["run", &p, "--details"], &base[..]].concat(), 0);
     assert!(out.contains("0 failed"), "{out}\n{err}");
 
     // every command accepts all subjects or a selection
@@ -151,7 +151,7 @@ fn overrides_are_checked_where_they_are_written() {
     let file = Path::new(&data).join("bar_b/day1/overrides.yaml");
     fs::write(&file, "filter:\n  cutoff: 6.0\n").unwrap();
     let ws = dir.path().join("ws").display().to_string();
-    let (out, err) = expect(&["run", &p, "--data", &data, "--workspace", &ws, "--until", "filter"], 1);
+    let (out, err) = expect(&["run", &p, "--data", &data, "--workspace", &ws, "--until", "filter", "--details"], 1);
     assert!(
         err.contains("failed: bar_b day1:") && err.contains("line 2") && out.contains("subject_unknown"),
         "{err}\n{out}"
@@ -169,7 +169,8 @@ fn a_subject_without_a_mass_does_not_stop_the_others() {
     fs::remove_file(data.join("bar_a/object.yaml")).unwrap();
     let p = pipeline(dir.path(), PIPELINE);
     let ws = dir.path().join("ws").display().to_string();
-    let words = ["run", &p, "--data", &data.display().to_string(), "--workspace", &ws, "--until", "import"];
+    let words =
+        ["run", &p, "--data", &data.display().to_string(), "--workspace", &ws, "--until", "import", "--details"];
     let (out, err) = expect(&words, 1);
     assert!(
         err.contains("failed: bar_a: ") && err.contains("participants.tsv") && out.contains("subject_unknown"),
@@ -201,7 +202,7 @@ fn init_recognises_the_folders_of_a_study() {
     let (_, err) = expect(&["check", &file], 0);
     assert!(!err.contains("broken"), "{err}");
     let ws = dir.path().join("ws").display().to_string();
-    let (out, _) = expect(&["run", &file, "--workspace", &ws], 0);
+    let (out, _) = expect(&["run", &file, "--workspace", &ws, "--details"], 0);
     assert!(out.contains("15 trials: ") && out.contains("0 failed"), "{out}");
 }
 

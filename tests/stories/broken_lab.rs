@@ -14,7 +14,7 @@ fn broken_files_give_one_line_each_and_the_others_go_on() {
     fs::write(data.join("jump93_text.c3d"), "this is a letter, not a recording\n").unwrap();
     let ws = dir.path().join("ws").display().to_string();
     let data = data.display().to_string();
-    let words = ["run", &repo("pipelines/human.yaml"), "--data", &data, "--workspace", &ws];
+    let words = ["run", &repo("pipelines/human.yaml"), "--data", &data, "--workspace", &ws, "--details"];
     let (_, err) = expect(&words, 1);
     for name in ["jump91_truncated", "jump92_empty", "jump93_text"] {
         let lines: Vec<&str> = err.lines().filter(|l| l.starts_with("failed: import ") && l.contains(name)).collect();

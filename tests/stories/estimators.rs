@@ -113,7 +113,7 @@ fn a_person_is_predicted_better_from_weak_rows_and_from_contact() {
         plain["calibration"]["held_out_rms_m"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect();
     assert!(plain["calibration"]["used"] == true && rms[1] < 0.6 * rms[0], "{rms:?}");
     assert!(plain["calibration"]["report"]["joints"].as_array().unwrap().len() >= 10);
-    let (text, _) = expect(&[&["compare"], &base[..]].concat(), 0);
+    let (text, _) = expect(&[&["compare", "--details"], &base[..]].concat(), 0);
     assert!(text.contains("calibration used: marker RMS"), "{text}");
     // the plates' impulse between flights gives the body mass, which equals the scale's within
     // plate drift

@@ -82,7 +82,7 @@ fn hostile_names_go_through_every_command() {
     let base = [p.as_str(), "--data", &d, "--workspace", &ws];
     let call = |command: &[&str], extra: &[&str], code| expect(&[command, &base, extra].concat(), code);
 
-    let (_, err) = call(&["run"], &[], 1);
+    let (_, err) = call(&["run", "--details"], &[], 1);
     assert_eq!(err.lines().filter(|l| l.starts_with("failed: import ")).count(), HOSTILE.len(), "{err}");
     let status = json(&[&["status"], &base[..], &["--json"]].concat());
     let rows = status["rows"].as_array().unwrap();
@@ -102,7 +102,7 @@ fn hostile_names_go_through_every_command() {
     for row in summary["rows"].as_array().unwrap().iter().filter(|r| r["again"].is_string()) {
         let name = row["trial"].as_str().unwrap();
         let line = row["again"].as_str().unwrap();
-        let output = shell(line, dir.path());
+        let output = shell(&format!("{line} --details"), dir.path());
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(1), "{line}\n{said}");
         let failed: Vec<&str> = said.lines().filter(|l| l.starts_with("failed: ")).collect();

@@ -30,7 +30,7 @@ fn a_law_written_as_formulas_is_found_and_gives_what_the_catalogue_gives() {
     let (own, built_in) = (ws("own"), ws("built_in"));
     expect(&["run", &p, "--workspace", &own], 0);
     let (listed, _) = expect(&["effect", "list", &p], 0);
-    assert!(listed.lines().any(|l| l.starts_with("my_drag") && l.contains("my_drag.yaml")), "{listed}");
+    assert!(listed.lines().any(|l| l.trim_start().starts_with("my_drag") && l.contains("my_drag.yaml")), "{listed}");
     let (shown, _) = expect(&["effect", "show", "my_drag", &p], 0);
     assert!(shown.contains("## Physics") && shown.contains("area1 * speed * v_z"), "{shown}");
 

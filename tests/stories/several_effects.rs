@@ -139,7 +139,7 @@ fn the_comparison_says_where_it_fails_and_what_of_it_noise_explains() {
             && !out.contains("by flight"),
         "{out}"
     );
-    let (out, _) = expect(&["compare", &demo, "--workspace", &ws], 0);
+    let (out, _) = expect(&["compare", &demo, "--workspace", &ws, "--details"], 0);
     for words in ["by flight", "by posture", "by segment", "noise floor", "The error grows with the speed"] {
         assert!(out.contains(words), "no {words} in\n{out}");
     }

@@ -20,7 +20,7 @@ pub fn repo(path: &str) -> String {
 
 /// Runs `aloft` with the given arguments.
 pub fn aloft(words: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_aloft")).args(words).env("NO_COLOR", "1").output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_aloft")).args(words).env("NO_COLOR", "1").env("COLUMNS", "1000").output().unwrap()
 }
 
 /// Runs and expects an exit code; returns stdout and stderr.

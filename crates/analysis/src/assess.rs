@@ -369,7 +369,12 @@ impl Setting<'_> {
         let durations =
             every.iter().map(|(i, s)| (s.end_frame - s.first_frame) as f64 / self.recorded[*i].rows.motion.rate_hz);
         let flight_s = durations.sum::<f64>() / every.len() as f64;
-        let options = AdviceOptions { flight_s, rate_hz: motion.rate_hz.min(200.0), ..AdviceOptions::default() };
+        let options = AdviceOptions {
+            flight_s,
+            rate_hz: motion.rate_hz.min(200.0),
+            turning_over: params.turning_over(),
+            ..AdviceOptions::default()
+        };
         let mut advice = excitation_advice(
             &subject.model,
             &self.base,

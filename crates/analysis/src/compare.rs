@@ -1,15 +1,17 @@
 //! `compare`: model against measurement, read from the results of the stage `compare`.
 
+use crate::held_out::{HeldOutError, weight_n};
 use aloft_compare::{Comparison, ModelComparison};
 use aloft_flight::ImpulseMass;
-use aloft_identify::{Parameters, Sigma};
+use aloft_identify::{Determination, Parameters, Sigma};
 use aloft_ik::CalibrationReport;
 use aloft_pipeline::results::parameters_file;
+use aloft_pipeline::stages::STAGES;
 use aloft_pipeline::stages::flight::gravity_error_percent;
 use aloft_study::subject_session::SubjectSession;
-use aloft_workspace::error::PipelineError;
+use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::json::read_json;
-use aloft_workspace::manifest::WHOLE_STUDY;
+use aloft_workspace::manifest::{Outcome, WHOLE_STUDY};
 use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
 
@@ -23,6 +25,11 @@ pub struct ComparisonView {
     /// The comparison: `held_out`, `flight`, `trials`, `beside`, `noise_floor`, `words` …
     #[serde(flatten)]
     pub comparison: Comparison,
+    /// Held-out error, noise floor and their ratio, in flight and in held-out contact: the numbers
+    /// that every surface shows by these names.
+    pub errors: Vec<HeldOutError>,
+    /// Trials of the study that are not in the comparison, with the reason.
+    pub left_out: Vec<LeftOut>,
     /// Summary of the compared parameters.
     pub parameters: ParametersBrief,
     /// Kinematics: marker RMS and flights of each trial.
@@ -31,6 +38,17 @@ pub struct ComparisonView {
     pub calibration: Option<CalibrationView>,
     /// Body mass from the impulse of the force plates between flights; none without such contacts.
     pub impulse_mass: Option<ImpulseMassView>,
+}
+
+/// A trial that should be in the comparison and is not.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct LeftOut {
+    /// Trial name.
+    pub trial: String,
+    /// Stage that failed; none if its results are only missing.
+    pub stage: Option<&'static str>,
+    /// Reason.
+    pub because: String,
 }
 
 /// Body mass from the impulse of the force plates between flights, compared with the stated mass.
@@ -71,6 +89,16 @@ pub struct ParametersBrief {
     pub sigma: Sigma,
     /// Number of flights used.
     pub flights: usize,
+    /// Number of trials used.
+    pub trials: usize,
+    /// Base parameters whose values come from motion.
+    pub from_motion: usize,
+    /// Base parameters in all.
+    pub in_all: usize,
+    /// Whether the gate passed: the numbers may be reported as identified.
+    pub gate_passed: bool,
+    /// Body mass, kg.
+    pub mass_kg: f64,
 }
 
 /// One trial's kinematics.
@@ -105,8 +133,19 @@ pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError
     Ok(ComparisonView {
         version: 1,
         subject: session.facts.person.name.clone(),
+        errors: comparison
+            .against_floor
+            .iter()
+            .map(|a| HeldOutError::of(a, &comparison.beside, weight_n(session), parameters.gate.passed))
+            .collect(),
+        left_out: left_out(session, &ws, &comparison),
         parameters: ParametersBrief {
             rows: rows.word(),
+            trials: parameters.n_trials,
+            from_motion: parameters.base.iter().filter(|b| b.seen != Determination::Hardly).count(),
+            in_all: parameters.base.len(),
+            gate_passed: parameters.gate.passed,
+            mass_kg: parameters.mass_kg,
             sigma_ratio: parameters.sigma.ratio,
             sigma: parameters.sigma,
             flights: parameters.n_stretches,
@@ -115,6 +154,38 @@ pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError
         calibration: calibration(&ws),
         impulse_mass: impulse_mass(session, &ws),
         comparison,
+    })
+}
+
+/// Dynamic trials of the study that the comparison does not contain.
+fn left_out(session: &SubjectSession, ws: &Workspace, comparison: &Comparison) -> Vec<LeftOut> {
+    let compared = |name: &str| comparison.first.trials.iter().any(|t| t.trial == name);
+    session
+        .included()
+        .filter(|t| t.role.is_dynamic())
+        .filter_map(|t| {
+            let failed = failed_stage(ws, &t.name);
+            match failed {
+                Some((stage, failure)) => {
+                    Some(LeftOut { trial: t.name.clone(), stage: Some(stage), because: failure.problem })
+                }
+                None if compared(&t.name) => None,
+                None => Some(LeftOut {
+                    trial: t.name.clone(),
+                    stage: None,
+                    because: "it was not in the recordings when the comparison was made, or has no rows".to_owned(),
+                }),
+            }
+        })
+        .collect()
+}
+
+/// The first stage of a trial that failed. Results of later stages, if there are any, are of an
+/// earlier run and no longer valid.
+pub fn failed_stage(ws: &Workspace, trial: &str) -> Option<(&'static str, StageFailure)> {
+    STAGES.iter().find_map(|s| match ws.manifest(s.name, trial)?.outcome {
+        Outcome::Failed(f) => Some((s.name, f)),
+        Outcome::Ok => None,
     })
 }
 
@@ -159,9 +230,15 @@ pub fn kinematics(session: &SubjectSession, ws: &Workspace) -> Vec<KinematicsRow
         .included()
         .filter(|t| t.role.is_dynamic())
         .map(|t| {
+            let failed = failed_stage(ws, &t.name).map(|(stage, _)| stage);
+            // what later stages left is of an earlier recording or setting
+            let valid = |stage: &str| {
+                let at = |name: &str| STAGES.iter().position(|s| s.name == name);
+                failed.is_none_or(|f| at(stage) < at(f))
+            };
             let flights: Option<aloft_flight::FlightReport> =
-                read_json(&ws.place("flight", &t.name).join("flights.json")).ok();
-            let ik = ws.manifest("ik", &t.name);
+                read_json(&ws.place("flight", &t.name).join("flights.json")).ok().filter(|_| valid("flight"));
+            let ik = ws.manifest("ik", &t.name).filter(|_| valid("ik"));
             let gravity_error_percent =
                 flights.as_ref().and_then(|r| gravity_error_percent(r, session.facts.gravity_mps2));
             KinematicsRow {

@@ -1,6 +1,9 @@
 //! `discover`: ranks the effects that the model may be missing, from the motion and the flights in
 //! the workspace, and tests how well this works on these recordings.
 
+use crate::compare::compare;
+use crate::held_out::HeldOutError;
+use crate::promise::promised;
 use crate::results::with_results;
 use aloft_body::{BaseParameters, Subject};
 use aloft_compare::Comparison;
@@ -143,6 +146,16 @@ impl Evidence {
         session: &SubjectSession,
         with: impl FnOnce(&RankingInputs<'_>) -> Result<T, PipelineError>,
     ) -> Result<T, PipelineError> {
+        self.with_progress(session, &|_, _| {}, with)
+    }
+
+    /// The same; `told` receives how many effects were scored, and how many are expected to be.
+    fn with_progress<T>(
+        &self,
+        session: &SubjectSession,
+        told: &(dyn Fn(usize, usize) + Sync),
+        with: impl FnOnce(&RankingInputs<'_>) -> Result<T, PipelineError>,
+    ) -> Result<T, PipelineError> {
         let body = self.body();
         let trials: Vec<TrialInput<'_>> = self
             .rows
@@ -162,7 +175,8 @@ impl Evidence {
             Session::new(&body, &scene, &trials, &self.weak).map_err(|e| PipelineError::request(e.to_string()))?;
         let known = KnownEffects::of(&session.own_effects, &scene)?;
         let accepted = session.effects.iter().map(|e| known.choice(&scene, e)).collect::<Result<Vec<_>, _>>()?;
-        let prepared = prepared.with_standing(standing(session, "flight"), standing(session, "contact"));
+        let prepared =
+            prepared.with_standing(standing(session, "flight"), standing(session, "contact")).with_progress(told);
         with(&RankingInputs { session: prepared, effects: known.all(), accepted })
     }
 }
@@ -211,11 +225,37 @@ fn standing(session: &SubjectSession, place: &str) -> Option<Standing> {
     })
 }
 
+/// The discovery as `--json` shows it.
+#[derive(Debug, Clone, Serialize)]
+pub struct DiscoveryView {
+    /// The answer.
+    #[serde(flatten)]
+    pub discovery: Discovery,
+    /// Held-out error, noise floor and their ratio of the present model, in flight and in held-out
+    /// contact.
+    pub errors: Vec<HeldOutError>,
+    /// The same with all effects found added to the model; empty if none was found or if the results
+    /// were not up to date.
+    pub errors_after: Vec<HeldOutError>,
+}
+
 /// Ranks the catalogue and the study's own effects against the present model, and stores the answer
 /// next to the results for `effect add` and `report`.
-pub fn discover(session: &SubjectSession, options: &DiscoverOptions) -> Result<Discovery, PipelineError> {
+/// `told` receives how many effects were scored, and how many are expected to be.
+pub fn discover(
+    session: &SubjectSession,
+    options: &DiscoverOptions,
+    told: &(dyn Fn(usize, usize) + Sync),
+) -> Result<DiscoveryView, PipelineError> {
     let made_from = looked_at(session);
-    Evidence::load(session)?.with(session, |bench| found(session, bench, options, made_from))
+    Evidence::load(session)?.with_progress(session, told, |bench| found(session, bench, options, made_from))
+}
+
+/// The stored answer for the present model, if it was computed from the present results.
+pub fn latest(session: &SubjectSession) -> Option<Discovery> {
+    let revision = Revisions::load(&session.workspace).ok()?.revisions.len().saturating_sub(1);
+    let answer: Option<Kept<Discovery>> = seal::read_if_there(&answer_of(session, revision)).ok()?;
+    answer.filter(|d| d.made_from == looked_at(session)).map(|d| d.answer)
 }
 
 fn found(
@@ -223,12 +263,12 @@ fn found(
     bench: &RankingInputs<'_>,
     options: &DiscoverOptions,
     made_from: String,
-) -> Result<Discovery, PipelineError> {
+) -> Result<DiscoveryView, PipelineError> {
     let ids: Vec<&str> = bench.effects.iter().map(|e| e.id()).collect();
     if let Some(unknown) = options.only.iter().chain(&options.without).find(|n| !ids.contains(&n.as_str())) {
         return Err(PipelineError::request_hint(
             format!("there is no effect `{unknown}`"),
-            format!("there are {}", ids.join(", ")),
+            aloft_study::nearest::hint(unknown, &ids, "there are"),
         ));
     }
     let mut found = rank(&bench.session, &bench.effects, &bench.accepted, options)
@@ -245,6 +285,17 @@ fn found(
     {
         found.advice.insert(0, words);
     }
+    let scene = bench.session.scene();
+    let volume = Volume { middle_m: scene.volume_center_m.into(), reach_m: scene.volume_reach_m };
+    let errors = compare(session).map(|view| view.errors).unwrap_or_default();
+    // without it the estimate of the ranking stands
+    let promised = promised(session, &found, volume).ok().flatten();
+    let errors_after = promised.map(|view| view.errors).unwrap_or_default();
+    // the ranking's own estimate is relative and from other folds; state what the ladder will show
+    let judged = found.rounds.first().map(|r| r.judged_on.clone());
+    if let Some(e) = errors_after.iter().find(|e| Some(&e.judged_on) == judged.as_ref()) {
+        found.held_out_error_after = e.held_out_error;
+    }
     let answer = kept(session, made_from, found)?;
     seal::write_whole(&session.workspace.join("discovery.json"), &answer)?;
     // the answer for each revision of the model is kept, so that the report can show all of them
@@ -254,10 +305,8 @@ fn found(
         aloft_workspace::disk::create_dir_all(folder)?;
     }
     seal::write_whole(&place, &answer)?;
-    let scene = bench.session.scene();
-    let volume = Volume { middle_m: scene.volume_center_m.into(), reach_m: scene.volume_reach_m };
     seal::write_whole(&session.workspace.join("discovery_volume.json"), &volume)?;
-    Ok(answer.answer)
+    Ok(DiscoveryView { discovery: answer.answer, errors, errors_after })
 }
 
 /// Free acceleration measured by the stage `flight`, if it differs from the stated gravity in most

@@ -8,11 +8,12 @@ use crate::unknowns::{self, Examples};
 use crate::visible::refuse_invisible;
 use aloft_body::Subject;
 use aloft_discover::Discovery;
-use aloft_effects::{ActsIn, EFFECTS, EffectKind, FormulaEffect, Scene};
+use aloft_effects::{ActsIn, EFFECTS, EffectKind, Family, FormulaEffect, Scene};
 use aloft_pipeline::runner::{Ended, Progress, RunReport, TaskReport, run_held};
 use aloft_study::catalog;
 use aloft_study::config::PipelineConfig;
 use aloft_study::effects::{KnownEffects, OwnEffect, own_effects};
+use aloft_study::nearest;
 use aloft_study::ranges::parse_yaml;
 use aloft_study::revision::{ModelEffect, Revision, Revisions};
 use aloft_study::subject_session::SubjectSession;
@@ -35,6 +36,8 @@ pub struct EffectLine {
     pub title: String,
     /// Physics or artefact.
     pub kind: EffectKind,
+    /// Family: `forces`, `kinematics` or `plates`; `own` for effects written as formulas.
+    pub family: &'static str,
     /// Where it acts.
     pub acts: ActsIn,
     /// `catalogue`, the file of a user-defined effect, or `example`: a built-in file that a
@@ -51,6 +54,7 @@ pub fn list(pipeline: Option<&Path>) -> Result<Vec<EffectLine>, PipelineError> {
             id: e.id().to_owned(),
             title: e.title().to_owned(),
             kind: e.kind(),
+            family: family(e.about().family),
             acts: e.acts(),
             from: "catalogue".to_owned(),
         })
@@ -59,6 +63,7 @@ pub fn list(pipeline: Option<&Path>) -> Result<Vec<EffectLine>, PipelineError> {
         id: f.id.clone(),
         title: f.title.clone(),
         kind: f.kind,
+        family: "own",
         acts: f.acts,
         from,
     };
@@ -74,6 +79,15 @@ pub fn list(pipeline: Option<&Path>) -> Result<Vec<EffectLine>, PipelineError> {
         }
     }
     Ok(out)
+}
+
+/// Word for a family.
+fn family(family: Family) -> &'static str {
+    match family {
+        Family::Forces => "forces",
+        Family::Kinematics => "kinematics",
+        Family::Plates => "plates",
+    }
 }
 
 fn own_of(path: &Path) -> Result<Vec<OwnEffect>, PipelineError> {
@@ -111,9 +125,15 @@ pub fn show(id: &str, pipeline: Option<&Path>) -> Result<EffectPage, PipelineErr
     };
     own.iter().find(|o| o.spec.id == id).map(|o| page(&o.spec, &o.origin)).ok_or_else(|| {
         let known: Vec<&str> = EFFECTS.iter().map(|e| e.id()).chain(own.iter().map(|o| o.spec.id.as_str())).collect();
+        let hint = nearest::hint(id, &known, "there are");
         PipelineError::request_hint(
             format!("there is no effect `{id}`"),
-            format!("there are {}; for effects that a pipeline defines, name the pipeline behind it", known.join(", ")),
+            match pipeline {
+                Some(_) => hint,
+                None => format!(
+                    "{hint}; effects that a pipeline defines need the pipeline: `aloft effect show P.yaml {id}`"
+                ),
+            },
         )
     })
 }
@@ -243,7 +263,7 @@ fn write_law(session: &SubjectSession, key: &str) -> Result<Option<PathBuf>, Pip
 
 /// What the last discovery found for an effect: its key with target, its nonlinear parameters and
 /// its trials. A key with a target selects that target, and only what was found for it is used.
-fn suggestion(d: &Discovery, key: &str) -> Option<ModelEffect> {
+pub(crate) fn suggestion(d: &Discovery, key: &str) -> Option<ModelEffect> {
     let values = |n: &[aloft_discover::Estimate]| -> BTreeMap<String, f64> {
         n.iter().map(|e| (e.name.clone(), e.value)).collect()
     };
@@ -282,7 +302,7 @@ pub fn remove(
             let held: Vec<&str> = effects.iter().map(|e| e.key.as_str()).collect();
             return Err(PipelineError::request_hint(
                 format!("the model holds no `{key}`"),
-                if held.is_empty() { "it holds no effect".to_owned() } else { format!("it holds {}", held.join(", ")) },
+                if held.is_empty() { "it holds no effect".to_owned() } else { nearest::hint(key, &held, "it holds") },
             ));
         }
         Ok(all.next(format!("remove {key}"), effects))

@@ -1,6 +1,7 @@
 //! `history`: the revisions of a model, and what each of them reached.
 
 use crate::compare::{ComparisonView, JudgedOn, compare};
+use crate::held_out::{HeldOutError, weight_n};
 use aloft_effects::ActsIn;
 use aloft_identify::Parameters;
 use aloft_pipeline::made::{compared_effects, made_with};
@@ -51,6 +52,11 @@ pub struct HistoryRow {
     pub explainable: Option<f64>,
     /// Motion on which the held-out error is computed.
     pub judged_on: Option<JudgedOn>,
+    /// Held-out error, noise floor and their ratio, in flight and in held-out contact.
+    pub errors: Vec<HeldOutError>,
+    /// How the trials in the errors differ from those of the revision before, or from those when
+    /// this revision was made; none if they are the same or not known.
+    pub trials_changed: Option<String>,
     /// Error and noise floor in flight, N.
     pub flight: Option<Judged>,
     /// Error and noise floor in held-out contact, N.
@@ -92,13 +98,20 @@ pub fn history(session: &SubjectSession) -> Result<History, PipelineError> {
     let ws = Workspace::open(&session.workspace);
     // results of another model do not belong to this revision: keep what was recorded when it was
     // made
+    let mut since_made = None;
     if let Some(last) = all.revisions.last_mut()
         && made_for(&ws, &last.effects)
     {
-        last.reached = Some(reached(session, &compare(session)?)?);
+        let now = reached(session, &compare(session)?)?;
+        since_made = last.reached.as_ref().and_then(|made| trials_changed(made, &now, "when it was made"));
+        last.reached = Some(now);
     }
     let acts = |e: &ModelEffect| acts_in(session, e);
-    let rows = (0..all.revisions.len()).map(|i| row(&all.revisions, i, &acts)).collect();
+    let weight = weight_n(&aloft_pipeline::made::as_made(session));
+    let mut rows: Vec<HistoryRow> = (0..all.revisions.len()).map(|i| row(&all.revisions, i, &acts, weight)).collect();
+    if let Some(last) = rows.last_mut() {
+        last.trials_changed = since_made.or(last.trials_changed.take());
+    }
     Ok(History { version: 1, subject: session.facts.person.name.clone(), revisions: rows })
 }
 
@@ -133,7 +146,20 @@ fn judged(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsI
 /// Factor by which the marker error may grow before a gain no longer counts.
 const WORSE_MARKERS: f64 = 1.02;
 
-fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) -> HistoryRow {
+/// How the trials in the errors differ; none if they are the same, or not known.
+fn trials_changed(before: &Reached, now: &Reached, when: &str) -> Option<String> {
+    let (a, b) = (before.trials.as_ref()?, now.trials.as_ref()?);
+    let only = |x: &[String], y: &[String]| x.iter().filter(|t| !y.contains(t)).cloned().collect::<Vec<_>>().join(", ");
+    let (lost, added) = (only(a, b), only(b, a));
+    let parts: Vec<String> = [("without", lost), ("with", added)]
+        .into_iter()
+        .filter(|(_, names)| !names.is_empty())
+        .map(|(word, names)| format!("{word} {names}"))
+        .collect();
+    (!parts.is_empty()).then(|| format!("the set of trials is not that {when}: now {}", parts.join(" and ")))
+}
+
+fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn, weight_n: f64) -> HistoryRow {
     let r = &revisions[i];
     let now = r.reached.as_ref();
     let old = i.checked_sub(1).and_then(|j| revisions[j].reached.as_ref());
@@ -179,6 +205,16 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn) 
         at_floor: here.and_then(|j| j.at_floor()),
         explainable: here.and_then(|j| j.explainable()),
         judged_on: now.map(|n| if on_flight(n) { JudgedOn::Flight } else { JudgedOn::Contact }),
+        errors: now.map_or(Vec::new(), |n| {
+            let places = [("flight", &n.flight), ("contact", &n.contact)];
+            places
+                .into_iter()
+                .filter_map(|(place, j)| Some(HeldOutError::of_revision(place, j.as_ref()?, weight_n)))
+                .collect()
+        }),
+        trials_changed: now
+            .zip(old)
+            .and_then(|(n, o)| trials_changed(o, n, &format!("of revision {}", i.saturating_sub(1)))),
         flight: now.and_then(|n| n.flight),
         contact: now.and_then(|n| n.contact),
         flight_error: now.and_then(|n| n.flight).map(|j| j.error_n),
@@ -215,8 +251,14 @@ pub fn reached(session: &SubjectSession, view: &ComparisonView) -> Result<Reache
             error_n: a.held_out_error,
             noise_n: a.floor.map(|f| f.noise_floor),
             noise_ci95: a.floor.and_then(|f| f.ci95),
+            force_n: a.held_out_force_n,
+            moment_nm: a.held_out_moment_nm,
+            windows: a.windows,
+            gate_passed: Some(view.parameters.gate_passed),
         })
     };
+    let mut trials: Vec<String> = c.first.trials.iter().map(|t| t.trial.clone()).collect();
+    trials.sort();
     Ok(Reached {
         from: ws.manifest("compare", WHOLE_STUDY).map(|m| m.output).unwrap_or_default(),
         made_with: made_with(session, &ws),
@@ -232,6 +274,7 @@ pub fn reached(session: &SubjectSession, view: &ComparisonView) -> Result<Reache
             .map(|e| ReachedCoefficient { name: e.name.clone(), value: e.value, se: e.se, ci95: e.ci95 })
             .collect(),
         base: parameters.base.iter().map(|b| (b.name.clone(), b.value)).collect(),
+        trials: Some(trials),
     })
 }
 
@@ -241,7 +284,11 @@ mod tests {
     use super::*;
 
     fn reached(flight_n: f64, contact_n: f64, marker_rms_mm: f64) -> Reached {
-        let judged = |error_n| Some(Judged { error_n, noise_n: Some(1.0), noise_ci95: Some([0.8, 1.3]) });
+        let judged = |error_n| {
+            let (force_n, moment_nm, gate_passed) = (Some(error_n), Some(0.0), Some(true));
+            let (noise_n, noise_ci95) = (Some(1.0), Some([0.8, 1.3]));
+            Some(Judged { error_n, noise_n, noise_ci95, force_n, moment_nm, windows: 10, gate_passed })
+        };
         Reached {
             from: String::new(),
             made_with: String::new(),
@@ -256,6 +303,7 @@ mod tests {
                 ci95: Some([0.018, 0.022]),
             }],
             base: vec![("M".into(), 60.0), ("MCx".into(), 0.01 * flight_n)],
+            trials: Some(vec!["jump01".into(), "jump02".into()]),
         }
     }
 
@@ -277,7 +325,7 @@ mod tests {
             ("plate_tare[plate1]", "held-out contact", 6.0, 3.0),
         ] {
             let all = revisions(reached(2.0, 3.0, 1.2), key);
-            let (first, second) = (row(&all, 0, &acts), row(&all, 1, &acts));
+            let (first, second) = (row(&all, 0, &acts, 600.0), row(&all, 1, &acts, 600.0));
             assert_eq!(second.judged_on.map(JudgedOn::words), Some(place), "{key}");
             assert_eq!((second.held_out_error_before, second.held_out_error), (Some(before), Some(now)));
             assert_eq!((first.held_out_error, first.judged_on.map(JudgedOn::words)), (Some(before), Some(place)));
@@ -288,10 +336,22 @@ mod tests {
 
     #[test]
     fn a_gain_that_comes_with_worse_markers_is_void() {
-        let good = row(&revisions(reached(2.0, 3.0, 1.21), "tether"), 1, &acts);
+        let good = row(&revisions(reached(2.0, 3.0, 1.21), "tether"), 1, &acts, 600.0);
         assert!(good.void.is_none());
-        let bad = row(&revisions(reached(2.0, 3.0, 1.5), "tether"), 1, &acts);
+        let bad = row(&revisions(reached(2.0, 3.0, 1.5), "tether"), 1, &acts, 600.0);
         assert!(bad.void.unwrap().contains("1.20 to 1.50 mm"));
         assert_eq!((bad.marker_rms_before_mm, bad.marker_rms_mm), (Some(1.2), Some(1.5)));
+    }
+
+    #[test]
+    fn a_change_of_the_trials_is_said() {
+        let mut lost = reached(1.0, 1.0, 1.2);
+        lost.trials = Some(vec!["jump01".into(), "jump03".into()]);
+        let words = row(&revisions(lost.clone(), "tether"), 1, &acts, 600.0).trials_changed.unwrap();
+        assert_eq!(words, "the set of trials is not that of revision 0: now without jump02 and with jump03");
+        assert!(row(&revisions(reached(1.0, 1.0, 1.2), "tether"), 1, &acts, 600.0).trials_changed.is_none());
+        // models written before the trials were stored
+        lost.trials = None;
+        assert!(row(&revisions(lost, "tether"), 1, &acts, 600.0).trials_changed.is_none());
     }
 }

@@ -5,6 +5,7 @@ mod facts;
 mod quiet;
 
 use self::facts::{StatedFacts, agreed, force_patterns};
+use crate::laboratories;
 use aloft_pipeline::stages::import::read_file;
 use aloft_study::catalog;
 use aloft_study::data_set::guess_subjects;
@@ -14,7 +15,7 @@ use aloft_trial::{ImportOptions, MarkerSet, Trial, recognise};
 use aloft_workspace::error::PipelineError;
 use nalgebra::Vector3;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -63,7 +64,8 @@ pub fn init(folder: &Path, out: Option<&Path>) -> Result<PathBuf, PipelineError>
     if layout.subjects.is_empty() {
         refuse_several_subjects(folder, &seen)?;
     }
-    let text = write(folder, &target, &layout, files.len(), &seen, &broken)?;
+    let (seen, strays) = one_laboratory(folder, seen)?;
+    let text = write(folder, &target, &layout, files.len(), &seen, &broken, &strays)?;
     aloft_workspace::disk::write_whole(&target, text.as_bytes())?;
     Ok(target)
 }
@@ -85,6 +87,43 @@ fn refuse_several_subjects(folder: &Path, seen: &[Determination]) -> Result<(), 
         ),
         "put the files of each subject into a folder of its own, and give `aloft init` the folder that holds them",
     ))
+}
+
+/// The recordings of one laboratory, and the names of those with other marker labels that lie among
+/// them; an error if folders of several laboratories were given.
+fn one_laboratory(folder: &Path, seen: Vec<Determination>) -> Result<(Vec<Determination>, Vec<String>), PipelineError> {
+    let labels: Vec<BTreeSet<String>> =
+        seen.iter().map(|s| s.trial.markers.labels.iter().map(|l| laboratories::bare(l)).collect()).collect();
+    let group = laboratories::groups(&labels);
+    let top = |s: &Determination| s.relative.split_once('/').map_or(String::new(), |(first, _)| first.to_owned());
+    let mut of_folder: BTreeMap<String, BTreeSet<usize>> = BTreeMap::new();
+    for (s, g) in seen.iter().zip(&group) {
+        of_folder.entry(top(s)).or_default().insert(*g);
+    }
+    let apart: Vec<&String> =
+        of_folder.iter().filter(|(name, of)| !name.is_empty() && !of.contains(&0)).map(|(name, _)| name).collect();
+    if let Some(first) = apart.first() {
+        let main: Vec<&String> = of_folder.iter().filter(|(_, of)| of.contains(&0)).map(|(name, _)| name).collect();
+        let list = |names: &[&String]| {
+            let names: Vec<String> =
+                names.iter().map(|n| if n.is_empty() { ".".to_owned() } else { (*n).clone() }).collect();
+            aloft_pipeline::stages::import::abridged(&names)
+        };
+        return Err(PipelineError::request_hint(
+            format!(
+                "{} holds recordings of several laboratories: the marker labels in {} have little in common with those in {}",
+                folder.display(),
+                list(&apart),
+                list(&main)
+            ),
+            format!(
+                "one pipeline is for one laboratory; begin with one folder: `aloft init {}`",
+                quote::path(&folder.join(first))
+            ),
+        ));
+    }
+    let (own, other): (Vec<_>, Vec<_>) = seen.into_iter().zip(group).partition(|(_, g)| *g == 0);
+    Ok((own.into_iter().map(|(s, _)| s).collect(), other.into_iter().map(|(s, _)| s.relative).collect()))
 }
 
 fn layout(folder: &Path) -> Result<Layout, PipelineError> {
@@ -261,6 +300,7 @@ fn write(
     n_files: usize,
     seen: &[Determination],
     broken: &[String],
+    strays: &[String],
 ) -> Result<String, PipelineError> {
     let sets: Vec<MarkerSet> = catalog::all("markersets")?;
     let mut totals: Vec<(&MarkerSet, f64)> = sets
@@ -295,8 +335,7 @@ fn write(
         std::mem::swap(&mut identify, &mut validate);
     }
     let plates = seen.iter().map(|s| s.trial.plates.len()).max().unwrap_or(0);
-    let rates: std::collections::BTreeSet<String> =
-        seen.iter().map(|s| format!("{}", s.trial.markers.rate_hz)).collect();
+    let rates: BTreeSet<String> = seen.iter().map(|s| format!("{}", s.trial.markers.rate_hz)).collect();
     let data = data_path(folder, target);
     let name = folder
         .canonicalize()
@@ -399,6 +438,12 @@ fn write(
     }
     if let Some(patterns) = force_patterns(folder, seen) {
         line(format!("  forces: {}      # ground reactions beside the markers", yaml_list(&patterns)));
+    }
+    if !strays.is_empty() {
+        line("  # other marker labels than the rest, so probably of another laboratory; not used:".to_owned());
+        for stray in strays {
+            line(format!("  #   {}", quote::visible(stray)));
+        }
     }
     if !broken.is_empty() {
         line("  # could not be read:".to_owned());

@@ -104,7 +104,7 @@ pub fn explain(session: &SubjectSession, trial: &str, stage: &str) -> Result<Exp
             stage.tasks(session).into_iter().map(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str())).collect();
         return Err(PipelineError::request_hint(
             format!("stage {} does not run for `{trial}`", stage.name),
-            format!("it runs for {}", names.join(", ")),
+            aloft_study::nearest::hint(trial, &names, "it runs for"),
         ));
     };
     let standings = standings(session, &ws, &manifests)?;
@@ -139,7 +139,7 @@ pub fn explain_all(
         let names: Vec<&str> = session.trials.iter().map(|t| t.name.as_str()).collect();
         return Err(PipelineError::request_hint(
             format!("there is no trial `{name}`"),
-            format!("the trials are {}", names.join(", ")),
+            aloft_study::nearest::hint(name, &names, "the trials are"),
         ));
     }
     let ws = Workspace::open(&session.workspace);

@@ -107,11 +107,15 @@ pub struct SummaryRow {
     pub free_fall_error_percent: Option<f64>,
     /// σ_{N−1}/σ_N of the session's flights (one value per session).
     pub sigma_ratio: Option<f64>,
-    /// Mean absolute force error of the model against the plates in contact, N.
+    /// Held-out error over the weak windows of the trial in flight, N.
+    pub flight_error_n: Option<f64>,
+    /// The same in contact.
+    pub contact_error_n: Option<f64>,
+    /// Mean absolute force error of the model against the plates in contact, single frames, N.
     pub contact_force_n: Option<f64>,
     /// The same for moments, N·m.
     pub contact_moment_nm: Option<f64>,
-    /// Mean absolute residual force of the model in flight, N.
+    /// Mean absolute residual force of the model in flight, single frames, N.
     pub flight_force_n: Option<f64>,
     /// The same for moments, N·m.
     pub flight_moment_nm: Option<f64>,
@@ -257,7 +261,14 @@ fn count(m: Option<&Manifest>, key: &str) -> Option<u64> {
 
 /// Values of one trial and the reasons that follow from them.
 fn figures(row: &mut SummaryRow, session: &SubjectSession, trial: &TrialEntry, manifests: &Manifests) {
-    let own = |stage: &str| manifests.get(stage, &trial.name).filter(|m| m.is_ok());
+    // results of stages after a failed one are of an earlier recording or setting
+    let position = |name: &str| STAGES.iter().position(|s| s.name == name);
+    let failed = STAGES
+        .iter()
+        .find(|s| manifests.get(s.name, &trial.name).is_some_and(|m| !m.is_ok()))
+        .and_then(|s| position(s.name));
+    let valid = |stage: &str| failed.is_none_or(|f| position(stage).is_some_and(|at| at < f));
+    let own = |stage: &str| manifests.get(stage, &trial.name).filter(|m| m.is_ok() && valid(stage));
     let once = |stage: &str| manifests.get(stage, WHOLE_STUDY).filter(|m| m.is_ok());
     let import = own("import");
     row.duration_s = number(import, "duration_s");
@@ -297,8 +308,13 @@ fn figures(row: &mut SummaryRow, session: &SubjectSession, trial: &TrialEntry, m
     if identify.is_some_and(|m| m.summary.get("gate_passed") == Some(&serde_json::Value::Bool(false))) {
         row.reasons.push(QcReason::WeaklyIdentified);
     }
-    let errors = once("compare").and_then(|m| m.summary.get("trials")).and_then(|t| t.get(&trial.name));
+    let errors = once("compare")
+        .filter(|_| failed.is_none())
+        .and_then(|m| m.summary.get("trials"))
+        .and_then(|t| t.get(&trial.name));
     let error = |phase: &str, what: &str| errors?.get(phase)?.get(what)?.as_f64();
+    row.flight_error_n = error("flight", "held_out_error");
+    row.contact_error_n = error("contact", "held_out_error");
     row.contact_force_n = error("contact", "force_n");
     row.contact_moment_nm = error("contact", "moment_nm");
     row.flight_force_n = error("flight", "force_n");
@@ -350,6 +366,8 @@ impl Summary {
                 float(|r| r.flight_s, "flight_s"),
                 float(|r| r.free_fall_error_percent, "free_fall_error_percent"),
                 float(|r| r.sigma_ratio, "sigma_ratio"),
+                float(|r| r.flight_error_n, "flight_error_n"),
+                float(|r| r.contact_error_n, "contact_error_n"),
                 float(|r| r.contact_force_n, "contact_force_n"),
                 float(|r| r.contact_moment_nm, "contact_moment_nm"),
                 float(|r| r.flight_force_n, "flight_force_n"),
@@ -396,9 +414,8 @@ impl Summary {
             "flights",
             "fall %",
             "σ ratio",
-            "contact N",
-            "N·m",
             "flight N",
+            "contact N",
             "qc",
             "reasons",
         ]);
@@ -422,9 +439,8 @@ impl Summary {
                 r.flights.map_or("–".to_owned(), |n| n.to_string()),
                 fixed(r.free_fall_error_percent, 1),
                 fixed(r.sigma_ratio, 1),
-                fixed(r.contact_force_n, 1),
-                fixed(r.contact_moment_nm, 1),
-                fixed(r.flight_force_n, 1),
+                figure(r.flight_error_n),
+                figure(r.contact_error_n),
                 r.qc.clone(),
                 codes(&r.reasons, " "),
             ]);
@@ -433,7 +449,7 @@ impl Summary {
         let columns = table[0].len();
         let width = |c: usize| table.iter().map(|row| row.get(c).map_or(0, |s| s.chars().count())).max().unwrap_or(0);
         let widths: Vec<usize> = (0..columns).map(width).collect();
-        let left = |c: usize| c < columns - 12 || c >= columns - 2;
+        let left = |c: usize| c < columns - 11 || c >= columns - 2;
         let mut lines: Vec<String> = table
             .iter()
             .map(|row| {
@@ -466,6 +482,10 @@ impl Summary {
 
 fn codes(reasons: &[QcReason], between: &str) -> String {
     reasons.iter().map(|r| r.code()).collect::<Vec<_>>().join(between)
+}
+
+fn figure(value: Option<f64>) -> String {
+    value.map_or("–".to_owned(), |v| aloft_compare::significant(v, 3))
 }
 
 fn fixed(value: Option<f64>, decimals: usize) -> String {

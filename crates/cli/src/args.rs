@@ -116,11 +116,13 @@ pub enum EffectAction {
         json: bool,
     },
     /// Show one effect's documentation.
+    #[command(
+        after_help = "Examples:\n  aloft effect show tether\n  aloft effect show P.yaml my_drag      an effect that the pipeline defines"
+    )]
     Show {
-        /// Identifier.
-        name: String,
-        /// Pipeline that defines the effect, for effects of your own.
-        pipeline: Option<PathBuf>,
+        /// Identifier; before it the pipeline, for effects of your own.
+        #[arg(num_args = 1..=2, required = true, value_name = "[PIPELINE] NAME")]
+        words: Vec<String>,
     },
     /// Add an effect to the model: a new revision, and what depends on it again.
     #[command(
@@ -135,6 +137,9 @@ pub enum EffectAction {
         /// Value of a nonlinear parameter, `name=value`; what the last `discover` found where not given.
         #[arg(long, value_name = "K=V", value_parser = key_value)]
         set: Vec<(String, f64)>,
+        /// Every warning, and more about the revisions.
+        #[arg(long)]
+        details: bool,
         /// Wait where another process holds the workspace, instead of saying who it is.
         #[arg(long)]
         wait: bool,
@@ -146,6 +151,9 @@ pub enum EffectAction {
         pipeline: PipelineArgs,
         /// Identifier.
         name: String,
+        /// Every warning, and more about the revisions.
+        #[arg(long)]
+        details: bool,
         /// Wait where another process holds the workspace, instead of saying who it is.
         #[arg(long)]
         wait: bool,
@@ -199,6 +207,9 @@ pub enum Command {
         /// Threads (all cores where not given).
         #[arg(short = 'j', value_name = "N")]
         jobs: Option<usize>,
+        /// Also every warning, single frames, and the table of all recordings.
+        #[arg(long)]
+        details: bool,
     },
     /// Check configuration, labels and files; changes nothing.
     #[command(
@@ -321,6 +332,9 @@ pub enum Command {
         /// Only these breakdowns (may be given several times, or as a list with commas).
         #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
         by: Vec<ByArg>,
+        /// All breakdowns, single frames, calibration.
+        #[arg(long)]
+        details: bool,
         /// Machine-readable output.
         #[arg(long)]
         json: bool,
@@ -348,6 +362,9 @@ pub enum Command {
         /// Inject effects of known size into these recordings and count how often they come out under their name.
         #[arg(long)]
         self_test: bool,
+        /// More candidates, and how each round was decided.
+        #[arg(long)]
+        details: bool,
         /// Machine-readable output.
         #[arg(long)]
         json: bool,
@@ -370,6 +387,9 @@ pub enum Command {
         /// Results that are not up to date.
         #[command(flatten)]
         strict: StrictArgs,
+        /// Also effects, explainable share, singular values, marker error, changes of base parameters.
+        #[arg(long)]
+        details: bool,
         /// Machine-readable output.
         #[arg(long)]
         json: bool,

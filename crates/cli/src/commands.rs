@@ -3,25 +3,27 @@
 use crate::args::{AnglesArg, Cli, Command, EffectAction, EngineArg, PipelineArgs, RowsArg};
 use crate::each::{broken, each, each_result, fail, heading, notice};
 use crate::open::{description_of, open, open_all};
-use crate::progress::{Bars, Counted};
+use crate::progress::{Bars, Counted, Waiting};
 use crate::render::{command, json, note, out, table};
+use crate::screen::{Cell, labelled};
 use crate::stop::Stop;
-use crate::{Success, findings, residuals, show, show_estimators, workflow};
+use crate::{Success, findings, ladder, next, residuals, run_end, show, show_estimators, workflow};
 use aloft_analysis::freshness::{Freshness, freshness};
 use aloft_analysis::session_check::{LineStanding, SessionCheck};
 use aloft_analysis::{
     assess, check, compare, discover, effect, estimators, export, init, inspect, parameters, simulate, status, summary,
     verify,
 };
+use aloft_compare::Signal;
 use aloft_pipeline::graph::TaskState;
 use aloft_pipeline::runner::{self, BatchReport, Ended, RunReport, Selection};
 use aloft_study::config::{Angles, Rows};
 use aloft_study::data_set::DataSet;
 use aloft_study::quote::{self, visible};
-use aloft_study::recordings::SessionId;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use clap::CommandFactory;
+use std::path::Path;
 
 impl From<RowsArg> for Rows {
     fn from(rows: RowsArg) -> Self {
@@ -35,9 +37,9 @@ impl From<RowsArg> for Rows {
 /// Carries out a command.
 pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
     match cli.command {
-        Command::Run { pipeline, from, only, until, trial, dry_run, force, shared, wait, jobs } => {
+        Command::Run { pipeline, from, only, until, trial, dry_run, force, shared, wait, jobs, details } => {
             let selection = Selection { from, only, until, trials: trial, dry_run, force, shared, wait };
-            run(&pipeline, &selection, jobs)
+            run(&pipeline, &selection, jobs, details)
         }
         Command::Check { pipeline, json: true } => each(&pipeline, true, check::check, |_| Ok(())),
         Command::Check { pipeline, json: false } => show_check(&pipeline),
@@ -69,7 +71,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             if as_json {
                 json(&found)?
             } else {
-                out(found.to_text())?
+                out(show::summary(&found))?
             }
             Ok(strict.judge(Success::Full, !found.stale.is_empty()))
         }
@@ -93,6 +95,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
         Command::Parameters { pipeline, strict, rows, assess: with_assessment, json: as_json } => {
             let ask = |session: &SubjectSession| {
                 if with_assessment {
+                    let _bar = Waiting::new("assessing");
                     assess::assess(session)?;
                 }
                 parameters::parameters(session, rows.map(Rows::from))
@@ -100,14 +103,17 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             each_result(&pipeline, strict, as_json, &["identify", "calibrate"], ask, show::parameters)
         }
         Command::Compare { pipeline, strict, estimators: true, json: as_json, .. } => {
-            each_result(&pipeline, strict, as_json, &[], estimators::estimators, show_estimators::estimators)
+            let ask = waiting("comparing estimators", estimators::estimators);
+            each_result(&pipeline, strict, as_json, &[], ask, show_estimators::estimators)
         }
         Command::Compare { pipeline, strict, leave_one_out: true, json: as_json, .. } => {
-            each_result(&pipeline, strict, as_json, &[], estimators::leave_one_out, show_estimators::leave_one_out)
+            let ask = waiting("leaving out each trial", estimators::leave_one_out);
+            each_result(&pipeline, strict, as_json, &[], ask, show_estimators::leave_one_out)
         }
-        Command::Compare { pipeline, strict, by, json: as_json, .. } => {
+        Command::Compare { pipeline, strict, by, details, json: as_json, .. } => {
             let reads = ["compare", "identify", "calibrate", "flight", "ik"];
-            each_result(&pipeline, strict, as_json, &reads, compare::compare, |found| residuals::comparison(found, &by))
+            let show = |found: &compare::ComparisonView| residuals::comparison(found, &by, details, &pipeline);
+            each_result(&pipeline, strict, as_json, &reads, compare::compare, show)
         }
         Command::Discover { pipeline, strict, only, without, self_test: true, json: as_json, .. } => {
             let options = discover::options(only, without, true);
@@ -117,20 +123,19 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             };
             each_result(&pipeline, strict, as_json, &[], ask, |found| findings::self_test(&found.self_test))
         }
-        Command::Discover { pipeline, strict, only, without, closed, self_test: false, json: as_json } => {
+        Command::Discover { pipeline, strict, only, without, closed, self_test: false, details, json: as_json } => {
             let options = discover::options(only, without, closed);
-            each_result(
-                &pipeline,
-                strict,
-                as_json,
-                &[],
-                |session| discover::discover(session, &options),
-                |found| findings::discovery(found, &pipeline),
-            )
+            let ask = |session: &SubjectSession| {
+                let bar = Counted::new(&format!("discover {}", session.id));
+                discover::discover(session, &options, &|done, all| bar.at(done, all))
+            };
+            let show = |found: &discover::DiscoveryView| findings::discovery(found, &pipeline, details);
+            each_result(&pipeline, strict, as_json, &[], ask, show)
         }
         Command::Effect { action } => effects(action),
-        Command::History { pipeline, strict, json: as_json } => {
-            each_result(&pipeline, strict, as_json, &["compare", "identify"], effect::history, findings::history)
+        Command::History { pipeline, strict, details, json: as_json } => {
+            let show = |found: &effect::History| ladder::history(found, details);
+            each_result(&pipeline, strict, as_json, &["compare", "identify"], effect::history, show)
         }
         Command::Report { pipeline, strict, out: target } => {
             let set = open_all(&pipeline)?;
@@ -253,39 +258,85 @@ fn effects(action: EffectAction) -> Result<Success, Stop> {
             }
             Ok(Success::Full)
         }
-        EffectAction::Show { name, pipeline } => {
-            let found = effect::show(&name, pipeline.as_deref())?;
+        EffectAction::Show { words } => {
+            let (name, pipeline) = name_and_pipeline(&words);
+            let found = effect::show(name, pipeline)?;
             out(format!("# {} ({})\n\n{}", found.title, found.id, found.documentation))?;
             Ok(Success::Full)
         }
-        EffectAction::Add { pipeline, name, set, wait } => {
-            change_effects(&pipeline, |session| effect::add(session, &name, &set, wait, &Bars::default()))
+        EffectAction::Add { pipeline, name, set, details, wait } => {
+            let (pipeline, name) = in_order(pipeline, name);
+            change_effects(&pipeline, details, |session| effect::add(session, &name, &set, wait, &Bars::default()))
         }
-        EffectAction::Remove { pipeline, name, wait } => {
-            change_effects(&pipeline, |session| effect::remove(session, &name, wait, &Bars::default()))
+        EffectAction::Remove { pipeline, name, details, wait } => {
+            let (pipeline, name) = in_order(pipeline, name);
+            change_effects(&pipeline, details, |session| effect::remove(session, &name, wait, &Bars::default()))
         }
+    }
+}
+
+fn is_pipeline(word: &str) -> bool {
+    let path = Path::new(word);
+    path.is_file() || path.extension().is_some_and(|e| e == "yaml" || e == "yml")
+}
+
+/// Pipeline and name in either order: the pipeline comes first, as everywhere; the other order was
+/// that of earlier versions.
+fn name_and_pipeline(words: &[String]) -> (&str, Option<&Path>) {
+    match words {
+        [name] => (name, None),
+        [first, second, ..] if is_pipeline(second) && !is_pipeline(first) => (first, Some(Path::new(second))),
+        [first, second, ..] => (second, Some(Path::new(first))),
+        [] => ("", None),
+    }
+}
+
+fn in_order(mut pipeline: PipelineArgs, name: String) -> (PipelineArgs, String) {
+    let first = pipeline.pipeline.display().to_string();
+    if is_pipeline(&name) && !is_pipeline(&first) {
+        pipeline.pipeline = name.into();
+        return (pipeline, first);
+    }
+    (pipeline, name)
+}
+
+/// Shows that something is going on while an answer is computed that takes more than a second.
+fn waiting<T>(
+    what: &'static str,
+    ask: impl Fn(&SubjectSession) -> Result<T, PipelineError>,
+) -> impl Fn(&SubjectSession) -> Result<T, PipelineError> {
+    move |session| {
+        let _bar = Waiting::new(what);
+        ask(session)
     }
 }
 
 fn change_effects(
     args: &PipelineArgs,
+    details: bool,
     change: impl Fn(&SubjectSession) -> Result<(RunReport, effect::History), PipelineError>,
 ) -> Result<Success, Stop> {
     let set = open_all(args)?;
     let mut trouble = broken(&set);
+    let mut next = Vec::new();
     for session in &set.members {
         if set.several {
             heading(&session.id)?;
         }
         let (report, history) = change(session)?;
-        show_run(&session.id, &report, args);
-        findings::history(&history)?;
+        run_end::notes(&session.id, &report, details);
+        note(run_end::totals(std::iter::once(&report), report.seconds));
+        ladder::change(&history, details)?;
         trouble |= report.has_trouble();
+        let last = history.revisions.last().map_or(&[][..], |r| &r.errors);
+        next.push(if ladder::is_at_floor(last) { "report" } else { "discover" });
     }
+    let verb = if next.contains(&"discover") { "discover" } else { "report" };
+    command("next", &next::line(verb, args, &[]));
     Ok(if trouble { Success::Partial } else { Success::Full })
 }
 
-fn run(args: &PipelineArgs, selection: &Selection, jobs: Option<usize>) -> Result<Success, Stop> {
+fn run(args: &PipelineArgs, selection: &Selection, jobs: Option<usize>, details: bool) -> Result<Success, Stop> {
     if let Some(jobs) = jobs {
         rayon::ThreadPoolBuilder::new()
             .num_threads(jobs)
@@ -297,46 +348,25 @@ fn run(args: &PipelineArgs, selection: &Selection, jobs: Option<usize>) -> Resul
     if selection.dry_run {
         return show_dry_run(&set, &done);
     }
-    let mut trouble = broken(&set) | done.has_trouble();
-    for run in &done.runs {
-        match &run.report {
-            Ok(report) => show_run(&run.id, report, args),
-            Err(error) => note(format!("failed: {}: {error}", run.id)),
-        }
-    }
-    if set.several {
-        note(totals(done.reports().map(|(_, r)| r), done.seconds));
-    }
-    for (session, run) in set.members.iter().zip(&done.runs) {
-        let Ok(report) = &run.report else { continue };
-        if report.tasks.iter().any(|t| t.stage == "compare" && matches!(t.ended, Ended::Ran | Ended::UpToDate)) {
-            match compare::compare(session) {
-                Ok(found) if set.several => show::one_line(&found)?,
-                Ok(found) => show::brief(&found)?,
-                Err(error) => {
-                    trouble = true;
-                    note(format!("failed: {}: {error}", session.id));
-                }
-            }
-        }
-    }
+    let nothing = done.runs.iter().all(|r| r.report.is_err()) && !done.runs.is_empty();
     // parallel jobs would overwrite each other's summary; `aloft summary` writes it when they are
     // done
-    if !selection.shared {
-        let summary = summary::summary(&set, &description_of(args))?;
-        let written = summary.write(&set.workspace)?;
-        out(format!("\n{}", summary.to_text()))?;
-        note(format!("summary: {}", written.display()));
+    let summary = if selection.shared { None } else { Some(summary::summary(&set, &description_of(args))?) };
+    if let Some(summary) = &summary {
+        summary.write(&set.workspace)?;
     }
-    let nothing = done.runs.iter().all(|r| r.report.is_err()) && !done.runs.is_empty();
-    if nothing && let Some(Err(error)) = done.runs.into_iter().next().map(|r| r.report) {
-        return Err(error.into());
+    if nothing {
+        let first = done.runs.into_iter().next().map(|r| r.report);
+        return first.map_or(Ok(Success::Partial), |report| report.map(|_| Success::Full).map_err(Into::into));
     }
+    let trouble = run_end::show(&set, &done, args, summary.as_ref(), details)?;
     Ok(if trouble { Success::Partial } else { Success::Full })
 }
 
 fn show_dry_run(set: &DataSet, done: &BatchReport) -> Result<Success, Stop> {
-    let mut t = table(if set.several { &["stage", "trial", "of", "because"] } else { &["stage", "trial", "because"] });
+    let (header, last): (&[&str], usize) =
+        if set.several { (&["stage", "trial", "of", "because"], 3) } else { (&["stage", "trial", "because"], 2) };
+    let mut t = table(header).left(&[1, 2]).wrapped(last);
     for (id, report) in done.reports() {
         for task in &report.tasks {
             if let Ended::WouldRun(reason) = &task.ended {
@@ -363,51 +393,6 @@ fn show_dry_run(set: &DataSet, done: &BatchReport) -> Result<Success, Stop> {
     Ok(if broken(set) | done.runs.iter().any(|r| r.report.is_err()) { Success::Partial } else { Success::Full })
 }
 
-fn show_run(id: &SessionId, done: &RunReport, args: &PipelineArgs) {
-    let whose = if id.subject.is_some() { format!("{id} ") } else { String::new() };
-    for line in &done.notes {
-        note(format!("{whose}{line}"));
-    }
-    for task in &done.tasks {
-        for warning in task.warnings.iter().filter(|_| task.ended == Ended::Ran) {
-            note(format!("warning: {whose}{} {}: {warning}", task.stage, task.trial));
-        }
-    }
-    for (task, failure) in done.failures() {
-        note(format!("failed: {} {whose}{}: {}", task.stage, task.trial, failure.problem));
-        if let Some(hint) = &failure.hint {
-            note(format!("  hint: {hint}"));
-        }
-        command("  again", &summary::again(&description_of(args), id, &task.trial));
-    }
-    if id.subject.is_none() {
-        note(totals(std::iter::once(done), done.seconds));
-    }
-}
-
-/// One line: how many tasks ran, were up to date, failed, or were blocked by failures.
-fn totals<'r>(reports: impl Iterator<Item = &'r RunReport>, seconds: f64) -> String {
-    let (mut ran, mut current, mut failed, mut blocked) = (0, 0, 0, 0);
-    for done in reports {
-        ran += done.ran();
-        current += done.up_to_date();
-        failed += done.failures().count();
-        blocked += done.tasks.iter().filter(|t| matches!(t.ended, Ended::Blocked(_))).count();
-    }
-    let mut parts = vec![format!("{ran} done"), format!("{current} up to date")];
-    if failed > 0 {
-        parts.push(format!("{failed} failed"));
-    }
-    if blocked > 0 {
-        parts.push(format!("{blocked} blocked by earlier failures"));
-    }
-    format!(
-        "{} in {} s",
-        parts.join(", "),
-        if seconds < 1.0 { format!("{seconds:.2}") } else { format!("{seconds:.1}") }
-    )
-}
-
 fn show_check(args: &PipelineArgs) -> Result<Success, Stop> {
     let set = open_all(args)?;
     let mut trouble = broken(&set);
@@ -422,6 +407,9 @@ fn show_check(args: &PipelineArgs) -> Result<Success, Stop> {
     }
     for remark in &set.remarks {
         note(format!("warning: {remark}"));
+    }
+    if !trouble {
+        command("next", &next::line("run", args, &[]));
     }
     Ok(if trouble { Success::Partial } else { Success::Full })
 }
@@ -452,22 +440,30 @@ fn show_session_check(checked: &SessionCheck) -> Result<(), Stop> {
 }
 
 fn show_one_check(session: &SubjectSession) -> Result<bool, Stop> {
-    let found = check::check(session)?;
-    let mut t = table(&["trial", "role", "frames", "rate Hz", "markers", "plates", "remarks"]);
+    let found = {
+        let _bar = Waiting::new("reading recordings");
+        check::check(session)?
+    };
+    let mut t = table(&["trial", "role", "frames", "rate Hz", "markers", "plates", "remarks"]).left(&[1]);
     for row in &found.trials {
+        let n = row.remarks.len().to_string();
         t.add_row([
-            visible(&row.name),
-            row.role.clone(),
-            row.frames.map_or("–".to_owned(), |n| n.to_string()),
-            row.rate_hz.map_or("–".to_owned(), |r| format!("{r:.0}")),
-            row.markers.clone(),
-            row.plates.map_or("–".to_owned(), |n| n.to_string()),
-            row.remarks.len().to_string(),
+            Cell::from(visible(&row.name)),
+            row.role.clone().into(),
+            row.frames.map_or("–".to_owned(), |n| n.to_string()).into(),
+            row.rate_hz.map_or("–".to_owned(), |r| format!("{r:.0}")).into(),
+            row.markers.clone().into(),
+            row.plates.map_or("–".to_owned(), |n| n.to_string()).into(),
+            match (row.broken, row.remarks.is_empty()) {
+                (true, _) => Cell::judged(format!("{n} broken"), Signal::Poor),
+                (false, false) => Cell::judged(n, Signal::Fair),
+                (false, true) => n.into(),
+            },
         ]);
     }
     out(t)?;
     show_session_check(&found.session)?;
-    for row in &found.trials {
+    for row in found.trials.iter().filter(|r| r.broken).chain(found.trials.iter().filter(|r| !r.broken)) {
         for remark in &row.remarks {
             note(format!("{}: {}: {remark}", if row.broken { "broken" } else { "warning" }, row.name));
         }
@@ -486,7 +482,7 @@ struct Written {
 
 fn show_verified(found: &verify::Verified) -> Result<(), Stop> {
     if !found.damaged.is_empty() {
-        let mut t = table(&["damaged", "what is wrong", "what makes it again"]);
+        let mut t = table(&["damaged", "what is wrong", "what makes it again"]).left(&[2]).wrapped(1);
         for d in &found.damaged {
             t.add_row([d.place.clone(), d.problems.join("; "), d.mend.clone()]);
         }
@@ -559,32 +555,32 @@ fn show_explanation(found: &status::Explanation, trial: &str, stage: &str, whole
     match &found.standing {
         TaskState::Stale(changes) => {
             for change in changes {
-                out(format!("  {change}"))?;
+                out(labelled("  ", change))?;
             }
         }
         TaskState::Failed(failure) => {
-            out(format!("  {}", failure.problem))?;
+            out(labelled("  ", &failure.problem))?;
             if let Some(hint) = &failure.hint {
-                out(format!("  hint: {hint}"))?;
+                out(labelled("  hint: ", hint))?;
             }
         }
-        TaskState::Blocked(reason) => out(format!("  {reason}"))?,
+        TaskState::Blocked(reason) => out(labelled("  ", reason))?,
         TaskState::Damaged(problems) => {
             for problem in problems {
-                out(format!("  {problem}"))?;
+                out(labelled("  ", problem))?;
             }
         }
         _ => {}
     }
     for before in &found.before {
-        out(format!("  will be done again, because {before}"))?;
+        out(labelled("  ", &format!("will be done again, because {before}")))?;
     }
     let Some(m) = found.manifest.as_ref().filter(|_| whole) else { return Ok(()) };
     for warning in &m.warnings {
-        out(format!("  warning: {warning}"))?;
+        out(labelled("  warning: ", &warning.to_string()))?;
     }
     for (key, value) in &m.summary {
-        out(format!("  {key}: {value}"))?;
+        out(labelled(&format!("  {key}: "), &value.to_string()))?;
     }
     out(format!("  made by aloft {} in {:.2} s from", m.program, m.seconds))?;
     for (name, hash) in &m.inputs {

@@ -125,7 +125,7 @@ pub fn notice(session: &SubjectSession, fresh: &Freshness) {
     for line in fresh.describe() {
         note(format!("{whose}{line}"));
     }
-    note(format!("  hint: `aloft run {}` brings results up to date", session.config_path.display()));
+    note(format!("  hint: `aloft run {}` brings results up to date", aloft_study::quote::path(&session.config_path)));
 }
 
 impl StrictArgs {

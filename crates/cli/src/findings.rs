@@ -1,167 +1,205 @@
-//! Output of `discover`, `effect` and `history` as tables and text.
+//! Output of `discover` and `effect` as tables and text.
 
 use crate::args::PipelineArgs;
-use crate::open::description_of;
-use crate::render::{half, out, plus_minus, significant, table};
+use crate::errors::{figure, judgement};
+use crate::next;
+use crate::render::{beside, command, half, out, significant, unit};
+use crate::screen::{Cell, cut, labelled, table};
 use crate::stop::Stop;
-use aloft_analysis::compare::JudgedOn;
-use aloft_analysis::effect::{EffectLine, History};
-use aloft_discover::{Candidate, Discovery, SelfTest, Verdict};
-use aloft_effects::EffectKind;
-use aloft_study::quote;
-use comfy_table::CellAlignment;
+use aloft_analysis::discover::DiscoveryView;
+use aloft_analysis::effect::EffectLine;
+use aloft_analysis::verdict;
+use aloft_discover::{Candidate, Discovery, Estimate, SelfTest};
+use aloft_effects::{ActsIn, EffectKind};
 
-/// The catalogue of effects.
+/// Candidates shown without `--details`, and with it.
+const SHORT: usize = 6;
+const LONG: usize = 15;
+
+/// The catalogue of effects, by family.
 pub fn effects(list: &[EffectLine]) -> Result<(), Stop> {
-    let mut t = table(&["effect", "what", "kind", "acts in", "from"]);
-    for e in list {
-        let word = |x: String| x.to_lowercase();
-        t.add_row([
-            e.id.clone(),
-            e.title.clone(),
-            word(format!("{:?}", e.kind)),
-            word(format!("{:?}", e.acts)),
-            e.from.clone(),
-        ]);
-    }
-    for column in 1..5 {
-        if let Some(column) = t.column_mut(column) {
-            column.set_cell_alignment(CellAlignment::Left);
+    for (family, title) in [
+        ("forces", "Forces, masses and gravity"),
+        ("kinematics", "Errors of cameras, markers and skeleton"),
+        ("plates", "Errors of force plates and of the weight"),
+        ("own", "Written as formulas"),
+    ] {
+        let of: Vec<&EffectLine> = list.iter().filter(|e| e.family == family).collect();
+        if of.is_empty() {
+            continue;
         }
+        out(title)?;
+        let own = family == "own";
+        let mut t = if own {
+            table(&["  effect", "what", "acts in", "from"]).left(&[2, 3]).wrapped(1)
+        } else {
+            table(&["  effect", "what", "acts in"]).left(&[2]).wrapped(1)
+        };
+        for e in of {
+            let kind = if e.kind == EffectKind::Artefact && own { " (artefact)" } else { "" };
+            let mut cells = vec![format!("  {}", e.id), format!("{}{kind}", e.title), acts(e.acts).to_owned()];
+            if own {
+                cells.push(e.from.clone());
+            }
+            t.add_row(cells);
+        }
+        out(format!("{t}\n"))?;
     }
-    out(t)
+    out(labelled(
+        "",
+        "`aloft effect show NAME` explains one; `aloft discover P.yaml` ranks them all on your recordings.",
+    ))
+}
+
+fn acts(acts: ActsIn) -> &'static str {
+    match acts {
+        ActsIn::Flight => "flight",
+        ActsIn::Contact => "contact",
+        ActsIn::Both => "both",
+    }
 }
 
 fn names(list: &[String]) -> String {
     list.join(", ")
 }
 
-/// The verdict in its documented wording.
-fn verdict(d: &Discovery) -> String {
-    let kind = |id: &String| d.candidates.iter().find(|c| c.effect == *id).map(|c| c.kind);
-    let artefact = !d.effects.is_empty() && d.effects.iter().all(|e| kind(e) == Some(EffectKind::Artefact));
-    match d.verdict {
-        Verdict::Supported if artefact => format!("artefact more likely: {}", names(&d.effects)),
-        Verdict::Supported => format!("supported: {}", names(&d.effects)),
-        Verdict::OneOf => format!("one of {{{}}}", names(&d.effects)),
-        Verdict::NothingMissing if !d.not_tried.is_empty() => {
-            let left: Vec<&str> = d.not_tried.iter().map(|n| n.effect.as_str()).collect();
-            format!("nothing missing among what could be tried (not tried: {})", left.join(", "))
-        }
-        Verdict::NothingMissing => "nothing missing".to_owned(),
-        Verdict::Unexplained => "unexplained".to_owned(),
-        Verdict::NotDetectable => {
-            let below = d.candidates.iter().find(|c| !c.placebo).map_or(String::new(), |c| {
-                let unit = c.coefficients.first().map_or("", |e| e.unit.as_str());
-                format!(" (below {} {unit} of {})", significant(c.minimum_detectable, 2), c.key)
-            });
-            format!("not detectable{below}")
-        }
-    }
-}
-
-/// The noise floor with its interval, as part of a sentence.
-pub fn floor_in_words(noise_floor: f64, ci95: Option<[f64; 2]>) -> String {
-    if !noise_floor.is_finite() {
-        return "unknown (no comparison was made)".to_owned();
-    }
-    let interval = ci95.map_or(String::new(), |[a, b]| format!(" ({} to {})", significant(a, 3), significant(b, 3)));
-    format!("{} N{interval}", significant(noise_floor, 3))
-}
-
 /// The discovery as text.
-pub fn discovery(d: &Discovery, at: &PipelineArgs) -> Result<(), Stop> {
-    out(format!("verdict: {}", verdict(d)))?;
-    out(&d.words)?;
-    out(format!(
-        "held-out error {} N ({} % of body weight), noise floor {}, with the effects found {} N",
-        significant(d.held_out_error, 3),
-        significant(100.0 * d.held_out_error_of_weight, 2),
-        floor_in_words(d.noise_floor, d.noise_floor_ci95),
-        significant(d.held_out_error_after, 3)
-    ))?;
-    for (i, r) in d.rounds.iter().enumerate() {
-        let (share, chance) = r.by_chance();
-        out(format!(
-            "round {}, judged in {} on {} flights or trials, model {}: {}; a ratio below {:.3} is believed (by chance {:.0} % of the best ratios fall \
-             below {:.3})",
-            i + 1,
-            r.judged_on,
-            r.clusters,
-            if r.model.is_empty() { "without effects".to_owned() } else { format!("with {}", names(&r.model)) },
-            r.words,
-            r.threshold,
-            100.0 * share,
-            chance
-        ))?;
-    }
+pub fn discovery(view: &DiscoveryView, at: &PipelineArgs, details: bool) -> Result<(), Stop> {
+    let d = &view.discovery;
+    out(labelled("verdict: ", &verdict::words(d)))?;
+    errors(view)?;
     for found in &d.found {
-        for c in found.nonlinear.iter().chain(&found.coefficients) {
-            out(format!(
-                "  {} {}: {}{} {}",
-                found.key,
-                c.name,
-                significant(c.value, 4),
-                plus_minus(c.ci95, c.at_bound),
-                c.unit
-            ))?;
+        let estimates: Vec<&Estimate> = found.coefficients.iter().chain(&found.nonlinear).collect();
+        let mut t = table(&[found.key.as_str(), "value", "± 95 %", "unit"]).left(&[3]);
+        for c in estimates {
+            let half = if c.at_bound { "at its bound".to_owned() } else { half(c.ci95) };
+            t.add_row([format!("  {}", c.name), beside(c.value, c.ci95), half, unit(&c.unit)]);
         }
+        out(t)?;
         if !found.trials.is_empty() {
-            out(format!("  {} acts in {}", found.key, names(&found.trials)))?;
+            out(labelled("  acts in ", &names(&found.trials)))?;
         }
     }
-    let mut t = table(&[
-        "effect",
-        "held-out ratio",
-        "95 %",
-        "chosen",
-        "coefficient",
-        "± 95 %",
-        "minimum detectable",
-        "unit",
-        "confusable with",
-    ]);
-    for c in d.candidates.iter().filter(|c| !c.placebo).take(15) {
+    if d.found.is_empty() {
+        out(labelled("", &d.words))?;
+    }
+    out("")?;
+    candidates(d, if details { LONG } else { SHORT })?;
+    if let Some(open) = &d.open {
+        crate::laws::laws(open)?;
+    }
+    for w in &d.warnings {
+        out(labelled("left out: ", w))?;
+    }
+    for n in &d.not_tried {
+        out(labelled("left out: ", &n.to_string()))?;
+    }
+    if details {
+        rounds(d)?;
+    }
+    for a in &d.advice {
+        out(labelled("advice: ", a))?;
+    }
+    for (i, found) in d.found.iter().enumerate() {
+        command(if i == 0 { "next" } else { "then" }, &next::add(&found.key, at));
+    }
+    let laws = d.open.iter().flat_map(|o| &o.laws);
+    for (i, law) in laws.enumerate() {
+        command(if i == 0 && d.found.is_empty() { "next" } else { "then" }, &next::add(&law.id, at));
+    }
+    if d.found.is_empty() && d.open.as_ref().is_none_or(|o| o.laws.is_empty()) {
+        command("next", &next::line("report", at, &[]));
+    }
+    Ok(())
+}
+
+/// The error of the model now, and with the effects found.
+fn errors(view: &DiscoveryView) -> Result<(), Stop> {
+    let d = &view.discovery;
+    if view.errors.is_empty() {
+        return out(labelled(
+            "",
+            &format!(
+                "held-out error {} N ({} % of body weight); noise floor {}",
+                significant(d.held_out_error, 3),
+                significant(100.0 * d.held_out_error_of_weight, 2),
+                aloft_compare::floor_in_words(d.noise_floor, d.noise_floor_ci95)
+            ),
+        ));
+    }
+    let with = names(&d.found.iter().map(|f| f.key.clone()).collect::<Vec<_>>());
+    let mut t = table(&["held out", "model", "error N", "% weight", "floor N", "floor 95 %", "times floor", "judged"])
+        .left(&[1, 7])
+        .optional(&[5, 3]);
+    for e in &view.errors {
+        let after = view.errors_after.iter().find(|a| a.judged_on == e.judged_on);
+        for (model, e) in [("now", Some(e)), (&cut(&format!("with {with}"), 24), after)] {
+            let Some(e) = e else { continue };
+            let interval = e
+                .noise_floor_ci95
+                .map_or("–".to_owned(), |[a, b]| format!("{} to {}", significant(a, 3), significant(b, 3)));
+            t.add_row([
+                Cell::from(format!("in {}", e.judged_on)),
+                model.into(),
+                figure(Some(e.held_out_error)).into(),
+                e.held_out_error_of_weight.map_or("–".to_owned(), |s| significant(100.0 * s, 2)).into(),
+                figure(e.noise_floor).into(),
+                interval.into(),
+                e.times_floor.map_or("–".to_owned(), |t| significant(t, 2)).into(),
+                judgement(e),
+            ]);
+        }
+    }
+    out(t)?;
+    if view.errors_after.is_empty() && !d.found.is_empty() {
+        out(labelled("", &format!("with {with} about {} N are expected", significant(d.held_out_error_after, 3))))?;
+    }
+    Ok(())
+}
+
+/// The best candidates of the ranking.
+fn candidates(d: &Discovery, shown: usize) -> Result<(), Stop> {
+    let all: Vec<&Candidate> = d.candidates.iter().filter(|c| !c.placebo).collect();
+    let header = ["candidate", "left %", "95 %", "coefficient", "± 95 %", "detectable", "unit", "confusable with"];
+    let mut t = table(&header).left(&[6]).wrapped(7).optional(&[5, 2]);
+    for c in all.iter().take(shown) {
         let first = c.coefficients.first();
         t.add_row([
             c.key.clone(),
-            format!("{:.3}", c.held_out_ratio),
-            format!("{:.2}–{:.2}", c.ci95[0], c.ci95[1]),
-            format!("{:.0} %", 100.0 * c.chosen_share),
-            first.map_or("–".into(), |e| significant(e.value, 3)),
-            first.map_or("–".into(), |e| if e.at_bound { "at its bound".to_owned() } else { half(e.ci95) }),
+            format!("{:.0}", 100.0 * c.held_out_ratio),
+            format!("{:.0} to {:.0}", 100.0 * c.ci95[0], 100.0 * c.ci95[1]),
+            first.map_or("–".into(), |e| if e.at_bound { significant(e.value, 3) } else { beside(e.value, e.ci95) }),
+            first.map_or("–".into(), |e| if e.at_bound { "at bound".to_owned() } else { half(e.ci95) }),
             significant(c.minimum_detectable, 2),
-            first.map_or(String::new(), |e| e.unit.clone()),
+            first.map_or(String::new(), |e| unit(&e.unit)),
             like(c).join(" "),
         ]);
     }
-    out(format!("\n{t}"))?;
-    if let Some(open) = &d.open {
-        crate::laws::laws(open, at)?;
+    out(t)?;
+    match all.len().saturating_sub(shown) {
+        0 => Ok(()),
+        n => out(format!("… and {n} more{}", if shown < LONG { ": --details" } else { "" })),
     }
-    for w in &d.warnings {
-        out(format!("left out: {w}"))?;
-    }
-    for n in &d.not_tried {
-        out(format!("left out: {n}"))?;
-    }
-    for a in &d.advice {
-        out(format!("next: {a}"))?;
-    }
-    for found in &d.found {
-        let chosen = |flag: &str, names: &[String]| {
-            names
-                .iter()
-                .flat_map(|n| quote::option(flag, n))
-                .map(|w| format!(" {}", quote::word(&w)))
-                .collect::<String>()
-        };
-        out(format!(
-            "add it: aloft effect add {} {}{}{}",
-            description_of(at),
-            quote::word(&found.key),
-            chosen("subject", &at.subject),
-            chosen("session", &at.session)
+}
+
+/// How each round was decided.
+fn rounds(d: &Discovery) -> Result<(), Stop> {
+    out("")?;
+    for (i, r) in d.rounds.iter().enumerate() {
+        let (share, chance) = r.by_chance();
+        let model = if r.model.is_empty() { "without effects".to_owned() } else { format!("with {}", names(&r.model)) };
+        out(labelled(
+            &format!("round {}: ", i + 1),
+            &format!(
+                "judged in {} on {} flights or trials, model {model}: {}; a ratio below {:.3} is believed (by chance {:.0} % of the best \
+                 ratios fall below {:.3})",
+                r.judged_on,
+                r.clusters,
+                r.words,
+                r.threshold,
+                100.0 * share,
+                chance
+            ),
         ))?;
     }
     Ok(())
@@ -189,7 +227,7 @@ pub fn self_test(s: &SelfTest) -> Result<(), Stop> {
         ]);
     }
     out(format!("{t}\n"))?;
-    let mut t = table(&["effect", "times smallest", "size", "outcome", "named"]);
+    let mut t = table(&["effect", "times smallest", "size", "outcome", "named"]).left(&[3]).wrapped(4);
     for i in &s.injections {
         t.add_row([
             i.key.clone(),
@@ -199,69 +237,5 @@ pub fn self_test(s: &SelfTest) -> Result<(), Stop> {
             names(&i.named),
         ]);
     }
-    if let Some(column) = t.column_mut(4) {
-        column.set_cell_alignment(CellAlignment::Left);
-    }
     out(t)
-}
-
-/// The revisions of the model.
-pub fn history(h: &History) -> Result<(), Stop> {
-    let mut t = table(&[
-        "revision",
-        "what",
-        "effects",
-        "held-out error N",
-        "before",
-        "noise floor N",
-        "times floor",
-        "explainable",
-        "judged on",
-        "flight N",
-        "contact N",
-        "σ_N-1/σ_N",
-        "marker RMS mm",
-        "largest change of a base parameter",
-    ]);
-    let number = |v: Option<f64>| v.map_or("–".to_owned(), |x| significant(x, 3));
-    for r in &h.revisions {
-        t.add_row([
-            r.revision.to_string(),
-            r.action.clone(),
-            if r.effects.is_empty() { "none".into() } else { r.effects.join(", ") },
-            number(r.held_out_error),
-            number(r.held_out_error_before),
-            number(r.noise_floor),
-            match (r.times_floor, r.at_floor) {
-                (Some(t), Some(true)) => format!("{} (at the floor)", significant(t, 2)),
-                (Some(t), _) => significant(t, 2),
-                _ => "–".to_owned(),
-            },
-            r.explainable.map_or("–".to_owned(), |x| format!("{:.0} %", 100.0 * x)),
-            r.judged_on.map_or("–", JudgedOn::words).to_owned(),
-            number(r.flight.map(|j| j.error_n)),
-            number(r.contact.map(|j| j.error_n)),
-            number(r.sigma_ratio),
-            number(r.marker_rms_mm),
-            r.largest_change.as_ref().map_or("–".to_owned(), |(name, x)| {
-                format!("{name} {}{}", if *x < 0.0 { "" } else { "+" }, significant(*x, 2))
-            }),
-        ]);
-    }
-    out(t)?;
-    for r in &h.revisions {
-        for c in &r.coefficients {
-            out(format!(
-                "revision {}: {} {}{} (95 %)",
-                r.revision,
-                c.name,
-                significant(c.value, 4),
-                plus_minus(c.ci95, false)
-            ))?;
-        }
-        if let Some(void) = &r.void {
-            out(format!("revision {}: {void}", r.revision))?;
-        }
-    }
-    Ok(())
 }

@@ -1,65 +1,53 @@
 //! Output of the search beyond the catalogue as text.
 
-use crate::args::PipelineArgs;
-use crate::open::description_of;
-use crate::render::{out, plus_minus, significant};
+use crate::render::{beside, half, out, significant, unit};
+use crate::screen::{labelled, table};
 use crate::stop::Stop;
 use aloft_discover::{Action, FoundLaw, OpenWorld};
-use aloft_study::quote;
 
-/// What the search found: where the error acts, laws as formulas, and how to add them.
-pub fn laws(found: &OpenWorld, at: &PipelineArgs) -> Result<(), Stop> {
+/// What the search found: where the error acts, and laws as formulas. `effect add` writes a law into
+/// the folder `effects` beside the pipeline.
+pub fn laws(found: &OpenWorld) -> Result<(), Stop> {
     out("beyond the catalogue")?;
     if let Some(d) = &found.diagnosis {
-        out(format!("  where: {}", d.text))?;
-        out(format!(
-            "  by chance the best of {} combinations does as well with a probability of {:.3}",
-            found.entries, d.family_wise_p
+        out(labelled("  where: ", &d.text))?;
+        out(labelled(
+            "  ",
+            &format!(
+                "by chance the best of {} combinations does as well with a probability of {:.3}",
+                found.entries, d.family_wise_p
+            ),
         ))?;
     }
     if found.laws.is_empty() {
-        return out("  no law of these combinations brings the error near its floor");
+        return out(labelled("  ", "no law of these combinations brings the error near its floor"));
     }
     for law in &found.laws {
         one(law)?;
     }
     if let Some(times) = found.times_floor_after {
-        out(format!(
-            "  held-out error with {}: {} N, {} times the noise floor",
-            if found.laws.len() == 1 { "it" } else { "them" },
+        let it = if found.laws.len() == 1 { "it" } else { "them" };
+        let words = format!(
+            "held-out error with {it}: {} N, {} times the noise floor; `effect add` writes a file effects/NAME.yaml beside the pipeline",
             significant(found.held_out_error_after, 3),
-            significant(times, 3)
-        ))?;
-    }
-    for law in &found.laws {
-        let chosen = |flag: &str, names: &[String]| {
-            names
-                .iter()
-                .flat_map(|n| quote::option(flag, n))
-                .map(|w| format!(" {}", quote::word(&w)))
-                .collect::<String>()
-        };
-        out(format!(
-            "  add it: aloft effect add {} {}{}{}   (writes effects/{}.yaml beside the pipeline)",
-            description_of(at),
-            quote::word(&law.id),
-            chosen("subject", &at.subject),
-            chosen("session", &at.session),
-            law.id
-        ))?;
+            significant(times, 2)
+        );
+        out(labelled("  ", &words))?;
     }
     Ok(())
 }
 
 fn one(law: &FoundLaw) -> Result<(), Stop> {
-    out(format!("  {}: {}", law.id, law.text))?;
-    let unit = match law.action {
+    out(labelled(&format!("  {}: ", law.id), &law.text))?;
+    let of = match law.action {
         Action::Force => "N",
         Action::Couple => "N·m",
     };
-    out(format!("    strength ({unit}) = {}", law.strength))?;
+    out(labelled(&format!("    strength ({of}) = "), &law.strength.to_string()))?;
+    let mut t = table(&["    constant", "value", "± 95 %", "unit"]).left(&[3]);
     for e in law.coefficients.iter().chain(&law.parameters).chain(&law.point) {
-        out(format!("    {} = {}{} {}", e.name, significant(e.value, 4), plus_minus(e.ci95, e.at_bound), e.unit))?;
+        let half = if e.at_bound { "at its bound".to_owned() } else { half(e.ci95) };
+        t.add_row([format!("    {}", e.name), beside(e.value, e.ci95), half, unit(&e.unit)]);
     }
-    Ok(())
+    out(t)
 }

@@ -4,12 +4,17 @@
 mod args;
 mod commands;
 mod each;
+mod errors;
 mod findings;
+mod ladder;
 mod laws;
+mod next;
 mod open;
 mod progress;
 mod render;
 mod residuals;
+mod run_end;
+mod screen;
 mod show;
 mod show_estimators;
 mod stop;

@@ -24,6 +24,9 @@ pub fn open(args: &PipelineArgs) -> Result<SubjectSession, Stop> {
 /// All subjects and sessions selected on the command line.
 pub fn open_all(args: &PipelineArgs) -> Result<DataSet, Stop> {
     let set = DataSet::open(&args.pipeline, &overrides(args))?;
+    if let Some(place) = &set.place_note {
+        note(format!("note: {place}"));
+    }
     for old in &set.pipeline.old_names {
         note(format!("warning: {}: {old}", set.pipeline.name()));
     }

@@ -5,6 +5,7 @@ use aloft_pipeline::runner::{Ended, TaskReport};
 use aloft_study::recordings::SessionId;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::Mutex;
+use std::time::Duration;
 
 /// A bar for a number of equal steps.
 #[derive(Debug)]
@@ -14,10 +15,11 @@ impl Counted {
     /// A bar with a name.
     pub fn new(name: &str) -> Self {
         let bar = ProgressBar::new(1);
-        if let Ok(style) = ProgressStyle::with_template("{prefix:>10} {bar:30} {pos}/{len} {eta}") {
+        if let Ok(style) = ProgressStyle::with_template("{prefix} {bar:30} {pos}/{len}  {eta} left  {elapsed} passed") {
             bar.set_style(style);
         }
-        bar.set_prefix(name.to_owned());
+        bar.set_prefix(name.trim().to_owned());
+        bar.enable_steady_tick(Duration::from_millis(250));
         Self(bar)
     }
     /// Sets the number of steps done, of all.
@@ -28,6 +30,30 @@ impl Counted {
 }
 
 impl Drop for Counted {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}
+
+/// A line that moves while something is computed whose length is not known, with the time that has
+/// passed.
+#[derive(Debug)]
+pub struct Waiting(ProgressBar);
+
+impl Waiting {
+    /// Begins to wait for something with a name.
+    pub fn new(name: &str) -> Self {
+        let bar = ProgressBar::new_spinner();
+        if let Ok(style) = ProgressStyle::with_template("{spinner} {prefix} {elapsed}") {
+            bar.set_style(style);
+        }
+        bar.set_prefix(name.to_owned());
+        bar.enable_steady_tick(Duration::from_millis(120));
+        Self(bar)
+    }
+}
+
+impl Drop for Waiting {
     fn drop(&mut self) {
         self.0.finish_and_clear();
     }

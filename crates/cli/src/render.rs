@@ -3,21 +3,10 @@
 use crate::stop::Stop;
 use aloft_analysis::parameters::half_of;
 use aloft_study::quote::visible;
-use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use std::io::Write;
 
-/// An empty table with a header; the first column is left-aligned, the others right-aligned.
-pub fn table(header: &[&str]) -> Table {
-    let mut table = Table::new();
-    table.load_preset(presets::NOTHING).set_content_arrangement(ContentArrangement::Disabled).set_header(header);
-    for (i, column) in table.column_iter_mut().enumerate() {
-        column.set_padding((0, 2));
-        if i > 0 {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
-    table
-}
+pub use crate::screen::table;
+pub use aloft_compare::significant;
 
 /// Prints to stdout; a closed pipe ends the command without a message.
 pub fn out(text: impl std::fmt::Display) -> Result<(), Stop> {
@@ -27,15 +16,48 @@ pub fn out(text: impl std::fmt::Display) -> Result<(), Stop> {
     })
 }
 
-/// Prints one line to stderr. Line breaks and control characters in names are escaped, so that they
-/// cannot act on the terminal.
+/// Prints a message to stderr, wrapped to the width. Line breaks and control characters in names
+/// are escaped, so that they cannot act on the terminal.
 pub fn note(text: impl std::fmt::Display) {
-    let _ = writeln!(std::io::stderr(), "{}", visible(&text.to_string()));
+    let text = visible(&text.to_string());
+    let indent: String = text.chars().take_while(|c| *c == ' ').chain("  ".chars()).collect();
+    let options = textwrap::Options::new(crate::screen::width())
+        .subsequent_indent(&indent)
+        .break_words(false)
+        .word_splitter(textwrap::WordSplitter::NoHyphenation);
+    let _ = writeln!(std::io::stderr(), "{}", textwrap::fill(&text, options));
 }
 
-/// Prints a command that can be copied to a shell, unchanged: line breaks are inside quotes.
+/// Prints one line to stderr, cut at the width.
+pub fn brief_note(text: impl std::fmt::Display) {
+    let _ = writeln!(std::io::stderr(), "{}", crate::screen::one_line("", &visible(&text.to_string())));
+}
+
+/// Prints a command that can be copied to a shell: line breaks in names are inside quotes, a long
+/// command continues on the next line.
 pub fn command(label: &str, text: &str) {
-    let _ = writeln!(std::io::stderr(), "{label}: {text}");
+    let _ = writeln!(std::io::stderr(), "{}", crate::screen::command_lines(&format!("{label}: "), &words_of(text)));
+}
+
+/// The words of a command, as a shell separates them; their quotes are kept.
+fn words_of(command: &str) -> Vec<String> {
+    let (mut words, mut word, mut quoted, mut escaped) = (Vec::new(), String::new(), false, false);
+    for c in command.chars() {
+        match c {
+            _ if escaped => escaped = false,
+            '\\' if !quoted => escaped = true,
+            '\'' => quoted = !quoted,
+            ' ' if !quoted => {
+                words.push(std::mem::take(&mut word));
+                continue;
+            }
+            _ => {}
+        }
+        word.push(c);
+    }
+    words.push(word);
+    words.retain(|w| !w.is_empty());
+    words
 }
 
 /// Prints an error with its location and hint.
@@ -48,29 +70,21 @@ pub fn half(ci95: Option<[f64; 2]>) -> String {
     significant(half_of(ci95).unwrap_or(f64::NAN), 2)
 }
 
-/// `± 1.2`, `at its bound`, or nothing.
-pub fn plus_minus(ci95: Option<[f64; 2]>, at_bound: bool) -> String {
-    match ci95 {
-        Some(_) => format!(" ± {}", half(ci95)),
-        None if at_bound => " (at its bound)".to_owned(),
-        None => String::new(),
+/// A value with the digits that its 95 % interval warrants: two digits of the half-width, and the
+/// same decimals of the value. Three digits where there is no interval.
+pub fn beside(value: f64, ci95: Option<[f64; 2]>) -> String {
+    match half_of(ci95).filter(|h| h.is_finite() && *h > 0.0) {
+        Some(half) => {
+            let decimals = (1 - half.log10().floor() as i32).clamp(0, 9) as usize;
+            format!("{value:.decimals$}")
+        }
+        None => significant(value, 3),
     }
 }
 
-/// A number with this many significant digits.
-pub fn significant(value: f64, digits: usize) -> String {
-    if !value.is_finite() {
-        return "–".to_owned();
-    }
-    if value == 0.0 {
-        return "0".to_owned();
-    }
-    let magnitude = value.abs().log10().floor() as i32;
-    if magnitude < -6 {
-        return format!("{value:.*e}", digits.saturating_sub(1));
-    }
-    let decimals = (digits as i32 - 1 - magnitude).clamp(0, 12) as usize;
-    format!("{value:.decimals$}")
+/// A unit in readable form: `m^2` becomes m², `N*s/m` becomes N·s/m; `1` becomes empty.
+pub fn unit(u: &str) -> String {
+    if u == "1" { String::new() } else { u.replace("^2", "²").replace("^3", "³").replace('*', "·") }
 }
 
 /// Prints a value as JSON.
@@ -78,4 +92,27 @@ pub fn json<T: serde::Serialize>(value: &T) -> Result<(), Stop> {
     let text =
         serde_json::to_string_pretty(value).map_err(|e| Stop::Error(miette::miette!("cannot write JSON: {e}")))?;
     out(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_is_split_where_a_shell_splits_it() {
+        let words = words_of(r"aloft effect add 'my lab/p.yaml' 'tether[pelvis]' 'it'\''s a trial'");
+        assert_eq!(words, ["aloft", "effect", "add", "'my lab/p.yaml'", "'tether[pelvis]'", r"'it'\''s a trial'"]);
+    }
+
+    #[test]
+    fn values_have_the_digits_of_their_interval() {
+        for (value, ci95, text) in [
+            (51.82, Some([29.8, 73.8]), "52"),
+            (-1.332, Some([-9.93, 7.27]), "-1.3"),
+            (0.018_31, Some([0.017_45, 0.019_17]), "0.01831"),
+            (0.018_31, None, "0.0183"),
+        ] {
+            assert_eq!(beside(value, ci95), text);
+        }
+    }
 }

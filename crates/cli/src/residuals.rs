@@ -1,13 +1,14 @@
 //! The comparison as tables: the distribution of the error, and the part that noise does not
 //! explain.
 
-use crate::args::ByArg;
-use crate::render::{out, significant, table};
-use crate::show::{brief, three};
+use crate::args::{ByArg, PipelineArgs};
+use crate::render::{command, out, significant, table};
+use crate::screen::labelled;
+use crate::show::three;
 use crate::stop::Stop;
+use crate::{errors, next};
 use aloft_analysis::compare::ComparisonView;
 use aloft_compare::{Group, GroupedBy, SegmentShare};
-use comfy_table::CellAlignment;
 
 const ALL: [ByArg; 10] = [
     ByArg::Trial,
@@ -22,31 +23,47 @@ const ALL: [ByArg; 10] = [
     ByArg::Segment,
 ];
 
-/// The whole comparison, or the requested breakdowns.
-pub fn comparison(view: &ComparisonView, by: &[ByArg]) -> Result<(), Stop> {
+/// The comparison in short; with details, all breakdowns, or those requested.
+pub fn comparison(view: &ComparisonView, by: &[ByArg], details: bool, args: &PipelineArgs) -> Result<(), Stop> {
     let c = &view.comparison;
     if by.is_empty() {
-        brief(view)?;
-        trials(view)?;
-        if let Some(calibration) = &view.calibration {
-            crate::show_estimators::calibration(calibration)?;
-        }
-        if let Some(weighed) = &view.impulse_mass {
-            crate::show_estimators::impulse_mass(weighed)?;
-        }
-        let f = &c.first.flight;
-        out(format!(
-            "residual wrench in flight, RMS: force {} N, moment {} N·m ({} frames)\n",
-            three(&f.residual_force_n.rms),
-            three(&f.residual_moment_nm.rms),
-            f.frames
-        ))?;
-        for line in &c.words {
-            out(line)?;
-        }
+        errors::block(view)?;
         out("")?;
+        crate::screen::list(&c.words[view.errors.len().min(c.words.len())..])?;
+        trials(view)?;
+        if details {
+            if let Some(calibration) = &view.calibration {
+                crate::show_estimators::calibration(calibration)?;
+            }
+            if let Some(weighed) = &view.impulse_mass {
+                crate::show_estimators::impulse_mass(weighed)?;
+            }
+            crate::show::frames(view)?;
+            let f = &c.first.flight;
+            out(labelled(
+                "",
+                &format!(
+                    "residual wrench in flight, RMS on single frames: force {} N, moment {} N·m ({} frames)",
+                    three(&f.residual_force_n.rms),
+                    three(&f.residual_moment_nm.rms),
+                    f.frames
+                ),
+            ))?;
+            out("")?;
+        } else {
+            out(labelled("", errors::MEANING))?;
+            out(labelled(
+                "",
+                "by phase, flight, time, axis, speed, acceleration, turning, posture, segment: --details, or --by WHAT",
+            ))?;
+        }
     }
-    for what in if by.is_empty() { &ALL[1..] } else { by } {
+    let shown: &[ByArg] = match (by.is_empty(), details) {
+        (true, true) => &ALL[1..],
+        (true, false) => &[],
+        (false, _) => by,
+    };
+    for what in shown {
         match what {
             ByArg::Trial => {
                 trials(view)?;
@@ -63,6 +80,10 @@ pub fn comparison(view: &ComparisonView, by: &[ByArg]) -> Result<(), Stop> {
             ByArg::Segment => segments(view)?,
         }
     }
+    if by.is_empty() && !details {
+        let verb = if next::is_above(view) { "discover" } else { "report" };
+        command("next", &next::line(verb, args, &[]));
+    }
     Ok(())
 }
 
@@ -76,23 +97,24 @@ fn number(v: Option<f64>) -> String {
 
 fn trials(view: &ComparisonView) -> Result<(), Stop> {
     let c = &view.comparison;
-    let header = ["trial", "role", "marker RMS mm", "flights", "fall vs g %", "contact N", "N·m", "flight N", "N·m"];
-    let mut t = table(&header);
+    let header = ["trial", "role", "flights", "fall vs g %", "markers mm", "in flight N", "in contact N"];
+    let mut t = table(&header).left(&[1]).optional(&[4, 3]);
     for row in &view.kinematics {
         let errors = c.first.trials.iter().find(|t| t.trial == row.trial);
+        let size = |e: &aloft_compare::WindowErrors| (e.windows > 0).then(|| e.size());
+        let lost = view.left_out.iter().find(|l| l.trial == row.trial);
+        let role = lost.map_or(row.role.to_owned(), |l| l.stage.map_or("left out".into(), |s| format!("{s} failed")));
         t.add_row([
             row.trial.clone(),
-            row.role.to_owned(),
-            number(row.marker_rms_mm),
+            role,
             row.flights.map_or("–".to_owned(), |n| n.to_string()),
-            number(row.gravity_error_percent),
-            number(errors.map(|e| e.contact.force_n.mean_mae())),
-            number(errors.map(|e| e.contact.moment_nm.mean_mae())),
-            number(errors.map(|e| e.flight.force_n.mean_mae())),
-            number(errors.map(|e| e.flight.moment_nm.mean_mae())),
+            row.gravity_error_percent.map_or("–".to_owned(), |g| format!("{g:+.1}")),
+            number(row.marker_rms_mm),
+            number(errors.and_then(|e| size(&e.flight_weak))),
+            number(errors.and_then(|e| size(&e.contact_weak))),
         ]);
     }
-    out(format!("\n{t}"))
+    out(format!("\n{t}\n"))
 }
 
 /// One breakdown: error, noise and the part that noise does not explain, on frames and over weak
@@ -106,38 +128,36 @@ fn groups(view: &ComparisonView, by: GroupedBy) -> Result<(), Stop> {
     let head = format!("by {}", by.word());
     let header = [
         head.as_str(),
-        "frames",
-        "force N",
-        "noise",
-        "moment N·m",
-        "noise",
-        "explainable",
         "windows",
-        "force N",
-        "noise",
-        "moment N·m",
-        "noise",
+        "error N",
+        "floor N",
+        "times floor",
         "explainable",
+        "frames",
+        "on frames N",
+        "noise N",
+        "on frames N·m",
+        "noise N·m",
     ];
-    let mut t = table(&header);
+    let mut t = table(&header).optional(&[10, 9, 8, 7]);
     for g in list {
         let floor = g.floor(c.noise_floor.as_ref());
         let (on_frames, on_windows) = g.explainable(c.noise_floor.as_ref());
-        let mae = |of: Option<f64>| number(of.filter(|x| x.is_finite()));
+        let finite = |of: Option<f64>| number(of.filter(|x| x.is_finite()));
+        let error = (g.windows.windows > 0).then(|| g.windows.size());
+        let least = floor.filter(|f| f.windows.windows > 0).map(|f| f.windows.size());
         t.add_row([
             g.name.clone(),
-            g.errors.frames.to_string(),
-            mae(Some(g.errors.force_n.mean_mae())),
-            mae(floor.map(|f| f.errors.force_n.mean_mae())),
-            mae(Some(g.errors.moment_nm.mean_mae())),
-            mae(floor.map(|f| f.errors.moment_nm.mean_mae())),
-            percent(on_frames),
             g.windows.windows.to_string(),
-            mae(Some(g.windows.force_n.mean_mae())),
-            mae(floor.map(|f| f.windows.force_n.mean_mae())),
-            mae(Some(g.windows.moment_nm.mean_mae())),
-            mae(floor.map(|f| f.windows.moment_nm.mean_mae())),
-            percent(on_windows),
+            finite(error),
+            finite(least),
+            error.zip(least).map_or("–".to_owned(), |(e, f)| significant(e / f, 2)),
+            percent(on_windows.or(on_frames)),
+            g.errors.frames.to_string(),
+            finite(Some(g.errors.force_n.mean_mae())),
+            finite(floor.map(|f| f.errors.force_n.mean_mae())),
+            finite(Some(g.errors.moment_nm.mean_mae())),
+            finite(floor.map(|f| f.errors.moment_nm.mean_mae())),
         ]);
     }
     out(format!("{t}\n"))
@@ -199,16 +219,14 @@ fn segments(view: &ComparisonView) -> Result<(), Stop> {
                 significant(s.drag_coefficient, 2),
             ]);
         }
-        if let Some(column) = t.column_mut(0) {
-            column.set_cell_alignment(CellAlignment::Left);
-        }
         out(format!("{t}\n"))
     };
     one(main, &first.segments)?;
     if contact {
         one("flight", &first.segments_in_flight)?;
     }
-    out(
-        "Shares of the mean square error that a change of this link alone would explain; they overlap and do not add up.\n",
-    )
+    out(labelled(
+        "",
+        "Shares of the mean square error that a change of this link alone would explain; they overlap and do not add up.",
+    ))
 }

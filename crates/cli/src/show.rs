@@ -1,10 +1,13 @@
 //! Results as tables.
 
-use crate::render::{half, out, plus_minus, significant, table};
+use crate::render::{beside, half, out, significant, table};
+use crate::screen::{Cell, labelled};
 use crate::stop::Stop;
 use aloft_analysis::compare::{ComparisonView, errors_of, judged_on, mean};
 use aloft_analysis::parameters::ParametersView;
-use aloft_compare::Comparison;
+use aloft_analysis::summary::Summary;
+use aloft_compare::Signal;
+use aloft_study::quote::visible;
 
 pub(crate) fn three(v: &[f64; 3]) -> String {
     v.iter().map(|x| significant(*x, 3)).collect::<Vec<_>>().join(" ")
@@ -13,16 +16,17 @@ pub(crate) fn three(v: &[f64; 3]) -> String {
 /// Base parameters, links, singular values, and how far they can be trusted.
 pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
     let p = &view.parameters;
-    out(format!(
+    let words = format!(
         "{}: {} flights of {} trials, {} {} rows, {} ({})",
-        view.subject,
+        crate::errors::short(&view.subject),
         p.n_stretches,
         p.n_trials,
         p.n_rows,
         view.rows_used,
         p.estimator.name(),
         p.se_from
-    ))?;
+    );
+    out(labelled("", &words))?;
     out(format!(
         "singular values: σ_1 {}  σ_N-1 {}  σ_N {}  σ_N-1/σ_N {}\n",
         significant(p.sigma.max, 5),
@@ -30,32 +34,31 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
         significant(p.sigma.min, 4),
         significant(p.sigma.ratio, 3)
     ))?;
-    let mut t = table(&["parameter", "value", "± 95 %", "prior", "unit", "seen", "regrouping"]);
+    let mut t = table(&["parameter", "value", "± 95 %", "prior", "unit", "seen", "regrouping"]).left(&[5]).wrapped(6);
     for b in &p.base {
         t.add_row([
             b.name.clone(),
-            significant(b.value, 4),
+            beside(b.value, b.ci95),
             half(b.ci95),
             b.prior.map_or("–".to_owned(), |v| significant(v, 3)),
             b.unit.clone(),
             b.standing().to_owned(),
-            if b.formula.chars().count() > 60 {
-                format!("{}…", b.formula.chars().take(59).collect::<String>())
-            } else {
-                b.formula.clone()
-            },
+            crate::screen::cut(&b.formula, 60),
         ]);
     }
     out(t)?;
     for e in &p.effects {
         match &e.not_determined {
-            Some(why) => out(format!("effect {}: not determined, {why}", e.name))?,
-            None => out(format!("effect {}: {}{} (95 %)", e.name, significant(e.value, 4), plus_minus(e.ci95, false)))?,
+            Some(why) => out(labelled("effect ", &format!("{}: not determined, {why}", e.name)))?,
+            None => {
+                out(labelled("effect ", &format!("{}: {} ± {} (95 %)", e.name, beside(e.value, e.ci95), half(e.ci95))))?
+            }
         }
     }
     if !p.links.is_empty() {
         let mut t =
-            table(&["link", "mass kg", "prior kg", "centre of mass m", "prior m", "principal inertias kg·m²", "from"]);
+            table(&["link", "mass kg", "prior kg", "centre of mass m", "prior m", "principal inertias kg·m²", "from"])
+                .wrapped(6);
         for l in &p.links {
             let inertia = l.inertia().inertia_com_kgm2.symmetric_eigenvalues();
             let mut principal = [inertia[0], inertia[1], inertia[2]];
@@ -73,7 +76,7 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
         out(format!("\nphysically consistent links\n{t}"))?;
     }
     for reason in p.gate.reasons.iter().chain(&p.gate.advice) {
-        out(reason)?;
+        out(labelled("- ", reason))?;
     }
     match &view.assessment {
         Some(assessment) => crate::show_estimators::assessment(assessment),
@@ -81,20 +84,32 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
     }
 }
 
-/// The short summary at the end of a run.
-pub fn brief(view: &ComparisonView) -> Result<(), Stop> {
+/// Single frames and windows axis by axis: details.
+pub fn frames(view: &ComparisonView) -> Result<(), Stop> {
     let c = &view.comparison;
-    out(format!(
-        "{}: {} flights, {} rows, σ_N-1/σ_N {}",
-        view.subject,
-        view.parameters.flights,
-        view.parameters.rows,
-        significant(view.parameters.sigma_ratio, 3)
-    ))?;
-    let mut t = table(&["mean absolute error", "force x y z N", "moment x y z N·m", "windows N", "windows N·m"]);
+    let p = &view.parameters;
+    out(format!("\n{} rows, σ_N-1/σ_N {}", p.rows, significant(p.sigma_ratio, 3)))?;
+    let header = [
+        "mean absolute error",
+        "force x N",
+        "y N",
+        "z N",
+        "moment x N·m",
+        "y N·m",
+        "z N·m",
+        "windows N",
+        "windows N·m",
+    ];
+    let mut t = table(&header);
+    let mut row = |name: &str, f: &[f64; 3], n: &[f64; 3], wf: &[f64; 3], wn: &[f64; 3]| {
+        let mut cells = vec![name.to_owned()];
+        cells.extend(f.iter().chain(n).map(|x| significant(*x, 3)));
+        cells.extend([significant(mean(wf), 3), significant(mean(wn), 3)]);
+        t.add_row(cells);
+    };
     for m in c.models() {
         let (f, n, wf, wn) = errors_of(m);
-        t.add_row([m.model.clone(), three(&f), three(&n), significant(mean(&wf), 3), significant(mean(&wn), 3)]);
+        row(&m.model, &f, &n, &wf, &wn);
     }
     if let Some(floor) = &c.noise_floor {
         let (frames, windows) = if c.first.held_out.frames > 0 {
@@ -102,50 +117,66 @@ pub fn brief(view: &ComparisonView) -> Result<(), Stop> {
         } else {
             (&floor.flight, &floor.flight_weak)
         };
+        row("noise floor", &frames.force_n.mae, &frames.moment_nm.mae, &windows.force_n.mae, &windows.moment_nm.mae);
+    }
+    out(labelled(
+        "",
+        &format!(
+            "details on {}: mean absolute error on single frames, axes of the root; windows of {} s, mean of the world axes",
+            judged_on(c),
+            c.options.window_s
+        ),
+    ))?;
+    out(t)
+}
+
+/// The table of all recordings.
+pub fn summary(s: &Summary) -> String {
+    let several = s.rows.iter().any(|r| r.session.is_some() || r.subject != s.rows[0].subject);
+    let header =
+        ["trial", "role", "markers", "gaps", "IK mm", "flights", "fall %", "flight N", "contact N", "qc", "reasons"];
+    let mut t = table(&header).left(&[1, 9]).wrapped(10).optional(&[3, 2, 6]);
+    let number = |v: Option<f64>, decimals: usize| v.map_or("–".to_owned(), |v| format!("{v:.decimals$}"));
+    for r in &s.rows {
+        let whose = [Some(&r.subject), r.session.as_ref()].into_iter().flatten().cloned().collect::<Vec<_>>().join(" ");
+        let name = if several { format!("{whose} {}", r.trial) } else { r.trial.clone() };
+        let codes: Vec<&str> = r.reasons.iter().map(|q| q.code()).collect();
+        let signal = match r.qc.as_str() {
+            "ok" => Signal::Good,
+            "warning" => Signal::Fair,
+            "failed" => Signal::Poor,
+            _ => Signal::Unknown,
+        };
         t.add_row([
-            "noise floor".to_owned(),
-            three(&frames.force_n.mae),
-            three(&frames.moment_nm.mae),
-            significant(mean(&windows.force_n.mae), 3),
-            significant(mean(&windows.moment_nm.mae), 3),
+            Cell::from(visible(&name)),
+            r.role.clone().into(),
+            match (r.markers, r.missing_markers) {
+                (Some(m), Some(n)) => format!("{m}/{}", m + n),
+                _ => "–".to_owned(),
+            }
+            .into(),
+            r.gaps.map_or("–".to_owned(), |n| n.to_string()).into(),
+            number(r.ik_error_mm, 1).into(),
+            r.flights.map_or("–".to_owned(), |n| n.to_string()).into(),
+            number(r.free_fall_error_percent, 1).into(),
+            crate::errors::figure(r.flight_error_n).into(),
+            crate::errors::figure(r.contact_error_n).into(),
+            Cell::judged(r.qc.clone(), signal),
+            codes.join(" ").into(),
         ]);
     }
-    out(format!("on {} (frames; windows of {} s)\n{t}", judged_on(c), c.options.window_s))?;
-    against_floor(c)
-}
-
-/// The held-out error over weak windows compared with the noise floor, in flight and in contact.
-pub fn against_floor(c: &Comparison) -> Result<(), Stop> {
-    for a in &c.against_floor {
-        let Some(floor) = &a.floor else { continue };
-        out(format!(
-            "held out in {}: {} N over windows; noise floor {}; {}",
-            a.judged_on,
-            significant(a.held_out_error, 3),
-            crate::findings::floor_in_words(floor.noise_floor, floor.ci95),
-            match (a.times_floor, a.at_floor) {
-                (_, Some(true)) => "at the floor".to_owned(),
-                (Some(times), _) => format!("{} times the floor", significant(times, 2)),
-                _ => "not compared".to_owned(),
-            }
-        ))?;
+    let of = |word: &str| s.rows.iter().filter(|r| r.qc == word).count();
+    let mut lines = vec![t.to_string()];
+    lines.push(format!(
+        "{} trials: {} ok, {} with warnings, {} failed, {} excluded",
+        s.rows.len(),
+        of("ok"),
+        of("warning"),
+        of("failed"),
+        of("excluded")
+    ));
+    for r in &s.reasons {
+        lines.push(labelled("  ", &format!("{} ({}): {} {}", r.reason, r.trials, r.meaning, r.advice)));
     }
-    Ok(())
-}
-
-/// One line for a subject or session among several.
-pub fn one_line(view: &ComparisonView) -> Result<(), Stop> {
-    let c = &view.comparison;
-    let (f, n, wf, wn) = errors_of(&c.first);
-    out(format!(
-        "{}: {} flights, σ_N-1/σ_N {}; {}: {} N, {} N·m on frames, {} N, {} N·m over windows",
-        view.subject,
-        view.parameters.flights,
-        significant(view.parameters.sigma_ratio, 3),
-        judged_on(c),
-        significant(mean(&f), 3),
-        significant(mean(&n), 3),
-        significant(mean(&wf), 3),
-        significant(mean(&wn), 3)
-    ))
+    lines.join("\n")
 }

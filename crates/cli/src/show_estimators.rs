@@ -2,6 +2,7 @@
 //! assessment, the calibration.
 
 use crate::render::{out, significant, table};
+use crate::screen::labelled;
 use crate::stop::Stop;
 use aloft_analysis::assess::Assessment;
 use aloft_analysis::compare::{CalibrationView, ImpulseMassView};
@@ -21,7 +22,7 @@ fn means(errors: Option<&ErrorsBrief>) -> [String; 2] {
 
 /// Table of rows × estimators × geometry.
 pub fn estimators(view: &EstimatorsView) -> Result<(), Stop> {
-    out(format!("{}: {}: {}", view.subject, view.judged_on, view.held_out))?;
+    out(labelled("", &format!("{}: {}: {}", view.subject, view.judged_on, view.held_out)))?;
     let window = format!("{} s windows N", view.window_s);
     let mut t = table(&[
         "geometry",
@@ -33,7 +34,9 @@ pub fn estimators(view: &EstimatorsView) -> Result<(), Stop> {
         "N·m",
         "σ_N-1/σ_N",
         "gate",
-    ]);
+    ])
+    .left(&[1, 2])
+    .optional(&[3, 4]);
     for row in &view.table {
         let gate = match (&row.gate, &row.failed) {
             (Some(gate), _) if gate.passed => "passed",
@@ -68,31 +71,26 @@ pub fn estimators(view: &EstimatorsView) -> Result<(), Stop> {
             "–".to_owned(),
         ]);
     }
-    for i in [1, 2] {
-        if let Some(column) = t.column_mut(i) {
-            column.set_cell_alignment(comfy_table::CellAlignment::Left);
-        }
-    }
     out(t)?;
     out("mean absolute error; * the pipeline's choice")?;
     for row in &view.table {
         let name = format!("{}, {} rows, {}", row.geometry, row.rows.unwrap_or("no"), row.estimator.unwrap_or("prior"));
         if let Some(reason) = row.gate.as_ref().filter(|g| !g.passed).and_then(|g| g.reasons.last()) {
-            out(format!("refused: {name}: {reason}"))?;
+            out(labelled("refused: ", &format!("{name}: {reason}")))?;
         }
         if let Some(problem) = &row.failed {
-            out(format!("failed: {name}: {problem}"))?;
+            out(labelled("failed: ", &format!("{name}: {problem}")))?;
         }
     }
     for note in &view.notes {
-        out(note)?;
+        out(labelled("", note))?;
     }
     Ok(())
 }
 
 /// Each trial predicted from the others.
 pub fn leave_one_out(view: &LeaveOneOutView) -> Result<(), Stop> {
-    out(format!("{}: {}", view.subject, view.words))?;
+    out(labelled(&format!("{}: ", view.subject), &view.words))?;
     let mut t = table(&[
         "trial",
         "model",
@@ -102,7 +100,8 @@ pub fn leave_one_out(view: &LeaveOneOutView) -> Result<(), Stop> {
         "N·m",
         "flight force x y z N",
         "moment x y z N·m",
-    ]);
+    ])
+    .left(&[1]);
     let trials = view.models.first().map_or(0, |m| m.trials.len());
     for i in 0..trials {
         for model in &view.models {
@@ -120,23 +119,23 @@ pub fn leave_one_out(view: &LeaveOneOutView) -> Result<(), Stop> {
             ]);
         }
     }
-    if let Some(column) = t.column_mut(1) {
-        column.set_cell_alignment(comfy_table::CellAlignment::Left);
-    }
     out(t)?;
     out("mean absolute error, root axes")?;
     for model in &view.models {
         if let Some(b) = &model.balance {
-            out(format!(
-                "{}: rows of contact count {} of a row of flight (held-out error {} against {})",
-                model.model,
-                significant(b.contact_weight, 2),
-                significant(b.contact_rms, 2),
-                significant(b.flight_rms, 2)
+            out(labelled(
+                "",
+                &format!(
+                    "{}: rows of contact count {} of a row of flight (held-out error {} against {})",
+                    model.model,
+                    significant(b.contact_weight, 2),
+                    significant(b.contact_rms, 2),
+                    significant(b.flight_rms, 2)
+                ),
             ))?;
         }
         if let Some(problem) = &model.failed {
-            out(format!("{}: {problem}", model.model))?;
+            out(labelled(&format!("{}: ", model.model), problem))?;
         }
     }
     Ok(())
@@ -145,14 +144,16 @@ pub fn leave_one_out(view: &LeaveOneOutView) -> Result<(), Stop> {
 /// Window lengths, errors in variables, motions to add.
 pub fn assessment(a: &Assessment) -> Result<(), Stop> {
     if let Some(window) = &a.window {
-        out(format!("\nwindow of weak rows: {}", window.words))?;
+        out("")?;
+        out(labelled("window of weak rows: ", &window.words))?;
     }
     for e in &a.errors_in_variables {
-        out(format!("errors in variables: {} ({} flights, {})", e.words, e.flights, e.estimator))?;
+        out(labelled("errors in variables: ", &format!("{} ({} flights, {})", e.words, e.flights, e.estimator)))?;
     }
     if !a.motions.is_empty() {
         out("\nmotions that would improve the worst parameters most, if recorded next")?;
-        let mut t = table(&["motion", "worst parameters, error falls by", "standard errors that improve most"]);
+        let mut t =
+            table(&["motion", "worst parameters, error falls by", "standard errors that improve most"]).wrapped(2);
         for m in &a.motions {
             let best: Vec<String> = m
                 .best
@@ -162,13 +163,10 @@ pub fn assessment(a: &Assessment) -> Result<(), Stop> {
                 .collect();
             t.add_row([m.motion.clone(), format!("{:.0} %", 100.0 * m.gain), best.join("; ")]);
         }
-        if let Some(column) = t.column_mut(2) {
-            column.set_cell_alignment(comfy_table::CellAlignment::Left);
-        }
         out(t)?;
     }
     for note in &a.notes {
-        out(note)?;
+        out(labelled("", note))?;
     }
     Ok(())
 }
@@ -177,13 +175,16 @@ pub fn assessment(a: &Assessment) -> Result<(), Stop> {
 pub fn calibration(c: &CalibrationView) -> Result<(), Stop> {
     let r = &c.report;
     let [before, after] = c.held_out_rms_m;
-    out(format!(
-        "calibration {}: marker RMS {:.2} to {:.2} mm on {} frames that took no part ({} took part)",
-        if c.used { "used" } else { "not used" },
-        1e3 * before,
-        1e3 * after,
-        r.frames_held_out,
-        r.frames_used
+    out(labelled(
+        "",
+        &format!(
+            "calibration {}: marker RMS {:.2} to {:.2} mm on {} frames that took no part ({} took part)",
+            if c.used { "used" } else { "not used" },
+            1e3 * before,
+            1e3 * after,
+            r.frames_held_out,
+            r.frames_used
+        ),
     ))?;
     let mut t = table(&["joint", "centre moved mm", "SD mm", "axis turned °", "SD °"]);
     for j in &r.joints {
@@ -201,12 +202,15 @@ pub fn calibration(c: &CalibrationView) -> Result<(), Stop> {
 
 /// Body mass from the impulse of the plates between flights.
 pub fn impulse_mass(w: &ImpulseMassView) -> Result<(), Stop> {
-    out(format!(
-        "mass by impulse of the plates from flight to flight: {:.2} kg ({:.2} to {:.2} over {} contacts){}",
-        w.mass_kg,
-        w.range_kg[0],
-        w.range_kg[1],
-        w.contacts,
-        w.doubt.as_ref().map_or(String::new(), |d| format!("; {d}"))
+    out(labelled(
+        "mass by impulse: ",
+        &format!(
+            "{:.2} kg ({:.2} to {:.2} over {} contacts){}",
+            w.mass_kg,
+            w.range_kg[0],
+            w.range_kg[1],
+            w.contacts,
+            w.doubt.as_ref().map_or(String::new(), |d| format!("; {d}"))
+        ),
     ))
 }

@@ -7,7 +7,7 @@ use crate::input::TrialFacts;
 use crate::noise_floor::{TrialFloor, explainable, trial_floor};
 use crate::segments::SegmentSums;
 use crate::windows::{TrialWindows, trial_windows};
-use crate::wording::describe;
+use crate::wording::{describe, worst_places};
 use crate::{
     Body, Candidate, CompareError, CompareOptions, FlightErrors, Floor, Group, NoiseFloor, RecordingOffset,
     SegmentShare, Smooth, TrialInput, TrialSeries, WindowErrors, WrenchErrors,
@@ -98,8 +98,22 @@ pub struct Comparison {
     pub noise_floor: Option<NoiseFloor>,
     /// Options of the comparison.
     pub options: CompareOptions,
+    /// Where the first model's error stands out, the most useful first.
+    #[serde(default)]
+    pub worst: Vec<WorstPlace>,
     /// Where the first model has its largest errors, in words.
     pub words: Vec<String>,
+}
+
+/// A trial, flight, phase or part of a flight whose error stands out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct WorstPlace {
+    /// `trial`, `phase`, `flight` or `part of the flight`.
+    pub what: String,
+    /// Name.
+    pub name: String,
+    /// Its error over the median error of its kind.
+    pub times_median: f64,
 }
 
 impl Comparison {
@@ -128,6 +142,16 @@ pub struct AgainstFloor {
     pub judged_on: String,
     /// Held-out error of the model, N: force, and moment over a lever of 0.1 m.
     pub held_out_error: f64,
+    /// Its force alone: root mean square of the length of the force error, N. None in comparisons
+    /// made before it was stored.
+    #[serde(default)]
+    pub held_out_force_n: Option<f64>,
+    /// Its moment alone, N·m.
+    #[serde(default)]
+    pub held_out_moment_nm: Option<f64>,
+    /// Number of windows.
+    #[serde(default)]
+    pub windows: usize,
     /// Error that a perfect model would leave; none if it was not estimated.
     pub floor: Option<Floor>,
     /// Held-out error over floor.
@@ -143,6 +167,9 @@ impl AgainstFloor {
         (errors.windows > 0).then(|| Self {
             judged_on: judged_on.to_owned(),
             held_out_error,
+            held_out_force_n: Some(errors.force_n.norm_rms()),
+            held_out_moment_nm: Some(errors.moment_nm.norm_rms()),
+            windows: errors.windows,
             floor,
             times_floor: floor.map(|f| held_out_error / f.noise_floor).filter(|t| t.is_finite()),
             at_floor: floor.and_then(|f| f.ci95).map(|[_, most]| held_out_error <= most),
@@ -316,15 +343,20 @@ pub fn compare_each<T, E: From<CompareError> + Send>(
     let mut models = models.into_iter();
     let Some(first) = models.next() else { return Err(CompareError::NoModel.into()) };
     let beside: Vec<ModelComparison> = models.collect();
-    let words = describe(&first, &beside, noise_floor.as_ref());
+    let against_floor = AgainstFloor::both(&first, noise_floor.as_ref());
+    let worst = worst_places(&first);
+    let words = describe(&first, &beside, noise_floor.as_ref(), &against_floor);
     let axes = if first.held_out.frames > 0 {
         axis_rows(&first.held_out, noise_floor.as_ref().map(|f| &f.contact))
     } else {
         axis_rows(&first.flight_wrench, noise_floor.as_ref().map(|f| &f.flight))
     };
-    let against_floor = AgainstFloor::both(&first, noise_floor.as_ref());
-    let comparison = Comparison { first, beside, axes, against_floor, noise_floor, options: *options, words };
-    Ok((comparison, frames.into_iter().map(|f| f.series).collect()))
+    let comparison = Comparison { first, beside, axes, against_floor, noise_floor, options: *options, worst, words };
+    let with_windows = |(frames, windows): (TrialFrames, TrialWindows)| TrialSeries {
+        windows: windows.windows.into_iter().map(|w| w.into_sample(&frames.series.time_s)).collect(),
+        ..frames.series
+    };
+    Ok((comparison, frames.into_iter().zip(windows).map(with_windows).collect()))
 }
 
 fn check_body(body: &Body<'_>) -> Result<(), CompareError> {

@@ -27,6 +27,20 @@ pub struct TrialSeries {
     pub measured: Vec<Vector6<f64>>,
     /// Predicted, `predicted[model][frame]`, NaN where the frame has no motion.
     pub predicted: Vec<Vec<Vector6<f64>>>,
+    /// Weak windows of the trial: the samples of every held-out error.
+    pub windows: Vec<WindowSample>,
+}
+
+/// The error of each model in one weak window: `∫ψ (predicted − measured) dt / ∫ψ dt`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct WindowSample {
+    /// Time of the middle of the window since the first frame, s.
+    pub center_s: f64,
+    /// True in a flight, false in contact.
+    pub in_flight: bool,
+    /// `residual[model]`: force (N) and moment (N·m) in world axes, the moment about the path of
+    /// the centre of mass, the offset of an untared recording subtracted.
+    pub residual: Vec<Vector6<f64>>,
 }
 
 /// Kinematic features of a frame.
@@ -117,6 +131,7 @@ pub(crate) fn trial_frames(
         in_flight: (0..n).map(|f| input.flights.iter().any(|g| g.contains(&f))).collect(),
         measured: vec![missing; n],
         predicted: vec![vec![missing; n]; candidates.len()],
+        windows: Vec::new(),
     };
     let mut out_records = Vec::with_capacity(places.iter().flatten().count());
     let mut samples = sought(input).then(|| OffsetSamples::new(candidates.len()));

@@ -35,6 +35,7 @@ mod error;
 mod errors;
 mod frames;
 mod input;
+mod judgement;
 mod measured;
 mod noise_floor;
 mod offset;
@@ -46,13 +47,15 @@ mod wording;
 
 pub use breakdown::{Group, GroupFloor, GroupedBy};
 pub use comparison::{
-    AgainstFloor, AxisRow, Comparison, Filtering, ModelComparison, Noise, TrialComparison, compare, compare_each,
+    AgainstFloor, AxisRow, Comparison, Filtering, ModelComparison, Noise, TrialComparison, WorstPlace, compare,
+    compare_each,
 };
 pub use drift::{PlateDrift, TareReadings};
 pub use error::CompareError;
 pub use errors::{AxisErrors, AxisResidual, FlightErrors, WindowErrors, WrenchErrors};
-pub use frames::TrialSeries;
+pub use frames::{TrialSeries, WindowSample};
 pub use input::{Body, Candidate, CompareOptions, PoseErrors, TrialInput};
+pub use judgement::{FAIR_TIMES_FLOOR, POOR_TIMES_FLOOR, Signal, floor_in_words, significant};
 pub use measured::{Measured, measured_wrench};
 pub use noise_floor::{Floor, NoiseFloor, Smooth, noise_root};
 pub use offset::RecordingOffset;

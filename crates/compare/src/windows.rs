@@ -6,7 +6,7 @@
 //! model's. World axes, moments about a smooth path near the centre of mass.
 
 use crate::errors::{Sums, halves, joined};
-use crate::frames::complete;
+use crate::frames::{WindowSample, complete};
 use crate::phase::weak_stretches;
 use crate::{Body, Candidate, CompareError, CompareOptions, RecordingOffset, TrialInput};
 use aloft_body::Motion;
@@ -29,7 +29,16 @@ pub(crate) struct TrialWindows {
 #[derive(Debug, Clone)]
 pub(crate) struct Window {
     pub center: usize,
+    pub in_flight: bool,
     pub residual: Vec<Vector6<f64>>,
+}
+
+impl Window {
+    /// The window as a sample of its trial.
+    pub fn into_sample(self, time_s: &[f64]) -> WindowSample {
+        let center_s = time_s.get(self.center).copied().unwrap_or(f64::NAN);
+        WindowSample { center_s, in_flight: self.in_flight, residual: self.residual }
+    }
 }
 
 pub(crate) fn trial_windows(
@@ -64,7 +73,7 @@ pub(crate) fn trial_windows(
                 out.contact[c].add(&left);
                 residual.push(left);
             }
-            out.windows.push(Window { center, residual });
+            out.windows.push(Window { center, in_flight: false, residual });
         }
     }
     for (i, run) in flights.iter().enumerate() {
@@ -74,6 +83,7 @@ pub(crate) fn trial_windows(
         }
         out.windows.extend(found.centers.iter().enumerate().map(|(w, &center)| Window {
             center,
+            in_flight: true,
             residual: found.residual.iter().map(|windows| windows[w]).collect(),
         }));
     }

@@ -1,8 +1,9 @@
 //! Describes in words where a model has its largest errors.
 
 use crate::breakdown::{Group, GroupedBy};
-use crate::comparison::ModelComparison;
-use crate::noise_floor::{NoiseFloor, explainable};
+use crate::comparison::{AgainstFloor, ModelComparison, WorstPlace};
+use crate::judgement::significant;
+use crate::noise_floor::NoiseFloor;
 
 /// Ratio from which a difference between groups is reported.
 const REMARKABLE: f64 = 1.5;
@@ -14,81 +15,106 @@ const FEWEST_WINDOWS: usize = 4;
 const LARGE_SHARE: f64 = 0.3;
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// Sentences on one model, the most useful first. `beside` are the other models.
-pub(crate) fn describe(model: &ModelComparison, beside: &[ModelComparison], floor: Option<&NoiseFloor>) -> Vec<String> {
+/// Word for a kind of place in which an error can stand out.
+fn word_of(by: GroupedBy) -> Option<&'static str> {
+    match by {
+        GroupedBy::Phase => Some("phase"),
+        GroupedBy::Flight => Some("flight"),
+        GroupedBy::TimeInFlight => Some("part of the flight"),
+        _ => None,
+    }
+}
+
+/// Places whose error stands out from the median of their kind.
+pub(crate) fn worst_places(model: &ModelComparison) -> Vec<WorstPlace> {
+    let contact = model.held_out.frames > 0;
+    let trials: Vec<(&str, f64)> = model
+        .trials
+        .iter()
+        .filter_map(|t| {
+            let (frames, windows) = if contact { (&t.contact, &t.contact_weak) } else { (&t.flight, &t.flight_weak) };
+            let counts = !contact || t.held_out_contact;
+            let enough = windows.windows >= FEWEST_WINDOWS;
+            (counts && frames.frames >= FEWEST_FRAMES)
+                .then(|| (t.trial.as_str(), if enough { windows.size() } else { frames.size() }))
+        })
+        .collect();
+    let place = |what: &str, found: Option<(&str, f64)>| {
+        found.map(|(name, times_median)| WorstPlace { what: what.to_owned(), name: name.to_owned(), times_median })
+    };
+    let mut out: Vec<WorstPlace> = place("trial", stands_out(&trials)).into_iter().collect();
+    for by in [GroupedBy::Flight, GroupedBy::Phase, GroupedBy::TimeInFlight] {
+        // sizes over windows and over frames cannot be compared
+        let of_windows = of(&model.breakdown, by).all(|g| g.windows.windows >= FEWEST_WINDOWS);
+        let sizes: Vec<(&str, f64)> = of(&model.breakdown, by)
+            .map(|g| (g.name.as_str(), if of_windows { g.windows.size() } else { g.errors.size() }))
+            .collect();
+        out.extend(word_of(by).and_then(|what| place(what, stands_out(&sizes))));
+    }
+    out
+}
+
+/// Sentences on one model, the most useful first. `beside` are the other models, `against` the
+/// first model's errors in flight and in held-out contact.
+///
+/// Every error is the held-out error over weak windows; single frames, whose error is mostly that
+/// of second derivatives, are used only where no window fits.
+pub(crate) fn describe(
+    model: &ModelComparison,
+    beside: &[ModelComparison],
+    floor: Option<&NoiseFloor>,
+    against: &[AgainstFloor],
+) -> Vec<String> {
     let mut out = Vec::new();
     let contact = model.held_out.frames > 0;
     let (windows, frames) =
         if contact { (&model.held_out_weak, &model.held_out) } else { (&model.flight_weak, &model.flight_wrench) };
     let place = if contact { "held-out contact" } else { "flight" };
-    if frames.frames == 0 {
+    if frames.frames == 0 && against.is_empty() {
         return vec!["No frame can be compared: no flight, and no contact that is measured as a whole.".to_owned()];
     }
-    out.push(format!(
-        "In {place} the mean error is {} on single frames{}.",
-        pair(frames.force_n.mean_mae(), frames.moment_nm.mean_mae()),
-        if windows.windows > 0 {
-            format!(" and {} over weak windows", pair(windows.force_n.mean_mae(), windows.moment_nm.mean_mae()))
-        } else {
-            String::new()
-        }
-    ));
-    out.extend(offsets(model));
-    if let Some(floor) = floor {
-        let (on_frames, on_windows) =
-            if contact { (&floor.contact, &floor.contact_weak) } else { (&floor.flight, &floor.flight_weak) };
-        if on_frames.frames > 0 {
-            let share = explainable(frames.size(), on_frames.size());
-            out.push(format!(
-                "A perfect model would leave {} on frames; {:.0} % of the mean square error there is explainable.",
-                pair(on_frames.force_n.mean_mae(), on_frames.moment_nm.mean_mae()),
-                100.0 * share
-            ));
-        }
-        if on_windows.windows > 0 && windows.windows > 0 {
-            let share = explainable(windows.size(), on_windows.size());
-            out.push(format!(
-                "Over windows a perfect model would leave {}; {:.0} % of the mean square error there is explainable.",
-                pair(on_windows.force_n.mean_mae(), on_windows.moment_nm.mean_mae()),
-                100.0 * share
-            ));
-        }
+    for a in against {
+        out.push(format!(
+            "In {} the held-out error is {} N: {}.",
+            if a.judged_on == "contact" { "held-out contact" } else { "flight" },
+            figures(a.held_out_error),
+            a.ratio_in_words()
+        ));
     }
-    let (axis, value) = worst(&frames.force_n.rmse);
-    let (turn, moment) = worst(&frames.moment_nm.rmse);
+    if windows.windows == 0 {
+        out.push(format!(
+            "In {place} no run of frames is as long as a window; on single frames the mean error is {}.",
+            pair(frames.force_n.mean_mae(), frames.moment_nm.mean_mae())
+        ));
+    }
+    out.extend(offsets(model));
+    let (force, moment, axes) = if windows.windows > 0 {
+        (&windows.force_n, &windows.moment_nm, "world")
+    } else {
+        (&frames.force_n, &frames.moment_nm, "root")
+    };
+    let (axis, value) = worst(&force.rmse);
+    let (turn, turning) = worst(&moment.rmse);
     out.push(format!(
-        "Worst axes of the root: force {} ({} N root mean square, mean {} N), moment {} ({} N·m, mean {} N·m).",
+        "Largest along {axes} {}: force {} N root mean square, mean {} N; about {axes} {}: moment {} N·m, mean {} N·m.",
         AXES[axis],
         figures(value),
-        figures(frames.force_n.bias[axis]),
+        figures(force.bias[axis]),
         AXES[turn],
-        figures(moment),
-        figures(frames.moment_nm.bias[turn])
+        figures(turning),
+        figures(moment.bias[turn])
     ));
-    let trials: Vec<(&str, f64)> = model
-        .trials
-        .iter()
-        .map(|t| (t.trial.as_str(), if contact { &t.contact } else { &t.flight }))
-        .filter(|(_, e)| e.frames >= FEWEST_FRAMES)
-        .map(|(name, e)| (name, e.size()))
-        .collect();
-    if let Some((name, ratio)) = stands_out(&trials) {
-        out.push(format!("Worst trial: {name}, {ratio:.1} times the median trial."));
-    }
-    for (by, what) in
-        [(GroupedBy::Phase, "phase"), (GroupedBy::Flight, "flight"), (GroupedBy::TimeInFlight, "part of the flight")]
-    {
-        let groups: Vec<(&str, f64)> = of(&model.breakdown, by).map(|g| (g.name.as_str(), size(g))).collect();
-        if let Some((name, ratio)) = stands_out(&groups) {
-            let group = model.breakdown.iter().find(|g| g.by == by && g.name == name);
-            let (on_frames, on_windows) = group.map_or((None, None), |g| g.explainable(floor));
-            let share = on_windows.or(on_frames);
-            out.push(format!(
-                "Worst {what}: {name}, {ratio:.1} times the median of them{}.",
-                share
-                    .map_or(String::new(), |s| format!("; {:.0} % of its mean square error is explainable", 100.0 * s))
-            ));
-        }
+    for place in worst_places(model) {
+        let group = model.breakdown.iter().find(|g| word_of(g.by) == Some(place.what.as_str()) && g.name == place.name);
+        let (on_frames, on_windows) = group.map_or((None, None), |g| g.explainable(floor));
+        let share = on_windows.or(on_frames);
+        out.push(format!(
+            "Worst {}: {}, {:.1} times the median of them{}.",
+            place.what,
+            place.name,
+            place.times_median,
+            share.map_or(String::new(), |s| format!("; {:.0} % of its mean square error is explainable", 100.0 * s))
+        ));
     }
     for (by, what) in [
         (GroupedBy::Speed, "speed of the centre of mass"),
@@ -119,18 +145,14 @@ pub(crate) fn describe(model: &ModelComparison, beside: &[ModelComparison], floo
         ));
     }
     for other in beside {
-        let theirs = if contact { &other.held_out } else { &other.flight_wrench };
-        let weak = if contact { &other.held_out_weak } else { &other.flight_weak };
-        out.push(format!(
-            "`{}` beside it: {} on frames{}.",
-            other.model,
-            pair(theirs.force_n.mean_mae(), theirs.moment_nm.mean_mae()),
-            if weak.windows > 0 {
-                format!(", {} over windows", pair(weak.force_n.mean_mae(), weak.moment_nm.mean_mae()))
-            } else {
-                String::new()
-            }
-        ));
+        let of = |a: &AgainstFloor| {
+            let errors = if a.judged_on == "contact" { &other.held_out_weak } else { &other.flight_weak };
+            (errors.windows > 0).then(|| format!("{} N in {}", figures(errors.size()), a.judged_on))
+        };
+        let errors: Vec<String> = against.iter().filter_map(of).collect();
+        if !errors.is_empty() {
+            out.push(format!("For comparison, `{}`: {}.", other.model, errors.join(", ")));
+        }
     }
     out
 }
@@ -157,12 +179,11 @@ fn offsets(model: &ModelComparison) -> Vec<String> {
     if model.trials.iter().any(|t| t.held_out_contact && t.offset.is_some()) {
         let (frames, windows) = (&model.held_out_as_measured, &model.held_out_weak_as_measured);
         out.push(format!(
-            "As measured, with such constants, the mean error in held-out contact is {} on single frames{}.",
-            pair(frames.force_n.mean_mae(), frames.moment_nm.mean_mae()),
+            "As measured, with such constants, the held-out error in contact is {}.",
             if windows.windows > 0 {
-                format!(" and {} over weak windows", pair(windows.force_n.mean_mae(), windows.moment_nm.mean_mae()))
+                format!("{} N", figures(windows.size()))
             } else {
-                String::new()
+                format!("{} on single frames", pair(frames.force_n.mean_mae(), frames.moment_nm.mean_mae()))
             }
         ));
     }
@@ -173,14 +194,8 @@ fn signed(values: &[f64; 3]) -> String {
     values.map(|x| format!("{}{}", if x < 0.0 { "" } else { "+" }, figures(x))).join(", ")
 }
 
-/// Two decimals, or more if the first two are zeros: errors of small objects are small numbers.
 fn figures(x: f64) -> String {
-    let size = x.abs();
-    if !(1e-9..0.1).contains(&size) {
-        return format!("{x:.2}");
-    }
-    let decimals = (1.0 - size.log10().floor()) as usize;
-    format!("{x:.decimals$}")
+    significant(x, 3)
 }
 
 fn pair(force_n: f64, moment_nm: f64) -> String {

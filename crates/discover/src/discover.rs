@@ -59,13 +59,18 @@ pub fn discover(
     if has_contact && (!has_flights || effects.iter().any(|e| wanted(*e, options) && judged_in(*e, Domain::Contact))) {
         domains.push(Domain::Contact);
     }
+    // usually one round names an effect, and a second one finds nothing more
+    let usual = 2 * effects.iter().filter(|e| wanted(**e, options)).count();
     let mut before = f64::NAN;
     let mut after = f64::NAN;
     // a variant found in flight also acts in contact, so its columns are recomputed for every
     // domain
     let mut kept: Vec<Variant<'_>> = Vec::new();
     let mut left_out: Vec<NotTried> = Vec::new();
+    let mut to_come = domains.len();
     for domain in domains {
+        session.counter.expect(usual * to_come);
+        to_come -= 1;
         let mut first_gain: Option<f64> = None;
         let mut at_floor: Option<AtFloor> = None;
         for _ in 0..options.rounds.max(1) {
@@ -437,7 +442,9 @@ fn run_round<'a>(
         .filter_map(|(e, placebo)| {
             let taken: Vec<Target> =
                 already.iter().filter(|(a, _)| a.id() == e.id()).map(|(_, target)| *target).collect();
-            score_effect(session, problem, *e, &taken, None, *placebo, true)
+            let scored = score_effect(session, problem, *e, &taken, None, *placebo, true);
+            session.counter.one();
+            scored
         })
         .collect();
     let plain = problem.plain();

@@ -67,6 +67,7 @@ mod options;
 mod pairs;
 mod placebo;
 mod problem;
+mod progress;
 mod rank;
 mod repeating;
 mod result;

@@ -8,6 +8,7 @@
 use crate::DiscoverError;
 use crate::floor::Standing;
 use crate::problem::{Domain, Problem};
+use crate::progress::Counter;
 use aloft_body::{BaseParameters, Model, Motion, Phi};
 use aloft_effects::{Columns, Effect, PlateSeries, Scene, Series, Span, Target, TrialMotion};
 use aloft_identify::Prior;
@@ -99,6 +100,7 @@ pub struct Session<'a> {
     /// Results of a comparison, in flight and in contact.
     pub(crate) standing: [Option<Standing>; 2],
     pub(crate) warnings: Vec<String>,
+    pub(crate) counter: Counter<'a>,
 }
 
 /// Scene of a set of trials: the body, the plates, the volume of the flights.
@@ -189,6 +191,7 @@ impl<'a> Session<'a> {
             stored_names: Vec::new(),
             noise: None,
             standing: [None; 2],
+            counter: Counter::default(),
             warnings,
         };
         out.noise = crate::floor::white_noise(body, trials, options, &out.blocks);
@@ -251,6 +254,7 @@ impl<'a> Session<'a> {
             stored_names: first.columns.effects.clone(),
             noise: None,
             standing: [None; 2],
+            counter: Counter::default(),
             warnings: Vec::new(),
         })
     }
@@ -286,6 +290,13 @@ impl<'a> Session<'a> {
     #[must_use]
     pub fn with_standing(mut self, flight: Option<Standing>, contact: Option<Standing>) -> Self {
         self.standing = [flight, contact];
+        self
+    }
+
+    /// Tells `told` how many effects a discovery has scored, and how many it expects to score.
+    #[must_use]
+    pub fn with_progress(mut self, told: &'a (dyn Fn(usize, usize) + Sync)) -> Self {
+        self.counter = Counter::new(told);
         self
     }
 

@@ -34,6 +34,12 @@ fn estimate(c: &Candidate) -> String {
         .join(", ")
 }
 
+/// A positive number with this many significant digits, as the comparison shows it.
+fn digits(value: f64, n: i32) -> String {
+    let decimals = if value > 0.0 { n - 1 - value.log10().floor() as i32 } else { n - 1 };
+    format!("{value:.*}", decimals.clamp(0, 12) as usize)
+}
+
 /// Number of decimals that show two digits of the half-width of an interval.
 pub(crate) fn decimals(half: f64) -> usize {
     if half.is_finite() && half > 0.0 { (1.0 - half.log10().floor()).clamp(0.0, 9.0) as usize } else { 4 }
@@ -105,10 +111,10 @@ pub(crate) fn answer(d: &Discovery, far: Option<(&str, Standing)>) -> String {
         let found_here = |id: &String| d.rounds.iter().any(|r| r.judged_on == place && r.effects.contains(id));
         let part: Vec<String> = d.found.iter().filter(|f| found_here(&f.effect)).map(|f| f.key.clone()).collect();
         let remains = format!(
-            "{:.3} N, {:.1} times the noise floor of {:.3} N",
-            standing.held_out_error,
-            standing.times_floor(),
-            standing.noise_floor
+            "{} N, {} times the noise floor of {} N",
+            digits(standing.held_out_error, 3),
+            digits(standing.times_floor(), 2),
+            digits(standing.noise_floor, 3)
         );
         if !part.is_empty() {
             return format!(

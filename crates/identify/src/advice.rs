@@ -18,8 +18,8 @@ use serde::{Deserialize, Serialize};
 const LINES: usize = 5;
 
 /// Advice from how well each parameter is observed: links with most hardly observed parameters
-/// first.
-pub(crate) fn in_words(model: &Model, parameters: &[(String, Determination)]) -> Vec<String> {
+/// first. Turning over in the air is recommended only where it is safe.
+pub(crate) fn in_words(model: &Model, parameters: &[(String, Determination)], turning_over: bool) -> Vec<String> {
     let mut lines: Vec<(usize, String)> = Vec::new();
     for (i, link) in model.links.iter().enumerate() {
         let own: Vec<&str> = parameters
@@ -35,6 +35,11 @@ pub(crate) fn in_words(model: &Model, parameters: &[(String, Determination)]) ->
             continue;
         }
         let how = match &link.joint.kind {
+            JointKind::Free if !turning_over => {
+                "jump with quarter turns to both sides, and tip the trunk forwards, backwards and sideways in the air, as far as is \
+                 safe for the subject"
+                    .to_owned()
+            }
             JointKind::Free => {
                 "turn the whole body in the air, about each of its axes and both ways (somersault, side tilt, twist)"
                     .to_owned()
@@ -71,12 +76,23 @@ pub struct AdviceOptions {
     pub spin_rad_s: f64,
     /// Number of flights of each kind.
     pub flights: usize,
+    /// Whether spins about horizontal axes (somersaults, cartwheels) are candidates; without it the
+    /// whole body spins about the axis that is nearest to the vertical.
+    pub turning_over: bool,
 }
 
 impl Default for AdviceOptions {
     /// Three flights of half a second, swings of 30° at 2 Hz, a spin of 3 rad/s.
     fn default() -> Self {
-        Self { flight_s: 0.5, rate_hz: 100.0, amplitude_rad: 0.52, frequency_hz: 2.0, spin_rad_s: 3.0, flights: 3 }
+        Self {
+            flight_s: 0.5,
+            rate_hz: 100.0,
+            amplitude_rad: 0.52,
+            frequency_hz: 2.0,
+            spin_rad_s: 3.0,
+            flights: 3,
+            turning_over: true,
+        }
     }
 }
 
@@ -135,8 +151,10 @@ pub fn excitation_advice(
     let mut worst: Vec<usize> = (1..left.len()).collect();
     worst.sort_by(|&a, &b| left[b].total_cmp(&left[a]));
     worst.truncate((left.len() / 4).max(1));
+    let upright = upright_axis(model, posture);
     let mut out: Vec<MotionAdvice> = candidates(model)
         .into_par_iter()
+        .filter(|c| !c.spin || options.turning_over || c.axis == upright)
         .map(|candidate| {
             let motion = synthesise(model, &phi, posture, &candidate, options);
             let stretch = Stretch::flight(motion.trial.clone(), 0, 0, motion.n_frames());
@@ -192,6 +210,15 @@ impl Candidate {
             options.frequency_hz
         )
     }
+}
+
+/// Axis of the root that is nearest to the vertical in a posture.
+fn upright_axis(model: &Model, posture: &[f64]) -> usize {
+    let mut state = State::new(model);
+    state.forward_position(model, posture);
+    let Some(root) = state.world_from_link.first() else { return 2 };
+    let vertical = root.rotation.inverse() * -model.gravity_mps2;
+    vertical.iamax()
 }
 
 fn candidates(model: &Model) -> Vec<Candidate> {

@@ -45,6 +45,9 @@ pub struct IdentifyOptions {
     /// Factors of the standard errors of effect coefficients, by column: how much they grow because
     /// nonlinear parameters of the effect, fixed here, were fitted to the same recordings.
     pub widening: BTreeMap<String, f64>,
+    /// Whether advice may contain turning the whole body over in the air: for objects, and for people
+    /// whose protocol contains it.
+    pub turning_over: bool,
 }
 
 impl Default for IdentifyOptions {
@@ -60,6 +63,7 @@ impl Default for IdentifyOptions {
             divergence_weight: 0.3,
             gate: GateLimits::default(),
             widening: BTreeMap::new(),
+            turning_over: false,
         }
     }
 }
@@ -191,7 +195,7 @@ pub fn identify_with_slides(
         None => Vec::new(),
     };
     let named: Vec<(String, Determination)> = base_estimates.iter().map(|b| (b.name.clone(), b.seen)).collect();
-    let hints = advice::in_words(model, &named);
+    let hints = advice::in_words(model, &named, options.turning_over);
     let information = match base_prior.as_ref() {
         Some(prior) => Some(fit.information(&clusters, mass_kg, prior, &named)?),
         None => None,

@@ -46,7 +46,7 @@ pub fn stage_index(name: &str) -> Result<usize, PipelineError> {
         let known: Vec<&str> = STAGES.iter().map(|s| s.name).collect();
         PipelineError::request_hint(
             format!("there is no stage `{name}`"),
-            format!("the stages are {}", known.join(", ")),
+            aloft_study::nearest::hint(name, &known, "the stages are"),
         )
     })
 }
@@ -83,7 +83,7 @@ pub fn trial_filter(studies: &[&SubjectSession], patterns: &[String]) -> Result<
         names.dedup();
         return Err(PipelineError::request_hint(
             format!("no trial matches {}", patterns.join(", ")),
-            format!("the trials are {}", names.join(", ")),
+            aloft_study::nearest::hint(&patterns[0], &names, "the trials are"),
         ));
     }
     Ok(Some(set))

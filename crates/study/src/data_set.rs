@@ -6,6 +6,7 @@
 
 use crate::facts::participant_ids;
 use crate::inherit::{PipelineFile, fits};
+use crate::nearest::{hint, nearest};
 use crate::place::error_at_key;
 use crate::quote::visible;
 use crate::recordings::{SessionId, fold, pattern, recordings_below};
@@ -33,6 +34,8 @@ pub struct DataSet {
     pub broken: Vec<BrokenMember>,
     /// Those excluded by the pipeline, with the reason.
     pub excluded: Vec<(SessionId, String)>,
+    /// A note on where the workspace was found; none if it is in its usual place.
+    pub place_note: Option<String>,
     /// Remarks about the layout: participants without folders, overrides that match nothing.
     pub remarks: Vec<String>,
 }
@@ -57,7 +60,10 @@ impl DataSet {
     pub fn open(path: &Path, overrides: &Overrides) -> Result<Self, PipelineError> {
         let pipeline = PipelineFile::read(path)?;
         let (data, workspace) = folders_of(&pipeline, overrides)?;
+        let named = overrides.workspace.is_some() || pipeline.config.workspace.is_some();
+        let place_note = in_the_earlier_place(&workspace, &pipeline.folder(), named);
         let mut set = Self {
+            place_note,
             pipeline,
             data,
             workspace,
@@ -114,9 +120,15 @@ impl DataSet {
         }
         if set.members.is_empty() && set.broken.is_empty() && set.excluded.is_empty() {
             let names: Vec<String> = known.iter().map(ToString::to_string).collect();
+            let all: Vec<&str> = names.iter().map(String::as_str).collect();
+            let parts: Vec<&str> =
+                known.iter().flat_map(|id| [&id.subject, &id.session]).flatten().map(String::as_str).collect();
+            let asked = overrides.subjects.iter().chain(&overrides.sessions);
+            let near = asked.flat_map(|a| nearest(a, &parts)).map(|n| format!("`{n}`")).next();
+            let meant = near.map_or(String::new(), |n| format!("did you mean {n}? "));
             return Err(PipelineError::request_hint(
                 "no subject matches --subject and --session",
-                format!("there are {}", names.join(", ")),
+                format!("{meant}{}", hint("", &all, "there are")),
             ));
         }
         Ok(set)
@@ -339,10 +351,37 @@ fn folders_of(pipeline: &PipelineFile, overrides: &Overrides) -> Result<(PathBuf
         (None, Some(w)) => dir.join(w),
         (None, None) => {
             let name = data.canonicalize().ok().and_then(|p| p.file_name().map(|n| n.to_string_lossy().into_owned()));
-            PathBuf::from("workspaces").join(format!("{}-{}", config.name, name.unwrap_or_else(|| "data".to_owned())))
+            let name = format!("{}-{}", config.name, name.unwrap_or_else(|| "data".to_owned()));
+            default_workspace(&dir, &name)
         }
     };
     Ok((data, workspace))
+}
+
+/// Folder beside the pipeline file that holds the workspaces of pipelines that name none.
+const WORKSPACES: &str = "workspaces";
+
+/// The workspace of a pipeline that names none: beside the pipeline file. Earlier versions put it
+/// into the current folder, where it is still found.
+fn default_workspace(dir: &Path, name: &str) -> PathBuf {
+    let beside = dir.join(WORKSPACES).join(name);
+    let earlier = Path::new(WORKSPACES).join(name);
+    let is_workspace = |p: &Path| p.join(aloft_workspace::format::MARKER).is_file();
+    if !is_workspace(&beside) && is_workspace(&earlier) { earlier } else { beside }
+}
+
+/// A note for a workspace that was found in the current folder and not beside the pipeline file.
+fn in_the_earlier_place(workspace: &Path, dir: &Path, named: bool) -> Option<String> {
+    let elsewhere = !named && workspace.starts_with(WORKSPACES) && !dir.as_os_str().is_empty();
+    let same = || workspace.canonicalize().ok() == dir.join(workspace).canonicalize().ok();
+    (elsewhere && !same()).then(|| {
+        format!(
+            "results are in {}, where earlier versions put them; new ones lie beside the pipeline file: move the folder to {}, or name it with \
+             --workspace",
+            workspace.display(),
+            dir.join(workspace).display()
+        )
+    })
 }
 
 /// Guesses the subject folders of a study that has no pipeline yet: those named in

@@ -3,6 +3,7 @@
 
 use crate::catalog;
 use crate::config::PipelineConfig;
+use crate::nearest;
 use crate::place::{error_at, find, inside};
 use crate::ranges;
 use crate::revision::ModelEffect;
@@ -212,7 +213,14 @@ impl KnownEffects {
 
     /// An effect of a model, bound to a scene.
     pub fn choice(&self, scene: &Scene, effect: &ModelEffect) -> Result<EffectInstance<'_>, PipelineError> {
-        let fail = |e: EffectsError| PipelineError::request(e.to_string());
+        let known: Vec<&str> = self.all().iter().map(|e| e.id()).collect();
+        let fail = |e: EffectsError| match e {
+            EffectsError::Unknown { name, .. } => PipelineError::request_hint(
+                format!("there is no effect `{name}`"),
+                nearest::hint(&name, &known, "there are"),
+            ),
+            other => PipelineError::request(other.to_string()),
+        };
         let mut choice = EffectInstance::among(&effect.key, scene, &self.all()).map_err(fail)?;
         for (name, value) in &effect.nonlinear {
             choice.set(scene, name, *value).map_err(fail)?;

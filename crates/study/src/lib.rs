@@ -11,6 +11,7 @@ pub mod data_set;
 pub mod effects;
 pub mod facts;
 pub mod inherit;
+pub mod nearest;
 pub mod old_names;
 pub mod place;
 pub mod quote;

@@ -60,6 +60,10 @@ pub struct Reached {
     pub coefficients: Vec<ReachedCoefficient>,
     /// Base parameters, to see what an effect changes.
     pub base: Vec<(String, f64)>,
+    /// Trials whose windows are in the errors, sorted; none in models written before they were
+    /// stored.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trials: Option<Vec<String>>,
 }
 
 /// A coefficient of an effect, as identified.
@@ -106,6 +110,18 @@ pub struct Judged {
     /// 95 % interval of the noise floor, N: the range in which the error of a perfect model falls.
     #[serde(default)]
     pub noise_ci95: Option<[f64; 2]>,
+    /// The force alone, N; none in models written before it was stored, as the next three.
+    #[serde(default)]
+    pub force_n: Option<f64>,
+    /// The moment alone, N·m.
+    #[serde(default)]
+    pub moment_nm: Option<f64>,
+    /// Number of windows.
+    #[serde(default)]
+    pub windows: usize,
+    /// Whether the identified parameters passed their gate.
+    #[serde(default)]
+    pub gate_passed: Option<bool>,
 }
 
 impl Judged {

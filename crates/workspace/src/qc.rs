@@ -90,8 +90,8 @@ reasons! {
     FreeFallOff, "free_fall_off", Warning, "The free acceleration in flight differs from the stated gravity in size or direction, beyond its uncertainty.", "`aloft explain` names the ratio and what explains it: frame rate, unit of length, body-weight support, vertical.";
     ComparisonLarge, "comparison_large", Warning, "Model and measurement differ by more than 5 % of body weight (mean absolute force).", "See `aloft compare` and `aloft discover`.";
     WeaklyIdentified, "weakly_identified", Warning, "The flights of this session do not determine all parameters.", "Record more flights, with stronger motion of the limbs.";
-    UntaredPlate, "untared_plate", Ok, "A plate is never unloaded, so that its zero is not known; the comparison takes one constant off.", "Let the subject step off the plates once in each recording.";
     PartlyMeasured, "partly_measured", Ok, "The plates do not measure all contact in some frames under load (a foot beside them, a hold, a chair, a helper); these frames are left out.", "`aloft explain` says how many and why; nothing to do where the rest suffices.";
+    UntaredPlate, "untared_plate", Warning, "A plate is never unloaded, so that its zero is not known; the comparison takes one constant off.", "Let the subject step off the plates once in each recording.";
     Remarks, "remarks", Warning, "A stage has remarks of its own.", "`aloft explain` shows them.";
 }
 

@@ -169,23 +169,32 @@ fn identification(session: &SubjectSession, ws: &Workspace, subject: &SubjectExp
         InertiaSource::Prior { .. } => " The exported models carry the inertias of the prior.",
     });
     if ws.place("compare", WHOLE_STUDY).join("comparison.json").is_file() {
-        let comparison = compare(session)?.comparison;
-        let (held, flight) = (&comparison.first.held_out, &comparison.first.flight);
-        if held.frames > 0 {
+        for e in compare(session)?.errors {
+            let mut parts = Vec::new();
+            let figure = |x: f64| aloft_compare::significant(x, 3);
+            if let (Some(force), Some(moment)) = (e.held_out_force_n, e.held_out_moment_nm) {
+                parts.push(format!("force {} N, moment {} N·m", figure(force), figure(moment)));
+            }
+            if let Some(share) = e.held_out_error_of_weight {
+                parts.push(format!("{} % of body weight", aloft_compare::significant(100.0 * share, 2)));
+            }
             t.push_str(&format!(
-                " On held-out contact ({} frames) the mean absolute error of the predicted wrench was {:.1} N and {:.2} N·m (mean of axes).",
-                held.frames,
-                held.force_n.mean_mae(),
-                held.moment_nm.mean_mae()
+                " In held-out {} the error of the predicted wrench over {} weak windows was {} N (root mean square of force, and of moment over a lever of \
+                 0.1 m; {})",
+                e.judged_on,
+                e.windows,
+                figure(e.held_out_error),
+                parts.join("; ")
             ));
-        }
-        if flight.frames > 0 {
-            let rms = |v: &[f64; 3]| (v.iter().map(|x| x * x).sum::<f64>() / 3.0).sqrt();
-            t.push_str(&format!(
-                " In flight the residual at the root was {:.2} N and {:.2} N·m (root mean square of axes).",
-                rms(&flight.residual_force_n.rms),
-                rms(&flight.residual_moment_nm.rms)
-            ));
+            match (e.noise_floor, e.times_floor) {
+                (Some(floor), Some(times)) => t.push_str(&format!(
+                    ", {} times the noise floor of {}{}.",
+                    aloft_compare::significant(times, 2),
+                    aloft_compare::floor_in_words(floor, e.noise_floor_ci95),
+                    if e.at_floor == Some(true) { ", which is at the floor" } else { "" }
+                )),
+                _ => t.push('.'),
+            }
         }
     }
     Ok(t)

@@ -21,7 +21,7 @@ use std::collections::HashMap;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "identify",
-    version: 4,
+    version: 5,
     scope: Scope::Session,
     seconds: 0.3,
     reads: "all factors",
@@ -62,6 +62,13 @@ impl Params {
             is_object: session.object.is_some(),
             widening: session.effects.iter().flat_map(widening).collect(),
         }
+    }
+}
+
+impl Params {
+    /// Whether advice may contain turning over in the air.
+    pub fn turning_over(&self) -> bool {
+        self.is_object || self.identify.somersaults
     }
 }
 
@@ -158,8 +165,14 @@ fn identify_with(
     let prior = LinkPrior::of_subject(subject).map_err(|e| StageFailure::new(e.to_string()))?;
     let flight_error_correlation = params.identify.flight_error_correlation.unwrap_or(0.0);
     let widening = params.widening.iter().cloned().collect();
-    let options =
-        IdentifyOptions { estimator, bootstrap, flight_error_correlation, widening, ..IdentifyOptions::default() };
+    let options = IdentifyOptions {
+        estimator,
+        bootstrap,
+        flight_error_correlation,
+        widening,
+        turning_over: params.turning_over(),
+        ..IdentifyOptions::default()
+    };
     let plain: Vec<Factor> = factors.iter().map(|(_, f)| f.clone()).collect();
     identify_with_slides(&subject.model, &base, &plain, flights, slides, subject.facts.mass_kg, Some(&prior), &options)
         .map(|i| i.parameters)

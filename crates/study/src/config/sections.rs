@@ -235,6 +235,8 @@ IdentifyConfig {
     #[schemars(range(min = 0.0, max = 1.0))]
     #[serde(alias = "repeat_correlation")]
     flight_error_correlation: Option<f64> = None,
+    /// Whether the subject may turn over in the air (gymnasts, divers, trampolines). Only then, and for objects, does the advice on what to record next contain it.
+    somersaults: bool = false,
 }}
 
 section! {

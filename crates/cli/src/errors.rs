@@ -1,0 +1,128 @@
+//! The error of a model beside its floor, as every command shows it.
+
+use crate::render::{out, significant};
+use crate::screen::{Cell, Grid, labelled, paint, table};
+use crate::stop::Stop;
+use aloft_analysis::compare::{ComparisonView, LeftOut};
+use aloft_analysis::held_out::HeldOutError;
+use aloft_compare::Signal;
+
+/// `–` for a missing number.
+pub fn figure(value: Option<f64>) -> String {
+    value.map_or("–".to_owned(), |v| significant(v, 3))
+}
+
+/// Judgement in one or two words: `at the floor`, `fair`, `poor`.
+pub fn judgement(e: &HeldOutError) -> Cell {
+    let word = match (e.at_floor, e.signal) {
+        (Some(true), Signal::Good) => "at the floor",
+        (Some(true), _) => "at the floor, from tables",
+        (_, signal) => signal.word(),
+    };
+    Cell::judged(word, e.signal)
+}
+
+/// One row for each kind of motion.
+pub fn grid(errors: &[HeldOutError]) -> Grid {
+    let header =
+        ["held out", "error N", "% weight", "moment N·m", "floor N", "floor 95 %", "times floor", "tables N", "judged"];
+    let mut t = table(&header).left(&[8]).optional(&[7, 3, 5, 2]);
+    for e in errors {
+        let interval = e
+            .noise_floor_ci95
+            .map_or("–".to_owned(), |[a, b]| format!("{} to {}", significant(a, 3), significant(b, 3)));
+        t.add_row([
+            format!("in {}", e.judged_on).into(),
+            figure(Some(e.held_out_error)).into(),
+            e.held_out_error_of_weight.map_or("–".to_owned(), |s| significant(100.0 * s, 2)).into(),
+            figure(e.held_out_moment_nm).into(),
+            figure(e.noise_floor).into(),
+            interval.into(),
+            e.times_floor.map_or("–".to_owned(), |t| significant(t, 2)).into(),
+            figure(e.tables_error).into(),
+            judgement(e),
+        ]);
+    }
+    t
+}
+
+/// What the columns of [`grid`] mean.
+pub const MEANING: &str = "error: root mean square over held-out weak windows of force, with moment over a lever of 0.1 m; floor: what a \
+     perfect model would leave; tables: error of the table's body";
+
+/// Subject and what was identified, two lines.
+pub fn identified(view: &ComparisonView) -> [String; 2] {
+    let p = &view.parameters;
+    let plural = |n: usize, word: &str| format!("{n} {word}{}", if n == 1 { "" } else { "s" });
+    let subject = labelled(
+        "subject     ",
+        &format!(
+            "{}, {} kg; {} in {}",
+            short(&view.subject),
+            significant(p.mass_kg, 3),
+            plural(p.flights, "flight"),
+            plural(p.trials, "trial")
+        ),
+    );
+    let tables = p.in_all - p.from_motion;
+    let rest = if tables > 0 { format!(", {tables} from tables") } else { String::new() };
+    let gate = if p.gate_passed { "gate passed" } else { "gate not passed (aloft parameters)" };
+    let words = format!("{} of {} parameters from motion{rest}; {gate}", p.from_motion, p.in_all);
+    let signal = if p.gate_passed { Signal::Good } else { Signal::Poor };
+    let identified = labelled("identified  ", &words).replacen(gate, &paint(gate, signal), 1);
+    [subject, identified]
+}
+
+/// Where the error is largest, in one line.
+pub fn worst(view: &ComparisonView) -> Option<String> {
+    let c = &view.comparison;
+    let place = c
+        .worst
+        .first()
+        .map(|w| format!("{} {}: {} times the median {}", w.what, w.name, significant(w.times_median, 2), w.what));
+    let text = if let Some(place) = place {
+        place
+    } else {
+        // no place stands out: name the axis
+        let errors = if c.first.held_out_weak.windows > 0 { &c.first.held_out_weak } else { &c.first.flight_weak };
+        let axis = (0..3).max_by(|&a, &b| errors.force_n.rmse[a].total_cmp(&errors.force_n.rmse[b]))?;
+        let value = errors.force_n.rmse.get(axis).filter(|v| v.is_finite())?;
+        format!(
+            "no trial or flight stands out; largest along world {}: {} N",
+            ["x", "y", "z"][axis],
+            significant(*value, 3)
+        )
+    };
+    Some(crate::screen::one_line("worst       ", &text))
+}
+
+/// Trials that are not in the errors, as one line.
+pub fn left_out(list: &[LeftOut]) -> Option<String> {
+    let names: Vec<String> = list
+        .iter()
+        .map(|l| l.stage.map_or_else(|| l.trial.clone(), |stage| format!("{} ({stage} failed)", l.trial)))
+        .collect();
+    (!names.is_empty())
+        .then(|| crate::screen::one_line("without     ", &format!("{}: not in these errors", names.join(", "))))
+}
+
+/// A name short enough for a line: up to the first comma or bracket.
+pub fn short(name: &str) -> String {
+    let name = aloft_study::quote::visible(name);
+    let head = name.split([',', '(', ';']).next().unwrap_or(&name).trim().to_owned();
+    crate::screen::cut(&head, 40)
+}
+
+/// Prints subject, identification, errors and where they are largest.
+pub fn block(view: &ComparisonView) -> Result<(), Stop> {
+    identified(view).iter().try_for_each(out)?;
+    if let Some(line) = left_out(&view.left_out) {
+        out(line)?;
+    }
+    if view.errors.is_empty() {
+        out("error       nothing to compare: no flight or held-out contact is as long as a window")?;
+    } else {
+        out(grid(&view.errors))?;
+    }
+    worst(view).map_or(Ok(()), out)
+}

@@ -1,0 +1,117 @@
+//! Output of `history`, `effect add` and `effect remove`: the revisions of the model with the error
+//! that each of them reached.
+
+use crate::errors::figure;
+use crate::render::{beside, half, out, significant};
+use crate::screen::{Cell, labelled, table};
+use crate::stop::Stop;
+use aloft_analysis::held_out::HeldOutError;
+use aloft_analysis::history::{History, HistoryRow};
+use aloft_compare::Signal;
+
+/// The revisions of the model.
+pub fn history(h: &History, details: bool) -> Result<(), Stop> {
+    rungs(&h.revisions)?;
+    for r in &h.revisions {
+        remarks(r)?;
+    }
+    if let Some(last) = h.revisions.last() {
+        coefficients(last)?;
+    }
+    if details { whole(&h.revisions) } else { Ok(()) }
+}
+
+/// What an `effect add` or `effect remove` reached: the last two revisions.
+pub fn change(h: &History, details: bool) -> Result<(), Stop> {
+    let from = h.revisions.len().saturating_sub(2);
+    rungs(&h.revisions[from..])?;
+    if let Some(last) = h.revisions.last() {
+        remarks(last)?;
+        coefficients(last)?;
+    }
+    if details { whole(&h.revisions) } else { Ok(()) }
+}
+
+fn rungs(rows: &[HistoryRow]) -> Result<(), Stop> {
+    let any = |place: &str| rows.iter().any(|r| r.errors.iter().any(|e| e.judged_on == place));
+    for place in ["flight", "contact"].into_iter().filter(|p| any(p)) {
+        let head = format!("held out in {place}");
+        let header = ["rev", &head, "error N", "% weight", "floor N", "floor 95 %", "times floor"];
+        let mut t = table(&header).left(&[1]).optional(&[5, 3]);
+        for r in rows {
+            let e = r.errors.iter().find(|e| e.judged_on == place);
+            let interval = e
+                .and_then(|e| e.noise_floor_ci95)
+                .map_or("–".to_owned(), |[a, b]| format!("{} to {}", significant(a, 3), significant(b, 3)));
+            t.add_row([
+                Cell::from(r.revision.to_string()),
+                r.action.clone().into(),
+                figure(e.map(|e| e.held_out_error)).into(),
+                e.and_then(|e| e.held_out_error_of_weight).map_or("–".to_owned(), |s| significant(100.0 * s, 2)).into(),
+                figure(e.and_then(|e| e.noise_floor)).into(),
+                interval.into(),
+                e.map_or_else(|| Cell::from("–"), |e| Cell::judged(e.ratio(), e.signal)),
+            ]);
+        }
+        out(t)?;
+    }
+    if !any("flight") && !any("contact") {
+        out("no revision has an error yet: run the pipeline first")?;
+    }
+    Ok(())
+}
+
+/// What has to be known before two revisions are compared.
+fn remarks(r: &HistoryRow) -> Result<(), Stop> {
+    let label = format!("revision {}: ", r.revision);
+    for text in [&r.trials_changed, &r.void].into_iter().flatten() {
+        out(labelled(&label, &crate::screen::paint(text, Signal::Fair)))?;
+    }
+    Ok(())
+}
+
+fn coefficients(r: &HistoryRow) -> Result<(), Stop> {
+    if r.coefficients.is_empty() {
+        return Ok(());
+    }
+    let head = format!("revision {}", r.revision);
+    let mut t = table(&[head.as_str(), "value", "± 95 %"]);
+    for c in &r.coefficients {
+        t.add_row([format!("  {}", c.name), beside(c.value, c.ci95), half(c.ci95)]);
+    }
+    out(t)
+}
+
+fn whole(rows: &[HistoryRow]) -> Result<(), Stop> {
+    out("")?;
+    let mut t = table(&[
+        "rev",
+        "effects",
+        "judged on",
+        "explainable %",
+        "σ_N-1/σ_N",
+        "marker RMS mm",
+        "largest change of a base parameter",
+    ])
+    .left(&[2])
+    .wrapped(1);
+    for r in rows {
+        t.add_row([
+            r.revision.to_string(),
+            if r.effects.is_empty() { "none".into() } else { r.effects.join(", ") },
+            r.judged_on.map_or("–".to_owned(), |j| j.words().to_owned()),
+            r.explainable.map_or("–".to_owned(), |x| format!("{:.0}", 100.0 * x)),
+            figure(r.sigma_ratio),
+            figure(r.marker_rms_mm),
+            r.largest_change.as_ref().map_or("–".to_owned(), |(name, x)| {
+                format!("{name} {}{}", if *x < 0.0 { "" } else { "+" }, significant(*x, 2))
+            }),
+        ]);
+    }
+    out(t)
+}
+
+/// True if every error of a revision is at its floor.
+pub fn is_at_floor(errors: &[HeldOutError]) -> bool {
+    !errors.is_empty() && errors.iter().all(|e| e.at_floor == Some(true))
+}
