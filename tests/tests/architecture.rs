@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Crates from bottom to top: each may use only those listed before it.
-const ORDER: [&str; 22] = [
+const ORDER: [&str; 23] = [
     "c3d",
     "body",
     "signal",
@@ -15,6 +15,7 @@ const ORDER: [&str; 22] = [
     "scale",
     "filter",
     "ik",
+    "robot",
     "flight",
     "effects",
     "regressor",

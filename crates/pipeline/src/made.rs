@@ -53,6 +53,7 @@ pub fn as_made(session: &SubjectSession) -> SubjectSession {
     put(&mut config.trials.static_frames, most(&scale, "static_frames"));
     put(&mut out.model, most(&scale, "model"));
     put(&mut out.object, most(&scale, "object"));
+    put(&mut out.robot, most(&scale, "robot"));
     put(&mut out.anthropometry, most(&scale, "anthropometry"));
     put(&mut out.facts, most::<Facts>(&scale, "facts"));
     put(&mut config.calibrate, most(&of("calibrate"), "calibrate"));

@@ -155,7 +155,7 @@ fn beside(at: &FactPlaces<'_>) -> Result<(FactsFile, Vec<String>), PipelineError
 }
 
 fn facts_file(folder: &Path) -> Result<Option<(FactsFile, String)>, PipelineError> {
-    for name in ["subject.yaml", "subject.yml", "object.yaml", "object.yml"] {
+    for name in ["subject.yaml", "subject.yml", "object.yaml", "object.yml", "robot.yaml", "robot.yml"] {
         if let Some(facts) = one_file(&folder.join(name))? {
             return Ok(Some((facts, name.to_owned())));
         }

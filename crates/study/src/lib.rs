@@ -18,6 +18,7 @@ pub mod quote;
 pub mod ranges;
 pub mod recordings;
 pub mod revision;
+pub mod robot;
 pub mod subject_session;
 
 /// JSON schema of pipeline files.

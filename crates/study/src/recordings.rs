@@ -78,9 +78,29 @@ pub fn bids_beside(path: &Path) -> Vec<PathBuf> {
     beside
 }
 
+/// Endings of a robot's log, and of the recording of its base beside it.
+const LOG_ENDINGS: [&str; 3] = [".csv.gz", ".csv", ".parquet"];
+
+/// The name of a robot's log without its ending: `jump_01` for `jump_01_robot.csv.gz`; none for other files and for recordings
+/// of the base.
+pub fn log_stem(path: &Path) -> Option<String> {
+    let name = path.file_name()?.to_string_lossy().into_owned();
+    let bare = LOG_ENDINGS.iter().find_map(|end| name.strip_suffix(end))?;
+    (!bare.ends_with("_base")).then(|| bare.strip_suffix("_robot").unwrap_or(bare).to_owned())
+}
+
+/// The recording of the base beside a robot's log, if there is one: `jump_01_base.csv` for `jump_01_robot.csv.gz`.
+pub fn base_beside(log: &Path) -> Option<PathBuf> {
+    let stem = log_stem(log)?;
+    LOG_ENDINGS.iter().map(|end| log.with_file_name(format!("{stem}_base{end}"))).find(|p| p.is_file())
+}
+
 /// The name of a recording without its ending.
 pub fn stem_of(path: &Path) -> String {
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    if let Some(stem) = log_stem(path) {
+        return stem;
+    }
     match name.strip_suffix(BIDS_MOTION) {
         Some(stem) => stem.to_owned(),
         None => path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default(),
@@ -90,6 +110,15 @@ pub fn stem_of(path: &Path) -> String {
 /// Recordings below a folder, relative to it, in order of names. Results (workspaces, exports, `derivatives`) and hidden folders
 /// are not looked into. Links to files count: data sets of DataLad or git-annex consist of them.
 pub fn recordings_below(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
+    files_below(folder, is_recording)
+}
+
+/// Logs of robots below a folder, in the same way.
+pub fn logs_below(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
+    files_below(folder, |path| log_stem(path).is_some())
+}
+
+fn files_below(folder: &Path, wanted: impl Fn(&Path) -> bool) -> Result<Vec<PathBuf>, PipelineError> {
     let mut found = Vec::new();
     let walk = walkdir::WalkDir::new(folder).sort_by_file_name().into_iter().filter_entry(|e| {
         let name = e.file_name().to_string_lossy();
@@ -105,7 +134,7 @@ pub fn recordings_below(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
             path: folder.to_path_buf(),
             source: e.into_io_error().unwrap_or_else(|| std::io::Error::other("a loop of links")),
         })?;
-        if is_recording(entry.path()) && entry.path().is_file() {
+        if wanted(entry.path()) && entry.path().is_file() {
             found.push(entry.path().strip_prefix(folder).unwrap_or(entry.path()).to_path_buf());
         }
     }

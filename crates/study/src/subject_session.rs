@@ -9,7 +9,8 @@ use crate::facts::{FactPlaces, Facts, find_facts};
 use crate::inherit::{PipelineFile, TrialSettings, Whose};
 use crate::place::error_at_key;
 use crate::quote;
-use crate::recordings::{SessionId, bids_beside, fold, globs, recordings_below, stem_of};
+use crate::recordings::{SessionId, base_beside, bids_beside, fold, globs, logs_below, recordings_below, stem_of};
+use crate::robot::RobotSetup;
 use aloft_body::ModelSpec;
 use aloft_scale::ObjectSpec;
 use aloft_trial::MarkerSet;
@@ -62,7 +63,7 @@ pub struct TrialEntry {
     pub forces: Option<PathBuf>,
     /// Group of recordings that it belongs to (`trials.groups`), if any.
     pub group: Option<String>,
-    /// Files that describe the recording: channels and metadata of BIDS-Motion.
+    /// Files that belong to the recording: channels and metadata of BIDS-Motion, the base of a robot.
     pub beside: Vec<PathBuf>,
     /// Reason for its exclusion, if it is excluded.
     pub excluded: Option<String>,
@@ -97,6 +98,8 @@ pub struct SubjectSession {
     pub marker_set: MarkerSet,
     /// The object description, for things that are not people.
     pub object: Option<ObjectSpec>,
+    /// The robot, for robots.
+    pub robot: Option<RobotSetup>,
     /// Effects of the model's present revision.
     pub effects: Vec<crate::revision::ModelEffect>,
     /// Base parameters of the model without effects, from which columns of effects take the centre
@@ -157,9 +160,27 @@ impl SubjectSession {
             PipelineError::Request { problem, hint } => error_at_key(&file, text, key, problem, hint),
             other => other,
         };
-        let model = load_model(&config.model, &dir).map_err(|e| at("model", e))?;
-        let marker_set: MarkerSet =
-            catalog::load("markersets", &config.marker_set, &dir).map_err(|e| at("marker_set", e))?;
+        let robot = match &config.robot {
+            Some(robot) => Some(RobotSetup::load(robot, &place.data, place.root).map_err(|e| at("robot", e))?),
+            None => None,
+        };
+        let named = |key: &str, value: &str| {
+            if value.is_empty() {
+                let hint = "name it, or describe a robot under `robot: {description: robot.yaml}`".to_owned();
+                return Err(error_at_key(&file, text, "name", format!("`{key}` is missing"), Some(hint)));
+            }
+            Ok(())
+        };
+        let (model, marker_set): (ModelSpec, MarkerSet) = match &robot {
+            Some(robot) => (robot.model.spec.clone(), robot.no_markers()),
+            None => {
+                named("model", &config.model)?;
+                named("marker_set", &config.marker_set)?;
+                let model = load_model(&config.model, &dir).map_err(|e| at("model", e))?;
+                let set = catalog::load("markersets", &config.marker_set, &dir).map_err(|e| at("marker_set", e))?;
+                (model, set)
+            }
+        };
         if let Some(unknown) = config.ik.weights.keys().find(|k| !marker_set.markers.iter().any(|m| m.label == **k)) {
             let problem = format!("`ik.weights` names the marker `{unknown}`, which the marker set does not have");
             return Err(error_at_key(
@@ -212,6 +233,7 @@ impl SubjectSession {
             model,
             marker_set,
             object,
+            robot,
             anthropometry,
         })
     }
@@ -263,6 +285,11 @@ impl SubjectSession {
         trial.and_then(|t| t.settings.as_ref()).map_or(&self.config.flight, |s| &s.flight)
     }
 
+    /// True for bodies of rigid links, objects and robots: they have no soft tissue.
+    pub fn is_rigid(&self) -> bool {
+        self.object.is_some() || self.robot.is_some()
+    }
+
     /// A trial by name.
     pub fn trial(&self, name: &str) -> Option<&TrialEntry> {
         self.trials.iter().find(|t| t.name == name)
@@ -303,7 +330,8 @@ fn find_trials(
     ];
     let mut found: Vec<(PathBuf, Role)> = Vec::new();
     let mut unmatched = Vec::new();
-    for relative in recordings_below(data)? {
+    let is_robot = config.robot.is_some();
+    for relative in if is_robot { logs_below(data)? } else { recordings_below(data)? } {
         match roles.iter().find(|(_, set)| set.is_match(&relative)) {
             Some((role, _)) => found.push((relative, *role)),
             None => unmatched.push(relative),
@@ -329,7 +357,7 @@ fn find_trials(
         } else {
             None
         };
-        let beside = bids_beside(&path);
+        let beside = if is_robot { base_beside(&path).into_iter().collect() } else { bids_beside(&path) };
         trials.push(TrialEntry {
             name,
             role: *role,
@@ -373,7 +401,11 @@ fn find_trials(
     if trials.is_empty() {
         return Err(PipelineError::request_hint(
             format!("{}: no recording matches the pipeline's `trials`", data.display()),
-            "expected .c3d or .trc files; see `trials` in the pipeline",
+            if is_robot {
+                "expected logs such as jump_01_robot.csv.gz; see `trials` in the pipeline"
+            } else {
+                "expected .c3d or .trc files; see `trials` in the pipeline"
+            },
         ));
     }
     trials.sort_by(|a, b| a.name.cmp(&b.name));

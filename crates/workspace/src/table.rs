@@ -97,6 +97,20 @@ impl Table {
     }
 }
 
+/// Reads Parquet of another program: every column of whole or floating-point numbers; others are left out.
+pub fn read_numbers(path: &Path) -> Result<Table, PipelineError> {
+    let table_error = |e: PolarsError| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() };
+    let bytes = std::fs::read(path).map_err(PipelineError::io("read", path))?;
+    let frame = parquet::read(bytes).map_err(table_error)?;
+    let mut table = Table::default();
+    for column in frame.columns().iter().filter(|c| c.dtype().is_primitive_numeric()) {
+        let wide = column.cast(&DataType::Float64).map_err(table_error)?;
+        let values = wide.f64().map_err(table_error)?;
+        table.push(column.name().as_str(), values.iter().map(|v| v.unwrap_or(f64::NAN)).collect());
+    }
+    Ok(table)
+}
+
 /// True if a sample of a column holds only a few different values.
 fn repeats(values: &[f64]) -> bool {
     const SAMPLE: usize = 64;

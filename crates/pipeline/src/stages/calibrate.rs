@@ -42,6 +42,9 @@ pub struct Params {
     calibrate: CalibrateConfig,
     anthropometry: Anthropometry,
     object: Option<ObjectSpec>,
+    /// True for robots, whose geometry is that of the model file.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    is_robot: bool,
     facts: Facts,
     roles: Vec<(String, Role)>,
 }
@@ -57,6 +60,7 @@ impl StageWork for Work {
             calibrate: session.config.calibrate.clone(),
             anthropometry: session.anthropometry.clone(),
             object: session.object.clone(),
+            is_robot: session.robot.is_some(),
             facts: session.facts.clone(),
             roles: session.included().map(|t| (t.name.clone(), t.role)).collect(),
         }
@@ -77,7 +81,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     // out
     let names = inputs.trials_with_role("import", |role| may_teach(config, role));
     let dynamic = names.iter().filter(|t| inputs.role(t).is_some_and(Role::is_dynamic)).count();
-    if config.enabled == Switch::Off || dynamic == 0 {
+    if config.enabled == Switch::Off || dynamic == 0 || params.is_robot {
         done.note("used", false);
         save_subject(inputs, &subject)?;
         return Ok(done);

@@ -5,6 +5,7 @@ use crate::results::Results;
 use crate::stages::filter::low_pass;
 use crate::stages::identify::{self, Predicting, identify_from, training_factors};
 use crate::stages::ik::fit_options;
+use crate::stages::robot::RobotErrors;
 use crate::trial_rows::{TrialRows, effect_columns};
 use aloft_body::{BaseParameters, Motion, Subject};
 use aloft_compare::{
@@ -135,8 +136,8 @@ pub struct ComparedTrial {
     pub flights: Vec<Range<usize>>,
     /// Frames in which all external forces on the body are measured.
     pub complete: Vec<bool>,
-    /// Errors of the markers, if the noise floor is to be computed.
-    pub errors: Option<DrawnErrors>,
+    /// Errors of markers or sensors, if the noise floor is to be computed.
+    pub errors: Option<Box<dyn PoseErrors + Send>>,
     /// Drift of the plates, if the noise floor is to be computed.
     pub drift: Option<PlateDrift>,
     /// Columns of the model's effects.
@@ -170,12 +171,16 @@ impl ComparedTrial {
             let own = readings.iter().find(|r| r.0 == self.name).map(|r| r.1.times_s.clone()).unwrap_or_default();
             self.drift = PlateDrift::of(&others, &measured.noise_density, own);
         }
+        if let Some(sensors) = RobotErrors::load(results, &self.unfiltered)? {
+            self.errors = Some(Box::new(sensors));
+            return Ok(self);
+        }
         let mut subject = subject.clone();
         let options = fit_options(params.ik_of(&self.name), results, &mut subject)?;
         let (trial, _) = results.load_labelled_markers(&self.name)?;
         let errors = MarkerErrors::of(&subject, &trial, &self.unfiltered, &options)
             .map_err(|e| StageFailure::new(e.to_string()))?;
-        self.errors = errors.map(DrawnErrors);
+        self.errors = errors.map(|e| Box::new(DrawnErrors(e)) as Box<dyn PoseErrors + Send>);
         Ok(self)
     }
 
@@ -328,7 +333,7 @@ impl ComparedTrial {
             unfiltered: Some(&self.unfiltered),
             measured: self.measured.as_ref(),
             complete: Some(&self.complete),
-            errors: self.errors.as_ref().map(|e| e as &dyn PoseErrors),
+            errors: self.errors.as_ref().map(|e| &**e as &dyn PoseErrors),
             drift: self.drift.as_ref(),
             effects: self.effects.as_ref(),
             untared: self.untared,

@@ -49,7 +49,7 @@ impl StageWork for Work {
             flight: session.flight_of(trial).clone(),
             gravity_mps2: session.facts.gravity_mps2,
             role: trial.map(|t| t.role),
-            is_object: session.object.is_some(),
+            is_object: session.is_rigid(),
         }
     }
     fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {

@@ -6,6 +6,7 @@ use aloft_body::{Motion, Subject};
 use aloft_filter::continuous;
 use aloft_ik::{IkOptions, IkReport, LabelExchange, solve};
 use aloft_study::config::IkConfig;
+use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::artifact::save_motion;
 use aloft_workspace::error::StageFailure;
@@ -32,6 +33,8 @@ pub static STAGE: Stage = Stage {
 #[derive(Debug, Serialize)]
 pub struct Params {
     ik: IkConfig,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    robot: Option<RobotSetup>,
 }
 
 /// Work of the stage.
@@ -41,7 +44,7 @@ pub struct Work;
 impl StageWork for Work {
     type Params = Params;
     fn params(session: &SubjectSession, trial: Option<&TrialEntry>) -> Params {
-        Params { ik: session.ik_of(trial).clone() }
+        Params { ik: session.ik_of(trial).clone(), robot: session.robot.clone() }
     }
     fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
         run(params, inputs)
@@ -81,6 +84,9 @@ pub fn track(
 }
 
 fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+    if let Some(robot) = &params.robot {
+        return super::robot::motion(robot, inputs);
+    }
     let name = inputs.trial()?;
     let subject = inputs.results.load_subject("calibrate")?;
     let (subject, motion, report, exchanges) = track(&params.ik, inputs.results, subject, name)?;

@@ -4,6 +4,7 @@ use crate::graph::{Need, Recording, Scope, Stage, StageInputs, StageReport, Stag
 use aloft_study::config::{ImportConfig, Vertical};
 use aloft_study::quote;
 use aloft_study::recordings::bids_beside;
+use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_trial::{
     ArtefactOptions, BidsMotion, GapOptions, ImportOptions, MarkerSet, QualityOptions, Severity, Trial, TrialQuality,
@@ -23,7 +24,7 @@ pub static STAGE: Stage = Stage {
     version: 3,
     scope: Scope::Trial(&[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
     seconds: 0.03,
-    reads: "C3D, TRC with MOT, or BIDS-Motion; marker set",
+    reads: "C3D, TRC with MOT, or BIDS-Motion; marker set (robots: joint log, base pose)",
     gives: "markers, plates, events in SI and one world frame; quality table",
     needs: &[Need::Recording],
     parameters: parameters_of::<Work>,
@@ -35,6 +36,8 @@ pub static STAGE: Stage = Stage {
 pub struct Params {
     import: ImportConfig,
     marker_set: MarkerSet,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    robot: Option<RobotSetup>,
 }
 
 /// Work of the stage.
@@ -44,7 +47,11 @@ pub struct Work;
 impl StageWork for Work {
     type Params = Params;
     fn params(session: &SubjectSession, trial: Option<&TrialEntry>) -> Params {
-        Params { import: session.import_of(trial).clone(), marker_set: session.marker_set.clone() }
+        Params {
+            import: session.import_of(trial).clone(),
+            marker_set: session.marker_set.clone(),
+            robot: session.robot.clone(),
+        }
     }
     fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
         run(params, inputs)
@@ -161,7 +168,10 @@ fn acquired(scans: &str, file: &std::path::Path) -> Option<aloft_trial::Recorded
 }
 
 fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
-    let Params { import, marker_set } = params;
+    let Params { import, marker_set, robot } = params;
+    if let Some(robot) = robot {
+        return super::robot::import(robot, inputs);
+    }
     let recording = inputs.recording()?;
     let mut trial = read_recording(import, recording)?;
     let held = trial.truncated();

@@ -12,6 +12,7 @@ pub mod ik;
 pub mod import;
 pub mod object;
 pub mod regressor;
+pub mod robot;
 pub mod scale;
 
 use crate::graph::Stage;

@@ -51,7 +51,7 @@ pub struct Params {
     pub marker_sd_m: f64,
     /// Whether contact is used for identification.
     pub contact: bool,
-    /// True for objects, which have no soft tissue.
+    /// True for objects and robots, which have no soft tissue.
     pub is_object: bool,
     /// Role of the trial.
     pub role: Option<Role>,
@@ -72,7 +72,7 @@ impl Params {
             slow_noise: regressor.slow_noise,
             marker_sd_m: session.config.ik.marker_sd_m,
             contact: session.config.identify.contact,
-            is_object: session.object.is_some(),
+            is_object: session.is_rigid(),
             role: trial.map(|t| t.role),
             effects: session.model_effects(),
             recordings: session.facts.recordings.clone(),

@@ -5,6 +5,7 @@ use aloft_body::{ModelSpec, Subject};
 use aloft_scale::{Anthropometry, HipMethod, ObjectSpec, PersonInput, ScaleOptions, Scaled, scale_person};
 use aloft_study::config::{ScaleConfig, StaticFrames};
 use aloft_study::facts::Facts;
+use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_trial::MarkerSet;
 use aloft_workspace::error::StageFailure;
@@ -18,7 +19,7 @@ pub static STAGE: Stage = Stage {
     version: 2,
     scope: Scope::Session,
     seconds: 0.03,
-    reads: "static trial (objects: calibration trial, too), anthropometry or object description",
+    reads: "static trial (objects: calibration trial, too), anthropometry or object description; robots: model file",
     gives: "`Subject`: the model with this body's joint centres, marker places and prior inertias",
     needs: &[Need::EveryOrStaticFrames("import", &[Role::Static, Role::Calibration])],
     parameters: parameters_of::<Work>,
@@ -32,6 +33,8 @@ pub struct Params {
     model: ModelSpec,
     marker_set: MarkerSet,
     object: Option<ObjectSpec>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    robot: Option<RobotSetup>,
     anthropometry: Anthropometry,
     facts: Facts,
     static_frames: Option<StaticFrames>,
@@ -49,6 +52,7 @@ impl StageWork for Work {
             model: session.model.clone(),
             marker_set: session.marker_set.clone(),
             object: session.object.clone(),
+            robot: session.robot.clone(),
             anthropometry: session.anthropometry.clone(),
             facts: session.facts.clone(),
             static_frames: session.config.trials.static_frames.clone(),
@@ -112,6 +116,9 @@ fn static_source(
 fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
     if let Some(object) = &params.object {
         return super::object::scale(object, &params.facts, inputs);
+    }
+    if let Some(robot) = &params.robot {
+        return super::robot::scale(robot, &params.facts, inputs);
     }
     let (name, frames) = static_source(params, inputs)?;
     let trial = inputs.results.load_trial(&name)?;

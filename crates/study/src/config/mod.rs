@@ -11,8 +11,8 @@ mod trials;
 pub use overrides::{Override, Sections};
 pub use sections::{
     Angles, CalibrateConfig, CompareConfig, Correction, Estimator, ExportConfig, FilterConfig, FlightConfig,
-    FlightSource, IdentifyConfig, IkConfig, ImportConfig, RegressorConfig, Rows, ScaleConfig, Switch, Vertical,
-    Weighting,
+    FlightSource, IdentifyConfig, IkConfig, ImportConfig, RegressorConfig, RobotConfig, Rows, ScaleConfig, Switch,
+    Vertical, Weighting,
 };
 pub use subjects::{GRAVITY_MPS2, HEIGHT_M, MASS_KG, SubjectConfig, SubjectExclusion, SubjectsConfig};
 pub use trials::{Exclusion, StaticFrames, TrialsConfig};
@@ -32,13 +32,18 @@ pub struct PipelineConfig {
     /// Folder for results, relative to this file. `--workspace` replaces it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub workspace: Option<String>,
-    /// Model: a name in `configs/models/` or a path to a YAML or URDF file.
+    /// Model: a name in `configs/models/` or a path to a YAML or URDF file. A robot's is named by its description.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub model: String,
-    /// Marker set: a name in `configs/markersets/` or a path.
+    /// Marker set: a name in `configs/markersets/` or a path. Robots have none.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub marker_set: String,
     /// Object description (links whose frames are defined by markers): a name in `configs/objects/` or a path. Leave out for people.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub object: Option<String>,
+    /// A robot, whose motion is logged by its joints. Leave out for people and objects.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub robot: Option<RobotConfig>,
     /// Facts about the subject; what is not said here is taken from `subject.yaml`, `object.yaml` or `participants.tsv` beside the recordings.
     #[serde(default)]
     pub subject: SubjectConfig,

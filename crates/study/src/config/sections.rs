@@ -155,6 +155,22 @@ FlightConfig {
     margin_s: f64 = 0.07,
 }}
 
+section! {
+/// A robot: its description, and how far its model's inertias may be from the truth.
+RobotConfig {
+    /// Description of the robot, a path relative to the recordings: model files, inertial unit, noise of the sensors.
+    description: String = "robot.yaml".to_owned(),
+    /// Standard deviation of a link's mass in the model file, as a share.
+    #[schemars(range(min = 0.001, max = 2.0))]
+    mass_rel: f64 = 0.15,
+    /// Standard deviation of a link's centre of mass in the model file, each axis, m.
+    #[schemars(range(min = 1e-5, max = 1.0))]
+    com_m: f64 = 0.012,
+    /// Standard deviation of a link's radii of gyration in the model file, as a share (half of that of inertias).
+    #[schemars(range(min = 0.001, max = 2.0))]
+    radius_rel: f64 = 0.12,
+}}
+
 /// Rows that the identification uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]

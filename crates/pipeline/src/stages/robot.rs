@@ -1,0 +1,254 @@
+//! What `import`, `scale` and `ik` do for robots: logs in place of markers, a model file in place of landmarks, sensors combined
+//! in place of inverse kinematics.
+
+use crate::graph::{Recording, StageInputs, StageReport};
+use crate::results::Results;
+use crate::stages::scale::save_subject;
+use aloft_body::Motion;
+use aloft_compare::PoseErrors;
+use aloft_robot::noise::SensorErrors;
+use aloft_robot::{BaseLog, Columns, FuseInput, FusionReport, RobotError, RobotLog, check, fuse};
+use aloft_study::facts::Facts;
+use aloft_study::recordings::base_beside;
+use aloft_study::robot::RobotSetup;
+use aloft_trial::{Markers, Trial};
+use aloft_workspace::artifact::{save_motion, save_trial};
+use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::json::{read_json, write_json};
+use aloft_workspace::qc::QcReason;
+use aloft_workspace::table::{Table, read_numbers};
+use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
+use std::path::Path;
+
+fn failed(error: &RobotError) -> StageFailure {
+    match error.hint() {
+        Some(hint) => StageFailure::with_hint(error.to_string(), hint),
+        None => StageFailure::new(error.to_string()),
+    }
+    .because(QcReason::UnreadableFile)
+}
+
+fn columns(file: &Path) -> Result<Columns, StageFailure> {
+    let shown = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("parquet")) {
+        return Columns::of(&shown, read_numbers(file)?.into_columns()).map_err(|e| failed(&e));
+    }
+    let bytes = std::fs::read(file).map_err(PipelineError::io("read", file))?;
+    Columns::from_csv(&shown, &bytes).map_err(|e| failed(&e))
+}
+
+/// A log with the recording of its base, and remarks.
+pub fn read(
+    robot: &RobotSetup,
+    recording: &Recording,
+) -> Result<(RobotLog, Option<BaseLog>, Vec<String>), StageFailure> {
+    let log = RobotLog::of(&columns(&recording.file)?, &robot.model).map_err(|e| failed(&e))?;
+    let base = match base_beside(&recording.file) {
+        Some(file) => Some(BaseLog::of(&columns(&file)?).map_err(|e| failed(&e))?),
+        None => None,
+    };
+    let remarks = check(&log, base.as_ref(), &robot.model).map_err(|e| failed(&e))?;
+    Ok((log, base, remarks))
+}
+
+/// Table of a log as it is kept: times, joints, torques, inertial unit.
+fn kept(robot: &RobotSetup, log: &RobotLog) -> Table {
+    let mut table = Table::default();
+    table.push("time_s", log.time_s.clone());
+    let groups = [("q", &log.q), ("dq", &log.dq), ("torque", &log.torque), ("command", &log.command)];
+    for (what, values) in groups {
+        for (joint, values) in robot.model.joints.iter().zip(values) {
+            if !values.is_empty() {
+                table.push(format!("{what}.{}", joint.name), values.clone());
+            }
+        }
+    }
+    for (what, values) in [("gyro", &log.gyro), ("acc", &log.acc)] {
+        if let Some(values) = values {
+            push_vectors(&mut table, what, values);
+        }
+    }
+    table
+}
+
+fn push_vectors(table: &mut Table, name: &str, values: &[Vector3<f64>]) {
+    for (k, axis) in ["x", "y", "z"].iter().enumerate() {
+        table.push(format!("{name}.{axis}"), values.iter().map(|v| v[k]).collect());
+    }
+}
+
+fn kept_base(base: &BaseLog) -> Table {
+    let mut table = Table::default();
+    table.push("time_s", base.time_s.clone());
+    push_vectors(&mut table, "position_m", &base.position_m);
+    for (k, axis) in ["x", "y", "z", "w"].iter().enumerate() {
+        table.push(format!("rotation.{axis}"), base.rotation.iter().map(|r| r.coords[k]).collect());
+    }
+    table
+}
+
+/// The log of an imported recording.
+pub fn load_log(
+    robot: &RobotSetup,
+    results: Results<'_>,
+    name: &str,
+) -> Result<(RobotLog, Option<BaseLog>), StageFailure> {
+    let place = results.place("import", name)?;
+    let mut map = Table::read(&place.join("log.parquet"))?.into_map();
+    let vectors = |name: &str, map: &mut std::collections::HashMap<String, Vec<f64>>| {
+        let [x, y, z] = ["x", "y", "z"].map(|a| map.remove(&format!("{name}.{a}")));
+        let (x, y, z) = (x?, y?, z?);
+        Some(x.into_iter().zip(y).zip(z).map(|((x, y), z)| Vector3::new(x, y, z)).collect::<Vec<_>>())
+    };
+    let (gyro, acc) = (vectors("gyro", &mut map), vectors("acc", &mut map));
+    let mut of = |what: &str| -> Vec<Vec<f64>> {
+        let joints = robot.model.joints.iter();
+        joints.map(|j| map.remove(&format!("{what}.{}", j.name)).unwrap_or_default()).collect()
+    };
+    let (q, dq, torque, command) = (of("q"), of("dq"), of("torque"), of("command"));
+    let time_s = map.remove("time_s").unwrap_or_default();
+    let log = RobotLog { file: format!("{name} (log)"), time_s, q, dq, torque, command, gyro, acc, base: None };
+    let path = place.join("base.parquet");
+    if !path.is_file() {
+        return Ok((log, None));
+    }
+    let mut map = Table::read(&path)?.into_map();
+    let position_m = vectors("position_m", &mut map).unwrap_or_default();
+    let mut part = |a: &str| map.remove(&format!("rotation.{a}")).unwrap_or_default();
+    let (x, y, z, w) = (part("x"), part("y"), part("z"), part("w"));
+    let rotation =
+        (0..w.len()).map(|i| UnitQuaternion::new_unchecked(Quaternion::new(w[i], x[i], y[i], z[i]))).collect();
+    let time_s = map.remove("time_s").unwrap_or_default();
+    Ok((log, Some(BaseLog { file: format!("{name} (base)"), time_s, position_m, rotation })))
+}
+
+/// `import`: reads and checks a log and its base.
+pub fn import(robot: &RobotSetup, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+    let recording = inputs.recording()?;
+    let (log, base, remarks) = read(robot, recording)?;
+    let mut done = StageReport::default();
+    kept(robot, &log).write(&inputs.out.join("log.parquet"))?;
+    if let Some(base) = base.as_ref().or(log.base.as_ref()) {
+        kept_base(base).write(&inputs.out.join("base.parquet"))?;
+    }
+    write_json(&inputs.out.join("clock.json"), &base.is_none())?;
+    let (n, dt) = (log.time_s.len(), log.interval_s());
+    let duration_s = log.time_s[n - 1] - log.time_s[0] + dt;
+    save_trial(
+        inputs.out,
+        &Trial {
+            name: recording.name.clone(),
+            markers: Markers {
+                rate_hz: 1.0 / dt,
+                first_frame: 1,
+                n_frames: n,
+                labels: Vec::new(),
+                trajectories: Vec::new(),
+            },
+            plates: Vec::new(),
+            events: Vec::new(),
+            computed: Vec::new(),
+            world_from_source: Rotation3::identity(),
+            recorded: None,
+            start_s: log.time_s[0],
+            warnings: Vec::new(),
+        },
+    )?;
+    done.note("frames", n);
+    done.note("rate_hz", 1.0 / dt);
+    done.note("joints", robot.model.joints.len());
+    done.note("torques", log.torque.iter().filter(|t| !t.is_empty()).count());
+    done.note("inertial_unit", log.gyro.is_some() && log.acc.is_some());
+    done.note("duration_s", duration_s);
+    done.note("plates", 0);
+    done.warnings.extend(remarks);
+    Ok(done)
+}
+
+/// `scale`: the model file as the subject.
+pub fn scale(robot: &RobotSetup, facts: &Facts, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+    let subject =
+        aloft_robot::subject(&robot.model, &robot.description, facts.person.clone(), facts.gravity(), robot.spread)
+            .map_err(|e| failed(&e))?;
+    save_subject(inputs, &subject)?;
+    write_json(&inputs.out.join("locked.json"), &Vec::<usize>::new())?;
+    let mut done = StageReport::default();
+    done.note("links", subject.model.n_links());
+    done.note("joints", robot.model.joints.len());
+    done.note("model_mass_kg", robot.model.mass_kg());
+    let ratio = robot.model.mass_kg() / facts.person.mass_kg;
+    if (ratio - 1.0).abs() > 0.02 {
+        done.warnings.push(format!(
+            "the model's links weigh {:.2} kg, the scale says {:.2} kg: masses are scaled by {:.3}",
+            robot.model.mass_kg(),
+            facts.person.mass_kg,
+            1.0 / ratio
+        ));
+    }
+    Ok(done)
+}
+
+/// `ik`: encoders, base pose and inertial unit to motion.
+pub fn motion(robot: &RobotSetup, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+    let name = inputs.trial()?;
+    let subject = inputs.results.load_subject("calibrate")?;
+    let (mut log, mut base) = load_log(robot, inputs.results, name)?;
+    let own_clock: bool = read_json(&inputs.results.place("import", name)?.join("clock.json"))?;
+    if own_clock {
+        log.base = base.take();
+    }
+    let root = &subject.model.links[0].name;
+    let imu = robot.description.imu.as_ref();
+    let mut done = StageReport::default();
+    if let Some(other) = imu.and_then(|i| i.link.as_ref()).filter(|l| *l != root) {
+        done.warnings.push(format!("the inertial unit is on `{other}`, not on the base `{root}`: it is not used"));
+        (log.gyro, log.acc) = (None, None);
+    }
+    let input = FuseInput {
+        trial: name,
+        model: &subject.model,
+        log: &log,
+        base: base.as_ref(),
+        imu,
+        noise: robot.description.noise,
+    };
+    let (motion, report) = fuse(&input).map_err(|e| failed(&e))?;
+    save_motion(inputs.out, &motion, &subject.model)?;
+    write_json(&inputs.out.join("fusion.json"), &report)?;
+    done.note("unsolved_frames", report.missing_frames);
+    if let (Some(offset), Some(sd)) = (report.clock_offset_s, report.clock_offset_sd_s) {
+        done.note("clock_offset_ms", offset * 1e3);
+        done.note("clock_offset_sd_ms", sd * 1e3);
+    }
+    done.note("base_position_sd_mm", report.position_sd_m * 1e3);
+    done.note("base_orientation_sd_deg", report.orientation_sd_rad.to_degrees());
+    for (key, ratio) in [("orientation_ratio", report.orientation_ratio), ("position_ratio", report.position_ratio)] {
+        if let Some(ratio) = ratio {
+            done.note(key, ratio);
+        }
+    }
+    done.warnings.extend(report.warnings.iter().cloned());
+    Ok(done)
+}
+
+/// Errors of a robot's sensors, for the floor of a comparison.
+#[derive(Debug)]
+pub struct RobotErrors(SensorErrors);
+
+impl RobotErrors {
+    /// From the report of a recording's motion; none if it was made from markers.
+    pub fn load(results: Results<'_>, motion: &Motion) -> Result<Option<Self>, StageFailure> {
+        let path = results.place("ik", &motion.trial)?.join("fusion.json");
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let report: FusionReport = read_json(&path)?;
+        Ok(Some(Self(SensorErrors::new(report, motion.rate_hz))))
+    }
+}
+
+impl PoseErrors for RobotErrors {
+    fn draw(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, seed: u64, draw: u64) -> Motion {
+        self.0.draw(motion, wanted, seed, draw)
+    }
+}

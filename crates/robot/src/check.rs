@@ -1,0 +1,211 @@
+//! What a log says about itself: units, exchanged columns, the order of quaternions, the sensors'
+//! axes. Each check has evidence within the recording, so that a clear mistake is an error and not a
+//! bad result.
+
+use crate::clock::{AT_REST_RAD_S, base_rates, rough_offset};
+use crate::log::{BaseLog, RobotLog};
+use crate::{RobotError, RobotModel};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+const DEGREES: f64 = 180.0 / std::f64::consts::PI;
+/// Rows on each side of a difference that stands for a rate.
+const REACH: usize = 3;
+
+/// Checks a log and its base recording; returns remarks.
+///
+/// # Errors
+/// [`RobotError::Log`] for joint columns in degrees, exchanged or reversed columns, a gyroscope in
+/// degrees, and quaternions in another order or direction than stated.
+pub fn check(log: &RobotLog, base: Option<&BaseLog>, model: &RobotModel) -> Result<Vec<String>, RobotError> {
+    let mut remarks = Vec::new();
+    joints(log, model, &mut remarks)?;
+    if let Some(base) = base.or(log.base.as_ref()) {
+        rotation(log, base)?;
+    }
+    Ok(remarks)
+}
+
+fn joints(log: &RobotLog, model: &RobotModel, remarks: &mut Vec<String>) -> Result<(), RobotError> {
+    let by_position: Vec<Vec<f64>> = log.q.iter().map(|q| difference(q, &log.time_s)).collect();
+    let moves = |r: &[f64]| {
+        let n = r.iter().filter(|x| x.is_finite()).count().max(1) as f64;
+        (r.iter().filter(|x| x.is_finite()).map(|x| x * x).sum::<f64>() / n).sqrt() > 0.1
+    };
+    for (i, joint) in model.joints.iter().enumerate() {
+        let name = &joint.name;
+        let largest = log.q[i].iter().filter(|x| x.is_finite()).fold(0.0, |a: f64, x| a.max(x.abs()));
+        if let (false, Some((low, high))) = (joint.prismatic, joint.limits) {
+            let size = low.abs().max(high.abs());
+            if largest > 10.0 * size && largest / DEGREES < 1.5 * size {
+                return Err(degrees(
+                    log,
+                    name,
+                    format!("its column reaches {largest:.1}, its limits are {low} to {high} rad"),
+                ));
+            }
+            let beyond = log.q[i].iter().filter(|x| **x > high + 0.05 || **x < low - 0.05).count();
+            if beyond > 0 {
+                remarks.push(format!(
+                    "the joint `{name}` is beyond its limits ({low} to {high} rad) in {beyond} of {} rows",
+                    log.q[i].len()
+                ));
+            }
+        }
+        if log.dq[i].is_empty() || !moves(&by_position[i]) {
+            continue;
+        }
+        let (r, slope) = agreement(&by_position[i], &log.dq[i]);
+        if r > 0.8 && (slope * DEGREES - 1.0).abs() < 0.2 {
+            return Err(degrees(
+                log,
+                name,
+                "its rate column is 57.3 times smaller than the change of its position".to_owned(),
+            ));
+        }
+        if r > 0.8 && (slope / DEGREES - 1.0).abs() < 0.2 {
+            return Err(RobotError::log(
+                &log.file,
+                format!("the rate of the joint `{name}` is 57.3 times the change of its position: degrees for radians"),
+                format!("convert the column, or name it `dq_{name}_deg_s`"),
+            ));
+        }
+        if r < -0.8 {
+            return Err(RobotError::log(
+                &log.file,
+                format!("the rate of the joint `{name}` has the opposite sign of the change of its position"),
+                "turn the sign of one of the two columns, that which contradicts the axis in the model",
+            ));
+        }
+        if r < 0.5 {
+            let better = (0..model.joints.len())
+                .filter(|&k| k != i && !log.dq[k].is_empty())
+                .map(|k| (agreement(&by_position[i], &log.dq[k]).0, k))
+                .max_by(|a, b| a.0.total_cmp(&b.0));
+            return Err(match better {
+                Some((other, k)) if other > 0.8 => RobotError::log(
+                    &log.file,
+                    format!(
+                        "the columns of `{name}` and `{}` look exchanged: the position of the first follows the rate \
+                         of the second (correlation {other:.2}, its own {r:.2})",
+                        model.joints[k].name
+                    ),
+                    "correct the names of the columns",
+                ),
+                _ => RobotError::log(
+                    &log.file,
+                    format!("the rate of the joint `{name}` does not follow its position (correlation {r:.2})"),
+                    "correct the names of the columns, or leave the rates out of the log",
+                ),
+            });
+        }
+    }
+    Ok(())
+}
+
+fn degrees(log: &RobotLog, joint: &str, evidence: String) -> RobotError {
+    RobotError::log(
+        &log.file,
+        format!("the joint `{joint}` is logged in degrees, expected radians: {evidence}"),
+        format!("convert the columns, or name them `q_{joint}_deg`"),
+    )
+}
+
+/// Rate by differences over a few rows; NaN at the ends and in gaps.
+fn difference(values: &[f64], times: &[f64]) -> Vec<f64> {
+    let n = values.len();
+    (0..n)
+        .map(|i| {
+            if i < REACH || i + REACH >= n {
+                return f64::NAN;
+            }
+            (values[i + REACH] - values[i - REACH]) / (times[i + REACH] - times[i - REACH])
+        })
+        .collect()
+}
+
+/// Correlation of two series, and the slope of the second on the first, where both are known.
+fn agreement(x: &[f64], y: &[f64]) -> (f64, f64) {
+    let (mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0);
+    for (a, b) in x.iter().zip(y).filter(|(a, b)| a.is_finite() && b.is_finite()) {
+        xx += a * a;
+        yy += b * b;
+        xy += a * b;
+    }
+    if xx == 0.0 || yy == 0.0 { (0.0, 0.0) } else { (xy / (xx * yy).sqrt(), xy / xx) }
+}
+
+/// Compares the base's rotation with the gyroscope, also for other readings of the quaternion.
+fn rotation(log: &RobotLog, base: &BaseLog) -> Result<(), RobotError> {
+    let Some(gyro) = &log.gyro else { return Ok(()) };
+    let offset = if log.base.is_some() { Some(0.0) } else { rough_offset(log, base).map(|r| r.offset_s) };
+    let fastest = gyro.iter().map(Vector3::norm).filter(|n| n.is_finite()).fold(0.0, f64::max);
+    let turned = base_rates(base, 2);
+    let fastest_base = turned.iter().map(|w| w.1.norm()).fold(0.0, f64::max);
+    if fastest < AT_REST_RAD_S || fastest_base < AT_REST_RAD_S {
+        return Ok(());
+    }
+    let ratio = middle_norm(gyro.iter()) / middle_norm(turned.iter().map(|w| &w.1));
+    if (ratio / DEGREES - 1.0).abs() < 0.3 {
+        return Err(RobotError::log(
+            &log.file,
+            format!("the gyroscope turns {ratio:.1} times as fast as the base of {}: degrees for radians", base.file),
+            "convert the gyroscope's columns to rad/s",
+        ));
+    }
+    let Some(offset) = offset else {
+        return Err(RobotError::log(
+            &base.file,
+            format!("the speed of rotation follows that of the gyroscope of {} at no offset of the clocks", log.file),
+            "check that both files are of the same recording",
+        ));
+    };
+    let as_read = misfit(log, gyro, &turned, offset);
+    if as_read < 0.35 {
+        return Ok(());
+    }
+    let other = |f: &dyn Fn(&Quaternion<f64>) -> Quaternion<f64>| {
+        let rotation = base.rotation.iter().map(|q| UnitQuaternion::new_normalize(f(q))).collect();
+        misfit(log, gyro, &base_rates(&BaseLog { rotation, ..base.clone() }, 2), offset)
+    };
+    // columns called w x y z that hold x y z w
+    let scalar_last = other(&|q| Quaternion::new(q.k, q.w, q.i, q.j));
+    let scalar_first = other(&|q| Quaternion::new(q.i, q.j, q.k, q.w));
+    let inverse = other(&|q| q.conjugate());
+    let candidates = [
+        (scalar_last, "its quaternion columns hold x, y, z, w, not w, x, y, z as their names say"),
+        (scalar_first, "its quaternion columns are shifted: qx holds w"),
+        (inverse, "its quaternions turn from world to base, expected from base to world"),
+    ];
+    let best = candidates.iter().min_by(|a, b| a.0.total_cmp(&b.0));
+    let words = match best {
+        Some((error, words)) if *error < 0.35 => format!(
+            "{words}: read so, the rotation misses the gyroscope by {:.0} %, as named by {:.0} %",
+            error * 100.0,
+            as_read * 100.0
+        ),
+        _ => format!(
+            "its rotation contradicts the gyroscope of {}: they differ by {:.0} % of the angular velocity",
+            log.file,
+            as_read * 100.0
+        ),
+    };
+    Err(RobotError::log(&base.file, words, "correct the order of the columns, or the axes of the gyroscope"))
+}
+
+fn middle_norm<'v>(values: impl Iterator<Item = &'v Vector3<f64>>) -> f64 {
+    let mut norms: Vec<f64> = values.map(Vector3::norm).filter(|n| n.is_finite()).collect();
+    norms.sort_by(f64::total_cmp);
+    norms.get(norms.len() * 9 / 10).copied().unwrap_or(f64::NAN)
+}
+
+/// Root mean square difference of gyroscope and base's rotation, relative to the gyroscope's.
+fn misfit(log: &RobotLog, gyro: &[Vector3<f64>], turned: &[(f64, Vector3<f64>)], offset: f64) -> f64 {
+    let (mut difference, mut size) = (0.0, 0.0);
+    for (t, rate) in turned {
+        let at = log.time_s.partition_point(|x| *x < t - offset);
+        let Some(g) = gyro.get(at).filter(|g| g.norm().is_finite() && at > 0) else { continue };
+        difference += (rate - g).norm_squared();
+        size += g.norm_squared();
+    }
+    if size == 0.0 { f64::NAN } else { (difference / size).sqrt() }
+}

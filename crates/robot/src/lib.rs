@@ -1,0 +1,33 @@
+//! Robots: their models, logs and sensors, and what was identified back in their files.
+//!
+//! A robot's motion is not found by inverse kinematics: encoders measure the joints. This crate
+//! reads the model ([`RobotModel`], from URDF or MJCF), the log and the recording of the base
+//! ([`RobotLog`], [`BaseLog`]), combines them with the inertial unit into the same
+//! [`aloft_body::Motion`] that inverse kinematics gives for people ([`fuse`](fn@fuse)), and writes identified
+//! inertias back into the model's text ([`patch`](mod@patch)). Everything between, from flights to verdicts, is
+//! common to people, objects and robots.
+
+mod check;
+mod clock;
+pub mod description;
+mod error;
+mod fuse;
+mod log;
+mod mjcf;
+mod model;
+pub mod noise;
+pub mod patch;
+mod resample;
+mod smoother;
+mod subject;
+mod table;
+
+pub use check::check;
+pub use clock::{RoughOffset, rough_offset};
+pub use description::{Imu, MarkerPlace, ModelFiles, RobotDescription, SensorNoise};
+pub use error::RobotError;
+pub use fuse::{FuseInput, FusionReport, fuse};
+pub use log::{BaseLog, RobotLog};
+pub use model::{Format, Merged, RobotJoint, RobotModel};
+pub use subject::{PriorSpread, subject};
+pub use table::Columns;

@@ -1,0 +1,234 @@
+//! A robot's log and the recording of its base: columns to joints, sensors and poses in SI units.
+
+use crate::{Columns, RobotError, RobotModel};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+/// Angle by which a joint's column is recognised when names follow no listed pattern.
+const POSITION: [&str; 8] = ["q_{}_rad", "q_{}_m", "q_{}", "{}_q", "{}.position", "position.{}", "{}_pos", "{}"];
+const DEGREES: [&str; 4] = ["q_{}_deg", "{}_deg", "{}.position_deg", "position.{}_deg"];
+const RATE: [&str; 8] = ["dq_{}_rad_s", "dq_{}_m_s", "dq_{}", "{}_dq", "{}.velocity", "velocity.{}", "{}_vel", "qd_{}"];
+const RATE_DEGREES: [&str; 2] = ["dq_{}_deg_s", "{}.velocity_deg_s"];
+const MEASURED: [&str; 7] =
+    ["tau_meas_{}_nm", "tau_{}_nm", "tau_meas_{}", "tau_{}", "{}.effort", "effort.{}", "{}_torque"];
+const COMMANDED: [&str; 3] = ["tau_cmd_{}_nm", "tau_cmd_{}", "{}.command"];
+const TIME: [(&str, f64); 8] = [
+    ("time_s", 1.0),
+    ("time", 1.0),
+    ("t", 1.0),
+    ("timestamp", 1.0),
+    ("timestamp_s", 1.0),
+    ("time_ms", 1e-3),
+    ("time_us", 1e-6),
+    ("time_ns", 1e-9),
+];
+
+/// Joints and sensors of one recording, by the robot's clock. Values of each joint are in the order
+/// of [`RobotModel::joints`].
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RobotLog {
+    /// File, for messages.
+    pub file: String,
+    /// Time of each row, s.
+    pub time_s: Vec<f64>,
+    /// Coordinates, `[joint][row]`, rad or m.
+    pub q: Vec<Vec<f64>>,
+    /// Rates by the drives, rad/s or m/s; empty where a joint has none.
+    pub dq: Vec<Vec<f64>>,
+    /// Measured torques, N·m; empty where a joint has none.
+    pub torque: Vec<Vec<f64>>,
+    /// Commanded torques, N·m; empty where a joint has none.
+    pub command: Vec<Vec<f64>>,
+    /// Angular velocity in the sensor's axes, rad/s.
+    pub gyro: Option<Vec<Vector3<f64>>>,
+    /// Specific force in the sensor's axes, m/s².
+    pub acc: Option<Vec<Vector3<f64>>>,
+    /// Pose of the base by the same clock, if the log holds it.
+    pub base: Option<BaseLog>,
+}
+
+/// Pose of the base link in the world, by its own clock.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct BaseLog {
+    /// File, for messages.
+    pub file: String,
+    /// Time of each row, s.
+    pub time_s: Vec<f64>,
+    /// Origin of the base link, world, m; NaN where missing.
+    pub position_m: Vec<Vector3<f64>>,
+    /// Rotation from base to world.
+    pub rotation: Vec<UnitQuaternion<f64>>,
+}
+
+fn named<'c>(columns: &'c Columns, patterns: &[&str], joint: &str) -> Option<&'c [f64]> {
+    patterns.iter().find_map(|p| columns.get(&p.replace("{}", joint)))
+}
+
+fn time_of(columns: &Columns) -> Result<Vec<f64>, RobotError> {
+    let found = TIME.iter().find_map(|(name, unit)| columns.get(name).map(|c| (*name, c, *unit)));
+    let Some((name, values, unit)) = found else {
+        return Err(RobotError::log(
+            &columns.file,
+            format!("no column of time; found {}", abridged(&columns.names)),
+            "name it time_s (or time_ms, time_us, time_ns)",
+        ));
+    };
+    for (row, pair) in values.windows(2).enumerate() {
+        if !(pair[1] > pair[0]) {
+            let what = if pair[1].is_nan() || pair[0].is_nan() {
+                format!("`{name}` is missing")
+            } else {
+                format!("`{name}` goes from {} to {}, expected a time that grows", pair[0], pair[1])
+            };
+            return Err(RobotError::log(
+                &columns.file,
+                format!("{}: {what}", columns.place(row + 1)),
+                "a clock that was set during the recording, or two recordings in one file: cut the file there",
+            ));
+        }
+    }
+    if values.len() < 10 {
+        return Err(RobotError::log(
+            &columns.file,
+            format!("{} rows, expected 10 at least", values.len()),
+            "record longer",
+        ));
+    }
+    Ok(values.iter().map(|t| t * unit).collect())
+}
+
+fn vectors(columns: &Columns, names: [&str; 3]) -> Option<Vec<Vector3<f64>>> {
+    let [x, y, z] = [columns.get(names[0])?, columns.get(names[1])?, columns.get(names[2])?];
+    Some((0..columns.height()).map(|i| Vector3::new(x[i], y[i], z[i])).collect())
+}
+
+fn abridged(names: &[String]) -> String {
+    let shown: Vec<&str> = names.iter().take(6).map(String::as_str).collect();
+    if names.len() > 6 { format!("{} … ({} columns)", shown.join(", "), names.len()) } else { shown.join(", ") }
+}
+
+impl RobotLog {
+    /// Picks the columns of a model's joints out of a table. Columns whose names end in `_deg` and
+    /// `_deg_s` are converted.
+    ///
+    /// # Errors
+    /// [`RobotError::Log`] for a missing joint (with the names that come near it), a missing or
+    /// decreasing time.
+    pub fn of(columns: &Columns, model: &RobotModel) -> Result<Self, RobotError> {
+        let time_s = time_of(columns)?;
+        let mut log = Self { file: columns.file.clone(), time_s, ..Self::default() };
+        let degrees = |c: &[f64]| c.iter().map(|x| x.to_radians()).collect::<Vec<f64>>();
+        let missing: Vec<&str> = model
+            .joints
+            .iter()
+            .filter(|j| named(columns, &POSITION, &j.name).or_else(|| named(columns, &DEGREES, &j.name)).is_none())
+            .map(|j| j.name.as_str())
+            .collect();
+        if let Some(first) = missing.first() {
+            let more =
+                if missing.len() > 1 { format!(" (and {} more joints)", missing.len() - 1) } else { String::new() };
+            return Err(RobotError::log(
+                &columns.file,
+                format!(
+                    "no column for the joint `{first}`{more}, expected `q_{first}_rad`; found {}",
+                    near(columns, first)
+                ),
+                format!("name the columns after the joints of {}, or fix the joint in the model", model.file),
+            ));
+        }
+        for joint in &model.joints {
+            let name = joint.name.as_str();
+            log.q.push(match named(columns, &POSITION, name) {
+                Some(c) => c.to_vec(),
+                None => named(columns, &DEGREES, name).map(degrees).unwrap_or_default(),
+            });
+            let rate = named(columns, &RATE, name).map(<[f64]>::to_vec);
+            log.dq.push(rate.or_else(|| named(columns, &RATE_DEGREES, name).map(degrees)).unwrap_or_default());
+            log.torque.push(named(columns, &MEASURED, name).map(<[f64]>::to_vec).unwrap_or_default());
+            log.command.push(named(columns, &COMMANDED, name).map(<[f64]>::to_vec).unwrap_or_default());
+        }
+        log.gyro = vectors(columns, ["gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"])
+            .or_else(|| vectors(columns, ["gyro_x", "gyro_y", "gyro_z"]))
+            .or_else(|| vectors(columns, ["angular_velocity.x", "angular_velocity.y", "angular_velocity.z"]));
+        log.acc = vectors(columns, ["acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2"])
+            .or_else(|| vectors(columns, ["acc_x", "acc_y", "acc_z"]))
+            .or_else(|| vectors(columns, ["linear_acceleration.x", "linear_acceleration.y", "linear_acceleration.z"]));
+        if columns.any(["qw", "orientation.w"]).is_some() && columns.any(["x_m", "position.x"]).is_some() {
+            log.base = Some(BaseLog::of(columns)?);
+        }
+        Ok(log)
+    }
+
+    /// Median interval of the rows, s.
+    pub fn interval_s(&self) -> f64 {
+        interval(&self.time_s)
+    }
+}
+
+/// Columns whose names come near a joint's: those that contain a part of it.
+fn near(columns: &Columns, joint: &str) -> String {
+    let parts: Vec<String> = joint.split('_').filter(|p| p.len() > 2).map(str::to_lowercase).collect();
+    let score = |n: &String| parts.iter().filter(|p| n.to_lowercase().contains(p.as_str())).count();
+    let mut found: Vec<(usize, &String)> = columns.names.iter().map(|n| (score(n), n)).filter(|s| s.0 > 0).collect();
+    found.sort_by_key(|s| std::cmp::Reverse(s.0));
+    if found.is_empty() {
+        return abridged(&columns.names);
+    }
+    found.iter().take(3).map(|s| format!("`{}`", s.1)).collect::<Vec<_>>().join(", ")
+}
+
+pub(crate) fn interval(time_s: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = time_s.windows(2).map(|w| w[1] - w[0]).collect();
+    aloft_signal::median(&mut steps)
+}
+
+impl BaseLog {
+    /// Reads poses: `x_m y_m z_m qw qx qy qz`, or the names of a ROS pose.
+    ///
+    /// # Errors
+    /// [`RobotError::Log`] for missing columns, a decreasing time, and quaternions that are not of
+    /// unit length.
+    pub fn of(columns: &Columns) -> Result<Self, RobotError> {
+        let time_s = time_of(columns)?;
+        let get = |names: [&str; 3]| -> Result<&[f64], RobotError> {
+            columns.any(names).ok_or_else(|| {
+                RobotError::log(
+                    &columns.file,
+                    format!("no column `{}`; found {}", names[0], abridged(&columns.names)),
+                    "a base recording has time_s, x_m, y_m, z_m, qw, qx, qy, qz",
+                )
+            })
+        };
+        let [x, y, z] =
+            [get(["x_m", "x", "position.x"])?, get(["y_m", "y", "position.y"])?, get(["z_m", "z", "position.z"])?];
+        let [qw, qx, qy, qz] = [
+            get(["qw", "q_w", "orientation.w"])?,
+            get(["qx", "q_x", "orientation.x"])?,
+            get(["qy", "q_y", "orientation.y"])?,
+            get(["qz", "q_z", "orientation.z"])?,
+        ];
+        let (mut position_m, mut rotation) = (Vec::new(), Vec::new());
+        for i in 0..time_s.len() {
+            let q = Quaternion::new(qw[i], qx[i], qy[i], qz[i]);
+            let mut p = Vector3::new(x[i], y[i], z[i]);
+            if !q.norm().is_finite() {
+                p = Vector3::repeat(f64::NAN);
+                rotation.push(UnitQuaternion::identity());
+            } else if (q.norm() - 1.0).abs() > 0.02 {
+                return Err(RobotError::log(
+                    &columns.file,
+                    format!("{}: the quaternion has length {:.3}, expected 1", columns.place(i), q.norm()),
+                    "rotations are unit quaternions qw, qx, qy, qz from base to world",
+                ));
+            } else {
+                rotation.push(UnitQuaternion::new_normalize(q));
+            }
+            position_m.push(p);
+        }
+        Ok(Self { file: columns.file.clone(), time_s, position_m, rotation })
+    }
+
+    /// True if a row holds a pose.
+    pub fn is_valid(&self, row: usize) -> bool {
+        self.position_m[row].iter().all(|x| x.is_finite())
+    }
+}
