@@ -18,6 +18,7 @@ mod one_stage_again;
 mod own_effect;
 mod report;
 mod right_results;
+mod robot;
 mod settings;
 mod several_effects;
 mod support;

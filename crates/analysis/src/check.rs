@@ -65,6 +65,21 @@ pub fn check(session: &SubjectSession) -> Result<Check, PipelineError> {
                 row.remarks.push(format!("excluded: {reason}"));
                 return row;
             }
+            if let Some(robot) = &session.robot {
+                match aloft_pipeline::stages::robot::read(robot, &Recording::of(entry)) {
+                    Ok((log, _, remarks)) => {
+                        row.frames = Some(log.time_s.len());
+                        row.rate_hz = Some(1.0 / log.interval_s());
+                        row.plates = Some(0);
+                        row.remarks.extend(remarks);
+                    }
+                    Err(failure) => {
+                        row.broken = true;
+                        row.remarks.push(failure.problem);
+                    }
+                }
+                return row;
+            }
             let mut trial = match read_recording(session.import_of(Some(entry)), &Recording::of(entry)) {
                 Ok(trial) => trial,
                 Err(failure) => {
@@ -103,7 +118,7 @@ pub fn check(session: &SubjectSession) -> Result<Check, PipelineError> {
         .collect();
     let mut remarks = Vec::new();
     let count = |role: Role| session.included().filter(|t| t.role == role).count();
-    if count(Role::Static) == 0 && session.config.trials.static_frames.is_none() {
+    if count(Role::Static) == 0 && session.config.trials.static_frames.is_none() && session.robot.is_none() {
         remarks.push("no static trial: name frames of a dynamic trial under `trials: {static_frames: …}`".to_owned());
     }
     let statics = trials.iter().filter(|t| t.role == Role::Static.word()).count();
@@ -123,7 +138,7 @@ pub fn check(session: &SubjectSession) -> Result<Check, PipelineError> {
             remarks.push(format!("the exclusion of `{}` ({}) matches no trial", e.trial, e.reason));
         }
     }
-    if count(Role::Validate) == 0 && session.object.is_none() {
+    if count(Role::Validate) == 0 && !session.is_rigid() {
         remarks.push(
             "no trial is held out for comparison; each trial will be compared with parameters from the others"
                 .to_owned(),
@@ -132,7 +147,7 @@ pub fn check(session: &SubjectSession) -> Result<Check, PipelineError> {
     if count(Role::Identify) == 0 {
         remarks.push("no trial to identify from: see `trials: {identify: …}`".to_owned());
     }
-    if session.object.is_none() {
+    if !session.is_rigid() {
         if session.facts.person.sex.is_none() {
             remarks.push("the subject's sex is not known: the mean of both sexes' tables is used".to_owned());
         }

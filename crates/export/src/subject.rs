@@ -3,6 +3,7 @@
 use crate::coordinates::{Convention, Coordinates, expect_length};
 use crate::{ExportError, names};
 use aloft_body::{JointKind, LinkInertia, Phi, Subject};
+use aloft_robot::RobotModel;
 
 /// Source of the inertias in the exported models.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,6 +45,21 @@ pub struct SubjectExport {
     pub locked: Vec<usize>,
     /// Program and version, for headers.
     pub program: String,
+    /// Model files of a robot, which are patched instead of written anew; empty for people and objects.
+    pub robot_files: Vec<RobotFile>,
+}
+
+/// A robot's model file.
+#[derive(Debug, Clone)]
+pub struct RobotFile {
+    /// File name.
+    pub name: String,
+    /// Its text.
+    pub text: String,
+    /// The model read from it.
+    pub model: RobotModel,
+    /// Comment for the patched file: how its inertials were made.
+    pub provenance: String,
 }
 
 impl SubjectExport {
@@ -69,6 +85,7 @@ impl SubjectExport {
             source,
             locked,
             program: program.to_owned(),
+            robot_files: Vec::new(),
         })
     }
 

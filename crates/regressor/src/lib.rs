@@ -31,6 +31,8 @@ pub use factor::{Columns, Factor, RowKind, leave_group_out, leave_one_out};
 pub use noise::{CoordinateNoise, Noise};
 pub use stretch::{Acting, EffectColumns, Stretch, StretchKind};
 pub use test_function::TestFunction;
+pub use test_function::window_centers;
 pub use tissue::{Slides, Tissue};
+pub use velocities::run_velocities;
 pub use weak::{body_radius_m, weak_factor, weak_factor_with_tissue};
 pub use weak_windows::{WeakOptions, WeakRows, weak_rows};

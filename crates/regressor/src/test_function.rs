@@ -106,7 +106,7 @@ fn correct(weights: &mut [f64], taus: &[f64], power: i32, wanted: &[(i32, f64)])
 /// Centres of windows over the frames `start .. end` of a run: as many as needed for steps of at
 /// most `hop` frames, evenly spaced, with the first and last window touching the ends. Empty if the
 /// run is shorter than the window.
-pub(crate) fn window_centers(start: usize, end: usize, half: usize, hop: usize) -> Vec<usize> {
+pub fn window_centers(start: usize, end: usize, half: usize, hop: usize) -> Vec<usize> {
     let length = end.saturating_sub(start);
     if length < 2 * half + 1 {
         return Vec::new();

@@ -93,7 +93,7 @@ pub fn section(story: &Story<'_>, p: &Parameters) -> Option<Section> {
 
 /// Inertias of the links by each table, for this person's geometry; empty for objects.
 fn tables(story: &Story<'_>) -> Vec<(String, Vec<LinkInertia>)> {
-    let Some(subject) = story.subject.as_ref().filter(|_| story.session.object.is_none()) else { return Vec::new() };
+    let Some(subject) = story.subject.as_ref().filter(|_| !story.session.is_rigid()) else { return Vec::new() };
     let Ok(anatomy) = read_json::<StaticAnatomy>(&story.ws.place("scale", WHOLE_STUDY).join("anatomy.json")) else {
         return Vec::new();
     };

@@ -33,11 +33,20 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
 fn paragraph(story: &Story<'_>) -> String {
     let session = story.session;
     let f = &session.config.filter;
-    let mut text = format!(
-        "Marker trajectories were brought to SI units and one world frame with Z up; gaps up to {} s were filled. ",
-        session.config.import.fill_gaps_s
-    );
-    text.push_str(&if session.object.is_some() {
+    let mut text = String::new();
+    if let Some(robot) = &session.robot {
+        text = format!(
+            "{} For frame-wise comparison they were filtered forward and backward (Butterworth, order {} a pass, {} Hz). ",
+            robot.kinematics_in_words(),
+            f.order,
+            f.cutoff_hz
+        );
+    } else {
+        text.push_str(&format!(
+            "Marker trajectories were brought to SI units and one world frame with Z up; gaps up to {} s were filled. ",
+            session.config.import.fill_gaps_s
+        ));
+        text.push_str(&if session.object.is_some() {
         "Link frames follow the object description; the hinge was found from motion and refined over all recordings. ".to_owned()
     } else {
         format!(
@@ -48,11 +57,12 @@ fn paragraph(story: &Story<'_>) -> String {
             session.anthropometry.title
         )
     });
-    text.push_str(&format!(
+        text.push_str(&format!(
         "Joint coordinates were found frame by frame by weighted non-linear least squares and, for frame-wise comparison, filtered forward and \
          backward (Butterworth, order {} a pass, {} Hz). ",
         f.order, f.cutoff_hz
     ));
+    }
     if let Some(found) = &story.found {
         let p = &found.parameters;
         text.push_str(&format!(

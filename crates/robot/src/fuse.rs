@@ -31,8 +31,10 @@ pub struct FusionReport {
     pub clock_offset_s: Option<f64>,
     /// Standard deviation of the offset, s.
     pub clock_offset_sd_s: Option<f64>,
-    /// Offsets by orientation alone and by position alone, s.
-    pub offsets_s: Option<[f64; 2]>,
+    /// Delay of the accelerometer against the gyroscope, s.
+    pub acc_delay_s: Option<f64>,
+    /// Rows without a posture between the first and the last with one.
+    pub inner_missing_frames: usize,
     /// Bias of the gyroscope, rad/s.
     pub gyro_bias_rad_s: Option<[f64; 3]>,
     /// Bias of the accelerometer, m/s².
@@ -79,7 +81,10 @@ const REACH_S: f64 = 0.1;
 const GYRO_BIAS_SD: f64 = 0.2;
 const ACC_BIAS_SD: f64 = 1.0;
 const OFFSET_SD_S: f64 = 0.02;
-/// Share of a step's change in specific force by which integration between samples may be wrong.
+const DELAY_SD_S: f64 = 0.005;
+/// Largest delay of the accelerometer that is believed, s.
+const MOST_DELAY_S: f64 = 0.02;
+/// Share of the bend of specific force over two steps by which integration between samples may be wrong.
 const BETWEEN_SAMPLES: f64 = 0.1;
 
 /// Combines the sensors of a recording.
@@ -189,8 +194,7 @@ fn with_inertial_unit(
     // orientation: bias of the gyroscope and offset, linearised anew three times
     let mut bias = Vector3::zeros();
     let mut offset = sensors.start_offset;
-    let mut offset_sd = [free; 2];
-    let mut by_orientation = offset;
+    let mut offset_sd = free;
     for round in 0..3 {
         let (rows, at) = samples(grid, base, offset);
         if rows.len() < 20 {
@@ -213,8 +217,7 @@ fn with_inertial_unit(
         offset += found.value[3];
         let ratio = found.mean_square.sqrt();
         report.orientation_ratio = Some(ratio);
-        offset_sd[0] = found.covariance[(3, 3)].sqrt() * ratio.max(1.0);
-        by_orientation = offset;
+        offset_sd = found.covariance[(3, 3)].sqrt() * ratio.max(1.0);
         if round == 2 && ratio > 30.0 {
             return Err(RobotError::log(
                 &base.file,
@@ -231,26 +234,29 @@ fn with_inertial_unit(
         return Err(too_few(base, at.len()));
     }
 
-    // position: bias of the accelerometer and, again, the offset
+    // position: bias of the accelerometer, and its delay against the gyroscope, which moves the path
+    // as an offset of the clock would
     let mut acc_bias = Vector3::zeros();
-    let mut by_position = offset;
+    let (mut delay, mut delay_sd) = (0.0, f64::INFINITY);
     let mut path = None;
-    for round in 0..3 {
+    for round in 0..4 {
         let (rows, at) = samples(grid, base, offset);
         let turned = Turned::of(&gyro, &bias, dt, base, &rows, &at);
         let axis = turned.axis(&gyro, grid, &at, noise.gyro_rad_s, orientation_sd);
         let rotation = turned.smoothed(&axis);
-        let force: Vec<Vector3<f64>> = rotation.iter().zip(&acc).map(|(r, a)| r * (a - acc_bias) + g).collect();
+        let now = shifted(&acc, delay / dt);
+        let force: Vec<Vector3<f64>> = rotation.iter().zip(&now).map(|(r, a)| r * (a - acc_bias) + g).collect();
         let moved = Moved::of(&force, &rotation, &gyro, dt, base, &rows, &at, &lever);
         let mut variance: Vec<f64> = (0..grid.n)
             .map(|i| {
-                let change = if i + 1 < grid.n { (force[i + 1] - force[i]).norm() } else { 0.0 };
+                let bend = |i: usize| (force[i + 1] - force[i] * 2.0 + force[i - 1]).norm();
+                let change = if i > 0 && i + 1 < grid.n { bend(i) } else { 0.0 };
                 noise.acc_m_s2.powi(2) + (BETWEEN_SAMPLES * change).powi(2)
             })
             .collect();
         grid.widen(&mut variance);
         let drifting = Axis::drifting(dt, variance, at.clone(), noise.position_m.powi(2), 100.0, 1e4);
-        if round == 2 {
+        if round == 3 {
             report.orientation_sd_rad = middle(axis.smoothed_sd());
             let position_sd = drifting.smoothed_sd();
             report.position_sd_m = middle(position_sd.clone());
@@ -275,37 +281,27 @@ fn with_inertial_unit(
             for (j, white) in white[1..4].iter_mut().enumerate() {
                 white.extend(column(&|i| drift[i][(k, j)]));
             }
-            white[4].extend(column(&|i| -moved.velocity[i][k]));
+            white[4].extend(column(&|i| moved.velocity[i][k]));
         }
-        let spread = if round == 0 { free } else { offset_sd[0] };
-        let found = constants(&white[0], &white[1..], &[ACC_BIAS_SD, ACC_BIAS_SD, ACC_BIAS_SD, spread.max(1e-9)])
+        let found = constants(&white[0], &white[1..], &[ACC_BIAS_SD, ACC_BIAS_SD, ACC_BIAS_SD, DELAY_SD_S])
             .ok_or_else(|| too_few(base, rows.len()))?;
         acc_bias += found.value.fixed_rows::<3>(0);
+        delay = (delay + found.value[3]).clamp(-MOST_DELAY_S, MOST_DELAY_S);
         let ratio = found.mean_square.sqrt();
         report.position_ratio = Some(ratio);
-        if round == 0 {
-            // weighted by both variances: orientation and position have independent errors
-            offset_sd[1] = found.covariance[(3, 3)].sqrt() * ratio.max(1.0);
-            by_position = offset + found.value[3];
-            let (a, b) = (offset_sd[0].powi(-2), offset_sd[1].powi(-2));
-            offset = (by_orientation * a + by_position * b) / (a + b);
-        }
+        delay_sd = found.covariance[(3, 3)].sqrt() * ratio.max(1.0);
     }
-    let joint_sd = (offset_sd[0].powi(-2) + offset_sd[1].powi(-2)).recip().sqrt();
+    report.acc_delay_s = Some(delay);
     if !sensors.own_clock {
         report.clock_offset_s = Some(offset);
-        report.clock_offset_sd_s = Some(joint_sd);
-        report.offsets_s = Some([by_orientation, by_position]);
-        let apart = (by_orientation - by_position).abs();
-        let expected = (offset_sd[0].powi(2) + offset_sd[1].powi(2)).sqrt();
-        if apart > 5.0 * expected && apart > 1e-4 {
-            report.warnings.push(format!(
-                "the clocks' offset is {:.2} ms by orientation and {:.2} ms by position: gyroscope and accelerometer \
-                 may have different delays",
-                by_orientation * 1e3,
-                by_position * 1e3
-            ));
-        }
+        report.clock_offset_sd_s = Some(offset_sd);
+    }
+    if delay.abs() > dt && delay.abs() > 5.0 * delay_sd {
+        report.warnings.push(format!(
+            "the accelerometer is {:.1} ms {} the gyroscope; this is taken into account",
+            delay.abs() * 1e3,
+            if delay > 0.0 { "behind" } else { "ahead of" }
+        ));
     }
     for (what, ratio) in [("orientation", report.orientation_ratio), ("position", report.position_ratio)] {
         if ratio.is_some_and(|r| r > 3.0) {
@@ -322,6 +318,18 @@ fn with_inertial_unit(
 
 fn middle(mut values: Vec<f64>) -> f64 {
     aloft_signal::median(&mut values)
+}
+
+/// A series of samples at times that are `steps` later, by linear interpolation.
+fn shifted(values: &[Vector3<f64>], steps: f64) -> Vec<Vector3<f64>> {
+    let last = values.len() - 1;
+    (0..values.len())
+        .map(|i| {
+            let at = (i as f64 + steps).clamp(0.0, last as f64);
+            let before = (at as usize).min(last.saturating_sub(1));
+            values[before].lerp(&values[(before + 1).min(last)], at - before as f64)
+        })
+        .collect()
 }
 
 /// Steps with a pose before and after within reach.
@@ -378,7 +386,13 @@ impl Turned {
     }
 
     fn axis(&self, gyro: &[Vector3<f64>], grid: &Grid, at: &[Sample], gyro_sd: f64, pose_sd: f64) -> Axis {
-        let mut variance = vec![(gyro_sd * grid.dt_s).powi(2); gyro.len()];
+        let bend = |i: usize| (gyro[i + 1] - gyro[i] * 2.0 + gyro[i - 1]).norm();
+        let mut variance: Vec<f64> = (0..gyro.len())
+            .map(|i| {
+                let change = if i > 0 && i + 1 < gyro.len() { bend(i) } else { 0.0 };
+                (gyro_sd.powi(2) + (BETWEEN_SAMPLES * change).powi(2)) * grid.dt_s.powi(2)
+            })
+            .collect();
         grid.widen(&mut variance);
         Axis::walk(grid.dt_s, variance, at.to_vec(), pose_sd * pose_sd, 1.0)
     }
@@ -537,5 +551,9 @@ fn assemble(input: &FuseInput<'_>, grid: &Grid, path: &Path, report: &mut Fusion
         }
     }
     report.frames = grid.n;
+    let solved: Vec<bool> = (0..grid.n).map(|i| q[i * nq].is_finite()).collect();
+    if let (Some(first), Some(last)) = (solved.iter().position(|s| *s), solved.iter().rposition(|s| *s)) {
+        report.inner_missing_frames = solved[first..=last].iter().filter(|s| !**s).count();
+    }
     Motion { trial: input.trial.to_owned(), rate_hz: 1.0 / grid.dt_s, nq, nv, q, q_sd, ..Motion::default() }
 }

@@ -4,7 +4,8 @@
 //! reads the model ([`RobotModel`], from URDF or MJCF), the log and the recording of the base
 //! ([`RobotLog`], [`BaseLog`]), combines them with the inertial unit into the same
 //! [`aloft_body::Motion`] that inverse kinematics gives for people ([`fuse`](fn@fuse)), and writes identified
-//! inertias back into the model's text ([`patch`](mod@patch)). Everything between, from flights to verdicts, is
+//! inertias back into the model's text ([`patch`](mod@patch)). Where torques are logged, [`torque`] and [`joint_fit`] add
+//! the joints' own unknowns: friction, reflected inertia, gains. Everything between, from flights to verdicts, is
 //! common to people, objects and robots.
 
 mod check;
@@ -12,6 +13,7 @@ mod clock;
 pub mod description;
 mod error;
 mod fuse;
+pub mod joint_fit;
 mod log;
 mod mjcf;
 mod model;
@@ -21,6 +23,7 @@ mod resample;
 mod smoother;
 mod subject;
 mod table;
+pub mod torque;
 
 pub use check::check;
 pub use clock::{RoughOffset, rough_offset};

@@ -158,6 +158,31 @@ impl RobotLog {
         Ok(log)
     }
 
+    /// Number of frames of the motion made from this log: its rows, and those that it lost.
+    ///
+    /// # Errors
+    /// As [`crate::fuse`].
+    pub fn frames(&self) -> Result<(usize, f64), RobotError> {
+        let grid = crate::resample::Grid::of(self)?;
+        Ok((grid.n, 1.0 / grid.dt_s))
+    }
+
+    /// Torques at the frames of the motion, `[joint][frame]`: measured ones where every joint has them, otherwise commanded
+    /// ones; none if a joint has neither.
+    ///
+    /// # Errors
+    /// As [`crate::fuse`].
+    pub fn torques_at_frames(&self) -> Result<Option<Vec<Vec<f64>>>, RobotError> {
+        let whole = |t: &Vec<Vec<f64>>| !t.is_empty() && t.iter().all(|c| !c.is_empty());
+        let source = match (whole(&self.torque), whole(&self.command)) {
+            (true, _) => &self.torque,
+            (false, true) => &self.command,
+            _ => return Ok(None),
+        };
+        let as_joints = Self { q: source.clone(), gyro: None, acc: None, ..self.clone() };
+        Ok(Some(crate::resample::Grid::of(&as_joints)?.q))
+    }
+
     /// Median interval of the rows, s.
     pub fn interval_s(&self) -> f64 {
         interval(&self.time_s)

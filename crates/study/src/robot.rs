@@ -71,6 +71,16 @@ impl RobotSetup {
         Ok(Self { description, model, spread, files })
     }
 
+    /// How the motion was measured, in words, for method sections.
+    pub fn kinematics_in_words(&self) -> String {
+        format!(
+            "Joint coordinates are the encoders' values in the robot's log ({} joints of {}). The base's pose, measured by its own clock, was smoothed \
+             with the gyroscope and accelerometer of the inertial unit; the offset of the clocks and the sensors' biases were estimated in each recording.",
+            self.model.joints.len(),
+            self.model.file
+        )
+    }
+
     /// A marker set without markers, for stages that ask for one.
     pub fn no_markers(&self) -> MarkerSet {
         MarkerSet {

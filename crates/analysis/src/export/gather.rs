@@ -3,7 +3,7 @@
 use crate::parameters::parameters;
 use aloft_body::{LinkInertia, Subject};
 use aloft_compare::measured_wrench;
-use aloft_export::{Convention, InertiaSource, PlateAtFrames, SourceFile, SubjectExport, TrialExport};
+use aloft_export::{Convention, InertiaSource, PlateAtFrames, RobotFile, SourceFile, SubjectExport, TrialExport};
 use aloft_flight::{Flight, FlightReport, PlateTare, apply_tare};
 use aloft_pipeline::selection::trial_filter;
 use aloft_pipeline::stages::STAGES;
@@ -39,8 +39,51 @@ pub(super) fn subject(
     let locked = read_json(&ws.place("scale", WHOLE_STUDY).join("locked.json"))?;
     let mut made = SubjectExport::new(subject, links, source, convention, locked, &program())
         .map_err(|e| PipelineError::request(e.to_string()))?;
+    made.robot_files = robot_files(session, &made.source)?;
     made.of_study = [session.id.subject.clone(), session.id.session.clone()];
     Ok(made)
+}
+
+/// The model files of a robot with the comment that says how their inertials were made.
+fn robot_files(session: &SubjectSession, source: &InertiaSource) -> Result<Vec<RobotFile>, PipelineError> {
+    let Some(robot) = &session.robot else { return Ok(Vec::new()) };
+    let mut provenance = format!("Inertials identified by {} from motion in flight.\n", program());
+    if let (InertiaSource::Identified { rows, .. }, Ok(found)) = (source, parameters(session, None)) {
+        let p = &found.parameters;
+        provenance += &format!(
+            "     {} flights of {} recordings, {rows} rows, total mass {} kg from a scale, prior: the same file.\n     \
+             Each link: mass in kg and centre of mass in m, with half widths of 95 % intervals.\n",
+            p.n_stretches, p.n_trials, p.mass_kg
+        );
+        for link in &p.links {
+            let half = |ci: Option<[f64; 2]>, digits: usize| {
+                ci.map_or(String::new(), |ci| format!(" ± {:.digits$}", 0.5 * (ci[1] - ci[0])))
+            };
+            let com: Vec<String> =
+                (0..3).map(|k| format!("{:.5}{}", link.com_m[k], half(link.ci95.com_m[k], 5))).collect();
+            provenance += &format!(
+                "     {}: {:.4}{} kg at {}{}\n",
+                link.name,
+                link.mass_kg,
+                half(link.ci95.mass_kg, 4),
+                com.join(", "),
+                Some(link.from.from_table())
+                    .filter(|v| !v.is_empty())
+                    .map_or(String::new(), |v| format!("; near the prior: {v}"))
+            );
+        }
+    }
+    robot
+        .files
+        .iter()
+        .map(|path| {
+            let text = std::fs::read_to_string(path).map_err(PipelineError::io("read", path))?;
+            let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+            let model =
+                aloft_robot::RobotModel::parse(&name, &text).map_err(|e| PipelineError::request(e.to_string()))?;
+            Ok(RobotFile { name, text, model, provenance: provenance.clone() })
+        })
+        .collect()
 }
 
 fn inertias(session: &SubjectSession, subject: &Subject) -> (Vec<LinkInertia>, InertiaSource) {

@@ -34,8 +34,10 @@ pub(super) fn paragraph(
     ws: &Workspace,
     subject: &SubjectExport,
 ) -> Result<String, PipelineError> {
-    let mut t = recordings(session, ws, subject);
-    t.push_str(&kinematics(session, ws, subject)?);
+    let mut t = match &session.robot {
+        Some(robot) => robot.kinematics_in_words(),
+        None => recordings(session, ws, subject) + &kinematics(session, ws, subject)?,
+    };
     t.push_str(&identification(session, ws, subject)?);
     for difference in aloft_pipeline::made::differences(session, ws) {
         t.push_str(&format!(" {difference}."));

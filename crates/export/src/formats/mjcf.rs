@@ -21,6 +21,9 @@ pub static FORMAT: Format = Format {
 };
 
 fn write(subject: &SubjectExport) -> Result<Vec<OutFile>, ExportError> {
+    if !subject.robot_files.is_empty() {
+        return crate::robot_file::patched(subject, aloft_robot::Format::Mjcf);
+    }
     let model = &subject.subject.model;
     for (link, inertia) in model.links.iter().zip(&subject.links) {
         if inertia.mass_kg <= 0.0 && link.joint.kind.nv() > 0 {

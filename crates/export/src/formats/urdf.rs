@@ -21,6 +21,9 @@ pub static FORMAT: Format = Format {
 };
 
 fn write(subject: &SubjectExport) -> Result<Vec<OutFile>, ExportError> {
+    if !subject.robot_files.is_empty() {
+        return crate::robot_file::patched(subject, aloft_robot::Format::Urdf);
+    }
     let model = &subject.subject.model;
     let mut x = Xml::new();
     x.open("robot", &[("name", &names::label(&subject.id))]);

@@ -11,6 +11,7 @@ use aloft_identify::{
 use aloft_regressor::{Factor, RowKind, Slides, Stretch, StretchKind, leave_group_out};
 use aloft_study::config::{Estimator as ChosenEstimator, IdentifyConfig, Rows};
 use aloft_study::revision::ModelEffect;
+use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::json::write_json;
@@ -44,6 +45,9 @@ pub struct Params {
     pub rows: Rows,
     /// True for objects.
     pub is_object: bool,
+    /// The robot, whose joints' torques are fitted beside the base parameters.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub robot: Option<RobotSetup>,
     /// How much the standard error of each coefficient grows because the nonlinear parameters of
     /// its effect were fitted, by name. Everything that follows from the model's effects is stored
     /// under `effects`, so that revisions of the model can be compared (`made::made_with`).
@@ -60,6 +64,7 @@ impl Params {
             identify: session.config.identify.clone(),
             rows: session.config.regressor.rows,
             is_object: session.object.is_some(),
+            robot: session.robot.clone(),
             widening: session.effects.iter().flat_map(widening).collect(),
         }
     }
@@ -274,6 +279,9 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         match identify_with(params, &subject, &factors, flights.as_ref(), &slides, estimator(params, rows), bootstrap) {
             Ok(parameters) => {
                 write_json(&inputs.out.join(parameters_file(rows)), &parameters)?;
+                if let (Some(robot), Rows::Weak) = (&params.robot, rows) {
+                    super::robot::fit_joints(robot, inputs, &subject, &factors, &parameters, &mut done)?;
+                }
                 if rows == chosen {
                     let unseen = parameters.effects.iter().filter_map(|e| Some((&e.name, e.not_determined.as_ref()?)));
                     done.warnings.extend(unseen.map(|(name, why)| format!("effect {name} is not determined: {why}")));

@@ -12,6 +12,7 @@ use aloft_regressor::{
 use aloft_study::calendar::Calendar;
 use aloft_study::config::Weighting;
 use aloft_study::effects::ModelEffects;
+use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_trial::SessionSource;
 use aloft_workspace::error::StageFailure;
@@ -53,6 +54,9 @@ pub struct Params {
     pub contact: bool,
     /// True for objects and robots, which have no soft tissue.
     pub is_object: bool,
+    /// The robot; its motion states its own noise, and its joints' torques give rows of their own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub robot: Option<RobotSetup>,
     /// Role of the trial.
     pub role: Option<Role>,
     /// Effects of the model.
@@ -73,6 +77,7 @@ impl Params {
             marker_sd_m: session.config.ik.marker_sd_m,
             contact: session.config.identify.contact,
             is_object: session.is_rigid(),
+            robot: session.robot.clone(),
             role: trial.map(|t| t.role),
             effects: session.model_effects(),
             recordings: session.facts.recordings.clone(),
@@ -155,7 +160,11 @@ pub fn weak_options(window_s: f64) -> WeakOptions {
 /// soft tissue.
 pub fn row_noise<'a>(params: &Params, subject: &'a Subject) -> Option<Noise<'a>> {
     (params.weighting == Weighting::Whitened).then(|| Noise {
-        coordinates: CoordinateNoise::Markers { markers: &subject.markers, sd_m: params.marker_sd_m },
+        coordinates: if params.robot.is_some() {
+            CoordinateNoise::FromMotion
+        } else {
+            CoordinateNoise::Markers { markers: &subject.markers, sd_m: params.marker_sd_m }
+        },
         slow: params.slow_noise,
         slow_time_s: 0.1,
     })
@@ -172,6 +181,9 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let (factors, warnings) = factors_beside(params, &rows, &mut slides, person)?;
     let mut done = StageReport { warnings: warnings.into(), ..StageReport::default() };
     save_factors(inputs.out, &factors)?;
+    if let Some(robot) = &params.robot {
+        done.note("torque_rows", super::robot::save_torque_rows(robot, inputs, &rows)?);
+    }
     if person {
         save_slides(inputs.out, &slides)?;
     }

@@ -1,18 +1,27 @@
 //! What `import`, `scale` and `ik` do for robots: logs in place of markers, a model file in place of landmarks, sensors combined
 //! in place of inverse kinematics.
 
+use crate::factors::{load_factors, save_factors};
 use crate::graph::{Recording, StageInputs, StageReport};
 use crate::results::Results;
+use crate::stages::regressor::each_stretch;
 use crate::stages::scale::save_subject;
-use aloft_body::Motion;
+use crate::trial_rows::TrialRows;
+use aloft_body::{BaseParameters, Motion, Subject};
 use aloft_compare::PoseErrors;
+use aloft_identify::{LinkPrior, Parameters};
+use aloft_regressor::{Factor, Stretch};
+use aloft_robot::joint_fit::{JointRows, joint_fit};
 use aloft_robot::noise::SensorErrors;
+use aloft_robot::torque::{Torques, torque_factor};
 use aloft_robot::{BaseLog, Columns, FuseInput, FusionReport, RobotError, RobotLog, check, fuse};
 use aloft_study::facts::Facts;
 use aloft_study::recordings::base_beside;
 use aloft_study::robot::RobotSetup;
+use aloft_study::subject_session::Role;
 use aloft_trial::{Markers, Trial};
 use aloft_workspace::artifact::{save_motion, save_trial};
+use aloft_workspace::disk;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::json::{read_json, write_json};
 use aloft_workspace::qc::QcReason;
@@ -132,19 +141,13 @@ pub fn import(robot: &RobotSetup, inputs: &StageInputs<'_>) -> Result<StageRepor
         kept_base(base).write(&inputs.out.join("base.parquet"))?;
     }
     write_json(&inputs.out.join("clock.json"), &base.is_none())?;
-    let (n, dt) = (log.time_s.len(), log.interval_s());
-    let duration_s = log.time_s[n - 1] - log.time_s[0] + dt;
+    let (n, rate_hz) = log.frames().map_err(|e| failed(&e))?;
+    let duration_s = n as f64 / rate_hz;
     save_trial(
         inputs.out,
         &Trial {
             name: recording.name.clone(),
-            markers: Markers {
-                rate_hz: 1.0 / dt,
-                first_frame: 1,
-                n_frames: n,
-                labels: Vec::new(),
-                trajectories: Vec::new(),
-            },
+            markers: Markers { rate_hz, first_frame: 1, n_frames: n, labels: Vec::new(), trajectories: Vec::new() },
             plates: Vec::new(),
             events: Vec::new(),
             computed: Vec::new(),
@@ -155,7 +158,7 @@ pub fn import(robot: &RobotSetup, inputs: &StageInputs<'_>) -> Result<StageRepor
         },
     )?;
     done.note("frames", n);
-    done.note("rate_hz", 1.0 / dt);
+    done.note("rate_hz", rate_hz);
     done.note("joints", robot.model.joints.len());
     done.note("torques", log.torque.iter().filter(|t| !t.is_empty()).count());
     done.note("inertial_unit", log.gyro.is_some() && log.acc.is_some());
@@ -215,7 +218,7 @@ pub fn motion(robot: &RobotSetup, inputs: &StageInputs<'_>) -> Result<StageRepor
     let (motion, report) = fuse(&input).map_err(|e| failed(&e))?;
     save_motion(inputs.out, &motion, &subject.model)?;
     write_json(&inputs.out.join("fusion.json"), &report)?;
-    done.note("unsolved_frames", report.missing_frames);
+    done.note("unsolved_frames", report.inner_missing_frames);
     if let (Some(offset), Some(sd)) = (report.clock_offset_s, report.clock_offset_sd_s) {
         done.note("clock_offset_ms", offset * 1e3);
         done.note("clock_offset_sd_ms", sd * 1e3);
@@ -229,6 +232,65 @@ pub fn motion(robot: &RobotSetup, inputs: &StageInputs<'_>) -> Result<StageRepor
     }
     done.warnings.extend(report.warnings.iter().cloned());
     Ok(done)
+}
+
+/// Rows of the joints' torques in the flights of a recording; returns their number. Without torques nothing is written.
+pub fn save_torque_rows(robot: &RobotSetup, inputs: &StageInputs<'_>, rows: &TrialRows) -> Result<usize, StageFailure> {
+    let name = inputs.trial()?;
+    let (log, _) = load_log(robot, inputs.results, name)?;
+    let torques = log.torques_at_frames().map_err(|e| failed(&e))?;
+    let Some(values) = torques else { return Ok(0) };
+    let subject = &rows.subject;
+    let base = BaseParameters::of(&subject.model);
+    let prior = subject.prior_phi();
+    let torques = Torques { values: &values, sd_nm: robot.description.noise.torque_nm };
+    let (factors, _) = each_stretch(rows, |stretch| {
+        torque_factor(&subject.model, &robot.model, &base, &prior, &rows.motion, stretch, torques)
+    })?;
+    let folder = inputs.out.join("torque");
+    disk::create_dir_all(&folder)?;
+    save_factors(&folder, &factors)?;
+    Ok(factors.iter().map(|(_, f)| f.n_rows).sum())
+}
+
+/// Friction, reflected inertia and gains of the joints: `joints.json`.
+pub fn fit_joints(
+    robot: &RobotSetup,
+    inputs: &StageInputs<'_>,
+    subject: &Subject,
+    factors: &[(Stretch, Factor)],
+    parameters: &Parameters,
+    done: &mut StageReport,
+) -> Result<(), StageFailure> {
+    if !parameters.effects.is_empty() {
+        // torque rows have no columns of effects yet
+        return Ok(());
+    }
+    let mut torque = Vec::new();
+    for name in inputs.trials_with_role("regressor", |role| role == Role::Identify) {
+        let folder = inputs.results.place("regressor", &name)?.join("torque");
+        if folder.is_dir() {
+            torque.extend(load_factors(&folder)?.into_iter().map(|(_, f)| f));
+        }
+    }
+    let base = BaseParameters::of(&subject.model);
+    let fail = |e: aloft_identify::IdentifyError| StageFailure::new(e.to_string());
+    let prior = LinkPrior::of_subject(subject).map_err(fail)?.base(&base).map_err(fail)?;
+    let plain: Vec<Factor> = factors.iter().map(|(_, f)| f.clone()).collect();
+    let rows = JointRows {
+        base: &plain,
+        torque: &torque,
+        base_row_sd: parameters.row_sd,
+        prior: &prior,
+        mass_kg: subject.facts.mass_kg,
+    };
+    if let Some(fit) = joint_fit(&robot.model, &rows) {
+        done.note("torque_rows", fit.rows);
+        done.note("torque_weight", fit.weight);
+        done.note("torque_ratio", fit.torque_ratio);
+        write_json(&inputs.out.join("joints.json"), &fit)?;
+    }
+    Ok(())
 }
 
 /// Errors of a robot's sensors, for the floor of a comparison.

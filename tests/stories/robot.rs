@@ -1,0 +1,108 @@
+//! A robot: from logs and a model file with wrong inertias to the same file with identified ones.
+
+use crate::support::{expect, folder, json, repo};
+use std::fs;
+use std::path::Path;
+
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
+        let path = entry.unwrap().path();
+        let target = to.join(path.file_name().unwrap());
+        if path.is_dir() { copy(&path, &target) } else { drop(fs::copy(&path, &target).unwrap()) }
+    }
+}
+
+#[test]
+fn a_robot_goes_from_logs_to_a_patched_model_file() {
+    let dir = folder();
+    let ws = dir.path().join("ws").display().to_string();
+    let robot = repo("pipelines/robot.yaml");
+    expect(&["run", &robot, "--workspace", &ws], 0);
+    let truth: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(repo("fixtures/robot/truth.json")).unwrap()).unwrap();
+
+    // flights and clocks, which nobody told
+    for trial in ["throw_01", "throw_02"] {
+        let told = &truth["recordings"][trial];
+        let read = |file: &str| -> serde_json::Value {
+            serde_json::from_str(&fs::read_to_string(format!("{ws}/{file}")).unwrap()).unwrap()
+        };
+        let fusion = read(&format!("ik/{trial}/fusion.json"));
+        let offset = fusion["clock_offset_s"].as_f64().unwrap();
+        assert!((offset - told["clock_offset_s"].as_f64().unwrap()).abs() < 1e-4, "{trial}: {offset}");
+        let report = read(&format!("flight/{trial}/flights.json"));
+        let flights = report["flights"].as_array().unwrap();
+        assert_eq!(flights.len(), 3);
+        for (flight, true_flight) in flights.iter().zip(told["flights_s"].as_array().unwrap()) {
+            let at = |key: &str| flight[key].as_f64().unwrap() / 250.0;
+            let (start, end) = (true_flight[0].as_f64().unwrap(), true_flight[1].as_f64().unwrap());
+            assert!(at("start") >= start && at("end") <= end + 0.004 && at("end") - at("start") > 0.4, "{flight}");
+        }
+    }
+
+    let found = json(&["parameters", &robot, "--workspace", &ws, "--json"]);
+    for link in found["links"].as_array().unwrap() {
+        let (name, of) = (link["name"].as_str().unwrap(), |v: &serde_json::Value| v.as_f64().unwrap());
+        let told = &truth["links"][name];
+        let mass = of(&told["mass_kg"]);
+        let ci = &link["ci95"]["mass_kg"];
+        assert!(of(&ci[0]) < mass && mass < of(&ci[1]), "{name}: {mass} kg outside {ci}");
+        let distance = |com: &serde_json::Value| -> f64 {
+            (0..3).map(|k| (of(&com[k]) - of(&told["com_m"][k])).powi(2)).sum::<f64>().sqrt()
+        };
+        let (now, before) = (distance(&link["com_m"]), distance(&link["prior"]["com_m"]));
+        assert!(now < 0.006 && now < before, "{name}: centre of mass {now} m off, {before} m before");
+    }
+
+    // model against motion: the nominal model's error falls by more than ten times
+    let compared = json(&["compare", &robot, "--workspace", &ws, "--json"]);
+    assert!(compared["flight"]["residual_force_n"]["rms"][0].is_number());
+    let ladder = json(&["history", &robot, "--workspace", &ws, "--json"]);
+    let rung = &ladder["revisions"][0];
+    let (error, floor) = (rung["held_out_error"].as_f64().unwrap(), rung["noise_floor"].as_f64().unwrap());
+    assert!(error < 3.0 * floor, "{error} N at a floor of {floor} N");
+
+    // the joints: friction, reflected inertia and gains from the torques
+    let joints: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(format!("{ws}/identify/_study/joints.json")).unwrap()).unwrap();
+    for joint in joints["joints"].as_array().unwrap() {
+        let name = joint["name"].as_str().unwrap();
+        let value = |key: &str| joint[key]["value"].as_f64().unwrap();
+        let told = |key: &str| truth["joints"][name][key].as_f64().unwrap();
+        assert!((value("armature") / told("armature") - 1.0).abs() < 0.15, "{joint}");
+        assert!((value("damping") - told("damping")).abs() < 0.03, "{joint}");
+        assert!((value("friction") - told("friction")).abs() < 0.04, "{joint}");
+        assert!((value("gain") - truth["gains"][name].as_f64().unwrap()).abs() < 0.03, "{joint}");
+    }
+
+    let out = dir.path().join("out");
+    expect(&["export", &robot, "--workspace", &ws, "--format", "urdf,mjcf", "--out", &out.display().to_string()], 0);
+    for end in ["urdf", "xml"] {
+        let before = fs::read_to_string(repo(&format!("fixtures/robot/model/nominal.{end}"))).unwrap();
+        let after = fs::read_to_string(out.join(format!("Models/nominal_identified.{end}"))).unwrap();
+        assert!(after.contains("<!-- inertias from drawings -->") && after.contains("6 flights of 2 recordings"));
+        // lines without inertials are those of the file
+        let quiet = |text: &str| -> Vec<String> {
+            let keep = |l: &&str| !l.contains("inertial") && !l.contains(" kg");
+            text.lines().filter(keep).map(str::to_owned).collect()
+        };
+        let left: Vec<String> = quiet(&after).into_iter().filter(|l| quiet(&before).contains(l)).collect();
+        assert_eq!(left, quiet(&before));
+    }
+}
+
+#[test]
+fn a_log_without_a_joint_fails_with_one_line_that_names_it() {
+    let dir = folder();
+    let data = dir.path().join("lab");
+    copy(Path::new(&repo("fixtures/robot")), &data);
+    let log = data.join("throw_01_robot.csv");
+    fs::remove_file(data.join("throw_01_robot.csv.gz")).unwrap();
+    fs::write(&log, "time_s,q_l_shoulder_rad,q_l_elbow_rad,q_r_shoulder_rad\n0,0,0,0\n0.004,0,0,0\n").unwrap();
+    let ws = dir.path().join("ws").display().to_string();
+    let data = data.display().to_string();
+    let (_, told) = expect(&["run", &repo("pipelines/robot.yaml"), "--data", &data, "--workspace", &ws], 1);
+    let told: Vec<&str> = told.lines().filter(|l| l.contains("r_elbow")).collect();
+    assert!(!told.is_empty() && told[0].contains("throw_01_robot.csv"), "{told:?}");
+}
