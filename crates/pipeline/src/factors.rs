@@ -24,6 +24,11 @@ struct FactorHead {
 
 /// Writes `factors.json` and `factors.parquet`.
 pub fn save_factors(dir: &Path, factors: &[(Stretch, Factor)]) -> Result<(), PipelineError> {
+    save_named(dir, "factors", factors)
+}
+
+/// The same under another name than `factors`.
+pub fn save_named(dir: &Path, name: &str, factors: &[(Stretch, Factor)]) -> Result<(), PipelineError> {
     let heads: Vec<FactorHead> = factors
         .iter()
         .map(|(stretch, f)| FactorHead {
@@ -34,20 +39,25 @@ pub fn save_factors(dir: &Path, factors: &[(Stretch, Factor)]) -> Result<(), Pip
             n_values: f.values().len(),
         })
         .collect();
-    write_json(&dir.join("factors.json"), &heads)?;
+    write_json(&dir.join(format!("{name}.json")), &heads)?;
     let mut table = Table::default();
     table.push("value", factors.iter().flat_map(|(_, f)| f.values().iter().copied()).collect());
-    table.write(&dir.join("factors.parquet"))
+    table.write(&dir.join(format!("{name}.parquet")))
 }
 
 /// Reads the stage's files for a trial: each stretch with its factor.
 pub fn load_factors(dir: &Path) -> Result<Vec<(Stretch, Factor)>, PipelineError> {
-    let heads: Vec<FactorHead> = read_json(&dir.join("factors.json"))?;
+    load_named(dir, "factors")
+}
+
+/// The same under another name than `factors`.
+pub fn load_named(dir: &Path, name: &str) -> Result<Vec<(Stretch, Factor)>, PipelineError> {
+    let heads: Vec<FactorHead> = read_json(&dir.join(format!("{name}.json")))?;
     if heads.is_empty() {
         // a table without rows has no columns to read
         return Ok(Vec::new());
     }
-    let path = dir.join("factors.parquet");
+    let path = dir.join(format!("{name}.parquet"));
     let values = Table::read(&path)?.into_columns().into_iter().next().map(|c| c.1).unwrap_or_default();
     let mut at = 0;
     let mut out = Vec::new();

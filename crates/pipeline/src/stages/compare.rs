@@ -20,7 +20,6 @@ use aloft_regressor::{EffectColumns, Factor, Stretch};
 use aloft_study::calendar::Calendar;
 use aloft_study::config::{CompareConfig, FilterConfig, IdentifyConfig, IkConfig, RegressorConfig, Rows};
 use aloft_study::effects::ModelEffects;
-use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::artifact::{plate_centers, trial_rate};
 use aloft_workspace::error::StageFailure;
@@ -73,9 +72,6 @@ pub struct Params {
     pub margin_s: f64,
     /// True for objects.
     pub is_object: bool,
-    /// The robot, for robots.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub robot: Option<RobotSetup>,
     /// Inverse kinematics.
     pub ik: IkConfig,
     /// Inverse kinematics of trials with settings of their own.
@@ -100,7 +96,6 @@ impl Params {
             identify: config.identify.clone(),
             margin_s: config.flight.margin_s,
             is_object: session.object.is_some(),
-            robot: session.robot.clone(),
             ik: config.ik.clone(),
             ik_of_trials: session.included().filter_map(own).collect(),
             effects: session.model_effects(),

@@ -1,7 +1,7 @@
 //! What `import`, `scale` and `ik` do for robots: logs in place of markers, a model file in place of landmarks, sensors combined
 //! in place of inverse kinematics.
 
-use crate::factors::{load_factors, save_factors};
+use crate::factors::{load_named, save_named};
 use crate::graph::{Recording, StageInputs, StageReport};
 use crate::results::Results;
 use crate::stages::regressor::each_stretch;
@@ -21,13 +21,15 @@ use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::Role;
 use aloft_trial::{Markers, Trial};
 use aloft_workspace::artifact::{save_motion, save_trial};
-use aloft_workspace::disk;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::json::{read_json, write_json};
 use aloft_workspace::qc::QcReason;
 use aloft_workspace::table::{Table, read_numbers};
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
 use std::path::Path;
+
+/// Files of torque rows.
+const TORQUE: &str = "torque_factors";
 
 fn failed(error: &RobotError) -> StageFailure {
     match error.hint() {
@@ -247,9 +249,7 @@ pub fn save_torque_rows(robot: &RobotSetup, inputs: &StageInputs<'_>, rows: &Tri
     let (factors, _) = each_stretch(rows, |stretch| {
         torque_factor(&subject.model, &robot.model, &base, &prior, &rows.motion, stretch, torques)
     })?;
-    let folder = inputs.out.join("torque");
-    disk::create_dir_all(&folder)?;
-    save_factors(&folder, &factors)?;
+    save_named(inputs.out, TORQUE, &factors)?;
     Ok(factors.iter().map(|(_, f)| f.n_rows).sum())
 }
 
@@ -268,9 +268,9 @@ pub fn fit_joints(
     }
     let mut torque = Vec::new();
     for name in inputs.trials_with_role("regressor", |role| role == Role::Identify) {
-        let folder = inputs.results.place("regressor", &name)?.join("torque");
-        if folder.is_dir() {
-            torque.extend(load_factors(&folder)?.into_iter().map(|(_, f)| f));
+        let folder = inputs.results.place("regressor", &name)?;
+        if folder.join(format!("{TORQUE}.json")).is_file() {
+            torque.extend(load_named(&folder, TORQUE)?.into_iter().map(|(_, f)| f));
         }
     }
     let base = BaseParameters::of(&subject.model);
