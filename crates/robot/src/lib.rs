@@ -13,6 +13,7 @@ mod clock;
 pub mod description;
 mod error;
 mod fuse;
+mod inertial;
 pub mod joint_fit;
 mod log;
 mod mjcf;
