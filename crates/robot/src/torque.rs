@@ -18,6 +18,7 @@
 
 use crate::model::RobotModel;
 use aloft_body::{BaseParameters, JointKind, Model, Motion, Phi, State};
+use aloft_regressor::test_function::MIN_HALF_WINDOW;
 use aloft_regressor::{
     Columns, Factor, RegressorError, RowKind, Stretch, TestFunction, run_velocities, window_centers,
 };
@@ -59,12 +60,15 @@ pub fn torque_factor(
     let joints = Joints::of(model, robot);
     let duration_s = n as f64 / motion.rate_hz;
     let window_s = (0.6 * duration_s).clamp(0.15, 0.4).min(duration_s);
-    let half = ((window_s * motion.rate_hz / 2.0).round() as usize).saturating_sub(4);
+    let half = ((window_s * motion.rate_hz / 2.0).round() as usize).saturating_sub(4).max(MIN_HALF_WINDOW);
     let test = TestFunction::new(half, 5, motion.rate_hz)?;
     let hop = ((0.25 * test.length_s() * motion.rate_hz) as usize).max(1);
     // three frames at both ends have velocities of lower order
     let centers = window_centers(3, n.saturating_sub(3), half, hop);
-    let usable = (start..end).all(|f| motion.is_valid(f)) && torques.values.iter().all(|t| t.len() >= end);
+    let measured = |t: &Vec<f64>| t.get(start..end).is_some_and(|t| t.iter().all(|x| x.is_finite()));
+    let usable = (start..end).all(|f| motion.is_valid(f))
+        && torques.values.len() == joints.list.len()
+        && torques.values.iter().all(measured);
     if centers.is_empty() || !usable {
         return Err(RegressorError::TooShort {
             trial: stretch.trial.clone(),
