@@ -102,7 +102,8 @@ fn hostile_names_go_through_every_command() {
     for row in summary["rows"].as_array().unwrap().iter().filter(|r| r["again"].is_string()) {
         let name = row["trial"].as_str().unwrap();
         let line = row["again"].as_str().unwrap();
-        let output = shell(&format!("{line} --details"), dir.path());
+        // wide enough that no line is broken
+        let output = shell(&format!("COLUMNS=1000 {line} --details"), dir.path());
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(1), "{line}\n{said}");
         let failed: Vec<&str> = said.lines().filter(|l| l.starts_with("failed: ")).collect();

@@ -10,14 +10,18 @@ fn half(ci95: &Value) -> Option<f64> {
     Some(0.5 * (high - low))
 }
 
-/// Every `NAME [=:] VALUE ± HALF` in a text.
+/// Every `NAME [=:] VALUE ± HALF` in a text, and every line `NAME VALUE HALF UNIT` of a table.
 fn shown(text: &str, name: &str) -> Vec<f64> {
     let mut out = Vec::new();
     for rest in text.split(name).skip(1) {
         let plain: String = rest.chars().take(120).collect::<String>().replace("</th><td>", " ");
         let mut words = plain.trim_start_matches([':', '=', ' ']).split_whitespace();
         let value = words.next().and_then(|w| w.trim_start_matches("= ").parse::<f64>().ok());
-        if let (Some(_), Some("±"), Some(half)) = (value, words.next(), words.next()) {
+        let mut next = words.next();
+        if next == Some("±") {
+            next = words.next();
+        }
+        if let (Some(_), Some(half)) = (value, next.filter(|h| h.starts_with(|c: char| c.is_ascii_digit()))) {
             let digits: String = half.chars().take_while(|c| c.is_ascii_digit() || ".e-".contains(*c)).collect();
             out.push(digits.parse().unwrap());
         }

@@ -9,7 +9,11 @@ fn copy(from: &Path, to: &Path) {
     for entry in fs::read_dir(from).unwrap() {
         let path = entry.unwrap().path();
         let target = to.join(path.file_name().unwrap());
-        if path.is_dir() { copy(&path, &target) } else { drop(fs::copy(&path, &target).unwrap()) }
+        if path.is_dir() {
+            copy(&path, &target)
+        } else {
+            let _ = fs::copy(&path, &target).unwrap();
+        }
     }
 }
 
@@ -99,7 +103,8 @@ fn a_log_without_a_joint_fails_with_one_line_that_names_it() {
     copy(Path::new(&repo("fixtures/robot")), &data);
     let log = data.join("throw_01_robot.csv");
     fs::remove_file(data.join("throw_01_robot.csv.gz")).unwrap();
-    fs::write(&log, "time_s,q_l_shoulder_rad,q_l_elbow_rad,q_r_shoulder_rad\n0,0,0,0\n0.004,0,0,0\n").unwrap();
+    let rows: String = (0..20).map(|i| format!("{},0,0,0\n", 0.004 * f64::from(i))).collect();
+    fs::write(&log, format!("time_s,q_l_shoulder_rad,q_l_elbow_rad,q_r_shoulder_rad\n{rows}")).unwrap();
     let ws = dir.path().join("ws").display().to_string();
     let data = data.display().to_string();
     let (_, told) = expect(&["run", &repo("pipelines/robot.yaml"), "--data", &data, "--workspace", &ws], 1);

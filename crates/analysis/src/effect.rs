@@ -253,8 +253,7 @@ fn write_law(session: &SubjectSession, key: &str) -> Result<Option<PathBuf>, Pip
             "move or rename it, then add the law again",
         ));
     }
-    let text = serde_yaml::to_string(&law.effect)
-        .map_err(|e| PipelineError::request(format!("`{key}` cannot be written as YAML: {e}")))?;
+    let text = OwnEffect::text_of(&law.effect)?;
     aloft_workspace::disk::create_dir_all(&folder)?;
     let text = format!("# Found by `aloft discover`: {}\n{text}", law.text);
     aloft_workspace::disk::write_whole(&path, text.as_bytes())?;

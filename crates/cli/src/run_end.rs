@@ -101,7 +101,7 @@ fn failed_task(failed: &[Failed]) -> Option<(&SessionId, Option<(&str, &str)>)> 
 pub fn notes(id: &SessionId, done: &RunReport, details: bool) {
     let whose = if id.subject.is_some() { format!("{id} ") } else { String::new() };
     for line in &done.notes {
-        if details { note(format!("{whose}{line}")) } else { brief_note(format!("{whose}{line}")) }
+        note(format!("{whose}{line}"));
     }
     if !details {
         return;

@@ -344,7 +344,7 @@ pub fn discover(
     }
     out.words = wording::answer(&out, far);
     if let Some(open) = &out.open {
-        out.words = wording::with_open(&out, open);
+        out.words = wording::with_open(&out, open, far.is_some());
     }
     out.advice = wording::advice(&out, effects);
     if !has_flights {

@@ -151,8 +151,9 @@ pub(crate) fn answer(d: &Discovery, far: Option<(&str, Standing)>) -> String {
     text
 }
 
-/// The result with that of the search beyond the catalogue.
-pub(crate) fn with_open(d: &Discovery, open: &OpenWorld) -> String {
+/// The result with that of the search beyond the catalogue; `far` if the words say already that the
+/// error is unexplained.
+pub(crate) fn with_open(d: &Discovery, open: &OpenWorld, far: bool) -> String {
     if !open.complete {
         let above = format!(
             "the held-out error in flight is {:.3} N, {:.1} times the noise floor, and no effect of the catalogue explains it",
@@ -160,11 +161,7 @@ pub(crate) fn with_open(d: &Discovery, open: &OpenWorld) -> String {
             d.held_out_error / d.noise_floor
         );
         // a verdict below three times the floor comes from the search
-        let lead = if d.verdict == Verdict::Unexplained && !d.words.starts_with("unexplained") {
-            above
-        } else {
-            d.words.clone()
-        };
+        let lead = if d.verdict == Verdict::Unexplained && !far { above } else { d.words.clone() };
         return format!("{lead}; {}", open.words);
     }
     let best = d.candidates.iter().find(|c| !c.placebo).map_or(String::new(), |c| {

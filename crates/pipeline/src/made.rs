@@ -54,6 +54,10 @@ pub fn as_made(session: &SubjectSession) -> SubjectSession {
     put(&mut out.model, most(&scale, "model"));
     put(&mut out.object, most(&scale, "object"));
     put(&mut out.robot, most(&scale, "robot"));
+    // paths are no part of a manifest
+    if let (Some(robot), Some(present)) = (&mut out.robot, &session.robot) {
+        robot.files.clone_from(&present.files);
+    }
     put(&mut out.anthropometry, most(&scale, "anthropometry"));
     put(&mut out.facts, most::<Facts>(&scale, "facts"));
     put(&mut config.calibrate, most(&of("calibrate"), "calibrate"));

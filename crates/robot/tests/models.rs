@@ -124,7 +124,7 @@ fn files_that_cannot_be_used_say_where_and_why() {
         (URDF.replace("</robot>", ""), "not well-formed XML"),
         ("<sdf/>".to_owned(), "its outermost element is `sdf`, expected `robot` (URDF) or `mujoco` (MJCF)"),
         (URDF.replace(r#"<mass value="1.0"/>"#, r#"<mass value="0"/>"#), "link `arm` moves and has a mass of 0 kg"),
-        (MJCF.replace(r#"type="slide""#, r#"type="ball""#), "line 23: a joint of type `ball`"),
+        (MJCF.replace(r#"type="slide""#, r#"type="ball""#), "line 21: a joint of type `ball`"),
         (MJCF.replace("<light", "<include file=\"x\"/><light"), "`include` is not understood"),
         (MJCF.replace("mass=\"1.0\"", "mass=\"heavy\""), "line 20: `mass` is `heavy`, expected 1 numbers"),
     ];

@@ -43,6 +43,12 @@ impl OwnEffect {
         Ok(Self { spec, origin, text, path: String::new() })
     }
 
+    /// A definition as the text of a file.
+    pub fn text_of(spec: &FormulaEffect) -> Result<String, PipelineError> {
+        serde_yaml::to_string(spec)
+            .map_err(|e| PipelineError::request(format!("`{}` cannot be written as YAML: {e}", spec.id)))
+    }
+
     /// Compiles its formulas; an error points at the character.
     pub fn compile(&self, scene: &Scene) -> Result<CompiledFormula, PipelineError> {
         self.spec.compile(scene).map_err(|e| self.shown(&e))

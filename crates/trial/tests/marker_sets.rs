@@ -35,6 +35,7 @@ const SIDED: &[&str] = &[
     "acromion",
     "elbow_lateral",
     "elbow_medial",
+    "wrist",
     "wrist_radial",
     "wrist_ulnar",
     "hand_distal",

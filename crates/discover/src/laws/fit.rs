@@ -330,7 +330,7 @@ pub(crate) fn simplify(session: &Session<'_>, problem: &Problem, found: Fitted) 
     /// Largest growth of the squared error.
     const MORE: f64 = 1.02;
     let mut best = found;
-    let (point, anchor, parts) = best.law.split(&best.nonlinear);
+    let (point, anchor, parts) = best.law.divided(&best.nonlinear);
     let parts: Vec<Vec<f64>> = parts.into_iter().map(<[f64]>::to_vec).collect();
     // a power that is nearly a simple number
     for (i, p) in parts.iter().enumerate() {

@@ -16,7 +16,7 @@ impl Law {
     /// The law as formulas, with the values of its nonlinear parameters as starts. `documentation`
     /// is Markdown with the evidence.
     pub fn formula(&self, scene: &Scene, nonlinear: &[f64], documentation: String) -> FormulaEffect {
-        let (point, _, parts) = self.split(nonlinear);
+        let (point, _, parts) = self.divided(nonlinear);
         let axes = match self.direction {
             Direction::Link | Direction::AcrossVelocityInLink => FormulaAxes::Link,
             _ => FormulaAxes::World,

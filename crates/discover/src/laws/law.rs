@@ -74,7 +74,7 @@ impl Law {
     }
 
     /// Splits the nonlinear parameters: point, anchor, parameters of each factor.
-    pub fn split<'v>(&self, mut rest: &'v [f64]) -> (Vector3<f64>, Vector3<f64>, Vec<&'v [f64]>) {
+    pub fn divided<'v>(&self, mut rest: &'v [f64]) -> (Vector3<f64>, Vector3<f64>, Vec<&'v [f64]>) {
         let point = match self.point_is {
             PointIs::Free if rest.len() >= 3 => Vector3::from_column_slice(&rest[..3]),
             PointIs::OnPlane([a, b]) if rest.len() >= 2 => self.point + a * rest[0] + b * rest[1],
@@ -251,7 +251,7 @@ impl Effect for Law {
         out
     }
     fn evaluate(&self, series: &Series<'_>, _: Target, nonlinear: &[f64], out: &mut Columns) {
-        let (point, anchor, parts) = self.split(nonlinear);
+        let (point, anchor, parts) = self.divided(nonlinear);
         let mut strengths = Vec::new();
         for (i, frame) in series.instants() {
             if !frame.flight {

@@ -63,7 +63,7 @@ fn wrench(
     com: &Vector3<f64>,
     buffer: &mut Vec<f64>,
 ) -> (Vector3<f64>, Vector3<f64>) {
-    let (_, anchor, parts) = f.law.split(&f.nonlinear);
+    let (_, anchor, parts) = f.law.divided(&f.nonlinear);
     let v = f.vector(frame, at, &anchor, &parts, buffer);
     match f.law.action {
         Action::Force => (v, (at.position - com).cross(&v)),
@@ -74,7 +74,7 @@ fn wrench(
 /// Root mean square of the difference of two laws over all flights after a change, N.
 fn difference(session: &Session<'_>, a: &Fitted, b: &Fitted, change: &Change) -> f64 {
     let frames = [a, b].map(|f| {
-        let (point, _, _) = f.law.split(&f.nonlinear);
+        let (point, _, _) = f.law.divided(&f.nonlinear);
         PlaceFrames::new(session, f.law.carrier, &point)
     });
     let (mut sum, mut n) = (0.0, 0.0);

@@ -38,6 +38,8 @@ const ANSWERED: f64 = 1.5;
 const PART: f64 = 0.5;
 /// Laws that leave more than this share of what the catalogue leaves are not named.
 const BETTER: f64 = 0.85;
+/// Share of the squared error that a product of two variables has to leave to be named before one.
+const PRODUCT: f64 = 0.7;
 /// Laws on another link that leave no more than this multiple of the error are not excluded.
 const ALSO: f64 = 1.05;
 /// Share of the error that a further law may leave on a person.
@@ -293,7 +295,7 @@ fn simplest(laws: &[Fitted], person: bool) -> Option<&Fitted> {
 /// A law times a function of a second variable.
 fn second_factor(session: &Session<'_>, problem: &Problem, evidence: &Evidence, law: &Fitted) -> Option<Fitted> {
     let scene = session.scene;
-    let (point, anchor, parts) = law.law.split(&law.nonlinear);
+    let (point, anchor, parts) = law.law.divided(&law.nonlinear);
     let frames = PlaceFrames::new(session, law.law.carrier, &point);
     // the whole force of the law as one column
     let unit: Vec<Vec<Vec<[f64; 6]>>> = frames
@@ -411,8 +413,11 @@ fn refit(
 /// The best entry of the atlas in numbers: the simplest of those that are nearly as good.
 fn diagnose(session: &Session<'_>, problem: &Problem, atlas: &Atlas, p: f64) -> Diagnosis {
     let scene = session.scene;
-    let best = &atlas.groups[0];
-    let as_good = |g: &&Group| g.score.ratio <= 1.04 * best.score.ratio;
+    // one variable is preferred to a product of two, unless the product leaves much less
+    let single = atlas.groups.iter().find(|g| g.second.is_none());
+    let first = &atlas.groups[0];
+    let best = single.filter(|s| first.score.ratio > PRODUCT * s.score.ratio).unwrap_or(first);
+    let as_good = |g: &&Group| g.second.is_some() == best.second.is_some() && g.score.ratio <= 1.04 * best.score.ratio;
     let g = atlas
         .groups
         .iter()
@@ -442,7 +447,9 @@ fn diagnose(session: &Session<'_>, problem: &Problem, atlas: &Atlas, p: f64) -> 
         curve: curve_of(g),
         text: String::new(),
     };
-    out.text = wording::diagnosis(&out);
+    let variables: Vec<Variable> =
+        std::iter::once(g.variable).chain(g.second.map(|s| s.0)).filter(|v| *v != Variable::None).collect();
+    out.text = wording::diagnosis(scene, &out, &variables);
     out
 }
 
@@ -546,7 +553,7 @@ fn point_of(law: &Law, values: &[f64], fitted: &[Estimate]) -> Vec<Estimate> {
         PointIs::Given => Vec::new(),
         PointIs::Free => fitted[..3].to_vec(),
         PointIs::OnPlane(axes) => {
-            let (point, _, _) = law.split(values);
+            let (point, _, _) = law.divided(values);
             let freedom = fitted[0].freedom.min(fitted[1].freedom);
             (0..3)
                 .map(|k| {
@@ -561,7 +568,7 @@ fn point_of(law: &Law, values: &[f64], fitted: &[Estimate]) -> Vec<Estimate> {
 
 /// Work of a law over all flights.
 pub(crate) fn work(session: &Session<'_>, f: &Fitted) -> Work {
-    let (point, anchor, parts) = f.law.split(&f.nonlinear);
+    let (point, anchor, parts) = f.law.divided(&f.nonlinear);
     let frames = PlaceFrames::new(session, f.law.carrier, &point);
     let (mut taken, mut absolute, mut size) = (0.0, 0.0, 0.0);
     let mut strengths = Vec::new();

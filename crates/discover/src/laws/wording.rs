@@ -23,40 +23,26 @@ fn direction(d: Direction, action: Action) -> &'static str {
     }
 }
 
-/// A variable in words, from its name in formulas.
-fn variable(name: &str) -> String {
-    if let Some((a, b)) = name.split_once('*') {
-        return format!("{} times {}", variable(a), variable(b));
-    }
-    let axis = |stem: &str| name.strip_prefix(stem).map(str::to_owned);
-    match name {
-        "speed" => "the speed of the point".to_owned(),
-        "spin" => "the rate of rotation of the link".to_owned(),
-        "since_start" => "the time since take-off".to_owned(),
-        "t" => "the time in the recording".to_owned(),
-        "distance" => "the distance from that point".to_owned(),
-        "r_z" => "the height".to_owned(),
-        _ => {
-            if let Some(a) = axis("v_world_") {
-                format!("the velocity along {a} of the room")
-            } else if let Some(a) = axis("v_link_") {
-                format!("the velocity along {a} of the link")
-            } else if let Some(a) = axis("omega_world_") {
-                format!("the angular velocity about {a} of the room")
-            } else if let Some(a) = axis("omega_link_") {
-                format!("the angular velocity about {a} of the link")
-            } else if let Some(a) = axis("r_") {
-                format!("the place along {a} of the room")
-            } else if let Some(a) = axis("tilt_") {
-                format!("the inclination of axis {a} of the link")
-            } else if let Some(link) = axis("qd_") {
-                format!("the rate of the joint of {link}")
-            } else if let Some(link) = axis("q_") {
-                format!("the angle of the joint of {link}")
-            } else {
-                name.to_owned()
-            }
-        }
+/// A variable in words.
+pub(crate) fn variable(v: Variable, scene: &Scene) -> String {
+    let axis = |k: usize| ["x", "y", "z"][k.min(2)];
+    let link = |i: usize| scene.model.links.get(i).map_or("", |l| l.name.as_str());
+    match v {
+        Variable::None => "nothing".to_owned(),
+        Variable::Speed => "the speed of the point".to_owned(),
+        Variable::Spin => "the rate of rotation of the link".to_owned(),
+        Variable::SinceTakeOff => "the time since take-off".to_owned(),
+        Variable::Clock => "the time in the recording".to_owned(),
+        Variable::Distance => "the distance from that point".to_owned(),
+        Variable::Place(2) => "the height".to_owned(),
+        Variable::Place(k) => format!("the place along {} of the room", axis(k)),
+        Variable::VelocityInWorld(k) => format!("the velocity along {} of the room", axis(k)),
+        Variable::VelocityInLink(k) => format!("the velocity along {} of the link", axis(k)),
+        Variable::SpinInWorld(k) => format!("the angular velocity about {} of the room", axis(k)),
+        Variable::SpinInLink(k) => format!("the angular velocity about {} of the link", axis(k)),
+        Variable::Tilt(k) => format!("the inclination of axis {} of the link", axis(k)),
+        Variable::JointRate(i) => format!("the rate of the joint of {}", link(i)),
+        Variable::JointAngle(i) => format!("the angle of the joint of {}", link(i)),
     }
 }
 
@@ -72,10 +58,13 @@ fn action(a: Action) -> &'static str {
 }
 
 /// "a force on `link1`, against the velocity, depending on the speed; it removes 64 % of the error".
-pub(crate) fn diagnosis(d: &Diagnosis) -> String {
-    let on = match d.variable.as_str() {
-        "1" => "of constant size".to_owned(),
-        v => format!("depending on {}", variable(v)),
+pub(crate) fn diagnosis(scene: &Scene, d: &Diagnosis, variables: &[Variable]) -> String {
+    let on = match variables {
+        [] => "of constant size".to_owned(),
+        of => {
+            let words: Vec<String> = of.iter().map(|v| variable(*v, scene)).collect();
+            format!("depending on {}", words.join(" times "))
+        }
     };
     format!(
         "{} on {}, {}, {on}; it removes {:.0} % of the error",
@@ -88,14 +77,14 @@ pub(crate) fn diagnosis(d: &Diagnosis) -> String {
 
 /// A law in words, with its direction.
 pub(crate) fn law(scene: &Scene, law: &Law, nonlinear: &[f64], theta: &DVector<f64>, work: Work) -> String {
-    let (point, anchor, parts) = law.split(nonlinear);
+    let (point, anchor, parts) = law.divided(nonlinear);
     let strength: Vec<String> = law
         .factors
         .iter()
         .zip(law.parameters_of(&parts))
         .map(|(f, p)| {
             let v = f.variable;
-            f.shape.describe(&variable(&v.formula(scene)), v.unit(scene), p, v.is_signed())
+            f.shape.describe(&variable(v, scene), v.unit(scene), p, v.is_signed())
         })
         .collect();
     let name = law.carrier.name(scene);
@@ -143,12 +132,8 @@ fn vector(v: &Vector3<f64>) -> String {
 pub(crate) fn title(scene: &Scene, law: &Law) -> String {
     let what = action(law.action).trim_start_matches("a ");
     let on = law.carrier.name(scene);
-    let with: Vec<String> = law
-        .factors
-        .iter()
-        .filter(|f| f.variable != Variable::None)
-        .map(|f| variable(&f.variable.formula(scene)))
-        .collect();
+    let with: Vec<String> =
+        law.factors.iter().filter(|f| f.variable != Variable::None).map(|f| variable(f.variable, scene)).collect();
     let with = if with.is_empty() { String::new() } else { format!(" with {}", with.join(" and ")) };
     format!("{what} on {on}{with} (found by search)")
 }

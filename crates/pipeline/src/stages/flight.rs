@@ -1,4 +1,4 @@
-//! `flight`: the intervals in which no external force acts, and what the plates read when nothing stands on them.
+//! `flight`: the intervals in which nothing touches the body, and what the plates read when nothing stands on them.
 
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use aloft_body::{Motion, Subject};
@@ -23,7 +23,7 @@ pub static STAGE: Stage = Stage {
     scope: Scope::Trial(&[Role::Identify, Role::Validate]),
     seconds: 0.03,
     reads: "`Motion`, plates, prior",
-    gives: "intervals in which no external force acts; tare of the plates; contact that they measure completely",
+    gives: "flights (nothing touches the body); tare of the plates; contact that they measure completely",
     needs: &[Need::Same("import"), Need::Same("ik"), Need::Once("calibrate")],
     parameters: parameters_of::<Work>,
     run: run_of::<Work>,
