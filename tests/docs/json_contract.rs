@@ -12,7 +12,7 @@ const COMMANDS: &[(&str, &str, &str)] = &[
     ("compare", "pipeline", "ComparisonView"),
     ("compare --estimators", "pipeline", "EstimatorsView"),
     ("compare --leave-one-out", "pipeline", "LeaveOneOutView"),
-    ("discover", "discover", "Discovery"),
+    ("discover", "pipeline", "DiscoveryView"),
     ("history", "pipeline", "History"),
     ("check", "pipeline", "Check"),
     ("status", "pipeline", "Status"),

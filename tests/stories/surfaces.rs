@@ -164,10 +164,7 @@ fn follow(pipeline: &str, key: &str) {
     assert_eq!(before.len(), after.len());
     for ((place, old), (_, new)) in before.iter().zip(&after) {
         let promised = number(on(&found["errors_after"], place));
-        println!(
-            "{pipeline} in {place}: {} to {} N, promised {} N, floor {} N",
-            old.error, new.error, promised.error, new.floor
-        );
+        assert!(new.error < old.error, "{place}: the error does not fall");
         assert!((promised.error / new.error - 1.0).abs() < 0.02, "{place}: {promised:?} promised, {new:?} reached");
     }
     let flight = |all: &[(String, Number)]| all.iter().find(|n| n.0 == "flight").unwrap().1;

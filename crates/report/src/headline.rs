@@ -5,7 +5,7 @@ use super::standing::{self, Standing, asked, effects, standings};
 use super::story::Story;
 use super::wording::{number, plus_minus, unit};
 use aloft_compare::{Comparison, Group, GroupedBy};
-use aloft_discover::{Candidate, Discovery, Verdict};
+use aloft_discover::{Candidate, Discovery, OpenWorld, Verdict};
 use aloft_page::{Fact, Headline, Light};
 
 /// The headline.
@@ -59,11 +59,19 @@ fn sentence(story: &Story<'_>, first: Option<&Standing>, other: Option<&Standing
         Some(d) => match d.verdict {
             Verdict::Supported => format!("{wrong}, and `{}` is missing.", named(d).join("` and `")),
             Verdict::OneOf => format!("{wrong}: one of {} effects is missing.", d.effects.len()),
+            Verdict::Unexplained if laws(d).is_some() => {
+                format!("{wrong}, and a law outside the catalogue explains it.")
+            }
             Verdict::Unexplained => format!("{wrong}, and no effect of the catalogue explains it."),
             Verdict::NothingMissing => format!("{wrong}; no missing effect was found."),
             Verdict::NotDetectable => format!("{wrong}; the recordings cannot tell what is missing."),
         },
     }
+}
+
+/// Laws that explain the error where no effect of the catalogue does.
+fn laws(d: &Discovery) -> Option<&OpenWorld> {
+    d.open.as_ref().filter(|o| o.complete && !o.laws.is_empty())
 }
 
 /// Keys of what was found, or else the identifiers that the verdict names.
@@ -194,7 +202,14 @@ fn missing(story: &Story<'_>) -> String {
         }
         Verdict::OneOf => format!("One of `{}`; these recordings cannot tell which.", d.effects.join("`, `")),
         Verdict::NothingMissing => "Nothing that these recordings could show.".to_owned(),
-        Verdict::Unexplained => "Something, but no effect of the catalogue explains it.".to_owned(),
+        Verdict::Unexplained => match (laws(d), d.open.as_ref().and_then(|o| o.diagnosis.as_ref())) {
+            (Some(open), _) => {
+                let each: Vec<String> = open.laws.iter().map(|l| format!("`{}`: {}", l.id, l.text)).collect();
+                format!("{}.", each.join("; and "))
+            }
+            (None, Some(found)) => format!("A law that is not known: nearest is {}.", found.text),
+            (None, None) => "Something, but no effect of the catalogue explains it.".to_owned(),
+        },
         Verdict::NotDetectable => "The recordings are too few or too noisy to tell.".to_owned(),
     }
 }
@@ -212,7 +227,15 @@ fn how_sure(story: &Story<'_>) -> String {
                 100.0 * best.ci95[1]
             );
             let (share, chance) = round.by_chance();
-            parts.push(if believed {
+            let law = laws(d).and_then(|o| Some((o, o.times_floor_after?, o.laws.first()?.family_wise_p)));
+            parts.push(if let Some((open, times, p)) = law {
+                format!(
+                    "With it the held-out error falls to {} times the floor; the best of {} combinations does as well by chance with a probability of \
+                     {p:.3}.",
+                    super::lights::times(times),
+                    open.entries
+                )
+            } else if believed {
                 format!(
                     "The held-out error falls to {falls}; by chance it falls below {:.0} % in {:.0} of 100 cases.",
                     100.0 * chance,
@@ -272,6 +295,9 @@ fn next(story: &Story<'_>, first: Option<&Standing>) -> Fact {
                     "Add it."
                 };
                 with(text, command(s, "effect add", Some(&effect.key)))
+            }
+            (Verdict::Unexplained, _) if let Some(law) = laws(d).and_then(|o| o.laws.first()) => {
+                with("Add it, and rank it again on other motions.", command(s, "effect add", Some(&law.id)))
             }
             (Verdict::NothingMissing, _) if at_floor => with("Use the model.", command(s, "parameters", None)),
             _ => match d.advice.first().or(gate.advice.first()) {

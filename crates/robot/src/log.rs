@@ -73,7 +73,7 @@ fn time_of(columns: &Columns) -> Result<Vec<f64>, RobotError> {
         ));
     };
     for (row, pair) in values.windows(2).enumerate() {
-        if !(pair[1] > pair[0]) {
+        if pair[0].partial_cmp(&pair[1]) != Some(std::cmp::Ordering::Less) {
             let what = if pair[1].is_nan() || pair[0].is_nan() {
                 format!("`{name}` is missing")
             } else {

@@ -234,7 +234,7 @@ pub(crate) fn distinct(groups: &[Group], most: usize) -> Vec<&Group> {
                 && o.second.map(|s| s.0) == g.second.map(|s| s.0)
                 && (g.frequency.is_none() || o.frequency.is_some())
         };
-        if !out.iter().any(|o| same(&o)) {
+        if !out.iter().any(same) {
             out.push(g);
         }
         if out.len() == most {
@@ -249,7 +249,7 @@ fn places<'g>(groups: &[&'g Group], most: usize) -> Vec<&'g Group> {
     let mut out: Vec<&Group> = Vec::new();
     for g in groups {
         let same = |o: &&Group| o.carrier == g.carrier && o.action == g.action && o.direction == g.direction;
-        if g.direction != Direction::Towards && g.second.is_none() && !out.iter().any(|o| same(&o)) {
+        if g.direction != Direction::Towards && g.second.is_none() && !out.iter().any(same) {
             out.push(g);
         }
         if out.len() == most {

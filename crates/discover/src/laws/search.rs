@@ -246,7 +246,7 @@ fn one_law(session: &Session<'_>, problem: &Problem, evidence: &Evidence, groups
         let same = |o: &&Fitted| {
             o.law.carrier == l.law.carrier && o.law.direction == l.law.direction && o.law.action == l.law.action
         };
-        if bases.len() < 3 && !bases.iter().any(|o| same(&o)) {
+        if bases.len() < 3 && !bases.iter().any(same) {
             bases.push(l);
         }
     }

@@ -301,8 +301,8 @@ impl Shape {
 /// xⁿ for x ≥ 0, finite at zero for every n.
 fn raised(x: f64, n: f64) -> f64 {
     match n {
-        n if n == 1.0 => x,
-        n if n == 2.0 => x * x,
+        1.0 => x,
+        2.0 => x * x,
         n if n < 0.0 => x.max(1e-3).powf(n),
         n => x.powf(n),
     }

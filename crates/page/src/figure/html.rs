@@ -25,7 +25,7 @@ pub(crate) fn short(v: f64) -> String {
 
 /// Round numbers from `low` to `high`, at most `most` of them.
 pub(crate) fn ticks(low: f64, high: f64, most: usize) -> Vec<f64> {
-    if !(high > low) || most < 2 {
+    if low.partial_cmp(&high) != Some(std::cmp::Ordering::Less) || most < 2 {
         return vec![low];
     }
     let raw = (high - low) / (most as f64 - 1.0);
