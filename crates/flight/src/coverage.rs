@@ -282,16 +282,16 @@ mod tests {
         let force = |f: usize| m * (g - 0.05 * w * w * (w * f as f64 / rate).sin());
         let full: Vec<f64> = (0..400).map(force).collect();
         let all = std::slice::from_ref(&(0..400));
-        let balance = Balance::of(&heights, &full, &all, rate, m, m * g);
+        let balance = Balance::of(&heights, &full, all, rate, m, m * g);
         assert!((balance.gain.unwrap_or(0.0) - 1.0).abs() < 0.01);
         assert!((30..370).all(|f| balance.deficit[f].abs() < 0.02), "{:?}", &balance.deficit[30..60]);
         // a helper carries 40 % for one second
         let held: Vec<f64> = (0..400).map(|f| force(f) * if (200..300).contains(&f) { 0.6 } else { 1.0 }).collect();
-        let balance = Balance::of(&heights, &held, &all, rate, m, m * g);
+        let balance = Balance::of(&heights, &held, all, rate, m, m * g);
         assert!((220..280).all(|f| (balance.deficit[f] - 0.4).abs() < 0.15));
         assert!((30..180).all(|f| balance.deficit[f].abs() < 0.03));
         // a mass that is 15 % too high is a gain of the recording, not missing contact
-        let balance = Balance::of(&heights, &full, &all, rate, 1.15 * m, 1.15 * m * g);
+        let balance = Balance::of(&heights, &full, all, rate, 1.15 * m, 1.15 * m * g);
         assert!((balance.gain.unwrap_or(0.0) - 1.0 / 1.15).abs() < 0.01);
         assert!((30..370).all(|f| balance.deficit[f].abs() < 0.02));
     }
