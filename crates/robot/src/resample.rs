@@ -28,7 +28,7 @@ pub(crate) struct Grid {
 /// Intervals longer than this many usual ones are gaps.
 const GAP: f64 = 1.6;
 /// Jitter of the rows' times above which values are interpolated, as a share of the interval.
-const JITTER: f64 = 0.02;
+const JITTER: f64 = 0.002;
 /// Factor on the variance of an inertial unit's step within a gap.
 const IN_GAP: f64 = 1e4;
 
@@ -95,7 +95,7 @@ impl Grid {
             None => f64::NAN,
             Some((row, 0.0)) => values[row],
             Some((row, 1.0)) => values[row + 1],
-            Some((row, share)) => cubic(values, row, share),
+            Some((row, share)) => cubic(times, values, row, share, GAP * usual),
         };
         let q: Vec<Vec<f64>> = log.q.iter().map(|values| (0..n).map(|i| at(values, i)).collect()).collect();
         let mut sensors_valid: Vec<bool> = place.iter().map(Option::is_some).collect();
@@ -122,17 +122,17 @@ impl Grid {
     }
 }
 
-/// Cubic through four rows, linear where one is missing.
-fn cubic(values: &[f64], row: usize, t: f64) -> f64 {
-    let (b, c) = (values[row], values[row + 1]);
-    let (Some(a), Some(d)) = (row.checked_sub(1).map(|r| values[r]), values.get(row + 2).copied()) else {
-        return b + (c - b) * t;
-    };
-    let linear = b + (c - b) * t;
-    if !(a.is_finite() && d.is_finite()) {
+/// Cubic through four rows at their own times (Lagrange); linear where one is missing or farther away
+/// than `gap`.
+fn cubic(times: &[f64], values: &[f64], row: usize, share: f64, gap: f64) -> f64 {
+    let linear = values[row] + (values[row + 1] - values[row]) * share;
+    let Some(first) = row.checked_sub(1).filter(|_| row + 2 < values.len()) else { return linear };
+    let (x, y) = (&times[first..first + 4], &values[first..first + 4]);
+    if y.iter().any(|v| !v.is_finite()) || x.windows(2).any(|w| w[1] - w[0] >= gap) {
         return linear;
     }
-    linear + t * (1.0 - t) * ((2.0 * b - c - a) * (2.0 - t) + (2.0 * c - b - d) * (1.0 + t)) / 6.0
+    let t = times[row] + share * (times[row + 1] - times[row]);
+    (0..4).map(|i| y[i] * (0..4).filter(|j| *j != i).map(|j| (t - x[j]) / (x[i] - x[j])).product::<f64>()).sum()
 }
 
 /// Fills missing vectors linearly, and marks them.

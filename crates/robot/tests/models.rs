@@ -126,7 +126,7 @@ fn files_that_cannot_be_used_say_where_and_why() {
         (URDF.replace(r#"<mass value="1.0"/>"#, r#"<mass value="0"/>"#), "link `arm` moves and has a mass of 0 kg"),
         (MJCF.replace(r#"type="slide""#, r#"type="ball""#), "line 21: a joint of type `ball`"),
         (MJCF.replace("<light", "<include file=\"x\"/><light"), "`include` is not understood"),
-        (MJCF.replace("mass=\"1.0\"", "mass=\"heavy\""), "line 20: `mass` is `heavy`, expected 1 numbers"),
+        (MJCF.replace("mass=\"1.0\"", "mass=\"heavy\""), "line 18: `mass` is `heavy`, expected 1 numbers"),
     ];
     for (text, expected) in cases {
         let error = RobotModel::parse("robot", &text).unwrap_err().to_string();
