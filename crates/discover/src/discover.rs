@@ -8,6 +8,7 @@ use crate::judge::{
     minimum_detectable, parts, plausible, rivals,
 };
 use crate::ladder::{Refit, as_found, estimates, extra_columns, group_names, key_of, prune, refit_found, to_build_on};
+use crate::laws::Direction;
 use crate::not_tried::{NotTried, not_tried};
 use crate::options::DiscoverOptions;
 use crate::pairs::{better_pair, pair_alone};
@@ -380,7 +381,9 @@ fn look_beyond(
     out.open = crate::laws::search(session, accepted, rival, &taken, options);
     let Some(open) = &out.open else { return };
     let named = matches!(out.verdict, Verdict::Supported | Verdict::OneOf);
-    if named && !open.complete {
+    // a force of constant size is what the catalogue's own forces, gravity and frame rate look like
+    let constant = open.laws.iter().all(|l| l.variables.is_empty() && l.direction != Direction::Towards);
+    if named && (!open.complete || constant) {
         // what the catalogue names stands, unless a law brings the error to the floor
         out.open = None;
         return;
