@@ -14,7 +14,7 @@ pub fn laws(found: &OpenWorld) -> Result<(), Stop> {
         out(labelled(
             "  ",
             &format!(
-                "by chance the best of {} combinations does as well with a probability of {:.3}",
+                "with random signs the best of {} combinations does as well with a probability of at most {:.3}",
                 found.entries, d.family_wise_p
             ),
         ))?;

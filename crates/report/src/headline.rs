@@ -60,7 +60,7 @@ fn sentence(story: &Story<'_>, first: Option<&Standing>, other: Option<&Standing
             Verdict::Supported => format!("{wrong}, and `{}` is missing.", named(d).join("` and `")),
             Verdict::OneOf => format!("{wrong}: one of {} effects is missing.", d.effects.len()),
             Verdict::Unexplained if laws(d).is_some() => {
-                format!("{wrong}, and a law outside the catalogue explains it.")
+                format!("{wrong}, and a law outside the catalogue describes it.")
             }
             Verdict::Unexplained => format!("{wrong}, and no effect of the catalogue explains it."),
             Verdict::NothingMissing => format!("{wrong}; no missing effect was found."),
@@ -230,8 +230,8 @@ fn how_sure(story: &Story<'_>) -> String {
             let law = laws(d).and_then(|o| Some((o, o.times_floor_after?, o.laws.first()?.family_wise_p)));
             parts.push(if let Some((open, times, p)) = law {
                 format!(
-                    "With it the held-out error falls to {} times the floor; the best of {} combinations does as well by chance with a probability of \
-                     {p:.3}.",
+                    "With it the held-out error falls to {} times the floor; with random signs the best of {} combinations does as well with a probability of at \
+                     most {p:.3}.",
                     super::lights::times(times),
                     open.entries
                 )

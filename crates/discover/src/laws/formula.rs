@@ -2,7 +2,7 @@
 //! name.
 
 use super::kinematics::{Action, Carrier, Direction, Variable};
-use super::law::{Law, factor_name};
+use super::law::{Factor, Law, factor_name};
 use super::shape::Shape;
 use aloft_effects::{
     ActsIn, Effect, EffectKind, FormulaAxes, FormulaCoefficient, FormulaConstant, FormulaEffect, FormulaParameter,
@@ -23,15 +23,7 @@ impl Law {
         };
         let mut terms = vec![String::new()];
         for (i, (f, p)) in self.factors.iter().zip(self.parameters_of(&parts)).enumerate() {
-            let names: Vec<String> = match &f.fixed {
-                Some(values) => values.iter().map(|v| format!("({v})")).collect(),
-                None => f
-                    .shape
-                    .parameters(f.range, f.variable == Variable::Distance)
-                    .iter()
-                    .map(|q| factor_name(i, q.name))
-                    .collect(),
-            };
+            let names = parameter_names(i, f);
             debug_assert_eq!(names.len(), p.len());
             let x = match f.variable {
                 Variable::Distance => "sqrt((anchor_x-r_x)^2+(anchor_y-r_y)^2+(anchor_z-r_z)^2)".to_owned(),
@@ -121,17 +113,7 @@ impl Law {
     pub fn strength(&self, scene: &Scene) -> String {
         let mut terms = vec![String::new()];
         for (i, f) in self.factors.iter().enumerate() {
-            let names: Vec<String> = match &f.fixed {
-                Some(values) => {
-                    values.iter().map(|v| if *v < 0.0 { format!("({v})") } else { v.to_string() }).collect()
-                }
-                None => f
-                    .shape
-                    .parameters(f.range, f.variable == Variable::Distance)
-                    .iter()
-                    .map(|q| factor_name(i, q.name))
-                    .collect(),
-            };
+            let names = parameter_names(i, f);
             let x = f.variable.formula(scene);
             let made = if f.shape == Shape::Curve {
                 (0..f.shape.terms()).map(|k| format!("hat{k}({x})")).collect()
@@ -180,6 +162,15 @@ impl Law {
             }
         }
     }
+}
+
+/// Names of a factor's parameters in formulas, or their values where these are given.
+fn parameter_names(index: usize, f: &Factor) -> Vec<String> {
+    if let Some(values) = &f.fixed {
+        return values.iter().map(|v| format!("({v})")).collect();
+    }
+    let parameters = f.shape.parameters(f.range, f.variable == Variable::Distance);
+    parameters.iter().map(|q| factor_name(index, q.name)).collect()
 }
 
 /// Replaces a whole word.

@@ -155,7 +155,8 @@ pub(crate) fn documentation(text: &str, values: &[&Estimate], ratio: f64, p: f64
     format!(
         "## Physics\nFound by `aloft discover`, not derived: {text}.\n\
          ## Equation\nAs in the formulas. On the recordings where it was found: {}.\n\
-         ## Identifiability\nHeld-out error fell to {:.1} % with it; by chance the best of the search does as well with a probability of {p:.3}. \
+         ## Identifiability\nHeld-out error fell to {:.1} % with it; with random signs of the flights the best entry of the search does as well with a probability of at most {p:.3}; its intervals do not contain \
+         the choice of the law. \
          A law fitted to some motions need not hold for others: rank it again on new recordings, at other places, speeds and headings.\n\
          ## References\nNone: this law comes from recordings.\n",
         values.join("; "),
@@ -168,10 +169,12 @@ pub(crate) fn answer(o: &OpenWorld) -> String {
     let floor = o.times_floor_after.map_or(String::new(), |t| format!(", {t:.2} times the noise floor"));
     match (&o.laws[..], &o.diagnosis) {
         ([], None) => format!(
-            "beyond the catalogue: none of {} combinations of place, direction and variable explains the error better than chance",
+            "beyond the catalogue: none of {} combinations of place, direction and variable describes the error better than chance",
             o.entries
         ),
-        ([], Some(d)) => format!("beyond the catalogue: no law explains the error; nearest is {}", d.text),
+        ([], Some(d)) => {
+            format!("beyond the catalogue: no law describes the error down to its floor; nearest is {}", d.text)
+        }
         (laws, _) => {
             let each: Vec<String> = laws
                 .iter()
@@ -181,7 +184,7 @@ pub(crate) fn answer(o: &OpenWorld) -> String {
                 })
                 .collect();
             let lead = if o.complete {
-                "a law outside the catalogue explains the error"
+                "a law outside the catalogue describes the error down to its floor"
             } else {
                 "part of the error follows a law outside the catalogue"
             };
