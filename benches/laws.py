@@ -31,16 +31,13 @@ import json
 import os
 import random
 import sys
-import tempfile
-import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import law_population
-from verdicts import ROOT, call, interval, prepare
+from laboratory import ROOT, TOLERANCE, Laboratories, empty_session, interval, read_lines, session
 
-TOLERANCE = 0.2
 FORMULA_WITHIN = 1.3
 NAMED = ["link right", "direction, variable", "diagnosis: link", "formula", "formula, loose", "curve", "link", "catalogue", "wrong law",
          "unexplained", "missed", "not usable"]
@@ -48,26 +45,10 @@ NAMED = ["link right", "direction, variable", "diagnosis: link", "formula", "for
 
 # ---- laboratories ------------------------------------------------------------------------------
 
-def session(kind, rng):
-    """Body and instruments of the laboratory of a law, near `chain_clean` and `human_clean`: 20 to 30 flights."""
-    if kind == "chain":
-        throws = {"recordings": 5, "throws": rng.choice([4, 5, 6])}
-        return {"kind": "chain", "throws": throws}, {"marker_noise_m": 0.0003, "gap_fraction": 0.008}
-    person = {"sex": rng.choice("MF"), "height_m": round(rng.uniform(1.55, 1.9), 3), "mass_kg": round(rng.uniform(52, 90), 1)}
-    return {"kind": "human", "person": person, "protocol": {"jumps": rng.choice([8, 9, 10]), "exercises": 2}}, {"marker_noise_m": 0.0003, "soft_tissue_m": 0.003}
-
-
-def empty_session(kind, rng):
-    """The laboratory of an empty set: instruments and number of flights vary."""
-    body, capture = session(kind, rng)
-    capture["marker_noise_m"] = round(rng.choice([0.00015, 0.0003, 0.0006, 0.001]), 6)
-    capture["gap_fraction"] = rng.choice([0.0, 0.002, 0.01, 0.03])
-    if kind == "chain":
-        body["throws"] = {"recordings": rng.choice([3, 5, 6]), "throws": rng.choice([4, 6, 7])}
-    else:
-        capture["soft_tissue_m"] = rng.choice([0.001, 0.003, 0.005, 0.007])
-        body["protocol"]["jumps"] = rng.choice([6, 8, 12])
-    return body, capture
+def laboratory(where, hidden):
+    """Scenarios of a session with what is hidden in it."""
+    body, capture = where
+    return [(body, hidden, capture)]
 
 
 def scaled(entry, scale):
@@ -76,89 +57,8 @@ def scaled(entry, scale):
     return {k: [f.replace("@", number) if isinstance(f, str) else f for f in v] if isinstance(v, list) else v for k, v in entry.items()}
 
 
-class Bench:
-    """The program, and where results go."""
-
-    def __init__(self, args):
-        self.aloft, self.kind, self.seed = args.aloft, args.body, args.seed
-        self.pipeline = ROOT / f"pipelines/{args.body}.yaml"
-        self.out, self.lock = Path(args.out), threading.Lock()
-        self.out.mkdir(parents=True, exist_ok=True)
-        self.digest = hashlib.sha256(Path(self.aloft).read_bytes()).hexdigest()[:12]
-
-    def lines(self, name):
-        return read_lines(self.out / name)
-
-    def keep(self, name, line):
-        with self.lock, open(self.out / name, "a") as file:
-            file.write(json.dumps(line) + "\n")
-
-    def laboratory(self, place, session, hidden, seed):
-        """Simulates and runs; folder options for the commands that ask."""
-        body, capture = session
-        data = prepare(self.aloft, place, [(body, hidden, capture)], seed)
-        at = ["--data", data, "--workspace", place / "ws"]
-        done = call(self.aloft, "run", self.pipeline, *at)
-        if done.returncode:
-            raise RuntimeError(done.stderr[-500:])
-        return at
-
-    def held_out(self, at):
-        """Error in flight on left-out flights, and the floor: N."""
-        compared = json.loads(call(self.aloft, "compare", self.pipeline, *at, "--json").stdout)
-        for entry in compared["against_floor"]:
-            if entry["judged_on"] == "flight":
-                return entry["held_out_error"], entry["floor"]["noise_floor"]
-        raise RuntimeError("no comparison in flight")
-
-    def error_of(self, session, hidden, seed):
-        with tempfile.TemporaryDirectory() as folder:
-            return self.held_out(self.laboratory(Path(folder), session, hidden, seed))
-
-    def ask(self, session, hidden, seed):
-        """The program's answer: a line for `sets.jsonl`."""
-        with tempfile.TemporaryDirectory() as folder:
-            at = self.laboratory(Path(folder), session, hidden, seed)
-            error, floor = self.held_out(at)
-            start = time.time()
-            done = call(self.aloft, "discover", self.pipeline, *at, "--json")
-            if done.returncode and not done.stdout:
-                raise RuntimeError(done.stderr[-500:])
-            found = json.loads(done.stdout)
-        kept = {k: found.get(k) for k in ("verdict", "effects", "words", "noise_floor", "held_out_error", "held_out_error_after", "open")}
-        if kept["open"]:
-            kept["open"] = {**kept["open"], "atlas": (kept["open"].get("atlas") or [])[:5]}
-        kept["found"] = [f["key"] for f in found.get("found", [])]
-        return {"held_out": error, "floor": floor, "discover_s": round(time.time() - start, 2), "answer": kept}
-
-    # ---- strength --------------------------------------------------------------------------
-
-    def scale_for(self, session, entry, seed, twin, wanted, guess):
-        """Scale of the law at which the error is `wanted` times that of the twin: (scale, strength) or None.
-
-        The part of the error that the law makes is near proportional to its scale; secant steps on its logarithm, between
-        bounds once both sides are known."""
-        low, high, scale = None, None, guess
-        for _ in range(9):
-            try:
-                strength = self.error_of(session, [scaled(entry, scale)], seed)[0] / twin
-            except RuntimeError as problem:
-                # only a body that does not fly any more is a law too strong
-                if not any(word in str(problem) for word in ("diverged", "no feasible motion", "flight")):
-                    raise
-                strength = float("inf")
-            if abs(strength / wanted - 1) <= TOLERANCE * 0.6:
-                return scale, strength
-            if strength < wanted:
-                low = scale
-            else:
-                high = scale
-            part = (strength**2 - 1) if strength > 1.02 else 0.04
-            step = ((wanted**2 - 1) / part) ** 0.5 if strength != float("inf") else 0.1
-            scale *= min(max(step, 1 / 30), 30)
-            if low and high and not low < scale < high:
-                scale = (low * high) ** 0.5
-        return None
+class Bench(Laboratories):
+    """Laws that no catalogue lists, each scaled to the strengths asked for."""
 
     def calibrate(self, index, strengths):
         """Law `index` with a scale for each strength; other draws are tried if it cannot reach them."""
@@ -169,13 +69,13 @@ class Bench:
             where, seed = session(self.kind, rng), 2_000_000 + 10_000 * self.seed + 10 * index + attempt
             line = {"law": index, "body": self.kind, "attempt": attempt, **drawn, "session": where, "seed": seed}
             try:
-                twin, floor = self.error_of(where, [], seed)
+                twin, floor = self.error_of(laboratory(where, []), seed)
                 line |= {"twin": twin, "floor": floor, "scales": {}}
                 guess = 0.1 if self.kind == "chain" else 5.0
                 if "moment" in drawn["entry"]:
                     guess *= 0.05
                 for wanted in sorted(strengths, key=lambda s: abs(s - 4)):
-                    found = self.scale_for(where, drawn["entry"], seed, twin, wanted, guess)
+                    found = self.scale_for(lambda scale: laboratory(where, [scaled(drawn["entry"], scale)]), seed, twin, wanted, guess)
                     if found is None:
                         raise RuntimeError(f"{drawn['family']}: strength {wanted} not reached")
                     guess = found[0] * (0.45 if wanted == sorted(strengths, key=lambda s: abs(s - 4))[0] else 4.3)
@@ -213,23 +113,12 @@ class Bench:
         line = {"set": name, "body": self.kind, "program": self.digest, **of}
         start = time.time()
         try:
-            line |= self.ask(where, hidden, seed)
+            line |= self.ask(laboratory(where, hidden), seed)
         except (RuntimeError, ValueError, KeyError) as problem:
             line["problem"] = str(problem)[-500:]
         line["seconds"] = round(time.time() - start, 1)
         self.keep("sets.jsonl", line)
         print(describe(line), flush=True)
-
-
-def read_lines(path):
-    """Lines of JSON; the last one may be cut off by an interruption."""
-    out = []
-    for text in path.read_text().splitlines() if path.exists() else []:
-        try:
-            out.append(json.loads(text))
-        except json.JSONDecodeError:
-            print(f"{path}: a line cut off is left out", file=sys.stderr)
-    return out
 
 
 # ---- scoring -----------------------------------------------------------------------------------

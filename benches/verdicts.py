@@ -1,34 +1,43 @@
 #!/usr/bin/env python3
-"""How often `aloft discover` names what is hidden: fresh sets through the whole program.
+"""How often `aloft discover` names what is hidden: effects of the catalogue at given strengths.
 
-Each set is a laboratory that `aloft simulate` writes (C3D files with marker noise, gaps and, for
-people, soft tissue), processed by `aloft run` and asked by `aloft discover`. Kinds and sizes are
-drawn from the seed; nothing is chosen by what the program finds. An answer counts as
+Each set is a laboratory that `aloft simulate` writes (C3D files with marker noise, gaps and, for people, soft tissue),
+processed by `aloft run` and asked by `aloft discover`. Body, kinds, links and directions are drawn from the seed; nothing is
+chosen by what the program finds. The strength of a set is the held-out error without the hidden effects in the model, over
+that of its twin: the same laboratory with nothing hidden, whose error is the one that a model with the true effects leaves.
+Sizes are scaled until a set stands at the strength asked for, within 20 %. Effects that show on force plates only are scaled
+by the error in contact.
+
+An answer counts as
 
   right        only the hidden effects are named
-  class        the hidden effect is one of those named (several effects: all of them are)
+  class        the hidden effects are among at most three that are named
+  wide class   the same with more than three
   unexplained  the program says that something remains that it cannot name
   missed       "nothing missing" or "not detectable"
-  wrong        something is named and the hidden effect is not among it
+  wrong        something is named and a hidden effect is not among it
 
-Of empty sets "nothing missing" and "not detectable" are right.
+Of empty sets "nothing missing" and "not detectable" are right. Results are lines of JSON in OUT (`sizes.jsonl`,
+`sets.jsonl`); a run that was interrupted continues. Usage:
 
-Sets are reported by how far the model without the effect stands above its noise floor. Usage:
-
-  python3 benches/verdicts.py --aloft target/release/aloft --body chain --sets 40 --empty 10 --seed 1
+  python3 benches/verdicts.py --body chain --sets 50 --strengths 1.5,2,4 --empty 130 --seed 1 --jobs 2 --out OUT
+  python3 benches/verdicts.py --score OUT [OUT ...]
 """
 
 import argparse
 import json
 import math
+import os
 import random
-import shutil
-import subprocess
 import sys
-import tempfile
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+from laboratory import ROOT, TOLERANCE, Laboratories, empty_session, interval, read_lines, session
+
+OUTCOMES = ["right", "class", "wide class", "unexplained", "missed", "wrong"]
+ON_PLATES = {"plate_time_offset", "plate_gain", "body_mass"}
 
 
 def unit(rng):
@@ -38,33 +47,33 @@ def unit(rng):
 
 
 def times(direction, size):
-    return [round(a * size, 5) for a in direction]
+    return [round(a * size, 7) for a in direction]
 
 
 def chain_effect(rng):
-    """One hidden effect on the thrown chain: the scenario's entry and the names that are right."""
+    """One effect on the thrown chain: its entry at a size, and the names that are right."""
     link = rng.choice(["link0", "link1"])
     kind = rng.choice(["quadratic_drag", "linear_drag", "rotational_drag", "wind", "constant_force", "gravity_tilt",
                        "tether", "crane", "flywheel", "rotor", "thrust", "added_mass", "payload"])
-    size = math.exp(rng.uniform(math.log(0.5), math.log(2)))
     anchor = [round(rng.uniform(-1.5, 1.5), 3), round(rng.uniform(-1.5, 1.5), 3), round(rng.uniform(2.0, 3.0), 3)]
     point = [round(rng.uniform(-0.1, 0.1), 3), 0.0, 0.0]
+    way, angle = unit(rng), rng.uniform(0, 2 * math.pi)
     entry = {
-        "quadratic_drag": {"drag_area_m2": 0.03 * size},
-        "linear_drag": {"coefficient_nspm": 0.05 * size},
-        "rotational_drag": {"coefficient_nmsprad": 0.0006 * size},
-        "wind": {"velocity_mps": times(unit(rng), 2 * size), "drag_area_m2": 0.03},
-        "constant_force": {"link": link, "point_m": point, "force_n": times(unit(rng), 0.15 * size)},
-        "gravity_tilt": {"about_x_deg": round(1.5 * size * rng.choice([-1, 1]), 3), "about_y_deg": round(rng.uniform(-1, 1), 3)},
-        "tether": {"link": link, "anchor_m": anchor, "rest_length_m": 0.5, "stiffness_npm": 0.2 * size},
-        "crane": {"link": link, "pulley_m": anchor, "tension_n": 0.3 * size},
-        "flywheel": {"link": link, "momentum_nms": times(unit(rng), 0.004 * size)},
-        "rotor": {"link": link, "axis": unit(rng), "mean_nms": 0.003 * size, "swing_nms": 0.003 * size, "frequency_hz": 3.0},
-        "thrust": {"link": link, "point_m": point, "force_n": times(unit(rng), 0.2 * size)},
-        "added_mass": {"link": link, "mass_kg": 0.03 * size},
-        "payload": {"link": link, "point_m": point, "mass_kg": 0.03 * size},
+        "quadratic_drag": lambda s: {"drag_area_m2": 0.03 * s},
+        "linear_drag": lambda s: {"coefficient_nspm": 0.05 * s},
+        "rotational_drag": lambda s: {"coefficient_nmsprad": 0.0006 * s},
+        "wind": lambda s: {"velocity_mps": times(way, 2), "drag_area_m2": 0.03 * s},
+        "constant_force": lambda s: {"link": link, "point_m": point, "force_n": times(way, 0.15 * s)},
+        "gravity_tilt": lambda s: {"about_x_deg": 1.5 * s * math.cos(angle), "about_y_deg": 1.5 * s * math.sin(angle)},
+        "tether": lambda s: {"link": link, "anchor_m": anchor, "rest_length_m": 0.5, "stiffness_npm": 0.2 * s},
+        "crane": lambda s: {"link": link, "pulley_m": anchor, "tension_n": 0.3 * s},
+        "flywheel": lambda s: {"link": link, "momentum_nms": times(way, 0.004 * s)},
+        "rotor": lambda s: {"link": link, "axis": way, "mean_nms": 0.003 * s, "swing_nms": 0.003 * s, "frequency_hz": 3.0},
+        "thrust": lambda s: {"link": link, "point_m": point, "force_n": times(way, 0.2 * s)},
+        "added_mass": lambda s: {"link": link, "mass_kg": 0.03 * s},
+        "payload": lambda s: {"link": link, "point_m": point, "mass_kg": 0.03 * s},
     }[kind]
-    return {"effect": kind, **entry}, {kind}
+    return kind, lambda size: {"effect": kind, **entry(size)}, {kind}
 
 
 def human_effect(rng):
@@ -72,142 +81,204 @@ def human_effect(rng):
     limb = rng.choice(["hand_r", "hand_l", "forearm_r", "shank_l", "thigh_r", "torso", "pelvis"])
     kind = rng.choice(["tether", "constant_force", "crane", "payload", "payload", "load", "wind", "gravity_tilt",
                        "plate_time_offset", "plate_gain", "body_mass", "gravity_scale"])
-    size = math.exp(rng.uniform(math.log(0.5), math.log(2)))
     anchor = [round(rng.uniform(-1, 1), 3), round(rng.uniform(-1, 1), 3), round(rng.uniform(2.5, 3.5), 3)]
-    load = {"link": limb, "mass_kg": 1.5 * size}
+    way, angle, sign = unit(rng), rng.uniform(0, 2 * math.pi), rng.choice([-1, 1])
+    across = [math.cos(angle), math.sin(angle), 0.0]
+    half = ["jump05", "jump06", "jump07", "jump08"]
     entry, names = {
-        "tether": ({"link": "pelvis", "anchor_m": anchor, "rest_length_m": 1.0, "stiffness_npm": 40 * size}, None),
-        "constant_force": ({"link": limb, "force_n": times(unit(rng), 15 * size)}, None),
-        "crane": ({"link": "pelvis", "pulley_m": anchor, "tension_n": 40 * size}, None),
-        "payload": ({**load, "trials": ["jump05", "jump06", "jump07", "jump08"]}, None),
-        "load": (load, {"link_mass", "payload"}),
-        "wind": ({"velocity_mps": times([1, rng.uniform(-1, 1), 0], 4 * size), "drag_area_m2": 0.5}, None),
-        "gravity_tilt": ({"about_x_deg": round(1.0 * size, 3), "about_y_deg": round(rng.uniform(-1, 1), 3)}, None),
-        "plate_time_offset": ({"offset_s": round(0.006 * size * rng.choice([-1, 1]), 5)}, None),
-        "plate_gain": ({"plate": 1, "gain": [1.0 + 0.04 * size] * 6}, None),
-        "body_mass": ({"error_kg": round(2.5 * size * rng.choice([-1, 1]), 3)}, {"body_mass", "plate_gain"}),
-        "gravity_scale": ({"factor": round(1 + 0.02 * size * rng.choice([-1, 1]), 5)}, None),
+        "tether": (lambda s: {"link": "pelvis", "anchor_m": anchor, "rest_length_m": 1.0, "stiffness_npm": 40 * s}, None),
+        "constant_force": (lambda s: {"link": limb, "force_n": times(way, 15 * s)}, None),
+        "crane": (lambda s: {"link": "pelvis", "pulley_m": anchor, "tension_n": 40 * s}, None),
+        "payload": (lambda s: {"link": limb, "mass_kg": 1.5 * s, "trials": half}, None),
+        "load": (lambda s: {"link": limb, "mass_kg": 1.5 * s}, {"link_mass", "payload"}),
+        "wind": (lambda s: {"velocity_mps": times(across, 4), "drag_area_m2": 0.5 * s}, None),
+        "gravity_tilt": (lambda s: {"about_x_deg": s * math.cos(angle), "about_y_deg": s * math.sin(angle)}, None),
+        "plate_time_offset": (lambda s: {"offset_s": 0.006 * s * sign}, None),
+        "plate_gain": (lambda s: {"plate": 1, "gain": [1.0 + 0.04 * s * sign] * 6}, None),
+        "body_mass": (lambda s: {"error_kg": 2.5 * s * sign}, {"body_mass", "plate_gain"}),
+        "gravity_scale": (lambda s: {"factor": 1 + 0.02 * s * sign}, None),
     }[kind]
-    return {"effect": "payload" if kind == "load" else kind, **entry}, names or {kind}
+    return kind, lambda size: {"effect": "payload" if kind == "load" else kind, **entry(size)}, names or {kind}
 
 
-def draw(body, rng, index):
-    """A scenario for each of one or two folders, and what is hidden: a list of sets of right names."""
+def draw(body, rng):
+    """A laboratory at a size, what is hidden (a list of sets of right names), the case, and where it is judged."""
+    where, capture = session(body, rng)
     if body == "chain":
-        base = {"kind": "chain"}
+        where["object"] = {"variation": round(rng.uniform(0.5, 1.5), 2)}
+        kind, one, names = chain_effect(rng)
         case = rng.choice(["one", "one", "one", "one", "two", "part"])
-        one, names = chain_effect(rng)
-        if one["effect"] == "payload" or case == "part":
-            return [(base, [one]), (base, [])], [names], "part"
+        if kind == "payload" or case == "part":
+            return lambda s: [(where, [one(s)], capture), (where, [], capture)], [names], "part", kind, "flight"
         if case == "two":
-            other, more = chain_effect(rng)
+            second, other, more = chain_effect(rng)
             # wind contains drag in still air: two of them are one
             air = {"wind", "quadratic_drag", "linear_drag"}
-            if other["effect"] not in ("payload", one["effect"]) and not {one["effect"], other["effect"]} <= air:
-                return [(base, [one, other])], [names, more], "two"
-        return [(base, [one])], [names], "one"
-    person = {"sex": rng.choice("MF"), "height_m": round(rng.uniform(1.55, 1.9), 3), "mass_kg": round(rng.uniform(52, 90), 1)}
-    base = {"kind": "human", "person": person, "protocol": {"jumps": 8, "exercises": 2}}
-    one, names = human_effect(rng)
+            if second not in ("payload", kind) and not {kind, second} <= air:
+                return lambda s: [(where, [one(s), other(s)], capture)], [names, more], "two", f"{kind} + {second}", "flight"
+        return lambda s: [(where, [one(s)], capture)], [names], "one", kind, "flight"
+    where["person"]["variation"] = round(rng.uniform(0.5, 1.5), 2)
     if rng.random() < 0.15:
-        mass = round(rng.uniform(0.8, 1.6), 2)
-        pair = [{"effect": "payload", "link": l, "mass_kg": mass, "trials": ["jump01", "jump03", "jump05", "jump07"]}
-                for l in rng.choice([("shank_l", "shank_r"), ("forearm_l", "forearm_r"), ("thigh_l", "thigh_r")])]
-        return [(base, pair)], [{"payload"}], "two of a kind"
-    return [(base, [one])], [names], "one"
+        links = rng.choice([("shank_l", "shank_r"), ("forearm_l", "forearm_r"), ("thigh_l", "thigh_r")])
+        trials = ["jump01", "jump03", "jump05", "jump07"]
+        pair = lambda s: [{"effect": "payload", "link": l, "mass_kg": 1.2 * s, "trials": trials} for l in links]
+        return lambda s: [(where, pair(s), capture)], [{"payload"}], "two of a kind", "payload + payload", "flight"
+    kind, one, names = human_effect(rng)
+    judged_on = "contact" if kind in ON_PLATES else "flight"
+    return lambda s: [(where, [one(s)], capture)], [names], "one", kind, judged_on
 
 
-def call(aloft, *args):
-    return subprocess.run([aloft, *map(str, args)], capture_output=True, text=True)
+class Bench(Laboratories):
+    """Effects of the catalogue, scaled to the strengths asked for."""
+
+    def sizes(self, index, strengths):
+        """Set `index` with a size for each strength; other draws are tried if it cannot reach them."""
+        reasons = []
+        for attempt in range(4):
+            at, truth, case, kind, judged_on = draw(self.kind, random.Random(f"verdict {self.kind} {self.seed} {index} {attempt}"))
+            seed = 4_000_000 + 10_000 * self.seed + 10 * index + attempt
+            line = {"index": index, "attempt": attempt, "seed": seed, "case": case, "kind": kind, "judged_on": judged_on,
+                    "truth": [sorted(t) for t in truth], "sizes": {}}
+            try:
+                line["twin"] = self.error_of([(where, [], capture) for where, _, capture in at(1.0)], seed, judged_on)[0]
+                guess = 1.0
+                for wanted in sorted(strengths):
+                    found = self.scale_for(at, seed, line["twin"], wanted, guess, judged_on)
+                    if found is None:
+                        raise RuntimeError(f"{kind}: strength {wanted} not reached")
+                    guess = 2 * found[0]
+                    line["sizes"][str(wanted)] = found
+                return {**line, "tried": reasons}
+            except (RuntimeError, ValueError, KeyError) as problem:
+                reasons.append(str(problem)[-300:])
+        return {"index": index, "tried": reasons}
+
+    def one(self, index, strengths, known, done):
+        line = known.get(index)
+        if line is None or any(str(s) not in line.get("sizes", {}) for s in strengths):
+            line = self.sizes(index, strengths)
+            self.keep("sizes.jsonl", line)
+        if "kind" not in line:
+            print(f"set {index:3d} not usable: {line['tried']}", file=sys.stderr, flush=True)
+            return
+        at = draw(self.kind, random.Random(f"verdict {self.kind} {self.seed} {index} {line['attempt']}"))[0]
+        for wanted in strengths:
+            name = f"{self.kind}-{index}-x{wanted}"
+            if name not in done:
+                of = {k: line[k] for k in ("index", "case", "kind", "truth", "twin", "judged_on", "seed")}
+                self.answer(name, {**of, "strength": wanted}, at(line["sizes"][str(wanted)][0]), line["seed"], line["judged_on"])
+
+    def empty(self, index, done):
+        name = f"{self.kind}-empty{index}"
+        if name not in done:
+            where, capture = empty_session(self.kind, random.Random(f"verdict empty {self.kind} {self.seed} {index}"))
+            seed = 5_000_000 + 10_000 * self.seed + index
+            self.answer(name, {"strength": 0, "truth": [], "case": "empty", "kind": "empty"}, [(where, [], capture)], seed, "flight")
+
+    def answer(self, name, of, scenarios, seed, judged_on):
+        line = {"set": name, "body": self.kind, "program": self.digest, **of}
+        start = time.time()
+        try:
+            line |= self.ask(scenarios, seed, judged_on)
+        except (RuntimeError, ValueError, KeyError) as problem:
+            line["problem"] = str(problem)[-500:]
+        line["seconds"] = round(time.time() - start, 1)
+        self.keep("sets.jsonl", line)
+        print(describe(line), flush=True)
 
 
-def prepare(aloft, place, scenarios, seed):
-    """The folder of recordings; of two scenarios, recordings 1-2 of the first and 3-5 of the second."""
-    folders = []
-    for k, (body, hidden, *capture) in enumerate(scenarios):
-        file, out = place / f"scenario{k}.yaml", place / f"data{k}"
-        scenario = {"name": f"set{k}", "seed": seed, "body": body, "hidden": hidden}
-        file.write_text(json.dumps({**scenario, "capture": capture[0]} if capture else scenario))
-        done = call(aloft, "simulate", file, "--out", out)
-        if done.returncode:
-            raise RuntimeError(done.stderr[-500:])
-        folders.append(out)
-    if len(folders) == 2:
-        for name in ("throws_01", "throws_02"):
-            for file in folders[0].glob(f"{name}*"):
-                shutil.copy(file, folders[1] / file.name)
-        return folders[1]
-    return folders[0]
-
-
-def judge(found, truth):
+def judge(line):
+    if "answer" not in line:
+        return "not usable"
+    found = line["answer"]
     named = set(found["effects"])
+    if not line["truth"] and not (found.get("open") or {}).get("laws"):
+        return "wrong" if named else "right"
+    if (found.get("open") or {}).get("laws"):
+        return "wrong"
     if found["verdict"] == "unexplained":
         return "unexplained"
-    if not truth:
-        return "wrong" if named else "right"
     if not named:
         return "missed"
-    if all(named & right for right in truth):
-        extra = named - set().union(*truth)
-        return "right" if not extra else "class"
+    if all(named & set(right) for right in line["truth"]):
+        if not named - set().union(*line["truth"]):
+            return "right"
+        return "class" if len(named) <= 3 else "wide class"
     return "wrong"
 
 
-def interval(k, n):
-    """95 % interval of a share, Wilson."""
-    if n == 0:
-        return "–"
-    p, z = k / n, 1.96
-    middle = (p + z * z / (2 * n)) / (1 + z * z / n)
-    half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    return f"{100 * p:.0f} % ({100 * max(middle - half, 0):.0f}-{100 * min(middle + half, 1):.0f})"
+def describe(line):
+    if "answer" not in line:
+        return f"{line['set']:20s} {line['kind']:26s} not usable: {line['problem']}"
+    a = line["answer"]
+    floor, most = a["noise_floor"] or float("nan"), (a["noise_floor_ci95"] or [float("nan")] * 2)[1]
+    laws = "".join(f" [law: {c.get('carrier')} {c.get('action')}]" for c in (a.get("open") or {}).get("laws") or [])
+    return (f"{line['set']:20s} {line['kind']:26s} {line['case']:13s} {judge(line):11s} said: {a['verdict']} {','.join(a['effects'])}{laws} "
+            f"[{', '.join(a['found'])}] {a['held_out_error'] / floor:.2f} -> {a['held_out_error_after'] / floor:.2f} x floor (to {most / floor:.2f})")
+
+
+def score(folders):
+    lines = {}
+    for folder in folders:
+        for line in read_lines(Path(folder) / "sets.jsonl"):
+            lines[(str(folder), line["set"])] = line
+    for body in sorted({line["body"] for line in lines.values()}):
+        of_body = [line for line in lines.values() if line["body"] == body]
+        hidden = [line for line in of_body if line["strength"]]
+        strengths = sorted({line["strength"] for line in hidden})
+        groups = [("hidden, all", hidden)]
+        groups += [(f"strength {s}", [line for line in hidden if line["strength"] == s]) for s in strengths]
+        groups += [(case, [line for line in hidden if line["case"] == case]) for case in sorted({line["case"] for line in hidden})]
+        groups += [("empty", [line for line in of_body if not line["strength"]])]
+        print(f"\n## {body}\n\n| sets | n | " + " | ".join(OUTCOMES) + " |\n" + "|---" * (len(OUTCOMES) + 2) + "|")
+        for name, group in groups:
+            usable = [judge(line) for line in group if "answer" in line]
+            print(f"| {name} | {len(usable)} | " + " | ".join(interval(usable.count(o), len(usable)) for o in OUTCOMES) + " |")
+        off = [line["set"] for line in hidden if "answer" in line and abs(line["held_out"] / line["twin"] / line["strength"] - 1) > TOLERANCE]
+        times_s = sorted(line["discover_s"] for line in of_body if "discover_s" in line)
+        unusable = sum("answer" not in line for line in of_body)
+        if times_s:
+            print(f"\ndiscover: median {times_s[len(times_s) // 2]:.1f} s, longest {times_s[-1]:.1f} s; not usable: {unusable}; "
+                  f"strength off by more than {TOLERANCE:.0%}: {', '.join(off) or 'none'}")
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--aloft", default=str(ROOT / "target/release/aloft"))
     parser.add_argument("--body", choices=["chain", "human"], default="chain")
-    parser.add_argument("--sets", type=int, default=40)
+    parser.add_argument("--sets", type=int, default=50)
+    parser.add_argument("--strengths", default="1.5,2,4")
     parser.add_argument("--empty", type=int, default=10)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--out")
+    parser.add_argument("--score", nargs="+", metavar="OUT", help="only score these folders")
     args = parser.parse_args()
-    pipeline = ROOT / f"pipelines/{args.body}.yaml"
-    rows = []
-    for i in range(args.sets + args.empty):
-        rng = random.Random(f"{args.body} {args.seed} {i}")
-        scenarios, truth, kind = draw(args.body, rng, i)
-        if i >= args.sets:
-            scenarios, truth, kind = [(scenarios[0][0], [])], [], "empty"
-        with tempfile.TemporaryDirectory() as folder:
-            place = Path(folder)
-            try:
-                data = prepare(args.aloft, place, scenarios, 1_000_000 + args.seed * 1000 + i)
-                at = ["--data", data, "--workspace", place / "ws"]
-                call(args.aloft, "run", pipeline, *at)
-                found = json.loads(call(args.aloft, "discover", pipeline, *at, "--json").stdout)
-            except (RuntimeError, json.JSONDecodeError) as problem:
-                print(f"{i:3d} not usable: {problem}", file=sys.stderr)
-                continue
-        above = (found["held_out_error"] or 0) / found["noise_floor"] if found["noise_floor"] else float("nan")
-        left = (found["held_out_error_after"] or 0) / found["noise_floor"] if found["noise_floor"] else float("nan")
-        outcome = judge(found, truth)
-        rows.append((kind, outcome, above))
-        hidden = ", ".join(h["effect"] + ("[" + h["link"] + "]" if "link" in h else "") for _, hs in scenarios for h in hs)
-        keys = ", ".join(f["key"] + (f" in {len(f['trials'])}" if f["trials"] else "") for f in found["found"])
-        print(f"{i:3d} {kind:13s} {outcome:11s} hidden: {hidden or '-':45s} said: {found['verdict']} {','.join(found['effects'])} "
-              f"[{keys}] {above:.1f} -> {left:.1f} x floor", flush=True)
-    print()
-    outcomes = ["right", "class", "unexplained", "missed", "wrong"]
-    hidden = [r for r in rows if r[0] != "empty"]
-    groups = [("hidden, all", hidden)]
-    groups += [(f"  {k}", [r for r in hidden if r[0] == k]) for k in sorted({r[0] for r in hidden})]
-    groups += [("  above 2 floors", [r for r in hidden if r[2] > 2])]
-    groups += [("empty", [r for r in rows if r[0] == "empty"])]
-    print(f"{'':18s} {'sets':>4s} " + " ".join(f"{o:>16s}" for o in outcomes))
-    for name, of in groups:
-        print(f"{name:18s} {len(of):4d} " + " ".join(f"{interval(sum(r[1] == o for r in of), len(of)):>16s}" for o in outcomes))
+    if args.score:
+        return score(args.score)
+    if not args.out:
+        parser.error("--out is needed")
+    os.environ.setdefault("RAYON_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // args.jobs)))
+    bench = Bench(args)
+    strengths = [int(s) if float(s).is_integer() else float(s) for s in args.strengths.split(",")]
+    stamp = {"body": args.body, "seed": args.seed}
+    setup = bench.out / "setup.json"
+    if setup.exists() and json.loads(setup.read_text()) != stamp:
+        parser.error(f"{setup} is of another body or seed: {setup.read_text()}")
+    setup.write_text(json.dumps(stamp))
+    known = {line["index"]: line for line in bench.lines("sizes.jsonl")}
+    done = {line["set"] for line in bench.lines("sets.jsonl") if "answer" in line}
+    others = {line["program"] for line in bench.lines("sets.jsonl")} - {bench.digest}
+    if others:
+        print(f"warning: {bench.out} also holds answers of other builds ({', '.join(sorted(others))})", file=sys.stderr)
+    with ThreadPoolExecutor(args.jobs) as pool:
+        work = [pool.submit(bench.one, i, strengths, known, done) for i in range(args.sets)]
+        work += [pool.submit(bench.empty, i, done) for i in range(args.empty)]
+        for piece in work:
+            piece.result()
+    score([args.out])
+    return None
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

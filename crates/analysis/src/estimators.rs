@@ -194,6 +194,7 @@ fn landmarks(made: &Made<'_>, used: &Subject) -> Result<Option<Tracked>, StageFa
     let (session, results) = (made.session, made.results);
     let (weak, acceleration) = (regressor::Params::of(session, None), acceleration::Params::of(session));
     let compared = compare::Params::of(session);
+    let names: Vec<String> = made.trials.iter().map(|(name, _)| name.clone()).collect();
     let each: Vec<(ComparedTrial, Vec<(Stretch, Factor)>)> = made
         .trials
         .par_iter()
@@ -214,7 +215,7 @@ fn landmarks(made: &Made<'_>, used: &Subject) -> Result<Option<Tracked>, StageFa
             )?;
             let mut factors = weak_factors(&weak, &rows)?.0;
             factors.extend(acceleration_factors(&acceleration, &rows)?.0);
-            Ok((ComparedTrial::of(&compared, results, *role, name, rows)?, factors))
+            Ok((ComparedTrial::of(&compared, results, *role, name, &names, rows)?, factors))
         })
         .collect::<Result<_, StageFailure>>()?;
     let (trials, factors): (Vec<_>, Vec<_>) = each.into_iter().unzip();
@@ -257,7 +258,9 @@ fn of_geometry(
         .map(|(rows, _, estimator)| {
             let own: Vec<(Stretch, Factor)> = factors
                 .iter()
-                .filter(|(s, f)| f.rows == row_kind(*rows) && is_training(session, s, session.config.identify.contact))
+                .filter(|(s, f)| {
+                    f.rows == row_kind(*rows) && is_training(session, s, session.identifies_from_contact())
+                })
                 .cloned()
                 .collect();
             if own.is_empty() {

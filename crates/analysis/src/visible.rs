@@ -28,9 +28,9 @@ pub fn refuse_invisible(
     scene: &Scene,
 ) -> Result<(), PipelineError> {
     let (key, names) = (choice.key(scene), choice.names(scene));
-    let contact = session.config.identify.contact;
     let own_estimator = estimator(&identify::Params::of(session), session.config.regressor.rows);
     let model = SubjectSession { effects: effects.to_vec(), ..session.clone() };
+    let contact = model.identifies_from_contact();
     let factors = with_results(&model, |made| {
         let kind = model.config.regressor.rows;
         let (weak, acceleration) = (regressor::Params::of(&model, None), acceleration::Params::of(&model));
@@ -74,7 +74,7 @@ pub fn refuse_invisible(
         format!("`{key}` is not added: the rows of {} do not determine it{what}: {}", rows(&factors), why.describe());
     let hint = match why {
         Unseen::Zero if !contact && choice.effect.acts() == ActsIn::Contact => {
-            "an effect of the plates needs contact in identification: set `identify: {contact: true}`"
+            "an effect of the plates needs contact in identification: take `contact: false` out of `identify`"
         }
         Unseen::Zero => "record motion in which it acts",
         Unseen::Repeats(_) => "take the other effect out first: see `aloft history` and `aloft effect remove`",

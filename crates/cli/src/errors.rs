@@ -96,6 +96,39 @@ pub fn worst(view: &ComparisonView) -> Option<String> {
     Some(crate::screen::one_line("worst       ", &text))
 }
 
+/// The body mass that the plates show, where it is not the stated one.
+fn weighed(view: &ComparisonView) -> Option<String> {
+    let mass = view.impulse_mass.as_ref().filter(|m| m.doubt.is_some())?;
+    let text = format!(
+        "{} kg by the plates' impulse between flights, {} kg stated ({:+.1} %)",
+        significant(mass.mass_kg, 3),
+        significant(mass.stated_kg, 3),
+        100.0 * (mass.mass_kg / mass.stated_kg - 1.0)
+    );
+    Some(crate::screen::one_line("mass        ", &text))
+}
+
+/// The constant taken off recordings whose plates were never unloaded, where it is larger than the
+/// noise floor: an error of the model of that size would not show.
+fn constant(view: &ComparisonView) -> Option<String> {
+    let floor_n = view.errors.iter().find(|e| e.judged_on == "contact")?.noise_floor?;
+    let size = |t: &aloft_compare::TrialComparison| {
+        t.offset.filter(|_| t.held_out_contact).map(|o| o.force_n.iter().map(|f| f * f).sum::<f64>().sqrt())
+    };
+    let trials = &view.comparison.first.trials;
+    let large: Vec<&str> =
+        trials.iter().filter(|t| size(t).is_some_and(|n| n > floor_n)).map(|t| t.trial.as_str()).collect();
+    let most = trials.iter().filter_map(size).fold(0.0, f64::max);
+    (!large.is_empty()).then(|| {
+        let text = format!(
+            "{} N taken off {} (plates never unloaded); it hides errors of that size",
+            significant(most, 2),
+            large.join(", ")
+        );
+        crate::screen::one_line("constant    ", &text)
+    })
+}
+
 /// Trials that are not in the errors, as one line.
 pub fn left_out(list: &[LeftOut]) -> Option<String> {
     let names: Vec<String> = list
@@ -124,5 +157,5 @@ pub fn block(view: &ComparisonView) -> Result<(), Stop> {
     } else {
         out(grid(&view.errors))?;
     }
-    worst(view).map_or(Ok(()), out)
+    [worst(view), weighed(view), constant(view)].into_iter().flatten().try_for_each(out)
 }

@@ -189,7 +189,8 @@ pub(crate) fn trial_frames(
             sums.add(e, &r.world_from_root.rotation);
         }
     }
-    let offsets = samples.map_or_else(|| vec![None; candidates.len()], |s| s.offsets(motion.rate_hz));
+    let offsets = samples
+        .map_or_else(|| vec![None; candidates.len()], |s| s.offsets(motion.rate_hz, input.offset_range.as_ref()));
     take_off(&mut out_records, &offsets);
     let [contact_segments, flight_segments] = segments(body, candidates.len(), input, &out_records);
     TrialFrames { records: out_records, series, contact_segments, flight_segments, offsets, contact_as_measured }

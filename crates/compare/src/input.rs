@@ -1,6 +1,6 @@
 //! Input of a comparison: a body, models of it, and trials.
 
-use crate::{CompareError, Measured, PlateDrift};
+use crate::{CompareError, Measured, OffsetRange, PlateDrift};
 use aloft_body::{BaseParameters, Model, Motion, Phi};
 use aloft_regressor::EffectColumns;
 use nalgebra::DVector;
@@ -120,6 +120,8 @@ pub struct TrialInput<'a> {
     /// constant wrench is then subtracted from the recording for each model
     /// ([`RecordingOffset`](crate::RecordingOffset)). No effect on a trial that has flights.
     pub untared: bool,
+    /// Range of that constant by the plates' readings in other recordings; unlimited if absent.
+    pub offset_range: Option<OffsetRange>,
 }
 
 impl<'a> TrialInput<'a> {
@@ -137,6 +139,7 @@ impl<'a> TrialInput<'a> {
             held_out_contact: true,
             held_out_flight: true,
             untared: false,
+            offset_range: None,
         }
     }
     pub(crate) fn check(&self, body: &Body<'_>) -> Result<(), CompareError> {

@@ -4,7 +4,7 @@
 use crate::AgainstFloor;
 use serde::{Deserialize, Serialize};
 
-/// Ratio of error to floor from which an error above the floor's interval is no longer good.
+/// Ratio of error to floor from which an error is no longer good where the floor has no interval.
 /// Simulated bodies with nothing hidden reach 0.7 to 1.3.
 pub const FAIR_TIMES_FLOOR: f64 = 1.5;
 /// Ratio from which it is poor: above three times the floor an error is unexplained.
@@ -16,11 +16,11 @@ pub const POOR_TIMES_FLOOR: f64 = 3.0;
 pub enum Signal {
     /// No judgement: the floor is not known.
     Unknown,
-    /// At the floor, or below 1.5 times the floor.
+    /// At the floor: within its interval and below three times its value.
     Good,
-    /// Up to three times the floor.
+    /// Above the floor's interval, below three times the floor.
     Fair,
-    /// Above three times the floor.
+    /// Three times the floor or more, even within a wide interval.
     Poor,
 }
 
@@ -30,10 +30,10 @@ impl Signal {
         match (times_floor, at_floor) {
             (Some(times), _) if !times.is_finite() => Self::Unknown,
             (None, _) => Self::Unknown,
+            (Some(times), _) if times >= POOR_TIMES_FLOOR => Self::Poor,
             (Some(_), Some(true)) => Self::Good,
-            (Some(times), _) if times < FAIR_TIMES_FLOOR => Self::Good,
-            (Some(times), _) if times < POOR_TIMES_FLOOR => Self::Fair,
-            _ => Self::Poor,
+            (Some(times), None) if times < FAIR_TIMES_FLOOR => Self::Good,
+            _ => Self::Fair,
         }
     }
 
@@ -108,12 +108,13 @@ mod tests {
         for (times, at, signal) in [
             (None, None, Signal::Unknown),
             (Some(f64::INFINITY), Some(false), Signal::Unknown),
-            (Some(1.2), Some(false), Signal::Good),
+            (Some(1.2), Some(false), Signal::Fair),
             (Some(1.2), None, Signal::Good),
             (Some(1.6), Some(true), Signal::Good),
             (Some(1.6), Some(false), Signal::Fair),
             (Some(3.0), Some(false), Signal::Poor),
             (Some(116.0), None, Signal::Poor),
+            (Some(4.0), Some(true), Signal::Poor),
         ] {
             assert_eq!(Signal::of(times, at), signal, "{times:?} {at:?}");
         }

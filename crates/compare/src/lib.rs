@@ -58,6 +58,6 @@ pub use input::{Body, Candidate, CompareOptions, PoseErrors, TrialInput};
 pub use judgement::{FAIR_TIMES_FLOOR, POOR_TIMES_FLOOR, Signal, floor_in_words, significant};
 pub use measured::{Measured, measured_wrench};
 pub use noise_floor::{Floor, NoiseFloor, Smooth, noise_root};
-pub use offset::RecordingOffset;
+pub use offset::{OffsetRange, RecordingOffset};
 pub use phase::Phase;
 pub use segments::SegmentShare;

@@ -82,7 +82,7 @@ impl Floor {
         let mean = noise_floor.ln();
         let variance = logs.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
         // prediction interval of a new set of recordings given the mean of n of them
-        let reach = (student_975(n - 1.0) * (variance * (1.0 + 1.0 / n)).sqrt()).exp();
+        let reach = (aloft_signal::t975(n - 1.0) * (variance * (1.0 + 1.0 / n)).sqrt()).exp();
         let ci95 = reach.is_finite().then(|| [noise_floor / reach, noise_floor * reach]);
         Some(Self {
             noise_floor,
@@ -93,16 +93,6 @@ impl Floor {
             windows: all.n / each.len(),
         })
     }
-}
-
-/// 97.5 % quantile of Student's t (Cornish and Fisher's expansion about the normal quantile; 0.6 %
-/// low at five degrees of freedom).
-fn student_975(degrees: f64) -> f64 {
-    let z = 1.959_964_f64;
-    let [z3, z5, z7] = [z.powi(3), z.powi(5), z.powi(7)];
-    z + (z3 + z) / (4.0 * degrees)
-        + (5.0 * z5 + 16.0 * z3 + 3.0 * z) / (96.0 * degrees.powi(2))
-        + (3.0 * z7 + 19.0 * z5 + 17.0 * z3 - 15.0 * z) / (384.0 * degrees.powi(3))
 }
 
 /// Errors that a perfect model would leave because of markers and plates.

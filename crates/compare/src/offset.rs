@@ -18,6 +18,11 @@
 //! centre of mass there is no such reference: a constant error of the horizontal moments is hidden,
 //! up to the size of the offset. The errors as measured are therefore reported as well.
 //!
+//! A constant that the plates do not show elsewhere in the session is no offset: a body heavier than
+//! stated, a gain, a foot beside the plates leave a constant, too. Where other recordings of the
+//! session show the plates unloaded, the constant is limited to the range of their readings
+//! ([`OffsetRange`]), and what exceeds it counts as error of the model.
+//!
 //! Means are Huber's M-estimates, about the mean position of the root (where the moments of noise
 //! in the force are small), axis by axis.
 
@@ -39,12 +44,44 @@ pub struct RecordingOffset {
     pub moment_nm: [f64; 3],
     /// Number of frames used.
     pub frames: usize,
+    /// Part of the constant beyond the range of the plates' readings in other recordings, which was
+    /// not subtracted: force (N), then moment (N·m). None if there is no such part.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub beyond: Option<[f64; 6]>,
 }
 
 impl RecordingOffset {
     /// Force, then moment about the world origin.
     pub(crate) fn wrench(&self) -> Vector6<f64> {
         joined(&self.force_n.into(), &self.moment_nm.into())
+    }
+}
+
+/// Range in which the constant of a recording lies by the readings of the same plates, unloaded, in
+/// other recordings of the session: the interval for one further reading (99.9 %, Student's t), at
+/// least 1 N and 0.3 N·m on both sides.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OffsetRange {
+    low: Vector6<f64>,
+    high: Vector6<f64>,
+}
+
+impl OffsetRange {
+    /// From one reading of each other recording: the sum over the plates, force (N) and moment about
+    /// the world origin (N·m), world axes. `None` with fewer than three recordings.
+    pub fn of(readings: &[Vector6<f64>]) -> Option<Self> {
+        let n = readings.len() as f64;
+        if readings.len() < 3 {
+            return None;
+        }
+        let mean = readings.iter().sum::<Vector6<f64>>() / n;
+        let variance = readings.iter().map(|r| (r - mean).component_mul(&(r - mean))).sum::<Vector6<f64>>() / (n - 1.0);
+        let reach = aloft_signal::t9995(n - 1.0) * (1.0 + 1.0 / n).sqrt();
+        let half = Vector6::from_fn(|i, _| (reach * variance[i].sqrt()).max(if i < 3 { 1.0 } else { 0.3 }));
+        Some(Self { low: mean - half, high: mean + half })
+    }
+    fn limit(&self, found: &Vector6<f64>) -> Vector6<f64> {
+        Vector6::from_fn(|i, _| found[i].clamp(self.low[i], self.high[i]))
     }
 }
 
@@ -88,12 +125,12 @@ impl OffsetSamples {
         self.excess.iter_mut().zip(excess).for_each(|(all, e)| all.push(e));
     }
 
-    /// Offset for each model; none where too few frames have a value.
-    pub fn offsets(&self, rate_hz: f64) -> Vec<Option<RecordingOffset>> {
-        self.excess.iter().map(|excess| self.offset(excess, rate_hz)).collect()
+    /// Offset for each model, limited to `range`; none where too few frames have a value.
+    pub fn offsets(&self, rate_hz: f64, range: Option<&OffsetRange>) -> Vec<Option<RecordingOffset>> {
+        self.excess.iter().map(|excess| self.offset(excess, rate_hz, range)).collect()
     }
 
-    fn offset(&self, excess: &[Vector6<f64>], rate_hz: f64) -> Option<RecordingOffset> {
+    fn offset(&self, excess: &[Vector6<f64>], rate_hz: f64, range: Option<&OffsetRange>) -> Option<RecordingOffset> {
         let finite: Vec<(&Vector3<f64>, &Vector6<f64>)> =
             self.root.iter().zip(excess).filter(|(p, e)| p.iter().chain(e.iter()).all(|x| x.is_finite())).collect();
         let n = finite.len();
@@ -110,11 +147,14 @@ impl OffsetSamples {
             .collect();
         let mean = Vector6::from_fn(|axis, _| huber_mean(about_center.iter().map(|e| e[axis]).collect()));
         let (force, moment) = halves(&mean);
-        let moment = moment + center.cross(&force);
+        let whole = joined(&force, &(moment + center.cross(&force)));
+        let taken = range.map_or(whole, |r| r.limit(&whole));
+        let (force, moment) = halves(&taken);
         mean.iter().all(|x| x.is_finite()).then_some(RecordingOffset {
             force_n: force.into(),
             moment_nm: moment.into(),
             frames: n,
+            beyond: (taken != whole).then(|| (whole - taken).into()),
         })
     }
 }
@@ -141,6 +181,7 @@ fn huber_mean(mut values: Vec<f64>) -> f64 {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
 
@@ -154,6 +195,27 @@ mod tests {
         spoilt[..20].fill(1e6);
         assert!(huber_mean(spoilt).abs() < 0.1);
         assert!(huber_mean(vec![3.0; 7]) == 3.0 && huber_mean(Vec::new()).is_nan());
+    }
+
+    #[test]
+    fn a_constant_beyond_the_session_counts_as_error() {
+        let readings: Vec<Vector6<f64>> =
+            (0..8).map(|i| Vector6::new(0.1, 0.2, 1.0 + 0.2 * f64::from(i % 3), 0.0, 0.0, 0.0)).collect();
+        let range = OffsetRange::of(&readings).unwrap();
+        let mut samples = OffsetSamples::new(2);
+        for f in 0..400 {
+            let moved = Vector3::new(0.001 * f64::from(f), 0.0, 1.0);
+            let plain = joined(&Vector3::new(0.0, 0.0, 1.1), &-moved.cross(&Vector3::new(0.0, 0.0, 1.1)));
+            let heavy = joined(&Vector3::new(0.0, 0.0, 25.0), &-moved.cross(&Vector3::new(0.0, 0.0, 25.0)));
+            samples.add(moved, [plain, heavy].into_iter());
+        }
+        let found = samples.offsets(100.0, Some(&range));
+        let (plain, heavy) = (found[0].unwrap(), found[1].unwrap());
+        assert!((plain.force_n[2] - 1.1).abs() < 1e-6 && plain.beyond.is_none(), "{plain:?}");
+        let beyond = heavy.beyond.unwrap();
+        assert!(heavy.force_n[2] < 3.0 && (heavy.force_n[2] + beyond[2] - 25.0).abs() < 1e-6, "{heavy:?}");
+        assert!((samples.offsets(100.0, None)[1].unwrap().force_n[2] - 25.0).abs() < 1e-6);
+        assert!(OffsetRange::of(&readings[..2]).is_none());
     }
 
     #[test]

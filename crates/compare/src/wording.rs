@@ -1,5 +1,6 @@
 //! Describes in words where a model has its largest errors.
 
+use crate::RecordingOffset;
 use crate::breakdown::{Group, GroupedBy};
 use crate::comparison::{AgainstFloor, ModelComparison, WorstPlace};
 use crate::judgement::significant;
@@ -162,6 +163,16 @@ fn offsets(model: &ModelComparison) -> Vec<String> {
     let mut out = Vec::new();
     for t in model.trials.iter().filter(|t| t.untared && t.contact.frames > 0) {
         out.push(match &t.offset {
+            Some(RecordingOffset { beyond: Some(beyond), force_n, moment_nm, .. }) => format!(
+                "The plates of {} were never unloaded. The model leaves a constant wrench there that the plates do not show in the other recordings: \
+                 ({}) N and ({}) N·m about the world origin were taken off, ({}) N and ({}) N·m beyond it count as error of the model (of `{}`).",
+                t.trial,
+                signed(force_n),
+                signed(moment_nm),
+                signed(&[beyond[0], beyond[1], beyond[2]]),
+                signed(&[beyond[3], beyond[4], beyond[5]]),
+                model.model
+            ),
             Some(o) => format!(
                 "The plates of {} were never unloaded: a constant wrench of ({}) N and ({}) N·m about the world origin was taken off \
                  (every model has its own, this is that of `{}`); it would hide a constant error of the model of the same size.",

@@ -2,7 +2,7 @@
 
 use crate::addition::addition;
 use crate::candidate::{Scored, Variant};
-use crate::floor::Standing;
+use crate::floor::{LACK_OF_FIT, Standing};
 use crate::judge::{
     AtFloor, Rival, alternatives, chosen_shares, confusions, is_trivial, judge, limit, limit_by_number,
     minimum_detectable, parts, plausible, rivals,
@@ -329,12 +329,17 @@ pub fn discover(
         not_tried: left_out,
         open: None,
     };
-    // An error that remains far above its floor is not explained, whatever was found. Effects found
+    // An error that remains far above its floor is not explained, whatever was found; nor is one of
+    // which effects leave a share that the noise does not account for. Effects found
     // in flight are judged in flight; their error in contact also contains what only contact shows.
     let only_flight = kept.iter().any(|v| v.effect.acts().in_flight()) && has_flights;
     let far = (0..2)
         .filter(|i| *i == 0 || !only_flight)
-        .filter_map(|i| left[i].filter(Standing::is_far).map(|s| (wording::domain(places[i]), s)))
+        .filter_map(|i| {
+            let (before, after) = (session.standing[i]?, left[i]?);
+            let misfit = !kept.is_empty() && before.share_left(&after) > LACK_OF_FIT;
+            (after.is_far() || misfit).then(|| (wording::domain(places[i]), after))
+        })
         .max_by(|a, b| a.1.times_floor().total_cmp(&b.1.times_floor()));
     if far.is_some() {
         out.verdict = Verdict::Unexplained;
@@ -433,6 +438,7 @@ fn run_round<'a>(
     at_floor: Option<&AtFloor>,
     options: &DiscoverOptions,
 ) -> (Round, Vec<EffectScore<'a>>, Vec<Rival<'a>>) {
+    let all = effects;
     let used: Vec<(&'a dyn Effect, bool)> = effects
         .iter()
         .copied()
@@ -555,6 +561,22 @@ fn run_round<'a>(
         && let Some(at) = effects.iter().position(|id| id == first.id())
     {
         effects[..=at].rotate_right(1);
+    }
+    let alike: Vec<&str> = rivals
+        .iter()
+        .filter(|r| effects.iter().any(|id| id == r.id()))
+        .flat_map(|r| r.scored.variant.effect.looks_like(r.scored.theta.as_slice()))
+        .copied()
+        .filter(|id| {
+            let possible = |e: &&&dyn Effect| e.id() == *id && wanted(**e, options) && session.prior.is_some();
+            !already.iter().any(|(e, _)| e.id() == *id) && all.iter().any(|e| possible(&e))
+        })
+        .collect();
+    for id in alike {
+        if !effects.iter().any(|e| e == id) {
+            effects.push(id.to_owned());
+            verdict = Verdict::OneOf;
+        }
     }
     if few || candidates.iter().all(|c| c.placebo) {
         verdict = Verdict::NotDetectable;

@@ -49,6 +49,11 @@ pub trait Effect: Sync {
     fn added_inertia_kg(&self, _coefficients: &[f64]) -> f64 {
         0.0
     }
+    /// Effects that are not judged where this one is judged, and that would leave the same error there
+    /// at these coefficients: nothing there can tell them from this one.
+    fn looks_like(&self, _coefficients: &[f64]) -> &'static [&'static str] {
+        &[]
+    }
     /// Title in a few words.
     fn title(&self) -> &str {
         self.about().title

@@ -7,6 +7,7 @@ pub mod factors;
 pub mod graph;
 pub mod made;
 pub mod merge;
+mod plate_zeros;
 pub mod progress;
 pub mod results;
 pub mod run_report;

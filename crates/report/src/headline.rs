@@ -326,5 +326,5 @@ pub fn floor_words(first: &Standing) -> String {
 
 /// The signal of a rung of the ladder.
 pub fn rung_light(ratio: Option<f64>, at_floor: bool, void: bool) -> Light {
-    if void { Light::Poor } else { super::lights::against_floor(ratio, at_floor) }
+    if void { Light::Poor } else { super::lights::against_floor(ratio, Some(at_floor)) }
 }

@@ -1,7 +1,9 @@
-//! Judgements: all limits of the report in one place, chosen from common practice in the field.
+//! Judgements of recordings in the report, with limits from common practice in the field. Errors
+//! of the model are judged by [`aloft_compare::Signal`].
 
 use super::story::{Story, TrialStory};
 use super::wording::number;
+use aloft_compare::Signal;
 use aloft_page::Light;
 use aloft_workspace::qc::QcLevel;
 
@@ -35,22 +37,14 @@ pub fn gap(ratio: f64) -> Light {
     }
 }
 
-/// Held-out error in multiples of the floor that a perfect model would leave. Bodies with nothing
-/// hidden reach 0.7 to 1.3; above three times the floor an error is unexplained.
-pub fn times_floor(ratio: Option<f64>) -> Light {
-    match ratio {
-        Some(ratio) if ratio.is_finite() => Light::below(ratio, 1.5, 3.0),
-        _ => Light::Neutral,
-    }
-}
-
-/// The same for an error of which it is known whether it lies within the interval of the floor. A
-/// wide interval does not make an error good that is three times the floor.
-pub fn against_floor(ratio: Option<f64>, at_floor: bool) -> Light {
-    match times_floor(ratio) {
-        Light::Fair if at_floor => Light::Good,
-        Light::Good if !at_floor => Light::Fair,
-        other => other,
+/// Held-out error in multiples of the noise floor, and whether it lies within the floor's interval:
+/// the judgement of [`Signal`].
+pub fn against_floor(ratio: Option<f64>, at_floor: Option<bool>) -> Light {
+    match Signal::of(ratio, at_floor) {
+        Signal::Unknown => Light::Neutral,
+        Signal::Good => Light::Good,
+        Signal::Fair => Light::Fair,
+        Signal::Poor => Light::Poor,
     }
 }
 
@@ -88,10 +82,10 @@ pub fn remarks(t: &TrialStory<'_>) -> Vec<(Light, String)> {
     // a recording with a warning is not good
     out.extend(t.warnings.iter().map(|w| (Light::Fair, w.text.clone())));
     if let Some((place, ratio)) = t.times_floor
-        && times_floor(Some(ratio)) != Light::Good
+        && against_floor(Some(ratio), None) != Light::Good
     {
         let text = format!("the model errs by {} times its noise floor in {place}", times(ratio));
-        out.push((times_floor(Some(ratio)), text));
+        out.push((against_floor(Some(ratio), None), text));
     }
     // warnings of the summary that no stage has put into words
     if out.iter().all(|r| r.0 < Light::Fair) {

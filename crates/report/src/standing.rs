@@ -37,7 +37,7 @@ impl Standing {
     }
     /// Judgement from the ratio to the floor alone.
     pub fn light(&self) -> Light {
-        lights::against_floor(self.ratio, self.at_floor)
+        lights::against_floor(self.ratio, Some(self.at_floor))
     }
     /// `2.4 times the floor`, with what is said of an error at the floor.
     pub fn ratio_words(&self) -> String {

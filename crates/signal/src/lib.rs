@@ -12,6 +12,7 @@
 //! | [`residual_analysis`](mod@residual_analysis) | cut-off against residual, and a suggested cut-off |
 //! | [`resample`](mod@resample) | values at other times, plates to camera frames |
 //! | [`spectrum`] | power spectral density |
+//! | [`t975`], [`t9995`] | points of Student's t |
 //!
 //! ```
 //! use aloft_signal::{Butterworth, CutoffCorrection, LowPass, derivatives};
@@ -33,6 +34,7 @@ pub mod resample;
 pub mod residual_analysis;
 pub mod runs;
 pub mod spectrum;
+mod student;
 
 pub use butterworth::{Butterworth, CutoffCorrection, DesignError, FilterFacts, LowPass, Section};
 pub use derivative::derivatives;
@@ -41,3 +43,4 @@ pub use resample::{Interpolation, filter_and_resample, resample};
 pub use residual_analysis::{ResidualAnalysis, residual_analysis};
 pub use runs::{finite_runs, runs_where};
 pub use spectrum::{Spectrum, welch};
+pub use student::{t975, t9995};

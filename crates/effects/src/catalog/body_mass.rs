@@ -21,7 +21,7 @@ The mass from the scale is wrong, or the subject wore something else that day. F
 All parameters grow in proportion: `dphi = phi / M` a kilogram. Coefficient: the true mass less the stated one, kg (negative for a scale that reads too much).
 
 ## Identifiability
-Invisible in flight. On plates an exact alias of one gain for all plates. A certified weight on the plates, or a second scale, separates them.
+Invisible in flight. On plates an exact alias of one gain for all plates. A certified weight on the plates, or a second scale, separates them. A body heavier than stated may also carry a load in every recording: the answer then names `link_mass`, too, unless the model holds it.
 
 ## References
 Own simulations (`docs/findings/labs.md`).
@@ -37,6 +37,10 @@ impl Effect for BodyMass {
     }
     fn added_inertia_kg(&self, coefficients: &[f64]) -> f64 {
         coefficients.first().copied().unwrap_or(0.0)
+    }
+    fn looks_like(&self, coefficients: &[f64]) -> &'static [&'static str] {
+        // plates weigh a load that every recording contains as they weigh the body
+        if coefficients.first().is_some_and(|kg| *kg > 0.0) { &["link_mass"] } else { &[] }
     }
     fn targets(&self, scene: &Scene) -> Vec<Target> {
         Target::body_on_plates(scene)

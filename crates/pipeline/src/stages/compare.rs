@@ -1,6 +1,7 @@
 //! `compare`: predicted against measured wrench on held-out motion; the residual wrench in flight.
 
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
+use crate::plate_zeros::{offset_range, tare_readings};
 use crate::results::Results;
 use crate::stages::filter::low_pass;
 use crate::stages::identify::{self, Predicting, identify_from, training_factors};
@@ -9,11 +10,11 @@ use crate::stages::robot::RobotErrors;
 use crate::trial_rows::{TrialRows, effect_columns};
 use aloft_body::{BaseParameters, Motion, Subject};
 use aloft_compare::{
-    Body, Candidate, CompareError, CompareOptions, Comparison, Filtering, Measured, Noise, NoiseFloor, PlateDrift,
-    PoseErrors, TareReadings, TrialInput, TrialSeries, WindowSample, compare_each, measured_wrench,
+    Body, Candidate, CompareError, CompareOptions, Comparison, Filtering, Measured, Noise, NoiseFloor, OffsetRange,
+    PlateDrift, PoseErrors, TareReadings, TrialInput, TrialSeries, WindowSample, compare_each, measured_wrench,
 };
 use aloft_filter::smooth;
-use aloft_flight::{PlateTare, TareSource};
+use aloft_flight::TareSource;
 use aloft_identify::{Estimator, Parameters};
 use aloft_ik::MarkerErrors;
 use aloft_regressor::{EffectColumns, Factor, Stretch};
@@ -21,12 +22,12 @@ use aloft_study::calendar::Calendar;
 use aloft_study::config::{CompareConfig, FilterConfig, IdentifyConfig, IkConfig, RegressorConfig, Rows};
 use aloft_study::effects::ModelEffects;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
-use aloft_workspace::artifact::{plate_centers, trial_rate};
+use aloft_workspace::artifact::plate_centers;
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::json::{read_json, write_json};
 use aloft_workspace::key::key;
 use aloft_workspace::table::Table;
-use nalgebra::{DVector, Vector3, Vector6};
+use nalgebra::DVector;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -36,7 +37,7 @@ use std::ops::Range;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "compare",
-    version: 5,
+    version: 6,
     scope: Scope::Session,
     seconds: 0.6,
     reads: "parameters, held-out trials",
@@ -68,6 +69,8 @@ pub struct Params {
     pub regressor: RegressorConfig,
     /// Identification.
     pub identify: IdentifyConfig,
+    /// Whether contact takes part in identification.
+    pub contact: bool,
     /// Time at both ends of a flight that the paper's rows leave out, s.
     pub margin_s: f64,
     /// True for objects.
@@ -94,6 +97,7 @@ impl Params {
             filter: config.filter.clone(),
             regressor: config.regressor.clone(),
             identify: config.identify.clone(),
+            contact: session.identifies_from_contact(),
             margin_s: config.flight.margin_s,
             is_object: session.object.is_some(),
             ik: config.ik.clone(),
@@ -144,6 +148,8 @@ pub struct ComparedTrial {
     pub effects: Option<EffectColumns>,
     /// True if a plate was never unloaded, so that its reading at rest is not known.
     pub untared: bool,
+    /// Range of that reading by the other recordings.
+    pub offset_range: Option<OffsetRange>,
 }
 
 /// Errors of a trial's markers, from which the comparison draws.
@@ -184,12 +190,14 @@ impl ComparedTrial {
         Ok(self)
     }
 
-    /// From the data of a trial's rows.
+    /// From the data of a trial's rows; `others` are the trials whose plates say what its own read
+    /// unloaded.
     pub fn of(
         params: &Params,
         results: Results<'_>,
         role: Role,
         name: &str,
+        others: &[String],
         rows: TrialRows,
     ) -> Result<Self, StageFailure> {
         let effects = effect_columns(&params.effects, &rows)?;
@@ -207,6 +215,7 @@ impl ComparedTrial {
         let complete = completely_measured(&rows.covered, &flights, frames);
         let tares = results.load_tares(name)?;
         let untared = measured.is_some() && tares.iter().any(|t| t.source == TareSource::None);
+        let offset_range = if untared { offset_range(results, name, &tares, others) } else { None };
         Ok(Self {
             name: name.to_owned(),
             role,
@@ -221,28 +230,9 @@ impl ComparedTrial {
             drift: None,
             effects,
             untared,
+            offset_range,
         })
     }
-}
-
-/// Readings of a trial's plates in its flights; none if they were not tared from flights.
-fn tare_readings(results: Results<'_>, name: &str) -> Result<TareReadings, StageFailure> {
-    let tares = results.load_tares(name)?;
-    let Some(first) = tares.first() else { return Ok(TareReadings::default()) };
-    let alike = |t: &PlateTare| t.source == TareSource::Flights && t.times_s == first.times_s;
-    if !tares.iter().all(alike) {
-        return Ok(TareReadings::default());
-    }
-    let centers = plate_centers(&results.place("import", name)?)?;
-    let join = |(f, m): (&Vector3<f64>, &Vector3<f64>)| Vector6::new(f.x, f.y, f.z, m.x, m.y, m.z);
-    let of = |t: &PlateTare| t.force_n.iter().zip(&t.moment_nm).map(join).collect();
-    let plates = centers.into_iter().zip(tares.iter().map(of)).collect();
-    let flights = results.load_flights(name)?.flights;
-    let frames: usize = flights.iter().map(aloft_flight::Flight::n_frames).sum();
-    let rate_hz = trial_rate(&results.place("import", name)?)?;
-    // 10 ms at both ends of each flight are left out of its reading
-    let length_s = frames as f64 / rate_hz / flights.len().max(1) as f64 - 0.02;
-    Ok(TareReadings { times_s: first.times_s.clone(), plates, length_s })
 }
 
 /// A motion without the parts that the comparison does not read: marker residuals and standard
@@ -260,11 +250,12 @@ pub fn load_trials(
     trials: &[(String, Role)],
 ) -> Result<Vec<ComparedTrial>, StageFailure> {
     let subject = results.load_subject("calibrate")?;
+    let names: Vec<String> = trials.iter().map(|(name, _)| name.clone()).collect();
     trials
         .par_iter()
         .map(|(name, role)| {
             let rows = TrialRows::load(results, Some(&params.filter), &calendar, name, &subject)?;
-            ComparedTrial::of(params, results, *role, name, rows)
+            ComparedTrial::of(params, results, *role, name, &names, rows)
         })
         .collect()
 }
@@ -337,6 +328,7 @@ impl ComparedTrial {
             drift: self.drift.as_ref(),
             effects: self.effects.as_ref(),
             untared: self.untared,
+            offset_range: self.offset_range,
             held_out_contact: if every { self.measured.is_some() } else { self.role == Role::Validate },
             held_out_flight: left_out.map_or(every || self.role == Role::Validate, |l| l[i]),
             ..TrialInput::new(&self.filtered, &self.flights)
@@ -406,7 +398,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     for (i, rows) in [chosen, other].into_iter().enumerate() {
         let Some(parameters) = results.load_parameters(rows)? else { continue };
         let name = if i == 0 { "identified".to_owned() } else { format!("{} rows", rows.word()) };
-        let factors = training_factors(inputs, rows, params.identify.contact)?;
+        let factors = training_factors(inputs, rows, params.contact)?;
         let parts = each_without(&Predicting::like(&subject, &parameters)?, &names, &factors, &parameters);
         if i == 0 {
             left_out = parts.iter().map(|p| p.left_out).collect();
@@ -438,7 +430,8 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let calendar = || Calendar::from_order(listed, inputs.expected(), results.workspace());
     let load = |name: &str| {
         let rows = TrialRows::load(results, Some(&params.filter), &calendar, name, &subject)?;
-        let trial = ComparedTrial::of(params, results, inputs.role(name).unwrap_or(Role::Identify), name, rows)?;
+        let trial =
+            ComparedTrial::of(params, results, inputs.role(name).unwrap_or(Role::Identify), name, &names, rows)?;
         if earlier.is_some() { Ok(trial) } else { trial.with_errors(params, results, &subject, &readings) }
     };
     let read = |i: usize| load(&names[i]).map_err(Failed);
@@ -571,7 +564,8 @@ fn plain_model(
     rows: Rows,
 ) -> Result<Option<Candidate>, StageFailure> {
     let Some(parameters) = inputs.results.load_parameters(rows)? else { return Ok(None) };
-    let plain: Vec<Factor> = training_factors(inputs, rows, params.identify.contact)?
+    let stated = params.identify.contact.unwrap_or(false);
+    let plain: Vec<Factor> = training_factors(inputs, rows, stated)?
         .iter()
         .map(|(_, f)| f.with_effects(&[]).map_err(|e| StageFailure::new(e.to_string())))
         .collect::<Result<_, StageFailure>>()?;

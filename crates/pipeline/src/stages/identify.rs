@@ -41,6 +41,8 @@ pub static STAGE: Stage = Stage {
 pub struct Params {
     /// Settings of identification.
     pub identify: IdentifyConfig,
+    /// Whether contact takes part in identification.
+    pub contact: bool,
     /// The rows chosen in the pipeline.
     pub rows: Rows,
     /// True for objects.
@@ -62,6 +64,7 @@ impl Params {
             |e: &ModelEffect| e.widening.iter().map(|(n, by)| (format!("{}.{n}", e.key), *by)).collect::<Vec<_>>();
         Self {
             identify: session.config.identify.clone(),
+            contact: session.identifies_from_contact(),
             rows: session.config.regressor.rows,
             is_object: session.object.is_some(),
             robot: session.robot.clone(),
@@ -261,7 +264,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let mut done = StageReport::default();
     let chosen = params.rows;
     for rows in Rows::ALL {
-        let factors = training_factors(inputs, rows, params.identify.contact)?;
+        let factors = training_factors(inputs, rows, params.contact)?;
         if factors.is_empty() {
             let problem = format!("no flight of an identification trial gave {} rows", rows.word());
             if rows == chosen {

@@ -75,7 +75,7 @@ impl Params {
             weighting: regressor.weighting,
             slow_noise: regressor.slow_noise,
             marker_sd_m: session.config.ik.marker_sd_m,
-            contact: session.config.identify.contact,
+            contact: session.identifies_from_contact(),
             is_object: session.is_rigid(),
             robot: session.robot.clone(),
             role: trial.map(|t| t.role),

@@ -241,8 +241,9 @@ IdentifyConfig {
     /// Weight of the prior; 0 lets held-out error decide.
     #[schemars(range(min = 0.0, max = 1e6))]
     prior_weight: f64 = 0.0,
-    /// Whether plate-measured contact stretches of the identification trials take part.
-    contact: bool = false,
+    /// Whether plate-measured contact stretches of the identification trials take part. Where not given: only once the model holds an
+    /// effect that shows on force plates alone (`plate_gain`, `body_mass` …), which nothing else can determine.
+    contact: Option<bool> = None,
     /// Bootstrap resamples over flights. Intervals do not use them: they come from the spread among flights with Student's t.
     #[schemars(range(min = 0, max = 100_000))]
     bootstrap: usize = 0,

@@ -1,0 +1,165 @@
+"""What the benchmarks of answers share: laboratories through the whole program, strength, shares."""
+
+import hashlib
+import json
+import math
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+TOLERANCE = 0.2
+
+
+def read_lines(path):
+    """Lines of JSON; the last one may be cut off by an interruption."""
+    out = []
+    for text in path.read_text().splitlines() if path.exists() else []:
+        try:
+            out.append(json.loads(text))
+        except json.JSONDecodeError:
+            print(f"{path}: a line cut off is left out", file=sys.stderr)
+    return out
+
+
+def call(aloft, *args):
+    return subprocess.run([aloft, *map(str, args)], capture_output=True, text=True)
+
+
+def prepare(aloft, place, scenarios, seed):
+    """The folder of recordings; of two scenarios, recordings 1-2 of the first and 3-5 of the second."""
+    folders = []
+    for k, (body, hidden, *capture) in enumerate(scenarios):
+        file, out = place / f"scenario{k}.yaml", place / f"data{k}"
+        scenario = {"name": f"set{k}", "seed": seed, "body": body, "hidden": hidden}
+        file.write_text(json.dumps({**scenario, "capture": capture[0]} if capture else scenario))
+        done = call(aloft, "simulate", file, "--out", out)
+        if done.returncode:
+            raise RuntimeError(done.stderr[-500:])
+        folders.append(out)
+    if len(folders) == 2:
+        for name in ("throws_01", "throws_02"):
+            for file in folders[0].glob(f"{name}*"):
+                shutil.copy(file, folders[1] / file.name)
+        return folders[1]
+    return folders[0]
+
+
+def interval(k, n):
+    """95 % interval of a share, Wilson."""
+    if n == 0:
+        return "–"
+    p, z = k / n, 1.96
+    middle = (p + z * z / (2 * n)) / (1 + z * z / n)
+    half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    return f"{100 * p:.0f} % ({100 * max(middle - half, 0):.0f}-{100 * min(middle + half, 1):.0f})"
+
+
+def session(kind, rng):
+    """Body and instruments of the laboratory of a law, near `chain_clean` and `human_clean`: 20 to 30 flights."""
+    if kind == "chain":
+        throws = {"recordings": 5, "throws": rng.choice([4, 5, 6])}
+        return {"kind": "chain", "throws": throws}, {"marker_noise_m": 0.0003, "gap_fraction": 0.008}
+    person = {"sex": rng.choice("MF"), "height_m": round(rng.uniform(1.55, 1.9), 3), "mass_kg": round(rng.uniform(52, 90), 1)}
+    return {"kind": "human", "person": person, "protocol": {"jumps": rng.choice([8, 9, 10]), "exercises": 2}}, {"marker_noise_m": 0.0003, "soft_tissue_m": 0.003}
+
+
+def empty_session(kind, rng):
+    """The laboratory of an empty set: instruments and number of flights vary."""
+    body, capture = session(kind, rng)
+    capture["marker_noise_m"] = round(rng.choice([0.00015, 0.0003, 0.0006, 0.001]), 6)
+    capture["gap_fraction"] = rng.choice([0.0, 0.002, 0.01, 0.03])
+    if kind == "chain":
+        body["throws"] = {"recordings": rng.choice([3, 5, 6]), "throws": rng.choice([4, 6, 7])}
+    else:
+        capture["soft_tissue_m"] = rng.choice([0.001, 0.003, 0.005, 0.007])
+        body["protocol"]["jumps"] = rng.choice([6, 8, 12])
+    return body, capture
+
+
+class Laboratories:
+    """The program, the recordings that it is asked about, and where answers go.
+
+    A laboratory is a list of one or two scenarios (body, hidden effects, capture), as `prepare` takes it."""
+
+    def __init__(self, args):
+        self.aloft, self.kind, self.seed = args.aloft, args.body, args.seed
+        self.pipeline = ROOT / f"pipelines/{args.body}.yaml"
+        self.out, self.lock = Path(args.out), threading.Lock()
+        self.out.mkdir(parents=True, exist_ok=True)
+        self.digest = hashlib.sha256(Path(self.aloft).read_bytes()).hexdigest()[:12]
+
+    def lines(self, name):
+        return read_lines(self.out / name)
+
+    def keep(self, name, line):
+        with self.lock, open(self.out / name, "a") as file:
+            file.write(json.dumps(line) + "\n")
+
+    def processed(self, place, scenarios, seed):
+        """Simulates and runs; folder options for the commands that ask."""
+        data = prepare(self.aloft, place, scenarios, seed)
+        at = ["--data", data, "--workspace", place / "ws"]
+        done = call(self.aloft, "run", self.pipeline, *at)
+        if done.returncode:
+            raise RuntimeError(done.stderr[-500:])
+        return at
+
+    def held_out(self, at):
+        """Error on left-out flights (left-out contact where nothing acts in flight is asked by `judged_on`), and the floor: N."""
+        compared = json.loads(call(self.aloft, "compare", self.pipeline, *at, "--json").stdout)
+        return {entry["judged_on"]: (entry["held_out_error"], entry["floor"]["noise_floor"]) for entry in compared["against_floor"]}
+
+    def error_of(self, scenarios, seed, judged_on="flight"):
+        with tempfile.TemporaryDirectory() as folder:
+            errors = self.held_out(self.processed(Path(folder), scenarios, seed))
+        if judged_on not in errors:
+            raise RuntimeError(f"no comparison in {judged_on}")
+        return errors[judged_on]
+
+    def ask(self, scenarios, seed, judged_on="flight", options=()):
+        """The program's answer: a line for `sets.jsonl`."""
+        with tempfile.TemporaryDirectory() as folder:
+            at = self.processed(Path(folder), scenarios, seed)
+            error, floor = self.held_out(at)[judged_on]
+            start = time.time()
+            done = call(self.aloft, "discover", self.pipeline, *at, "--json", *options)
+            if done.returncode and not done.stdout:
+                raise RuntimeError(done.stderr[-500:])
+            found = json.loads(done.stdout)
+        kept = {k: found.get(k) for k in ("verdict", "effects", "words", "noise_floor", "noise_floor_ci95", "held_out_error", "held_out_error_after", "open")}
+        if kept["open"]:
+            kept["open"] = {**kept["open"], "atlas": (kept["open"].get("atlas") or [])[:5]}
+        kept["found"] = [f["key"] for f in found.get("found", [])]
+        return {"held_out": error, "floor": floor, "discover_s": round(time.time() - start, 2), "answer": kept}
+
+    def scale_for(self, scenarios_at, seed, twin, wanted, guess, judged_on="flight"):
+        """Scale of what is hidden at which the error is `wanted` times that of the twin: (scale, strength) or None.
+
+        `scenarios_at` gives the laboratory at a scale. The part of the error that is hidden is near proportional to its
+        scale; secant steps on its logarithm, between bounds once both sides are known."""
+        low, high, scale = None, None, guess
+        for _ in range(9):
+            try:
+                strength = self.error_of(scenarios_at(scale), seed, judged_on)[0] / twin
+            except RuntimeError as problem:
+                # only a body that does not fly any more is too strongly disturbed
+                if not any(word in str(problem) for word in ("diverged", "no feasible motion", "flight")):
+                    raise
+                strength = float("inf")
+            if abs(strength / wanted - 1) <= TOLERANCE * 0.6:
+                return scale, strength
+            if strength < wanted:
+                low = scale
+            else:
+                high = scale
+            part = (strength**2 - 1) if strength > 1.02 else 0.04
+            step = ((wanted**2 - 1) / part) ** 0.5 if strength != float("inf") else 0.1
+            scale *= min(max(step, 1 / 30), 30)
+            if low and high and not low < scale < high:
+                scale = (low * high) ** 0.5
+        return None
