@@ -80,6 +80,10 @@ impl OffsetRange {
         let half = Vector6::from_fn(|i, _| (reach * variance[i].sqrt()).max(if i < 3 { 1.0 } else { 0.3 }));
         Some(Self { low: mean - half, high: mean + half })
     }
+    /// True if a reading lies within the range.
+    pub fn contains(&self, reading: &Vector6<f64>) -> bool {
+        self.limit(reading) == *reading
+    }
     fn limit(&self, found: &Vector6<f64>) -> Vector6<f64> {
         Vector6::from_fn(|i, _| found[i].clamp(self.low[i], self.high[i]))
     }

@@ -337,7 +337,8 @@ pub fn discover(
         .filter(|i| *i == 0 || !only_flight)
         .filter_map(|i| {
             let (before, after) = (session.standing[i]?, left[i]?);
-            let misfit = !kept.is_empty() && before.share_left(&after) > LACK_OF_FIT;
+            let judged_here = kept.iter().any(|v| v.effect.acts().in_flight() == (i == 0));
+            let misfit = judged_here && before.share_left(&after) > LACK_OF_FIT;
             (after.is_far() || misfit).then(|| (wording::domain(places[i]), after))
         })
         .max_by(|a, b| a.1.times_floor().total_cmp(&b.1.times_floor()));

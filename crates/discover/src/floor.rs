@@ -42,12 +42,12 @@ impl Standing {
     }
 
     /// Share of the error above the floor, mean square, that `after` leaves of this error; zero where
-    /// `after` is within the floor's interval. The upper end of that interval counts as the floor,
-    /// so that the share is a lower limit.
+    /// `after` is within the floor's interval, or this error too near it to tell. The upper end of
+    /// that interval counts as the floor, so that the share is a lower limit.
     pub(crate) fn share_left(&self, after: &Self) -> f64 {
         let most = self.noise_floor_ci95.map_or(f64::INFINITY, |ci| ci[1]).max(1.1 * self.noise_floor);
         let above = |error: f64| error * error - most * most;
-        if self.noise_floor > 0.0 && above(self.held_out_error) > 0.0 {
+        if self.noise_floor > 0.0 && self.held_out_error > 1.5 * most {
             (above(after.held_out_error) / above(self.held_out_error)).max(0.0)
         } else {
             0.0

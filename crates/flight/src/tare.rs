@@ -13,6 +13,11 @@ use serde::{Deserialize, Serialize};
 /// Least time without load from which a plate is tared by its own readings, s.
 const LEAST_UNLOADED_S: f64 = 0.25;
 
+/// Largest spread of the readings of an unloaded plate from stretch to stretch: this multiple of the
+/// noise within a stretch, and drift within a recording, N.
+const WANDER: f64 = 0.7;
+const SLOW_N: f64 = 0.3;
+
 /// Source of a tare.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -108,12 +113,12 @@ pub fn unloaded_tare(plate: &Plate) -> PlateTare {
     let Some(strong) = quantile_of_sorted(&loads, 98, 100) else { return PlateTare::none(plate) };
     // The readings of a plate that was never loaded are all tare.
     let low = (0.15 * strong).max(30.0);
-    let mut stretches: Vec<(usize, f64)> = Vec::new();
+    let mut stretches: Vec<(usize, f64, f64)> = Vec::new();
     for (index, chunk) in plate.force_n.chunks_exact(window).enumerate() {
         let mean = chunk.iter().map(|f| f.z).sum::<f64>() / window as f64;
         let deviation = (chunk.iter().map(|f| (f.z - mean).powi(2)).sum::<f64>() / window as f64).sqrt();
         if mean.is_finite() && deviation.is_finite() && mean.abs() < low {
-            stretches.push((index, deviation));
+            stretches.push((index, deviation, mean));
         }
     }
     if stretches.is_empty() {
@@ -123,11 +128,16 @@ pub fn unloaded_tare(plate: &Plate) -> PlateTare {
     deviations.sort_by(f64::total_cmp);
     let Some(quarter) = quantile_of_sorted(&deviations, 1, 4) else { return PlateTare::none(plate) };
     let quiet = (2.0 * quarter).max(0.2).min(5.0_f64.max(deviations[0] * 1.5));
-    let chosen: Vec<usize> = stretches
-        .iter()
-        .filter(|(_, deviation)| *deviation <= quiet)
-        .flat_map(|(index, _)| index * window..(index + 1) * window)
-        .collect();
+    stretches.retain(|s| s.1 <= quiet);
+    // an unloaded plate reads the same in all of them; under the light touch of a foot the readings
+    // wander by more than the noise within a stretch
+    let mut means: Vec<f64> = stretches.iter().map(|s| s.2).collect();
+    let mut within: Vec<f64> = stretches.iter().map(|s| s.1).collect();
+    match (median_and_spread(&mut means), median_and_spread(&mut within)) {
+        (Some((_, wander)), Some((noise, _))) if wander <= WANDER * noise + SLOW_N => {}
+        _ => return PlateTare::none(plate),
+    }
+    let chosen: Vec<usize> = stretches.iter().flat_map(|s| s.0 * window..(s.0 + 1) * window).collect();
     let mut vertical: Vec<f64> = chosen.iter().map(|&i| plate.force_n[i].z).collect();
     let Some((_, noise_n)) = median_and_spread(&mut vertical) else { return PlateTare::none(plate) };
     let (Some(force), Some(moment)) =

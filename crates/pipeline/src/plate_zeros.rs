@@ -27,30 +27,49 @@ pub(crate) fn tare_readings(results: Results<'_>, name: &str) -> Result<TareRead
     Ok(TareReadings { times_s: first.times_s.clone(), plates, length_s })
 }
 
-/// Range of the unloaded reading of a trial's plates, summed over those that it never unloads, by the
-/// other trials in which all of them are unloaded at some time. Readings without noise say nothing:
-/// software set them to zero where the plate was unloaded.
-pub(crate) fn offset_range(
-    results: Results<'_>,
-    name: &str,
-    tares: &[PlateTare],
-    others: &[String],
-) -> Option<OffsetRange> {
-    let unknown: Vec<&str> = tares.iter().filter(|t| t.source == TareSource::None).map(|t| t.plate.as_str()).collect();
-    let readings: Vec<Vector6<f64>> = others
-        .iter()
-        .filter(|o| *o != name)
-        .filter_map(|o| {
-            let theirs = results.load_tares(o).ok()?;
-            let of = |plate: &&str| {
-                let tare =
-                    theirs.iter().find(|t| t.plate == **plate && t.source != TareSource::None && t.noise_n > 0.0)?;
-                let mean = |v: &[Vector3<f64>]| v.iter().sum::<Vector3<f64>>() / v.len().max(1) as f64;
-                let (force, moment) = (mean(&tare.force_n), mean(&tare.moment_nm));
-                Some(Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z))
+/// What is known of a trial's unloaded plates.
+pub(crate) struct Zero {
+    /// True if the reading of some plate, unloaded, is not known.
+    pub unknown: bool,
+    /// Range of the constant that is left in the wrench of those plates, by the other trials.
+    pub range: Option<OffsetRange>,
+}
+
+impl Zero {
+    /// From the tares of the trial and of `others`. A plate is unknown if the trial never unloads it,
+    /// or if what was taken for its unloaded reading is far from those in flights of other trials: a
+    /// foot that rests lightly on a plate is as quiet as none. Readings without noise say nothing:
+    /// software set them to zero where the plate was unloaded.
+    pub fn of(results: Results<'_>, name: &str, tares: &[PlateTare], others: &[String]) -> Self {
+        let theirs: Vec<Vec<PlateTare>> =
+            others.iter().filter(|o| *o != name).filter_map(|o| results.load_tares(o).ok()).collect();
+        let reading = |trial: &[PlateTare], plate: &str, from_flights: bool| {
+            let fit = |t: &&PlateTare| {
+                let known = t.source == TareSource::Flights || (!from_flights && t.source != TareSource::None);
+                t.plate == plate && known && t.noise_n > 0.0
             };
-            unknown.iter().map(of).sum::<Option<Vector6<f64>>>()
-        })
-        .collect();
-    OffsetRange::of(&readings)
+            trial.iter().find(fit).map(mean)
+        };
+        let doubtful = |t: &PlateTare| {
+            let shown: Vec<Vector6<f64>> = theirs.iter().filter_map(|o| reading(o, &t.plate, true)).collect();
+            OffsetRange::of(&shown).is_some_and(|range| !range.contains(&mean(t)))
+        };
+        let unknown: Vec<&PlateTare> = tares
+            .iter()
+            .filter(|t| t.source == TareSource::None || (t.source == TareSource::OwnReadings && doubtful(t)))
+            .collect();
+        // what is left of a plate's constant after its tare was taken off
+        let left: Vec<Vector6<f64>> = theirs
+            .iter()
+            .filter_map(|o| unknown.iter().map(|t| Some(reading(o, &t.plate, false)? - mean(t))).sum())
+            .collect();
+        Self { unknown: !unknown.is_empty(), range: if unknown.is_empty() { None } else { OffsetRange::of(&left) } }
+    }
+}
+
+/// Mean reading of a tare: force, then moment about the world origin.
+fn mean(tare: &PlateTare) -> Vector6<f64> {
+    let of = |v: &[Vector3<f64>]| v.iter().sum::<Vector3<f64>>() / v.len().max(1) as f64;
+    let (force, moment) = (of(&tare.force_n), of(&tare.moment_nm));
+    Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
 }

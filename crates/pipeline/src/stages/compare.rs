@@ -1,7 +1,7 @@
 //! `compare`: predicted against measured wrench on held-out motion; the residual wrench in flight.
 
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
-use crate::plate_zeros::{offset_range, tare_readings};
+use crate::plate_zeros::{Zero, tare_readings};
 use crate::results::Results;
 use crate::stages::filter::low_pass;
 use crate::stages::identify::{self, Predicting, identify_from, training_factors};
@@ -14,7 +14,6 @@ use aloft_compare::{
     PlateDrift, PoseErrors, TareReadings, TrialInput, TrialSeries, WindowSample, compare_each, measured_wrench,
 };
 use aloft_filter::smooth;
-use aloft_flight::TareSource;
 use aloft_identify::{Estimator, Parameters};
 use aloft_ik::MarkerErrors;
 use aloft_regressor::{EffectColumns, Factor, Stretch};
@@ -37,7 +36,7 @@ use std::ops::Range;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "compare",
-    version: 6,
+    version: 7,
     scope: Scope::Session,
     seconds: 0.6,
     reads: "parameters, held-out trials",
@@ -214,8 +213,8 @@ impl ComparedTrial {
         };
         let complete = completely_measured(&rows.covered, &flights, frames);
         let tares = results.load_tares(name)?;
-        let untared = measured.is_some() && tares.iter().any(|t| t.source == TareSource::None);
-        let offset_range = if untared { offset_range(results, name, &tares, others) } else { None };
+        let zero = Zero::of(results, name, &tares, others);
+        let (untared, offset_range) = (measured.is_some() && zero.unknown, zero.range);
         Ok(Self {
             name: name.to_owned(),
             role,
