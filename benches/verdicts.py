@@ -13,6 +13,7 @@ An answer counts as
   right        only the hidden effects are named
   class        the hidden effects are among at most three that are named
   wide class   the same with more than three
+  partial      of several hidden effects some are named, and nothing else
   unexplained  the program says that something remains that it cannot name
   missed       "nothing missing" or "not detectable"
   wrong        something is named and a hidden effect is not among it
@@ -36,7 +37,7 @@ from pathlib import Path
 
 from laboratory import ROOT, TOLERANCE, Laboratories, empty_session, interval, read_lines, session
 
-OUTCOMES = ["right", "class", "wide class", "unexplained", "missed", "wrong"]
+OUTCOMES = ["right", "class", "wide class", "partial", "unexplained", "missed", "wrong"]
 ON_PLATES = {"plate_time_offset", "plate_gain", "body_mass"}
 
 
@@ -204,7 +205,7 @@ def judge(line):
         if not named - set().union(*line["truth"]):
             return "right"
         return "class" if len(named) <= 3 else "wide class"
-    return "wrong"
+    return "partial" if named <= set().union(*line["truth"]) else "wrong"
 
 
 def describe(line):

@@ -111,7 +111,11 @@ fn no_effect_moves_parameters_in_trials_that_it_does_not_touch() {
 fn effect_add_refuses_what_rows_cannot_show_and_changes_nothing() {
     let dir = folder();
     let ws = dir.path().join("ws").display().to_string();
-    let human = repo("pipelines/demo_human.yaml");
+    // flights only
+    let human = dir.path().join("flights.yaml").display().to_string();
+    let text = fs::read_to_string(repo("pipelines/demo_human.yaml")).unwrap();
+    let text = text.replace("../fixtures/human_tethered", &repo("fixtures/human_tethered"));
+    fs::write(&human, format!("{text}identify: {{contact: false}}\n")).unwrap();
     expect(&["run", &human, "--workspace", &ws], 0);
     let before = json(&["parameters", &human, "--workspace", &ws, "--json"]);
     let refused = |key: &str, reason: &str| {

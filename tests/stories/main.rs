@@ -21,6 +21,7 @@ mod right_results;
 mod robot;
 mod settings;
 mod several_effects;
+mod stated_mass;
 mod support;
 mod surfaces;
 mod workflow;

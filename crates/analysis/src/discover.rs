@@ -389,7 +389,7 @@ pub fn self_test(
 }
 
 /// Options that restrict the ranking to some effects, or leave some out; `closed` leaves out the
-/// search beyond the catalogue.
-pub fn options(only: Vec<String>, without: Vec<String>, closed: bool) -> DiscoverOptions {
-    DiscoverOptions { only, without, closed, ..DiscoverOptions::default() }
+/// search beyond the catalogue, and `budget_s` limits it.
+pub fn options(only: Vec<String>, without: Vec<String>, closed: bool, budget_s: Option<f64>) -> DiscoverOptions {
+    DiscoverOptions { only, without, closed, budget_s, ..DiscoverOptions::default() }
 }

@@ -7,9 +7,10 @@ use crate::discover::Volume;
 use crate::effect::suggestion;
 use crate::freshness::freshness;
 use crate::history::reached;
-use aloft_discover::Discovery;
+use aloft_discover::{Discovery, FoundLaw};
 use aloft_pipeline::progress::Silent;
 use aloft_pipeline::runner::run_held;
+use aloft_study::effects::OwnEffect;
 use aloft_study::revision::Revisions;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
@@ -17,14 +18,16 @@ use aloft_workspace::workspace::Workspace;
 use std::path::Path;
 use std::time::Duration;
 
-/// The comparison of the model with all effects found added to it; none if none was found, or if the
-/// results are not up to date, so that more than the effect would change.
+/// The comparison of the model with all effects found added to it, or the laws that replace them;
+/// none if none was found, or if the results are not up to date, so that more than the effect would
+/// change.
 pub(crate) fn promised(
     session: &SubjectSession,
     found: &Discovery,
     volume: Volume,
 ) -> Result<Option<ComparisonView>, PipelineError> {
-    if found.found.is_empty() || !freshness(session)?.is_current() {
+    let laws: Vec<&FoundLaw> = found.open.iter().filter(|o| o.complete).flat_map(|o| &o.laws).collect();
+    if (found.found.is_empty() && laws.is_empty()) || !freshness(session)?.is_current() {
         return Ok(None);
     }
     let mut all = Revisions::load(&session.workspace)?;
@@ -33,10 +36,15 @@ pub(crate) fn promised(
         last.reached = Some(now);
     }
     let mut effects = all.effects();
-    for f in &found.found {
-        let Some(mut effect) = suggestion(found, &f.key) else { continue };
+    let keys = found.found.iter().map(|f| &f.key).chain(laws.iter().map(|l| &l.id));
+    for key in keys {
+        let Some(mut effect) = suggestion(found, key) else { continue };
         effect.volume_m = Some((volume.middle_m, volume.reach_m));
         effects.push(effect);
+    }
+    let mut own_effects = session.own_effects.clone();
+    for law in laws {
+        own_effects.push(OwnEffect::described(&law.effect)?);
     }
     let beside = session.workspace.parent().unwrap_or(Path::new("."));
     let copy = tempfile::Builder::new()
@@ -47,6 +55,7 @@ pub(crate) fn promised(
     let with = SubjectSession {
         workspace: copy.path().to_path_buf(),
         effects,
+        own_effects,
         plain_base: all.plain_base(),
         ..session.clone()
     };

@@ -169,6 +169,16 @@ fn key_value(text: &str) -> Result<(String, f64), String> {
     Ok((key.trim().to_owned(), value))
 }
 
+/// A positive time in seconds, with or without its unit.
+fn seconds(text: &str) -> Result<f64, String> {
+    let number = text.trim();
+    let number = number.strip_suffix('s').unwrap_or(number).trim_end();
+    match number.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err(format!("`{text}` is not a positive time in seconds, such as `10` or `10s`")),
+    }
+}
+
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
@@ -359,6 +369,9 @@ pub enum Command {
         /// Rank the catalogue only: no search for laws beyond it.
         #[arg(long)]
         closed: bool,
+        /// Time for the search, s (`10` or `10s`): the search for laws beyond the catalogue then begins nothing new, and the answer says that more time may find more.
+        #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+        budget: Option<f64>,
         /// Inject effects of known size into these recordings and count how often they come out under their name.
         #[arg(long)]
         self_test: bool,

@@ -116,15 +116,25 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             each_result(&pipeline, strict, as_json, &reads, compare::compare, show)
         }
         Command::Discover { pipeline, strict, only, without, self_test: true, json: as_json, .. } => {
-            let options = discover::options(only, without, true);
+            let options = discover::options(only, without, true, None);
             let ask = |session: &SubjectSession| {
                 let bar = Counted::new("self-test");
                 discover::self_test(session, &options, &|done, all| bar.at(done, all))
             };
             each_result(&pipeline, strict, as_json, &[], ask, |found| findings::self_test(&found.self_test))
         }
-        Command::Discover { pipeline, strict, only, without, closed, self_test: false, details, json: as_json } => {
-            let options = discover::options(only, without, closed);
+        Command::Discover {
+            pipeline,
+            strict,
+            only,
+            without,
+            closed,
+            budget,
+            self_test: false,
+            details,
+            json: as_json,
+        } => {
+            let options = discover::options(only, without, closed, budget);
             let ask = |session: &SubjectSession| {
                 let bar = Counted::new(&format!("discover {}", session.id));
                 discover::discover(session, &options, &|done, all| bar.at(done, all))

@@ -157,5 +157,6 @@ pub fn block(view: &ComparisonView) -> Result<(), Stop> {
     } else {
         out(grid(&view.errors))?;
     }
-    [worst(view), weighed(view), constant(view)].into_iter().flatten().try_for_each(out)
+    // a wrong mass or gain comes before the place of the largest error
+    [weighed(view).or_else(|| worst(view)), constant(view)].into_iter().flatten().try_for_each(out)
 }

@@ -127,7 +127,8 @@ fn errors(view: &DiscoveryView) -> Result<(), Stop> {
             ),
         ));
     }
-    let with = names(&d.found.iter().map(|f| f.key.clone()).collect::<Vec<_>>());
+    let laws = d.open.iter().filter(|o| o.complete).flat_map(|o| &o.laws);
+    let with = names(&d.found.iter().map(|f| f.key.clone()).chain(laws.map(|l| l.id.clone())).collect::<Vec<_>>());
     let mut t = table(&["held out", "model", "error N", "% weight", "floor N", "floor 95 %", "times floor", "judged"])
         .left(&[1, 7])
         .optional(&[5, 3]);

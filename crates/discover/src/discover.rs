@@ -14,6 +14,7 @@ use crate::options::DiscoverOptions;
 use crate::pairs::{better_pair, pair_alone};
 use crate::placebo::PLACEBOS;
 use crate::problem::{Domain, Problem};
+use crate::progress::Until;
 use crate::rank::{EffectScore, judged_in, null_ratios, score_effect};
 use crate::repeating::widen;
 use crate::result::{Candidate, Discovery, FEWEST_CLUSTERS, Found, MANY_CLUSTERS, Round, Verdict};
@@ -49,6 +50,7 @@ pub fn discover(
     accepted: &[EffectInstance<'_>],
     options: &DiscoverOptions,
 ) -> Result<Discovery, DiscoverError> {
+    let until = Until::of(options.budget_s);
     let has = |contact: bool| session.blocks.iter().any(|b| (b.kind == StretchKind::Contact) == contact);
     let (has_flights, has_contact) = (has(false), has(true));
     let mut rounds: Vec<Round> = Vec::new();
@@ -347,7 +349,7 @@ pub fn discover(
         out.effects.clear();
     }
     if has_flights && !options.closed && options.only.is_empty() {
-        look_beyond(session, accepted, effects, &kept, &left, &mut out, options);
+        look_beyond(session, accepted, effects, &kept, &left, &mut out, &until, options);
     }
     out.words = wording::answer(&out, far);
     if let Some(open) = &out.open {
@@ -371,11 +373,18 @@ fn look_beyond(
     kept: &[Variant<'_>],
     left: &[Option<Standing>; 2],
     out: &mut Discovery,
+    until: &Until,
     options: &DiscoverOptions,
 ) {
     let above = |s: &Standing| s.noise_floor > 0.0 && !s.reached_by(s.held_out_error) && s.times_floor() > 1.2;
     let several = kept.iter().any(|v| v.effect.id() != kept[0].effect.id());
     if !(left[0].as_ref().is_some_and(above) || (several && session.standing[0].as_ref().is_some_and(above))) {
+        return;
+    }
+    if until.is_over() {
+        let budget = options.budget_s.unwrap_or_default();
+        out.warnings
+            .push(format!("the search beyond the catalogue was not begun: the budget of {budget} s was used up"));
         return;
     }
     let first = out.rounds.first().map_or(&out.candidates, |r| &r.candidates);
@@ -384,7 +393,7 @@ fn look_beyond(
     let taken: Vec<&str> = effects.iter().map(|e| e.id()).collect();
     let unknowns: usize = kept.iter().map(Variant::unknowns).sum();
     let rival = crate::laws::Rivals { ratio, single, several: several.then_some(unknowns) };
-    out.open = crate::laws::search(session, accepted, rival, &taken, options);
+    out.open = crate::laws::search(session, accepted, rival, &taken, until, options);
     let Some(open) = &out.open else { return };
     let named = matches!(out.verdict, Verdict::Supported | Verdict::OneOf);
     // a force of constant size is what the catalogue's own forces, gravity and frame rate look like

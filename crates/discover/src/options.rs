@@ -32,6 +32,10 @@ pub struct DiscoverOptions {
     pub without: Vec<String>,
     /// True to rank the catalogue only, without the search for laws beyond it.
     pub closed: bool,
+    /// Time after which the search for laws begins nothing new and answers with what it has, s; no
+    /// limit where not given. The answer then depends on the speed of the machine.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub budget_s: Option<f64>,
     /// Seed of all random draws.
     pub seed: u64,
 }
@@ -51,6 +55,7 @@ impl Default for DiscoverOptions {
             only: Vec::new(),
             without: Vec::new(),
             closed: false,
+            budget_s: None,
             seed: 20_100_503,
         }
     }

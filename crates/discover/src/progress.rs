@@ -3,9 +3,26 @@
 use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
 /// Receives the number of effects scored and of those expected.
 type Told<'a> = &'a (dyn Fn(usize, usize) + Sync);
+
+/// The time at which the search for laws stops beginning anything new; never without a budget.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Until(Option<Instant>);
+
+impl Until {
+    /// The end of a budget (s) that begins now.
+    pub fn of(budget_s: Option<f64>) -> Self {
+        let length = budget_s.and_then(|s| Duration::try_from_secs_f64(s.max(0.0)).ok());
+        Self(length.and_then(|length| Instant::now().checked_add(length)))
+    }
+    /// True once the budget is used up.
+    pub fn is_over(&self) -> bool {
+        self.0.is_some_and(|end| Instant::now() >= end)
+    }
+}
 
 /// Counts the effects that were scored. Clones count together.
 #[derive(Clone, Default)]

@@ -83,21 +83,23 @@ fn size(r: &HistoryRow, before: Option<&HistoryRow>, units: &HashMap<String, Str
     own.take(COEFFICIENTS).map(|t| t.trim_end().to_owned()).collect::<Vec<_>>().join(", ")
 }
 
-/// What `discover` promises for the effects that it found.
+/// What `discover` promises for the effects that it found, or for laws that replace them.
 fn promised(story: &Story<'_>, first: &Standing) -> Option<Rung> {
-    let d = asked(story).filter(|d| !d.found.is_empty() && d.held_out_error_after.is_finite())?;
+    let d = asked(story).filter(|d| d.held_out_error_after.is_finite())?;
+    let laws = d.open.iter().filter(|o| o.complete).flat_map(|o| &o.laws).map(|l| (l.id.as_str(), &l.coefficients));
+    let parts: Vec<(&str, &Vec<aloft_discover::Estimate>)> =
+        d.found.iter().map(|f| (f.key.as_str(), &f.coefficients)).chain(laws).collect();
+    if parts.is_empty() {
+        return None;
+    }
     let ratio = first.floor_n.map(|f| d.held_out_error_after / f);
     let at_floor = first.interval_n.is_some_and(|[_, most]| d.held_out_error_after <= most);
-    let keys: Vec<&str> = d.found.iter().map(|f| f.key.as_str()).collect();
+    let keys: Vec<&str> = parts.iter().map(|p| p.0).collect();
     let of = |c: &aloft_discover::Estimate| {
         format!("{} {} {}", c.name.replace('_', " "), plus_minus(c.value, c.ci95), unit(&c.unit))
     };
-    let sizes: Vec<String> = d
-        .found
-        .iter()
-        .flat_map(|f| f.coefficients.iter().take(COEFFICIENTS))
-        .map(|c| of(c).trim_end().to_owned())
-        .collect();
+    let sizes: Vec<String> =
+        parts.iter().flat_map(|p| p.1.iter().take(COEFFICIENTS)).map(|c| of(c).trim_end().to_owned()).collect();
     Some(Rung {
         name: format!("+ `{}`?", keys.join("` + `")),
         size: sizes.join(", "),

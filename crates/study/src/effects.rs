@@ -43,6 +43,11 @@ impl OwnEffect {
         Ok(Self { spec, origin, text, path: String::new() })
     }
 
+    /// An effect that is not in a file, as it would be read from one.
+    pub fn described(spec: &FormulaEffect) -> Result<Self, PipelineError> {
+        Ok(Self { spec: spec.clone(), origin: spec.id.clone(), text: Self::text_of(spec)?, path: String::new() })
+    }
+
     /// A definition as the text of a file.
     pub fn text_of(spec: &FormulaEffect) -> Result<String, PipelineError> {
         serde_yaml::to_string(spec)

@@ -209,7 +209,13 @@ pub(crate) fn atlas(session: &Session<'_>, problem: &Problem, evidence: &Evidenc
         })
         .collect();
     let draws = evidence.plain.len() - 1;
-    let parts: Vec<Atlas> = jobs.par_iter().map(|job| place(session, problem, evidence, job)).collect();
+    session.counter.expect(jobs.len());
+    let one = |job: &Job| {
+        let made = place(session, problem, evidence, job);
+        session.counter.one();
+        made
+    };
+    let parts: Vec<Atlas> = jobs.par_iter().map(one).collect();
     let mut out = Atlas { groups: Vec::new(), null: vec![1.0; draws], tried: 0 };
     for part in parts {
         out.groups.extend(part.groups);

@@ -9,6 +9,7 @@ use super::shape::{KNOTS, Shape};
 use crate::candidate::{Variant, score};
 use crate::nonlinear::{improve, score_fitted};
 use crate::problem::Problem;
+use crate::progress::Until;
 use crate::session::Session;
 use aloft_effects::{Effect, EffectFrame, Target};
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -278,7 +279,13 @@ fn in_every_variable(session: &Session<'_>, problem: &Problem, evidence: &Eviden
 }
 
 /// Fits laws to the best entries of the atlas, best first.
-pub(crate) fn laws(session: &Session<'_>, problem: &Problem, evidence: &Evidence, groups: &[&Group]) -> Vec<Fitted> {
+pub(crate) fn laws(
+    session: &Session<'_>,
+    problem: &Problem,
+    evidence: &Evidence,
+    groups: &[&Group],
+    until: &Until,
+) -> Vec<Fitted> {
     let begun: Vec<Start> = groups
         .par_iter()
         .flat_map_iter(|g| starts(session, problem, evidence, g).into_iter().take(SHAPES).collect::<Vec<_>>())
@@ -297,8 +304,13 @@ pub(crate) fn laws(session: &Session<'_>, problem: &Problem, evidence: &Evidence
             unique.push(s);
         }
     }
-    let mut out: Vec<Fitted> =
-        unique.into_par_iter().filter_map(|s| fit(session, problem, &s.law, s.nonlinear, STEPS)).collect();
+    session.counter.expect(unique.len());
+    let one = |s: Start| {
+        let fitted = if until.is_over() { None } else { fit(session, problem, &s.law, s.nonlinear, STEPS) };
+        session.counter.one();
+        fitted
+    };
+    let mut out: Vec<Fitted> = unique.into_par_iter().filter_map(one).collect();
     out.sort_by(|a, b| a.error().total_cmp(&b.error()));
     out
 }

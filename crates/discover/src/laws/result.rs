@@ -151,6 +151,10 @@ pub struct OpenWorld {
     pub times_floor_after: Option<f64>,
     /// Held-out error with the laws, N.
     pub held_out_error_after: f64,
+    /// Budget after which the search was stopped, s: more time may find more. None if it ended by
+    /// itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stopped_after_s: Option<f64>,
     /// The result in words.
     pub words: String,
 }

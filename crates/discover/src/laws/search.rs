@@ -14,6 +14,7 @@ use super::wording;
 use crate::floor::Standing;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
+use crate::progress::Until;
 use crate::result::{Estimate, FEWEST_CLUSTERS};
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
@@ -79,6 +80,7 @@ pub(crate) fn search(
     accepted: &[EffectInstance<'_>],
     catalogue: Rivals,
     taken: &[&str],
+    until: &Until,
     options: &DiscoverOptions,
 ) -> Option<OpenWorld> {
     let standing = session.standing[0];
@@ -120,7 +122,9 @@ pub(crate) fn search(
         if round == 0 && p < 0.05 && best.score.ratio.sqrt() < 0.97 {
             diagnosis = Some(diagnose(session, &problem, &made, p));
         }
-        if enough && let Some(OneLaw { best: found, rival, also }) = one_law(session, &problem, &evidence, &groups) {
+        if enough
+            && let Some(OneLaw { best: found, rival, also }) = one_law(session, &problem, &evidence, &groups, until)
+        {
             let ratio = (found.error() / now).sqrt();
             let p_gain = sign_flip_p(
                 &found.errors,
@@ -140,7 +144,7 @@ pub(crate) fn search(
             let clusters = problem.clusters.len();
             first = Some((made, clusters));
         }
-        if count <= round {
+        if count <= round || until.is_over() {
             break;
         }
         left = laws[count - 1].fitted.error();
@@ -194,6 +198,7 @@ pub(crate) fn search(
         complete,
         times_floor_after: if named { times_floor } else { standing.map(|s| s.held_out_error / s.noise_floor) },
         held_out_error_after: after.filter(|_| named).or(standing.map(|s| s.held_out_error)).unwrap_or(ratio),
+        stopped_after_s: options.budget_s.filter(|_| until.is_over()),
         words: String::new(),
     };
     out.words = wording::answer(&out);
@@ -228,8 +233,14 @@ struct OneLaw {
 
 /// The law for the best entries: an expression, with a second factor where that removes more, or
 /// the free curve.
-fn one_law(session: &Session<'_>, problem: &Problem, evidence: &Evidence, groups: &[&Group]) -> Option<OneLaw> {
-    let laws = fit::laws(session, problem, evidence, groups);
+fn one_law(
+    session: &Session<'_>,
+    problem: &Problem,
+    evidence: &Evidence,
+    groups: &[&Group],
+    until: &Until,
+) -> Option<OneLaw> {
+    let laws = fit::laws(session, problem, evidence, groups, until);
     let curves: Vec<Fitted> = groups.iter().take(3).filter_map(|g| fit::curve(session, problem, g)).collect();
     let curve = curves.into_iter().min_by(|a, b| a.error().total_cmp(&b.error()));
     let simple = simplest(&laws, session.prior.is_some()).cloned();
@@ -250,8 +261,11 @@ fn one_law(session: &Session<'_>, problem: &Problem, evidence: &Evidence, groups
             bases.push(l);
         }
     }
-    let products: Vec<Fitted> =
-        bases.into_iter().filter_map(|l| second_factor(session, problem, evidence, l)).collect();
+    let products: Vec<Fitted> = bases
+        .into_iter()
+        .filter(|_| !until.is_over())
+        .filter_map(|l| second_factor(session, problem, evidence, l))
+        .collect();
     if let Some(product) = products.into_iter().min_by(|a, b| a.error().total_cmp(&b.error()))
         && product.error() < SECOND * SECOND * best.error()
     {

@@ -167,7 +167,10 @@ pub(crate) fn documentation(text: &str, values: &[&Estimate], ratio: f64, p: f64
 /// The result of the search.
 pub(crate) fn answer(o: &OpenWorld) -> String {
     let floor = o.times_floor_after.map_or(String::new(), |t| format!(", {t:.2} times the noise floor"));
-    match (&o.laws[..], &o.diagnosis) {
+    let stopped = o.stopped_after_s.map_or(String::new(), |s| {
+        format!("; the search was stopped when its budget of {s} s was used up: more time may find more")
+    });
+    let found = match (&o.laws[..], &o.diagnosis) {
         ([], None) => format!(
             "beyond the catalogue: none of {} combinations of place, direction and variable describes the error better than chance",
             o.entries
@@ -190,5 +193,6 @@ pub(crate) fn answer(o: &OpenWorld) -> String {
             };
             format!("{lead}: {}; held-out error {:.3} N{floor}", each.join("; and "), o.held_out_error_after)
         }
-    }
+    };
+    found + &stopped
 }

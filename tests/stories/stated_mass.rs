@@ -1,0 +1,53 @@
+//! A body mass that is stated wrongly: what flights alone cannot show, plates do.
+
+use crate::support::{expect, folder, json, repo};
+use std::fs;
+
+/// True mass of the body of `fixtures/human_twin`, kg.
+const TRUE_KG: f64 = 72.0;
+const STATED_KG: f64 = 68.5;
+
+/// The exercise of the fixture never unloads the plates, so that a constant is taken off it; a weight
+/// that the body does not have must not pass for such a constant. The command that `discover` proposes
+/// takes the error to its floor, although the pipeline identifies from flights.
+#[test]
+fn a_wrong_mass_shows_on_the_plates_and_the_proposed_effect_mends_it() {
+    let dir = folder();
+    let ws = dir.path().join("ws").display().to_string();
+    let pipeline = dir.path().join("stated.yaml").display().to_string();
+    let text = fs::read_to_string(repo("pipelines/demo_human.yaml")).unwrap();
+    let text = text.replace("../fixtures/human_tethered", &repo("fixtures/human_twin"));
+    fs::write(&pipeline, format!("{text}subject: {{mass_kg: {STATED_KG}}}\n")).unwrap();
+    let at = ["--workspace", &ws];
+    let ask = |words: &[&str]| json(&[words, &at, &["--json"]].concat());
+    let (said, _) = expect(&[&["run", &pipeline][..], &at].concat(), 0);
+    assert!(said.contains("68.5 kg stated (+5"), "{said}");
+
+    let contact = |answer: &serde_json::Value| {
+        let of = |e: &&serde_json::Value| e["judged_on"] == "contact";
+        answer["errors"].as_array().unwrap().iter().find(of).unwrap()["times_floor"].as_f64().unwrap()
+    };
+    let before = ask(&["compare", &pipeline]);
+    // 3.5 kg are 34 N, with a floor of 4.4 N
+    assert!(contact(&before) > 6.0, "{}", before["errors"]);
+    let trials = before["trials"].as_array().unwrap();
+    let beyond = trials.iter().find_map(|t| t["offset"]["beyond"][2].as_f64()).unwrap();
+    assert!((20.0..50.0).contains(&beyond.abs()), "{beyond}");
+
+    let found = ask(&["discover", &pipeline]);
+    let names: Vec<&str> = found["effects"].as_array().unwrap().iter().map(|e| e.as_str().unwrap()).collect();
+    for name in ["body_mass", "plate_gain", "link_mass"] {
+        assert!(names.contains(&name), "{names:?}");
+    }
+    let after = found["errors_after"].as_array().unwrap();
+    let promised = after.iter().find(|e| e["judged_on"] == "contact").unwrap();
+    assert_eq!(promised["at_floor"], true, "{promised}");
+
+    expect(&[&["effect", "add", &pipeline, "body_mass"][..], &at].concat(), 0);
+    let ladder = ask(&["history", &pipeline]);
+    let last = &ladder["revisions"][1];
+    assert!(last["void"].is_null(), "{last}");
+    let kg = last["coefficients"][0]["value"].as_f64().unwrap();
+    assert!((kg - (TRUE_KG - STATED_KG)).abs() < 0.3, "{kg}");
+    assert!(contact(&ask(&["compare", &pipeline])) < 1.5);
+}
