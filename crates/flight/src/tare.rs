@@ -89,6 +89,19 @@ fn median_and_spread(values: &mut Vec<f64>) -> Option<(f64, f64)> {
     median_and_deviation(values).map(|(center, deviation)| (center, 1.4826 * deviation))
 }
 
+/// Values (time, value) less the straight line through them, by least squares.
+fn without_trend(points: &[(f64, f64)]) -> Vec<f64> {
+    let n = points.len().max(1) as f64;
+    let (t0, x0) = (points.iter().map(|p| p.0).sum::<f64>() / n, points.iter().map(|p| p.1).sum::<f64>() / n);
+    let (mut tt, mut tx) = (0.0, 0.0);
+    for (t, x) in points {
+        tt += (t - t0) * (t - t0);
+        tx += (t - t0) * (x - x0);
+    }
+    let slope = if tt > 0.0 { tx / tt } else { 0.0 };
+    points.iter().map(|(t, x)| x - x0 - slope * (t - t0)).collect()
+}
+
 /// Component-wise median of some samples.
 fn median_vector(samples: &[Vector3<f64>], chosen: &[usize]) -> Option<Vector3<f64>> {
     let mut out = Vector3::zeros();
@@ -129,9 +142,9 @@ pub fn unloaded_tare(plate: &Plate) -> PlateTare {
     let Some(quarter) = quantile_of_sorted(&deviations, 1, 4) else { return PlateTare::none(plate) };
     let quiet = (2.0 * quarter).max(0.2).min(5.0_f64.max(deviations[0] * 1.5));
     stretches.retain(|s| s.1 <= quiet);
-    // an unloaded plate reads the same in all of them; under the light touch of a foot the readings
-    // wander by more than the noise within a stretch
-    let mut means: Vec<f64> = stretches.iter().map(|s| s.2).collect();
+    // an unloaded plate reads the same in all of them, or drifts steadily; under the light touch of a
+    // foot the readings wander by more than the noise within a stretch
+    let mut means = without_trend(&stretches.iter().map(|s| (s.0 as f64, s.2)).collect::<Vec<_>>());
     let mut within: Vec<f64> = stretches.iter().map(|s| s.1).collect();
     match (median_and_spread(&mut means), median_and_spread(&mut within)) {
         (Some((_, wander)), Some((noise, _))) if wander <= WANDER * noise + SLOW_N => {}
