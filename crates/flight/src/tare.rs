@@ -144,10 +144,14 @@ pub fn unloaded_tare(plate: &Plate) -> PlateTare {
     stretches.retain(|s| s.1 <= quiet);
     // an unloaded plate reads the same in all of them, or drifts steadily; under the light touch of a
     // foot the readings wander by more than the noise within a stretch
-    let mut means = without_trend(&stretches.iter().map(|s| (s.0 as f64, s.2)).collect::<Vec<_>>());
+    let points: Vec<(f64, f64)> = stretches.iter().map(|s| (s.0 as f64, s.2)).collect();
+    let mut plain: Vec<f64> = points.iter().map(|p| p.1).collect();
+    let mut straight = without_trend(&points);
+    let spread = |values: &mut Vec<f64>| median_and_spread(values).map_or(f64::INFINITY, |m| m.1);
+    let wander = spread(&mut plain).min(spread(&mut straight));
     let mut within: Vec<f64> = stretches.iter().map(|s| s.1).collect();
-    match (median_and_spread(&mut means), median_and_spread(&mut within)) {
-        (Some((_, wander)), Some((noise, _))) if wander <= WANDER * noise + SLOW_N => {}
+    match median_and_spread(&mut within) {
+        Some((noise, _)) if wander <= WANDER * noise + SLOW_N => {}
         _ => return PlateTare::none(plate),
     }
     let chosen: Vec<usize> = stretches.iter().flat_map(|s| s.0 * window..(s.0 + 1) * window).collect();
