@@ -16,6 +16,7 @@ mod names;
 mod one_interval;
 mod one_stage_again;
 mod own_effect;
+mod part_of_a_body;
 mod report;
 mod right_results;
 mod robot;

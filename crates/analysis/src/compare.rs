@@ -1,6 +1,7 @@
 //! `compare`: model against measurement, read from the results of the stage `compare`.
 
 use crate::held_out::{HeldOutError, weight_n};
+use aloft_body::Subject;
 use aloft_compare::{Comparison, ModelComparison};
 use aloft_flight::ImpulseMass;
 use aloft_identify::{Determination, Parameters, Sigma};
@@ -8,6 +9,7 @@ use aloft_ik::CalibrationReport;
 use aloft_pipeline::results::parameters_file;
 use aloft_pipeline::stages::STAGES;
 use aloft_pipeline::stages::flight::gravity_error_percent;
+use aloft_pipeline::stages::identify::NOTHING_IDENTIFIED;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::json::read_json;
@@ -32,6 +34,8 @@ pub struct ComparisonView {
     pub left_out: Vec<LeftOut>,
     /// Summary of the compared parameters.
     pub parameters: ParametersBrief,
+    /// What the comparison cannot say because parts of the body move unseen; empty for a whole body.
+    pub limits: Vec<String>,
     /// Kinematics: marker RMS and flights of each trial.
     pub kinematics: Vec<KinematicsRow>,
     /// Landmark against calibrated geometry; none for objects, or if nothing was calibrated.
@@ -99,6 +103,65 @@ pub struct ParametersBrief {
     pub gate_passed: bool,
     /// Body mass, kg.
     pub mass_kg: f64,
+    /// Why nothing was identified, so that the compared model is the table's body; none if something
+    /// was.
+    pub nothing: Option<String>,
+}
+
+impl ParametersBrief {
+    fn of(rows: &'static str, p: &Parameters) -> Self {
+        Self {
+            rows,
+            trials: p.n_trials,
+            from_motion: p.base.iter().filter(|b| b.seen != Determination::Hardly).count(),
+            in_all: p.base.len(),
+            gate_passed: p.gate.passed,
+            mass_kg: p.mass_kg,
+            sigma_ratio: p.sigma.ratio,
+            sigma: p.sigma,
+            flights: p.n_stretches,
+            nothing: None,
+        }
+    }
+    fn nothing(rows: &'static str, mass_kg: f64, why: String) -> Self {
+        let none = f64::NAN;
+        Self {
+            rows,
+            trials: 0,
+            from_motion: 0,
+            in_all: 0,
+            gate_passed: false,
+            mass_kg,
+            sigma_ratio: none,
+            sigma: Sigma { max: none, second: none, min: none, ratio: none },
+            flights: 0,
+            nothing: Some(why),
+        }
+    }
+}
+
+/// Why nothing was identified, as the stage `identify` said it.
+pub fn nothing_identified(ws: &Workspace) -> String {
+    read_json(&ws.place("identify", WHOLE_STUDY).join(NOTHING_IDENTIFIED))
+        .unwrap_or_else(|_| "nothing was identified; the masses are the table's".to_owned())
+}
+
+/// What the comparison cannot say, because the model is not the whole body.
+fn limits(ws: &Workspace, comparison: &Comparison) -> Vec<String> {
+    let subject: Option<Subject> = read_json(&ws.place("calibrate", WHOLE_STUDY).join("subject.json")).ok();
+    let Some(unseen) = subject.and_then(|s| s.model.unseen_parts()) else { return Vec::new() };
+    let mut out = vec![format!(
+        "{unseen} move unseen; their mass rides rigidly, as in the static posture: the difference from the plates contains \
+         their motion, so that it judges neither masses nor plates"
+    )];
+    if comparison.first.held_out.frames > 0 {
+        out.push(
+            "what holds: joint angles, the plates' times and zeros, contact beside the plates, and the mean vertical force \
+             over whole strides or from rest to rest, which is the body's weight"
+                .to_owned(),
+        );
+    }
+    out
 }
 
 /// One trial's kinematics.
@@ -129,27 +192,25 @@ pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError
     }
     let comparison: Comparison = read_json(&path)?;
     let rows = session.config.regressor.rows;
-    let parameters: Parameters = read_json(&ws.place("identify", WHOLE_STUDY).join(parameters_file(rows)))?;
+    let place = ws.place("identify", WHOLE_STUDY);
+    let found = place.join(parameters_file(rows));
+    let parameters: Option<Parameters> = if found.is_file() { Some(read_json(&found)?) } else { None };
+    let gate_passed = parameters.as_ref().is_some_and(|p| p.gate.passed);
+    let limits = limits(&ws, &comparison);
     Ok(ComparisonView {
         version: 1,
         subject: session.facts.person.name.clone(),
         errors: comparison
             .against_floor
             .iter()
-            .map(|a| HeldOutError::of(a, &comparison.beside, weight_n(session), parameters.gate.passed))
+            .map(|a| HeldOutError::of(a, &comparison.beside, weight_n(session), gate_passed))
             .collect(),
         left_out: left_out(session, &ws, &comparison),
-        parameters: ParametersBrief {
-            rows: rows.word(),
-            trials: parameters.n_trials,
-            from_motion: parameters.base.iter().filter(|b| b.seen != Determination::Hardly).count(),
-            in_all: parameters.base.len(),
-            gate_passed: parameters.gate.passed,
-            mass_kg: parameters.mass_kg,
-            sigma_ratio: parameters.sigma.ratio,
-            sigma: parameters.sigma,
-            flights: parameters.n_stretches,
+        parameters: match &parameters {
+            Some(p) => ParametersBrief::of(rows.word(), p),
+            None => ParametersBrief::nothing(rows.word(), session.facts.person.mass_kg, nothing_identified(&ws)),
         },
+        limits,
         kinematics: kinematics(session, &ws),
         calibration: calibration(&ws),
         impulse_mass: impulse_mass(session, &ws),

@@ -112,6 +112,12 @@ impl Evidence {
             let rows = names.par_iter().map(load).collect::<Result<Vec<_>, _>>()?;
             Ok((subject, names, rows))
         })?;
+        if let Some(unseen) = subject.model.unseen_parts() {
+            return Err(PipelineError::request_hint(
+                format!("no effect can be told: {unseen} move unseen, so the equations of the whole body do not hold"),
+                "record markers on them, and use the model `human34`",
+            ));
+        }
         let groups = names.iter().map(|name| session.trial(name).and_then(|t| t.group.clone())).collect();
         let base = BaseParameters::of(&subject.model);
         let wrong = |e: &dyn std::fmt::Display| PipelineError::request(e.to_string());

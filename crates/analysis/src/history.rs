@@ -243,8 +243,8 @@ pub fn reached(session: &SubjectSession, view: &ComparisonView) -> Result<Reache
     let session = &aloft_pipeline::made::as_made(session);
     let c = &view.comparison;
     let ws = Workspace::open(&session.workspace);
-    let parameters: Parameters =
-        read_json(&ws.place("identify", WHOLE_STUDY).join(parameters_file(session.config.regressor.rows)))?;
+    let place = ws.place("identify", WHOLE_STUDY).join(parameters_file(session.config.regressor.rows));
+    let parameters: Option<Parameters> = if place.is_file() { Some(read_json(&place)?) } else { None };
     let rms: Vec<f64> = view.kinematics.iter().filter_map(|k| k.marker_rms_mm).collect();
     let of = |place: &str| {
         c.against_floor.iter().find(|a| a.judged_on == place).map(|a| Judged {
@@ -268,12 +268,12 @@ pub fn reached(session: &SubjectSession, view: &ComparisonView) -> Result<Reache
         marker_rms_mm: rms.iter().sum::<f64>() / rms.len().max(1) as f64,
         // coefficients that the rows do not determine have no value to show
         coefficients: parameters
-            .effects
             .iter()
+            .flat_map(|p| &p.effects)
             .filter(|e| e.not_determined.is_none())
             .map(|e| ReachedCoefficient { name: e.name.clone(), value: e.value, se: e.se, ci95: e.ci95 })
             .collect(),
-        base: parameters.base.iter().map(|b| (b.name.clone(), b.value)).collect(),
+        base: parameters.iter().flat_map(|p| &p.base).map(|b| (b.name.clone(), b.value)).collect(),
         trials: Some(trials),
     })
 }

@@ -1,6 +1,7 @@
 //! `init`: inspects a folder of recordings and writes a commented pipeline file for it. Existing
 //! files are not overwritten.
 
+mod choice;
 mod facts;
 mod quiet;
 
@@ -11,7 +12,7 @@ use aloft_study::catalog;
 use aloft_study::data_set::guess_subjects;
 use aloft_study::quote;
 use aloft_study::recordings::{bids_beside, is_bids, recordings_below, stem_of};
-use aloft_trial::{ImportOptions, MarkerSet, Trial, recognise};
+use aloft_trial::{ImportOptions, Trial};
 use aloft_workspace::error::PipelineError;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -302,21 +303,7 @@ fn write(
     broken: &[String],
     strays: &[String],
 ) -> Result<String, PipelineError> {
-    let sets: Vec<MarkerSet> = catalog::all("markersets")?;
-    let mut totals: Vec<(&MarkerSet, f64)> = sets
-        .iter()
-        .map(|set| {
-            let sum: f64 = seen
-                .iter()
-                .map(|s| recognise(&s.trial, &sets).into_iter().find(|(n, _)| n == &set.name).map_or(0.0, |(_, v)| v))
-                .sum();
-            (set, sum / seen.len() as f64)
-        })
-        .collect();
-    totals.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let best = totals.first();
-    let (set, fit) = best.map_or(("plug-in-gait-35", 0.0), |(s, f)| (s.name.as_str(), *f));
-    let model = best.map_or("human34", |(s, _)| s.model.as_str());
+    let choice::Choice { set, model, fit, unseen } = choice::choose(seen)?;
     let is_object = model == "two_link";
     let lower = |s: &Determination| s.stem.to_lowercase();
     let calibration: Vec<&Determination> = seen.iter().filter(|s| lower(s).contains("calib")).collect();
@@ -380,7 +367,12 @@ fn write(
         line("# what differs for some subjects, sessions or trials:".to_owned());
         line("# overrides:\n#   - {subject: NAME, set: {filter: {cutoff_hz: 8.0}}}\n#   - {subject: NAME, trial: NAME, set: {import: {repair: true}}}".to_owned());
     }
-    line(format!("model: {model}"));
+    match &unseen {
+        Some(parts) => line(format!(
+            "model: {model}   # no markers on {parts}: they ride along unseen, so nothing is identified (see the book, Bodies)"
+        )),
+        None => line(format!("model: {model}")),
+    }
     if fit > 0.5 {
         line(format!("marker_set: {set}      # fits {:.0} %", fit * 100.0));
     } else {

@@ -14,6 +14,7 @@ pub mod history;
 pub mod init;
 pub mod inspect;
 mod laboratories;
+pub mod markerset;
 pub mod parameters;
 mod promise;
 mod results;

@@ -1,10 +1,13 @@
 //! `parameters`: the identified values with their intervals and the prior values.
 
 use crate::assess::{self, Assessment};
+use crate::compare::nothing_identified;
 use aloft_identify::Parameters;
 pub use aloft_identify::half_of;
 use aloft_pipeline::results::parameters_file;
+use aloft_pipeline::stages::identify::NOTHING_IDENTIFIED;
 use aloft_study::config::Rows;
+use aloft_study::quote;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::json::read_json;
@@ -33,11 +36,18 @@ pub struct ParametersView {
 pub fn parameters(session: &SubjectSession, rows: Option<Rows>) -> Result<ParametersView, PipelineError> {
     let session = &aloft_pipeline::made::as_made(session);
     let rows = rows.unwrap_or(session.config.regressor.rows);
-    let path = Workspace::open(&session.workspace).place("identify", WHOLE_STUDY).join(parameters_file(rows));
+    let ws = Workspace::open(&session.workspace);
+    let path = ws.place("identify", WHOLE_STUDY).join(parameters_file(rows));
+    if !path.is_file() && path.with_file_name(NOTHING_IDENTIFIED).is_file() {
+        return Err(PipelineError::request_hint(
+            nothing_identified(&ws),
+            format!("`aloft compare {}` compares the table's body with the plates", quote::path(&session.config_path)),
+        ));
+    }
     if !path.is_file() {
         return Err(PipelineError::request_hint(
             format!("nothing was identified from {} rows in {}", rows.word(), session.workspace.display()),
-            format!("run `aloft run {}` first", aloft_study::quote::path(&session.config_path)),
+            format!("run `aloft run {}` first", quote::path(&session.config_path)),
         ));
     }
     let parameters: Parameters = read_json(&path)?;

@@ -320,7 +320,8 @@ fn figures(row: &mut SummaryRow, session: &SubjectSession, trial: &TrialEntry, m
     row.flight_force_n = error("flight", "force_n");
     row.flight_moment_nm = error("flight", "moment_nm");
     let weight = force_scale_n(session.facts.person.mass_kg, session.facts.gravity_mps2);
-    if [row.contact_force_n, row.flight_force_n].iter().flatten().any(|e| *e > COMPARISON_LIMIT * weight) {
+    let judged = once("compare").is_none_or(|m| m.summary.get("judged") != Some(&serde_json::Value::Bool(false)));
+    if judged && [row.contact_force_n, row.flight_force_n].iter().flatten().any(|e| *e > COMPARISON_LIMIT * weight) {
         row.reasons.push(QcReason::ComparisonLarge);
     }
     // remarks that no reason of the list covers; import, ik and flight have their own reasons

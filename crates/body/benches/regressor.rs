@@ -121,7 +121,7 @@ fn against_links(c: &mut Criterion) {
                 inertia: None,
             })
             .collect();
-        let Ok(model) = Model::from_spec(&ModelSpec { name: "chain".into(), links }) else { return };
+        let Ok(model) = Model::from_spec(&ModelSpec::new("chain".into(), links)) else { return };
         let base = BaseParameters::of(&model);
         let q: Vec<f64> = (0..model.nq).map(|i| 0.2 + (0.7 * i as f64).sin()).collect();
         let v: Vec<f64> = (0..model.nv).map(|i| (1.1 * i as f64).cos()).collect();

@@ -26,7 +26,7 @@
 //!     inertia: None,
 //! };
 //! let links = vec![link("link0", None, JointSpec::Free), link("link1", Some("link0"), JointSpec::RevoluteZ)];
-//! let model = Model::from_spec(&ModelSpec { name: "two_link".into(), links })?;
+//! let model = Model::from_spec(&ModelSpec::new("two_link".into(), links))?;
 //!
 //! let mut state = State::new(&model);
 //! state.forward_acceleration(&model, &model.neutral(), &vec![0.1; model.nv], &vec![0.0; model.nv]);

@@ -5,6 +5,7 @@ use crate::rotation::{left_jacobian, left_jacobian_inverse, quaternion_exp, quat
 pub use crate::spec::{JointSpec, LinkSpec, ModelSpec};
 use nalgebra::{Isometry3, Quaternion, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Standard gravity in m/s², used if a laboratory states no other value.
 pub const STANDARD_GRAVITY_MPS2: f64 = 9.80665;
@@ -94,6 +95,9 @@ pub struct Model {
     pub nq: usize,
     /// Length of `v`.
     pub nv: usize,
+    /// Parts that move and have no link, by the link on which they ride ([`ModelSpec::carries`]).
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub carries: BTreeMap<String, Vec<String>>,
 }
 
 impl Model {
@@ -149,8 +153,46 @@ impl Model {
             nq += kind.nq();
             nv += kind.nv();
         }
+        if let Some(link) = spec.carries.keys().find(|name| !links.iter().any(|l| l.name == **name)) {
+            return Err(problem(format!("`carries` names the link `{link}`, which it does not have")));
+        }
         let gravity_mps2 = Vector3::new(0.0, 0.0, -STANDARD_GRAVITY_MPS2);
-        Ok(Self { name: spec.name.clone(), gravity_mps2, links, nq, nv })
+        Ok(Self { name: spec.name.clone(), gravity_mps2, links, nq, nv, carries: spec.carries.clone() })
+    }
+
+    /// True if every moving part of the body has a link. Only then do the six equations of the base
+    /// hold: a part that moves unseen exerts an unknown force and moment on the link that carries it.
+    pub fn is_whole(&self) -> bool {
+        self.carries.values().all(Vec::is_empty)
+    }
+
+    /// The parts that move unseen, in words: `trunk, head and arms`; none for a whole body.
+    pub fn unseen_parts(&self) -> Option<String> {
+        const WORDS: [(&str, &str); 8] = [
+            ("torso", "trunk"),
+            ("head", "head"),
+            ("upper_arm", "arms"),
+            ("forearm", "forearms"),
+            ("hand", "hands"),
+            ("thigh", "legs"),
+            ("shank", "shanks"),
+            ("foot", "feet"),
+        ];
+        let has = |part: &str| self.carries.values().flatten().any(|p| p == part);
+        let mut words: Vec<&str> = WORDS.iter().filter(|(part, _)| has(part)).map(|w| w.1).collect();
+        // arms contain forearms and hands, legs shanks and feet
+        for (whole, parts) in [("arms", ["forearms", "hands"]), ("legs", ["shanks", "feet"])] {
+            if words.contains(&whole) {
+                words.retain(|w| !parts.contains(w));
+            }
+        }
+        let known = |p: &&String| !WORDS.iter().any(|(part, _)| part == p);
+        words.extend(self.carries.values().flatten().filter(known).map(String::as_str));
+        match words.split_last() {
+            None => None,
+            Some((last, [])) => Some((*last).to_owned()),
+            Some((last, others)) => Some(format!("{} and {last}", others.join(", "))),
+        }
     }
 
     /// Index of a link by name.

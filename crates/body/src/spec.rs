@@ -3,6 +3,7 @@
 use crate::{JointKind, LinkInertia};
 use nalgebra::{Unit, Vector3};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Content of a model file (YAML through serde, in `pipeline`; or URDF).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -12,9 +13,18 @@ pub struct ModelSpec {
     pub name: String,
     /// Links, parents first.
     pub links: Vec<LinkSpec>,
+    /// Parts of the body that move and have no link: by the link on which they ride rigidly, as in
+    /// the static posture (names without side). A model that carries parts is not a whole body: its
+    /// six base equations do not hold, in flight or on plates ([`crate::Model::is_whole`]).
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub carries: BTreeMap<String, Vec<String>>,
 }
 
 impl ModelSpec {
+    /// A model of these links, which carries nothing else.
+    pub fn new(name: String, links: Vec<LinkSpec>) -> Self {
+        Self { name, links, carries: BTreeMap::new() }
+    }
     /// Inertias of all links in order, if every link states one.
     pub fn inertias(&self) -> Option<Vec<LinkInertia>> {
         self.links.iter().map(|link| link.inertia).collect()

@@ -87,7 +87,7 @@ fn from_robot(robot: &Robot) -> Result<ModelSpec, BodyError> {
     if links.len() + dropped != robot.links.len() {
         return Err(problem("some links form a loop or hang on nothing".to_owned()));
     }
-    Ok(ModelSpec { name: robot.name.clone(), links })
+    Ok(ModelSpec::new(robot.name.clone(), links))
 }
 
 fn inertia_of(robot: &Robot, name: &str) -> LinkInertia {

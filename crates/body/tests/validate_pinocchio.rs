@@ -38,7 +38,7 @@ fn model_of(case: &Value) -> Model {
             inertia: None,
         })
         .collect();
-    let mut model = Model::from_spec(&ModelSpec { name: "golden".into(), links }).unwrap();
+    let mut model = Model::from_spec(&ModelSpec::new("golden".into(), links)).unwrap();
     model.gravity_mps2 = Vector3::from(triple(&case["gravity"]));
     model
 }

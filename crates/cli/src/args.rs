@@ -160,6 +160,34 @@ pub enum EffectAction {
     },
 }
 
+/// What can be done with marker sets.
+#[derive(Debug, Subcommand)]
+pub enum MarkerSetAction {
+    /// Check a marker-set file: links and landmarks that do not exist, labels that stand twice, what is left open.
+    #[command(after_help = "Examples:\n  aloft markerset check lab.yaml\n  aloft markerset check lab.yaml --json")]
+    Check {
+        /// The file.
+        file: PathBuf,
+        /// Machine-readable output.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Propose a marker set from recordings: by labels, by which markers move together, and by their sides.
+    #[command(
+        after_help = "Examples:\n  aloft markerset draft lab/s01 --out lab.yaml\n\nEach line says what it rests on; those with CHECK need a look."
+    )]
+    Draft {
+        /// Folder of recordings of one subject, best with a static trial.
+        folder: PathBuf,
+        /// File to write (standard output where not given).
+        #[arg(long, value_name = "FILE")]
+        out: Option<PathBuf>,
+        /// Machine-readable output.
+        #[arg(long, conflicts_with = "out")]
+        json: bool,
+    },
+}
+
 fn key_value(text: &str) -> Result<(String, f64), String> {
     let (key, value) = text.split_once('=').ok_or_else(|| format!("`{text}`: expected name=value"))?;
     let value: f64 = value.trim().parse().map_err(|_| format!("`{value}` is not a number"))?;
@@ -471,6 +499,16 @@ pub enum Command {
         /// Pipeline file to write (`aloft.yaml` in the current folder where not given).
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
+    },
+    /// Check a marker-set file, or draft one from recordings.
+    #[command(
+        name = "markerset",
+        after_help = "Examples:\n  aloft markerset check lab.yaml\n  aloft markerset draft lab/s01 --out lab.yaml\n\nA marker set is a YAML file with a label, a link and a landmark a line; `marker_set: lab.yaml` in a pipeline uses it."
+    )]
+    MarkerSet {
+        /// What to do.
+        #[command(subcommand)]
+        action: MarkerSetAction,
     },
     /// Write the pipeline as a Snakefile: each stage of each trial a job, on this machine's cores or on a cluster.
     #[command(

@@ -1,6 +1,6 @@
 //! Each command opens the study, calls the library, and renders the answer as text or JSON.
 
-use crate::args::{AnglesArg, Cli, Command, EffectAction, EngineArg, PipelineArgs, RowsArg};
+use crate::args::{AnglesArg, Cli, Command, EffectAction, EngineArg, MarkerSetAction, PipelineArgs, RowsArg};
 use crate::each::{broken, each, each_result, fail, heading, notice};
 use crate::open::{description_of, open, open_all};
 use crate::progress::{Bars, Counted, Waiting};
@@ -11,8 +11,8 @@ use crate::{Success, findings, ladder, next, residuals, run_end, show, show_esti
 use aloft_analysis::freshness::{Freshness, freshness};
 use aloft_analysis::session_check::{LineStanding, SessionCheck};
 use aloft_analysis::{
-    assess, check, compare, discover, effect, estimators, export, init, inspect, parameters, simulate, status, summary,
-    verify,
+    assess, check, compare, discover, effect, estimators, export, init, inspect, markerset, parameters, simulate,
+    status, summary, verify,
 };
 use aloft_compare::Signal;
 use aloft_pipeline::graph::TaskState;
@@ -209,6 +209,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             command("next", &format!("aloft check {}", quote::path(&path)));
             Ok(Success::Full)
         }
+        Command::MarkerSet { action } => marker_sets(action),
         Command::Workflow { pipeline, engine: EngineArg::Snakemake, out: target, verdict } => {
             workflow::run(&pipeline, &target, verdict)
         }
@@ -255,6 +256,59 @@ fn show_export(done: &export::Exported) -> Result<(), Stop> {
     }
     note(format!("files: {}; README.md says what each is", parts.join(", ")));
     out(done.folder.display())
+}
+
+fn marker_sets(action: MarkerSetAction) -> Result<Success, Stop> {
+    match action {
+        MarkerSetAction::Check { file, json: as_json } => {
+            let found = markerset::check(&file)?;
+            if as_json {
+                json(&found)?;
+            } else {
+                let line = |f: &markerset::SetFinding, word: &str| {
+                    let at = f.line.map_or(String::new(), |l| format!("line {l}: "));
+                    let hint = f.hint.as_ref().map_or(String::new(), |h| format!("; {h}"));
+                    out(labelled(&format!("{word}  "), &format!("{at}{}{hint}", f.problem)))
+                };
+                found.errors.iter().try_for_each(|f| line(f, "error "))?;
+                found.remarks.iter().try_for_each(|f| line(f, "remark"))?;
+            }
+            if found.errors.is_empty() {
+                note(format!(
+                    "{}: {} markers for the model {}; the set can be used",
+                    found.file, found.markers, found.model
+                ));
+                return Ok(Success::Full);
+            }
+            Err(PipelineError::request_hint(
+                format!("{}: the marker set cannot be used: {} errors", found.file, found.errors.len()),
+                "correct the lines that are named, and check it again",
+            )
+            .into())
+        }
+        MarkerSetAction::Draft { folder, out: target, json: as_json } => {
+            let mut found = markerset::draft(&folder)?;
+            if let Some(stem) = target.as_ref().and_then(|t| t.file_stem()) {
+                found.name = stem.to_string_lossy().into_owned();
+            }
+            if as_json {
+                json(&found)?;
+                return Ok(Success::Full);
+            }
+            let text = markerset::to_yaml(&found);
+            match target {
+                None => out(text.trim_end())?,
+                Some(target) => {
+                    markerset::write_new(&target, &text)?;
+                    note(format!("wrote {}", target.display()));
+                    command("next", &format!("aloft markerset check {}", quote::path(&target)));
+                }
+            }
+            let doubts = found.markers.iter().filter(|m| m.link.is_none() || m.because.contains("CHECK")).count();
+            note(format!("{} markers, {doubts} of them to be checked", found.markers.len()));
+            Ok(Success::Full)
+        }
+    }
 }
 
 fn effects(action: EffectAction) -> Result<Success, Stop> {

@@ -15,6 +15,7 @@ pub fn figure(value: Option<f64>) -> String {
 /// Judgement in one or two words: `at the floor`, `fair`, `poor`.
 pub fn judgement(e: &HeldOutError) -> Cell {
     let word = match (e.at_floor, e.signal) {
+        (None, Signal::Unknown) => "not judged",
         (Some(true), Signal::Good) => "at the floor",
         (Some(true), _) => "at the floor, from tables",
         (_, signal) => signal.word(),
@@ -53,6 +54,13 @@ pub const MEANING: &str = "error: root mean square over held-out weak windows of
 /// Subject and what was identified, two lines.
 pub fn identified(view: &ComparisonView) -> [String; 2] {
     let p = &view.parameters;
+    if let Some(why) = &p.nothing {
+        let subject = format!("{}, {} kg", short(&view.subject), significant(p.mass_kg, 3));
+        return [
+            labelled("subject     ", &subject),
+            labelled("identified  ", &why.replacen("nothing is identified", "nothing", 1)),
+        ];
+    }
     let plural = |n: usize, word: &str| format!("{n} {word}{}", if n == 1 { "" } else { "s" });
     let subject = labelled(
         "subject     ",
@@ -152,10 +160,16 @@ pub fn block(view: &ComparisonView) -> Result<(), Stop> {
     if let Some(line) = left_out(&view.left_out) {
         out(line)?;
     }
+    for line in &view.limits {
+        out(labelled("note        ", line))?;
+    }
     if view.errors.is_empty() {
         out("error       nothing to compare: no flight or held-out contact is as long as a window")?;
     } else {
         out(grid(&view.errors))?;
+    }
+    if !view.limits.is_empty() {
+        return Ok(());
     }
     // a wrong mass or gain comes before the place of the largest error
     [weighed(view).or_else(|| worst(view)), constant(view)].into_iter().flatten().try_for_each(out)

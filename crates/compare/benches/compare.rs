@@ -22,7 +22,7 @@ fn comparison(c: &mut Criterion) {
         link("arm", Some("trunk"), JointSpec::Spherical),
         link("leg", Some("trunk"), JointSpec::RevoluteZ),
     ];
-    let Ok(model) = Model::from_spec(&ModelSpec { name: "tree".into(), links }) else { return };
+    let Ok(model) = Model::from_spec(&ModelSpec::new("tree".into(), links)) else { return };
     let base = BaseParameters::of(&model);
     let phi = vec![Phi::from_column_slice(&[10.0, 0.1, 1.5, 0.0, 0.9, 0.3, 1.0, 0.004, -0.002, 0.003]); 3];
     let n = 900;

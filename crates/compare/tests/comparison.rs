@@ -30,7 +30,7 @@ fn tree() -> Model {
         link("arm", Some("trunk"), JointSpec::Spherical, 0.4),
         link("leg", Some("trunk"), JointSpec::RevoluteZ, -0.3),
     ];
-    Model::from_spec(&ModelSpec { name: "tree".into(), links }).unwrap()
+    Model::from_spec(&ModelSpec::new("tree".into(), links)).unwrap()
 }
 
 fn truth() -> Vec<Phi> {

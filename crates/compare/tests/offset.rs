@@ -29,7 +29,7 @@ fn two_links() -> Model {
         inertia: None,
     };
     let links = vec![link("trunk", None, JointSpec::Free, 0.0), link("leg", Some("trunk"), JointSpec::RevoluteZ, -0.3)];
-    Model::from_spec(&ModelSpec { name: "two".into(), links }).unwrap()
+    Model::from_spec(&ModelSpec::new("two".into(), links)).unwrap()
 }
 
 fn truth() -> Vec<Phi> {

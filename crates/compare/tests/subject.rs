@@ -37,7 +37,7 @@ fn golden() -> (Model, Vec<Phi>, Vec<Stretch>) {
         rpy_rad: [0.0; 3],
         inertia: None,
     });
-    let mut model = Model::from_spec(&ModelSpec { name: "subject".into(), links: specs.collect() }).unwrap();
+    let mut model = Model::from_spec(&ModelSpec::new("subject".into(), specs.collect())).unwrap();
     model.gravity_mps2.z = -9.81;
     let phi = links.iter().map(|l| Phi::from_column_slice(&numbers(&l["phi"]))).collect();
     let stretches = golden["stretches"].as_array().unwrap().iter().map(|s| Stretch {

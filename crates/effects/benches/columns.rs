@@ -18,7 +18,7 @@ fn effects(c: &mut Criterion) {
         inertia: None,
     };
     let links = vec![link("base", None, JointSpec::Free), link("arm", Some("base"), JointSpec::RevoluteZ)];
-    let Ok(model) = Model::from_spec(&ModelSpec { name: "two".into(), links }) else { return };
+    let Ok(model) = Model::from_spec(&ModelSpec::new("two".into(), links)) else { return };
     let inertia = LinkInertia {
         mass_kg: 0.5,
         com_m: Vector3::new(0.01, 0.09, 0.02),

@@ -262,7 +262,7 @@ mod tests {
             link("ball", Some("root"), JointSpec::Spherical),
             link("hinge", Some("ball"), JointSpec::RevoluteZ),
         ];
-        Model::from_spec(&ModelSpec { name: "tree".into(), links }).unwrap()
+        Model::from_spec(&ModelSpec::new("tree".into(), links)).unwrap()
     }
 
     fn turn(axis: Vector3<f64>, angle: f64) -> UnitQuaternion<f64> {

@@ -162,7 +162,12 @@ pub fn coverage(
     let weight_n = mass_kg * subject.model.gravity_mps2.norm();
     // the load is known where a plate is loaded, and in flight, where it is zero
     let known = runs_where(n, |f| load[f] > threshold_n || in_flight(f));
-    let balance = Balance::of(&heights, &load, &known, rate_hz, mass_kg, weight_n);
+    let balance = if subject.model.is_whole() {
+        Balance::of(&heights, &load, &known, rate_hz, mass_kg, weight_n)
+    } else {
+        // the momentum of the body is not known: only the feet decide
+        Balance { deficit: vec![f64::NAN; n], gain: None }
+    };
     out.load_ratio = balance.gain;
     let mut reasons: Vec<Option<Unmeasured>> =
         load.iter().map(|z| (!z.is_finite() || *z <= threshold_n).then_some(Unmeasured::NoLoad)).collect();

@@ -183,6 +183,7 @@ mod tests {
                 rpy_rad: [0.0; 3],
                 inertia: None,
             }],
+            carries: Default::default(),
         };
         let model = Model::from_spec(&spec).unwrap();
         let inertia = LinkInertia { mass_kg: m, com_m: Vector3::zeros(), inertia_com_kgm2: Matrix3::identity() };

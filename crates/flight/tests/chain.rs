@@ -54,7 +54,7 @@ fn model() -> Model {
         inertia: None,
     };
     let links = vec![link("link0", None, JointSpec::Free), link("link1", Some("link0"), JointSpec::RevoluteZ)];
-    Model::from_spec(&ModelSpec { name: "chain".to_owned(), links }).unwrap()
+    Model::from_spec(&ModelSpec::new("chain".to_owned(), links)).unwrap()
 }
 
 /// A rough guess: half of the mass in each link, at the middle of its markers.

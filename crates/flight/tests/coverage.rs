@@ -29,7 +29,7 @@ fn body() -> Subject {
         link("foot_l", forwards, [0.0, 0.15, -1.0]),
         link("foot_r", forwards, [0.0, -0.15, -1.0]),
     ];
-    let model = Model::from_spec(&ModelSpec { name: "slider".into(), links }).unwrap();
+    let model = Model::from_spec(&ModelSpec::new("slider".into(), links)).unwrap();
     let marker = |label: &str, link, position_m: [f64; 3]| ModelMarker {
         label: label.into(),
         link,

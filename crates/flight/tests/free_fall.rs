@@ -22,7 +22,7 @@ fn model(gravity_mps2: f64) -> (Model, Vec<Phi>) {
         rpy_rad: [0.0; 3],
         inertia: None,
     };
-    let mut model = Model::from_spec(&ModelSpec { name: "ball".to_owned(), links: vec![link] }).unwrap();
+    let mut model = Model::from_spec(&ModelSpec::new("ball".to_owned(), vec![link])).unwrap();
     model.gravity_mps2 = Vector3::new(0.0, 0.0, -gravity_mps2);
     (model, vec![Phi::from([MASS_KG, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0])])
 }

@@ -161,7 +161,7 @@ fn ball() -> (Model, Vec<Phi>, Motion, Trial) {
         rpy_rad: [0.0; 3],
         inertia: None,
     };
-    let model = Model::from_spec(&ModelSpec { name: "ball".to_owned(), links: vec![link] }).unwrap();
+    let model = Model::from_spec(&ModelSpec::new("ball".to_owned(), vec![link])).unwrap();
     let phi = vec![Phi::from([60.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0])];
     let g = 9.80665;
     // Accelerations piece by piece: (frames, upward acceleration in g, plate loaded).

@@ -241,7 +241,7 @@ mod tests {
             rpy_rad: [0.1, -0.3 * i as f64, 0.2],
             inertia: None,
         });
-        Model::from_spec(&ModelSpec { name: "all".to_owned(), links: links.collect() }).unwrap()
+        Model::from_spec(&ModelSpec::new("all".to_owned(), links.collect())).unwrap()
     }
 
     /// Compares the normal equations with Jacobians of another crate, and factor and inverse with

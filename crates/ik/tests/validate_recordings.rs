@@ -65,7 +65,7 @@ fn validate_chain_residuals_are_the_marker_noise() {
         link("link0", None, JointSpec::Free, Vector3::zeros(), [0.0; 3]),
         link("link1", Some("link0"), JointSpec::RevoluteZ, vector(&truth["hinge"]["p_link0"]), [roll, pitch, yaw]),
     ];
-    let model = Model::from_spec(&ModelSpec { name: "two_link".to_owned(), links }).unwrap();
+    let model = Model::from_spec(&ModelSpec::new("two_link".to_owned(), links)).unwrap();
     let places = [("L0", 0, "markers_link0_m"), ("L1", 1, "markers_link1_m")];
     let markers = places.iter().flat_map(|(prefix, link, key)| {
         truth[*key].as_array().unwrap().iter().enumerate().map(move |(i, at)| ModelMarker {

@@ -118,7 +118,7 @@ pub struct TrialRows {
     pub filtered: Option<Motion>,
     /// Flights.
     pub flights: Vec<std::ops::Range<usize>>,
-    /// Flights and contact stretches.
+    /// Flights and contact stretches; none for a model that is not the whole body.
     pub stretches: Vec<Stretch>,
     /// Frames in contact whose forces the plates measure completely.
     pub covered: Vec<bool>,
@@ -163,7 +163,12 @@ impl TrialRows {
         motion: Motion,
         filtered: Option<Motion>,
     ) -> Result<Self, StageFailure> {
-        let flights = results.load_flights(name)?;
+        let mut flights = results.load_flights(name)?;
+        let whole = subject.model.is_whole();
+        if !whole {
+            // stretches without load served the tare; no equation of the whole body holds in them
+            flights.flights.clear();
+        }
         let trial = results.load_tared_plates(name)?;
         let mut stretches: Vec<Stretch> =
             flights.flights.iter().enumerate().map(|(i, f)| Stretch::flight(name, i, f.start, f.end)).collect();
@@ -182,7 +187,9 @@ impl TrialRows {
             plates = each.into_iter().map(|p| PlateSeries { force_n: p.force_n, moment_nm: p.moment_nm }).collect();
             let weight_n = force_scale_n(subject.facts.mass_kg, subject.model.gravity_mps2.norm());
             let z: Vec<f64> = raw.force_n.iter().map(|f| f.z).collect();
-            stretches.extend(contact_stretches(&trial, &flights, &motion, &z, weight_n, &covered));
+            if whole {
+                stretches.extend(contact_stretches(&trial, &flights, &motion, &z, weight_n, &covered));
+            }
             let join = |w: &aloft_flight::FrameWrench| {
                 w.force_n.iter().zip(&w.moment_nm).map(|(f, m)| Vector6::new(f.x, f.y, f.z, m.x, m.y, m.z)).collect()
             };

@@ -18,5 +18,5 @@ pub(crate) fn four_joints() -> Model {
         link("c", Some("b"), JointSpec::Revolute([0.6, 0.0, 0.8])),
         link("d", Some("a"), JointSpec::Prismatic([0.0, 1.0, 0.0])),
     ];
-    Model::from_spec(&ModelSpec { name: "four joints".into(), links }).unwrap()
+    Model::from_spec(&ModelSpec::new("four joints".into(), links)).unwrap()
 }

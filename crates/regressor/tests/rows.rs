@@ -74,6 +74,7 @@ fn a_ballistic_body_gives_exact_zeros() {
             rpy_rad: [0.0; 3],
             inertia: None,
         }],
+        carries: Default::default(),
     };
     let model = Model::from_spec(&spec).unwrap();
     let base = BaseParameters::of(&model);

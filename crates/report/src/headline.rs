@@ -4,12 +4,16 @@ use super::commands::command;
 use super::standing::{self, Standing, asked, effects, standings};
 use super::story::Story;
 use super::wording::{number, plus_minus, unit};
+use aloft_analysis::compare::ComparisonView;
 use aloft_compare::{Comparison, Group, GroupedBy};
 use aloft_discover::{Candidate, Discovery, OpenWorld, Verdict};
 use aloft_page::{Fact, Headline, Light};
 
 /// The headline.
 pub fn headline(story: &Story<'_>) -> Headline {
+    if let Some(view) = story.comparison.as_ref().filter(|v| !v.limits.is_empty()) {
+        return unjudged(story, view);
+    }
     let all = standings(story);
     let sentence = sentence(story, all.first(), all.get(1));
     let mut facts: Vec<Fact> = Vec::new();
@@ -20,6 +24,36 @@ pub fn headline(story: &Story<'_>) -> Headline {
     facts.push(Fact::new("Missing", missing(story)));
     facts.push(Fact::new("How sure", how_sure(story)));
     facts.push(next(story, all.first()));
+    Headline { light: standing::light(story), sentence, facts }
+}
+
+/// The first screen of a model that is not the whole body: nothing in it is a judgement.
+fn unjudged(story: &Story<'_>, view: &ComparisonView) -> Headline {
+    let sentence = match story.failures.first() {
+        Some((stage, f)) => format!("`{stage}` failed: {}.", f.problem.trim_end_matches('.')),
+        None => "Joint motion of a part of the body; its masses are the table's, and nothing is identified or judged."
+            .to_owned(),
+    };
+    let mut facts: Vec<Fact> = ["Why", "What holds"]
+        .iter()
+        .zip(&view.limits)
+        .map(|(name, text)| {
+            let text = text.trim_start_matches("what holds: ");
+            let mut letters = text.chars();
+            let first = letters.next().map_or(String::new(), |c| c.to_uppercase().to_string());
+            Fact::new(name, format!("{first}{}.", letters.as_str()))
+        })
+        .collect();
+    if let Some(e) = view.errors.first() {
+        let text = format!("{} N, the motion of the unseen parts included.", number(e.held_out_error));
+        facts.push(Fact::new("Difference from the plates", text));
+    }
+    let stale = !story.freshness.is_current() || !story.failures.is_empty();
+    facts.push(if stale {
+        Fact { command: command(story.session, "run", None), ..Fact::new("Next", "Bring the results up to date.") }
+    } else {
+        Fact::new("Next", "Record markers on the whole body, and jumps, where masses are to be identified.")
+    });
     Headline { light: standing::light(story), sentence, facts }
 }
 
@@ -267,7 +301,15 @@ fn how_sure(story: &Story<'_>) -> String {
     if lost > 0 {
         parts.push(format!("{} failed and is in none of these numbers.", super::wording::count(lost, "recording")));
     }
-    if parts.is_empty() { "Nothing was identified.".to_owned() } else { parts.join(" ") }
+    let nothing = || {
+        let why = story.comparison.as_ref().and_then(|v| v.parameters.nothing.clone());
+        let mut letters = why.unwrap_or_else(|| "nothing was identified".to_owned());
+        if let Some(first) = letters.chars().next() {
+            letters.replace_range(..first.len_utf8(), &first.to_uppercase().to_string());
+        }
+        letters + "."
+    };
+    if parts.is_empty() { nothing() } else { parts.join(" ") }
 }
 
 fn next(story: &Story<'_>, first: Option<&Standing>) -> Fact {
@@ -276,7 +318,14 @@ fn next(story: &Story<'_>, first: Option<&Standing>) -> Fact {
     if !story.freshness.is_current() || !story.failures.is_empty() {
         return with("Bring the results up to date.", command(s, "run", None));
     }
-    let Some(found) = &story.found else { return with("Find out what is missing.", command(s, "status", None)) };
+    let Some(found) = &story.found else {
+        let compared = story.comparison.as_ref().is_some_and(|v| v.parameters.nothing.is_some());
+        return if compared {
+            Fact::new("Next", "Record flights: jumps from and onto the plates.")
+        } else {
+            with("Find out what is missing.", command(s, "status", None))
+        };
+    };
     let gate = &found.parameters.gate;
     if !gate.passed
         && let Some(advice) = gate.advice.first()

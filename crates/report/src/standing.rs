@@ -84,9 +84,11 @@ pub fn effects<'s>(story: &'s Story<'_>) -> &'s [String] {
 /// floor nothing is good.
 pub fn light(story: &Story<'_>) -> Light {
     let errors = standings(story).iter().map(Standing::light).max().unwrap_or(Light::Neutral);
+    let unjudged = story.comparison.as_ref().is_some_and(|v| !v.limits.is_empty());
     let gate = match &story.found {
         Some(found) if !found.parameters.gate.passed => Light::Poor,
         Some(_) => Light::Neutral,
+        None if unjudged => Light::Neutral,
         None => Light::Poor,
     };
     let lost = if story.trials.iter().any(|t| !t.failures.is_empty()) { Light::Fair } else { Light::Neutral };

@@ -58,7 +58,7 @@ pub(crate) fn read(file: &str, text: &str) -> Result<Raw, RobotError> {
     let class = top.parent().and_then(|w| w.attribute("childclass")).map(str::to_owned);
     reader.body(*top, None, class.as_deref(), Vector3::zeros())?;
     let Reader { links, joints, moved, .. } = reader;
-    Ok(Raw { spec: ModelSpec { name, links }, joints, moved })
+    Ok(Raw { spec: ModelSpec::new(name, links), joints, moved })
 }
 
 impl Reader<'_, '_> {

@@ -193,7 +193,7 @@ impl Raw {
             }
             home.push((own, kept, here));
         }
-        let spec = ModelSpec { name: self.spec.name, links };
+        let spec = ModelSpec::new(self.spec.name, links);
         RobotModel { file: file.to_owned(), format, spec, joints: self.joints, merged, moved: self.moved }
     }
 }

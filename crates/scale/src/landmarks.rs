@@ -74,8 +74,14 @@ pub(crate) const SIDED_LANDMARKS: [&str; 21] = [
     "mt5",
 ];
 
+/// All landmark names, with side.
+pub fn landmark_names() -> Vec<String> {
+    let sided = SIDED_LANDMARKS.iter().flat_map(|stem| [format!("{stem}_r"), format!("{stem}_l")]);
+    CENTRAL_LANDMARKS.iter().map(|n| (*n).to_owned()).chain(sided).collect()
+}
+
 /// True for a known landmark name.
-pub(crate) fn is_landmark(name: &str) -> bool {
+pub fn is_landmark(name: &str) -> bool {
     CENTRAL_LANDMARKS.contains(&name)
         || name
             .strip_suffix("_r")

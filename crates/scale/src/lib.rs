@@ -39,5 +39,5 @@ pub use hip::HipMethod;
 pub use object::{ObjectInput, ObjectJointReport, ObjectOptions, ObjectReport, ScaledObject, scale_object};
 pub use object_spec::{HalfPlane, ObjectFrame, ObjectJoint, ObjectLink, ObjectSpec};
 pub use person::{PersonInput, ScaleOptions, Scaled, scale_person};
-pub use prior::{StaticAnatomy, attach_prior, prior_spread};
+pub use prior::{CarriedSegment, StaticAnatomy, attach_prior, prior_spread};
 pub use report::{JointMethod, JointUncertainty, PlausibilityLimits, ScaleReport, ScaleWarning};

@@ -8,7 +8,7 @@ use crate::hip::HipMethod;
 use crate::landmarks::{Landmarks, Side};
 use crate::observe::unobserved;
 use crate::plausibility;
-use crate::prior::{StaticAnatomy, attach_prior};
+use crate::prior::{CarriedSegment, StaticAnatomy, attach_prior};
 use crate::report::{JointMethod, JointUncertainty, PlausibilityLimits, ScaleReport, ScaleWarning};
 use crate::skeleton::{Builder, PlacedLink, Skeleton};
 use crate::statics::{QuietOptions, StaticPose};
@@ -16,6 +16,7 @@ use aloft_body::{JointKind, Model, ModelMarker, ModelSpec, PersonFacts, Subject}
 use aloft_trial::{MarkerSet, Trial};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// Input for scaling a person.
@@ -103,6 +104,7 @@ pub fn scale_person(
         isb_axes: placed.iter().map(|p| p.isb_axes).collect(),
         height_m: skeleton.height_m,
         marker_radius_m: input.marker_set.marker_radius_m,
+        carried: carried(&skeleton, &model),
     };
     let mut subject = Subject {
         facts,
@@ -118,6 +120,7 @@ pub fn scale_person(
     };
     warnings.extend(attach_prior(&mut subject, tables, &anatomy)?);
     let locked = unobserved(&subject)?;
+    mark_unseen_limbs(&mut subject);
     warn_unobserved(&subject.model, &locked, &mut warnings);
     let velocity_names = subject.model.velocity_names();
     let mut report = ScaleReport {
@@ -205,6 +208,46 @@ fn assemble(spec: &ModelSpec, skeleton: &Skeleton) -> Result<(Model, Vec<f64>, V
         placed.push(own);
     }
     Ok((model, q, placed))
+}
+
+/// The segments of the skeleton for which the model has no link.
+fn carried(skeleton: &Skeleton, model: &Model) -> BTreeMap<String, CarriedSegment> {
+    let is_link = |name: &String| model.links.iter().any(|l| l.name == *name);
+    let of = |place: &PlacedLink| CarriedSegment {
+        origin_m: place.world_from_link.translation.vector,
+        isb_axes: place.isb_axes,
+    };
+    skeleton.links.iter().filter(|(name, _)| !is_link(name)).map(|(name, place)| (name.clone(), of(place))).collect()
+}
+
+/// Limbs that the model has and no marker shows move unseen, as if it had no links for them. A head
+/// without markers is not counted: it moves little against the torso.
+fn mark_unseen_limbs(subject: &mut Subject) {
+    // large segments that a model leaves out without saying so
+    for part in ["torso", "upper_arm", "forearm", "thigh", "shank"] {
+        let model = &subject.model;
+        let has = model.links.iter().any(|l| l.name == part || l.name.strip_suffix("_r") == Some(part));
+        if !has && !model.carries.values().flatten().any(|p| p == part) {
+            let root = model.links[0].name.clone();
+            subject.model.carries.entry(root).or_default().push(part.to_owned());
+        }
+    }
+    for (limb, parts) in [("upper_arm", ["upper_arm", "forearm", "hand"]), ("thigh", ["thigh", "shank", "foot"])] {
+        for side in Side::BOTH {
+            let name = |part: &str| format!("{part}_{}", side.suffix());
+            let model = &subject.model;
+            let Ok(first) = model.link_index(&name(limb)) else { continue };
+            let own: Vec<usize> = parts.iter().filter_map(|p| model.link_index(&name(p)).ok()).collect();
+            if subject.markers.iter().any(|m| own.contains(&m.link) && m.weight > 0.0) {
+                continue;
+            }
+            let Some(parent) = model.links[first].parent.map(|p| model.links[p].name.clone()) else { continue };
+            let list = subject.model.carries.entry(parent).or_default();
+            list.extend(parts.iter().map(|p| (*p).to_owned()));
+            list.sort();
+            list.dedup();
+        }
+    }
 }
 
 fn names(skeleton: &Skeleton) -> String {

@@ -13,6 +13,7 @@ use aloft_body::subject::PriorSd;
 use aloft_body::{LinkInertia, State, Subject};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Measurements from the static, kept to recompute the prior after the geometry has changed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -25,6 +26,18 @@ pub struct StaticAnatomy {
     pub height_m: f64,
     /// Radius of the markers, m.
     pub marker_radius_m: f64,
+    /// Segments of a person that have no link in the model, by name: proximal joint and axes.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub carried: BTreeMap<String, CarriedSegment>,
+}
+
+/// A segment without a link of its own, in the world of the static.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CarriedSegment {
+    /// Proximal joint, m.
+    pub origin_m: Vector3<f64>,
+    /// Axes of the segment (ISB).
+    pub isb_axes: UnitQuaternion<f64>,
 }
 
 /// Height of the sole under the ankle joint and depth of the foot's long axis under it, fractions of stature
@@ -43,13 +56,17 @@ struct Points<'a> {
 
 impl Points<'_> {
     fn origin(&self, link: &str) -> Option<Vector3<f64>> {
-        let i = self.subject.model.links.iter().position(|l| l.name == link)?;
-        Some(self.state.world_from_link[i].translation.vector)
+        match self.subject.model.links.iter().position(|l| l.name == link) {
+            Some(i) => Some(self.state.world_from_link[i].translation.vector),
+            None => self.anatomy.carried.get(link).map(|c| c.origin_m),
+        }
     }
 
     fn axes(&self, link: &str) -> Option<UnitQuaternion<f64>> {
-        let i = self.subject.model.links.iter().position(|l| l.name == link)?;
-        self.anatomy.isb_axes.get(i).copied()
+        match self.subject.model.links.iter().position(|l| l.name == link) {
+            Some(i) => self.anatomy.isb_axes.get(i).copied(),
+            None => self.anatomy.carried.get(link).map(|c| c.isb_axes),
+        }
     }
 
     fn joint(&self, stem: &str, side: Option<Side>) -> Option<Vector3<f64>> {
@@ -119,9 +136,16 @@ struct Placed {
     sd: PriorSd,
 }
 
-/// The link of a model that carries a table's segment: its own, or the nearest existing one towards
-/// the pelvis.
+/// The link of a model that carries a table's segment: its own, the one under which the model lists
+/// it ([`aloft_body::ModelSpec::carries`]), or the nearest existing one towards the pelvis.
 fn carrier(subject: &Subject, stem: &str, side: Option<Side>) -> Option<usize> {
+    let own = side.map_or_else(|| stem.to_owned(), |s| format!("{stem}_{}", s.suffix()));
+    if let Some(own) = subject.model.links.iter().position(|l| l.name == own) {
+        return Some(own);
+    }
+    if let Some((on, _)) = subject.model.carries.iter().find(|(_, parts)| parts.iter().any(|p| p == stem)) {
+        return subject.model.links.iter().position(|l| l.name == *on);
+    }
     let chain: &[&str] = match stem {
         "head" => &["head", "torso", "pelvis"],
         "hand" => &["hand", "forearm", "upper_arm", "torso", "pelvis"],

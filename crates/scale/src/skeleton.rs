@@ -77,6 +77,9 @@ mod sd {
     pub const AXIS_ASSUMED: f64 = 0.3;
 }
 
+/// Cosine of the angle between the pelvis' long axis and the vertical up to which a person stands.
+const UPRIGHT_COSINE: f64 = 0.7;
+
 pub(crate) struct Builder<'a> {
     pub landmarks: &'a Landmarks,
     pub trial: &'a str,
@@ -295,7 +298,10 @@ impl Builder<'_> {
                 Center { point, method: JointMethod::Regression, sd_m: 2.0 * sd::NECK }
             }
             (None, None, None) => {
-                let point = lumbar + y_of(&frame.rotation) * (proportion::TRUNK * height_m);
+                // the pelvis of a standing person is tilted forwards, the trunk is upright
+                let upright = y_of(&frame.rotation).z > UPRIGHT_COSINE;
+                let up = if upright { Vector3::z() } else { y_of(&frame.rotation) };
+                let point = lumbar + up * (proportion::TRUNK * height_m);
                 Center { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }
             }
         };

@@ -41,6 +41,7 @@ fn two_link(at: &[f64], rotation: Matrix3<f64>) -> Model {
     let spec = ModelSpec {
         name: "two".into(),
         links: vec![link("link0", None, JointSpec::Free), link("link1", Some("link0"), JointSpec::RevoluteZ)],
+        carries: Default::default(),
     };
     let mut model = Model::from_spec(&spec).expect("model");
     model.gravity_mps2 = Vector3::new(0.0, 0.0, -9.81);

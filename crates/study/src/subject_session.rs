@@ -177,7 +177,12 @@ impl SubjectSession {
                 named("model", &config.model)?;
                 named("marker_set", &config.marker_set)?;
                 let model = load_model(&config.model, &dir).map_err(|e| at("model", e))?;
-                let set = catalog::load("markersets", &config.marker_set, &dir).map_err(|e| at("marker_set", e))?;
+                let mut set: MarkerSet =
+                    catalog::load("markersets", &config.marker_set, &dir).map_err(|e| at("marker_set", e))?;
+                if !model.carries.is_empty() {
+                    // a part of a body uses its part of the set
+                    set.markers.retain(|m| model.links.iter().any(|l| l.name == m.link));
+                }
                 (model, set)
             }
         };

@@ -55,7 +55,7 @@ impl Random {
                 inertia: None,
             })
             .collect();
-        Model::from_spec(&ModelSpec { name: "random".into(), links }).unwrap()
+        Model::from_spec(&ModelSpec::new("random".into(), links)).unwrap()
     }
 
     /// A body with positive density.

@@ -28,7 +28,7 @@ fn model(offset: [f64; 3]) -> Model {
             inertia: None,
         },
     ];
-    Model::from_spec(&ModelSpec { name: "two".into(), links }).unwrap()
+    Model::from_spec(&ModelSpec::new("two".into(), links)).unwrap()
 }
 
 fn phi() -> Vec<Phi> {

@@ -34,7 +34,7 @@ pub fn model() -> Model {
         link("slider", Some("torso"), JointSpec::Prismatic([0.6, 0.8, 0.0]), [0.1, 0.2, 0.0], [0.3, 0.2, 0.1]),
         link("tool", Some("slider"), JointSpec::Fixed, [0.05, 0.0, 0.02], [0.0, 0.4, 0.0]),
     ];
-    Model::from_spec(&ModelSpec { name: "small".into(), links }).unwrap()
+    Model::from_spec(&ModelSpec::new("small".into(), links)).unwrap()
 }
 
 pub fn inertias(model: &Model) -> Vec<LinkInertia> {

@@ -46,7 +46,7 @@ pub fn person() -> Subject {
         rpy_rad: [0.0; 3],
         inertia: None,
     });
-    let spec = ModelSpec { name: "human34".to_owned(), links: links.collect() };
+    let spec = ModelSpec::new("human34".to_owned(), links.collect());
     let index = |name: &str| spec.links.iter().position(|l| l.name == name).unwrap();
     let markers = data["markers"].as_array().unwrap().iter().map(|m| ModelMarker {
         label: m["label"].as_str().unwrap().to_owned(),
@@ -86,6 +86,7 @@ pub fn chain() -> Subject {
             link("link0", None, JointSpec::Free, [0.0; 3]),
             link("link1", Some("link0"), JointSpec::RevoluteZ, [0.001, -0.03, 0.012]),
         ],
+        carries: Default::default(),
     };
     let places = [
         (0, [0.0, 0.0, 0.0]),

@@ -3,8 +3,9 @@
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use aloft_body::{Motion, Subject};
 use aloft_flight::{
-    Coverage, FlightMethod, FlightOptions, FlightReport, FlightWarning, ImpulseMass, PlateDelay, PlateTare, TareSource,
-    coverage, find_flights, impulse_masses, plate_delays, plate_wrench_at_marker_rate, tare, total_wrench,
+    Coverage, FlightError, FlightMethod, FlightOptions, FlightReport, FlightWarning, ImpulseMass, PlateDelay,
+    PlateTare, TareSource, coverage, find_flights, impulse_masses, plate_delays, plate_wrench_at_marker_rate, tare,
+    total_wrench,
 };
 use aloft_study::config::{FlightConfig, FlightSource};
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
@@ -102,9 +103,13 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         ratio_sd: if params.is_object { RIGID_RATIO_SD } else { PERSON_RATIO_SD },
         ..FlightOptions::default()
     };
-    let prior = subject.prior_phi();
-    let report = find_flights(&trial, Some((&subject.model, &prior, &motion)), &options)
-        .map_err(|e| StageFailure::new(e.to_string()))?;
+    let report = if subject.model.is_whole() {
+        let prior = subject.prior_phi();
+        find_flights(&trial, Some((&subject.model, &prior, &motion)), &options)
+            .map_err(|e| StageFailure::new(e.to_string()))?
+    } else {
+        unloaded_only(&trial, &motion, &options).map_err(|e| StageFailure::new(e.to_string()))?
+    };
     let tares = tare(&mut trial, &report.flights);
     write_json(&inputs.out.join("flights.json"), &report)?;
     write_json(&inputs.out.join("tare.json"), &tares)?;
@@ -145,11 +150,12 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         done.warnings.push(StageWarning::new(QcReason::PartlyMeasured, words));
         reasons.push(QcReason::PartlyMeasured);
     }
-    if params.role == Some(Role::Identify) && report.flights.is_empty() {
+    let expected = params.role == Some(Role::Identify) && subject.model.is_whole();
+    if expected && report.flights.is_empty() {
         reasons.push(QcReason::NoFlight);
     }
     done.note("qc", json!(reasons));
-    if params.role == Some(Role::Identify) && report.flights.is_empty() {
+    if expected && report.flights.is_empty() {
         let why: Vec<String> =
             report.rejected.iter().take(3).map(|r| format!("frames {} to {}: {}", r.start, r.end, r.reason)).collect();
         done.warnings.push(format!(
@@ -160,6 +166,20 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     Ok(done)
 }
 
+/// Stretches between loads of the plates in which the markers fall, for the plates' tare: all that a
+/// model says that is not the whole body. Its centre of mass is not the body's, so that neither
+/// flights without plates nor free fall can be judged.
+fn unloaded_only(trial: &Trial, motion: &Motion, options: &FlightOptions) -> Result<FlightReport, FlightError> {
+    if trial.plates.is_empty() {
+        let (trial, rate_hz) = (trial.name.clone(), motion.rate_hz);
+        return Ok(FlightReport { trial, rate_hz, ..FlightReport::default() });
+    }
+    let mut report = find_flights(trial, None, &FlightOptions { method: FlightMethod::Plates, ..options.clone() })?;
+    report.free_fall = None;
+    report.warnings.retain(|w| !matches!(w, FlightWarning::FreeFall { .. }));
+    Ok(report)
+}
+
 /// The body's mass and the delay of the tared plates from the impulse between flights.
 fn between_flights(
     trial: &Trial,
@@ -168,10 +188,10 @@ fn between_flights(
     report: &FlightReport,
     covered: &Coverage,
 ) -> Result<(Vec<ImpulseMass>, Vec<PlateDelay>), StageFailure> {
-    if trial.plates.is_empty() || report.flights.len() < 2 {
+    if trial.plates.is_empty() || report.flights.len() < 2 || !subject.model.is_whole() {
         return Ok((Vec::new(), Vec::new()));
     }
-    let fail = |e: aloft_flight::FlightError| StageFailure::new(e.to_string());
+    let fail = |e: FlightError| StageFailure::new(e.to_string());
     let total = total_wrench(&plate_wrench_at_marker_rate(trial, None).map_err(fail)?);
     let (model, phi) = (&subject.model, subject.prior_phi());
     let mask = covered.mask();

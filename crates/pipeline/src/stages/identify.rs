@@ -22,7 +22,7 @@ use std::collections::HashMap;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "identify",
-    version: 5,
+    version: 6,
     scope: Scope::Session,
     seconds: 0.3,
     reads: "all factors",
@@ -259,10 +259,47 @@ impl Predicting {
     }
 }
 
+/// File with the reason why a session identifies nothing, beside which there are no parameters.
+pub const NOTHING_IDENTIFIED: &str = "nothing_identified.json";
+
+/// Why these recordings identify nothing although every stage before succeeded: the model is not the
+/// whole body, or nothing in them is a flight. The table's body is then compared with the plates.
+fn nothing_to_identify(
+    params: &Params,
+    inputs: &StageInputs<'_>,
+    subject: &Subject,
+) -> Result<Option<String>, StageFailure> {
+    if let Some(unseen) = subject.model.unseen_parts() {
+        return Ok(Some(format!(
+            "nothing is identified: {unseen} move unseen, so the equations of the whole body do not hold; the masses are \
+             the table's"
+        )));
+    }
+    if params.is_object || params.robot.is_some() || inputs.trials_with_role("regressor", |_| true).is_empty() {
+        return Ok(None);
+    }
+    for rows in Rows::ALL {
+        if !training_factors(inputs, rows, params.identify.contact)?.is_empty() {
+            return Ok(None);
+        }
+    }
+    let contact =
+        if params.identify.contact { "" } else { " (`identify: {contact: true}` takes contact on plates, too)" };
+    Ok(Some(format!(
+        "nothing is identified: no flight in the trials to identify from{contact}; the masses are the table's"
+    )))
+}
+
 fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
     let subject = inputs.results.load_subject("calibrate")?;
     let mut done = StageReport::default();
     let chosen = params.rows;
+    if let Some(why) = nothing_to_identify(params, inputs, &subject)? {
+        done.note("identified", false);
+        write_json(&inputs.out.join(NOTHING_IDENTIFIED), &why)?;
+        done.warnings.push(why);
+        return Ok(done);
+    }
     for rows in Rows::ALL {
         let factors = training_factors(inputs, rows, params.contact)?;
         if factors.is_empty() {

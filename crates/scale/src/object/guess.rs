@@ -151,6 +151,7 @@ pub(super) fn first_guess(
                 inertia: None,
             })
             .collect(),
+        carries: Default::default(),
     })?;
     if let Some(g) = spec.gravity_mps2 {
         model.gravity_mps2 = Vector3::new(0.0, 0.0, -g);

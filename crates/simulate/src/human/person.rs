@@ -247,7 +247,7 @@ impl Person {
                 inertia: None,
             })
             .collect();
-        let mut model = Model::from_spec(&ModelSpec { name: "human34".to_owned(), links })?;
+        let mut model = Model::from_spec(&ModelSpec::new("human34".to_owned(), links))?;
         model.gravity_mps2 = Vector3::new(0.0, 0.0, -scenario.capture.gravity_mps2);
         // real elbow and knee axes are never exactly lateral
         for link in [4, 7, 10, 13] {

@@ -80,6 +80,7 @@ pub fn chain(scenario: &Scenario, spec: &ChainSpec) -> Result<ThrownObject, Simu
     let spec_of = ModelSpec {
         name: "two_link".to_owned(),
         links: vec![link("link0", None, JointSpec::Free), link("link1", Some("link0"), JointSpec::RevoluteZ)],
+        carries: Default::default(),
     };
     let mut model = Model::from_spec(&spec_of)?;
     model.gravity_mps2 = Vector3::new(0.0, 0.0, -scenario.capture.gravity_mps2);

@@ -1,0 +1,9 @@
+//! `markerset`: checks a marker-set file, and drafts one from a laboratory's recordings.
+
+mod check;
+mod cluster;
+mod draft;
+mod known;
+
+pub use check::{MarkerSetCheck, SetFinding, check};
+pub use draft::{Draft, DraftedMarker, draft, to_yaml, write_new};
