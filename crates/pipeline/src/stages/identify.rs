@@ -279,12 +279,11 @@ fn nothing_to_identify(
         return Ok(None);
     }
     for rows in Rows::ALL {
-        if !training_factors(inputs, rows, params.identify.contact)?.is_empty() {
+        if !training_factors(inputs, rows, params.contact)?.is_empty() {
             return Ok(None);
         }
     }
-    let contact =
-        if params.identify.contact { "" } else { " (`identify: {contact: true}` takes contact on plates, too)" };
+    let contact = if params.contact { "" } else { " (`identify: {contact: true}` takes contact on plates, too)" };
     Ok(Some(format!(
         "nothing is identified: no flight in the trials to identify from{contact}; the masses are the table's"
     )))
