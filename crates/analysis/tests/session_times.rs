@@ -64,7 +64,7 @@ fn drift(
     let set = DataSet::open(&pipeline, &overrides).unwrap();
     let done = run_all(&set, &Selection::default(), &Silent).unwrap();
     assert!(!done.has_trouble(), "{:#?}", done.runs);
-    let found = discover(&set.members[0], &options(vec!["plate_clock_drift".to_owned()], Vec::new(), true), &|_, _| {})
+    let found = discover(&set.members[0], &options(vec!["plate_clock_drift".to_owned()], Vec::new(), true, None), &|_, _| {})
         .unwrap()
         .discovery;
     let candidate = found.candidates.iter().find(|c| c.effect == "plate_clock_drift").unwrap();
