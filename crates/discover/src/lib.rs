@@ -53,7 +53,9 @@
 //! [`aloft_effects::columns`], stored in the factors, and `Factor::with_effects` picks them.
 
 mod addition;
+mod beyond;
 mod candidate;
+mod conclude;
 mod discover;
 mod error;
 mod exchange;
@@ -71,6 +73,7 @@ mod progress;
 mod rank;
 mod repeating;
 mod result;
+mod round;
 mod self_test;
 mod session;
 mod statistics;

@@ -25,6 +25,7 @@ mod formula;
 mod kinematics;
 mod law;
 mod next;
+mod one_law;
 mod result;
 mod search;
 mod shape;

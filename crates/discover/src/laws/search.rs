@@ -1,15 +1,15 @@
 //! Rounds of the search: atlas, laws, a second factor, the simplest law that is as good, and again
 //! on what remains.
 
-use super::atlas::{Atlas, Group, PlaceFrames, atlas, columns, range_of, stride};
+use super::atlas::{Atlas, Group, PlaceFrames, atlas};
 use super::evidence::Evidence;
 use super::fit::{self, Fitted};
 use super::formula::is_curve;
 use super::kinematics::{Action, Carrier, Variable};
-use super::law::{Factor, Law, PointIs};
+use super::law::{Law, PointIs};
 use super::next::next_recording;
+use super::one_law::{OneLaw, SIMPLER, one_law};
 use super::result::{Diagnosis, Entry, FoundLaw, LawKind, OpenWorld, Work};
-use super::shape::{KNOTS, Shape};
 use super::wording;
 use crate::floor::Standing;
 use crate::options::DiscoverOptions;
@@ -25,14 +25,6 @@ use nalgebra::DMatrix;
 const DRAWS: usize = 60;
 /// Entries of the atlas for which laws are fitted.
 const TRIED: usize = 12;
-/// A law may leave this much more error than the best one if it is simpler.
-const SIMPLER: f64 = 1.02;
-/// The same for a constant strength on a person.
-const PERSON: f64 = 1.11;
-/// A curve is the answer if the best expression leaves this much more error.
-const CURVE: f64 = 1.15;
-/// A second factor has to leave less than this share of the error.
-const SECOND: f64 = 0.85;
 /// Laws are the answer if they leave no more than this multiple of the floor.
 const ANSWERED: f64 = 1.5;
 /// Laws that leave more than this share of the error are not named.
@@ -41,8 +33,6 @@ const PART: f64 = 0.5;
 const BETTER: f64 = 0.85;
 /// Share of the squared error that a product of two variables has to leave to be named before one.
 const PRODUCT: f64 = 0.7;
-/// Laws on another link that leave no more than this multiple of the error are not excluded.
-const ALSO: f64 = 1.05;
 /// Share of the error that a further law may leave on a person.
 const FURTHER: f64 = 0.6;
 /// Largest number of laws.
@@ -222,182 +212,6 @@ fn plain_again(
         extra.push(session.columns(&f.law, Target::Body, &f.nonlinear, Domain::Flight)?);
     }
     Problem::new(session, Domain::Flight, &extra, options.fewest_trials, options.prior_weight).ok()
-}
-
-/// A law, the next best one that differs from it, and other carriers that the rows do not exclude.
-struct OneLaw {
-    best: Fitted,
-    rival: Option<Fitted>,
-    also: Vec<Carrier>,
-}
-
-/// The law for the best entries: an expression, with a second factor where that removes more, or
-/// the free curve.
-fn one_law(
-    session: &Session<'_>,
-    problem: &Problem,
-    evidence: &Evidence,
-    groups: &[&Group],
-    until: &Until,
-) -> Option<OneLaw> {
-    let laws = fit::laws(session, problem, evidence, groups, until);
-    let curves: Vec<Fitted> = groups.iter().take(3).filter_map(|g| fit::curve(session, problem, g)).collect();
-    let curve = curves.into_iter().min_by(|a, b| a.error().total_cmp(&b.error()));
-    let simple = simplest(&laws, session.prior.is_some()).cloned();
-    let mut best = match (simple, curve) {
-        (Some(law), Some(curve)) => {
-            let ratio = (law.error() / curve.error()).sqrt();
-            if ratio > CURVE { curve } else { law }
-        }
-        (law, curve) => law.or(curve)?,
-    };
-    // a product may begin with another law than the best single one
-    let mut bases: Vec<&Fitted> = vec![&best];
-    for l in &laws {
-        let same = |o: &&Fitted| {
-            o.law.carrier == l.law.carrier && o.law.direction == l.law.direction && o.law.action == l.law.action
-        };
-        if bases.len() < 3 && !bases.iter().any(same) {
-            bases.push(l);
-        }
-    }
-    let products: Vec<Fitted> = bases
-        .into_iter()
-        .filter(|_| !until.is_over())
-        .filter_map(|l| second_factor(session, problem, evidence, l))
-        .collect();
-    if let Some(product) = products.into_iter().min_by(|a, b| a.error().total_cmp(&b.error()))
-        && product.error() < SECOND * SECOND * best.error()
-    {
-        best = product;
-    }
-    let best = fit::simplify(session, problem, best);
-    let rival = laws.iter().find(|l| !l.is_like(&best)).cloned();
-    let mut also: Vec<Carrier> = Vec::new();
-    for l in &laws {
-        let near = l.law.action == best.law.action && l.error() <= ALSO * ALSO * best.error();
-        if near && l.law.carrier != best.law.carrier && !also.contains(&l.law.carrier) {
-            also.push(l.law.carrier);
-        }
-    }
-    Some(OneLaw { best, rival, also })
-}
-
-/// The simplest law whose error is as good as the best one's.
-fn simplest(laws: &[Fitted], person: bool) -> Option<&Fitted> {
-    let best = laws.first()?;
-    let n = best.errors.len() as f64;
-    let as_good = |f: &&Fitted| {
-        // fewer unknowns are no reason to move a force to another link
-        if f.law.carrier != best.law.carrier || f.law.action != best.law.action {
-            return false;
-        }
-        let d: Vec<f64> = f.errors.iter().zip(&best.errors).map(|(a, b)| a - b).collect();
-        let mean = d.iter().sum::<f64>() / n;
-        let sd = (d.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt();
-        let ratio = (f.error() / best.error()).sqrt();
-        // soft tissue imitates smooth dependences: on a person they have to earn their place
-        let constant = f.law.factors.iter().all(|f| f.shape == Shape::Constant)
-            && f.law.carrier == best.law.carrier
-            && f.law.action == best.law.action
-            && f.law.direction == best.law.direction;
-        ratio <= SIMPLER || (person && constant && ratio <= PERSON) || (mean <= sd / n.sqrt() && ratio <= 1.05)
-    };
-    laws.iter().filter(as_good).min_by(|a, b| a.unknowns.cmp(&b.unknowns).then(a.error().total_cmp(&b.error())))
-}
-
-/// A law times a function of a second variable.
-fn second_factor(session: &Session<'_>, problem: &Problem, evidence: &Evidence, law: &Fitted) -> Option<Fitted> {
-    let scene = session.scene;
-    let (point, anchor, parts) = law.law.divided(&law.nonlinear);
-    let frames = PlaceFrames::new(session, law.law.carrier, &point);
-    // the whole force of the law as one column
-    let unit: Vec<Vec<Vec<[f64; 6]>>> = frames
-        .trials
-        .iter()
-        .map(|t| {
-            let mut strengths = Vec::new();
-            let column = t
-                .iter()
-                .map(|(frame, at)| {
-                    let v = law.vector(frame, at, &anchor, &parts, &mut strengths);
-                    let m = at.position.cross(&v);
-                    match law.law.action {
-                        Action::Force => [v.x, v.y, v.z, m.x, m.y, m.z],
-                        Action::Couple => [0.0, 0.0, 0.0, v.x, v.y, v.z],
-                    }
-                })
-                .collect();
-            vec![column]
-        })
-        .collect();
-    let stride = stride(session);
-    let score_of = |shape: Shape, p: &[f64], variable: Variable, range| {
-        let nb = shape.terms();
-        let mut buffer = [0.0; KNOTS];
-        let weight: Vec<Vec<f64>> = frames
-            .values(variable, &anchor)
-            .iter()
-            .map(|t| {
-                let mut w = Vec::with_capacity(t.len() * nb);
-                for x in t {
-                    shape.values(*x, p, range, &mut buffer[..nb]);
-                    w.extend_from_slice(&buffer[..nb]);
-                }
-                w
-            })
-            .collect();
-        let made = columns(session, problem, &unit, &weight, nb, stride)?;
-        if !made.iter().all(|c| c.iter().all(|x| x.is_finite())) {
-            return None;
-        }
-        let all: Vec<usize> = (0..nb).collect();
-        evidence.score(&evidence.prepare(&made, nb), &all).map(|s| s.ratio)
-    };
-    let mut tried: Vec<(f64, Variable, super::shape::Range)> = Variable::of(scene)
-        .into_iter()
-        .filter(|v| *v != Variable::None && law.law.factors.iter().all(|f| f.variable != *v))
-        .filter_map(|v| {
-            let range = range_of(&frames.values(v, &anchor))?;
-            Some((score_of(Shape::Curve, &[], v, range)?, v, range))
-        })
-        .collect();
-    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let plain = law.error() / evidence.plain[0];
-    let mut best: Option<Fitted> = None;
-    for (ratio, variable, range) in tried.into_iter().take(3) {
-        if ratio > SECOND * SECOND * plain {
-            break;
-        }
-        let mut shapes: Vec<(f64, Shape, Vec<f64>)> = Shape::of(variable.is_signed(), false, false)
-            .into_iter()
-            .filter(|s| *s != Shape::Wave && law.law.terms() * s.terms() <= 4)
-            .flat_map(|s| s.starts(range, false).into_iter().map(move |p| (s, p)))
-            .filter_map(|(s, p)| Some((score_of(s, &p, variable, range)?, s, p)))
-            .collect();
-        shapes.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut seen: Vec<Shape> = Vec::new();
-        for (_, shape, p) in shapes {
-            if seen.contains(&shape) {
-                continue;
-            }
-            seen.push(shape);
-            if seen.len() > 3 {
-                break;
-            }
-            let mut with: Law = law.law.clone();
-            // a constant first factor is replaced, not multiplied
-            with.factors.retain(|f| f.shape != Shape::Constant);
-            with.factors.push(Factor { variable, shape, range, fixed: None });
-            let start = [law.nonlinear.as_slice(), p.as_slice()].concat();
-            if let Some(f) = fit::fit(session, problem, &with, start, 15)
-                && best.as_ref().is_none_or(|b| f.error() < b.error())
-            {
-                best = Some(f);
-            }
-        }
-    }
-    best
 }
 
 /// All laws again, each beside the others.

@@ -1,0 +1,66 @@
+//! The search beyond the catalogue as part of a discovery: when it is made, and when its laws replace
+//! what the catalogue names.
+
+use crate::candidate::Variant;
+use crate::floor::Standing;
+use crate::laws::Direction;
+use crate::options::DiscoverOptions;
+use crate::progress::Until;
+use crate::result::{Discovery, Verdict};
+use crate::session::Session;
+use aloft_effects::{Effect, EffectInstance};
+
+/// Searches for laws beyond the catalogue where flights leave an error above the interval of its
+/// floor, or where the catalogue needs effects of several kinds, and lets laws that convince replace
+/// what the catalogue names.
+pub(crate) fn look_beyond(
+    session: &Session<'_>,
+    accepted: &[EffectInstance<'_>],
+    effects: &[&dyn Effect],
+    kept: &[Variant<'_>],
+    left: &[Option<Standing>; 2],
+    out: &mut Discovery,
+    until: &Until,
+    options: &DiscoverOptions,
+) {
+    let above = |s: &Standing| s.noise_floor > 0.0 && !s.reached_by(s.held_out_error) && s.times_floor() > 1.2;
+    let several = kept.iter().any(|v| v.effect.id() != kept[0].effect.id());
+    if !(left[0].as_ref().is_some_and(above) || (several && session.standing[0].as_ref().is_some_and(above))) {
+        return;
+    }
+    if until.is_over() {
+        let budget = options.budget_s.unwrap_or_default();
+        out.warnings
+            .push(format!("the search beyond the catalogue was not begun: the budget of {budget} s was used up"));
+        return;
+    }
+    let first = out.rounds.first().map_or(&out.candidates, |r| &r.candidates);
+    let single = first.iter().filter(|c| !c.placebo).map(|c| c.held_out_ratio).fold(1.0, f64::min);
+    let ratio = (out.held_out_error_after / out.held_out_error).min(single);
+    let taken: Vec<&str> = effects.iter().map(|e| e.id()).collect();
+    let unknowns: usize = kept.iter().map(Variant::unknowns).sum();
+    let rival = crate::laws::Rivals { ratio, single, several: several.then_some(unknowns) };
+    out.open = crate::laws::search(session, accepted, rival, &taken, until, options);
+    let Some(open) = &out.open else { return };
+    let named = matches!(out.verdict, Verdict::Supported | Verdict::OneOf);
+    // a force of constant size is what the catalogue's own forces, gravity and frame rate look like
+    let constant = open.laws.iter().all(|l| l.variables.is_empty() && l.direction != Direction::Towards);
+    if named && (!open.complete || constant) {
+        // what the catalogue names stands, unless a law brings the error to the floor
+        out.open = None;
+        return;
+    }
+    let limit = if session.prior.is_some() { options.belief_kinematics } else { options.belief };
+    let acts =
+        open.diagnosis.as_ref().is_some_and(|d| d.held_out_ratio < limit && d.family_wise_p < options.significance);
+    if !open.laws.is_empty() || acts {
+        out.verdict = Verdict::Unexplained;
+        out.effects.clear();
+    }
+    if open.complete {
+        // effects that removed a part of the error stood in for the law
+        out.found.clear();
+        out.ladder.clear();
+        out.held_out_error_after = open.held_out_error_after;
+    }
+}

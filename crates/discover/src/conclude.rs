@@ -1,0 +1,179 @@
+//! The answer of a discovery from its rounds: verdict, errors in newtons, what remains, and words.
+
+use crate::addition::addition;
+use crate::beyond::look_beyond;
+use crate::candidate::Variant;
+use crate::floor::{LACK_OF_FIT, Standing};
+use crate::ladder::extra_columns;
+use crate::not_tried::NotTried;
+use crate::options::DiscoverOptions;
+use crate::problem::{Domain, Problem};
+use crate::progress::Until;
+use crate::rank::judged_in;
+use crate::repeating::widen;
+use crate::result::{Candidate, Discovery, Found, Round, Verdict};
+use crate::round::wanted;
+use crate::session::Session;
+use crate::wording;
+use aloft_effects::{Effect, EffectInstance};
+
+/// What the rounds of a discovery made.
+pub(crate) struct Made<'a> {
+    /// Rounds in their order.
+    pub rounds: Vec<Round>,
+    /// Effects found, and for each the variant that is in the model.
+    pub found: Vec<Found>,
+    /// The variants.
+    pub kept: Vec<Variant<'a>>,
+    /// Effects that could not be ranked.
+    pub left_out: Vec<NotTried>,
+    /// Held-out mean square of rows before and after the effects found.
+    pub errors: [f64; 2],
+    /// True if the session has flights.
+    pub has_flights: bool,
+}
+
+/// Widens the intervals of the effects found by what repeats in every trial of a person.
+pub(crate) fn widen_found(
+    session: &Session<'_>,
+    accepted: &[EffectInstance<'_>],
+    kept: &[Variant<'_>],
+    found: &mut [Found],
+    options: &DiscoverOptions,
+) {
+    for (i, f) in found.iter_mut().enumerate() {
+        let domain = if kept[i].effect.acts().in_flight() { Domain::Flight } else { Domain::Contact };
+        let mut others = kept.to_vec();
+        others.remove(i);
+        let of = |v: &[Variant<'_>]| extra_columns(session, domain, accepted, v, &[]);
+        let estimates = (&mut f.coefficients[..], &mut f.nonlinear[..]);
+        widen(session, domain, &of(&others), &of(kept), &kept[i], estimates, options);
+    }
+}
+
+/// The answer.
+pub(crate) fn conclude(
+    session: &Session<'_>,
+    effects: &[&dyn Effect],
+    accepted: &[EffectInstance<'_>],
+    made: Made<'_>,
+    until: &Until,
+    options: &DiscoverOptions,
+) -> Discovery {
+    let Made { mut rounds, found, kept, left_out, errors: [before, after], has_flights } = made;
+    let mut model: Vec<EffectInstance<'_>> = accepted.to_vec();
+    let mut steps = Vec::new();
+    for (v, f) in kept.iter().zip(&found) {
+        let nonlinear = f.nonlinear.iter().map(|e| e.value).collect();
+        let choice = EffectInstance { effect: v.effect, target: v.target, nonlinear, trials: f.trials.clone() };
+        steps.extend(addition(session, &model, &choice, options).ok());
+        model.push(choice);
+    }
+    let first = rounds.iter().find(|r| matches!(r.verdict, Verdict::Supported | Verdict::OneOf));
+    let verdict = first.map_or_else(|| rounds.first().map_or(Verdict::NotDetectable, |r| r.verdict), |r| r.verdict);
+    let mut named: Vec<String> = first.map(|r| r.effects.clone()).unwrap_or_default();
+    if verdict == Verdict::Supported {
+        let sure =
+            |id: &str| rounds.iter().any(|r| r.verdict == Verdict::Supported && r.effects.iter().any(|e| e == id));
+        named = found.iter().map(|f| f.effect.clone()).filter(|id| sure(id)).collect();
+    }
+    let mut once: Vec<String> = Vec::new();
+    for id in named {
+        if !once.contains(&id) {
+            once.push(id);
+        }
+    }
+    let mut candidates: Vec<Candidate> = Vec::new();
+    for r in &rounds {
+        for c in &r.candidates {
+            if !candidates.iter().any(|o| o.effect == c.effect) {
+                candidates.push(c.clone());
+            }
+        }
+    }
+    candidates.sort_by(|a, b| a.held_out_ratio.total_cmp(&b.held_out_ratio));
+    let weight = session.unit[0];
+    // scale to the errors of the comparison, if one was made: relative change from the rows,
+    // newtons from the comparison
+    let standing = session.standing[usize::from(!has_flights)];
+    let scale = standing.map_or(weight, |s| s.held_out_error / before.sqrt());
+    // errors of the present model, before any effect found here: contact rounds already contain
+    // the effects found in flight
+    let error_with = |domain: Domain, kept: &[Variant<'_>], found: &[Found]| {
+        let extra = extra_columns(session, domain, accepted, kept, found);
+        let problem = Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight).ok()?;
+        Some(problem.plain().sqrt() * session.unit[0])
+    };
+    let places = [Domain::Flight, Domain::Contact];
+    let first_error = places.map(|place| {
+        let judged = rounds.iter().any(|r| r.judged_on == wording::domain(place));
+        if judged { error_with(place, &[], &[]).unwrap_or(f64::NAN) } else { f64::NAN }
+    });
+    for round in &mut rounds {
+        let of = usize::from(round.judged_on != wording::domain(Domain::Flight));
+        let first = first_error[of];
+        if let (Some(s), true) = (session.standing[of], first > 0.0) {
+            round.held_out_error *= s.held_out_error / first;
+        }
+    }
+    // what is left with the effects found, in each domain
+    let left = |i: usize| -> Option<Standing> {
+        let standing = session.standing[i]?;
+        let share = match (i, has_flights) {
+            _ if kept.is_empty() => 1.0,
+            (0, true) | (_, false) => (after / before).sqrt(),
+            _ => error_with(places[i], &kept, &found)? / first_error[i],
+        };
+        share.is_finite().then_some(Standing { held_out_error: standing.held_out_error * share, ..standing })
+    };
+    let left = [left(0), left(1)];
+    let mut out = Discovery {
+        schema: 1,
+        verdict,
+        effects: once,
+        words: String::new(),
+        noise_floor: standing.map_or(f64::NAN, |s| s.noise_floor),
+        noise_floor_ci95: standing.and_then(|s| s.noise_floor_ci95),
+        held_out_error: before.sqrt() * scale,
+        held_out_error_after: after.sqrt() * scale,
+        held_out_error_of_weight: before.sqrt() * scale / weight,
+        candidates,
+        rounds,
+        ladder: steps,
+        found,
+        advice: Vec::new(),
+        warnings: session.warnings.clone(),
+        not_tried: left_out,
+        open: None,
+    };
+    // An error that remains far above its floor is not explained, whatever was found; nor is one of
+    // which effects leave a share that the noise does not account for. Effects found
+    // in flight are judged in flight; their error in contact also contains what only contact shows.
+    let only_flight = kept.iter().any(|v| v.effect.acts().in_flight()) && has_flights;
+    let far = (0..2)
+        .filter(|i| *i == 0 || !only_flight)
+        .filter_map(|i| {
+            let (before, after) = (session.standing[i]?, left[i]?);
+            let judged_here = kept.iter().any(|v| v.effect.acts().in_flight() == (i == 0));
+            let misfit = judged_here && before.share_left(&after) > LACK_OF_FIT;
+            (after.is_far() || misfit).then(|| (wording::domain(places[i]), after))
+        })
+        .max_by(|a, b| a.1.times_floor().total_cmp(&b.1.times_floor()));
+    if far.is_some() {
+        out.verdict = Verdict::Unexplained;
+        out.effects.clear();
+    }
+    if has_flights && !options.closed && options.only.is_empty() {
+        look_beyond(session, accepted, effects, &kept, &left, &mut out, until, options);
+    }
+    out.words = wording::answer(&out, far);
+    if let Some(open) = &out.open {
+        out.words = wording::with_open(&out, open, far.is_some());
+    }
+    out.advice = wording::advice(&out, effects);
+    if !has_flights {
+        let untried = effects.iter().filter(|e| wanted(**e, options) && !judged_in(**e, Domain::Contact)).count();
+        out.warnings.push(wording::no_flights(untried));
+    }
+    out
+}
