@@ -179,6 +179,9 @@ pub struct KinematicsRow {
     pub gravity_error_percent: Option<f64>,
 }
 
+/// Stages whose results the comparison is read from.
+pub const READS: [&str; 5] = ["compare", "identify", "calibrate", "flight", "ik"];
+
 /// Reads the results of the stage `compare`.
 pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError> {
     let session = &aloft_pipeline::made::as_made(session);

@@ -34,6 +34,28 @@ pub struct Freshness {
     pub stale: Vec<NotCurrent>,
 }
 
+/// An answer together with the results it is based on that are not up to date.
+#[derive(Debug, Clone, Serialize)]
+pub struct WithStale<T> {
+    /// The answer.
+    #[serde(flatten)]
+    pub answer: T,
+    /// Results that differ from what the pipeline and the recordings would give now.
+    pub stale: Vec<NotCurrent>,
+}
+
+/// Computes an answer from results and adds which of them are not up to date. Damaged results of
+/// the stages that the answer `reads` (of all stages if none is named) are refused.
+pub fn with_stale<T>(
+    session: &SubjectSession,
+    reads: &[&str],
+    ask: impl FnOnce(&SubjectSession) -> Result<T, PipelineError>,
+) -> Result<WithStale<T>, PipelineError> {
+    let fresh = freshness(session)?;
+    fresh.refuse_damaged(session, reads)?;
+    Ok(WithStale { answer: ask(session)?, stale: fresh.stale })
+}
+
 /// Checks every result and compares every file with its hash.
 pub fn freshness(session: &SubjectSession) -> Result<Freshness, PipelineError> {
     let ws = Workspace::open(&session.workspace);
@@ -52,6 +74,14 @@ pub fn freshness(session: &SubjectSession) -> Result<Freshness, PipelineError> {
         );
     }
     Ok(Freshness { stale })
+}
+
+/// Why one result is not current; none if it is. Files are not compared with their hashes.
+pub fn of_result(session: &SubjectSession, stage: &str, trial: &str) -> Result<Option<NotCurrent>, PipelineError> {
+    let ws = Workspace::open(&session.workspace);
+    let manifests = Manifests::read(session, &ws, STAGES);
+    let all = of_standings(session, &ws, &standings(session, &ws, &manifests)?);
+    Ok(all.into_iter().find(|n| n.stage == stage && n.trial == trial))
 }
 
 /// The same from known task states. A result whose trial failed, or that was blocked by a failure,

@@ -92,6 +92,9 @@ pub struct HistoryCoefficient {
     pub ci95: Option<[f64; 2]>,
 }
 
+/// Stages whose results the last revision is read from.
+pub const READS: [&str; 2] = ["compare", "identify"];
+
 /// Reads the revisions, and adds what the present one reached.
 pub fn history(session: &SubjectSession) -> Result<History, PipelineError> {
     let mut all = Revisions::load(&session.workspace)?;

@@ -32,6 +32,9 @@ pub struct ParametersView {
     pub assessment: Option<Assessment>,
 }
 
+/// Stages whose results the parameters are read from.
+pub const READS: [&str; 2] = ["identify", "calibrate"];
+
 /// Reads the results of `identify`.
 pub fn parameters(session: &SubjectSession, rows: Option<Rows>) -> Result<ParametersView, PipelineError> {
     let session = &aloft_pipeline::made::as_made(session);

@@ -11,8 +11,8 @@ use crate::{Success, findings, ladder, next, residuals, run_end, show, show_esti
 use aloft_analysis::freshness::{Freshness, freshness};
 use aloft_analysis::session_check::{LineStanding, SessionCheck};
 use aloft_analysis::{
-    assess, check, compare, discover, effect, estimators, export, init, inspect, markerset, parameters, simulate,
-    status, summary, verify,
+    assess, check, compare, discover, effect, estimators, export, history, init, inspect, markerset, parameters,
+    simulate, status, summary, verify,
 };
 use aloft_compare::Signal;
 use aloft_pipeline::graph::TaskState;
@@ -100,7 +100,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
                 }
                 parameters::parameters(session, rows.map(Rows::from))
             };
-            each_result(&pipeline, strict, as_json, &["identify", "calibrate"], ask, show::parameters)
+            each_result(&pipeline, strict, as_json, &parameters::READS, ask, show::parameters)
         }
         Command::Compare { pipeline, strict, estimators: true, json: as_json, .. } => {
             let ask = waiting("comparing estimators", estimators::estimators);
@@ -111,9 +111,8 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             each_result(&pipeline, strict, as_json, &[], ask, show_estimators::leave_one_out)
         }
         Command::Compare { pipeline, strict, by, details, json: as_json, .. } => {
-            let reads = ["compare", "identify", "calibrate", "flight", "ik"];
             let show = |found: &compare::ComparisonView| residuals::comparison(found, &by, details, &pipeline);
-            each_result(&pipeline, strict, as_json, &reads, compare::compare, show)
+            each_result(&pipeline, strict, as_json, &compare::READS, compare::compare, show)
         }
         Command::Discover { pipeline, strict, only, without, self_test: true, json: as_json, .. } => {
             let options = discover::options(only, without, true, None);
@@ -145,7 +144,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
         Command::Effect { action } => effects(action),
         Command::History { pipeline, strict, details, json: as_json } => {
             let show = |found: &effect::History| ladder::history(found, details);
-            each_result(&pipeline, strict, as_json, &["compare", "identify"], effect::history, show)
+            each_result(&pipeline, strict, as_json, &history::READS, effect::history, show)
         }
         Command::Report { pipeline, strict, out: target } => {
             let set = open_all(&pipeline)?;

@@ -7,7 +7,7 @@ use crate::open::open_all;
 use crate::render::json;
 use crate::render::{note, out};
 use crate::stop::Stop;
-use aloft_analysis::freshness::{Freshness, NotCurrent, freshness};
+use aloft_analysis::freshness::{Freshness, with_stale};
 use aloft_study::data_set::DataSet;
 use aloft_study::quote::visible;
 use aloft_study::recordings::SessionId;
@@ -21,14 +21,6 @@ use std::cell::Cell;
 struct Several<T> {
     version: u32,
     studies: Vec<One<T>>,
-}
-
-/// An answer together with the results it is based on that are not up to date.
-#[derive(Debug, Serialize)]
-struct WithStale<T> {
-    #[serde(flatten)]
-    answer: T,
-    stale: Vec<NotCurrent>,
 }
 
 #[derive(Debug, Serialize)]
@@ -105,12 +97,11 @@ pub fn each_result<T: Serialize>(
 ) -> Result<Success, Stop> {
     let late = Cell::new(false);
     let asked = |session: &SubjectSession| {
-        let fresh = freshness(session)?;
-        fresh.refuse_damaged(session, reads)?;
-        let answer = ask(session)?;
+        let found = with_stale(session, reads, &ask)?;
+        let fresh = Freshness { stale: found.stale.clone() };
         late.set(late.get() || !fresh.is_current());
         notice(session, &fresh);
-        Ok(WithStale { answer, stale: fresh.stale })
+        Ok(found)
     };
     let done = each(args, as_json, asked, |found| show(&found.answer))?;
     Ok(strict.judge(done, late.get()))

@@ -35,11 +35,5 @@ pub fn open_all(args: &PipelineArgs) -> Result<DataSet, Stop> {
 
 /// Arguments that repeat the pipeline and folders after a command's name, for a shell.
 pub fn description_of(args: &PipelineArgs) -> String {
-    let folder = |flag: &str, path: &Option<std::path::PathBuf>| {
-        path.iter().flat_map(|p| quote::option(flag, &p.display().to_string())).collect::<Vec<_>>()
-    };
-    let mut words = vec![quote::argument(&args.pipeline)];
-    words.extend(folder("data", &args.data));
-    words.extend(folder("workspace", &args.workspace));
-    quote::line(words)
+    quote::pipeline(&args.pipeline, args.data.as_deref(), args.workspace.as_deref())
 }

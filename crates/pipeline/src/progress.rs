@@ -26,6 +26,13 @@ pub trait Progress: Sync {
     fn task(&self, session: &SessionId, report: &TaskReport);
     /// The run ended.
     fn end(&self) {}
+    /// True if the run is to end early. It is asked before each task: tasks that have begun are
+    /// completed and kept, and the run ends with [`PipelineError::Stopped`].
+    ///
+    /// [`PipelineError::Stopped`]: aloft_workspace::error::PipelineError::Stopped
+    fn stops(&self) -> bool {
+        false
+    }
 }
 
 /// Ignores all progress.

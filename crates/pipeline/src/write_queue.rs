@@ -56,6 +56,9 @@ pub(crate) fn run_tasks(
     let one = |task: &Task<'_>,
                hand_over: &mpsc::SyncSender<(Complete, TaskReport)>|
      -> Result<Option<Done>, PipelineError> {
+        if progress.stops() {
+            return Err(PipelineError::Stopped);
+        }
         let name = task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
         let _alone = if selection.shared { Some(workspace.lock_task(stage.name, name)?) } else { None };
         if selection.shared

@@ -40,6 +40,15 @@ pub fn option(flag: &str, value: &str) -> Vec<String> {
     if value.starts_with('-') { vec![format!("--{flag}={value}")] } else { vec![format!("--{flag}"), value.to_owned()] }
 }
 
+/// A pipeline with the folders that replace its own, as the arguments of a command.
+pub fn pipeline(path: &Path, data: Option<&Path>, workspace: Option<&Path>) -> String {
+    let folder = |flag: &str, path: Option<&Path>| path.map_or(Vec::new(), |p| option(flag, &p.display().to_string()));
+    let mut words = vec![argument(path)];
+    words.extend(folder("data", data));
+    words.extend(folder("workspace", workspace));
+    line(words)
+}
+
 /// The pattern that matches exactly this name.
 pub fn pattern(name: &str) -> String {
     let mut out = String::with_capacity(name.len());

@@ -70,6 +70,10 @@ pub enum PipelineError {
         #[help]
         hint: Option<String>,
     },
+    /// Whoever asked for the work asked to stop it.
+    #[error("stopped on request")]
+    #[diagnostic(code(aloft::stopped), help("what was done is kept; run again to go on"))]
+    Stopped,
     /// Another run holds the workspace.
     #[error("workspace {} is in use by {holder}", path.display())]
     #[diagnostic(
