@@ -64,9 +64,10 @@ fn drift(
     let set = DataSet::open(&pipeline, &overrides).unwrap();
     let done = run_all(&set, &Selection::default(), &Silent).unwrap();
     assert!(!done.has_trouble(), "{:#?}", done.runs);
-    let found = discover(&set.members[0], &options(vec!["plate_clock_drift".to_owned()], Vec::new(), true, None), &|_, _| {})
-        .unwrap()
-        .discovery;
+    let found =
+        discover(&set.members[0], &options(vec!["plate_clock_drift".to_owned()], Vec::new(), true, None), &|_, _| {})
+            .unwrap()
+            .discovery;
     let candidate = found.candidates.iter().find(|c| c.effect == "plate_clock_drift").unwrap();
     let calendar = Calendar::of(&set.members[0], &Workspace::open(&ws));
     let summary = fs::read_to_string(ws.join("regressor/jump03/manifest.json")).unwrap();

@@ -1,22 +1,18 @@
 //! `compare`: predicted against measured wrench on held-out motion; the residual wrench in flight.
 
+use self::left_out::{each_without, plain_model};
+use self::tables::{series_table, windows_table};
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
-use crate::plate_zeros::{Zero, tare_readings};
-use crate::results::Results;
+use crate::plate_zeros::tare_readings;
 use crate::stages::filter::low_pass;
-use crate::stages::identify::{self, Predicting, identify_from, training_factors};
-use crate::stages::ik::fit_options;
-use crate::stages::robot::RobotErrors;
-use crate::trial_rows::{TrialRows, effect_columns};
+use crate::stages::identify::{Predicting, training_factors};
+use crate::trial_rows::TrialRows;
 use aloft_body::{BaseParameters, Motion, Subject};
 use aloft_compare::{
-    Body, Candidate, CompareError, CompareOptions, Comparison, Filtering, Measured, Noise, NoiseFloor, OffsetRange,
-    PlateDrift, PoseErrors, TareReadings, TrialInput, TrialSeries, WindowSample, compare_each, measured_wrench,
+    Body, Candidate, CompareError, CompareOptions, Comparison, Filtering, Noise, NoiseFloor, TareReadings, TrialInput,
+    TrialSeries, compare_each,
 };
 use aloft_filter::smooth;
-use aloft_identify::{Estimator, Parameters};
-use aloft_ik::MarkerErrors;
-use aloft_regressor::{EffectColumns, Factor, Stretch};
 use aloft_study::calendar::Calendar;
 use aloft_study::config::{CompareConfig, FilterConfig, IdentifyConfig, IkConfig, RegressorConfig, Rows};
 use aloft_study::effects::ModelEffects;
@@ -25,13 +21,17 @@ use aloft_workspace::artifact::plate_centers;
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::json::{read_json, write_json};
 use aloft_workspace::key::key;
-use aloft_workspace::table::Table;
-use nalgebra::DVector;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::collections::BTreeMap;
-use std::ops::Range;
+
+mod left_out;
+mod tables;
+mod trial;
+
+pub use left_out::without_each_trial;
+pub use trial::{ComparedTrial, HeldOut, has_validation, load_trials};
 
 /// The stage.
 pub static STAGE: Stage = Stage {
@@ -123,164 +123,6 @@ impl StageWork for Work {
     }
 }
 
-/// One trial with everything that the comparison reads.
-pub struct ComparedTrial {
-    /// Trial name.
-    pub name: String,
-    /// Role.
-    pub role: Role,
-    /// Filtered motion.
-    pub filtered: Motion,
-    /// Motion before filtering.
-    pub unfiltered: Motion,
-    /// Plates, tared; none if the trial has none.
-    pub measured: Option<Measured>,
-    /// Flights.
-    pub flights: Vec<Range<usize>>,
-    /// Frames in which all external forces on the body are measured.
-    pub complete: Vec<bool>,
-    /// Errors of markers or sensors, if the noise floor is to be computed.
-    pub errors: Option<Box<dyn PoseErrors + Send>>,
-    /// Drift of the plates, if the noise floor is to be computed.
-    pub drift: Option<PlateDrift>,
-    /// Columns of the model's effects.
-    pub effects: Option<EffectColumns>,
-    /// True if a plate was never unloaded, so that its reading at rest is not known.
-    pub untared: bool,
-    /// Range of that reading by the other recordings.
-    pub offset_range: Option<OffsetRange>,
-}
-
-/// Errors of a trial's markers, from which the comparison draws.
-#[derive(Debug)]
-pub struct DrawnErrors(MarkerErrors);
-
-impl PoseErrors for DrawnErrors {
-    fn draw(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, seed: u64, draw: u64) -> Motion {
-        self.0.draw(motion, wanted, seed, draw)
-    }
-}
-
-impl ComparedTrial {
-    /// Adds the errors of the markers about the motion, and the drift of the plates estimated from
-    /// the other trials, for the noise floor.
-    fn with_errors(
-        mut self,
-        params: &Params,
-        results: Results<'_>,
-        subject: &Subject,
-        readings: &[(String, TareReadings)],
-    ) -> Result<Self, StageFailure> {
-        if let Some(measured) = &self.measured {
-            let others: Vec<&TareReadings> = readings.iter().filter(|r| r.0 != self.name).map(|r| &r.1).collect();
-            let own = readings.iter().find(|r| r.0 == self.name).map(|r| r.1.times_s.clone()).unwrap_or_default();
-            self.drift = PlateDrift::of(&others, &measured.noise_density, own);
-        }
-        if let Some(sensors) = RobotErrors::load(results, &self.unfiltered)? {
-            self.errors = Some(Box::new(sensors));
-            return Ok(self);
-        }
-        let mut subject = subject.clone();
-        let options = fit_options(params.ik_of(&self.name), results, &mut subject)?;
-        let (trial, _) = results.load_labelled_markers(&self.name)?;
-        let errors = MarkerErrors::of(&subject, &trial, &self.unfiltered, &options)
-            .map_err(|e| StageFailure::new(e.to_string()))?;
-        self.errors = errors.map(|e| Box::new(DrawnErrors(e)) as Box<dyn PoseErrors + Send>);
-        Ok(self)
-    }
-
-    /// From the data of a trial's rows; `others` are the trials whose plates say what its own read
-    /// unloaded.
-    pub fn of(
-        params: &Params,
-        results: Results<'_>,
-        role: Role,
-        name: &str,
-        others: &[String],
-        rows: TrialRows,
-    ) -> Result<Self, StageFailure> {
-        let effects = effect_columns(&params.effects, &rows)?;
-        let TrialRows { trial, flights, .. } = &rows;
-        let flights = flights.clone();
-        let (rate_hz, frames) = (rows.motion.rate_hz, rows.motion.n_frames());
-        let measured = if trial.plates.is_empty() {
-            None
-        } else {
-            let filter = Some(low_pass(&params.filter));
-            let m = measured_wrench(name, &trial.plates, rate_hz, frames, filter)
-                .map_err(|e| StageFailure::new(e.to_string()))?;
-            Some(m)
-        };
-        let complete = completely_measured(&rows.covered, &flights, frames);
-        let tares = results.load_tares(name)?;
-        let zero = Zero::of(results, name, &tares, others);
-        let (untared, offset_range) = (measured.is_some() && zero.unknown, zero.range);
-        Ok(Self {
-            name: name.to_owned(),
-            role,
-            filtered: lean(
-                rows.filtered.ok_or_else(|| StageFailure::new(format!("{name}: no filtered motion to compare")))?,
-            ),
-            unfiltered: lean(rows.motion),
-            measured,
-            flights,
-            complete,
-            errors: None,
-            drift: None,
-            effects,
-            untared,
-            offset_range,
-        })
-    }
-}
-
-/// A motion without the parts that the comparison does not read: marker residuals and standard
-/// deviations.
-fn lean(mut motion: Motion) -> Motion {
-    (motion.residual_m, motion.marker_labels, motion.q_sd) = (Vec::new(), Vec::new(), Vec::new());
-    motion
-}
-
-/// Loads the trials for which every earlier stage succeeded.
-pub fn load_trials(
-    params: &Params,
-    results: Results<'_>,
-    calendar: &(dyn Fn() -> Calendar + Sync),
-    trials: &[(String, Role)],
-) -> Result<Vec<ComparedTrial>, StageFailure> {
-    let subject = results.load_subject("calibrate")?;
-    let names: Vec<String> = trials.iter().map(|(name, _)| name.clone()).collect();
-    trials
-        .par_iter()
-        .map(|(name, role)| {
-            let rows = TrialRows::load(results, Some(&params.filter), &calendar, name, &subject)?;
-            ComparedTrial::of(params, results, *role, name, &names, rows)
-        })
-        .collect()
-}
-
-/// Frames in which all external forces are known: in flight always; on the ground only where the
-/// plates measure all that the body touches.
-fn completely_measured(covered: &[bool], flights: &[Range<usize>], frames: usize) -> Vec<bool> {
-    (0..frames).map(|f| flights.iter().any(|r| r.contains(&f)) || covered.get(f).copied().unwrap_or(false)).collect()
-}
-
-/// True if a trial that takes no part in identification was measured by plates; models are then
-/// judged on such trials. Otherwise every trial in turn is left out.
-pub fn has_validation(trials: &[ComparedTrial]) -> bool {
-    trials.iter().any(|t| t.role == Role::Validate && t.measured.is_some())
-}
-
-/// Which trials count as held out when a pipeline's models are compared.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum HeldOut {
-    /// Trials that take no part in identification; every trial if there are none (models then have
-    /// one set of parameters per trial).
-    Validation,
-    /// Every trial (models have one set of parameters per trial).
-    EveryTrial,
-}
-
 /// Source of a comparison's noise floor.
 #[derive(Debug, Clone, Copy)]
 pub enum Floor<'a> {
@@ -312,27 +154,6 @@ pub fn compare_models(
         candidates,
         floor,
     )
-}
-
-impl ComparedTrial {
-    /// The trial at an index as input of the comparison; `validation` is true if some trial is held
-    /// out as a whole ([`has_validation`]).
-    fn input(&self, i: usize, held_out: HeldOut, validation: bool, left_out: Option<&[bool]>) -> TrialInput<'_> {
-        let every = held_out == HeldOut::EveryTrial || !validation;
-        TrialInput {
-            unfiltered: Some(&self.unfiltered),
-            measured: self.measured.as_ref(),
-            complete: Some(&self.complete),
-            errors: self.errors.as_ref().map(|e| &**e as &dyn PoseErrors),
-            drift: self.drift.as_ref(),
-            effects: self.effects.as_ref(),
-            untared: self.untared,
-            offset_range: self.offset_range,
-            held_out_contact: if every { self.measured.is_some() } else { self.role == Role::Validate },
-            held_out_flight: left_out.map_or(every || self.role == Role::Validate, |l| l[i]),
-            ..TrialInput::new(&self.filtered, &self.flights)
-        }
-    }
 }
 
 /// [`compare_models`] over trials that are read one at a time.
@@ -473,80 +294,6 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     Ok(done)
 }
 
-/// Parameters for each trial, identified without it, and remarks on trials that could not be left
-/// out.
-pub fn without_each_trial(
-    params: &identify::Params,
-    subject: &Subject,
-    trials: &[ComparedTrial],
-    factors: &[(Stretch, Factor)],
-    estimator: Estimator,
-    all: &DVector<f64>,
-) -> Result<(Vec<DVector<f64>>, Vec<String>), StageFailure> {
-    let results: Vec<(DVector<f64>, Option<String>)> = trials
-        .par_iter()
-        .map(|t| {
-            let kept: Vec<_> = factors.iter().filter(|(s, _)| s.trial != t.name).cloned().collect();
-            if kept.is_empty() || kept.len() == factors.len() {
-                let alone =
-                    kept.is_empty().then(|| format!("{}: the only trial with flights, so it is not held out", t.name));
-                return (all.clone(), alone);
-            }
-            match identify_from(params, subject, &kept, estimator, 0) {
-                Ok(p) => (p.base_values(), None),
-                Err(e) => (all.clone(), Some(format!("{} could not be left out: {}", t.name, e.problem))),
-            }
-        })
-        .collect();
-    let warnings = results.iter().filter_map(|r| r.1.clone()).collect();
-    Ok((results.into_iter().map(|r| r.0).collect(), warnings))
-}
-
-/// Model for one trial.
-struct Without {
-    base: DVector<f64>,
-    effects: Vec<(String, f64)>,
-    /// True if the trial took no part in its identification.
-    left_out: bool,
-    remark: Option<String>,
-}
-
-/// A model for each trial, identified without it, using the estimator and the weight of the prior
-/// chosen with all trials.
-fn each_without(
-    predicting: &Predicting,
-    trials: &[String],
-    factors: &[(Stretch, Factor)],
-    all: &Parameters,
-) -> Vec<Without> {
-    let effects = Parameters::coefficients;
-    let of =
-        |p: &Parameters, left_out, remark| Without { base: p.base_values(), effects: effects(p), left_out, remark };
-    let every: Vec<&Factor> = factors.iter().map(|(_, f)| f).collect();
-    let mut without = predicting.solve_without_each(&every);
-    trials
-        .iter()
-        .map(|t| {
-            let own = factors.iter().filter(|(s, _)| s.trial == *t).count();
-            if own == factors.len() {
-                return of(all, false, Some(format!("{}: the only trial with flights, so it is not held out", t)));
-            }
-            if own == 0 {
-                return of(all, true, None);
-            }
-            let found = without.remove(t).unwrap_or_else(|| {
-                // the trial's factors are not among those that the estimator uses
-                let kept: Vec<&Factor> = factors.iter().filter(|(s, _)| s.trial != *t).map(|(_, f)| f).collect();
-                predicting.solve(&kept)
-            });
-            match found {
-                Ok((base, effects)) => Without { base, effects, left_out: true, remark: None },
-                Err(e) => of(all, false, Some(format!("{} could not be left out: {}", t, e.problem))),
-            }
-        })
-        .collect()
-}
-
 /// The stored noise floor of an earlier comparison.
 #[derive(Serialize, Deserialize)]
 struct StoredFloor {
@@ -571,58 +318,6 @@ fn floor_key(params: &Params, inputs: &StageInputs<'_>, options: &CompareOptions
         "regressor": key(&params.regressor), "identify": key(&params.identify), "ik": key(&params.ik), "roles": roles});
     hasher.update(settings.to_string().as_bytes());
     hasher.finalize().to_hex().to_string()
-}
-
-/// The model without effects, through which noise is propagated; none if nothing was identified.
-fn plain_model(
-    params: &Params,
-    inputs: &StageInputs<'_>,
-    subject: &Subject,
-    rows: Rows,
-) -> Result<Option<Candidate>, StageFailure> {
-    let Some(parameters) = inputs.results.load_parameters(rows)? else { return Ok(None) };
-    let stated = params.identify.contact.unwrap_or(false);
-    let plain: Vec<Factor> = training_factors(inputs, rows, stated)?
-        .iter()
-        .map(|(_, f)| f.with_effects(&[]).map_err(|e| StageFailure::new(e.to_string())))
-        .collect::<Result<_, StageFailure>>()?;
-    let all: Vec<&Factor> = plain.iter().collect();
-    let (base, _) = Predicting::like(subject, &parameters)?.solve(&all)?;
-    Ok(Some(Candidate::base("plain", base)))
-}
-
-const COMPONENTS: [&str; 6] = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];
-
-fn series_table(s: &TrialSeries, comparison: &Comparison) -> Table {
-    let mut table = Table::default();
-    table.push("time_s", s.time_s.clone());
-    table.push("in_flight", s.in_flight.iter().map(|f| f64::from(u8::from(*f))).collect());
-    table.push("counts", s.phase.iter().map(|p| f64::from(u8::from(p.is_some()))).collect());
-    for (i, name) in COMPONENTS.iter().enumerate() {
-        table.push(format!("measured.{name}"), s.measured.iter().map(|w| w[i]).collect());
-    }
-    for (model, values) in comparison.models().zip(&s.predicted) {
-        for (i, name) in COMPONENTS.iter().enumerate() {
-            table.push(format!("{}.{name}", model.model), values.iter().map(|w| w[i]).collect());
-        }
-    }
-    table
-}
-
-/// Every window of a trial with the error of each model. The held-out error in flight is the root
-/// mean square over the windows in flight of all trials that count, of force and of moment over a
-/// lever of 0.1 m; in contact over those of trials held out.
-fn windows_table(s: &TrialSeries, comparison: &Comparison) -> Table {
-    let mut table = Table::default();
-    table.push("center_s", s.windows.iter().map(|w| w.center_s).collect());
-    table.push("in_flight", s.windows.iter().map(|w| f64::from(u8::from(w.in_flight))).collect());
-    for (m, model) in comparison.models().enumerate() {
-        for (i, name) in COMPONENTS.iter().enumerate() {
-            let error = |w: &WindowSample| w.residual.get(m).map_or(f64::NAN, |e| e[i]);
-            table.push(format!("{}.{name}", model.model), s.windows.iter().map(error).collect());
-        }
-    }
-    table
 }
 
 fn describe(c: &Comparison, done: &mut StageReport) {

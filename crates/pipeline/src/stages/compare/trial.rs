@@ -1,0 +1,203 @@
+//! A trial with everything that the comparison reads.
+
+use super::Params;
+use crate::plate_zeros::Zero;
+use crate::results::Results;
+use crate::stages::filter::low_pass;
+use crate::stages::ik::fit_options;
+use crate::stages::robot::RobotErrors;
+use crate::trial_rows::{TrialRows, effect_columns};
+use aloft_body::{Motion, Subject};
+use aloft_compare::{Measured, OffsetRange, PlateDrift, PoseErrors, TareReadings, TrialInput, measured_wrench};
+use aloft_ik::MarkerErrors;
+use aloft_regressor::EffectColumns;
+use aloft_study::calendar::Calendar;
+use aloft_study::subject_session::Role;
+use aloft_workspace::error::StageFailure;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// One trial with everything that the comparison reads.
+pub struct ComparedTrial {
+    /// Trial name.
+    pub name: String,
+    /// Role.
+    pub role: Role,
+    /// Filtered motion.
+    pub filtered: Motion,
+    /// Motion before filtering.
+    pub unfiltered: Motion,
+    /// Plates, tared; none if the trial has none.
+    pub measured: Option<Measured>,
+    /// Flights.
+    pub flights: Vec<Range<usize>>,
+    /// Frames in which all external forces on the body are measured.
+    pub complete: Vec<bool>,
+    /// Errors of markers or sensors, if the noise floor is to be computed.
+    pub errors: Option<Box<dyn PoseErrors + Send>>,
+    /// Drift of the plates, if the noise floor is to be computed.
+    pub drift: Option<PlateDrift>,
+    /// Columns of the model's effects.
+    pub effects: Option<EffectColumns>,
+    /// True if a plate was never unloaded, so that its reading at rest is not known.
+    pub untared: bool,
+    /// Range of that reading by the other recordings.
+    pub offset_range: Option<OffsetRange>,
+}
+
+/// Errors of a trial's markers, from which the comparison draws.
+#[derive(Debug)]
+pub struct DrawnErrors(MarkerErrors);
+
+impl PoseErrors for DrawnErrors {
+    fn draw(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, seed: u64, draw: u64) -> Motion {
+        self.0.draw(motion, wanted, seed, draw)
+    }
+}
+
+impl ComparedTrial {
+    /// Adds the errors of the markers about the motion, and the drift of the plates estimated from
+    /// the other trials, for the noise floor.
+    pub(super) fn with_errors(
+        mut self,
+        params: &Params,
+        results: Results<'_>,
+        subject: &Subject,
+        readings: &[(String, TareReadings)],
+    ) -> Result<Self, StageFailure> {
+        if let Some(measured) = &self.measured {
+            let others: Vec<&TareReadings> = readings.iter().filter(|r| r.0 != self.name).map(|r| &r.1).collect();
+            let own = readings.iter().find(|r| r.0 == self.name).map(|r| r.1.times_s.clone()).unwrap_or_default();
+            self.drift = PlateDrift::of(&others, &measured.noise_density, own);
+        }
+        if let Some(sensors) = RobotErrors::load(results, &self.unfiltered)? {
+            self.errors = Some(Box::new(sensors));
+            return Ok(self);
+        }
+        let mut subject = subject.clone();
+        let options = fit_options(params.ik_of(&self.name), results, &mut subject)?;
+        let (trial, _) = results.load_labelled_markers(&self.name)?;
+        let errors = MarkerErrors::of(&subject, &trial, &self.unfiltered, &options)
+            .map_err(|e| StageFailure::new(e.to_string()))?;
+        self.errors = errors.map(|e| Box::new(DrawnErrors(e)) as Box<dyn PoseErrors + Send>);
+        Ok(self)
+    }
+
+    /// From the data of a trial's rows; `others` are the trials whose plates say what its own read
+    /// unloaded.
+    pub fn of(
+        params: &Params,
+        results: Results<'_>,
+        role: Role,
+        name: &str,
+        others: &[String],
+        rows: TrialRows,
+    ) -> Result<Self, StageFailure> {
+        let effects = effect_columns(&params.effects, &rows)?;
+        let TrialRows { trial, flights, .. } = &rows;
+        let flights = flights.clone();
+        let (rate_hz, frames) = (rows.motion.rate_hz, rows.motion.n_frames());
+        let measured = if trial.plates.is_empty() {
+            None
+        } else {
+            let filter = Some(low_pass(&params.filter));
+            let m = measured_wrench(name, &trial.plates, rate_hz, frames, filter)
+                .map_err(|e| StageFailure::new(e.to_string()))?;
+            Some(m)
+        };
+        let complete = completely_measured(&rows.covered, &flights, frames);
+        let tares = results.load_tares(name)?;
+        let zero = Zero::of(results, name, &tares, others);
+        let (untared, offset_range) = (measured.is_some() && zero.unknown, zero.range);
+        Ok(Self {
+            name: name.to_owned(),
+            role,
+            filtered: lean(
+                rows.filtered.ok_or_else(|| StageFailure::new(format!("{name}: no filtered motion to compare")))?,
+            ),
+            unfiltered: lean(rows.motion),
+            measured,
+            flights,
+            complete,
+            errors: None,
+            drift: None,
+            effects,
+            untared,
+            offset_range,
+        })
+    }
+}
+
+impl ComparedTrial {
+    /// The trial at an index as input of the comparison; `validation` is true if some trial is held
+    /// out as a whole ([`has_validation`]).
+    pub(super) fn input(
+        &self,
+        i: usize,
+        held_out: HeldOut,
+        validation: bool,
+        left_out: Option<&[bool]>,
+    ) -> TrialInput<'_> {
+        let every = held_out == HeldOut::EveryTrial || !validation;
+        TrialInput {
+            unfiltered: Some(&self.unfiltered),
+            measured: self.measured.as_ref(),
+            complete: Some(&self.complete),
+            errors: self.errors.as_ref().map(|e| &**e as &dyn PoseErrors),
+            drift: self.drift.as_ref(),
+            effects: self.effects.as_ref(),
+            untared: self.untared,
+            offset_range: self.offset_range,
+            held_out_contact: if every { self.measured.is_some() } else { self.role == Role::Validate },
+            held_out_flight: left_out.map_or(every || self.role == Role::Validate, |l| l[i]),
+            ..TrialInput::new(&self.filtered, &self.flights)
+        }
+    }
+}
+
+/// A motion without the parts that the comparison does not read: marker residuals and standard
+/// deviations.
+fn lean(mut motion: Motion) -> Motion {
+    (motion.residual_m, motion.marker_labels, motion.q_sd) = (Vec::new(), Vec::new(), Vec::new());
+    motion
+}
+
+/// Loads the trials for which every earlier stage succeeded.
+pub fn load_trials(
+    params: &Params,
+    results: Results<'_>,
+    calendar: &(dyn Fn() -> Calendar + Sync),
+    trials: &[(String, Role)],
+) -> Result<Vec<ComparedTrial>, StageFailure> {
+    let subject = results.load_subject("calibrate")?;
+    let names: Vec<String> = trials.iter().map(|(name, _)| name.clone()).collect();
+    trials
+        .par_iter()
+        .map(|(name, role)| {
+            let rows = TrialRows::load(results, Some(&params.filter), &calendar, name, &subject)?;
+            ComparedTrial::of(params, results, *role, name, &names, rows)
+        })
+        .collect()
+}
+
+/// Frames in which all external forces are known: in flight always; on the ground only where the
+/// plates measure all that the body touches.
+fn completely_measured(covered: &[bool], flights: &[Range<usize>], frames: usize) -> Vec<bool> {
+    (0..frames).map(|f| flights.iter().any(|r| r.contains(&f)) || covered.get(f).copied().unwrap_or(false)).collect()
+}
+
+/// True if a trial that takes no part in identification was measured by plates; models are then
+/// judged on such trials. Otherwise every trial in turn is left out.
+pub fn has_validation(trials: &[ComparedTrial]) -> bool {
+    trials.iter().any(|t| t.role == Role::Validate && t.measured.is_some())
+}
+
+/// Which trials count as held out when a pipeline's models are compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HeldOut {
+    /// Trials that take no part in identification; every trial if there are none (models then have
+    /// one set of parameters per trial).
+    Validation,
+    /// Every trial (models have one set of parameters per trial).
+    EveryTrial,
+}
