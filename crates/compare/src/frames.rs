@@ -189,8 +189,12 @@ pub(crate) fn trial_frames(
             sums.add(e, &r.world_from_root.rotation);
         }
     }
-    let offsets = samples
-        .map_or_else(|| vec![None; candidates.len()], |s| s.offsets(motion.rate_hz, input.offset_range.as_ref()));
+    let mass_kg = options.mass_kg.unwrap_or_else(|| body.prior.iter().map(|p| p[0]).sum());
+    let weight_n = mass_kg * model.gravity_mps2.norm();
+    let offsets = samples.map_or_else(
+        || vec![None; candidates.len()],
+        |s| s.offsets(motion.rate_hz, input.offset_range.as_ref(), weight_n),
+    );
     take_off(&mut out_records, &offsets);
     let [contact_segments, flight_segments] = segments(body, candidates.len(), input, &out_records);
     TrialFrames { records: out_records, series, contact_segments, flight_segments, offsets, contact_as_measured }

@@ -21,7 +21,8 @@
 //! A constant that the plates do not show elsewhere in the session is no offset: a body heavier than
 //! stated, a gain, a foot beside the plates leave a constant, too. Where other recordings of the
 //! session show the plates unloaded, the constant is limited to the range of their readings
-//! ([`OffsetRange`]), and what exceeds it counts as error of the model.
+//! ([`OffsetRange`]), and what exceeds it counts as error of the model. Horizontal moments may exceed
+//! it by the weight times 3 mm, because the mean place of the centre of mass is not known better.
 //!
 //! Means are Huber's M-estimates, about the mean position of the root (where the moments of noise
 //! in the force are small), axis by axis.
@@ -82,12 +83,17 @@ impl OffsetRange {
     }
     /// True if a reading lies within the range.
     pub fn contains(&self, reading: &Vector6<f64>) -> bool {
-        self.limit(reading) == *reading
+        self.limit(reading, 0.0) == *reading
     }
-    fn limit(&self, found: &Vector6<f64>) -> Vector6<f64> {
-        Vector6::from_fn(|i, _| found[i].clamp(self.low[i], self.high[i]))
+    fn limit(&self, found: &Vector6<f64>, weight_n: f64) -> Vector6<f64> {
+        // the mean place of the centre of mass is known to some millimetres only
+        let more = |i: usize| if i == 3 || i == 4 { CENTRE_M * weight_n } else { 0.0 };
+        Vector6::from_fn(|i, _| found[i].clamp(self.low[i] - more(i), self.high[i] + more(i)))
     }
 }
+
+/// Uncertainty of the mean place of a body's centre of mass, from soft tissue and joint centres, m.
+const CENTRE_M: f64 = 0.003;
 
 /// Shortest contact from which an offset is estimated, s: over a shorter time a movement of the
 /// body cannot be distinguished from a constant.
@@ -129,12 +135,19 @@ impl OffsetSamples {
         self.excess.iter_mut().zip(excess).for_each(|(all, e)| all.push(e));
     }
 
-    /// Offset for each model, limited to `range`; none where too few frames have a value.
-    pub fn offsets(&self, rate_hz: f64, range: Option<&OffsetRange>) -> Vec<Option<RecordingOffset>> {
-        self.excess.iter().map(|excess| self.offset(excess, rate_hz, range)).collect()
+    /// Offset for each model, limited to `range` for a body of this weight; none where too few frames
+    /// have a value.
+    pub fn offsets(&self, rate_hz: f64, range: Option<&OffsetRange>, weight_n: f64) -> Vec<Option<RecordingOffset>> {
+        let within = |whole: &Vector6<f64>| range.map_or(*whole, |r| r.limit(whole, weight_n));
+        self.excess.iter().map(|excess| self.offset(excess, rate_hz, within)).collect()
     }
 
-    fn offset(&self, excess: &[Vector6<f64>], rate_hz: f64, range: Option<&OffsetRange>) -> Option<RecordingOffset> {
+    fn offset(
+        &self,
+        excess: &[Vector6<f64>],
+        rate_hz: f64,
+        within: impl Fn(&Vector6<f64>) -> Vector6<f64>,
+    ) -> Option<RecordingOffset> {
         let finite: Vec<(&Vector3<f64>, &Vector6<f64>)> =
             self.root.iter().zip(excess).filter(|(p, e)| p.iter().chain(e.iter()).all(|x| x.is_finite())).collect();
         let n = finite.len();
@@ -152,7 +165,7 @@ impl OffsetSamples {
         let mean = Vector6::from_fn(|axis, _| huber_mean(about_center.iter().map(|e| e[axis]).collect()));
         let (force, moment) = halves(&mean);
         let whole = joined(&force, &(moment + center.cross(&force)));
-        let taken = range.map_or(whole, |r| r.limit(&whole));
+        let taken = within(&whole);
         let (force, moment) = halves(&taken);
         mean.iter().all(|x| x.is_finite()).then_some(RecordingOffset {
             force_n: force.into(),
@@ -213,12 +226,12 @@ mod tests {
             let heavy = joined(&Vector3::new(0.0, 0.0, 25.0), &-moved.cross(&Vector3::new(0.0, 0.0, 25.0)));
             samples.add(moved, [plain, heavy].into_iter());
         }
-        let found = samples.offsets(100.0, Some(&range));
+        let found = samples.offsets(100.0, Some(&range), 0.0);
         let (plain, heavy) = (found[0].unwrap(), found[1].unwrap());
         assert!((plain.force_n[2] - 1.1).abs() < 1e-6 && plain.beyond.is_none(), "{plain:?}");
         let beyond = heavy.beyond.unwrap();
         assert!(heavy.force_n[2] < 3.0 && (heavy.force_n[2] + beyond[2] - 25.0).abs() < 1e-6, "{heavy:?}");
-        assert!((samples.offsets(100.0, None)[1].unwrap().force_n[2] - 25.0).abs() < 1e-6);
+        assert!((samples.offsets(100.0, None, 0.0)[1].unwrap().force_n[2] - 25.0).abs() < 1e-6);
         assert!(OffsetRange::of(&readings[..2]).is_none());
     }
 
