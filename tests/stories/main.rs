@@ -23,6 +23,7 @@ mod robot;
 mod settings;
 mod several_effects;
 mod stated_mass;
+mod studio;
 mod support;
 mod surfaces;
 mod workflow;

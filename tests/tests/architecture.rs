@@ -30,6 +30,7 @@ const ORDER: [&str; 24] = [
     "pipeline",
     "analysis",
     "report",
+    "studio",
     "cli",
     "py",
 ];

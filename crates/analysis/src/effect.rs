@@ -8,7 +8,7 @@ use crate::unknowns::{self, Examples};
 use crate::visible::refuse_invisible;
 use aloft_body::Subject;
 use aloft_discover::Discovery;
-use aloft_effects::{ActsIn, EFFECTS, EffectKind, Family, FormulaEffect, Scene};
+use aloft_effects::{ActsIn, EFFECTS, EffectInstance, EffectKind, Family, FormulaEffect, Scene};
 use aloft_pipeline::runner::{Ended, Progress, RunReport, TaskReport, run_held};
 use aloft_study::catalog;
 use aloft_study::config::PipelineConfig;
@@ -202,27 +202,14 @@ pub fn add(
         if let Some(path) = &written {
             notes.push(format!("the law is an effect of your own now: {}", path.display()));
         }
-        let mut scene = scene(session)?;
         let mut effects = all.effects();
-        let found: Option<Kept<Discovery>> = seal::read_if_there(&session.workspace.join("discovery.json"))?;
-        let suggestion = found.as_ref().and_then(|d| suggestion(&d.answer, key));
-        if suggestion.is_some() && found.as_ref().is_some_and(|d| d.made_from != looked_at(session)) {
+        let asked = Asked::read(session)?;
+        if asked.names(key) && !asked.is_of(session) {
             notes.push(format!("the values of {key} come from a `discover` on other results; ask it again to be sure"));
         }
-        let volume: Option<Volume> = seal::read_if_there(&session.workspace.join("discovery_volume.json"))?;
-        if let Some(v) = &volume {
-            (scene.volume_center_m, scene.volume_reach_m) = (v.middle_m.into(), v.reach_m);
-        }
-        let mut chosen = suggestion.unwrap_or_else(|| ModelEffect { key: key.to_owned(), ..ModelEffect::default() });
-        chosen.volume_m = volume.map(|v| (v.middle_m, v.reach_m));
-        chosen.nonlinear.extend(set.iter().cloned());
-        if !set.is_empty() {
-            // parameters stated by the user are not fitted
-            chosen.widening.clear();
-        }
+        let scene = asked.scene(session)?;
         let known = KnownEffects::of(&session.own_effects, &scene)?;
-        let choice = known.choice(&scene, &chosen)?;
-        chosen.key = choice.key(&scene);
+        let (chosen, choice) = asked.chosen(&known, &scene, key, set)?;
         if effects.iter().any(|e| e.key == chosen.key) {
             return Err(PipelineError::request_hint(
                 format!("the model holds `{}` already", chosen.key),
@@ -235,6 +222,68 @@ pub fn add(
         refuse_invisible(session, &effects, &choice, &scene)?;
         Ok(all.next(action, effects))
     })
+}
+
+/// The last discovery of a workspace, from which effects take the values of their nonlinear
+/// parameters.
+#[derive(Debug, Default)]
+pub struct Asked {
+    /// The answer; none if nothing was asked.
+    pub found: Option<Discovery>,
+    /// Hash of the results that it was computed from.
+    made_from: Option<String>,
+    volume: Option<Volume>,
+}
+
+impl Asked {
+    /// Reads what is stored in the workspace.
+    pub fn read(session: &SubjectSession) -> Result<Self, PipelineError> {
+        let kept: Option<Kept<Discovery>> = seal::read_if_there(&session.workspace.join("discovery.json"))?;
+        let (found, made_from) = kept.map(|k| (k.answer, k.made_from)).unzip();
+        let volume = seal::read_if_there(&session.workspace.join("discovery_volume.json"))?;
+        Ok(Self { found, made_from, volume })
+    }
+
+    /// True if it was computed from the present results.
+    pub fn is_of(&self, session: &SubjectSession) -> bool {
+        self.made_from.as_ref().is_some_and(|from| *from == looked_at(session))
+    }
+
+    /// True if it holds values for an effect.
+    fn names(&self, key: &str) -> bool {
+        self.found.as_ref().is_some_and(|d| suggestion(d, key).is_some())
+    }
+
+    /// The scene in which its columns were formed.
+    pub fn scene(&self, session: &SubjectSession) -> Result<Scene, PipelineError> {
+        let mut scene = scene(session)?;
+        if let Some(v) = &self.volume {
+            (scene.volume_center_m, scene.volume_reach_m) = (v.middle_m.into(), v.reach_m);
+        }
+        Ok(scene)
+    }
+
+    /// An effect as `effect add` stores it in a model, with values from the discovery and those of
+    /// the user.
+    pub fn chosen<'k>(
+        &self,
+        known: &'k KnownEffects,
+        scene: &Scene,
+        key: &str,
+        set: &[(String, f64)],
+    ) -> Result<(ModelEffect, EffectInstance<'k>), PipelineError> {
+        let suggestion = self.found.as_ref().and_then(|d| suggestion(d, key));
+        let mut chosen = suggestion.unwrap_or_else(|| ModelEffect { key: key.to_owned(), ..ModelEffect::default() });
+        chosen.volume_m = self.volume.map(|v| (v.middle_m, v.reach_m));
+        chosen.nonlinear.extend(set.iter().cloned());
+        if !set.is_empty() {
+            // parameters stated by the user are not fitted
+            chosen.widening.clear();
+        }
+        let choice = known.choice(scene, &chosen)?;
+        chosen.key = choice.key(scene);
+        Ok((chosen, choice))
+    }
 }
 
 /// Writes a law that the last discovery found as a file in the folder `effects` beside the pipeline,
@@ -305,6 +354,21 @@ pub fn remove(
             ));
         }
         Ok(all.next(format!("remove {key}"), effects))
+    })
+}
+
+/// Takes the last revision back: a new revision with the effects of the one before it.
+pub fn undo(
+    session: &SubjectSession,
+    wait: bool,
+    progress: &dyn Progress,
+) -> Result<(RunReport, History), PipelineError> {
+    change(session, wait, progress, |_, all, _| {
+        let before = all.revisions.iter().rev().nth(1).map(|r| r.effects.clone());
+        match (before, all.revisions.last()) {
+            (Some(before), Some(last)) => Ok(all.next(format!("undo {}", last.action), before)),
+            _ => Err(PipelineError::request_hint("there is nothing to undo", "the model has no effect yet")),
+        }
     })
 }
 

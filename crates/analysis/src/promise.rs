@@ -1,20 +1,24 @@
-//! The error that the model will have with the effects that a discovery found, before any is added:
-//! the stages that `effect add` runs, on a copy of the workspace, so that the promised number is the
-//! one that the ladder shows afterwards.
+//! What a change would give, before it is made: the stages that `run` and `effect add` run, on a copy
+//! of the workspace, so that the promised number is the one that the ladder shows afterwards.
 
 use crate::compare::{ComparisonView, compare};
 use crate::discover::Volume;
 use crate::effect::suggestion;
 use crate::freshness::freshness;
+use crate::held_out::HeldOutError;
 use crate::history::reached;
 use aloft_discover::{Discovery, FoundLaw};
-use aloft_pipeline::progress::Silent;
+use aloft_identify::EffectEstimate;
+use aloft_pipeline::progress::{Progress, Silent};
 use aloft_pipeline::runner::run_held;
 use aloft_study::effects::OwnEffect;
-use aloft_study::revision::Revisions;
+use aloft_study::revision::{ModelEffect, ReachedCoefficient, Revisions};
+use aloft_study::settings::{ADJUSTABLE, Adjustable, number_at, with_numbers};
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::workspace::Workspace;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
@@ -30,12 +34,8 @@ pub(crate) fn promised(
     if (found.found.is_empty() && laws.is_empty()) || !freshness(session)?.is_current() {
         return Ok(None);
     }
-    let mut all = Revisions::load(&session.workspace)?;
-    let now = reached(session, &compare(session)?)?;
-    if let Some(last) = all.revisions.last_mut() {
-        last.reached = Some(now);
-    }
-    let mut effects = all.effects();
+    let with = with_reference(session)?;
+    let mut effects = with.effects.clone();
     let keys = found.found.iter().map(|f| &f.key).chain(laws.iter().map(|l| &l.id));
     for key in keys {
         let Some(mut effect) = suggestion(found, key) else { continue };
@@ -46,24 +46,147 @@ pub(crate) fn promised(
     for law in laws {
         own_effects.push(OwnEffect::described(&law.effect)?);
     }
-    let beside = session.workspace.parent().unwrap_or(Path::new("."));
+    on_a_copy(SubjectSession { effects, own_effects, ..with }, &Silent, compare).map(Some)
+}
+
+/// What differs from the pipeline when a model is tried.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Changes {
+    /// Numbers by their place in the pipeline file.
+    pub settings: BTreeMap<String, f64>,
+    /// Recordings to leave out.
+    pub left_out: Vec<String>,
+    /// Recordings that the pipeline excludes, to take in.
+    pub taken_in: Vec<String>,
+}
+
+impl Changes {
+    /// The study with these changes.
+    ///
+    /// # Errors
+    /// A setting that does not exist or is out of range, a recording that does not exist.
+    pub fn applied(&self, session: &SubjectSession) -> Result<SubjectSession, PipelineError> {
+        let mut out = session.clone();
+        out.config = with_numbers(&session.config, &self.settings)?;
+        for name in self.left_out.iter().chain(&self.taken_in) {
+            let names: Vec<&str> = session.trials.iter().map(|t| t.name.as_str()).collect();
+            let Some(at) = out.trials.iter_mut().find(|t| t.name == *name) else {
+                let hint = aloft_study::nearest::hint(name, &names, "there are");
+                return Err(PipelineError::request_hint(format!("there is no recording `{name}`"), hint));
+            };
+            at.excluded = self.left_out.contains(name).then(|| "left out to see what changes".to_owned());
+        }
+        Ok(out)
+    }
+}
+
+/// A setting that can be tried, with its present value.
+#[derive(Debug, Clone, Serialize)]
+pub struct Setting {
+    /// Place in the pipeline file.
+    pub path: String,
+    /// Title.
+    pub title: String,
+    /// Unit; empty for none.
+    pub unit: String,
+    /// What the value means.
+    pub note: String,
+    /// Value in the pipeline.
+    pub value: f64,
+}
+
+/// Settings that can be tried, weights of single markers last.
+pub fn settings(session: &SubjectSession) -> Vec<Setting> {
+    let of = |a: &Adjustable| {
+        let value = number_at(&session.config, a.path)?;
+        let text = |s: &str| s.to_owned();
+        Some(Setting { path: text(a.path), title: text(a.title), unit: text(a.unit), note: text(a.note), value })
+    };
+    let of_marker = |m: &aloft_trial::MarkerDefinition| Setting {
+        path: format!("ik.weights.{}", m.label),
+        title: format!("Marker weight {}", m.label),
+        unit: String::new(),
+        note: String::new(),
+        value: session.config.ik.weights.get(&m.label).copied().unwrap_or(m.weight),
+    };
+    let markers: Vec<Setting> = session.marker_set.markers.iter().map(of_marker).collect();
+    ADJUSTABLE.iter().filter_map(of).chain(markers).collect()
+}
+
+/// A model computed by all stages.
+#[derive(Debug, Clone, Serialize)]
+pub struct Tried {
+    /// Keys of its effects.
+    pub effects: Vec<String>,
+    /// Held-out error, noise floor and their ratio, in flight and in held-out contact.
+    pub errors: Vec<HeldOutError>,
+    /// Coefficients of its effects.
+    pub coefficients: Vec<ReachedCoefficient>,
+    /// Base parameters: name, value, 95 % interval, unit.
+    pub base: Vec<(String, f64, Option<[f64; 2]>, String)>,
+    /// Number of recordings in the comparison.
+    pub trials: usize,
+}
+
+/// A model with these effects and changes, computed by the stages that `run` and `effect add` run, on
+/// a copy of the workspace.
+///
+/// # Errors
+/// Changes that cannot be made; stages that fail with them.
+pub fn tried(
+    session: &SubjectSession,
+    effects: Vec<ModelEffect>,
+    changes: &Changes,
+    progress: &dyn Progress,
+) -> Result<Tried, PipelineError> {
+    let with = changes.applied(&with_reference(session)?)?;
+    on_a_copy(SubjectSession { effects: effects.clone(), ..with }, progress, |done| {
+        let view = compare(done)?;
+        let parameters = crate::parameters::parameters(done, None)?.parameters;
+        let base = parameters.base.iter().map(|b| (b.name.clone(), b.value, b.ci95, b.unit.clone()));
+        let of =
+            |e: &EffectEstimate| ReachedCoefficient { name: e.name.clone(), value: e.value, se: e.se, ci95: e.ci95 };
+        Ok(Tried {
+            effects: effects.iter().map(|e| e.key.clone()).collect(),
+            trials: view.comparison.first.trials.len(),
+            errors: view.errors,
+            coefficients: parameters.effects.iter().filter(|e| e.not_determined.is_none()).map(of).collect(),
+            base: base.collect(),
+        })
+    })
+}
+
+/// The study with the effects of its present model, and with the body about which columns of
+/// effects are formed: that of the model without effects, as `effect add` stores it.
+pub(crate) fn with_reference(session: &SubjectSession) -> Result<SubjectSession, PipelineError> {
+    let mut all = Revisions::load(&session.workspace)?;
+    let now = reached(session, &compare(session)?)?;
+    if let Some(last) = all.revisions.last_mut() {
+        last.reached = Some(now);
+    }
+    Ok(SubjectSession { effects: all.effects(), plain_base: all.plain_base(), ..session.clone() })
+}
+
+/// Brings a changed study up to date on a copy of its workspace, and reads the copy. The workspace
+/// itself stays as it is; results that the change does not concern are not computed again.
+pub(crate) fn on_a_copy<T>(
+    changed: SubjectSession,
+    progress: &dyn Progress,
+    read: impl FnOnce(&SubjectSession) -> Result<T, PipelineError>,
+) -> Result<T, PipelineError> {
+    let beside = changed.workspace.parent().unwrap_or(Path::new("."));
     let copy = tempfile::Builder::new()
         .prefix(".aloft-promise")
         .tempdir_in(beside)
         .map_err(PipelineError::io("create a folder in", beside))?;
-    link_all(&session.workspace, copy.path())?;
-    let with = SubjectSession {
-        workspace: copy.path().to_path_buf(),
-        effects,
-        own_effects,
-        plain_base: all.plain_base(),
-        ..session.clone()
-    };
+    link_all(&changed.workspace, copy.path())?;
+    let with = SubjectSession { workspace: copy.path().to_path_buf(), ..changed };
     let lock = Workspace::open(copy.path()).lock(Duration::ZERO)?;
-    run_held(&with, &lock, &Silent)?;
-    let view = compare(&with)?;
+    run_held(&with, &lock, progress)?;
+    let out = read(&with);
     drop(lock);
-    Ok(Some(view))
+    out
 }
 
 /// Files beside the stages' folders that the copy needs: the layout of the workspace, and the hashes

@@ -450,6 +450,21 @@ pub enum Command {
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
     },
+    /// Open the report as a live page in the browser: switch effects, keep them, try settings.
+    #[command(
+        after_help = "Examples:\n  aloft studio P.yaml\n  aloft studio P.yaml --port 8080 --no-open\n  aloft studio study.yaml --subject sub-02\n\nThe page is served to this machine only, at an address that holds a random token. Nothing in the workspace changes until `Keep` is pressed. Ctrl-C ends it."
+    )]
+    Studio {
+        /// The pipeline.
+        #[command(flatten)]
+        pipeline: PipelineArgs,
+        /// Port on this machine (any free one where not given).
+        #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+        port: u16,
+        /// Print the address and open no browser.
+        #[arg(long)]
+        no_open: bool,
+    },
     /// Write files for other programs: OpenSim, C3D, Parquet, CSV, BIDS-Motion, URDF, MuJoCo; a README says what each is.
     #[command(
         after_help = export_help(),

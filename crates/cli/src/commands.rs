@@ -2,7 +2,7 @@
 
 use crate::args::{AnglesArg, Cli, Command, EffectAction, EngineArg, MarkerSetAction, PipelineArgs, RowsArg};
 use crate::each::{broken, each, each_result, fail, heading, notice};
-use crate::open::{description_of, open, open_all};
+use crate::open::{description_of, open, open_all, opener};
 use crate::progress::{Bars, Counted, Waiting};
 use crate::render::{command, json, note, out, table};
 use crate::screen::{Cell, labelled};
@@ -178,6 +178,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
                 |session: &SubjectSession| aloft_report::write(session, target.as_deref()).map(|path| Written { path });
             each_result(&pipeline, strict, false, &[], write, |done| out(done.path.display()))
         }
+        Command::Studio { pipeline, port, no_open } => studio(&pipeline, port, no_open),
         Command::Export { pipeline, strict, to, format, trial, angles } => {
             let angles = angles.map(|a| match a {
                 AnglesArg::Model => Angles::Model,
@@ -650,4 +651,17 @@ fn show_explanation(found: &status::Explanation, trial: &str, stage: &str, whole
         out(format!("    {name} {}", hash.get(..12).unwrap_or(hash)))?;
     }
     Ok(())
+}
+
+/// Serves the live page until the process ends.
+fn studio(pipeline: &PipelineArgs, port: u16, no_open: bool) -> Result<Success, Stop> {
+    let server = aloft_studio::Server::bind(opener(pipeline)?, port)?;
+    let address = server.address();
+    out(&address)?;
+    note("the page is for this machine only; Ctrl-C ends it");
+    if !no_open && let Err(e) = open::that_detached(&address) {
+        note(format!("no browser could be opened ({e}); open the address above"));
+    }
+    server.run()?;
+    Ok(Success::Full)
 }

@@ -21,6 +21,14 @@ pub fn open(args: &PipelineArgs) -> Result<SubjectSession, Stop> {
     Ok(open_all(args)?.only()?)
 }
 
+/// Opens the one study of a pipeline again and again; the first time here, so that its notes are shown
+/// once.
+pub fn opener(args: &PipelineArgs) -> Result<aloft_studio::Opener, Stop> {
+    open(args)?;
+    let args = args.clone();
+    Ok(Box::new(move || DataSet::open(&args.pipeline, &overrides(&args))?.only()))
+}
+
 /// All subjects and sessions selected on the command line.
 pub fn open_all(args: &PipelineArgs) -> Result<DataSet, Stop> {
     let set = DataSet::open(&args.pipeline, &overrides(args))?;

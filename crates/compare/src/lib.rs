@@ -61,3 +61,4 @@ pub use noise_floor::{Floor, NoiseFloor, Smooth, noise_root};
 pub use offset::{OffsetRange, RecordingOffset};
 pub use phase::Phase;
 pub use segments::SegmentShare;
+pub use windows::{WindowRows, size_of_windows};

@@ -11,8 +11,94 @@ use crate::phase::weak_stretches;
 use crate::{Body, Candidate, CompareError, CompareOptions, RecordingOffset, TrialInput};
 use aloft_body::Motion;
 use aloft_regressor::{Acting, RegressorError, Stretch, WeakOptions, WeakRows, weak_rows};
-use nalgebra::{DVector, Vector3, Vector6};
+use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use std::ops::Range;
+
+/// The weak windows of one trial as rows, from which the error of any model follows without its
+/// frames.
+#[derive(Debug, Clone)]
+pub struct WindowRows {
+    /// Six rows per window, `[Y_B | −E | w]` over ∫ψ: force (N), then moment (N·m), world axes.
+    rows: DMatrix<f64>,
+    /// Names of the effects' columns.
+    effects: Vec<String>,
+    /// Middle of each window since the first frame, s.
+    pub center_s: Vec<f64>,
+    /// True for windows in flight, false for contact; contact comes first.
+    pub in_flight: Vec<bool>,
+    /// Mean of the point about which moments are taken, m.
+    path: Vec<Vector3<f64>>,
+}
+
+impl WindowRows {
+    /// Forms the rows of a trial; none without unfiltered motion.
+    ///
+    /// # Errors
+    /// Rows that cannot be formed.
+    pub fn of(body: &Body<'_>, input: &TrialInput<'_>, options: &CompareOptions) -> Result<Option<Self>, CompareError> {
+        let Some(motion) = input.unfiltered else { return Ok(None) };
+        let (contact, flights) = stretches(input, motion, options);
+        let effects = input.effects.map_or_else(Vec::new, |e| e.names.clone());
+        let acting = Acting { measured: input.measured.map(|m| m.unfiltered.as_slice()), effects: input.effects };
+        let runs =
+            contact.iter().enumerate().map(|run| (run, false)).chain(flights.iter().enumerate().map(|run| (run, true)));
+        let mut out =
+            Self { rows: DMatrix::zeros(0, 0), effects, center_s: Vec::new(), in_flight: Vec::new(), path: Vec::new() };
+        let mut parts: Vec<DMatrix<f64>> = Vec::new();
+        for ((i, run), flying) in runs {
+            let Some(rows) = run_rows(body, motion, i, run, flying, acting, options)? else { continue };
+            let per_second = 1.0 / rows.test.integral_s();
+            let m = &rows.matrix;
+            parts.push(DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)] * per_second));
+            out.center_s.extend(rows.centers.iter().map(|c| *c as f64 / motion.rate_hz));
+            out.in_flight.extend(rows.centers.iter().map(|_| flying));
+            out.path.extend(path(&rows));
+        }
+        let columns = body.base.len() + out.effects.len() + 1;
+        out.rows = DMatrix::zeros(parts.iter().map(DMatrix::nrows).sum(), columns);
+        let mut at = 0;
+        for part in parts {
+            out.rows.view_mut((at, 0), part.shape()).copy_from(&part);
+            at += part.nrows();
+        }
+        Ok(Some(out))
+    }
+
+    /// Error of a model in each window: base parameters, coefficients of effects by name (effects
+    /// without a column here are absent), and the offset of an untared recording, which acts in
+    /// contact.
+    pub fn errors(
+        &self,
+        base: &DVector<f64>,
+        coefficients: &[(String, f64)],
+        offset: Option<&RecordingOffset>,
+    ) -> Vec<Vector6<f64>> {
+        let p = base.len();
+        let mut all = self.rows.columns(0, p) * base - self.rows.column(self.rows.ncols() - 1);
+        for (name, theta) in coefficients {
+            if let Some(k) = self.effects.iter().position(|e| e == name) {
+                all.axpy(*theta, &self.rows.column(p + k), 1.0);
+            }
+        }
+        let offset = offset.map(RecordingOffset::wrench);
+        let one = |w: usize| {
+            let e = Vector6::from_fn(|axis, _| all[6 * w + axis]);
+            offset.as_ref().filter(|_| !self.in_flight[w]).map_or(e, |o| e + about(o, &self.path[w]))
+        };
+        (0..self.center_s.len()).map(one).collect()
+    }
+}
+
+/// The held-out error over windows, N: root mean square of the force, with the moment over a lever of
+/// 0.1 m, as [`WindowErrors::size`](crate::WindowErrors::size); with force (N) and moment (N·m)
+/// alone. None without windows.
+pub fn size_of_windows<'a>(errors: impl IntoIterator<Item = &'a Vector6<f64>>) -> Option<(f64, f64, f64, usize)> {
+    let mut sums = Sums::default();
+    errors.into_iter().for_each(|e| sums.add(e));
+    let windows = sums.windows();
+    (windows.windows > 0)
+        .then(|| (windows.size(), windows.force_n.norm_rms(), windows.moment_nm.norm_rms(), windows.windows))
+}
 
 /// Errors over the windows of one trial, `[contact, flight]` for each model.
 #[derive(Debug, Clone)]
@@ -137,16 +223,28 @@ pub(crate) fn window_residuals(
     parameters: &[&DVector<f64>],
     coefficients: &[DVector<f64>],
 ) -> Result<RunWindows, CompareError> {
-    let nothing =
-        || Ok(RunWindows { residual: vec![Vec::new(); parameters.len()], path: Vec::new(), centers: Vec::new() });
-    let Some((stretch, weak)) = windows_of(motion, index, run, flying, options) else { return nothing() };
+    let nothing = RunWindows { residual: vec![Vec::new(); parameters.len()], path: Vec::new(), centers: Vec::new() };
+    Ok(run_rows(body, motion, index, run, flying, acting, options)?.map_or(nothing, |rows| RunWindows {
+        residual: residuals(&rows, parameters, coefficients),
+        path: path(&rows),
+        centers: rows.centers,
+    }))
+}
+
+/// Weak rows of one run; none if it is too short for a window.
+fn run_rows(
+    body: &Body<'_>,
+    motion: &Motion,
+    index: usize,
+    run: &Range<usize>,
+    flying: bool,
+    acting: Acting<'_>,
+    options: &CompareOptions,
+) -> Result<Option<WeakRows>, CompareError> {
+    let Some((stretch, weak)) = windows_of(motion, index, run, flying, options) else { return Ok(None) };
     match weak_rows(body.model, body.base, body.prior, motion, &stretch, acting, &weak) {
-        Ok(rows) => Ok(RunWindows {
-            residual: residuals(&rows, parameters, coefficients),
-            path: path(&rows),
-            centers: rows.centers,
-        }),
-        Err(RegressorError::TooShort { .. }) => nothing(),
+        Ok(rows) => Ok(Some(rows)),
+        Err(RegressorError::TooShort { .. }) => Ok(None),
         Err(error) => Err(error.into()),
     }
 }

@@ -4,6 +4,7 @@ use crate::Page;
 use minijinja::syntax::SyntaxConfig;
 use minijinja::value::Serde;
 use minijinja::{AutoEscape, Environment, Value, context};
+use serde::Serialize;
 
 /// Errors of this crate.
 #[derive(Debug, thiserror::Error)]
@@ -81,8 +82,29 @@ fn prose(text: &str) -> Value {
     Value::from_safe_string(if paired { parts.iter().enumerate().map(set).collect() } else { escape(text) })
 }
 
+/// What makes a page live: a panel beside the chapters with its style and its script, which may talk
+/// to the server that the page came from, and to no other.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct Live<'a> {
+    /// HTML of the panel.
+    pub panel: &'a str,
+    /// Style, after that of the page.
+    pub style: &'a str,
+    /// Script, after those of the page, whose functions it can call.
+    pub script: &'a str,
+}
+
 /// Renders the page as one HTML text without external files.
 pub fn render(page: &Page) -> Result<String, ReportError> {
+    render_with(page, None)
+}
+
+/// Renders the page with a live panel, for a server.
+pub fn render_live(page: &Page, live: &Live<'_>) -> Result<String, ReportError> {
+    render_with(page, Some(live))
+}
+
+fn render_with(page: &Page, live: Option<&Live<'_>>) -> Result<String, ReportError> {
     let mut env = Environment::new();
     env.set_auto_escape_callback(|_| AutoEscape::Html);
     env.set_syntax(SyntaxConfig::builder().trim_blocks(true).lstrip_blocks(true).build()?);
@@ -92,9 +114,10 @@ pub fn render(page: &Page) -> Result<String, ReportError> {
     env.add_function("prose", prose);
     let html = env.get_template("page.html")?.render(context! {
         page => Serde(page),
+        live => Serde(live),
         libraries => libraries(page),
         nonce => nonce(page),
-        style => [include_str!("../vendor/uplot.min.css"), include_str!("../templates/page.css"), include_str!("../templates/figures.css")].join("\n"),
+        style => [include_str!("../vendor/uplot.min.css"), include_str!("../templates/page.css"), include_str!("../templates/figures.css"), live.map_or("", |l| l.style)].join("\n"),
         scripts => SCRIPTS.concat(),
     })?;
     Ok(html)
@@ -184,6 +207,14 @@ mod tests {
         let html = render(&sample()).unwrap();
         assert!(html.contains("<use href=\"#light-poor\"/></svg><b class=\"word poor\">poor</b>"), "in the table");
         assert!(html.contains("role=\"img\" aria-label=\"fair\""), "in the list of chapters");
+    }
+
+    #[test]
+    fn only_a_live_page_may_talk_to_its_server() {
+        let live = Live { panel: "<aside>p</aside>", style: ".p {}", script: "go()" };
+        let html = render_live(&sample(), &live).unwrap();
+        assert!(html.contains("<aside>p</aside>") && html.contains("go()") && html.contains("connect-src 'self'"));
+        assert!(!render(&sample()).unwrap().contains("connect-src"));
     }
 
     #[test]

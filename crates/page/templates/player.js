@@ -1,6 +1,6 @@
 // Player: time, view, switches, keyboard. Drawn by `player_gl.js`, or by `player_canvas.js` where the browser has no WebGL.
 const Player = (() => {
-  const PLAYERS = new Set();
+  const PLAYERS = new Set(), OPEN = new Map();
   const { make } = Numbers;
   const PARTS = [["segments", "segments"], ["markers", "markers"], ["errors", "marker errors"], ["centre", "centre of mass"], ["forces", "forces"], ["effects", "effects"], ["ghost", "without effects"]];
   const KEYS = [["space", "play, pause"], ["← →", "one frame"], ["[ ]", "previous, next flight"], ["Home End", "first, last frame"], ["shift + arrows", "turn"], ["+ −", "zoom"], ["f", "follow the body"], ["1 2 3 4", "3-D, side, front, top"]];
@@ -161,6 +161,7 @@ const Player = (() => {
     hint.textContent = words;
     new ResizeObserver(render).observe(canvas);
     PLAYERS.add(render);
+    OPEN.set(el, { scene, render });
     Time.on(d.recording, el, (seconds) => {
       let k = 0, high = n - 1;
       while (high - k > 1) { const m = (k + high) >> 1; if (d.t[m] <= seconds) k = m; else high = m; }
@@ -168,5 +169,5 @@ const Player = (() => {
     });
     render();
   };
-  return { draw: build, rows: PlayerScene.rows, renderAll: () => PLAYERS.forEach((r) => r()) };
+  return { draw: build, rows: PlayerScene.rows, of: (el) => OPEN.get(el), renderAll: () => PLAYERS.forEach((r) => r()) };
 })();

@@ -234,15 +234,21 @@ impl Factor {
                 }
             }
         }
-        picked.push(self.columns.len() - 1);
+        let last = self.columns.len() - 1;
+        picked.push(last);
         let dense = self.dense();
-        let rows = Mat::from_fn(dense.nrows(), picked.len(), |i, j| dense[(i, picked[j])]);
+        // the rows of the parameters' columns stay triangular; only those below are reduced again
+        let above = p.min(dense.nrows());
+        let mut packed: Vec<f64> =
+            (0..above).flat_map(|i| picked[i..].iter().map(move |&j| (i, j))).map(|at| dense[at]).collect();
+        let below = Mat::from_fn(dense.nrows() - above, picked.len() - p, |i, j| dense[(above + i, picked[p + j])]);
+        packed.extend(packed_triangle(below.as_ref()));
         let columns = Columns {
             parameters: self.columns.parameters.clone(),
             effects: effects.iter().map(|&e| e.to_owned()).collect(),
         };
         let mut out = self.clone();
-        out.packed = packed_triangle(rows.as_ref());
+        out.packed = packed;
         out.columns = columns;
         Ok(out)
     }

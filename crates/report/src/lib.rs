@@ -31,7 +31,7 @@ mod story;
 mod trial;
 mod wording;
 
-use aloft_page::{Chapter, Page, render};
+use aloft_page::{Chapter, Live, Page, render, render_live};
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 pub use group::{Absent, Member};
@@ -51,6 +51,11 @@ pub fn write(session: &SubjectSession, out: Option<&Path>) -> Result<PathBuf, Pi
     let path = out.map_or_else(|| session.workspace.join("report.html"), Path::to_path_buf);
     aloft_workspace::disk::write_whole(&path, html.as_bytes())?;
     Ok(path)
+}
+
+/// Builds the page with a live panel, for a server.
+pub fn live(session: &SubjectSession, live: &Live<'_>) -> Result<String, PipelineError> {
+    render_live(&page(session)?, live).map_err(|e| PipelineError::request(e.to_string()))
 }
 
 /// Builds the page of a study of several subjects and writes it; the subjects' own pages are written by [`write()`].

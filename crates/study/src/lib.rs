@@ -19,6 +19,7 @@ pub mod ranges;
 pub mod recordings;
 pub mod revision;
 pub mod robot;
+pub mod settings;
 pub mod subject_session;
 
 /// JSON schema of pipeline files.

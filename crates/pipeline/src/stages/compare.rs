@@ -192,7 +192,8 @@ impl From<CompareError> for Failed {
     }
 }
 
-fn compare_options(params: &Params, subject: &Subject) -> CompareOptions {
+/// Options of the comparison that follow from the pipeline.
+pub fn compare_options(params: &Params, subject: &Subject) -> CompareOptions {
     CompareOptions {
         edge_s: params.compare.edge_s,
         flight_margin_s: params.margin_s,

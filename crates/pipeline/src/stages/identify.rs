@@ -212,6 +212,11 @@ impl Predicting {
         Ok(Self { prior, mass_kg: subject.facts.mass_kg, estimator: parameters.estimator, contact_weight })
     }
 
+    /// Weight of contact rows beside those of flights; none if the estimator uses flights only.
+    pub fn contact_weight(&self) -> Option<f64> {
+        (!matches!(self.estimator, Estimator::NullVector(_))).then_some(self.contact_weight)
+    }
+
     /// The factors that the estimator uses, with contact weighted.
     fn weighed(&self, factors: &[&Factor]) -> Vec<Factor> {
         let flights_only = matches!(self.estimator, Estimator::NullVector(_));
@@ -250,7 +255,8 @@ impl Predicting {
         names.iter().map(|n| (*n).to_owned()).zip(found).collect()
     }
 
-    fn solve_merged(&self, merged: &Factor) -> Result<PointEstimate, StageFailure> {
+    /// Estimates from factors that were weighed and merged before.
+    pub fn solve_merged(&self, merged: &Factor) -> Result<PointEstimate, StageFailure> {
         let x = point_estimate(merged, self.mass_kg, self.prior.as_ref(), self.estimator)
             .map_err(|e| StageFailure::new(e.to_string()))?;
         let p = merged.n_parameters();

@@ -94,6 +94,19 @@ impl ComparedTrial {
         rows: TrialRows,
     ) -> Result<Self, StageFailure> {
         let effects = effect_columns(&params.effects, &rows)?;
+        Self::with_columns(params, results, role, name, others, rows, effects)
+    }
+
+    /// The same with columns of effects that were formed before.
+    pub fn with_columns(
+        params: &Params,
+        results: Results<'_>,
+        role: Role,
+        name: &str,
+        others: &[String],
+        rows: TrialRows,
+        effects: Option<EffectColumns>,
+    ) -> Result<Self, StageFailure> {
         let TrialRows { trial, flights, .. } = &rows;
         let flights = flights.clone();
         let (rate_hz, frames) = (rows.motion.rate_hz, rows.motion.n_frames());
@@ -131,7 +144,7 @@ impl ComparedTrial {
 impl ComparedTrial {
     /// The trial at an index as input of the comparison; `validation` is true if some trial is held
     /// out as a whole ([`has_validation`]).
-    pub(super) fn input(
+    pub fn input(
         &self,
         i: usize,
         held_out: HeldOut,

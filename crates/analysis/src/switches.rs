@@ -1,0 +1,539 @@
+//! Effects as switches: what the held-out error, the parameters and the coefficients of the model
+//! are with any choice of effects, within a fraction of a second and with the numbers that `effect
+//! add` gives.
+//!
+//! [`Switches::prepare`] forms the columns of every effect once, beside those of the body: in the
+//! triangle of each flight, from which parameters are identified, and in the weak windows, in which
+//! models are judged. A choice of effects then picks columns. Nothing else differs from the stages
+//! `regressor`, `identify` and `compare`: each trial is predicted from parameters that were
+//! identified without it. Only the weight of the prior and of contact is that of the present model,
+//! which a run would choose again.
+
+use crate::compare::compare;
+use crate::effect::Asked;
+use crate::held_out::{HeldOutError, weight_n};
+use crate::promise::with_reference;
+use crate::results::{Made, with_results};
+use aloft_body::{BaseParameters, Subject};
+use aloft_compare::{AgainstFloor, Body, Candidate, Comparison, NoiseFloor, TrialSeries, WindowRows, size_of_windows};
+use aloft_identify::Parameters;
+use aloft_pipeline::stages::compare::{self as stage, ComparedTrial, Floor, HeldOut, compare_options};
+use aloft_pipeline::stages::identify::{PointEstimate, Predicting};
+use aloft_pipeline::stages::regressor::{self, weak_factors};
+use aloft_pipeline::trial_rows::{TrialRows, effect_columns};
+use aloft_regressor::{Factor, StretchKind, leave_group_out};
+use aloft_study::config::Rows;
+use aloft_study::effects::{KnownEffects, ModelEffects};
+use aloft_study::revision::ModelEffect;
+use aloft_study::subject_session::{Role, SubjectSession};
+use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::manifest::WHOLE_STUDY;
+use aloft_workspace::workspace::Workspace;
+use nalgebra::Vector6;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// An effect that can be switched on.
+#[derive(Debug, Clone, Serialize)]
+pub struct Switch {
+    /// Key of the effect with its target, as accepted by `effect add`.
+    pub key: String,
+    /// Short title of the effect.
+    pub title: String,
+    /// True if the present model holds it.
+    pub in_model: bool,
+    /// Names of its coefficients with their units.
+    pub coefficients: Vec<(String, String)>,
+    /// Values of its nonlinear parameters, as the last discovery found them.
+    pub nonlinear: Vec<(String, f64)>,
+}
+
+/// An effect without a switch, and why.
+#[derive(Debug, Clone, Serialize)]
+pub struct WithoutSwitch {
+    /// Key of the effect.
+    pub key: String,
+    /// Reason.
+    pub because: String,
+}
+
+/// A model with the chosen effects.
+#[derive(Debug, Clone, Serialize)]
+pub struct Switched {
+    /// Keys of its effects.
+    pub effects: Vec<String>,
+    /// Held-out error, noise floor and their ratio, in flight and in held-out contact.
+    pub errors: Vec<HeldOutError>,
+    /// Coefficients of its effects by name.
+    pub coefficients: Vec<(String, f64)>,
+    /// Base parameters: name, value, unit.
+    pub base: Vec<(String, f64, String)>,
+    /// Held-out error of each trial, N.
+    pub trials: Vec<TrialError>,
+    /// Trials that could not be predicted without their own flights.
+    pub remarks: Vec<String>,
+}
+
+/// Held-out error of one trial over its weak windows, N.
+#[derive(Debug, Clone, Serialize)]
+pub struct TrialError {
+    /// Trial.
+    pub trial: String,
+    /// In flight; none without flights, or if its flights are not held out.
+    pub flight: Option<f64>,
+    /// In contact; none without plates, or if its contact is not held out.
+    pub contact: Option<f64>,
+    /// True if it was left out of the study.
+    pub left_out: bool,
+}
+
+/// One trial of the comparison.
+struct Judged {
+    name: String,
+    role: Role,
+    windows: Option<WindowRows>,
+    in_flight: bool,
+    in_contact: bool,
+    offset: Option<aloft_compare::RecordingOffset>,
+}
+
+/// Merged factors of some trials: flights, and contact, which is weighted before both are merged.
+#[derive(Clone)]
+struct Merged {
+    flights: Option<Factor>,
+    contact: Option<Factor>,
+}
+
+/// Merged factors of all trials, and of all but each one.
+struct Pools {
+    all: Merged,
+    without: HashMap<String, Merged>,
+}
+
+/// The effects of a study as switches.
+pub struct Switches {
+    session: SubjectSession,
+    subject: Subject,
+    predicting: Predicting,
+    parameters: Parameters,
+    floor: Option<NoiseFloor>,
+    switches: Vec<Switch>,
+    without_switch: Vec<WithoutSwitch>,
+    /// Effects with columns, in the order of the switches.
+    effects: Vec<ModelEffect>,
+    /// Names of the columns of each effect.
+    columns: Vec<Vec<String>>,
+    training: Vec<Factor>,
+    pools: Pools,
+    trials: Vec<Judged>,
+    gate: bool,
+}
+
+/// Hash of what switches depend on: the comparison and all that it was made from, the model, and the
+/// last discovery.
+pub fn fingerprint(session: &SubjectSession) -> Result<String, PipelineError> {
+    let ws = Workspace::open(&session.workspace);
+    let mut hasher = blake3::Hasher::new();
+    let output = |stage: &str| ws.manifest(stage, WHOLE_STUDY).map(|m| m.output).unwrap_or_default();
+    hasher.update(output("compare").as_bytes()).update(output("identify").as_bytes());
+    for file in ["model.json", "discovery.json"] {
+        let path = session.workspace.join(file);
+        if path.is_file() {
+            hasher.update(&std::fs::read(&path).map_err(PipelineError::io("read", &path))?);
+        }
+        hasher.update(&[0]);
+    }
+    Ok(hasher.finalize().to_hex().to_string())
+}
+
+fn stop(e: impl std::fmt::Display) -> StageFailure {
+    StageFailure::new(e.to_string())
+}
+
+impl Switches {
+    /// Forms the columns of every effect that the last discovery ranked, and of the effects of the
+    /// present model. `told` receives how many trials are ready, and how many there are.
+    ///
+    /// # Errors
+    /// Results that are missing or damaged; rows other than weak ones, in which effects have no
+    /// columns of this kind.
+    pub fn prepare(session: &SubjectSession, told: &(dyn Fn(usize, usize) + Sync)) -> Result<Self, PipelineError> {
+        if session.config.regressor.rows != Rows::Weak {
+            return Err(PipelineError::request_hint(
+                "effects can be switched on weak rows only, and this pipeline identifies from acceleration rows",
+                "set `regressor: {rows: weak}`; `aloft effect add` works on both",
+            ));
+        }
+        let view = compare(session)?;
+        let session = with_reference(session)?;
+        let asked = Asked::read(&session)?;
+        let scene = asked.scene(&session)?;
+        let known = KnownEffects::of(&session.own_effects, &scene)?;
+        let mut effects: Vec<ModelEffect> = session.effects.clone();
+        let mut without_switch: Vec<WithoutSwitch> = Vec::new();
+        let ranked = asked.found.iter().flat_map(|d| &d.candidates).filter(|c| !c.placebo).map(|c| c.key.clone());
+        let found = asked.found.iter().flat_map(|d| &d.found).map(|f| f.key.clone());
+        for key in found.chain(ranked) {
+            match asked.chosen(&known, &scene, &key, &[]) {
+                Ok((chosen, _)) if effects.iter().any(|e| e.key == chosen.key) => {}
+                Ok((chosen, _)) => effects.push(chosen),
+                Err(e) => without_switch.push(WithoutSwitch { key, because: e.to_string() }),
+            }
+        }
+        let comparison = view.comparison;
+        with_results(&session, |made| {
+            let parameters = made
+                .results
+                .load_parameters(Rows::Weak)?
+                .ok_or_else(|| stop("nothing was identified from weak rows"))?;
+            let subject = made.results.load_subject("calibrate")?;
+            let dropped = drop_without_numbers(&session.effects, made, &subject, &mut effects)?;
+            without_switch.extend(dropped);
+            let (training, trials) = rows_of(made, &subject, &effects, &comparison, told)?;
+            let (mut switches, mut columns) = (Vec::new(), Vec::new());
+            for e in &effects {
+                let choice = known.choice(&scene, e).map_err(stop)?;
+                columns.push(choice.names(&scene));
+                let units = choice.effect.coefficients(&scene, choice.target);
+                switches.push(Switch {
+                    key: e.key.clone(),
+                    title: choice.effect.title().to_owned(),
+                    in_model: session.effects.contains(e),
+                    coefficients: units.iter().map(|c| (c.name.to_string(), c.unit.to_string())).collect(),
+                    nonlinear: e.nonlinear.iter().map(|(n, v)| (n.clone(), *v)).collect(),
+                });
+            }
+            Ok(Self {
+                predicting: Predicting::like(&subject, &parameters)?,
+                pools: Pools::of(&training.iter().collect::<Vec<_>>()).map_err(stop)?,
+                gate: parameters.gate.passed,
+                session: made.session.clone(),
+                subject,
+                parameters,
+                floor: comparison.noise_floor,
+                switches,
+                without_switch,
+                effects,
+                columns,
+                training,
+                trials,
+            })
+        })
+    }
+
+    /// The switches: effects of the model first, then those of the discovery, best first.
+    pub fn switches(&self) -> &[Switch] {
+        &self.switches
+    }
+
+    /// Effects without a switch, and why.
+    pub fn without_switch(&self) -> &[WithoutSwitch] {
+        &self.without_switch
+    }
+
+    /// The chosen effects as a model stores them, in the given order.
+    ///
+    /// # Errors
+    /// A key that has no switch.
+    pub fn chosen(&self, keys: &[String]) -> Result<Vec<ModelEffect>, PipelineError> {
+        keys.iter().map(|key| Ok(self.effects[self.index(key)?].clone())).collect()
+    }
+
+    fn index(&self, key: &str) -> Result<usize, PipelineError> {
+        self.effects.iter().position(|e| e.key == key).ok_or_else(|| {
+            let known: Vec<&str> = self.effects.iter().map(|e| e.key.as_str()).collect();
+            PipelineError::request_hint(
+                format!("there is no switch for `{key}`"),
+                aloft_study::nearest::hint(key, &known, "there are"),
+            )
+        })
+    }
+
+    /// The model with these effects, identified without the trials `left_out`, in the geometry of
+    /// the present results.
+    ///
+    /// # Errors
+    /// A key without a switch; rows that do not determine the parameters.
+    pub fn model(&self, keys: &[String], left_out: &[String]) -> Result<Switched, PipelineError> {
+        let names = self.names(keys)?;
+        let other;
+        let pools = if left_out.is_empty() {
+            &self.pools
+        } else {
+            let kept: Vec<&Factor> = self.training.iter().filter(|f| !left_out.contains(&f.trial)).collect();
+            other = Pools::of(&kept).map_err(|e| PipelineError::request(e.to_string()))?;
+            &other
+        };
+        let failed = |f: StageFailure| PipelineError::Request { problem: f.problem, hint: f.hint };
+        let all = self.solve(&pools.all, &names).map_err(failed)?;
+        let judged: Vec<(&Judged, Vec<Vector6<f64>>, Option<String>)> = self
+            .trials
+            .par_iter()
+            .filter(|t| !left_out.contains(&t.name))
+            .map(|t| {
+                let (own, remark) = self.own(pools, t, &names, &all);
+                let errors = t.windows.as_ref().map_or_else(Vec::new, |w| w.errors(&own.0, &own.1, t.offset.as_ref()));
+                (t, errors, remark)
+            })
+            .collect();
+        let place = |flying: bool| {
+            let counted = judged.iter().filter(|(t, ..)| if flying { t.in_flight } else { t.in_contact });
+            let windows = counted.flat_map(|(t, errors, _)| of_kind(t, errors, flying));
+            let floor = self.floor.as_ref().and_then(|f| if flying { f.flight_floor } else { f.contact_floor });
+            against(if flying { "flight" } else { "contact" }, size_of_windows(windows)?, floor)
+        };
+        let weight_n = weight_n(&self.session);
+        let errors = [true, false].into_iter().filter_map(place);
+        let errors = errors.map(|a| HeldOutError::of(&a, &[], weight_n, self.gate)).collect();
+        let trials = self.trials.iter().map(|t| {
+            let own = judged.iter().find(|(j, ..)| j.name == t.name);
+            let size = |flying: bool, counts: bool| {
+                let (t, errors, _) = own.filter(|_| counts)?;
+                size_of_windows(of_kind(t, errors, flying)).map(|s| s.0)
+            };
+            TrialError {
+                trial: t.name.clone(),
+                flight: size(true, t.in_flight),
+                contact: size(false, t.in_contact),
+                left_out: own.is_none(),
+            }
+        });
+        let base = self.parameters.base.iter().zip(all.0.iter());
+        Ok(Switched {
+            effects: keys.to_vec(),
+            errors,
+            coefficients: all.1.clone(),
+            base: base.map(|(b, value)| (b.name.clone(), *value, b.unit.clone())).collect(),
+            trials: trials.collect(),
+            remarks: judged.iter().filter_map(|(.., r)| r.clone()).collect(),
+        })
+    }
+
+    /// Predicted and measured wrench of a trial, frame by frame, of the model with these effects
+    /// identified without the trial.
+    ///
+    /// # Errors
+    /// As [`Switches::model`]; a trial that was not compared.
+    pub fn series(&self, trial: &str, keys: &[String]) -> Result<TrialSeries, PipelineError> {
+        let names = self.names(keys)?;
+        let judged = self.trials.iter().find(|t| t.name == trial).ok_or_else(|| {
+            let known: Vec<&str> = self.trials.iter().map(|t| t.name.as_str()).collect();
+            let hint = aloft_study::nearest::hint(trial, &known, "there are");
+            PipelineError::request_hint(format!("no recording `{trial}` was compared"), hint)
+        })?;
+        let chosen = self.chosen(keys)?;
+        with_results(&self.session, |made| {
+            let all = self.solve(&self.pools.all, &names)?;
+            let (own, _) = self.own(&self.pools, judged, &names, &all);
+            let (params, _) = params_of(&self.session, &chosen);
+            let filter = &made.session.config.filter;
+            let rows = TrialRows::load(made.results, Some(filter), &|| made.calendar(), trial, &self.subject)?;
+            let compared = ComparedTrial::of(&params, made.results, judged.role, trial, rows)?;
+            let candidate = Candidate::per_trial("identified", vec![own.0]).with_effects_per_trial(vec![own.1]);
+            let floor = self.floor.as_ref().map_or(Floor::Drawn(0, None), Floor::Known);
+            let (trials, models) = ([compared], [candidate]);
+            let (_, series) =
+                stage::compare_models(&params, &self.subject, &trials, &models, HeldOut::EveryTrial, None, floor)?;
+            series.into_iter().next().ok_or_else(|| stop(format!("{trial} has no frames to compare")))
+        })
+    }
+
+    /// Names of the columns of these effects.
+    fn names(&self, keys: &[String]) -> Result<Vec<&str>, PipelineError> {
+        let mut out = Vec::new();
+        for key in keys {
+            out.extend(self.columns[self.index(key)?].iter().map(String::as_str));
+        }
+        Ok(out)
+    }
+
+    /// Parameters for predicting a trial, identified without it; those of all trials, with a remark,
+    /// if nothing would be left.
+    fn own(&self, pools: &Pools, t: &Judged, names: &[&str], all: &PointEstimate) -> (PointEstimate, Option<String>) {
+        let Some(rest) = pools.without.get(&t.name) else { return (all.clone(), None) };
+        match self.solve(rest, names) {
+            Ok(found) => (found, None),
+            Err(e) => (all.clone(), Some(format!("{} could not be left out: {}", t.name, e.problem))),
+        }
+    }
+
+    fn solve(&self, merged: &Merged, names: &[&str]) -> Result<PointEstimate, StageFailure> {
+        let pick = |f: &Factor| f.with_effects(names).map_err(stop);
+        let weight = self.predicting.contact_weight();
+        let contact = merged.contact.as_ref().zip(weight).map(|(c, w)| pick(c).map(|f| f.scaled(w))).transpose()?;
+        let picked = match (&merged.flights, contact) {
+            (Some(f), None) => pick(f)?,
+            (None, Some(c)) => c,
+            (Some(f), Some(c)) => pick(f)?.merged_with(&c).map_err(stop)?,
+            (None, None) => return Err(stop("no flight is left to identify from")),
+        };
+        self.predicting.solve_merged(&picked)
+    }
+}
+
+impl Pools {
+    fn of(factors: &[&Factor]) -> Result<Self, aloft_regressor::RegressorError> {
+        let mut trials: Vec<&str> = Vec::new();
+        for f in factors {
+            if !trials.contains(&f.trial.as_str()) {
+                trials.push(&f.trial);
+            }
+        }
+        let nothing = Merged { flights: None, contact: None };
+        let (mut all, mut without) = (nothing.clone(), vec![nothing; trials.len()]);
+        for contact in [false, true] {
+            let own: Vec<Factor> =
+                factors.iter().filter(|f| (f.kind == StretchKind::Contact) == contact).map(|f| (*f).clone()).collect();
+            if own.is_empty() {
+                continue;
+            }
+            let merged = Factor::merge(&own)?;
+            // trials that have factors of this kind, numbered in the order of their first one
+            let mut present: Vec<&str> = Vec::new();
+            let groups: Vec<usize> = own
+                .iter()
+                .map(|f| {
+                    present.iter().position(|t| *t == f.trial).unwrap_or_else(|| {
+                        present.push(&f.trial);
+                        present.len() - 1
+                    })
+                })
+                .collect();
+            let rest: Vec<Option<Factor>> = match present.len() {
+                1 => vec![None],
+                _ => leave_group_out(&own, &groups, |_, rest| Some(rest.clone()))?,
+            };
+            for (pool, trial) in without.iter_mut().zip(&trials) {
+                let left = match present.iter().position(|t| t == trial) {
+                    Some(i) => rest[i].clone(),
+                    None => Some(merged.clone()),
+                };
+                *if contact { &mut pool.contact } else { &mut pool.flights } = left;
+            }
+            *if contact { &mut all.contact } else { &mut all.flights } = Some(merged);
+        }
+        Ok(Self { all, without: trials.into_iter().map(str::to_owned).zip(without).collect() })
+    }
+}
+
+/// Errors in the windows of one kind of motion.
+fn of_kind<'a>(t: &'a Judged, errors: &'a [Vector6<f64>], flying: bool) -> impl Iterator<Item = &'a Vector6<f64>> {
+    let kinds = t.windows.iter().flat_map(|w| &w.in_flight);
+    errors.iter().zip(kinds).filter(move |(_, in_flight)| **in_flight == flying).map(|(e, _)| e)
+}
+
+fn against(
+    judged_on: &str,
+    (held_out_error, force_n, moment_nm, windows): (f64, f64, f64, usize),
+    floor: Option<aloft_compare::Floor>,
+) -> Option<AgainstFloor> {
+    Some(AgainstFloor {
+        judged_on: judged_on.to_owned(),
+        held_out_error,
+        held_out_force_n: Some(force_n),
+        held_out_moment_nm: Some(moment_nm),
+        windows,
+        floor,
+        times_floor: floor.map(|f| held_out_error / f.noise_floor).filter(|t| t.is_finite()),
+        at_floor: floor.and_then(|f| f.ci95).map(|[_, most]| held_out_error <= most),
+    })
+}
+
+/// Settings of the stages for a model with these effects.
+fn params_of(session: &SubjectSession, effects: &[ModelEffect]) -> (stage::Params, regressor::Params) {
+    let with = SubjectSession { effects: effects.to_vec(), ..session.clone() };
+    (stage::Params::of(&with), regressor::Params::of(&with, None))
+}
+
+/// Takes out effects whose columns are not finite in frames in which those of others are: in a joint
+/// matrix they would cost all effects these frames.
+fn drop_without_numbers(
+    kept: &[ModelEffect],
+    made: &Made<'_>,
+    subject: &Subject,
+    effects: &mut Vec<ModelEffect>,
+) -> Result<Vec<WithoutSwitch>, StageFailure> {
+    let own: Vec<ModelEffects> =
+        effects.iter().map(|e| params_of(made.session, std::slice::from_ref(e)).1.effects).collect();
+    let finite: Vec<Vec<usize>> = made
+        .trials
+        .par_iter()
+        .map(|(name, _)| {
+            let rows = TrialRows::load(made.results, None, &|| made.calendar(), name, subject)?;
+            own.iter()
+                .map(|e| {
+                    let columns = effect_columns(e, &rows)?.unwrap_or_default();
+                    Ok(columns.wrench.iter().filter(|w| w.iter().all(|x| x.is_finite())).count())
+                })
+                .collect::<Result<Vec<_>, StageFailure>>()
+        })
+        .collect::<Result<_, StageFailure>>()?;
+    let most: Vec<usize> = finite.iter().map(|t| t.iter().copied().max().unwrap_or(0)).collect();
+    let whole: Vec<bool> = (0..effects.len()).map(|e| finite.iter().zip(&most).all(|(t, m)| t[e] == *m)).collect();
+    let mut out = Vec::new();
+    let mut at = whole.into_iter();
+    effects.retain(|e| {
+        let keep = at.next().unwrap_or(true) || kept.contains(e);
+        if !keep {
+            let because = "its law gives no numbers in some frames of these recordings".to_owned();
+            out.push(WithoutSwitch { key: e.key.clone(), because });
+        }
+        keep
+    });
+    Ok(out)
+}
+
+/// Factors for identification, and windows for judging, with the columns of all effects.
+fn rows_of(
+    made: &Made<'_>,
+    subject: &Subject,
+    effects: &[ModelEffect],
+    comparison: &Comparison,
+    told: &(dyn Fn(usize, usize) + Sync),
+) -> Result<(Vec<Factor>, Vec<Judged>), StageFailure> {
+    let (params, weak) = params_of(made.session, effects);
+    let options = compare_options(&params, subject);
+    let base = BaseParameters::of(&subject.model);
+    let prior = subject.prior_phi();
+    let body = Body { model: &subject.model, base: &base, prior: &prior };
+    let contact = params.identify.contact;
+    let compared = &comparison.first.trials;
+    // as the comparison counts: held-out flights if there are any, else all
+    let any = compared.iter().any(|t| t.held_out_flight && t.flight.frames > 0);
+    let done = AtomicUsize::new(0);
+    let each: Vec<(Vec<Factor>, Option<Judged>)> = made
+        .trials
+        .par_iter()
+        .map(|(name, role)| {
+            let own = compared.iter().find(|t| t.trial == *name);
+            let filter = own.map(|_| &made.session.config.filter);
+            let rows = TrialRows::load(made.results, filter, &|| made.calendar(), name, subject)?;
+            let mut factors = Vec::new();
+            if *role == Role::Identify {
+                let used = |f: &Factor| contact || f.kind == StretchKind::Flight;
+                factors.extend(weak_factors(&weak, &rows)?.0.into_iter().map(|(_, f)| f).filter(used));
+            }
+            let judged = match own {
+                None => None,
+                Some(t) => {
+                    let trial = ComparedTrial::of(&params, made.results, *role, name, rows)?;
+                    let windows = WindowRows::of(&body, &trial.input(0, HeldOut::Validation, true, None), &options);
+                    Some(Judged {
+                        name: name.clone(),
+                        role: *role,
+                        windows: windows.map_err(stop)?,
+                        in_flight: t.held_out_flight || !any,
+                        in_contact: t.held_out_contact,
+                        offset: t.offset,
+                    })
+                }
+            };
+            told(done.fetch_add(1, Ordering::Relaxed) + 1, made.trials.len());
+            Ok((factors, judged))
+        })
+        .collect::<Result<_, StageFailure>>()?;
+    let (factors, judged): (Vec<_>, Vec<_>) = each.into_iter().unzip();
+    Ok((factors.concat(), judged.into_iter().flatten().collect()))
+}

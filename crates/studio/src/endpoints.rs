@@ -1,0 +1,149 @@
+//! Addresses and their answers. Every answer is computed from the results on the disk or from the
+//! prepared switches; nothing here serves files.
+
+use crate::events;
+use crate::guard::guard;
+use crate::jobs::Job;
+use crate::state::Studio;
+use crate::view;
+use aloft_page::Live;
+use aloft_workspace::error::{PipelineError, StageFailure};
+use axum::Router;
+use axum::body::Bytes;
+use axum::extract::{DefaultBodyLimit, State};
+use axum::http::{StatusCode, header};
+use axum::middleware::from_fn_with_state;
+use axum::response::sse::{KeepAlive, Sse};
+use axum::response::{Html, IntoResponse, Response};
+use axum::routing::{get, post};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Value, json};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Largest request, bytes: a list of effects and settings.
+const LARGEST: usize = 64 * 1024;
+
+/// The addresses of the server.
+pub(crate) fn router(studio: Arc<Studio>) -> Router {
+    Router::new()
+        .route("/", get(page))
+        .route("/api/state", get(state))
+        .route("/api/model", post(model))
+        .route("/api/series", post(series))
+        .route("/api/job", post(job))
+        .route("/api/events", get(listen))
+        .layer(DefaultBodyLimit::max(LARGEST))
+        .layer(from_fn_with_state(Arc::clone(&studio), guard))
+        .with_state(studio)
+}
+
+/// An error as JSON, with what to do about it.
+struct Problem(StatusCode, StageFailure);
+
+impl From<PipelineError> for Problem {
+    fn from(error: PipelineError) -> Self {
+        Self(StatusCode::CONFLICT, error.into())
+    }
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let body = json!({"problem": self.1.problem, "hint": self.1.hint});
+        (self.0, [(header::CONTENT_TYPE, "application/json")], body.to_string()).into_response()
+    }
+}
+
+fn answer(value: &Value) -> Response {
+    ([(header::CONTENT_TYPE, "application/json")], value.to_string()).into_response()
+}
+
+fn asked<T: DeserializeOwned>(body: &Bytes) -> Result<T, Problem> {
+    serde_json::from_slice(body)
+        .map_err(|e| Problem(StatusCode::BAD_REQUEST, StageFailure::new(format!("the request is not understood: {e}"))))
+}
+
+/// Computes on a thread of its own, so that other answers need not wait.
+async fn computed<T: Send + 'static>(
+    work: impl FnOnce() -> Result<T, PipelineError> + Send + 'static,
+) -> Result<T, Problem> {
+    match tokio::task::spawn_blocking(work).await {
+        Ok(done) => Ok(done?),
+        Err(_) => {
+            let broken = StageFailure::with_hint("a computation broke off", "see the terminal of `aloft studio`");
+            Err(Problem(StatusCode::INTERNAL_SERVER_ERROR, broken))
+        }
+    }
+}
+
+/// The report as a live page.
+async fn page(State(studio): State<Arc<Studio>>) -> Result<Response, Problem> {
+    let html = computed(move || {
+        studio.queue.add(Job::Prepare);
+        let live = Live {
+            panel: include_str!("browser/panel.html"),
+            style: include_str!("browser/studio.css"),
+            script: concat!(include_str!("browser/studio.js"), include_str!("browser/forces.js")),
+        };
+        aloft_report::live(&(studio.open)()?, &live)
+    })
+    .await?;
+    Ok(Html(html).into_response())
+}
+
+/// Everything that the panel shows before a switch is flipped.
+async fn state(State(studio): State<Arc<Studio>>) -> Result<Response, Problem> {
+    Ok(answer(&computed(move || view::state(&studio)).await?))
+}
+
+/// A choice of effects and of recordings.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Choice {
+    effects: Vec<String>,
+    #[serde(default)]
+    left_out: Vec<String>,
+}
+
+/// The model with other effects, at once.
+async fn model(State(studio): State<Arc<Studio>>, body: Bytes) -> Result<Response, Problem> {
+    let choice: Choice = asked(&body)?;
+    let found = computed(move || {
+        let started = Instant::now();
+        let model = studio.switches()?.model(&choice.effects, &choice.left_out)?;
+        Ok(json!({"model": model, "milliseconds": started.elapsed().as_secs_f64() * 1e3}))
+    });
+    Ok(answer(&found.await?))
+}
+
+/// A recording and a choice of effects.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Curves {
+    trial: String,
+    effects: Vec<String>,
+}
+
+/// Forces of a recording that the model with other effects predicts.
+async fn series(State(studio): State<Arc<Studio>>, body: Bytes) -> Result<Response, Problem> {
+    let asked: Curves = asked(&body)?;
+    let found = computed(move || {
+        let series = studio.switches()?.series(&asked.trial, &asked.effects)?;
+        Ok(view::curves(&series))
+    });
+    Ok(answer(&found.await?))
+}
+
+/// Takes work into the queue; its progress and its result come as events.
+async fn job(State(studio): State<Arc<Studio>>, body: Bytes) -> Result<Response, Problem> {
+    let job: Job = asked(&body)?;
+    let name = job.name();
+    studio.queue.add(job);
+    Ok(answer(&json!({"accepted": name})))
+}
+
+/// What the server tells by itself.
+async fn listen(State(studio): State<Arc<Studio>>) -> Response {
+    Sse::new(events::stream(studio.events.subscribe())).keep_alive(KeepAlive::default()).into_response()
+}

@@ -1,0 +1,63 @@
+//! What the server knows.
+
+use crate::events::{BEHIND, Told};
+use crate::jobs::Queue;
+use aloft_analysis::switches::Switches;
+use aloft_study::subject_session::SubjectSession;
+use aloft_workspace::error::PipelineError;
+use std::sync::{Arc, Mutex};
+use tokio::sync::broadcast;
+
+/// Opens the study: reads the pipeline again, so that a change of the file is seen.
+pub type Opener = Box<dyn Fn() -> Result<SubjectSession, PipelineError> + Send + Sync>;
+
+/// The switches, or why there are none.
+#[derive(Clone, Default)]
+pub(crate) enum Bench {
+    /// They are being prepared.
+    #[default]
+    Preparing,
+    /// Ready, for the results of this hash.
+    Ready(Arc<Switches>, String),
+    /// They cannot be prepared, in words.
+    Without(String, Option<String>),
+}
+
+/// State of the server, shared by all answers and the worker.
+pub(crate) struct Studio {
+    pub open: Opener,
+    pub token: String,
+    pub port: u16,
+    pub events: broadcast::Sender<Told>,
+    pub queue: Queue,
+    bench: Mutex<Bench>,
+}
+
+impl Studio {
+    pub fn new(open: Opener, token: String, port: u16) -> Arc<Self> {
+        let (events, _) = broadcast::channel(BEHIND);
+        Arc::new(Self { open, token, port, events, queue: Queue::default(), bench: Mutex::default() })
+    }
+
+    pub fn bench(&self) -> Bench {
+        self.bench.lock().map_or_else(|e| e.into_inner().clone(), |b| b.clone())
+    }
+
+    pub fn set_bench(&self, bench: Bench) {
+        match self.bench.lock() {
+            Ok(mut b) => *b = bench,
+            Err(e) => *e.into_inner() = bench,
+        }
+    }
+
+    /// The switches, if they are ready.
+    pub fn switches(&self) -> Result<Arc<Switches>, PipelineError> {
+        match self.bench() {
+            Bench::Ready(switches, _) => Ok(switches),
+            Bench::Preparing => {
+                Err(PipelineError::request_hint("the switches are being prepared", "this takes a few seconds"))
+            }
+            Bench::Without(problem, hint) => Err(PipelineError::Request { problem, hint }),
+        }
+    }
+}
