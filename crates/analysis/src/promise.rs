@@ -176,8 +176,9 @@ pub(crate) fn on_a_copy<T>(
     read: impl FnOnce(&SubjectSession) -> Result<T, PipelineError>,
 ) -> Result<T, PipelineError> {
     let beside = changed.workspace.parent().unwrap_or(Path::new("."));
+    clear_abandoned(beside);
     let copy = tempfile::Builder::new()
-        .prefix(".aloft-promise")
+        .prefix(COPY)
         .tempdir_in(beside)
         .map_err(PipelineError::io("create a folder in", beside))?;
     link_all(&changed.workspace, copy.path())?;
@@ -187,6 +188,26 @@ pub(crate) fn on_a_copy<T>(
     let out = read(&with);
     drop(lock);
     out
+}
+
+/// First part of the names of copies.
+const COPY: &str = ".aloft-promise";
+/// Age from which a copy that nobody holds counts as abandoned.
+const ABANDONED_AFTER: Duration = Duration::from_hours(1);
+
+/// Removes copies that a killed process left behind.
+fn clear_abandoned(folder: &Path) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let is_copy = entry.file_name().to_string_lossy().starts_with(COPY);
+        let age = entry.metadata().and_then(|m| m.modified()).ok().and_then(|t| t.elapsed().ok());
+        if is_copy
+            && age.is_some_and(|a| a > ABANDONED_AFTER)
+            && Workspace::open(&entry.path()).lock(Duration::ZERO).is_ok()
+        {
+            // what cannot be removed is tried again next time
+            let _ = std::fs::remove_dir_all(entry.path());
+        }
+    }
 }
 
 /// Files beside the stages' folders that the copy needs: the layout of the workspace, and the hashes

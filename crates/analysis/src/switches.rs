@@ -13,19 +13,19 @@ use crate::compare::compare;
 use crate::effect::Asked;
 use crate::held_out::{HeldOutError, weight_n};
 use crate::promise::with_reference;
-use crate::results::{Made, with_results};
-use aloft_body::{BaseParameters, Subject};
-use aloft_compare::{AgainstFloor, Body, Candidate, Comparison, NoiseFloor, TrialSeries, WindowRows, size_of_windows};
+use crate::results::with_results;
+use crate::switch_rows::{Judged, drop_without_numbers, params_of, rows_of};
+use aloft_body::Subject;
+use aloft_compare::{AgainstFloor, Candidate, NoiseFloor, TrialSeries, size_of_windows};
 use aloft_identify::Parameters;
-use aloft_pipeline::stages::compare::{self as stage, ComparedTrial, Floor, HeldOut, compare_options};
+use aloft_pipeline::stages::compare::{self as stage, ComparedTrial, Floor, HeldOut};
 use aloft_pipeline::stages::identify::{PointEstimate, Predicting};
-use aloft_pipeline::stages::regressor::{self, weak_factors};
-use aloft_pipeline::trial_rows::{TrialRows, effect_columns};
+use aloft_pipeline::trial_rows::TrialRows;
 use aloft_regressor::{Factor, StretchKind, leave_group_out};
 use aloft_study::config::Rows;
-use aloft_study::effects::{KnownEffects, ModelEffects};
+use aloft_study::effects::KnownEffects;
 use aloft_study::revision::ModelEffect;
-use aloft_study::subject_session::{Role, SubjectSession};
+use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::workspace::Workspace;
@@ -33,7 +33,6 @@ use nalgebra::Vector6;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// An effect that can be switched on.
 #[derive(Debug, Clone, Serialize)]
@@ -89,16 +88,6 @@ pub struct TrialError {
     pub left_out: bool,
 }
 
-/// One trial of the comparison.
-struct Judged {
-    name: String,
-    role: Role,
-    windows: Option<WindowRows>,
-    in_flight: bool,
-    in_contact: bool,
-    offset: Option<aloft_compare::RecordingOffset>,
-}
-
 /// Merged factors of some trials: flights, and contact, which is weighted before both are merged.
 #[derive(Clone)]
 struct Merged {
@@ -148,7 +137,7 @@ pub fn fingerprint(session: &SubjectSession) -> Result<String, PipelineError> {
     Ok(hasher.finalize().to_hex().to_string())
 }
 
-fn stop(e: impl std::fmt::Display) -> StageFailure {
+pub(crate) fn stop(e: impl std::fmt::Display) -> StageFailure {
     StageFailure::new(e.to_string())
 }
 
@@ -189,9 +178,14 @@ impl Switches {
                 .load_parameters(Rows::Weak)?
                 .ok_or_else(|| stop("nothing was identified from weak rows"))?;
             let subject = made.results.load_subject("calibrate")?;
-            let dropped = drop_without_numbers(&session.effects, made, &subject, &mut effects)?;
-            without_switch.extend(dropped);
-            let (training, trials) = rows_of(made, &subject, &effects, &comparison, told)?;
+            let (training, trials) = loop {
+                let (training, trials, finite) = rows_of(made, &subject, &effects, &comparison, told)?;
+                let dropped = drop_without_numbers(&session.effects, &finite, &mut effects);
+                if dropped.is_empty() {
+                    break (training, trials);
+                }
+                without_switch.extend(dropped);
+            };
             let (mut switches, mut columns) = (Vec::new(), Vec::new());
             for e in &effects {
                 let choice = known.choice(&scene, e).map_err(stop)?;
@@ -439,101 +433,4 @@ fn against(
         times_floor: floor.map(|f| held_out_error / f.noise_floor).filter(|t| t.is_finite()),
         at_floor: floor.and_then(|f| f.ci95).map(|[_, most]| held_out_error <= most),
     })
-}
-
-/// Settings of the stages for a model with these effects.
-fn params_of(session: &SubjectSession, effects: &[ModelEffect]) -> (stage::Params, regressor::Params) {
-    let with = SubjectSession { effects: effects.to_vec(), ..session.clone() };
-    (stage::Params::of(&with), regressor::Params::of(&with, None))
-}
-
-/// Takes out effects whose columns are not finite in frames in which those of others are: in a joint
-/// matrix they would cost all effects these frames.
-fn drop_without_numbers(
-    kept: &[ModelEffect],
-    made: &Made<'_>,
-    subject: &Subject,
-    effects: &mut Vec<ModelEffect>,
-) -> Result<Vec<WithoutSwitch>, StageFailure> {
-    let own: Vec<ModelEffects> =
-        effects.iter().map(|e| params_of(made.session, std::slice::from_ref(e)).1.effects).collect();
-    let finite: Vec<Vec<usize>> = made
-        .trials
-        .par_iter()
-        .map(|(name, _)| {
-            let rows = TrialRows::load(made.results, None, &|| made.calendar(), name, subject)?;
-            own.iter()
-                .map(|e| {
-                    let columns = effect_columns(e, &rows)?.unwrap_or_default();
-                    Ok(columns.wrench.iter().filter(|w| w.iter().all(|x| x.is_finite())).count())
-                })
-                .collect::<Result<Vec<_>, StageFailure>>()
-        })
-        .collect::<Result<_, StageFailure>>()?;
-    let most: Vec<usize> = finite.iter().map(|t| t.iter().copied().max().unwrap_or(0)).collect();
-    let whole: Vec<bool> = (0..effects.len()).map(|e| finite.iter().zip(&most).all(|(t, m)| t[e] == *m)).collect();
-    let mut out = Vec::new();
-    let mut at = whole.into_iter();
-    effects.retain(|e| {
-        let keep = at.next().unwrap_or(true) || kept.contains(e);
-        if !keep {
-            let because = "its law gives no numbers in some frames of these recordings".to_owned();
-            out.push(WithoutSwitch { key: e.key.clone(), because });
-        }
-        keep
-    });
-    Ok(out)
-}
-
-/// Factors for identification, and windows for judging, with the columns of all effects.
-fn rows_of(
-    made: &Made<'_>,
-    subject: &Subject,
-    effects: &[ModelEffect],
-    comparison: &Comparison,
-    told: &(dyn Fn(usize, usize) + Sync),
-) -> Result<(Vec<Factor>, Vec<Judged>), StageFailure> {
-    let (params, weak) = params_of(made.session, effects);
-    let options = compare_options(&params, subject);
-    let base = BaseParameters::of(&subject.model);
-    let prior = subject.prior_phi();
-    let body = Body { model: &subject.model, base: &base, prior: &prior };
-    let contact = params.identify.contact;
-    let compared = &comparison.first.trials;
-    // as the comparison counts: held-out flights if there are any, else all
-    let any = compared.iter().any(|t| t.held_out_flight && t.flight.frames > 0);
-    let done = AtomicUsize::new(0);
-    let each: Vec<(Vec<Factor>, Option<Judged>)> = made
-        .trials
-        .par_iter()
-        .map(|(name, role)| {
-            let own = compared.iter().find(|t| t.trial == *name);
-            let filter = own.map(|_| &made.session.config.filter);
-            let rows = TrialRows::load(made.results, filter, &|| made.calendar(), name, subject)?;
-            let mut factors = Vec::new();
-            if *role == Role::Identify {
-                let used = |f: &Factor| contact || f.kind == StretchKind::Flight;
-                factors.extend(weak_factors(&weak, &rows)?.0.into_iter().map(|(_, f)| f).filter(used));
-            }
-            let judged = match own {
-                None => None,
-                Some(t) => {
-                    let trial = ComparedTrial::of(&params, made.results, *role, name, rows)?;
-                    let windows = WindowRows::of(&body, &trial.input(0, HeldOut::Validation, true, None), &options);
-                    Some(Judged {
-                        name: name.clone(),
-                        role: *role,
-                        windows: windows.map_err(stop)?,
-                        in_flight: t.held_out_flight || !any,
-                        in_contact: t.held_out_contact,
-                        offset: t.offset,
-                    })
-                }
-            };
-            told(done.fetch_add(1, Ordering::Relaxed) + 1, made.trials.len());
-            Ok((factors, judged))
-        })
-        .collect::<Result<_, StageFailure>>()?;
-    let (factors, judged): (Vec<_>, Vec<_>) = each.into_iter().unzip();
-    Ok((factors.concat(), judged.into_iter().flatten().collect()))
 }

@@ -19,15 +19,15 @@ use std::ops::Range;
 #[derive(Debug, Clone)]
 pub struct WindowRows {
     /// Six rows per window, `[Y_B | −E | w]` over ∫ψ: force (N), then moment (N·m), world axes.
-    rows: DMatrix<f64>,
+    pub rows: DMatrix<f64>,
     /// Names of the effects' columns.
-    effects: Vec<String>,
+    pub effects: Vec<String>,
     /// Middle of each window since the first frame, s.
     pub center_s: Vec<f64>,
     /// True for windows in flight, false for contact; contact comes first.
     pub in_flight: Vec<bool>,
     /// Mean of the point about which moments are taken, m.
-    path: Vec<Vector3<f64>>,
+    pub path: Vec<Vector3<f64>>,
 }
 
 impl WindowRows {

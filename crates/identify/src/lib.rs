@@ -50,7 +50,7 @@ pub use null_vector::{ColumnScaling, NullVector, Sigma, null_vector};
 pub use parameters::{
     BaseEstimate, EffectEstimate, Estimator, Identification, LinkEstimate, LinkIntervals, LinkOrigin, Parameters,
 };
-pub use prior::{LinkPrior, Prior, Symmetry};
+pub use prior::{LinkPrior, PreparedPrior, Prior, Symmetry};
 pub use simex::{Simex, add_noise, simex};
 pub use uncertainty::jackknife_freedom;
 pub use visible::{Unseen, Visible};
@@ -81,12 +81,29 @@ pub fn point_estimate(
     prior: Option<&Prior>,
     estimator: Estimator,
 ) -> Result<DVector<f64>, IdentifyError> {
+    let prepared = match (estimator, prior) {
+        (Estimator::Regularized { .. }, Some(prior)) => Some(prior.prepared(mass_kg)?),
+        _ => None,
+    };
+    point_estimate_prepared(merged, mass_kg, prepared.as_ref(), estimator)
+}
+
+/// The same with a prepared prior, for many systems.
+///
+/// # Errors
+/// As [`identify`].
+pub fn point_estimate_prepared(
+    merged: &Factor,
+    mass_kg: f64,
+    prior: Option<&PreparedPrior>,
+    estimator: Estimator,
+) -> Result<DVector<f64>, IdentifyError> {
     match estimator {
         Estimator::NullVector(scaling) => Ok(null_vector(merged, mass_kg, scaling)?.parameters),
         Estimator::MassConstrained => mass_constrained(merged, mass_kg),
         Estimator::Regularized { weight } => {
             let visible = Visible::of(merged, prior.is_some());
-            let system = system::System::new(&visible.reduce(merged)?, mass_kg, prior)?;
+            let system = system::System::prepared(&visible.reduce(merged)?, mass_kg, prior)?;
             Ok(visible.whole(system.solve(weight.unwrap_or(1.0) * system.row_variance()).x))
         }
     }

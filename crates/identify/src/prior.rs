@@ -348,6 +348,16 @@ pub struct Prior {
 impl Prior {
     /// Mean and root of the covariance of all base parameters except the mass, conditional on the
     /// mass.
+    /// The prior given the mass, ready for many systems: the root of its covariance takes longer than
+    /// a solution.
+    ///
+    /// # Errors
+    /// [`IdentifyError::Numeric`] for a covariance without a root.
+    pub fn prepared(&self, mass_kg: f64) -> Result<PreparedPrior, IdentifyError> {
+        let (mean, root) = self.given_mass(self.mean.len(), mass_kg)?;
+        Ok(PreparedPrior { mean, root })
+    }
+
     pub(crate) fn given_mass(&self, p: usize, mass_kg: f64) -> Result<(DVector<f64>, DMatrix<f64>), IdentifyError> {
         if self.mean.len() != p || self.covariance.shape() != (p, p) {
             return Err(IdentifyError::Length {
@@ -367,6 +377,13 @@ impl Prior {
         let root = covariance_root(&rest)?;
         Ok((mean, root))
     }
+}
+
+/// A [`Prior`] given the mass: mean and a root of the covariance of the other base parameters.
+#[derive(Debug, Clone)]
+pub struct PreparedPrior {
+    pub(crate) mean: DVector<f64>,
+    pub(crate) root: DMatrix<f64>,
 }
 
 /// Symmetric root of a covariance; eigenvalues at rounding level are raised so that the root can be

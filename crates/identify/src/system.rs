@@ -11,6 +11,7 @@
 //!
 //! θ is eliminated first; then one singular value decomposition of A L solves for every weight w.
 
+use crate::prior::PreparedPrior;
 use crate::{IdentifyError, Prior};
 use aloft_regressor::Factor;
 use faer::Mat;
@@ -67,6 +68,22 @@ pub(crate) struct Solution {
 
 impl System {
     pub fn new(merged: &Factor, mass_kg: f64, prior: Option<&Prior>) -> Result<Self, IdentifyError> {
+        let prepared = match prior {
+            Some(prior) if prior.mean.len() != merged.n_parameters() => {
+                return Err(IdentifyError::Length {
+                    what: "base parameters of the prior",
+                    expected: merged.n_parameters(),
+                    found: prior.mean.len(),
+                });
+            }
+            Some(prior) => Some(prior.prepared(mass_kg)?),
+            None => None,
+        };
+        Self::prepared(merged, mass_kg, prepared.as_ref())
+    }
+
+    /// The same with a prepared prior.
+    pub fn prepared(merged: &Factor, mass_kg: f64, prior: Option<&PreparedPrior>) -> Result<Self, IdentifyError> {
         if !(mass_kg > 0.0 && mass_kg.is_finite()) {
             return Err(IdentifyError::Option { option: "mass_kg", problem: format!("{mass_kg}") });
         }
@@ -74,7 +91,7 @@ impl System {
         let dense = merged.dense();
         let (h, n) = (dense.nrows(), p + k + 1);
         let (mean, root) = match prior {
-            Some(prior) => prior.given_mass(p, mass_kg)?,
+            Some(prior) => (prior.mean.clone(), prior.root.clone()),
             None => {
                 // scaling by column norms makes the rank decision independent of units
                 let norms = DVector::from_fn(p - 1, |j, _| {
@@ -84,6 +101,13 @@ impl System {
                 (DVector::zeros(p - 1), DMatrix::from_diagonal(&norms))
             }
         };
+        if mean.len() + 1 != p {
+            return Err(IdentifyError::Length {
+                what: "base parameters of the prior",
+                expected: p,
+                found: mean.len() + 1,
+            });
+        }
         let a = dense.columns(1, p - 1);
         let right = dense.column(n - 1) - dense.column(0) * mass_kg - a * &mean;
         let scaled = a * &root;

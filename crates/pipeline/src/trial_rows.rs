@@ -4,7 +4,7 @@
 use crate::results::Results;
 use crate::stages::filter::low_pass;
 use aloft_body::{BaseParameters, Motion, Subject};
-use aloft_effects::{PlateSeries, Scene, Span, TrialMotion, columns_about};
+use aloft_effects::{EffectInstance, PlateSeries, Scene, Span, TrialMotion, columns_about};
 use aloft_flight::{FlightReport, plate_wrench_at_marker_rate, total_wrench};
 use aloft_regressor::weak_windows::force_scale_n;
 use aloft_regressor::{EffectColumns, Stretch, StretchKind};
@@ -83,21 +83,23 @@ pub fn effect_columns(effects: &ModelEffects, rows: &TrialRows) -> Result<Option
     let base = BaseParameters::of(&rows.subject.model);
     let about = (effects.about.len() == base.len()).then_some((&base, effects.about.as_slice()));
     let mut out = EffectColumns { names: Vec::new(), wrench: vec![DMatrix::zeros(6, 0); rows.motion.n_frames()] };
-    for effect in &effects.model {
+    // effects that refer to the same region share the series of the motion
+    for group in effects.model.chunk_by(|a, b| a.volume_m == b.volume_m) {
         let mut scene = scene.clone();
-        if let Some((middle, reach)) = effect.volume_m {
+        if let Some((middle, reach)) = group[0].volume_m {
             (scene.volume_center_m, scene.volume_reach_m) = (middle.into(), reach);
         }
-        let choice = known.choice(&scene, effect)?;
-        let found = columns_about(&scene, &trial, &[choice], about).map_err(|e| StageFailure::new(e.to_string()))?;
+        let choices = group.iter().map(|e| known.choice(&scene, e)).collect::<Result<Vec<_>, _>>()?;
         // effects that act only in other trials do not act here
-        let acts = effect.trials.is_empty() || effect.trials.contains(&rows.motion.trial);
+        let acts = |c: &EffectInstance<'_>| vec![c.acts_in(&rows.motion.trial); c.names(&scene).len()];
+        let acting: Vec<bool> = choices.iter().flat_map(acts).collect();
+        let found = columns_about(&scene, &trial, &choices, about).map_err(|e| StageFailure::new(e.to_string()))?;
         for (all, own) in out.wrench.iter_mut().zip(&found.wrench) {
             let old = std::mem::replace(all, DMatrix::zeros(0, 0));
             let from = old.ncols();
             let mut wide = old.insert_columns(from, own.ncols(), 0.0);
-            if acts {
-                wide.columns_mut(from, own.ncols()).copy_from(own);
+            for (i, column) in own.column_iter().enumerate().filter(|(i, _)| acting[*i]) {
+                wide.set_column(from + i, &column);
             }
             *all = wide;
         }

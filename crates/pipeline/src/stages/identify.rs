@@ -6,7 +6,8 @@ use crate::merge;
 use crate::results::parameters_file;
 use aloft_body::{BaseParameters, Subject};
 use aloft_identify::{
-    ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, Prior, identify_with_slides, point_estimate,
+    ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, PreparedPrior, identify_with_slides,
+    point_estimate_prepared,
 };
 use aloft_regressor::{Factor, RowKind, Slides, Stretch, StretchKind, leave_group_out};
 use aloft_study::config::{Estimator as ChosenEstimator, IdentifyConfig, Rows};
@@ -190,7 +191,7 @@ fn identify_with(
 /// Estimates base parameters and effect coefficients without intervals and without links: all that
 /// predictions need.
 pub struct Predicting {
-    prior: Option<Prior>,
+    prior: Option<PreparedPrior>,
     mass_kg: f64,
     estimator: Estimator,
     contact_weight: f64,
@@ -204,7 +205,8 @@ impl Predicting {
         let prior = match parameters.estimator {
             Estimator::Regularized { .. } => {
                 let base = BaseParameters::of(&subject.model);
-                Some(LinkPrior::of_subject(subject).map_err(fail)?.base(&base).map_err(fail)?)
+                let prior = LinkPrior::of_subject(subject).map_err(fail)?.base(&base).map_err(fail)?;
+                Some(prior.prepared(subject.facts.mass_kg).map_err(fail)?)
             }
             _ => None,
         };
@@ -257,7 +259,7 @@ impl Predicting {
 
     /// Estimates from factors that were weighed and merged before.
     pub fn solve_merged(&self, merged: &Factor) -> Result<PointEstimate, StageFailure> {
-        let x = point_estimate(merged, self.mass_kg, self.prior.as_ref(), self.estimator)
+        let x = point_estimate_prepared(merged, self.mass_kg, self.prior.as_ref(), self.estimator)
             .map_err(|e| StageFailure::new(e.to_string()))?;
         let p = merged.n_parameters();
         let effects = merged.columns.effects.iter().cloned().zip(x.iter().skip(p).copied()).collect();

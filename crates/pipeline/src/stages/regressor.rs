@@ -6,8 +6,8 @@ use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, para
 use crate::trial_rows::{TrialRows, effect_columns};
 use aloft_body::{BaseParameters, Subject};
 use aloft_regressor::{
-    Acting, CoordinateNoise, Factor, Noise, RegressorError, Slides, Stretch, StretchKind, Tissue, WeakOptions,
-    weak_factor, weak_factor_with_tissue,
+    Acting, CoordinateNoise, EffectColumns, Factor, Noise, RegressorError, Slides, Stretch, StretchKind, Tissue,
+    WeakOptions, weak_factor, weak_factor_with_tissue,
 };
 use aloft_study::calendar::Calendar;
 use aloft_study::config::Weighting;
@@ -101,13 +101,23 @@ impl StageWork for Work {
 
 /// Weak factors of every stretch of a trial, with remarks.
 pub fn weak_factors(params: &Params, rows: &TrialRows) -> Result<FactorsAndRemarks, StageFailure> {
-    factors_beside(params, rows, &mut Vec::new(), false)
+    factors_beside(params, rows, effect_columns(&params.effects, rows)?.as_ref(), &mut Vec::new(), false)
+}
+
+/// The same with columns of effects that were formed before.
+pub fn weak_factors_with(
+    params: &Params,
+    rows: &TrialRows,
+    effects: Option<&EffectColumns>,
+) -> Result<FactorsAndRemarks, StageFailure> {
+    factors_beside(params, rows, effects, &mut Vec::new(), false)
 }
 
 /// The same, including the effect of soft tissue on the rows if `with_tissue` is set.
 fn factors_beside(
     params: &Params,
     rows: &TrialRows,
+    effects: Option<&EffectColumns>,
     slides: &mut Vec<(Stretch, Slides)>,
     with_tissue: bool,
 ) -> Result<FactorsAndRemarks, StageFailure> {
@@ -115,10 +125,9 @@ fn factors_beside(
     let base = BaseParameters::of(&subject.model);
     let prior = subject.prior_phi();
     let weak = weak_options(params.window_s);
-    let effects = effect_columns(&params.effects, rows)?;
     let noise = row_noise(params, subject);
     let (model, motion) = (&subject.model, &rows.motion);
-    let acting = Acting { measured: rows.wrench.as_deref(), effects: effects.as_ref() };
+    let acting = Acting { measured: rows.wrench.as_deref(), effects };
     each_stretch(rows, |stretch| {
         let used = stretch.kind == StretchKind::Flight || params.contact;
         if !(with_tissue && used) {
@@ -178,7 +187,8 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let mut slides = Vec::new();
     // only identification uses the slides
     let person = !params.is_object && params.role == Some(Role::Identify);
-    let (factors, warnings) = factors_beside(params, &rows, &mut slides, person)?;
+    let (factors, warnings) =
+        factors_beside(params, &rows, effect_columns(&params.effects, &rows)?.as_ref(), &mut slides, person)?;
     let mut done = StageReport { warnings: warnings.into(), ..StageReport::default() };
     save_factors(inputs.out, &factors)?;
     if let Some(robot) = &params.robot {

@@ -5,6 +5,9 @@ const Studio = (() => {
   const token = new URLSearchParams(location.search).get("token");
   const S = { state: null, on: [], leftOut: [], takenIn: [], settings: {}, ticket: 0, exactDue: 0, shown: null, before: null, hears: [] };
   const number = (v) => (v === null || v === undefined || !Number.isFinite(v) ? "–" : v >= 100 ? v.toFixed(0) : v === 0 ? "0" : v.toPrecision(3));
+  const unitOf = (u) => (u === "1" ? "" : " " + u.replace(/\^2/g, "²").replace(/\^3/g, "³").replace(/\*/g, "·"));
+  // text whose parts between backticks are code
+  const prose = (text) => text.split("`").map((part, i) => (i % 2 ? make("code", {}, part) : part.replace(/\^2/g, "²")));
   const times = (v) => (v === null || v === undefined ? "" : v.toPrecision(2) + " × floor");
   const same = (a, b) => a.length === b.length && a.every((k) => b.includes(k));
   const changed = () => Object.keys(S.settings).length > 0 || S.takenIn.length > 0;
@@ -65,11 +68,11 @@ const Studio = (() => {
     bar("floor").hidden = !e.noise_floor;
     bar("band").hidden = !e.noise_floor_ci95;
     if (e.noise_floor_ci95) { bar("band").style.left = part(e.noise_floor_ci95[0]); bar("band").style.width = part(e.noise_floor_ci95[1] - e.noise_floor_ci95[0]); }
-    at("which").textContent = which;
+    at("which").replaceChildren(...prose(which));
     const other = errors.filter((x) => x !== e).map((x) => `in ${x.judged_on}: ${number(x.held_out_error)} N, ${times(x.times_floor)}`);
     if (preview() && before) other.unshift(`the present model: ${number(before.held_out_error)} N, ${times(before.times_floor)}`);
     at("other").textContent = other.join(" · ");
-    at("live").textContent = `${which}: ${number(e.held_out_error)} newtons, ${times(e.times_floor)}${e.at_floor ? ", at the floor" : ""}`;
+    at("live").textContent = `${which.replaceAll("`", "")}: ${number(e.held_out_error)} newtons, ${times(e.times_floor)}${e.at_floor ? ", at the floor" : ""}`;
     S.hears.forEach((hear) => hear());
   };
 
@@ -84,7 +87,7 @@ const Studio = (() => {
   const coefficients = (model, exact) => {
     const unit = (name) => {
       const s = S.state.switches.find((x) => name.startsWith(x.key + ".")), c = s?.coefficients.find(([n]) => name === s.key + "." + n);
-      return c && c[1] !== "1" ? " " + c[1] : "";
+      return c ? unitOf(c[1]) : "";
     };
     const line = (c) => (Array.isArray(c) ? { name: c[0], value: c[1], ci95: null } : c);
     const rows = (model.coefficients ?? []).map(line);
@@ -152,13 +155,14 @@ const Studio = (() => {
         flip();
       };
       const kind = S.state.model.includes(s.key) ? " held" : S.state.asked?.found.includes(s.key) ? " found" : "";
-      const ratio = c && c.held_out_ratio !== null && !kind.includes("held") ? "alone × " + c.held_out_ratio.toFixed(2) : "";
-      const label = make("label", { class: "studio-switch" + kind }, box, make("span", { class: "name" }, s.title), make("span", { class: "ratio", title: "the ranking's own estimate of the error with this effect over that without it" }, ratio), make("span", { class: "key" }, s.key));
+      const ratio = c && c.held_out_ratio !== null && !kind.includes("held") ? "leaves " + Math.round(100 * c.held_out_ratio) + " %" : "";
+      const label = make("label", { class: "studio-switch" + kind }, box, make("span", { class: "name" }, s.title), make("span", { class: "ratio", title: "the ranking's own estimate of the error that this effect alone leaves" }, ratio), make("span", { class: "key" }, s.key));
       return make("li", {}, label);
     });
     at("list").replaceChildren(...rows);
     const asked = S.state.asked;
-    at("verdict").textContent = S.state.preparing ? "The switches are being prepared …" : asked ? (asked.of_present_results ? "" : "From a discovery on other results; ask it again. ") + asked.words : "Nobody has asked yet which effect is missing.";
+    const said = asked ? (asked.of_present_results ? "" : "From a discovery on other results; ask it again. ") + asked.words : "It was not asked yet which effect is missing.";
+    at("verdict").replaceChildren(...prose(S.state.preparing ? "The switches are being prepared …" : said));
     at("ask").hidden = Boolean(asked?.of_present_results);
     if (S.state.problem) problem(S.state.problem);
   };

@@ -1,0 +1,164 @@
+//! The rows from which [`crate::switches`] are made: factors for identification, and windows for
+//! judging, with the columns of all effects.
+
+use crate::results::Made;
+use crate::stored_columns::{self, TrialColumns};
+use crate::switches::{WithoutSwitch, stop};
+use aloft_body::{BaseParameters, Subject};
+use aloft_compare::{Body, Comparison, RecordingOffset, WindowRows};
+use aloft_pipeline::stages::compare::{self as stage, ComparedTrial, HeldOut, compare_options};
+use aloft_pipeline::stages::regressor::{self, weak_factors_with};
+use aloft_pipeline::trial_rows::{TrialRows, effect_columns};
+use aloft_regressor::{EffectColumns, Factor, StretchKind};
+use aloft_study::revision::ModelEffect;
+use aloft_study::subject_session::{Role, SubjectSession};
+use aloft_workspace::error::StageFailure;
+use aloft_workspace::key::key;
+use aloft_workspace::manifest::WHOLE_STUDY;
+use rayon::prelude::*;
+use serde_json::json;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// One trial of the comparison.
+pub(crate) struct Judged {
+    pub name: String,
+    pub role: Role,
+    pub windows: Option<WindowRows>,
+    pub in_flight: bool,
+    pub in_contact: bool,
+    pub offset: Option<RecordingOffset>,
+}
+
+/// Settings of the stages for a model with these effects.
+pub(crate) fn params_of(session: &SubjectSession, effects: &[ModelEffect]) -> (stage::Params, regressor::Params) {
+    let with = SubjectSession { effects: effects.to_vec(), ..session.clone() };
+    (stage::Params::of(&with), regressor::Params::of(&with, None))
+}
+
+/// Takes out effects whose columns are not finite in frames in which those of others are: in a joint
+/// matrix they would cost all effects these frames. `finite` holds the number of finite frames of
+/// each effect in each trial.
+pub(crate) fn drop_without_numbers(
+    kept: &[ModelEffect],
+    finite: &[Vec<usize>],
+    effects: &mut Vec<ModelEffect>,
+) -> Vec<WithoutSwitch> {
+    let most: Vec<usize> = finite.iter().map(|t| t.iter().copied().max().unwrap_or(0)).collect();
+    let whole = |e: usize| finite.iter().zip(&most).all(|(t, m)| t[e] == *m);
+    let mut out = Vec::new();
+    let mut at = 0..effects.len();
+    effects.retain(|e| {
+        let keep = at.next().is_none_or(whole) || kept.contains(e);
+        if !keep {
+            let because = "its law gives no numbers in some frames of these recordings".to_owned();
+            out.push(WithoutSwitch { key: e.key.clone(), because });
+        }
+        keep
+    });
+    out
+}
+
+/// Number of frames with finite columns of each effect.
+fn finite_frames(effects: &[ModelEffect], columns: Option<&EffectColumns>) -> Vec<usize> {
+    let own = |e: &ModelEffect| -> Vec<usize> {
+        let names = columns.iter().flat_map(|c| &c.names).enumerate();
+        names.filter(|(_, n)| n.rsplit_once('.').is_some_and(|(key, _)| key == e.key)).map(|(i, _)| i).collect()
+    };
+    let finite = |of: Vec<usize>| {
+        let frames = columns.iter().flat_map(|c| &c.wrench);
+        frames.filter(|w| of.iter().all(|i| w.column(*i).iter().all(|x| x.is_finite()))).count()
+    };
+    effects.iter().map(|e| finite(own(e))).collect()
+}
+
+/// Factors for identification, and windows for judging, with the columns of all effects.
+pub(crate) fn rows_of(
+    made: &Made<'_>,
+    subject: &Subject,
+    effects: &[ModelEffect],
+    comparison: &Comparison,
+    told: &(dyn Fn(usize, usize) + Sync),
+) -> Result<(Vec<Factor>, Vec<Judged>, Vec<Vec<usize>>), StageFailure> {
+    let (params, weak) = params_of(made.session, effects);
+    let options = compare_options(&params, subject);
+    let base = BaseParameters::of(&subject.model);
+    let prior = subject.prior_phi();
+    let body = Body { model: &subject.model, base: &base, prior: &prior };
+    let contact = params.identify.contact;
+    let compared = &comparison.first.trials;
+    // as the comparison counts: held-out flights if there are any, else all
+    let any = compared.iter().any(|t| t.held_out_flight && t.flight.frames > 0);
+    let done = AtomicUsize::new(0);
+    let form = |name: &str, role: Role, compared: bool| -> Result<TrialColumns, StageFailure> {
+        let filter = compared.then_some(&made.session.config.filter);
+        let rows = TrialRows::load(made.results, filter, &|| made.calendar(), name, subject)?;
+        let columns = effect_columns(&weak.effects, &rows)?;
+        let finite = finite_frames(effects, columns.as_ref());
+        let mut factors = Vec::new();
+        if role == Role::Identify {
+            let used = |f: &Factor| contact || f.kind == StretchKind::Flight;
+            let formed = weak_factors_with(&weak, &rows, columns.as_ref())?.0;
+            factors.extend(formed.into_iter().map(|(_, f)| f).filter(used));
+        }
+        let windows = if compared {
+            let trial = ComparedTrial::with_columns(&params, made.results, role, name, rows, columns)?;
+            WindowRows::of(&body, &trial.input(0, HeldOut::Validation, true, None), &options).map_err(stop)?
+        } else {
+            None
+        };
+        Ok(TrialColumns { factors, windows, finite })
+    };
+    let settings = json!({"version": VERSION, "weak": key(&weak), "compare": key(&params), "options": key(&options)});
+    let each: Vec<(TrialColumns, Option<Judged>)> = made
+        .trials
+        .par_iter()
+        .map(|(name, role)| {
+            let own = compared.iter().find(|t| t.trial == *name);
+            let folder = made.session.workspace.join(FOLDER).join(name);
+            let made_from = made_from(made, name, *role, own.is_some(), &settings);
+            let mut formed = match stored_columns::load(&folder, name, &made_from) {
+                Some(stored) => stored,
+                None => {
+                    let formed = form(name, *role, own.is_some())?;
+                    // a store that cannot be written costs time, not results
+                    let _ = stored_columns::save(&folder, &made_from, &formed);
+                    formed
+                }
+            };
+            let windows = formed.windows.take();
+            let judged = own.map(|t| Judged {
+                name: name.clone(),
+                role: *role,
+                windows,
+                in_flight: t.held_out_flight || !any,
+                in_contact: t.held_out_contact,
+                offset: t.offset,
+            });
+            told(done.fetch_add(1, Ordering::Relaxed) + 1, made.trials.len());
+            Ok((formed, judged))
+        })
+        .collect::<Result<_, StageFailure>>()?;
+    let (formed, judged): (Vec<_>, Vec<_>) = each.into_iter().unzip();
+    let finite = formed.iter().map(|f| f.finite.clone()).collect();
+    Ok((formed.into_iter().flat_map(|f| f.factors).collect(), judged.into_iter().flatten().collect(), finite))
+}
+
+/// Folder of the stored rows in a workspace.
+const FOLDER: &str = "columns";
+/// Version of the stored rows; to be raised when they change.
+const VERSION: u32 = 1;
+
+/// Hash of everything that the rows of a trial depend on.
+fn made_from(made: &Made<'_>, trial: &str, role: Role, compared: bool, settings: &serde_json::Value) -> String {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(settings.to_string().as_bytes());
+    hasher.update(format!("{} {compared}", role.word()).as_bytes());
+    let once = ["scale", "calibrate"].map(|stage| (stage, WHOLE_STUDY));
+    let own = ["import", "ik", "filter", "flight"].map(|stage| (stage, trial));
+    // the times of the session come from all recordings
+    let all = made.session.included().map(|t| ("import", t.name.as_str()));
+    for (stage, trial) in once.into_iter().chain(own).chain(all) {
+        hasher.update(made.results.manifest(stage, trial).map(|m| m.output).unwrap_or_default().as_bytes());
+    }
+    hasher.finalize().to_hex().to_string()
+}
