@@ -77,6 +77,7 @@ pub(crate) fn rows_of(
     subject: &Subject,
     effects: &[ModelEffect],
     comparison: &Comparison,
+    contact: bool,
     told: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<(Vec<Factor>, Vec<Judged>, Vec<Vec<usize>>), StageFailure> {
     let (params, weak) = params_of(made.session, effects);
@@ -84,10 +85,11 @@ pub(crate) fn rows_of(
     let base = BaseParameters::of(&subject.model);
     let prior = subject.prior_phi();
     let body = Body { model: &subject.model, base: &base, prior: &prior };
-    let contact = params.identify.contact;
+
     let compared = &comparison.first.trials;
     // as the comparison counts: held-out flights if there are any, else all
     let any = compared.iter().any(|t| t.held_out_flight && t.flight.frames > 0);
+    let names: Vec<String> = made.trials.iter().map(|(name, _)| name.clone()).collect();
     let done = AtomicUsize::new(0);
     let form = |name: &str, role: Role, compared: bool| -> Result<TrialColumns, StageFailure> {
         let filter = compared.then_some(&made.session.config.filter);
@@ -101,14 +103,14 @@ pub(crate) fn rows_of(
             factors.extend(formed.into_iter().map(|(_, f)| f).filter(used));
         }
         let windows = if compared {
-            let trial = ComparedTrial::with_columns(&params, made.results, role, name, rows, columns)?;
+            let trial = ComparedTrial::with_columns(&params, made.results, role, name, &names, rows, columns)?;
             WindowRows::of(&body, &trial.input(0, HeldOut::Validation, true, None), &options).map_err(stop)?
         } else {
             None
         };
         Ok(TrialColumns { factors, windows, finite })
     };
-    let settings = json!({"version": VERSION, "weak": key(&weak), "compare": key(&params), "options": key(&options)});
+    let settings = json!({"version": VERSION, "weak": key(&weak), "compare": key(&params), "options": key(&options), "contact": contact});
     let each: Vec<(TrialColumns, Option<Judged>)> = made
         .trials
         .par_iter()

@@ -118,6 +118,8 @@ pub struct Switches {
     pools: Pools,
     trials: Vec<Judged>,
     gate: bool,
+    /// Whether contact takes part in the identification of the present model.
+    contact: bool,
 }
 
 /// Hash of what switches depend on: the comparison and all that it was made from, the model, and the
@@ -172,6 +174,7 @@ impl Switches {
             }
         }
         let comparison = view.comparison;
+        let contact = session.identifies_from_contact();
         with_results(&session, |made| {
             let parameters = made
                 .results
@@ -179,7 +182,7 @@ impl Switches {
                 .ok_or_else(|| stop("nothing was identified from weak rows"))?;
             let subject = made.results.load_subject("calibrate")?;
             let (training, trials) = loop {
-                let (training, trials, finite) = rows_of(made, &subject, &effects, &comparison, told)?;
+                let (training, trials, finite) = rows_of(made, &subject, &effects, &comparison, contact, told)?;
                 let dropped = drop_without_numbers(&session.effects, &finite, &mut effects);
                 if dropped.is_empty() {
                     break (training, trials);
@@ -213,6 +216,7 @@ impl Switches {
                 columns,
                 training,
                 trials,
+                contact,
             })
         })
     }
@@ -243,6 +247,16 @@ impl Switches {
                 aloft_study::nearest::hint(key, &known, "there are"),
             )
         })
+    }
+
+    /// Why a model with these effects has no number at once; none if it has one.
+    ///
+    /// # Errors
+    /// A key without a switch.
+    pub fn only_by_a_run(&self, keys: &[String]) -> Result<Option<&'static str>, PipelineError> {
+        let with = SubjectSession { effects: self.chosen(keys)?, ..self.session.clone() };
+        Ok((with.identifies_from_contact() != self.contact)
+            .then_some("with these effects contact takes part in identification, and is weighted anew"))
     }
 
     /// The model with these effects, identified without the trials `left_out`, in the geometry of
@@ -312,6 +326,7 @@ impl Switches {
     /// As [`Switches::model`]; a trial that was not compared.
     pub fn series(&self, trial: &str, keys: &[String]) -> Result<TrialSeries, PipelineError> {
         let names = self.names(keys)?;
+        let others: Vec<String> = self.trials.iter().map(|t| t.name.clone()).collect();
         let judged = self.trials.iter().find(|t| t.name == trial).ok_or_else(|| {
             let known: Vec<&str> = self.trials.iter().map(|t| t.name.as_str()).collect();
             let hint = aloft_study::nearest::hint(trial, &known, "there are");
@@ -324,7 +339,7 @@ impl Switches {
             let (params, _) = params_of(&self.session, &chosen);
             let filter = &made.session.config.filter;
             let rows = TrialRows::load(made.results, Some(filter), &|| made.calendar(), trial, &self.subject)?;
-            let compared = ComparedTrial::of(&params, made.results, judged.role, trial, rows)?;
+            let compared = ComparedTrial::of(&params, made.results, judged.role, trial, &others, rows)?;
             let candidate = Candidate::per_trial("identified", vec![own.0]).with_effects_per_trial(vec![own.1]);
             let floor = self.floor.as_ref().map_or(Floor::Drawn(0, None), Floor::Known);
             let (trials, models) = ([compared], [candidate]);

@@ -111,7 +111,11 @@ async fn model(State(studio): State<Arc<Studio>>, body: Bytes) -> Result<Respons
     let choice: Choice = asked(&body)?;
     let found = computed(move || {
         let started = Instant::now();
-        let model = studio.switches()?.model(&choice.effects, &choice.left_out)?;
+        let switches = studio.switches()?;
+        if let Some(why) = switches.only_by_a_run(&choice.effects)? {
+            return Ok(json!({"model": null, "because": why}));
+        }
+        let model = switches.model(&choice.effects, &choice.left_out)?;
         Ok(json!({"model": model, "milliseconds": started.elapsed().as_secs_f64() * 1e3}))
     });
     Ok(answer(&found.await?))

@@ -76,11 +76,25 @@ const Studio = (() => {
     S.hears.forEach((hear) => hear());
   };
 
+  // what to write into the pipeline file, so that what was tried holds for every command
+  const lines = () => {
+    const sections = {};
+    for (const [path, value] of Object.entries(S.settings)) {
+      const [section, ...rest] = path.split(".");
+      (sections[section] ??= []).push(rest.length > 1 ? `${rest[0]}: {${rest.slice(1).join(".")}: ${value}}` : `${rest[0]}: ${value}`);
+    }
+    const out = Object.entries(sections).map(([section, list]) => `${section}: {${list.join(", ")}}`);
+    if (S.leftOut.length) out.push(`trials: {exclude: [${S.leftOut.map((t) => `{trial: ${t}, reason: "…"}`).join(", ")}]}`);
+    at("lines").replaceChildren(...(out.length ? [`To make it permanent, in ${S.state.pipeline}: `, ...out.flatMap((l) => [make("code", {}, l), " "])] : []));
+  };
+
   const buttons = () => {
+    lines();
     const some = preview();
     at("keep").disabled = !some || S.leftOut.length > 0 || changed() || same(S.on, S.state.model) || S.state.preparing;
     at("reset").disabled = !some;
     at("undo").disabled = S.state.revisions.length < 2;
+    at("run").hidden = S.state.current;
     at("keep").title = S.leftOut.length > 0 || changed() ? "Effects can be kept; recordings and settings are changed in the pipeline file." : "";
   };
 
@@ -126,6 +140,10 @@ const Studio = (() => {
       try {
         const found = await ask("/api/model", { effects: S.on, left_out: S.leftOut });
         if (ticket !== S.ticket) return;
+        if (!found.model) {
+          at("which").textContent = `${found.because}: the exact number follows`;
+          return exact(ticket);
+        }
         if (!S.before && !preview()) S.before = found.model;
         const geometry = S.leftOut.length ? ", in the geometry of all recordings" : "";
         show(preview() ? found.model.errors : present().length ? present() : found.model.errors, preview() ? `quick: from stored rows${geometry}; the exact number follows` : "the present model", found.model);
@@ -217,7 +235,7 @@ const Studio = (() => {
     trials();
     settings();
     buttons();
-    if (!S.state.current && S.state.stale.length) problem({ problem: "The results are not up to date: " + S.state.stale.join("; "), hint: "a run brings them up to date" });
+    if (!S.state.current && S.state.stale.length) problem({ problem: "The results are not up to date: " + S.state.stale.join("; ") + "." });
     if (present().length) show(present(), "the present model", null);
     if (!S.state.preparing && S.state.switches.length) {
       S.before = (await ask("/api/model", { effects: S.state.model, left_out: [] })).model;
@@ -254,6 +272,7 @@ const Studio = (() => {
   const job = (body) => { problem(null); work(JOBS[body.job] + " …", 0, 1); ask("/api/job", body).catch((e) => { work(null); problem(e); }); };
   at("keep").onclick = () => { clearTimeout(S.exactDue); job({ job: "keep", effects: S.on }); };
   at("undo").onclick = () => job({ job: "undo" });
+  at("run").onclick = () => job({ job: "run" });
   at("discover").onclick = () => job({ job: "discover" });
   at("reset").onclick = () => {
     Object.assign(S, { on: [...S.state.model], leftOut: [], takenIn: [], settings: {} });
