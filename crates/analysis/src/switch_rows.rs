@@ -71,6 +71,16 @@ fn finite_frames(effects: &[ModelEffect], columns: Option<&EffectColumns>) -> Ve
     effects.iter().map(|e| finite(own(e))).collect()
 }
 
+/// Rows of all trials.
+pub(crate) struct AllRows {
+    /// Factors for identification.
+    pub training: Vec<Factor>,
+    /// Trials of the comparison.
+    pub trials: Vec<Judged>,
+    /// Number of frames with finite columns, by trial and effect.
+    pub finite: Vec<Vec<usize>>,
+}
+
 /// Factors for identification, and windows for judging, with the columns of all effects.
 pub(crate) fn rows_of(
     made: &Made<'_>,
@@ -79,7 +89,7 @@ pub(crate) fn rows_of(
     comparison: &Comparison,
     contact: bool,
     told: &(dyn Fn(usize, usize) + Sync),
-) -> Result<(Vec<Factor>, Vec<Judged>, Vec<Vec<usize>>), StageFailure> {
+) -> Result<AllRows, StageFailure> {
     let (params, weak) = params_of(made.session, effects);
     let options = compare_options(&params, subject);
     let base = BaseParameters::of(&subject.model);
@@ -141,8 +151,11 @@ pub(crate) fn rows_of(
         })
         .collect::<Result<_, StageFailure>>()?;
     let (formed, judged): (Vec<_>, Vec<_>) = each.into_iter().unzip();
-    let finite = formed.iter().map(|f| f.finite.clone()).collect();
-    Ok((formed.into_iter().flat_map(|f| f.factors).collect(), judged.into_iter().flatten().collect(), finite))
+    Ok(AllRows {
+        finite: formed.iter().map(|f| f.finite.clone()).collect(),
+        training: formed.into_iter().flat_map(|f| f.factors).collect(),
+        trials: judged.into_iter().flatten().collect(),
+    })
 }
 
 /// Folder of the stored rows in a workspace.

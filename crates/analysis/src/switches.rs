@@ -120,6 +120,8 @@ pub struct Switches {
     gate: bool,
     /// Whether contact takes part in the identification of the present model.
     contact: bool,
+    /// Keys of the present model's effects.
+    present: Vec<String>,
 }
 
 /// Hash of what switches depend on: the comparison and all that it was made from, the model, and the
@@ -182,10 +184,10 @@ impl Switches {
                 .ok_or_else(|| stop("nothing was identified from weak rows"))?;
             let subject = made.results.load_subject("calibrate")?;
             let (training, trials) = loop {
-                let (training, trials, finite) = rows_of(made, &subject, &effects, &comparison, contact, told)?;
-                let dropped = drop_without_numbers(&session.effects, &finite, &mut effects);
+                let rows = rows_of(made, &subject, &effects, &comparison, contact, told)?;
+                let dropped = drop_without_numbers(&session.effects, &rows.finite, &mut effects);
                 if dropped.is_empty() {
-                    break (training, trials);
+                    break (rows.training, rows.trials);
                 }
                 without_switch.extend(dropped);
             };
@@ -217,6 +219,7 @@ impl Switches {
                 training,
                 trials,
                 contact,
+                present: session.effects.iter().map(|e| e.key.clone()).collect(),
             })
         })
     }
@@ -276,35 +279,37 @@ impl Switches {
         };
         let failed = |f: StageFailure| PipelineError::Request { problem: f.problem, hint: f.hint };
         let all = self.solve(&pools.all, &names).map_err(failed)?;
-        let judged: Vec<(&Judged, Vec<Vector6<f64>>, Option<String>)> = self
+        let judged: Vec<Predicted<'_>> = self
             .trials
             .par_iter()
             .filter(|t| !left_out.contains(&t.name))
-            .map(|t| {
-                let (own, remark) = self.own(pools, t, &names, &all);
-                let errors = t.windows.as_ref().map_or_else(Vec::new, |w| w.errors(&own.0, &own.1, t.offset.as_ref()));
-                (t, errors, remark)
+            .map(|trial| {
+                let (own, remark) = self.own(pools, trial, &names, &all);
+                let windows = trial.windows.as_ref();
+                let errors = windows.map_or_else(Vec::new, |w| w.errors(&own.0, &own.1, trial.offset.as_ref()));
+                Predicted { trial, errors, remark }
             })
             .collect();
+        // the reading at rest of plates that were never unloaded follows from the model, frame by frame
+        let present = self.present == keys;
+        let known = present || !self.trials.iter().any(|t| t.in_contact && t.offset.is_some());
         let place = |flying: bool| {
-            let counted = judged.iter().filter(|(t, ..)| if flying { t.in_flight } else { t.in_contact });
-            let windows = counted.flat_map(|(t, errors, _)| of_kind(t, errors, flying));
+            let counted =
+                judged.iter().filter(|p| if flying { p.trial.in_flight } else { p.trial.in_contact && known });
             let floor = self.floor.as_ref().and_then(|f| if flying { f.flight_floor } else { f.contact_floor });
+            let windows = counted.flat_map(|p| p.of_kind(flying));
             against(if flying { "flight" } else { "contact" }, size_of_windows(windows)?, floor)
         };
         let weight_n = weight_n(&self.session);
         let errors = [true, false].into_iter().filter_map(place);
         let errors = errors.map(|a| HeldOutError::of(&a, &[], weight_n, self.gate)).collect();
         let trials = self.trials.iter().map(|t| {
-            let own = judged.iter().find(|(j, ..)| j.name == t.name);
-            let size = |flying: bool, counts: bool| {
-                let (t, errors, _) = own.filter(|_| counts)?;
-                size_of_windows(of_kind(t, errors, flying)).map(|s| s.0)
-            };
+            let own = judged.iter().find(|p| p.trial.name == t.name);
+            let size = |flying: bool, counts: bool| Some(size_of_windows(own.filter(|_| counts)?.of_kind(flying))?.0);
             TrialError {
                 trial: t.name.clone(),
                 flight: size(true, t.in_flight),
-                contact: size(false, t.in_contact),
+                contact: size(false, t.in_contact && (present || t.offset.is_none())),
                 left_out: own.is_none(),
             }
         });
@@ -315,7 +320,7 @@ impl Switches {
             coefficients: all.1.clone(),
             base: base.map(|(b, value)| (b.name.clone(), *value, b.unit.clone())).collect(),
             trials: trials.collect(),
-            remarks: judged.iter().filter_map(|(.., r)| r.clone()).collect(),
+            remarks: judged.iter().filter_map(|p| p.remark.clone()).collect(),
         })
     }
 
@@ -427,10 +432,20 @@ impl Pools {
     }
 }
 
-/// Errors in the windows of one kind of motion.
-fn of_kind<'a>(t: &'a Judged, errors: &'a [Vector6<f64>], flying: bool) -> impl Iterator<Item = &'a Vector6<f64>> {
-    let kinds = t.windows.iter().flat_map(|w| &w.in_flight);
-    errors.iter().zip(kinds).filter(move |(_, in_flight)| **in_flight == flying).map(|(e, _)| e)
+/// A trial predicted by a model.
+struct Predicted<'a> {
+    trial: &'a Judged,
+    /// Error in each window.
+    errors: Vec<Vector6<f64>>,
+    remark: Option<String>,
+}
+
+impl Predicted<'_> {
+    /// Errors in the windows of one kind of motion.
+    fn of_kind(&self, flying: bool) -> impl Iterator<Item = &Vector6<f64>> {
+        let kinds = self.trial.windows.iter().flat_map(|w| &w.in_flight);
+        self.errors.iter().zip(kinds).filter(move |(_, in_flight)| **in_flight == flying).map(|(e, _)| e)
+    }
 }
 
 fn against(

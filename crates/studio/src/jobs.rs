@@ -133,7 +133,7 @@ fn work(studio: &Studio, job: Job) -> Result<(), PipelineError> {
     match job {
         Job::Run => run(&session, &Selection::default(), &told).map(|_| ()),
         Job::Discover => {
-            let options = discover::options(Vec::new(), Vec::new(), false);
+            let options = discover::options(Vec::new(), Vec::new(), false, None);
             discover::discover(&session, &options, &|done, of| told.count("effects tried", done, of)).map(|_| ())
         }
         Job::Exact { ticket, effects, changes } => {

@@ -84,6 +84,12 @@
     }
   };
 
-  Studio.hear(() => { rung(); draw(); });
+  // the number first; curves and player follow when it has been painted and no other flip came
+  let due = 0;
+  Studio.hear(() => {
+    rung();
+    clearTimeout(due);
+    due = setTimeout(() => requestAnimationFrame(() => setTimeout(draw)), 150);
+  });
   window.addEventListener("hashchange", () => setTimeout(() => { if (S.shown) draw(); }, 50));
 })();

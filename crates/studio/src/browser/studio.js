@@ -70,6 +70,8 @@ const Studio = (() => {
     if (e.noise_floor_ci95) { bar("band").style.left = part(e.noise_floor_ci95[0]); bar("band").style.width = part(e.noise_floor_ci95[1] - e.noise_floor_ci95[0]); }
     at("which").replaceChildren(...prose(which));
     const other = errors.filter((x) => x !== e).map((x) => `in ${x.judged_on}: ${number(x.held_out_error)} N, ${times(x.times_floor)}`);
+    const gone = which.startsWith("quick") && present().filter((x) => !errors.some((y) => y.judged_on === x.judged_on)).map((x) => `in ${x.judged_on}: with the exact number`);
+    other.push(...(gone || []));
     if (preview() && before) other.unshift(`the present model: ${number(before.held_out_error)} N, ${times(before.times_floor)}`);
     at("other").textContent = other.join(" · ");
     at("live").textContent = `${which.replaceAll("`", "")}: ${number(e.held_out_error)} newtons, ${times(e.times_floor)}${e.at_floor ? ", at the floor" : ""}`;
