@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Crates from bottom to top: each may use only those listed before it.
-const ORDER: [&str; 24] = [
+const ORDER: [&str; 25] = [
     "c3d",
     "body",
     "signal",

@@ -144,13 +144,7 @@ impl ComparedTrial {
 impl ComparedTrial {
     /// The trial at an index as input of the comparison; `validation` is true if some trial is held
     /// out as a whole ([`has_validation`]).
-    pub fn input(
-        &self,
-        i: usize,
-        held_out: HeldOut,
-        validation: bool,
-        left_out: Option<&[bool]>,
-    ) -> TrialInput<'_> {
+    pub fn input(&self, i: usize, held_out: HeldOut, validation: bool, left_out: Option<&[bool]>) -> TrialInput<'_> {
         let every = held_out == HeldOut::EveryTrial || !validation;
         TrialInput {
             unfiltered: Some(&self.unfiltered),
