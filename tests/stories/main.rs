@@ -4,6 +4,7 @@
 
 mod batch;
 mod broken_lab;
+mod corrections;
 mod demo;
 mod estimators;
 mod export;

@@ -1,7 +1,9 @@
 //! `check`: checks configuration, labels and files; changes nothing.
 
+use crate::corrections::{Offer, offers};
 use crate::session_check::{SessionCheck, session_check};
 use aloft_pipeline::graph::Recording;
+use aloft_pipeline::made::as_made;
 use aloft_pipeline::stages::filter::low_pass;
 use aloft_pipeline::stages::import::{abridged, holds_enough, read_recording};
 use aloft_study::subject_session::{Role, SubjectSession};
@@ -21,6 +23,8 @@ pub struct Check {
     pub remarks: Vec<String>,
     /// What the recordings say about themselves; no lines before a run.
     pub session: SessionCheck,
+    /// Corrections that these measurements offer; applied only where the pipeline's `corrections` say so.
+    pub offers: Vec<Offer>,
 }
 
 /// One recording.
@@ -161,5 +165,7 @@ pub fn check(session: &SubjectSession) -> Result<Check, PipelineError> {
     {
         remarks.push(format!("{}: no force file beside it; see `trials: {{forces: …}}`", t.name));
     }
-    Ok(Check { version: 1, trials, remarks, session: session_check(session) })
+    let measured = session_check(session);
+    let offers = offers(&as_made(session), &measured);
+    Ok(Check { version: 1, trials, remarks, session: measured, offers })
 }

@@ -34,6 +34,8 @@ pub struct HistoryRow {
     pub action: String,
     /// Effects of the model.
     pub effects: Vec<String>,
+    /// Corrections of the recordings, by their keys.
+    pub corrections: Vec<&'static str>,
     /// Held-out error over weak windows where the effect acts (`judged_on`), N: root mean square
     /// force, with moments over a lever arm of 0.1 m.
     pub held_out_error: Option<f64>,
@@ -104,6 +106,7 @@ pub fn history(session: &SubjectSession) -> Result<History, PipelineError> {
     let mut since_made = None;
     if let Some(last) = all.revisions.last_mut()
         && made_for(&ws, &last.effects)
+        && aloft_pipeline::made::as_made(session).config.corrections == last.corrections
     {
         let now = reached(session, &compare(session)?)?;
         since_made = last.reached.as_ref().and_then(|made| trials_changed(made, &now, "when it was made"));
@@ -120,7 +123,7 @@ pub fn history(session: &SubjectSession) -> Result<History, PipelineError> {
 
 /// True if the comparison in a workspace was made with these effects and with the parameters stored
 /// next to it.
-fn made_for(ws: &Workspace, effects: &[ModelEffect]) -> bool {
+pub(crate) fn made_for(ws: &Workspace, effects: &[ModelEffect]) -> bool {
     let Some(compared) = ws.manifest("compare", WHOLE_STUDY) else { return false };
     let same = |(input, hash): (&String, &String)| {
         input.split_once('/').is_none_or(|(stage, trial)| ws.manifest(stage, trial).is_some_and(|m| m.output == *hash))
@@ -143,6 +146,9 @@ fn judged(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsI
     let changed =
         a.effects.iter().filter(|e| !b.effects.contains(e)).chain(b.effects.iter().filter(|e| !a.effects.contains(e)));
     let kinds: Vec<ActsIn> = changed.map(acts).collect();
+    if kinds.is_empty() && a.corrections != b.corrections {
+        return Some(a.corrections.act_in_flight() || b.corrections.act_in_flight());
+    }
     (!kinds.is_empty()).then(|| kinds.iter().any(|k| k.in_flight()))
 }
 
@@ -200,6 +206,7 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn, 
         revision: r.number,
         action: r.action.clone(),
         effects: r.effects.iter().map(|e| e.key.clone()).collect(),
+        corrections: r.corrections.keys(),
         held_out_error: here.map(|j| j.error_n),
         held_out_error_before: old.and_then(pick).map(|j| j.error_n),
         noise_floor: here.and_then(|j| j.noise_n),
@@ -311,7 +318,13 @@ mod tests {
     }
 
     fn revisions(second: Reached, key: &str) -> Vec<Revision> {
-        let revision = |number, effects, reached| Revision { number, action: String::new(), effects, reached };
+        let revision = |number, effects, reached| Revision {
+            number,
+            action: String::new(),
+            effects,
+            reached,
+            corrections: Default::default(),
+        };
         let effect = ModelEffect { key: key.to_owned(), ..ModelEffect::default() };
         vec![revision(0, Vec::new(), Some(reached(4.0, 6.0, 1.2))), revision(1, vec![effect], Some(second))]
     }

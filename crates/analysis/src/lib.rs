@@ -2,8 +2,10 @@
 //! renders.
 
 pub mod assess;
+pub mod audit;
 pub mod check;
 pub mod compare;
+pub mod corrections;
 pub mod discover;
 pub mod effect;
 pub mod estimators;
@@ -13,6 +15,7 @@ pub mod held_out;
 pub mod history;
 pub mod init;
 pub mod inspect;
+pub mod inspect_values;
 mod laboratories;
 pub mod markerset;
 pub mod parameters;

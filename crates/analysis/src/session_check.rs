@@ -131,8 +131,8 @@ fn timing(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
     let spread = scatter.filter(|_| n > 1).map_or(String::new(), |s| format!("; contact to contact ± {s:.1} ms"));
     let words = if standing == LineStanding::Differs {
         format!(
-            "plates are {} by the time at which the flights before and after a contact cross{spread}; the effect \
-             `plate_time_offset` can be added to the model",
+            "plates are {} by the time at which the flights before and after a contact cross{spread}; \
+             `corrections: {{plate_delay_s: …}}` moves them, or the effect `plate_time_offset` is added to the model",
             if value > 0.0 { "late" } else { "early" }
         )
     } else {

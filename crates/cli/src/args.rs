@@ -321,10 +321,18 @@ pub enum Command {
         stage: Option<String>,
     },
     /// Show what is in a C3D or TRC file and what is wrong with it.
-    #[command(after_help = "Examples:\n  aloft inspect jump01.c3d\n  aloft inspect jump01.trc --json")]
+    #[command(
+        after_help = "Examples:\n  aloft inspect jump01.c3d\n  aloft inspect jump01.trc --json\n  aloft inspect jump01.c3d --values LASI,RASI\n  aloft inspect jump01.c3d --values FP1 --csv > fp1.csv"
+    )]
     Inspect {
         /// Recording.
         file: PathBuf,
+        /// Values of these markers, plates, computed points or analog channels, frame by frame (commas between them).
+        #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+        values: Vec<String>,
+        /// Values as CSV: of all markers, or of those under --values.
+        #[arg(long, conflicts_with = "json")]
+        csv: bool,
         /// Machine-readable output.
         #[arg(long)]
         json: bool,
@@ -514,6 +522,26 @@ pub enum Command {
         /// Pipeline file to write (`aloft.yaml` in the current folder where not given).
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
+    },
+    /// Check whether an OpenSim model balances with its own motion, in flight and on plates.
+    #[command(
+        after_help = "Examples:\n  aloft audit Models/final.osim --motion IK/*_ik.mot --markers MarkerData/*.trc --forces ID/*_grf.mot\n\nFiles of a recording are matched by the name of its markers: DJ1.trc, DJ1_ik.mot, DJ1_grf.mot."
+    )]
+    Audit {
+        /// Model (OSIM, OpenSim 4).
+        model: PathBuf,
+        /// Coordinates from inverse kinematics (MOT or STO).
+        #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
+        motion: Vec<PathBuf>,
+        /// Markers (TRC).
+        #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
+        markers: Vec<PathBuf>,
+        /// Ground reactions (MOT).
+        #[arg(long, num_args = 1.., value_name = "FILE")]
+        forces: Vec<PathBuf>,
+        /// Machine-readable output.
+        #[arg(long)]
+        json: bool,
     },
     /// Check a marker-set file, or draft one from recordings.
     #[command(

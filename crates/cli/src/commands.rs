@@ -11,8 +11,8 @@ use crate::{Success, findings, ladder, next, residuals, run_end, show, show_esti
 use aloft_analysis::freshness::{Freshness, freshness};
 use aloft_analysis::session_check::{LineStanding, SessionCheck};
 use aloft_analysis::{
-    assess, check, compare, discover, effect, estimators, export, history, init, inspect, markerset, parameters,
-    simulate, status, summary, verify,
+    assess, audit, check, compare, corrections, discover, effect, estimators, export, history, init, inspect,
+    inspect_values, markerset, parameters, simulate, status, summary, verify,
 };
 use aloft_compare::Signal;
 use aloft_pipeline::graph::TaskState;
@@ -83,7 +83,16 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             }
             Ok(strict.judge(done, late))
         }
-        Command::Inspect { file, json: as_json } => {
+        Command::Inspect { file, json: as_json, values, csv } if csv || !values.is_empty() => {
+            let found = inspect_values::values(&file, &values)?;
+            match (as_json, csv) {
+                (true, _) => json(&found)?,
+                (false, true) => out(found.to_csv())?,
+                (false, false) => out(found.to_text())?,
+            }
+            Ok(Success::Full)
+        }
+        Command::Inspect { file, json: as_json, .. } => {
             let found = inspect::inspect(&file)?;
             if as_json {
                 json(&found)?
@@ -209,6 +218,15 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             command("next", &format!("aloft check {}", quote::path(&path)));
             Ok(Success::Full)
         }
+        Command::Audit { model, motion, markers, forces, json: as_json } => {
+            let found = audit::audit(&model, &audit::matched(&motion, &markers, &forces)?)?;
+            if as_json {
+                json(&found)?
+            } else {
+                show_audit(&found)?
+            }
+            Ok(Success::Full)
+        }
         Command::MarkerSet { action } => marker_sets(action),
         Command::Workflow { pipeline, engine: EngineArg::Snakemake, out: target, verdict } => {
             workflow::run(&pipeline, &target, verdict)
@@ -256,6 +274,51 @@ fn show_export(done: &export::Exported) -> Result<(), Stop> {
     }
     note(format!("files: {}; README.md says what each is", parts.join(", ")));
     out(done.folder.display())
+}
+
+fn show_audit(a: &audit::Audit) -> Result<(), Stop> {
+    let figure = crate::errors::figure;
+    out(labelled("model       ", &format!("{}: {:.2} kg in {} bodies", visible(&a.file), a.mass_kg, a.bodies.len())))?;
+    let header = [
+        "recording",
+        "markers mm",
+        "flights",
+        "fall / g",
+        "in flight N",
+        "contact s",
+        "in contact N",
+        "plates / model",
+    ];
+    let mut t = table(&header);
+    for r in &a.trials {
+        t.add_row([
+            visible(&r.trial),
+            figure(r.marker_rms_mm),
+            r.flights.to_string(),
+            r.fall_over_gravity.map_or("–".to_owned(), |f| format!("{f:.3}")),
+            figure(r.flight_error_n),
+            format!("{:.2}", r.contact_s),
+            figure(r.contact_error_n),
+            r.load_ratio.map_or("–".to_owned(), |x| format!("{x:.3}")),
+        ]);
+    }
+    out(t)?;
+    if !a.segments.is_empty() {
+        let mut t =
+            table(&["body", "share of the error that a change of its inertia alone would take away"]).left(&[1]);
+        for s in a.segments.iter().take(6) {
+            t.add_row([s.link.clone(), format!("{:.0} %", 100.0 * s.inertia_share)]);
+        }
+        out(t)?;
+    }
+    for line in &a.words {
+        out(labelled("- ", line))?;
+    }
+    out(labelled(
+        "",
+        "error: root mean square over windows of force, with moment over a lever of 0.1 m; there is no noise floor, since \
+         coordinates in a file do not say how uncertain they are",
+    ))
 }
 
 fn marker_sets(action: MarkerSetAction) -> Result<Success, Stop> {
@@ -408,9 +471,19 @@ fn run(args: &PipelineArgs, selection: &Selection, jobs: Option<usize>, details:
             .map_err(|e| Stop::Error(miette::miette!("-j {jobs}: {e}")))?;
     }
     let set = open_all(args)?;
+    if !selection.dry_run && !selection.shared {
+        set.members.iter().try_for_each(corrections::keep_reached)?;
+    }
     let done = runner::run_all(&set, selection, &Bars::default())?;
     if selection.dry_run {
         return show_dry_run(&set, &done);
+    }
+    if !selection.shared {
+        for session in &set.members {
+            if let Some(action) = corrections::add_rung(session)? {
+                note(format!("the ladder has a new rung: {action} (`aloft history` shows it)"));
+            }
+        }
     }
     let nothing = done.runs.iter().all(|r| r.report.is_err()) && !done.runs.is_empty();
     // parallel jobs would overwrite each other's summary; `aloft summary` writes it when they are
@@ -479,7 +552,7 @@ fn show_check(args: &PipelineArgs) -> Result<Success, Stop> {
 }
 
 /// The session check, where the recordings have been processed.
-fn show_session_check(checked: &SessionCheck) -> Result<(), Stop> {
+pub fn show_session_check(checked: &SessionCheck) -> Result<(), Stop> {
     if checked.lines.is_empty() {
         return Ok(());
     }
@@ -501,6 +574,20 @@ fn show_session_check(checked: &SessionCheck) -> Result<(), Stop> {
         note(format!("{}: {}", line.what, visible(&line.words)));
     }
     Ok(())
+}
+
+/// Corrections that the measurements offer, as lines of a pipeline.
+pub fn show_offers(offers: &[corrections::Offer]) -> Result<(), Stop> {
+    if offers.is_empty() {
+        return Ok(());
+    }
+    note("these corrections are offered; nothing is corrected unless the pipeline says so:");
+    out(visible_lines(&corrections::to_yaml(offers)))
+}
+
+/// Text with control characters of names made visible, line breaks kept.
+fn visible_lines(text: &str) -> String {
+    text.trim_end().lines().map(visible).collect::<Vec<_>>().join("\n")
 }
 
 fn show_one_check(session: &SubjectSession) -> Result<bool, Stop> {
@@ -527,6 +614,7 @@ fn show_one_check(session: &SubjectSession) -> Result<bool, Stop> {
     }
     out(t)?;
     show_session_check(&found.session)?;
+    show_offers(&found.offers)?;
     for row in found.trials.iter().filter(|r| r.broken).chain(found.trials.iter().filter(|r| !r.broken)) {
         for remark in &row.remarks {
             note(format!("{}: {}: {remark}", if row.broken { "broken" } else { "warning" }, row.name));

@@ -8,6 +8,8 @@ use crate::render::{brief_note, command, note, out, significant};
 use crate::screen::{Cell, one_line, table};
 use crate::stop::Stop;
 use aloft_analysis::compare::{ComparisonView, compare};
+use aloft_analysis::corrections::offers;
+use aloft_analysis::session_check::session_check;
 use aloft_analysis::summary::Summary;
 use aloft_pipeline::runner::{BatchReport, Ended, RunReport};
 use aloft_study::data_set::DataSet;
@@ -87,6 +89,11 @@ pub fn show(
         if details {
             out("")?;
             out(crate::show::summary(summary))?;
+            for session in &set.members {
+                let checked = session_check(session);
+                crate::commands::show_session_check(&checked)?;
+                crate::commands::show_offers(&offers(session, &checked))?;
+            }
         }
     }
     command("next", &next::after_run(&views, failed_task(&failed), args));

@@ -3,7 +3,7 @@
 
 use crate::graph::Scope;
 use crate::stages::STAGES;
-use aloft_study::config::PipelineConfig;
+use aloft_study::config::{CorrectionsConfig, PipelineConfig};
 use aloft_study::facts::Facts;
 use aloft_study::revision::ModelEffect;
 use aloft_study::subject_session::SubjectSession;
@@ -48,6 +48,7 @@ pub fn as_made(session: &SubjectSession) -> SubjectSession {
     let import = of("import");
     put(&mut config.import, most(&import, "import"));
     put(&mut out.marker_set, most(&import, "marker_set"));
+    let corrected: Option<aloft_trial::Corrections> = most(&import, "corrections");
     let scale = of("scale");
     put(&mut config.scale, most(&scale, "scale"));
     put(&mut config.trials.static_frames, most(&scale, "static_frames"));
@@ -60,6 +61,10 @@ pub fn as_made(session: &SubjectSession) -> SubjectSession {
     }
     put(&mut out.anthropometry, most(&scale, "anthropometry"));
     put(&mut out.facts, most::<Facts>(&scale, "facts"));
+    if !import.is_empty() {
+        let mass_kg = out.facts.stated_mass_kg.map(|_| out.facts.person.mass_kg);
+        config.corrections = CorrectionsConfig::made(corrected.as_ref(), mass_kg);
+    }
     put(&mut config.calibrate, most(&of("calibrate"), "calibrate"));
     put(&mut config.ik, most(&of("ik"), "ik"));
     put(&mut config.filter, most(&of("filter"), "filter"));
@@ -99,7 +104,7 @@ pub fn compared_effects(ws: &Workspace) -> Option<Vec<ModelEffect>> {
 }
 
 /// Hash of the settings and recordings from which all results were made, without the effects of the
-/// model.
+/// model and the corrections, which are rungs of the ladder.
 pub fn made_with(session: &SubjectSession, ws: &Workspace) -> String {
     let mut hasher = blake3::Hasher::new();
     for stage in STAGES {
@@ -108,6 +113,8 @@ pub fn made_with(session: &SubjectSession, ws: &Workspace) -> String {
                 // whether contact is used can follow from the effects; what the pipeline states of it
                 // is among the settings of `identify`
                 all.remove("effects");
+                all.remove("corrections");
+                uncorrected_mass(all);
                 all.remove("contact");
             }
             hasher.update(format!("{}/{name} {} {}\n", stage.name, m.version, m.parameters).as_bytes());
@@ -117,6 +124,15 @@ pub fn made_with(session: &SubjectSession, ws: &Workspace) -> String {
         }
     }
     hasher.finalize().to_hex().to_string()
+}
+
+/// Puts the stated body mass back where a correction replaced it.
+fn uncorrected_mass(parameters: &mut serde_json::Map<String, Value>) {
+    let Some(facts) = parameters.get_mut("facts").and_then(Value::as_object_mut) else { return };
+    let Some(stated) = facts.remove("stated_mass_kg") else { return };
+    if let Some(person) = facts.get_mut("person").and_then(Value::as_object_mut) {
+        person.insert("mass_kg".to_owned(), stated);
+    }
 }
 
 /// Settings that differ between the results of different recordings, in words. Causes are

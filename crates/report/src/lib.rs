@@ -25,6 +25,7 @@ mod player;
 mod prediction;
 mod residuals;
 mod series;
+mod session;
 mod set;
 mod standing;
 mod story;

@@ -5,7 +5,7 @@ use super::prediction::model_table;
 use super::standing::{self, standings};
 use super::story::{Story, TrialStory};
 use super::wording::{card, maybe, number};
-use super::{STUDY, ladder, lights, player, residuals, series};
+use super::{STUDY, ladder, lights, player, residuals, series, session};
 use aloft_analysis::freshness::Freshness;
 use aloft_page::{Block, Card, Cell, Chapter, Light, Section, Table};
 
@@ -30,6 +30,7 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
         let lead = "The recording of the player above. Each recording has its curves in its own chapter.";
         sections.push(Section::new("curves", "Measured and predicted", lead, curves));
     }
+    sections.extend(session::section(story));
     let mut details = vec![Block::Cards { cards: cards(story) }];
     details.extend(remarks(story));
     if let Some(view) = view {

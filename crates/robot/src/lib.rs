@@ -19,6 +19,7 @@ mod log;
 mod mjcf;
 mod model;
 pub mod noise;
+pub mod osim;
 pub mod patch;
 mod resample;
 mod smoother;

@@ -26,6 +26,9 @@ pub struct Facts {
     /// without extensions; empty if it does not.
     #[serde(default)]
     pub recordings: Vec<String>,
+    /// The stated body mass, kg, where `corrections` replaces it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stated_mass_kg: Option<f64>,
 }
 
 impl Facts {
@@ -248,6 +251,7 @@ pub(crate) fn find_facts(
             .unwrap_or(aloft_body::STANDARD_GRAVITY_MPS2),
         sources,
         recordings: facts.trials.as_ref().map(listed).unwrap_or_default(),
+        stated_mass_kg: None,
     })
 }
 

@@ -1,6 +1,7 @@
 //! Revisions of a model: the effects that it holds. Each `effect add` or `remove` writes a new one;
 //! earlier ones are kept.
 
+use crate::config::CorrectionsConfig;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::seal;
 use serde::{Deserialize, Serialize};
@@ -151,6 +152,9 @@ pub struct Revision {
     pub effects: Vec<ModelEffect>,
     /// What it reached, once it has been run.
     pub reached: Option<Reached>,
+    /// Corrections of the recordings under which it was made.
+    #[serde(default, skip_serializing_if = "CorrectionsConfig::is_empty")]
+    pub corrections: CorrectionsConfig,
 }
 
 /// All revisions of a workspace; the last is the present one.
@@ -167,7 +171,13 @@ pub struct Revisions {
 
 impl Default for Revisions {
     fn default() -> Self {
-        let first = Revision { number: 0, action: "start".into(), effects: Vec::new(), reached: None };
+        let first = Revision {
+            number: 0,
+            action: "start".into(),
+            effects: Vec::new(),
+            reached: None,
+            corrections: CorrectionsConfig::default(),
+        };
         Self { revisions: vec![first], pending: None }
     }
 }
@@ -206,6 +216,7 @@ impl Revisions {
 
     /// The next revision.
     pub fn next(&self, action: String, effects: Vec<ModelEffect>) -> Revision {
-        Revision { number: self.revisions.len(), action, effects, reached: None }
+        let corrections = self.revisions.last().map(|r| r.corrections.clone()).unwrap_or_default();
+        Revision { number: self.revisions.len(), action, effects, reached: None, corrections }
     }
 }

@@ -206,7 +206,7 @@ impl SubjectSession {
         for trial in &mut trials {
             trial.settings = pipeline.trial_settings(&config, whose, &trial.name)?;
         }
-        let facts = find_facts(
+        let mut facts = find_facts(
             &config,
             &FactPlaces {
                 data: &place.data,
@@ -217,6 +217,9 @@ impl SubjectSession {
             &file,
             text,
         )?;
+        if let Some(mass_kg) = config.corrections.mass_kg {
+            facts.stated_mass_kg = Some(std::mem::replace(&mut facts.person.mass_kg, mass_kg));
+        }
         let own_effects = own_effects(&config, &file, text, &dir)?;
         check_formulas(&own_effects, &model)?;
         aloft_workspace::format::refuse_other_format(&place.workspace)?;
@@ -323,6 +326,12 @@ impl SubjectSession {
 }
 
 fn load_model(name: &str, dir: &Path) -> Result<ModelSpec, PipelineError> {
+    if name.to_ascii_lowercase().ends_with(".osim") {
+        return Err(PipelineError::request_hint(
+            format!("`{name}` is an OpenSim model, which inverse kinematics here cannot track (coupled coordinates)"),
+            "`aloft audit MODEL.osim` checks it against its own motion and plates; use `model: human34` for the recordings",
+        ));
+    }
     if name.to_ascii_lowercase().ends_with(".urdf") {
         let path = dir.join(name);
         let text = std::fs::read_to_string(&path).map_err(PipelineError::io("read", &path))?;

@@ -4,6 +4,7 @@
 
 pub mod artefacts;
 pub mod bids;
+pub mod corrections;
 pub mod error;
 pub mod gaps;
 mod import;
@@ -23,6 +24,7 @@ pub mod world;
 pub use aloft_c3d::PointKind;
 pub use artefacts::{ArtefactOptions, Finding, FindingKind, find_artefacts};
 pub use bids::BidsMotion;
+pub use corrections::{Corrections, PlateZero, vertical_of_fall};
 pub use error::TrialError;
 pub use gaps::{FillMethod, GapFill, GapOptions, fill_gaps, fill_gaps_with_poses};
 pub use labels::{MarkerSetMatch, apply_marker_set, recognise};

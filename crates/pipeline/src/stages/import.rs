@@ -7,8 +7,8 @@ use aloft_study::recordings::bids_beside;
 use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_trial::{
-    ArtefactOptions, BidsMotion, GapOptions, ImportOptions, MarkerSet, QualityOptions, Severity, Trial, TrialQuality,
-    UpAxis,
+    ArtefactOptions, BidsMotion, Corrections, GapOptions, ImportOptions, MarkerSet, QualityOptions, Severity, Trial,
+    TrialQuality, UpAxis,
 };
 use aloft_trial::{MarkerSetMatch, QualityReason, apply_marker_set, assess, fill_gaps, find_artefacts};
 use aloft_workspace::artifact::save_trial;
@@ -36,6 +36,8 @@ pub static STAGE: Stage = Stage {
 pub struct Params {
     import: ImportConfig,
     marker_set: MarkerSet,
+    #[serde(skip_serializing_if = "Corrections::is_empty")]
+    corrections: Corrections,
     #[serde(skip_serializing_if = "Option::is_none")]
     robot: Option<RobotSetup>,
 }
@@ -50,6 +52,7 @@ impl StageWork for Work {
         Params {
             import: session.import_of(trial).clone(),
             marker_set: session.marker_set.clone(),
+            corrections: session.config.corrections.of_recordings(),
             robot: session.robot.clone(),
         }
     }
@@ -168,7 +171,7 @@ fn acquired(scans: &str, file: &std::path::Path) -> Option<aloft_trial::Recorded
 }
 
 fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
-    let Params { import, marker_set, robot } = params;
+    let Params { import, marker_set, corrections, robot } = params;
     if let Some(robot) = robot {
         return super::robot::import(robot, inputs);
     }
@@ -176,6 +179,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let mut trial = read_recording(import, recording)?;
     let held = trial.truncated();
     holds_enough(import, recording, &trial)?;
+    let corrected = corrections.apply(&mut trial);
     let matched = apply_marker_set(&mut trial, marker_set, &import.aliases);
     if matched.present.is_empty() {
         return Err(StageFailure::with_hint(
@@ -227,6 +231,9 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let mut done = StageReport::default();
     done.note("frames", trial.markers.n_frames);
     done.note("rate_hz", trial.markers.rate_hz);
+    if !corrected.is_empty() {
+        done.note("corrected", json!(corrected));
+    }
     done.note("markers", matched.present.len());
     done.note("missing_markers", matched.missing.len());
     done.note("plates", trial.plates.len());

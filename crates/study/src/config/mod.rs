@@ -10,9 +10,9 @@ mod trials;
 
 pub use overrides::{Override, Sections};
 pub use sections::{
-    Angles, CalibrateConfig, CompareConfig, Correction, Estimator, ExportConfig, FilterConfig, FlightConfig,
-    FlightSource, IdentifyConfig, IkConfig, ImportConfig, RegressorConfig, RobotConfig, Rows, ScaleConfig, Switch,
-    Vertical, Weighting,
+    Angles, CalibrateConfig, CompareConfig, Correction, CorrectionsConfig, Estimator, ExportConfig, FilterConfig,
+    FlightConfig, FlightSource, IdentifyConfig, IkConfig, ImportConfig, RegressorConfig, RobotConfig, Rows,
+    ScaleConfig, Switch, Vertical, Weighting,
 };
 pub use subjects::{GRAVITY_MPS2, HEIGHT_M, MASS_KG, SubjectConfig, SubjectExclusion, SubjectsConfig};
 pub use trials::{Exclusion, StaticFrames, TrialsConfig};
@@ -59,6 +59,9 @@ pub struct PipelineConfig {
     /// Reading of recordings.
     #[serde(default)]
     pub import: ImportConfig,
+    /// Corrections that the session check offered and you confirm.
+    #[serde(default, skip_serializing_if = "CorrectionsConfig::is_empty")]
+    pub corrections: CorrectionsConfig,
     /// Static trial to subject.
     #[serde(default)]
     pub scale: ScaleConfig,

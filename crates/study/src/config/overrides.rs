@@ -1,8 +1,8 @@
 //! Settings that differ between subjects, sessions or trials.
 
 use super::sections::{
-    CalibrateConfig, CompareConfig, FilterConfig, FlightConfig, IdentifyConfig, IkConfig, ImportConfig,
-    RegressorConfig, ScaleConfig,
+    CalibrateConfig, CompareConfig, CorrectionsConfig, FilterConfig, FlightConfig, IdentifyConfig, IkConfig,
+    ImportConfig, RegressorConfig, ScaleConfig,
 };
 use super::subjects::SubjectConfig;
 use super::trials::TrialsConfig;
@@ -36,6 +36,7 @@ impl Override {
                 ("object", s.object.is_some()),
                 ("subject", s.subject.is_some()),
                 ("trials", s.trials.is_some()),
+                ("corrections", s.corrections.is_some()),
                 ("scale", s.scale.is_some()),
                 ("calibrate", s.calibrate.is_some()),
                 ("filter", s.filter.is_some()),
@@ -82,6 +83,9 @@ pub struct Sections {
     /// Reading of recordings.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub import: Option<ImportConfig>,
+    /// Corrections of recordings and facts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub corrections: Option<CorrectionsConfig>,
     /// Static trial to subject.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<ScaleConfig>,

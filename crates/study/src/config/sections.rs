@@ -35,6 +35,85 @@ pub enum Vertical {
     Z,
 }
 
+/// Reading of an unloaded plate.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct PlateZeroConfig {
+    /// Force, N, world axes.
+    pub force_n: [f64; 3],
+    /// Moment about the world origin, N·m.
+    pub moment_nm: [f64; 3],
+}
+
+section! {
+/// Corrections of a session's recordings and facts, as `aloft check` offers them after a run. Each is a rung of the ladder.
+CorrectionsConfig {
+    /// Delay of the plates against the cameras, s; positive where plates are late.
+    #[schemars(range(min = -0.2, max = 0.2))]
+    plate_delay_s: f64 = 0.0,
+    /// What each plate reads with nothing on it, by name.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    plate_zero: BTreeMap<String, PlateZeroConfig> = BTreeMap::new(),
+    /// Direction of free fall against the recording's vertical, degrees about x and y of the world.
+    vertical_deg: [f64; 2] = [0.0; 2],
+    /// True rate over stated rate, of cameras and plates together.
+    #[schemars(range(min = 0.5, max = 2.0))]
+    rate_ratio: f64 = 1.0,
+    /// Body mass instead of the stated one, kg.
+    #[schemars(range(min = 1.0, max = 500.0))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mass_kg: Option<f64> = None,
+}
+}
+
+impl CorrectionsConfig {
+    /// True if nothing is corrected.
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+    /// Keys that correct something.
+    pub fn keys(&self) -> Vec<&'static str> {
+        let none = Self::default();
+        [
+            ("plate_delay_s", self.plate_delay_s != none.plate_delay_s),
+            ("plate_zero", self.plate_zero != none.plate_zero),
+            ("vertical_deg", self.vertical_deg != none.vertical_deg),
+            ("rate_ratio", self.rate_ratio != none.rate_ratio),
+            ("mass_kg", self.mass_kg != none.mass_kg),
+        ]
+        .into_iter()
+        .filter(|k| k.1)
+        .map(|k| k.0)
+        .collect()
+    }
+    /// True if what is corrected changes flights, not plates alone.
+    pub fn act_in_flight(&self) -> bool {
+        self.keys().iter().any(|k| !k.starts_with("plate_"))
+    }
+    /// The part that is applied to recordings.
+    pub fn of_recordings(&self) -> aloft_trial::Corrections {
+        let zero = |z: &PlateZeroConfig| aloft_trial::PlateZero { force_n: z.force_n, moment_nm: z.moment_nm };
+        aloft_trial::Corrections {
+            plate_delay_s: self.plate_delay_s,
+            plate_zero: self.plate_zero.iter().map(|(name, z)| (name.clone(), zero(z))).collect(),
+            vertical_deg: self.vertical_deg,
+            rate_ratio: self.rate_ratio,
+        }
+    }
+    /// Corrections with which recordings were imported, and the corrected mass.
+    pub fn made(recordings: Option<&aloft_trial::Corrections>, mass_kg: Option<f64>) -> Self {
+        let Some(r) = recordings else { return Self { mass_kg, ..Self::default() } };
+        let zero = |z: &aloft_trial::PlateZero| PlateZeroConfig { force_n: z.force_n, moment_nm: z.moment_nm };
+        Self {
+            plate_delay_s: r.plate_delay_s,
+            plate_zero: r.plate_zero.iter().map(|(name, z)| (name.clone(), zero(z))).collect(),
+            vertical_deg: r.vertical_deg,
+            rate_ratio: if r.rate_ratio > 0.0 { r.rate_ratio } else { 1.0 },
+            mass_kg,
+        }
+    }
+}
+
 section! {
 /// Reading of recordings.
 ImportConfig {
