@@ -12,7 +12,10 @@ use std::path::Path;
 const ABSURD: [&str; 11] = [".nan", ".inf", "-.inf", "1e999", "1e38", "-1e38", "-1", "0", "abc", "\"5\"", "[1]"];
 
 /// Those of these values that are accepted, by setting: the value, and why it is meaningful.
-const ACCEPTED: [(&str, &str, &str); 24] = [
+const ACCEPTED: [(&str, &str, &str); 27] = [
+    ("corrections.plate_delay_s", "0", "nothing is corrected"),
+    ("corrections.vertical_deg", "0", "nothing is corrected"),
+    ("corrections.vertical_deg", "-1", "an angle"),
     ("import.fill_gaps_s", "0", "no gap is filled"),
     ("import.rigid_fill_s", "0", "no gap is filled from the segment"),
     ("import.least_fraction", "0", "a truncated file is used as far as it goes"),

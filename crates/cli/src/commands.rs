@@ -7,9 +7,8 @@ use crate::progress::{Bars, Counted, Waiting};
 use crate::render::{command, json, note, out, table};
 use crate::screen::{Cell, labelled};
 use crate::stop::Stop;
-use crate::{Success, findings, ladder, next, residuals, run_end, show, show_estimators, workflow};
+use crate::{Success, findings, ladder, next, residuals, run_end, show, show_estimators, show_session, workflow};
 use aloft_analysis::freshness::{Freshness, freshness};
-use aloft_analysis::session_check::{LineStanding, SessionCheck};
 use aloft_analysis::{
     assess, audit, check, compare, corrections, discover, effect, estimators, export, history, init, inspect,
     inspect_values, markerset, parameters, simulate, status, summary, verify,
@@ -551,45 +550,6 @@ fn show_check(args: &PipelineArgs) -> Result<Success, Stop> {
     Ok(if trouble { Success::Partial } else { Success::Full })
 }
 
-/// The session check, where the recordings have been processed.
-pub fn show_session_check(checked: &SessionCheck) -> Result<(), Stop> {
-    if checked.lines.is_empty() {
-        return Ok(());
-    }
-    let mut t = table(&["session check", "value", "95 %", "expected", "n", ""]);
-    for line in &checked.lines {
-        let digits = line.digits();
-        let number = |x: f64| if x.is_finite() { format!("{x:.digits$}") } else { "–".to_owned() };
-        t.add_row([
-            visible(&line.what),
-            format!("{} {}", number(line.value), line.unit),
-            line.ci95.map_or("–".to_owned(), |[low, high]| format!("{} to {}", number(low), number(high))),
-            line.expected.map_or("–".to_owned(), number),
-            line.n.to_string(),
-            line.standing.word().to_owned(),
-        ]);
-    }
-    out(t)?;
-    for line in checked.lines.iter().filter(|l| l.standing == LineStanding::Differs || l.id == "contact_measured") {
-        note(format!("{}: {}", line.what, visible(&line.words)));
-    }
-    Ok(())
-}
-
-/// Corrections that the measurements offer, as lines of a pipeline.
-pub fn show_offers(offers: &[corrections::Offer]) -> Result<(), Stop> {
-    if offers.is_empty() {
-        return Ok(());
-    }
-    note("these corrections are offered; nothing is corrected unless the pipeline says so:");
-    out(visible_lines(&corrections::to_yaml(offers)))
-}
-
-/// Text with control characters of names made visible, line breaks kept.
-fn visible_lines(text: &str) -> String {
-    text.trim_end().lines().map(visible).collect::<Vec<_>>().join("\n")
-}
-
 fn show_one_check(session: &SubjectSession) -> Result<bool, Stop> {
     let found = {
         let _bar = Waiting::new("reading recordings");
@@ -613,8 +573,8 @@ fn show_one_check(session: &SubjectSession) -> Result<bool, Stop> {
         ]);
     }
     out(t)?;
-    show_session_check(&found.session)?;
-    show_offers(&found.offers)?;
+    show_session::session_check(&found.session)?;
+    show_session::offers(&found.offers)?;
     for row in found.trials.iter().filter(|r| r.broken).chain(found.trials.iter().filter(|r| !r.broken)) {
         for remark in &row.remarks {
             note(format!("{}: {}: {remark}", if row.broken { "broken" } else { "warning" }, row.name));

@@ -17,6 +17,7 @@ mod run_end;
 mod screen;
 mod show;
 mod show_estimators;
+mod show_session;
 mod stop;
 mod workflow;
 

@@ -91,8 +91,8 @@ pub fn show(
             out(crate::show::summary(summary))?;
             for session in &set.members {
                 let checked = session_check(session);
-                crate::commands::show_session_check(&checked)?;
-                crate::commands::show_offers(&offers(session, &checked))?;
+                crate::show_session::session_check(&checked)?;
+                crate::show_session::offers(&offers(session, &checked))?;
             }
         }
     }

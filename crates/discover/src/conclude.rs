@@ -156,7 +156,9 @@ pub(crate) fn conclude(
             let (before, after) = (session.standing[i]?, left[i]?);
             let judged_here = kept.iter().any(|v| v.effect.acts().in_flight() == (i == 0));
             let misfit = judged_here && before.share_left(&after) > LACK_OF_FIT;
-            (after.is_far() || misfit).then(|| (wording::domain(places[i]), after))
+            // nothing is missing only where the error is at its floor
+            let remains = kept.is_empty() && verdict == Verdict::NothingMissing && after.is_above();
+            (after.is_far() || misfit || remains).then(|| (wording::domain(places[i]), after))
         })
         .max_by(|a, b| a.1.times_floor().total_cmp(&b.1.times_floor()));
     if far.is_some() {

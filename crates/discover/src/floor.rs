@@ -54,6 +54,13 @@ impl Standing {
         }
     }
 
+    /// True if the error exceeds 1.5 times the floor and the upper end of the floor's interval: too
+    /// much for a body of which nothing is missing (0.7 to 1.3 times the floor in simulations).
+    pub(crate) fn is_above(&self) -> bool {
+        let most = self.noise_floor_ci95.map_or(f64::INFINITY, |ci| ci[1]).max(1.5 * self.noise_floor);
+        self.noise_floor > 0.0 && self.held_out_error > most
+    }
+
     /// True if the error exceeds three times the floor and the upper end of the floor's interval.
     pub(crate) fn is_far(&self) -> bool {
         let most = self.noise_floor_ci95.map_or(0.0, |ci| ci[1]).max(3.0 * self.noise_floor);

@@ -40,8 +40,10 @@ pub enum Vertical {
 #[serde(deny_unknown_fields, default)]
 pub struct PlateZeroConfig {
     /// Force, N, world axes.
+    #[schemars(inner(range(min = -2000.0, max = 2000.0)))]
     pub force_n: [f64; 3],
     /// Moment about the world origin, N·m.
+    #[schemars(inner(range(min = -2000.0, max = 2000.0)))]
     pub moment_nm: [f64; 3],
 }
 
@@ -55,6 +57,7 @@ CorrectionsConfig {
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     plate_zero: BTreeMap<String, PlateZeroConfig> = BTreeMap::new(),
     /// Direction of free fall against the recording's vertical, degrees about x and y of the world.
+    #[schemars(inner(range(min = -45.0, max = 45.0)))]
     vertical_deg: [f64; 2] = [0.0; 2],
     /// True rate over stated rate, of cameras and plates together.
     #[schemars(range(min = 0.5, max = 2.0))]

@@ -1,0 +1,66 @@
+//! Prints what the recordings of a session say about themselves, and the corrections that follow.
+
+use crate::render::{note, out};
+use crate::screen::table;
+use crate::stop::Stop;
+use aloft_analysis::corrections;
+use aloft_analysis::session_check::{LineStanding, SessionCheck};
+use aloft_study::quote::visible;
+
+/// The session check, where the recordings have been processed.
+pub fn session_check(checked: &SessionCheck) -> Result<(), Stop> {
+    if checked.lines.is_empty() {
+        return Ok(());
+    }
+    let mut t = table(&["session check", "value", "95 %", "expected", "n", ""]);
+    for line in &checked.lines {
+        let digits = line.digits();
+        let number = |x: f64| if x.is_finite() { format!("{x:.digits$}") } else { "–".to_owned() };
+        t.add_row([
+            visible(&line.what),
+            format!("{} {}", number(line.value), line.unit),
+            line.ci95.map_or("–".to_owned(), |[low, high]| format!("{} to {}", number(low), number(high))),
+            line.expected.map_or("–".to_owned(), number),
+            line.n.to_string(),
+            line.standing.word().to_owned(),
+        ]);
+    }
+    out(t)?;
+    for line in checked.lines.iter().filter(|l| l.standing == LineStanding::Differs || l.id == "contact_measured") {
+        note(format!("{}: {}", line.what, visible(&line.words)));
+    }
+    Ok(())
+}
+
+/// Corrections that the measurements offer, as lines of a pipeline.
+pub fn offers(offers: &[corrections::Offer]) -> Result<(), Stop> {
+    if offers.is_empty() {
+        return Ok(());
+    }
+    note("these corrections are offered; nothing is corrected unless the pipeline says so:");
+    out(fitted(&corrections::to_yaml(offers)))
+}
+
+/// YAML with control characters of names made visible, and comments wrapped to the terminal's width.
+fn fitted(text: &str) -> String {
+    let lines = text.trim_end().lines().map(|line| {
+        let line = visible(line);
+        match line.split_once("# ") {
+            Some((indent, comment)) if indent.trim().is_empty() => {
+                let start = format!("{indent}# ");
+                comment_lines(&start, comment)
+            }
+            _ => line,
+        }
+    });
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+fn comment_lines(start: &str, comment: &str) -> String {
+    let options = textwrap::Options::new(crate::screen::width())
+        .initial_indent(start)
+        .subsequent_indent(start)
+        .break_words(false)
+        .word_splitter(textwrap::WordSplitter::NoHyphenation);
+    textwrap::fill(comment, options)
+}
