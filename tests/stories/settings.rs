@@ -12,8 +12,12 @@ use std::path::Path;
 const ABSURD: [&str; 11] = [".nan", ".inf", "-.inf", "1e999", "1e38", "-1e38", "-1", "0", "abc", "\"5\"", "[1]"];
 
 /// Those of these values that are accepted, by setting: the value, and why it is meaningful.
-const ACCEPTED: [(&str, &str, &str); 27] = [
+const ACCEPTED: [(&str, &str, &str); 31] = [
     ("corrections.plate_delay_s", "0", "nothing is corrected"),
+    ("plate_zero.L0_1.force_n", "0", "a reading"),
+    ("plate_zero.L0_1.force_n", "-1", "a reading"),
+    ("plate_zero.L0_1.moment_nm", "0", "a reading"),
+    ("plate_zero.L0_1.moment_nm", "-1", "a reading"),
     ("corrections.vertical_deg", "0", "nothing is corrected"),
     ("corrections.vertical_deg", "-1", "an angle"),
     ("import.fill_gaps_s", "0", "no gap is filled"),
@@ -112,6 +116,14 @@ fn with(data: &str, path: &[String], token: &str) -> String {
                 &mut at["static_frames"]
             }
             "0" => &mut at[0],
+            "vertical_deg" => {
+                at["vertical_deg"] = json!([0.0, 0.0]);
+                &mut at["vertical_deg"]
+            }
+            "force_n" | "moment_nm" => {
+                at[key] = json!([0.0, 0.0, 0.0]);
+                &mut at[key]
+            }
             key => &mut at[key],
         };
     }
