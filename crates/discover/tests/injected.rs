@@ -87,8 +87,8 @@ fn nothing_is_claimed_where_nothing_is() {
 
 #[test]
 fn errors_and_floor_are_those_of_the_comparison() {
-    let ci = Some([0.6, 0.9]);
-    let standing = |held_out_error| Standing { held_out_error, noise_floor: 0.7, noise_floor_ci95: ci };
+    let ci = Some([0.8, 1.45]);
+    let standing = |held_out_error| Standing { held_out_error, noise_floor: 1.0, noise_floor_ci95: ci };
     // one round: with a floor known, rounds end where the error reaches it
     let options = DiscoverOptions { rounds: 1, ..only(&["quadratic_drag", "gravity_scale"]) };
     let run = |standing: Option<Standing>, size: f64| {
@@ -100,12 +100,15 @@ fn errors_and_floor_are_those_of_the_comparison() {
     for size in [0.0, 0.01] {
         let (bare, stated) = (run(None, size), run(Some(standing(1.4)), size));
         // errors in newtons come from the comparison; verdict and gain do not change
-        assert!((stated.held_out_error - 1.4).abs() < 1e-12 && stated.noise_floor == 0.7);
+        assert!((stated.held_out_error - 1.4).abs() < 1e-12 && stated.noise_floor == 1.0);
         assert!(stated.noise_floor_ci95 == ci && (stated.rounds[0].held_out_error - 1.4).abs() < 1e-12);
         assert_eq!((stated.verdict, &stated.effects), (bare.verdict, &bare.effects));
         let gain = |d: &Discovery| d.held_out_error_after / d.held_out_error;
         assert!((gain(&stated) - gain(&bare)).abs() < 1e-12);
     }
+    // nothing is missing only where the error is at its floor
+    let above = run(Some(standing(1.6)), 0.0);
+    assert_eq!((above.verdict, above.effects.len()), (Verdict::Unexplained, 0), "{}", above.words);
 }
 
 #[test]
