@@ -6,6 +6,7 @@ use crate::exchange::exchange;
 use crate::floor::Standing;
 use crate::ladder::{is_at_bound, key_of, sharpened};
 use crate::nonlinear::{improve, score_fitted};
+use crate::only_as_limit::{is_at_far_edge, is_only_a_limit};
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::rank::{EffectScore, FULL_STEPS, cosine};
@@ -319,7 +320,9 @@ pub(crate) fn judge(
     // model would is not excluded.
     let mut spared = None;
     if let (true, Domain::Flight, Some(floor)) = (session.prior.is_some(), problem.domain, floor) {
-        let at_floor = |r: &&Rival<'_>| floor.times(r.error() / problem.n_judged as f64) <= 1.0;
+        let at_floor = |r: &&Rival<'_>| {
+            floor.times(r.error() / problem.n_judged as f64) <= 1.0 && !is_at_far_edge(session, &r.scored.variant)
+        };
         let simplest = believed()
             .filter(at_floor)
             .min_by(|a, b| unknowns(a).cmp(&unknowns(b)).then(a.error().total_cmp(&b.error())));
@@ -348,6 +351,34 @@ pub(crate) fn judge(
         .map(|x| x.index)
         .collect();
     class.retain(|r| !short.contains(&r.index));
+    let inside = |r: &Rival<'_>| !is_at_far_edge(session, &r.scored.variant);
+    let limits: Vec<usize> = class
+        .iter()
+        .filter(|x| {
+            let mut others = class.iter().filter(|y| y.believed && inside(y));
+            if inside(x) {
+                others.any(|y| is_only_a_limit(session, problem, y, x, options))
+            } else {
+                others.count() > 0
+            }
+        })
+        .map(|x| x.index)
+        .collect();
+    for rival in class.iter().filter(|r| limits.contains(&r.index)) {
+        match duels.iter_mut().find(|d| d.effect == rival.id()) {
+            Some(duel) => duel.only_as_limit = true,
+            // the best one, of which there is no test
+            None => duels.push(RivalTest {
+                effect: rival.id().to_owned(),
+                error_ratio: 1.0,
+                p_value: 1.0,
+                if_true: None,
+                separated: false,
+                only_as_limit: true,
+            }),
+        }
+    }
+    class.retain(|r| !limits.contains(&r.index));
     class.sort_by(|a, b| unknowns(a).cmp(&unknowns(b)).then(a.error().total_cmp(&b.error())));
     let names: Vec<String> = class.iter().map(|r| r.id().to_owned()).collect();
     (if names.len() == 1 { Verdict::Supported } else { Verdict::OneOf }, names, duels)
@@ -378,11 +409,15 @@ fn duel(
         p_value,
         if_true: None,
         separated: ratio < options.belief,
+        only_as_limit: false,
     };
     // aliases differ in the scale of the error that they leave, which says nothing about which is
     // true
     if alias || ratio > SAME[usize::from(session.prior.is_some())] || p_value >= options.significance {
         out.separated = false;
+    } else if session.prior.is_none() && a.scored.variant.unknowns() <= b.scored.variant.unknowns() {
+        // the better one has no more freedom than the other: repeating errors do not favour it
+        out.separated = true;
     } else if !out.separated {
         let made = exchange(session, problem, &a.scored, &b.scored, &b.scored, options.seed ^ 0xe8c4);
         out.if_true = made.map(|m| [m.mean, m.sd]);

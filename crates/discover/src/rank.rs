@@ -2,6 +2,7 @@
 //! null distribution of the best.
 
 use crate::candidate::{Scored, Variant, pseudo_inverse, score, solve};
+use crate::groups::group;
 use crate::nonlinear::{improve, score_fitted};
 use crate::problem::{Domain, Problem, Reduced};
 use crate::session::Session;
@@ -132,7 +133,7 @@ pub(crate) fn score_effect<'a>(
             .take(FINISHED)
             .map(|(variant, _)| {
                 let (better, _) = improve(session, problem, &variant, FULL_STEPS)?;
-                score_fitted(session, problem, better)
+                Some(as_load(session, problem, score_fitted(session, problem, better)?))
             })
             .collect();
         scored.extend(fitted.into_iter().flatten());
@@ -175,6 +176,22 @@ pub(crate) fn score_effect<'a>(
 fn unknowns_of(s: &Scored<'_>) -> usize {
     let chosen = !s.variant.group.is_empty() && !s.variant.effect.about().by_group;
     s.variant.unknowns() + if chosen { 2 } else { 0 }
+}
+
+/// A load that was found as something taken away in some trials, as a load in the others if that fits
+/// as well: groups that nobody named have no order.
+fn as_load<'a>(session: &Session<'_>, problem: &Problem, scored: Scored<'a>) -> Scored<'a> {
+    let named = session.groups.iter().any(Option::is_some);
+    if !scored.variant.effect.about().by_group || named || scored.theta.iter().any(|x| *x >= 0.0) {
+        return scored;
+    }
+    let others: Vec<bool> = scored.variant.group.iter().map(|acts| !acts).collect();
+    let turned = Variant { group: others, fitted: 0, ..scored.variant.clone() };
+    improve(session, problem, &turned, FULL_STEPS)
+        .filter(|(_, gain)| problem.rss - gain <= 1.02 * (problem.rss - scored.gain))
+        .and_then(|(better, _)| score_fitted(session, problem, better))
+        .filter(|load| load.theta.iter().all(|x| *x > 0.0))
+        .unwrap_or(scored)
 }
 
 /// The variant acting only in those trials that show it, if the trials fall into two clear sets: its
@@ -281,7 +298,7 @@ fn screen<'a>(
                 variant.group = acting.map(<[bool]>::to_vec).unwrap_or_default();
                 let mut columns = variant.columns(session, problem)?;
                 if effect.about().by_group {
-                    variant.group = group(session, problem, &columns)?;
+                    variant.group = group(session, problem, &variant, &columns)?;
                     columns = variant.columns(session, problem)?;
                 }
                 let (s, c) = problem.reduce_all(&columns);
@@ -301,43 +318,6 @@ fn screen<'a>(
         out.extend(made.into_iter().filter(|m| m.0 % stride == 0 || best.contains(&m.0)).map(|m| (m.2, m.3)));
     }
     out
-}
-
-/// Trials in which a group effect acts: as named by the laboratory, otherwise split at the largest
-/// gap between the coefficients of single trials.
-fn group(session: &Session<'_>, problem: &Problem, columns: &[DMatrix<f64>]) -> Option<Vec<bool>> {
-    let n = session.trials.len();
-    if session.groups.iter().any(Option::is_some) {
-        return session.loaded();
-    }
-    let mut seen: Vec<usize> = problem.clusters.iter().map(|c| c.trial).collect();
-    seen.sort_unstable();
-    seen.dedup();
-    if seen.len() < 4 {
-        return None;
-    }
-    // one column per trial, of the first coefficient
-    let wide: Vec<DMatrix<f64>> = columns
-        .iter()
-        .zip(&problem.clusters)
-        .map(|(c, cluster)| {
-            DMatrix::from_fn(c.nrows(), seen.len(), |i, j| if seen[j] == cluster.trial { c[(i, 0)] } else { 0.0 })
-        })
-        .collect();
-    let (s, c) = problem.reduce_all(&wide);
-    let theta = crate::candidate::pseudo_solve(&s, &c);
-    let mut order: Vec<usize> = (0..seen.len()).collect();
-    order.sort_by(|&a, &b| theta[a].total_cmp(&theta[b]));
-    // at least two trials on each side
-    let cut = (2..=order.len() - 2).max_by(|&a, &b| {
-        let gap = |i: usize| theta[order[i]] - theta[order[i - 1]];
-        gap(a).total_cmp(&gap(b))
-    })?;
-    let mut mask = vec![false; n];
-    for &i in &order[cut..] {
-        mask[seen[i]] = true;
-    }
-    Some(mask)
 }
 
 /// Smallest held-out ratio over all effects for each draw of random signs of the clusters'

@@ -179,6 +179,10 @@ pub struct RivalTest {
     pub if_true: Option<[f64; 2]>,
     /// True if the recordings distinguish the two.
     pub separated: bool,
+    /// True if this effect fits only at the far edge of its range (a distant anchor, a strong wind)
+    /// and one that is named fits inside its own.
+    #[serde(default)]
+    pub only_as_limit: bool,
 }
 
 /// With fewer flights or trials than this a ratio has to be below the 1 % quantile of the null

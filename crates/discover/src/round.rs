@@ -201,7 +201,8 @@ pub(crate) fn run_round<'a>(
         let effect = scores.iter().find(|s| s.effect.id() == c.effect).map(|s| s.effect);
         effect.map_or(options.belief, limit_for)
     };
-    let words = wording::round(verdict, &effects, &candidates, threshold, limit_of, few);
+    let limits: Vec<&str> = duels.iter().filter(|d| d.only_as_limit).map(|d| d.effect.as_str()).collect();
+    let words = wording::round(verdict, &effects, &limits, &candidates, threshold, limit_of, few);
     let round = Round {
         judged_on: wording::domain(problem.domain).to_owned(),
         model,

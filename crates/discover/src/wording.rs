@@ -45,9 +45,20 @@ pub(crate) fn decimals(half: f64) -> usize {
     if half.is_finite() && half > 0.0 { (1.0 - half.log10().floor()).clamp(0.0, 9.0) as usize } else { 4 }
 }
 
+/// What is said of effects that fit only at the far edge of their range.
+fn as_limits(limits: &[&str]) -> String {
+    let names = limits.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
+    match limits {
+        [] => String::new(),
+        [_] => format!(" ({names} fits only at the far edge of its range)"),
+        _ => format!(" ({names}: each fits only at the far edge of its range)"),
+    }
+}
+
 pub(crate) fn round(
     verdict: Verdict,
     effects: &[String],
+    limits: &[&str],
     candidates: &[Candidate],
     threshold: f64,
     limit: impl Fn(&Candidate) -> f64,
@@ -57,7 +68,7 @@ pub(crate) fn round(
     let first = effects.first().and_then(|e| candidates.iter().find(|c| c.effect == *e));
     match (verdict, first, best) {
         (Verdict::Supported, Some(c), _) => format!(
-            "{}: `{}` is missing: held-out error falls to {:.0} % ({:.0}-{:.0} %); {}{}",
+            "{}: `{}` is missing: held-out error falls to {:.0} % ({:.0}-{:.0} %); {}{}{}",
             if c.kind == EffectKind::Artefact { "artefact more likely than physics" } else { "supported" },
             c.key,
             100.0 * c.held_out_ratio,
@@ -65,13 +76,15 @@ pub(crate) fn round(
             100.0 * c.ci95[1],
             estimate(c),
             if c.class.is_empty() { String::new() } else { format!(" (cannot be told from: {})", c.class) },
+            as_limits(limits),
         ),
         (Verdict::OneOf, Some(c), _) => format!(
-            "one of {} is missing, which these recordings cannot tell apart; with `{}` held-out error falls to {:.0} %; {}",
+            "one of {} is missing, which these recordings cannot tell apart; with `{}` held-out error falls to {:.0} %; {}{}",
             list(effects),
             c.key,
             100.0 * c.held_out_ratio,
             estimate(c),
+            as_limits(limits),
         ),
         (_, _, Some(b)) => format!(
             "{}: the best candidate, `{}`, leaves {:.1} % of the held-out error; {}{}",

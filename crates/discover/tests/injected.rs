@@ -143,6 +143,23 @@ fn effects_are_named_with_their_size() {
     }
 }
 
+/// A rope to a distant pulley does the same as a constant force. With places in a room excluded, only
+/// the force is named, and the answer says what was left out; a pulley nearby stays a crane.
+#[test]
+fn a_limit_of_a_richer_effect_is_named_by_the_simpler_one() {
+    let lab = lab();
+    let options = DiscoverOptions { rounds: 1, ..only(&["constant_force", "crane", "tether", "wind", "gravity_tilt"]) };
+    let point: &[(&str, f64)] = &[("point_x", -0.1), ("point_y", 0.02), ("point_z", 0.0)];
+    let far = lab.find(&[("constant_force[link1]", &[0.024, -0.024, 0.02], point)], &options);
+    assert_eq!(far.effects, ["constant_force"], "{}", far.words);
+    let limits: Vec<&str> = far.rounds[0].duels.iter().filter(|d| d.only_as_limit).map(|d| d.effect.as_str()).collect();
+    assert!(!limits.is_empty(), "{:?}", far.rounds[0].duels);
+    assert!(far.words.contains("far edge"), "{}", far.words);
+    let pulley: &[(&str, f64)] = &[("pulley_x", 1.0), ("pulley_y", -0.6), ("pulley_z", 2.4)];
+    let near = lab.find(&[("crane[link0]", &[0.2], pulley)], &options);
+    assert!(near.effects.iter().any(|e| e == "crane"), "{}", near.words);
+}
+
 /// Anchor position and length of a tether compensate each other: the intervals have to show it.
 #[test]
 fn intervals_of_a_tether_hold_the_truth() {

@@ -118,6 +118,9 @@ pub struct About<'a> {
     /// Effects of which this one is a generalisation: it contains them, so it only counts if it
     /// does better.
     pub contains: &'a [&'a str],
+    /// Simpler effects that this one becomes as a place in the room or a speed goes to infinity: a
+    /// rope over a distant pulley is a constant force.
+    pub becomes: &'a [&'a str],
     /// The recording that distinguishes it from most other effects.
     pub separated_by: Separation,
     /// Effects that need a different recording to be distinguished, with that recording in words.
@@ -151,6 +154,7 @@ impl About<'_> {
         class: "",
         aliases: &[],
         contains: &[],
+        becomes: &[],
         separated_by: Separation::LongerFlights,
         told_from: &[],
         by_group: false,

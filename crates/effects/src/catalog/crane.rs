@@ -7,6 +7,7 @@ const ABOUT: About<'static> = About {
     id: "crane",
     other_ids: &["body_weight_support"],
     title: "body-weight support of constant tension (rope over a pulley)",
+    becomes: &["constant_force"],
     separated_by: Separation::OtherPlaces,
     unbounded: "a rope pulls and never pushes; its tension follows from the counterweight",
     documentation: "\

@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 const ABOUT: About<'static> = About {
     id: "tether",
     title: "tether or bungee",
+    becomes: &["constant_force"],
     separated_by: Separation::OtherPlaces,
     unbounded: "a stiffness is not negative and has no largest value; a damping of zero has to be found as zero from both sides",
     documentation: "\

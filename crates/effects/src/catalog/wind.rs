@@ -8,6 +8,7 @@ const ABOUT: About<'static> = About {
     id: "wind",
     title: "steady wind, with quadratic drag",
     contains: &["quadratic_drag"],
+    becomes: &["constant_force"],
     separated_by: Separation::WithAndAgainst,
     unbounded: "an area is not negative, and clothing or a parachute make it any size",
     documentation: "\

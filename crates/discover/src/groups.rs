@@ -1,0 +1,202 @@
+//! Trials in which a load was carried: as the laboratory named them, otherwise found from the trials.
+//!
+//! A load changes mass, first moment and inertia of its link, and its place is unknown. Every trial
+//! gets the change of the mass and of the first moment of the link as unknowns (a point mass at the
+//! link's centre of mass, and its derivatives with respect to the place). The trials are then divided
+//! into two sets so that one common change in the first set removes most of the error.
+
+use crate::candidate::{Variant, pseudo_inverse};
+use crate::problem::Problem;
+use crate::session::Session;
+use aloft_effects::ParameterKind;
+use nalgebra::{DMatrix, DVector};
+
+/// Fewest trials in each set.
+const FEWEST: usize = 2;
+/// Up to this number of trials all divisions are tried; with more, they are improved by moving one
+/// trial at a time.
+const ALL_DIVISIONS: usize = 10;
+/// Displacement of the place in the derivatives, m.
+const STEP_M: f64 = 0.1;
+
+/// Trials in which a group effect acts: as named by the laboratory, otherwise those of the division
+/// that removes most of the error. `None` if the trials are too few to be divided.
+pub(crate) fn group(
+    session: &Session<'_>,
+    problem: &Problem,
+    variant: &Variant<'_>,
+    columns: &[DMatrix<f64>],
+) -> Option<Vec<bool>> {
+    if session.groups.iter().any(Option::is_some) {
+        return session.loaded();
+    }
+    let mut trials: Vec<usize> = problem.clusters.iter().map(|c| c.trial).collect();
+    trials.sort_unstable();
+    trials.dedup();
+    if trials.len() < 2 * FEWEST {
+        return None;
+    }
+    let by_trial = Division::new(session, problem, variant, columns, &trials)?;
+    let chosen = if trials.len() <= ALL_DIVISIONS { by_trial.best_of_all() } else { by_trial.best_by_moves() }?;
+    let mut mask = vec![false; session.trials.len()];
+    trials.iter().zip(&chosen).for_each(|(&t, &acts)| mask[t] = acts);
+    Some(mask)
+}
+
+/// Normal equations of one change for each trial.
+struct Division {
+    trials: usize,
+    /// Unknowns of one change; the first one is the mass.
+    unknowns: usize,
+    s: DMatrix<f64>,
+    c: DVector<f64>,
+}
+
+impl Division {
+    fn new(
+        session: &Session<'_>,
+        problem: &Problem,
+        variant: &Variant<'_>,
+        columns: &[DMatrix<f64>],
+        trials: &[usize],
+    ) -> Option<Self> {
+        let place = variant.effect.nonlinear(session.scene, variant.target);
+        let mut parts = vec![columns.to_vec()];
+        for (i, _) in place.iter().enumerate().filter(|(_, p)| matches!(p.kind, ParameterKind::PointOnLink(_))) {
+            let at = |step: f64| {
+                let mut p = variant.nonlinear.clone();
+                p[i] += step;
+                variant.columns_at(session, problem, &p)
+            };
+            let (ahead, behind) = (at(STEP_M)?, at(-STEP_M)?);
+            parts.push(ahead.iter().zip(&behind).map(|(a, b)| (a - b) / (2.0 * STEP_M)).collect());
+        }
+        let k = parts.len();
+        let wide: Vec<DMatrix<f64>> = problem
+            .clusters
+            .iter()
+            .enumerate()
+            .map(|(g, cluster)| {
+                let mut out = DMatrix::zeros(columns[g].nrows(), k * trials.len());
+                if let Some(t) = trials.iter().position(|t| *t == cluster.trial) {
+                    for (j, part) in parts.iter().enumerate() {
+                        out.set_column(k * t + j, &part[g].column(0));
+                    }
+                }
+                out
+            })
+            .collect();
+        let (s, c) = problem.reduce_all(&wide);
+        Some(Self { trials: trials.len(), unknowns: k, s, c })
+    }
+
+    /// Gain of one common change in these trials, and its mass.
+    fn gain(&self, acts: &[bool]) -> (f64, f64) {
+        let k = self.unknowns;
+        let mut s = DMatrix::zeros(k, k);
+        let mut c = DVector::zeros(k);
+        let of: Vec<usize> = (0..self.trials).filter(|&t| acts[t]).collect();
+        for &i in &of {
+            c += self.c.rows(k * i, k);
+            for &j in &of {
+                s += self.s.view((k * i, k * j), (k, k));
+            }
+        }
+        let x = pseudo_inverse(&s) * &c;
+        (c.dot(&x), x[0])
+    }
+
+    fn is_allowed(&self, acts: &[bool]) -> bool {
+        let with = acts.iter().filter(|a| **a).count();
+        with >= FEWEST && self.trials - with >= FEWEST
+    }
+
+    /// The better of two divisions: the larger gain, among equal ones that with a load (and not with
+    /// something taken away).
+    fn better(&self, a: Option<Vec<bool>>, b: Vec<bool>) -> Option<Vec<bool>> {
+        let Some(a) = a else { return Some(b) };
+        let ((ga, ma), (gb, mb)) = (self.gain(&a), self.gain(&b));
+        let equal = (ga - gb).abs() <= 1e-6 * ga.abs().max(gb.abs());
+        let takes_over = if equal { ma <= 0.0 && mb > 0.0 } else { gb > ga };
+        Some(if takes_over { b } else { a })
+    }
+
+    fn best_of_all(&self) -> Option<Vec<bool>> {
+        (1..(1usize << self.trials) - 1)
+            .map(|bits| (0..self.trials).map(|t| bits >> t & 1 == 1).collect::<Vec<bool>>())
+            .filter(|acts| self.is_allowed(acts))
+            .fold(None, |best, acts| self.better(best, acts))
+    }
+
+    /// Starts with the largest gaps between the changes of single trials, one for each unknown, and
+    /// moves single trials while that helps.
+    fn best_by_moves(&self) -> Option<Vec<bool>> {
+        let k = self.unknowns;
+        let single = pseudo_inverse(&self.s) * &self.c;
+        let mut best = None;
+        for j in 0..k {
+            let size = |t: usize| single[k * t + j];
+            let mut order: Vec<usize> = (0..self.trials).collect();
+            order.sort_by(|&a, &b| size(a).total_cmp(&size(b)));
+            let gap = |i: usize| size(order[i]) - size(order[i - 1]);
+            let Some(cut) = (FEWEST..=self.trials - FEWEST).max_by(|&a, &b| gap(a).total_cmp(&gap(b))) else {
+                continue;
+            };
+            let mut acts = vec![false; self.trials];
+            order[cut..].iter().for_each(|&t| acts[t] = true);
+            let mut reached = self.gain(&acts).0;
+            while let Some((t, gain)) = (0..self.trials)
+                .filter_map(|t| {
+                    let mut moved = acts.clone();
+                    moved[t] = !moved[t];
+                    self.is_allowed(&moved).then(|| (t, self.gain(&moved).0))
+                })
+                .max_by(|a, b| a.1.total_cmp(&b.1))
+                .filter(|m| m.1 > reached * (1.0 + 1e-9))
+            {
+                acts[t] = !acts[t];
+                reached = gain;
+            }
+            best = self.better(best, acts.clone());
+            best = self.better(best, acts.iter().map(|a| !a).collect());
+        }
+        best
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Normal equations of trials with uncorrelated columns, in which one change acts in `truth`.
+    fn division(truth: &[bool], change: [f64; 2]) -> Division {
+        let trials = truth.len();
+        let c = DVector::from_fn(2 * trials, |i, _| {
+            // an error of a tenth that differs from trial to trial
+            let size = if truth[i / 2] { change[i % 2] } else { 0.0 };
+            size + 0.1 * ((7 * i + 3) as f64).sin()
+        });
+        Division { trials, unknowns: 2, s: DMatrix::identity(2 * trials, 2 * trials), c }
+    }
+
+    #[test]
+    fn the_loaded_trials_are_found_by_both_searches() {
+        // a load whose first moment shows and whose mass hardly does
+        for change in [[0.05, 1.0], [1.0, 0.0], [0.5, -0.5]] {
+            let truth = [true, true, false, false, false, true, false];
+            let d = division(&truth, change);
+            assert_eq!(d.best_of_all().unwrap(), truth);
+            assert_eq!(d.best_by_moves().unwrap(), truth);
+        }
+        let many: Vec<bool> = (0..14).map(|t| t % 3 == 0).collect();
+        assert_eq!(division(&many, [0.2, 1.0]).best_by_moves().unwrap(), many);
+    }
+
+    #[test]
+    fn each_set_has_two_trials() {
+        let d = division(&[true, false, false, false, false], [1.0, 1.0]);
+        for acts in [d.best_of_all().unwrap(), d.best_by_moves().unwrap()] {
+            assert!((2..=3).contains(&acts.iter().filter(|a| **a).count()), "{acts:?}");
+        }
+    }
+}

@@ -1,0 +1,125 @@
+//! Rivals that fit only as the limit of a simpler effect.
+//!
+//! A rope to a distant pulley, or a strong wind on a small area, is a constant force: a richer effect
+//! reproduces a simpler one by moving a place or a speed to the edge of its range. Both leave the same
+//! error then, whichever is true, and no ratio of errors separates them. The recordings still say
+//! whether a place or speed that a laboratory has would do: the richer effect is fitted again within
+//! the nearer half of the range. If that is worse by more than chance, what remains of the richer
+//! effect is the simpler one under another name.
+
+use crate::candidate::{Scored, Variant, solve};
+use crate::judge::{Rival, SAME};
+use crate::ladder::is_at_bound;
+use crate::nonlinear::{improve, score_fitted};
+use crate::options::DiscoverOptions;
+use crate::problem::Problem;
+use crate::rank::FULL_STEPS;
+use crate::session::Session;
+use crate::statistics::sign_flip_p;
+use aloft_body::Phi;
+use aloft_effects::{About, Coefficient, Columns, Effect, NonlinearParameter, ParameterKind, Scene, Series, Target};
+
+/// Number of starts that are fitted, besides that of the fit in the whole range.
+const STARTS: usize = 3;
+
+/// An effect whose places and vectors in the world keep to the nearer half of their range.
+struct Nearer<'a>(&'a dyn Effect);
+
+impl Effect for Nearer<'_> {
+    fn about(&self) -> About<'_> {
+        self.0.about()
+    }
+    fn targets(&self, scene: &Scene) -> Vec<Target> {
+        self.0.targets(scene)
+    }
+    fn coefficients(&self, scene: &Scene, target: Target) -> Vec<Coefficient> {
+        self.0.coefficients(scene, target)
+    }
+    fn nonlinear(&self, scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
+        let mut out = self.0.nonlinear(scene, target);
+        for p in out.iter_mut().filter(|p| is_far(p)) {
+            let (middle, half) = (0.5 * (p.lower + p.upper), 0.25 * (p.upper - p.lower));
+            (p.lower, p.upper) = (middle - half, middle + half);
+        }
+        out
+    }
+    fn has_wrench(&self) -> bool {
+        self.0.has_wrench()
+    }
+    fn evaluate(&self, series: &Series<'_>, target: Target, nonlinear: &[f64], out: &mut Columns) {
+        self.0.evaluate(series, target, nonlinear, out);
+    }
+    fn inertia(&self, scene: &Scene, target: Target, nonlinear: &[f64]) -> Option<Vec<Vec<Phi>>> {
+        self.0.inertia(scene, target, nonlinear)
+    }
+}
+
+/// True for an unknown that may go far away: a place or a vector in the world.
+fn is_far(p: &NonlinearParameter) -> bool {
+    matches!(p.kind, ParameterKind::PointInWorld(_) | ParameterKind::VectorInWorld(_))
+}
+
+/// True if a place or a vector in the world was fitted at the edge of its range: no place or speed
+/// that a laboratory has fits.
+pub(crate) fn is_at_far_edge(session: &Session<'_>, variant: &Variant<'_>) -> bool {
+    let bounds = variant.effect.nonlinear(session.scene, variant.target);
+    let fitted = variant.fitted > 0;
+    fitted && variant.nonlinear.iter().zip(&bounds).any(|(x, b)| is_far(b) && is_at_bound(*x, [b.lower, b.upper]))
+}
+
+/// True if `rival` becomes `simple` in its limit, and within the nearer half of its range it is worse
+/// by more than chance and repeating errors explain.
+pub(crate) fn is_only_a_limit(
+    session: &Session<'_>,
+    problem: &Problem,
+    simple: &Rival<'_>,
+    rival: &Rival<'_>,
+    options: &DiscoverOptions,
+) -> bool {
+    let becomes = rival.scored.variant.effect.about().becomes;
+    if !becomes.contains(&simple.id()) || rival.scored.variant.unknowns() <= simple.scored.variant.unknowns() {
+        return false;
+    }
+    let Some(near) = fitted_nearer(session, problem, &rival.scored.variant) else { return false };
+    let ratio = (simple.error() / near.iter().sum::<f64>()).sqrt();
+    // on a person errors repeat from trial to trial, and a small lead is no evidence
+    let most = if session.prior.is_some() { SAME[1] } else { 1.0 };
+    ratio < most && sign_flip_p(&simple.fold_error, &near, 2000, options.seed ^ 0x11a7) < options.significance
+}
+
+/// Squared error by fold of an effect fitted within the nearer half of its range, from the place of
+/// the fit in the whole range and from the best of its own starts.
+fn fitted_nearer(session: &Session<'_>, problem: &Problem, variant: &Variant<'_>) -> Option<Vec<f64>> {
+    let nearer = Nearer(variant.effect);
+    let bounds = nearer.nonlinear(session.scene, variant.target);
+    let inside = |p: &[f64]| -> Vec<f64> { p.iter().zip(&bounds).map(|(x, b)| x.clamp(b.lower, b.upper)).collect() };
+    // a place keeps its direction
+    let scaled: Vec<f64> = variant
+        .nonlinear
+        .iter()
+        .zip(&bounds)
+        .map(|(x, b)| {
+            let middle = 0.5 * (b.lower + b.upper);
+            if is_far(b) { middle + 0.5 * (x - middle) } else { *x }
+        })
+        .collect();
+    let at = |p: &[f64]| Variant { effect: &nearer, nonlinear: inside(p), fitted: 0, ..variant.clone() };
+    let gain = |v: &Variant<'_>| {
+        let columns = v.columns(session, problem)?;
+        let (s, c) = problem.reduce_all(&columns);
+        Some(solve(&s, &c, &v.coefficients).1)
+    };
+    let mut own: Vec<(f64, Variant<'_>)> = variant
+        .effect
+        .starts(session.scene, variant.target)
+        .iter()
+        .map(|p| at(p))
+        .filter_map(|v| Some((gain(&v)?, v)))
+        .collect();
+    own.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let starts = std::iter::once(at(&scaled)).chain(own.into_iter().take(STARTS).map(|o| o.1));
+    let fitted = starts.filter_map(|v| improve(session, problem, &v, FULL_STEPS));
+    let (best, _) = fitted.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let scored: Scored<'_> = score_fitted(session, problem, best)?;
+    Some(scored.fold_error)
+}
