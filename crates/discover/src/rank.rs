@@ -186,9 +186,12 @@ fn as_load<'a>(session: &Session<'_>, problem: &Problem, scored: Scored<'a>) -> 
         return scored;
     }
     let others: Vec<bool> = scored.variant.group.iter().map(|acts| !acts).collect();
+    // errors of the motion act on the whole inertia, which the load adds to
+    let share = scored.theta.iter().map(|x| x.abs()).sum::<f64>() / session.mass_kg;
+    let equal = 1.01 * (1.0 + share).powi(4);
     let turned = Variant { group: others, fitted: 0, ..scored.variant.clone() };
     improve(session, problem, &turned, FULL_STEPS)
-        .filter(|(_, gain)| problem.rss - gain <= 1.02 * (problem.rss - scored.gain))
+        .filter(|(_, gain)| problem.rss - gain <= equal * (problem.rss - scored.gain))
         .and_then(|(better, _)| score_fitted(session, problem, better))
         .filter(|load| load.theta.iter().all(|x| *x > 0.0))
         .unwrap_or(scored)

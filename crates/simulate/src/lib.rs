@@ -63,7 +63,7 @@ pub mod scenario;
 pub mod truth;
 
 pub use error::SimulateError;
-pub use hidden::Hidden;
+pub use hidden::{Hidden, Plate};
 pub use lab::{Lab, LabFile, LabTrial, simulate};
 pub use scenario::{
     BodySpec, CaptureSpec, ChainLab, ChainSpec, CustomLab, HumanLab, JumpProtocol, MarkerSpec, PersonSpec, Scenario,

@@ -82,6 +82,36 @@ pub fn wind() {
     assert!(none.value <= SHARE * 0.02, "{none:?}");
 }
 
+/// Pressure on two plates in one wind; with a normal coefficient of 1.2 the areas found are 1.2 times
+/// the true ones. In the twin, plates in still air have no area.
+pub fn panels() {
+    let hidden = json!({
+        "effect": "panels", "wind_mps": [1.2, -0.7, 0.1], "normal_coefficient": 1.2,
+        "plates": [
+            {"link": "link0", "area_m2": 0.02, "normal": [0.3, 0.2, 0.93], "point_m": [0.03, 0.12, 0.02]},
+            {"link": "link1", "area_m2": 0.015, "normal": [0.1, 0.95, 0.3], "point_m": [-0.1, 0.02, -0.02]}
+        ]
+    });
+    let (key, found) = evidence(&thrown(&json!([hidden]))).search("panels");
+    assert_eq!(key, "panels[links]");
+    let of = |name: &str| found.iter().find(|e| e.name == name).unwrap();
+    for (name, truth) in
+        [("pressure_link0", 0.024), ("pressure_link1", 0.018), ("wind_x", 1.2), ("wind_y", -0.7), ("wind_z", 0.1)]
+    {
+        let e = of(name);
+        println!("{name} {} ± {} of {truth}", e.value, e.se);
+        let limit = if name.starts_with("wind") { 0.1 } else { 2.0 * SHARE * truth };
+        assert!((e.value - truth).abs() <= limit, "{e:?} of {truth}");
+    }
+    for (link, normal) in [("link0", Vector3::new(0.3, 0.2, 0.93)), ("link1", Vector3::new(0.1, 0.95, 0.3))] {
+        let (a, b) = (of(&format!("normal_{link}_a")).value, of(&format!("normal_{link}_b")).value);
+        let found = Vector3::new(2.0 * a, 2.0 * b, 1.0 - a * a - b * b).normalize();
+        assert!(found.dot(&normal.normalize()).abs() > 0.999, "{link}: {found:?}");
+    }
+    let none = plain_evidence().fit(&[], "panels[links]", &[], &[]);
+    assert!(none.coefficients.iter().all(|c| c.value <= SHARE * 0.015), "{:?}", none.coefficients);
+}
+
 pub fn constant_force() {
     let case = Case {
         key: "constant_force[link1]",

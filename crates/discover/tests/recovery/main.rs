@@ -35,6 +35,7 @@ recovered! {
     linear_drag: chain::linear_drag,
     rotational_drag: chain::rotational_drag,
     wind: chain::wind,
+    panels: chain::panels,
     constant_force: chain::constant_force,
     gravity_tilt: chain::gravity_tilt,
     gravity_scale: chain::gravity_scale,

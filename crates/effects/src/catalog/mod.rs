@@ -14,6 +14,7 @@ mod gravity_tilt;
 mod joint_centre;
 mod linear_drag;
 mod link_mass;
+mod panels;
 mod payload;
 mod plate_clock_drift;
 mod plate_gain;
@@ -37,6 +38,7 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &linear_drag::LinearDrag,
     &rotational_drag::RotationalDrag,
     &wind::Wind,
+    &panels::Panels,
     &constant_force::ConstantForce,
     &gravity_tilt::GravityTilt,
     &gravity_scale::GravityScale,

@@ -45,7 +45,7 @@ fn every_effect_is_described_and_bounded() {
             assert_eq!(EffectInstance::parse(&key, &fixture.scene).unwrap().target, target, "{key}");
         }
     }
-    assert_eq!(seen.len(), 28);
+    assert_eq!(seen.len(), 29);
     assert!(matches!(effect("draught"), Err(EffectsError::Unknown { .. })));
 }
 
@@ -111,6 +111,7 @@ fn components_of_places_and_vectors_state_their_kind() {
         directed,
         [
             "wind",
+            "panels",
             "constant_force",
             "gravity_tilt",
             "flywheel",

@@ -3,8 +3,8 @@
 use super::Fixture;
 use crate::*;
 use aloft_body::State;
-use aloft_simulate::Hidden;
 use aloft_simulate::physics::{Body, ForceField, Instant, Past, Wrench};
+use aloft_simulate::{Hidden, Plate};
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 
 /// The power of a column on moving links does not follow from the total wrench, but that on a
@@ -74,6 +74,21 @@ fn validate_columns_against_the_simulator_s_laws() {
             "wind",
             vec![0.05],
             vec![3.0, -1.0, 0.5],
+        ),
+        (
+            Hidden::Panels {
+                plates: vec![
+                    Plate { link: s("base"), point_m: Some([0.02, 0.1, 0.0]), normal: [0.0, 0.6, 0.8], area_m2: 0.03 },
+                    Plate { link: s("arm"), point_m: Some([0.1, 0.0, 0.05]), normal: [1.0, 0.0, 0.0], area_m2: 0.02 },
+                ],
+                wind_mps: [1.0, -2.0, 0.3],
+                air_density_kgpm3: 1.2,
+                normal_coefficient: 1.5,
+            },
+            "panels[links]",
+            vec![0.045, 0.0, 0.0, 0.03, 0.0, 0.0],
+            // b of a normal (0, 0.6, 0.8) is 0.6 / 1.8
+            vec![1.0, -2.0, 0.3, 0.02, 0.1, 0.0, 0.0, 1.0 / 3.0, 0.1, 0.0, 0.05, 1.0, 0.0],
         ),
         (
             Hidden::ConstantForce { link: s("arm"), point_m: [0.1, 0.0, 0.05], force_n: [1.0, -2.0, 0.5] },
