@@ -9,8 +9,8 @@
 
 use crate::DiscoverError;
 use crate::candidate::{Scored, Variant, score};
-use crate::judge::limit_by_number;
 use crate::ladder::{estimates, extra_columns, key_of, sharpened};
+use crate::limits::limit_by_number;
 use crate::nonlinear::joint_se_at;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};

@@ -1,31 +1,24 @@
 //! Interprets a ranking: which effects are plausible and accepted, which cannot be told apart, and
 //! the verdict.
 
-use crate::candidate::{Scored, score};
+use crate::candidate::Scored;
 use crate::exchange::exchange;
 use crate::floor::Standing;
-use crate::ladder::{is_at_bound, key_of, sharpened};
-use crate::nonlinear::{improve, score_fitted};
+use crate::ladder::{is_at_bound, key_of};
+use crate::limits::SAME;
 use crate::only_as_limit::{is_at_far_edge, is_only_a_limit};
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
-use crate::rank::{EffectScore, FULL_STEPS, cosine};
-use crate::result::{Alternative, Candidate, Confusion, Estimate, MANY_CLUSTERS, RivalTest, Verdict};
+use crate::rank::{EffectScore, cosine};
+use crate::result::{Alternative, Candidate, Confusion, Estimate, RivalTest, Verdict};
+use crate::rivals::{Rival, is_alias};
 use crate::session::Session;
 use crate::statistics::{jackknife_se, sign_flip_p};
-use aloft_effects::{Effect, Family, Target};
-use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 /// Where the exchange test cannot be made, the better effect must leave less than this share of the
 /// other's error.
 const NEARLY: f64 = 0.94;
-/// Number of targets of a rival that are fitted again.
-const TARGETS: usize = 3;
-/// Errors whose ratio is above this count as equal: rigid bodies, and people, whose soft tissue
-/// repeats.
-pub(crate) const SAME: [f64; 2] = [0.98, 0.96];
-
 /// The best variant of every target, best first.
 pub(crate) fn alternatives(session: &Session<'_>, problem: &Problem, score: &EffectScore<'_>) -> Vec<Alternative> {
     let mut out: Vec<Alternative> = Vec::new();
@@ -39,26 +32,6 @@ pub(crate) fn alternatives(session: &Session<'_>, problem: &Problem, score: &Eff
         }
     }
     out
-}
-
-/// Largest ratio at which an effect can be accepted.
-pub(crate) fn limit(effect: &dyn Effect, first_round: bool, options: &DiscoverOptions) -> f64 {
-    match effect.about().family {
-        Family::Kinematics if first_round => options.belief_kinematics,
-        Family::Kinematics => 0.0,
-        Family::Plates => options.belief_plates,
-        Family::Forces => options.belief,
-    }
-}
-
-/// Largest ratio accepted with this number of flights or trials: with few of them only a strong
-/// effect is accepted.
-pub(crate) fn limit_by_number(clusters: usize, options: &DiscoverOptions) -> f64 {
-    match clusters {
-        0..5 => options.belief.min(0.80),
-        5..MANY_CLUSTERS => options.belief.min(0.85),
-        _ => options.belief,
-    }
 }
 
 /// True if the error is far below what noise alone leaves. Columns that, together with those of the
@@ -174,101 +147,6 @@ pub(crate) fn confusions(
     for (candidate, confused) in candidates.iter_mut().zip(all) {
         candidate.confused_with = confused;
     }
-}
-
-/// An accepted effect, refitted with the weight that the prior has when the best effect is in the
-/// model.
-pub(crate) struct Rival<'a> {
-    /// Index in the ranking.
-    pub index: usize,
-    /// False if it narrowly missed the acceptance limit: it may be named together with others, but
-    /// cannot rule one out.
-    pub believed: bool,
-    pub scored: Scored<'a>,
-    /// Squared error by fold.
-    pub fold_error: Vec<f64>,
-}
-
-impl Rival<'_> {
-    pub fn id(&self) -> &str {
-        self.scored.variant.effect.id()
-    }
-    pub fn error(&self) -> f64 {
-        self.fold_error.iter().sum()
-    }
-}
-
-/// True for two effects that no recording can tell apart: aliases that both act on the whole body or
-/// on all plates.
-fn is_alias(effect: &dyn Effect, target: Target, other: &str, other_target: Target) -> bool {
-    effect.about().aliases.contains(&other) && target == Target::Body && other_target == Target::Body
-}
-
-/// True for an effect that narrowly misses the limit that the best one passes, so that only the
-/// limit separates them. Plate and kinematic errors have limits of their own.
-fn close(effect: &dyn Effect, candidate: &Candidate, best: &Candidate, options: &DiscoverOptions) -> bool {
-    if is_alias(effect, candidate.target, &best.effect, best.target) && candidate.plausible {
-        return true;
-    }
-    candidate.plausible
-        && !candidate.placebo
-        && candidate.ci95[1] < 1.0
-        && limit(effect, false, options) == options.belief
-        && (best.held_out_ratio..best.held_out_ratio / NEARLY).contains(&candidate.held_out_ratio)
-}
-
-/// The accepted effects and those that narrowly miss acceptance, as rivals, and the problem on
-/// which they were fitted.
-pub(crate) fn rivals<'a>(
-    session: &Session<'_>,
-    problem: &Problem,
-    extra: &[Vec<DMatrix<f64>>],
-    scores: &[EffectScore<'a>],
-    candidates: &[Candidate],
-    options: &DiscoverOptions,
-) -> (Option<Problem>, Vec<Rival<'a>>) {
-    let Some(best) = candidates.iter().find(|c| c.believed) else { return (None, Vec::new()) };
-    let takes_part = |i: &usize| candidates[*i].believed || close(scores[*i].effect, &candidates[*i], best, options);
-    let believed: Vec<usize> = (0..candidates.len()).filter(takes_part).collect();
-    let as_ranked = |&index: &usize| {
-        let s = &scores[index];
-        let believed = candidates[index].believed;
-        Rival { index, believed, scored: s.scored[s.best].clone(), fold_error: s.fold_error.clone() }
-    };
-    let first = candidates.iter().position(|c| c.believed).filter(|_| session.prior.is_some());
-    let sharp = first.and_then(|first| {
-        let best = &scores[first].scored[scores[first].best].variant;
-        let columns = best.blocks_at(session, problem, &best.nonlinear)?;
-        let whole: Vec<Vec<DMatrix<f64>>> = extra.iter().cloned().chain([columns]).collect();
-        sharpened(session, problem, extra, &whole, options).ok()
-    });
-    let Some(sharp) = sharp else { return (None, believed.iter().map(as_ranked).collect()) };
-    let refitted = believed.par_iter().map(|index| {
-        let mut variants: Vec<&Scored<'a>> = scores[*index].scored.iter().collect();
-        variants.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-        let fitted = variants.iter().take(TARGETS).filter_map(|s| {
-            let v = &s.variant;
-            if v.fitted == 0 {
-                let columns = v.columns(session, &sharp)?;
-                return Some(score(&sharp, v.clone(), &sharp.reduce(&columns)));
-            }
-            improve(session, &sharp, v, FULL_STEPS).and_then(|(v, _)| score_fitted(session, &sharp, v))
-        });
-        let unknowns = |s: &Scored<'_>| s.variant.unknowns();
-        let error = |s: &Scored<'_>| s.fold_error.iter().sum::<f64>();
-        let best = fitted.min_by(|a, b| error(a).total_cmp(&error(b)).then(unknowns(a).cmp(&unknowns(b))));
-        best.map_or_else(
-            || as_ranked(index),
-            |scored| Rival {
-                index: *index,
-                believed: candidates[*index].believed,
-                fold_error: scored.fold_error.clone(),
-                scored,
-            },
-        )
-    });
-    let refitted = refitted.collect();
-    (Some(sharp), refitted)
 }
 
 /// The floor of a comparison, for mean squares of rows.
@@ -424,28 +302,4 @@ fn duel(
         out.separated = made.map_or(ratio < NEARLY, |m| m.exceeded_by(-2.0 * ratio.ln()));
     }
     out
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Kinematic errors of the catalogue are named in a first round only; plate errors have a limit
-    /// of their own.
-    #[test]
-    fn belief_has_a_limit_for_each_family() {
-        let options = DiscoverOptions::default();
-        let mut seen = [0; 3];
-        for effect in aloft_effects::EFFECTS {
-            let found = [true, false].map(|first| limit(*effect, first, &options));
-            let (family, expected) = match effect.about().family {
-                Family::Forces => (0, [options.belief; 2]),
-                Family::Kinematics => (1, [options.belief_kinematics, 0.0]),
-                Family::Plates => (2, [options.belief_plates; 2]),
-            };
-            assert_eq!(found, expected, "{}", effect.id());
-            seen[family] += 1;
-        }
-        assert_eq!(seen, [17, 5, 7]);
-    }
 }

@@ -3,10 +3,10 @@
 
 use crate::DiscoverError;
 use crate::candidate::{Scored, Variant};
-use crate::judge::Rival;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::result::{Estimate, Found};
+use crate::rivals::Rival;
 use crate::session::Session;
 use crate::statistics::{jackknife_se, sign_flip_p};
 use aloft_effects::EffectInstance;

@@ -6,8 +6,9 @@
 //! if it is better by as much as a second effect would have to be.
 
 use crate::candidate::{Scored, Variant, score, solve};
-use crate::judge::{SAME, is_trivial};
+use crate::judge::is_trivial;
 use crate::ladder::Refit;
+use crate::limits::SAME;
 use crate::nonlinear::{improve, score_fitted};
 use crate::problem::Problem;
 use crate::rank::{EffectScore, FULL_STEPS};

@@ -1,15 +1,16 @@
 //! One round of a discovery: all effects ranked against the model, and the ranking judged.
 
 use crate::judge::{
-    AtFloor, Rival, alternatives, chosen_shares, confusions, is_trivial, judge, limit, limit_by_number,
-    minimum_detectable, parts, plausible, rivals,
+    AtFloor, alternatives, chosen_shares, confusions, is_trivial, judge, minimum_detectable, parts, plausible,
 };
 use crate::ladder::{estimates, group_names, key_of, to_build_on};
+use crate::limits::{limit, limit_by_number};
 use crate::options::DiscoverOptions;
 use crate::placebo::PLACEBOS;
 use crate::problem::{Domain, Problem};
 use crate::rank::{EffectScore, judged_in, null_ratios, score_effect};
 use crate::result::{Candidate, FEWEST_CLUSTERS, MANY_CLUSTERS, Round, Verdict};
+use crate::rivals::{Rival, rivals};
 use crate::session::Session;
 use crate::statistics::{ratio_interval, resamples};
 use crate::wording;
