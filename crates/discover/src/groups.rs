@@ -8,8 +8,9 @@
 use crate::candidate::{Variant, pseudo_inverse};
 use crate::problem::Problem;
 use crate::session::Session;
-use aloft_effects::ParameterKind;
+use aloft_effects::{Effect, ParameterKind, Target};
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 /// Fewest trials in each set.
 const FEWEST: usize = 2;
@@ -20,12 +21,14 @@ const ALL_DIVISIONS: usize = 10;
 const STEP_M: f64 = 0.1;
 
 /// Trials in which a group effect acts: as named by the laboratory, otherwise those of the division
-/// that removes most of the error. `None` if the trials are too few to be divided.
+/// that removes most of the error, by a change of any one of the links. All links have the same
+/// division, so that loads on several links are compared in the same trials. `None` if the trials are
+/// too few to be divided.
 pub(crate) fn group(
     session: &Session<'_>,
     problem: &Problem,
-    variant: &Variant<'_>,
-    columns: &[DMatrix<f64>],
+    effect: &dyn Effect,
+    targets: &[Target],
 ) -> Option<Vec<bool>> {
     if session.groups.iter().any(Option::is_some) {
         return session.loaded();
@@ -36,8 +39,17 @@ pub(crate) fn group(
     if trials.len() < 2 * FEWEST {
         return None;
     }
-    let by_trial = Division::new(session, problem, variant, columns, &trials)?;
-    let chosen = if trials.len() <= ALL_DIVISIONS { by_trial.best_of_all() } else { by_trial.best_by_moves() }?;
+    let of_links: Vec<(f64, Vec<bool>)> = targets
+        .par_iter()
+        .filter_map(|&target| {
+            let start = effect.starts(session.scene, target).into_iter().next()?;
+            let variant = Variant::new(session, effect, target, start);
+            let by_trial = Division::new(session, problem, &variant, &trials)?;
+            let best = if trials.len() <= ALL_DIVISIONS { by_trial.best_of_all() } else { by_trial.best_by_moves() }?;
+            Some((by_trial.gain(&best).0, best))
+        })
+        .collect();
+    let (_, chosen) = of_links.into_iter().reduce(|a, b| if b.0 > a.0 { b } else { a })?;
     let mut mask = vec![false; session.trials.len()];
     trials.iter().zip(&chosen).for_each(|(&t, &acts)| mask[t] = acts);
     Some(mask)
@@ -53,15 +65,10 @@ struct Division {
 }
 
 impl Division {
-    fn new(
-        session: &Session<'_>,
-        problem: &Problem,
-        variant: &Variant<'_>,
-        columns: &[DMatrix<f64>],
-        trials: &[usize],
-    ) -> Option<Self> {
+    fn new(session: &Session<'_>, problem: &Problem, variant: &Variant<'_>, trials: &[usize]) -> Option<Self> {
+        let columns = variant.columns(session, problem)?;
         let place = variant.effect.nonlinear(session.scene, variant.target);
-        let mut parts = vec![columns.to_vec()];
+        let mut parts = vec![columns];
         for (i, _) in place.iter().enumerate().filter(|(_, p)| matches!(p.kind, ParameterKind::PointOnLink(_))) {
             let at = |step: f64| {
                 let mut p = variant.nonlinear.clone();
@@ -77,7 +84,7 @@ impl Division {
             .iter()
             .enumerate()
             .map(|(g, cluster)| {
-                let mut out = DMatrix::zeros(columns[g].nrows(), k * trials.len());
+                let mut out = DMatrix::zeros(parts[0][g].nrows(), k * trials.len());
                 if let Some(t) = trials.iter().position(|t| *t == cluster.trial) {
                     for (j, part) in parts.iter().enumerate() {
                         out.set_column(k * t + j, &part[g].column(0));

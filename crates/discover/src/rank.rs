@@ -181,8 +181,9 @@ fn unknowns_of(s: &Scored<'_>) -> usize {
 /// A load that was found as something taken away in some trials, as a load in the others if that fits
 /// as well: groups that nobody named have no order.
 fn as_load<'a>(session: &Session<'_>, problem: &Problem, scored: Scored<'a>) -> Scored<'a> {
-    let named = session.groups.iter().any(Option::is_some);
-    if !scored.variant.effect.about().by_group || named || scored.theta.iter().any(|x| *x >= 0.0) {
+    // a prior and plates tell a load from something taken away
+    let told = session.prior.is_some() || session.groups.iter().any(Option::is_some);
+    if !scored.variant.effect.about().by_group || told || scored.theta.iter().any(|x| *x >= 0.0) {
         return scored;
     }
     let others: Vec<bool> = scored.variant.group.iter().map(|acts| !acts).collect();
@@ -281,6 +282,11 @@ fn screen<'a>(
 ) -> Screened<'a> {
     const FEW: usize = 4;
     const MANY: usize = 60;
+    let by_group = effect.about().by_group;
+    let loaded = if by_group { group(session, problem, effect, targets) } else { None };
+    if by_group && loaded.is_none() {
+        return Vec::new();
+    }
     let mut out: Screened<'a> = Vec::new();
     let mut chosen: Option<Vec<usize>> = None;
     let mut gained = 0.0f64;
@@ -299,11 +305,10 @@ fn screen<'a>(
             .filter_map(|i| {
                 let mut variant = Variant::new(session, effect, target, starts[i].clone());
                 variant.group = acting.map(<[bool]>::to_vec).unwrap_or_default();
-                let mut columns = variant.columns(session, problem)?;
-                if effect.about().by_group {
-                    variant.group = group(session, problem, &variant, &columns)?;
-                    columns = variant.columns(session, problem)?;
+                if let Some(loaded) = &loaded {
+                    variant.group.clone_from(loaded);
                 }
+                let columns = variant.columns(session, problem)?;
                 let (s, c) = problem.reduce_all(&columns);
                 let gain = solve(&s, &c, &variant.coefficients).1;
                 Some((i, gain, variant, columns))
