@@ -26,6 +26,7 @@ pub mod simulate;
 pub mod status;
 mod stored_columns;
 pub mod summary;
+pub mod switch_kernel;
 mod switch_rows;
 pub mod switches;
 pub mod unknowns;

@@ -90,38 +90,38 @@ pub struct TrialError {
 
 /// Merged factors of some trials: flights, and contact, which is weighted before both are merged.
 #[derive(Clone)]
-struct Merged {
-    flights: Option<Factor>,
-    contact: Option<Factor>,
+pub(crate) struct Merged {
+    pub flights: Option<Factor>,
+    pub contact: Option<Factor>,
 }
 
 /// Merged factors of all trials, and of all but each one.
-struct Pools {
-    all: Merged,
-    without: HashMap<String, Merged>,
+pub(crate) struct Pools {
+    pub all: Merged,
+    pub without: HashMap<String, Merged>,
 }
 
 /// The effects of a study as switches.
 pub struct Switches {
-    session: SubjectSession,
-    subject: Subject,
-    predicting: Predicting,
-    parameters: Parameters,
-    floor: Option<NoiseFloor>,
+    pub(crate) session: SubjectSession,
+    pub(crate) subject: Subject,
+    pub(crate) predicting: Predicting,
+    pub(crate) parameters: Parameters,
+    pub(crate) floor: Option<NoiseFloor>,
     switches: Vec<Switch>,
     without_switch: Vec<WithoutSwitch>,
     /// Effects with columns, in the order of the switches.
-    effects: Vec<ModelEffect>,
+    pub(crate) effects: Vec<ModelEffect>,
     /// Names of the columns of each effect.
-    columns: Vec<Vec<String>>,
+    pub(crate) columns: Vec<Vec<String>>,
     training: Vec<Factor>,
-    pools: Pools,
-    trials: Vec<Judged>,
-    gate: bool,
+    pub(crate) pools: Pools,
+    pub(crate) trials: Vec<Judged>,
+    pub(crate) gate: bool,
     /// Whether contact takes part in the identification of the present model.
-    contact: bool,
+    pub(crate) contact: bool,
     /// Keys of the present model's effects.
-    present: Vec<String>,
+    pub(crate) present: Vec<String>,
 }
 
 /// Hash of what switches depend on: the comparison and all that it was made from, the model, and the
@@ -374,16 +374,21 @@ impl Switches {
     }
 
     fn solve(&self, merged: &Merged, names: &[&str]) -> Result<PointEstimate, StageFailure> {
+        let picked = self.merged(merged, names)?;
+        self.predicting.solve_merged(&picked)
+    }
+
+    /// Flights and weighted contact with the columns of these effects.
+    pub(crate) fn merged(&self, merged: &Merged, names: &[&str]) -> Result<Factor, StageFailure> {
         let pick = |f: &Factor| f.with_effects(names).map_err(stop);
         let weight = self.predicting.contact_weight();
         let contact = merged.contact.as_ref().zip(weight).map(|(c, w)| pick(c).map(|f| f.scaled(w))).transpose()?;
-        let picked = match (&merged.flights, contact) {
-            (Some(f), None) => pick(f)?,
-            (None, Some(c)) => c,
-            (Some(f), Some(c)) => pick(f)?.merged_with(&c).map_err(stop)?,
-            (None, None) => return Err(stop("no flight is left to identify from")),
-        };
-        self.predicting.solve_merged(&picked)
+        match (&merged.flights, contact) {
+            (Some(f), None) => pick(f),
+            (None, Some(c)) => Ok(c),
+            (Some(f), Some(c)) => pick(f)?.merged_with(&c).map_err(stop),
+            (None, None) => Err(stop("no flight is left to identify from")),
+        }
     }
 }
 

@@ -30,6 +30,7 @@ mod missing_number;
 pub mod null_vector;
 pub mod parameters;
 pub mod prior;
+pub mod rotated;
 pub mod simex;
 mod system;
 mod uncertainty;
@@ -51,6 +52,7 @@ pub use parameters::{
     BaseEstimate, EffectEstimate, Estimator, Identification, LinkEstimate, LinkIntervals, LinkOrigin, Parameters,
 };
 pub use prior::{LinkPrior, PreparedPrior, Prior, Symmetry};
+pub use rotated::RotatedRows;
 pub use simex::{Simex, add_noise, simex};
 pub use uncertainty::jackknife_freedom;
 pub use visible::{Unseen, Visible};

@@ -53,6 +53,22 @@ pub(crate) fn inverse_triangle(triangle: &DMatrix<f64>) -> Result<DMatrix<f64>, 
     inverse.ok_or_else(|| IdentifyError::Numeric("columns of effects are zero or depend on each other".to_owned()))
 }
 
+/// Mean of the prior and root of its covariance, given the mass; without a prior zero and the
+/// inverse norms of the columns. `dense` begins with the columns of `p` base parameters.
+pub(crate) fn origin(dense: &DMatrix<f64>, p: usize, prior: Option<&PreparedPrior>) -> (DVector<f64>, DMatrix<f64>) {
+    match prior {
+        Some(prior) => (prior.mean.clone(), prior.root.clone()),
+        None => {
+            // scaling by column norms makes the rank decision independent of units
+            let norms = DVector::from_fn(p - 1, |j, _| {
+                let norm = dense.column(j + 1).norm();
+                if norm > 0.0 { norm.recip() } else { 1.0 }
+            });
+            (DVector::zeros(p - 1), DMatrix::from_diagonal(&norms))
+        }
+    }
+}
+
 /// One solution of a [`System`].
 #[derive(Debug, Clone)]
 pub(crate) struct Solution {
@@ -90,17 +106,7 @@ impl System {
         let (p, k) = (merged.n_parameters(), merged.n_effects());
         let dense = merged.dense();
         let (h, n) = (dense.nrows(), p + k + 1);
-        let (mean, root) = match prior {
-            Some(prior) => (prior.mean.clone(), prior.root.clone()),
-            None => {
-                // scaling by column norms makes the rank decision independent of units
-                let norms = DVector::from_fn(p - 1, |j, _| {
-                    let norm = dense.column(j + 1).norm();
-                    if norm > 0.0 { norm.recip() } else { 1.0 }
-                });
-                (DVector::zeros(p - 1), DMatrix::from_diagonal(&norms))
-            }
-        };
+        let (mean, root) = origin(&dense, p, prior);
         if mean.len() + 1 != p {
             return Err(IdentifyError::Length {
                 what: "base parameters of the prior",

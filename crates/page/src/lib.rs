@@ -14,6 +14,7 @@ pub mod pack;
 mod page;
 mod player;
 mod render;
+pub mod switches;
 mod table;
 
 pub use figure::{Band, Chart, Columns, Dots, Figure, Focus, HeatMap, Line, Panel, Scale, Series, Shade, Words};

@@ -1,6 +1,6 @@
 //! Encodes numbers as text that is short and fast for a browser to read.
 //!
-//! Short lists stay JSON numbers. Long ones become base64 of little-endian values, `{"$": "f4" |
+//! Short lists stay JSON numbers. Matrices for computing ([`matrix`]) keep twelve digits. Long lists become base64 of little-endian values, `{"$": "f4" |
 //! "i2", "b": …}`; `i2` has a step `"s"` by which the integers are multiplied. Missing values are
 //! null in lists, NaN in `f4`, −32768 in `i2`.
 
@@ -62,6 +62,41 @@ pub fn steps(values: impl IntoIterator<Item = f64>, step: f64) -> Value {
     json!({"$": "i2", "s": step, "b": base64(&bytes)})
 }
 
+/// Shape of a [`matrix`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shape {
+    /// Number of rows.
+    pub rows: usize,
+    /// Number of columns.
+    pub columns: usize,
+    /// True to leave out what is below the diagonal.
+    pub upper: bool,
+    /// Bytes of each value: 5 keep it within 2⁻⁴⁰ of the largest of its column, 6 within 2⁻⁴⁸.
+    pub bytes: usize,
+}
+
+/// A matrix for computing: `{"r": rows, "c": columns, "u": upper, "n": bytes, "e": […], "b": …}`. Every
+/// column is a list of integers times 2 to the power of its own entry of `e`. Columns follow each
+/// other in `b`.
+pub fn matrix(shape: Shape, value: impl Fn(usize, usize) -> f64) -> Value {
+    let Shape { rows, columns, upper, bytes: width } = shape;
+    let bits = 8 * width as i32 - 1;
+    let (mut exponents, mut bytes) = (Vec::with_capacity(columns), Vec::new());
+    for j in 0..columns {
+        let column: Vec<f64> = (0..if upper { rows.min(j + 1) } else { rows }).map(|i| value(i, j)).collect();
+        let largest = column.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let exponent = if largest > 0.0 { largest.log2().floor() as i32 + 1 - bits } else { 0 };
+        exponents.push(exponent);
+        for v in column {
+            // by halves, because the power of a tiny column is beyond the largest number
+            let n = (v * 2f64.powi(-exponent / 2) * 2f64.powi(-exponent - -exponent / 2)).round() as i64;
+            let n = n.clamp(1 - (1 << bits), (1 << bits) - 1);
+            bytes.extend(&n.to_le_bytes()[..width]);
+        }
+    }
+    json!({"r": rows, "c": columns, "u": upper, "n": width, "e": exponents, "b": base64(&bytes)})
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -90,5 +125,23 @@ mod tests {
         let long = numbers(&[0.5; 30]);
         assert_eq!(long["$"], "f4");
         assert_eq!(long["b"].as_str().map(str::len), Some(160));
+    }
+
+    #[test]
+    fn matrices_keep_twelve_digits_of_each_column() {
+        let value = |i: usize, j: usize| [[1.0, -3e-200, 0.0], [0.0, 1e-200, 1e9 + 0.125]][i][j];
+        let shape = Shape { rows: 2, columns: 3, upper: true, bytes: 5 };
+        let packed = matrix(shape, value);
+        assert_eq!((&packed["r"], &packed["c"]), (&json!(2), &json!(3)));
+        // 1 is 2^38 times 2^-38
+        assert_eq!(packed["e"][0], -38);
+        let text = packed["b"].as_str().unwrap();
+        assert_eq!(text.len(), 5_usize.pow(2).div_ceil(3) * 4, "one, two and two values of five bytes");
+        assert!(text.starts_with(&base64(&[0, 0, 0, 0, 0x40])[..4]));
+        let exponent = packed["e"][2].as_i64().unwrap() as i32;
+        let n = (value(1, 2) / 2f64.powi(exponent)).round();
+        assert!((n * 2f64.powi(exponent) / value(1, 2) - 1.0).abs() < 2f64.powi(-39));
+        let longer = matrix(Shape { bytes: 6, ..shape }, value);
+        assert_eq!((longer["e"][0].as_i64(), longer["b"].as_str().unwrap().len()), (Some(-46), 40));
     }
 }

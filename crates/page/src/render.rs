@@ -82,8 +82,8 @@ fn prose(text: &str) -> Value {
     Value::from_safe_string(if paired { parts.iter().enumerate().map(set).collect() } else { escape(text) })
 }
 
-/// What makes a page live: a panel beside the chapters with its style and its script, which may talk
-/// to the server that the page came from, and to no other.
+/// A panel beside the chapters with its style and its script, which may talk to the server that the
+/// page came from, if there is one, and to no other.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Live<'a> {
     /// HTML of the panel.
@@ -92,6 +92,8 @@ pub struct Live<'a> {
     pub style: &'a str,
     /// Script, after those of the page, whose functions it can call.
     pub script: &'a str,
+    /// True if the script may talk to the server that the page came from.
+    pub served: bool,
 }
 
 /// Renders the page as one HTML text without external files.
@@ -99,7 +101,7 @@ pub fn render(page: &Page) -> Result<String, ReportError> {
     render_with(page, None)
 }
 
-/// Renders the page with a live panel, for a server.
+/// Renders the page with a panel.
 pub fn render_live(page: &Page, live: &Live<'_>) -> Result<String, ReportError> {
     render_with(page, Some(live))
 }
@@ -211,10 +213,12 @@ mod tests {
 
     #[test]
     fn only_a_live_page_may_talk_to_its_server() {
-        let live = Live { panel: "<aside>p</aside>", style: ".p {}", script: "go()" };
+        let live = Live { panel: "<aside>p</aside>", style: ".p {}", script: "go()", served: true };
         let html = render_live(&sample(), &live).unwrap();
         assert!(html.contains("<aside>p</aside>") && html.contains("go()") && html.contains("connect-src 'self'"));
         assert!(!render(&sample()).unwrap().contains("connect-src"));
+        let sent = render_live(&sample(), &Live { served: false, ..live }).unwrap();
+        assert!(sent.contains("go()") && !sent.contains("connect-src"), "a page that was sent reaches nothing");
     }
 
     #[test]

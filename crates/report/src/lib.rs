@@ -29,9 +29,11 @@ mod session;
 mod set;
 mod standing;
 mod story;
+mod switches;
 mod trial;
 mod wording;
 
+use aloft_page::switches::Sent;
 use aloft_page::{Chapter, Live, Page, render, render_live};
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
@@ -40,6 +42,7 @@ use rayon::prelude::*;
 pub use set::{SetReport, write_set};
 use std::path::{Path, PathBuf};
 use story::Story;
+pub use switches::{numbers as switch_numbers, panel_state};
 
 /// Heading of the chapters about the whole study.
 const STUDY: &str = "Study";
@@ -48,7 +51,12 @@ const RECORDINGS: &str = "Recordings";
 
 /// Builds the page and writes it; returns its path.
 pub fn write(session: &SubjectSession, out: Option<&Path>) -> Result<PathBuf, PipelineError> {
-    let html = render(&page(session)?).map_err(|e| PipelineError::request(e.to_string()))?;
+    let (page, sent) = page(session, true)?;
+    let html = match &sent {
+        Some(sent) => render_live(&page, &sent.panel()),
+        None => render(&page),
+    };
+    let html = html.map_err(|e| PipelineError::request(e.to_string()))?;
     let path = out.map_or_else(|| session.workspace.join("report.html"), Path::to_path_buf);
     aloft_workspace::disk::write_whole(&path, html.as_bytes())?;
     Ok(path)
@@ -56,7 +64,7 @@ pub fn write(session: &SubjectSession, out: Option<&Path>) -> Result<PathBuf, Pi
 
 /// Builds the page with a live panel, for a server.
 pub fn live(session: &SubjectSession, live: &Live<'_>) -> Result<String, PipelineError> {
-    render_live(&page(session)?, live).map_err(|e| PipelineError::request(e.to_string()))
+    render_live(&page(session, false)?.0, live).map_err(|e| PipelineError::request(e.to_string()))
 }
 
 /// Builds the page of a study of several subjects and writes it; the subjects' own pages are written by [`write()`].
@@ -71,7 +79,8 @@ pub fn write_group(
     Ok(out.to_path_buf())
 }
 
-fn page(now: &SubjectSession) -> Result<Page, PipelineError> {
+/// The page; with its own switches, if they are asked for and there are any.
+fn page(now: &SubjectSession, switches: bool) -> Result<(Page, Option<Sent>), PipelineError> {
     let session = &aloft_pipeline::made::as_made(now);
     let story = Story::read(session, now)?;
     let mut chapters = vec![overview::chapter(&story)];
@@ -94,7 +103,8 @@ fn page(now: &SubjectSession) -> Result<Page, PipelineError> {
     facts.push(format!("mass {} kg", person.mass_kg));
     facts.extend(person.height_m.map(|h| format!("height {h} m")));
     let sources = &session.facts.sources;
-    Ok(Page {
+    let sent = if switches { switches::sent(&story) } else { None };
+    let page = Page {
         title: format!("{}: mass properties from flight", wording::short(&person.name)),
         subtitle: facts.join(" · "),
         chapters,
@@ -104,5 +114,6 @@ fn page(now: &SubjectSession) -> Result<Page, PipelineError> {
             session.config.name,
             if sources.is_empty() { "the pipeline".to_owned() } else { sources.join(" and ") }
         )],
-    })
+    };
+    Ok((page, sent))
 }

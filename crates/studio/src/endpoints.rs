@@ -6,7 +6,7 @@ use crate::guard::guard;
 use crate::jobs::Job;
 use crate::state::Studio;
 use crate::view;
-use aloft_page::Live;
+use aloft_page::{Live, switches as panel};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use axum::Router;
 use axum::body::Bytes;
@@ -82,9 +82,14 @@ async fn page(State(studio): State<Arc<Studio>>) -> Result<Response, Problem> {
     let html = computed(move || {
         studio.queue.add(Job::Prepare);
         let live = Live {
-            panel: include_str!("browser/panel.html"),
-            style: include_str!("browser/studio.css"),
-            script: concat!(include_str!("browser/studio.js"), include_str!("browser/forces.js")),
+            panel: &panel::live_panel(
+                include_str!("browser/actions.html"),
+                include_str!("browser/ask.html"),
+                include_str!("browser/more.html"),
+            ),
+            style: &[panel::STYLE, include_str!("browser/studio.css")].concat(),
+            script: &[panel::SCRIPT, include_str!("browser/live.js"), include_str!("browser/forces.js")].concat(),
+            served: true,
         };
         aloft_report::live(&(studio.open)()?, &live)
     })

@@ -6,7 +6,7 @@ use crate::merge;
 use crate::results::parameters_file;
 use aloft_body::{BaseParameters, Subject};
 use aloft_identify::{
-    ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, PreparedPrior, identify_with_slides,
+    ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, PreparedPrior, RotatedRows, identify_with_slides,
     point_estimate_prepared,
 };
 use aloft_regressor::{Factor, RowKind, Slides, Stretch, StretchKind, leave_group_out};
@@ -255,6 +255,13 @@ impl Predicting {
             return HashMap::new();
         };
         names.iter().map(|n| (*n).to_owned()).zip(found).collect()
+    }
+
+    /// Weighed and merged factors in coordinates from which a browser estimates; none for an
+    /// estimator that is no least squares.
+    pub fn rotated(&self, merged: &Factor) -> Result<Option<RotatedRows>, StageFailure> {
+        RotatedRows::of(merged, self.mass_kg, self.prior.as_ref(), self.estimator)
+            .map_err(|e| StageFailure::new(e.to_string()))
     }
 
     /// Estimates from factors that were weighed and merged before.

@@ -1,26 +1,9 @@
-// What the chapters show of a choice of effects: the forces that the model predicts, in the curves and in the player, and one more rung of the ladder.
+// What the chapters show of a choice of effects: the forces that the model predicts, in the curves and in the player.
 (() => {
   const { S } = Studio;
   const AXES = ["Force x", "Force y", "Force z", "Moment x", "Moment y", "Moment z"];
   const NAME = "with the switches";
   let asked = "";
-
-  const rung = () => {
-    const list = document.querySelector(".ladder ol");
-    if (!list) return;
-    list.querySelector(".rung.preview")?.remove();
-    const e = S.shown && Studio.place(S.shown.errors), last = [...list.querySelectorAll(".rung:not(.forecast)")].at(-1);
-    if (!e || !last || !Studio.preview()) return;
-    const row = last.cloneNode(true);
-    row.className = "rung preview " + e.signal;
-    row.querySelector(".name").textContent = S.shown.which.startsWith("exact") ? "with the switches" : "with the switches (quick)";
-    const floor = parseFloat(row.querySelector(".floor")?.style.left);
-    const bar = row.querySelector(".error");
-    // the floor gives the scale of the ladder
-    if (bar && floor && e.noise_floor) bar.style.width = Math.min(100, (floor * e.held_out_error) / e.noise_floor) + "%";
-    row.querySelector(".value").textContent = `${Studio.number(e.held_out_error)} N, ${Studio.times(e.times_floor)}`;
-    list.append(row);
-  };
 
   const nearest = (list, t) => {
     let low = 0, high = list.length - 1;
@@ -75,7 +58,7 @@
     asked = key;
     const all = shown(), found = {};
     if (on) for (const name of new Set(all.map(({ f }) => f.recording))) {
-      try { found[name] = await Studio.ask("/api/series", { trial: name, effects: S.on }); } catch { found[name] = null; }
+      try { found[name] = await Live.ask("/api/series", { trial: name, effects: S.on }); } catch { found[name] = null; }
     }
     if (key !== asked) return;
     for (const { g, f } of all) {
@@ -87,7 +70,6 @@
   // the number first; curves and player follow when it has been painted and no other flip came
   let due = 0;
   Studio.hear(() => {
-    rung();
     clearTimeout(due);
     due = setTimeout(() => requestAnimationFrame(() => setTimeout(draw)), 150);
   });

@@ -1,0 +1,138 @@
+//! The effects as switches on the page: what the panel shows, and the numbers from which a page
+//! that is sent computes the model with any choice of them.
+
+use crate::commands::command;
+use crate::story::Story;
+use aloft_analysis::effect::{Asked, history};
+use aloft_analysis::freshness::freshness;
+use aloft_analysis::switch_kernel::{KernelWindows, SwitchKernel};
+use aloft_analysis::switches::{Switch, Switches};
+use aloft_compare::{FAIR_TIMES_FLOOR, Floor, POOR_TIMES_FLOOR};
+use aloft_identify::RotatedRows;
+use aloft_page::pack;
+use aloft_page::switches::Sent;
+use aloft_study::subject_session::SubjectSession;
+use aloft_workspace::error::PipelineError;
+use nalgebra::DMatrix;
+use serde_json::{Value, json};
+
+/// Most numbers that a page carries for its switches, at less than seven bytes each.
+const MOST_NUMBERS: usize = 110_000;
+
+/// What the panel shows before a switch is flipped: subject, model and its revisions, the switches,
+/// and what the last discovery said about each.
+///
+/// # Errors
+/// Results that are damaged.
+pub fn panel_state(session: &SubjectSession, switches: &[Switch]) -> Result<Value, PipelineError> {
+    let session = session.refreshed()?;
+    let fresh = freshness(&session)?;
+    let history = history(&session).ok();
+    let rungs: Vec<Value> = history
+        .iter()
+        .flat_map(|h| &h.revisions)
+        .map(|r| {
+            json!({
+                "revision": r.revision, "action": r.action, "effects": r.effects, "errors": r.errors,
+                "judged_on": r.judged_on, "void": r.void,
+            })
+        })
+        .collect();
+    Ok(json!({
+        "subject": session.facts.person.name,
+        "model": session.effects.iter().map(|e| &e.key).collect::<Vec<_>>(),
+        "current": fresh.is_current(),
+        "stale": fresh.describe(),
+        "revisions": rungs,
+        "switches": switches,
+        "preparing": false,
+        "problem": null,
+        "asked": asked(&session)?,
+    }))
+}
+
+/// What the last discovery said; null if nothing was asked.
+fn asked(session: &SubjectSession) -> Result<Value, PipelineError> {
+    let asked = Asked::read(session)?;
+    let Some(d) = &asked.found else { return Ok(Value::Null) };
+    let about = d.candidates.iter().filter(|c| !c.placebo).map(|c| {
+        json!({
+            "key": c.key, "held_out_ratio": finite(c.held_out_ratio), "ci95": c.ci95.map(finite),
+            "believed": c.believed, "judged_on": c.judged_on, "family_wise_p": finite(c.family_wise_p),
+        })
+    });
+    Ok(json!({
+        "verdict": d.verdict, "words": d.words, "effects": d.effects,
+        "found": d.found.iter().map(|f| &f.key).collect::<Vec<_>>(),
+        "candidates": about.collect::<Vec<_>>(),
+        "of_present_results": asked.is_of(session),
+    }))
+}
+
+fn finite(x: f64) -> Option<f64> {
+    Some(x).filter(|x| x.is_finite())
+}
+
+/// The switches of a page that is sent; none where there is nothing to switch: no discovery yet,
+/// results that are not up to date, an estimator that is no least squares.
+pub(crate) fn sent(story: &Story<'_>) -> Option<Sent> {
+    if !story.freshness.is_current() || story.discoveries.is_empty() {
+        return None;
+    }
+    numbers(story.session).ok().flatten().map(|n| Sent::new(&n))
+}
+
+/// Everything that the panel of a sent page needs.
+///
+/// # Errors
+/// Results that are missing or damaged.
+pub fn numbers(session: &SubjectSession) -> Result<Option<Value>, PipelineError> {
+    let session = session.refreshed()?;
+    let switches = Switches::prepare(&session, &|_, _| {})?;
+    if switches.switches().is_empty() {
+        return Ok(None);
+    }
+    let Some(kernel) = switches.kernel(MOST_NUMBERS)? else { return Ok(None) };
+    Ok(Some(json!({
+        "state": panel_state(&session, &kernel.switches)?,
+        "commands": {"add": command(&session, "effect add", None), "remove": command(&session, "effect remove", None)},
+        "kernel": packed(&kernel),
+    })))
+}
+
+fn packed(k: &SwitchKernel) -> Value {
+    let floor = |f: &Option<Floor>| f.map(|f| json!({"noise_floor": f.noise_floor, "ci95": f.ci95}));
+    let windows = |w: &Option<KernelWindows>| {
+        w.as_ref().map(|w| {
+            let triangle = w.rows.nrows() == w.rows.ncols() && 6 * w.windows > w.rows.ncols();
+            json!({"windows": w.windows, "rows": matrix(&w.rows, triangle, 5)})
+        })
+    };
+    let trials = k.trials.iter().map(|t| {
+        json!({
+            "name": t.name, "without": t.without.as_ref().map(|r| rows(r, false, 5)), "flight": windows(&t.flight),
+            "contact": windows(&t.contact),
+        })
+    });
+    json!({
+        "switches": k.switches, "columns": k.columns, "by_a_run": k.by_a_run, "left_out": k.left_out,
+        "present": k.present, "base": k.base, "all": rows(&k.all, !k.base.is_empty(), 6),
+        "trials": trials.collect::<Vec<_>>(), "flight_floor": floor(&k.flight_floor),
+        "contact_floor": floor(&k.contact_floor), "weight_n": k.weight_n, "gate": k.gate,
+        "limits": {"fair": FAIR_TIMES_FLOOR, "poor": POOR_TIMES_FLOOR},
+    })
+}
+
+/// Coefficients of effects that do almost the same follow from small differences: the rows that
+/// give them take a byte more.
+fn rows(r: &RotatedRows, parameters: bool, bytes: usize) -> Value {
+    json!({
+        "n_rows": r.n_rows, "singular": r.singular, "top": matrix(&r.top, false, bytes), "bottom": matrix(&r.bottom, true, bytes),
+        "mean": parameters.then(|| r.mean.as_slice()), "spread": parameters.then(|| matrix(&r.spread, false, 5)),
+        "longest": r.longest, "saturated": r.saturated, "prior_weight": r.prior_weight,
+    })
+}
+
+fn matrix(m: &DMatrix<f64>, upper: bool, bytes: usize) -> Value {
+    pack::matrix(pack::Shape { rows: m.nrows(), columns: m.ncols(), upper, bytes }, |i, j| m[(i, j)])
+}
