@@ -27,4 +27,5 @@ mod stated_mass;
 mod studio;
 mod support;
 mod surfaces;
+mod tilted;
 mod workflow;

@@ -2,6 +2,7 @@
 //! the workspace, and tests how well this works on these recordings.
 
 use crate::compare::compare;
+use crate::contradiction::contradicted;
 use crate::held_out::HeldOutError;
 use crate::promise::promised;
 use crate::results::with_results;
@@ -277,8 +278,30 @@ fn found(
             aloft_study::nearest::hint(unknown, &ids, "there are"),
         ));
     }
-    let mut found = rank(&bench.session, &bench.effects, &bench.accepted, options)
-        .map_err(|e| PipelineError::request(e.to_string()))?;
+    let scene = bench.session.scene();
+    let volume = Volume { middle_m: scene.volume_center_m.into(), reach_m: scene.volume_reach_m };
+    let errors = compare(session).map(|view| view.errors).unwrap_or_default();
+    let mut options = options.clone();
+    let mut refused = Vec::new();
+    let (mut found, errors_after) = loop {
+        let found = rank(&bench.session, &bench.effects, &bench.accepted, &options)
+            .map_err(|e| PipelineError::request(e.to_string()))?;
+        // without it the estimate of the ranking stands
+        let promised = promised(session, &found, volume).ok().flatten();
+        let after = promised.map(|view| view.errors).unwrap_or_default();
+        // what the user asks for by name is answered as asked
+        match contradicted(&found, &errors, &after).filter(|_| options.only.is_empty()) {
+            Some(no) => {
+                match no.effect {
+                    Some(effect) => options.without.push(effect),
+                    None => options.closed = true,
+                }
+                refused.push(no.words);
+            }
+            None => break (found, after),
+        }
+    };
+    found.warnings.extend(refused);
     if let Some(c) = found.candidates.iter().find(|c| asks_session_time(&c.effect) && c.believed) {
         let calendar = Calendar::of(session, &Workspace::open(&session.workspace));
         found.advice.push(format!("`{}` rests on the times of the session, from {}", c.effect, calendar.words));
@@ -291,12 +314,6 @@ fn found(
     {
         found.advice.insert(0, words);
     }
-    let scene = bench.session.scene();
-    let volume = Volume { middle_m: scene.volume_center_m.into(), reach_m: scene.volume_reach_m };
-    let errors = compare(session).map(|view| view.errors).unwrap_or_default();
-    // without it the estimate of the ranking stands
-    let promised = promised(session, &found, volume).ok().flatten();
-    let errors_after = promised.map(|view| view.errors).unwrap_or_default();
     // the ranking's own estimate is relative and from other folds; state what the ladder will show
     let judged = found.rounds.first().map(|r| r.judged_on.clone());
     if let Some(e) = errors_after.iter().find(|e| Some(&e.judged_on) == judged.as_ref()) {

@@ -5,6 +5,7 @@ pub mod assess;
 pub mod audit;
 pub mod check;
 pub mod compare;
+mod contradiction;
 pub mod corrections;
 pub mod discover;
 pub mod effect;

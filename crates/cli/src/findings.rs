@@ -88,6 +88,17 @@ pub fn discovery(view: &DiscoveryView, at: &PipelineArgs, details: bool) -> Resu
     if let Some(open) = &d.open {
         crate::laws::laws(open)?;
     }
+    let mut limits: Vec<&str> = Vec::new();
+    for duel in d.rounds.iter().flat_map(|r| &r.duels).filter(|duel| duel.only_as_limit) {
+        if !limits.contains(&duel.effect.as_str()) {
+            limits.push(&duel.effect);
+        }
+    }
+    if !limits.is_empty() {
+        let far = "fits only at the far edge of its range (a distant anchor, a very strong wind)";
+        let each = if limits.len() > 1 { "each " } else { "" };
+        out(labelled("not named: ", &format!("{}: {each}{far}", limits.join(", "))))?;
+    }
     for w in &d.warnings {
         out(labelled("left out: ", w))?;
     }

@@ -17,6 +17,8 @@ use crate::result::{Discovery, FEWEST_CLUSTERS, Found, Round, Verdict};
 use crate::rivals::Rival;
 use crate::round::{run_round, wanted};
 use crate::session::Session;
+use crate::shown_in_both::also_in_flight;
+use crate::wording;
 use aloft_effects::{Effect, EffectInstance, Target};
 use aloft_regressor::StretchKind;
 
@@ -126,6 +128,13 @@ pub fn discover(
                 _ => None,
             };
             let mean_square = |r: &Rival<'_>| r.error() / problem.n_judged as f64;
+            // an error of the plates and a force on the body look the same in contact
+            let flight = rounds.iter().find(|r| r.judged_on == wording::domain(Domain::Flight));
+            if let (Domain::Contact, Some(rival), Some(flight)) = (domain, chosen, flight) {
+                let forces = effects.iter().filter(|e| wanted(**e, options) && judged_in(**e, Domain::Flight));
+                let forces: Vec<&dyn Effect> = forces.copied().collect();
+                also_in_flight(session, &problem, &forces, flight, mean_square(rival), &mut round);
+            }
             let gain = chosen.map_or(0.0, |r| plain - mean_square(r));
             if let (Some(first), Some(_)) = (first_gain, chosen)
                 && gain < 0.01 * first

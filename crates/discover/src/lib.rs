@@ -80,6 +80,7 @@ mod rivals;
 mod round;
 mod self_test;
 mod session;
+mod shown_in_both;
 mod statistics;
 mod wording;
 
