@@ -153,7 +153,7 @@ fn switches_show_what_the_commands_say() {
     let (without, with_drag) = (forces(value!([])), forces(value!([drag])));
     assert!(without.len() == with_drag.len() && without.iter().zip(&with_drag).any(|(a, b)| (a - b).abs() > 1e-4));
     // a recording left out
-    let fewer = studio.post("/api/model", &value!({"effects": [], "left_out": ["throws_01"]}));
+    let fewer = studio.post("/api/model", &value!({"effects": [], "left_out": {"trials": ["throws_01"]}}));
     assert!(
         fewer["model"]["trials"].as_array().unwrap().iter().any(|t| t["trial"] == "throws_01" && t["left_out"] == true)
     );

@@ -19,6 +19,8 @@ pub mod inspect;
 pub mod inspect_values;
 mod laboratories;
 pub mod markerset;
+pub mod notes;
+pub mod own_laws;
 pub mod parameters;
 pub mod promise;
 mod results;

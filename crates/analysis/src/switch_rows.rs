@@ -27,6 +27,8 @@ pub(crate) struct Judged {
     pub in_flight: bool,
     pub in_contact: bool,
     pub offset: Option<RecordingOffset>,
+    /// Begin and end of each flight, s since the first frame.
+    pub flights_s: Vec<[f64; 2]>,
 }
 
 /// Settings of the stages for a model with these effects.
@@ -138,6 +140,9 @@ pub(crate) fn rows_of(
                 }
             };
             let windows = formed.windows.take();
+            let flights = made.results.load_flights(name)?;
+            let second = |frame: usize| frame as f64 / flights.rate_hz;
+            let flights_s = flights.flights.iter().map(|f| [second(f.start), second(f.end)]).collect();
             let judged = own.map(|t| Judged {
                 name: name.clone(),
                 role: *role,
@@ -145,6 +150,7 @@ pub(crate) fn rows_of(
                 in_flight: t.held_out_flight || !any,
                 in_contact: t.held_out_contact,
                 offset: t.offset,
+                flights_s,
             });
             told(done.fetch_add(1, Ordering::Relaxed) + 1, made.trials.len());
             Ok((formed, judged))

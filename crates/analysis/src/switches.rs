@@ -23,7 +23,7 @@ use aloft_pipeline::stages::identify::{PointEstimate, Predicting};
 use aloft_pipeline::trial_rows::TrialRows;
 use aloft_regressor::{Factor, StretchKind, leave_group_out};
 use aloft_study::config::Rows;
-use aloft_study::effects::KnownEffects;
+use aloft_study::effects::{KnownEffects, OwnEffect};
 use aloft_study::revision::ModelEffect;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::{PipelineError, StageFailure};
@@ -31,8 +31,59 @@ use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::workspace::Workspace;
 use nalgebra::Vector6;
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
+
+/// Where an effect comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum From {
+    /// The catalogue.
+    Catalogue,
+    /// The pipeline, or the folder `effects` beside it.
+    Own,
+    /// A law that the last discovery found.
+    Found,
+    /// Written in the page and not kept yet.
+    Draft,
+}
+
+/// What a model is identified and judged without.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LeftOut {
+    /// Whole trials.
+    pub trials: Vec<String>,
+    /// Stretches of time: flights that they touch do not identify, windows whose middle is in them do
+    /// not judge.
+    pub stretches: Vec<Cut>,
+}
+
+/// A stretch of time in a trial, s since its first frame.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Cut {
+    /// Trial.
+    pub trial: String,
+    /// Begin.
+    pub from_s: f64,
+    /// End.
+    pub to_s: f64,
+}
+
+impl LeftOut {
+    fn cuts<'a>(&'a self, trial: &'a str) -> impl Iterator<Item = &'a Cut> + 'a {
+        self.stretches.iter().filter(move |c| c.trial == trial)
+    }
+
+    /// True if a factor of one of these trials takes part in identification.
+    fn keeps(&self, f: &Factor, trials: &[Judged]) -> bool {
+        let flights = trials.iter().find(|t| t.name == f.trial).map_or(&[][..], |t| &t.flights_s);
+        let flight = if f.kind == StretchKind::Flight { flights.get(f.stretch) } else { None };
+        let touched = flight.is_some_and(|[a, b]| self.cuts(&f.trial).any(|c| c.from_s < *b && c.to_s > *a));
+        !self.trials.contains(&f.trial) && !touched
+    }
+}
 
 /// An effect that can be switched on.
 #[derive(Debug, Clone, Serialize)]
@@ -47,6 +98,8 @@ pub struct Switch {
     pub coefficients: Vec<(String, String)>,
     /// Values of its nonlinear parameters, as the last discovery found them.
     pub nonlinear: Vec<(String, f64)>,
+    /// Where it comes from.
+    pub from: From,
 }
 
 /// An effect without a switch, and why.
@@ -124,9 +177,9 @@ pub struct Switches {
     pub(crate) present: Vec<String>,
 }
 
-/// Hash of what switches depend on: the comparison and all that it was made from, the model, and the
-/// last discovery.
-pub fn fingerprint(session: &SubjectSession) -> Result<String, PipelineError> {
+/// Hash of what switches depend on: the comparison and all that it was made from, the model, the last
+/// discovery, and the laws of the user's own.
+pub fn fingerprint(session: &SubjectSession, drafts: &[OwnEffect]) -> Result<String, PipelineError> {
     let ws = Workspace::open(&session.workspace);
     let mut hasher = blake3::Hasher::new();
     let output = |stage: &str| ws.manifest(stage, WHOLE_STUDY).map(|m| m.output).unwrap_or_default();
@@ -138,6 +191,9 @@ pub fn fingerprint(session: &SubjectSession) -> Result<String, PipelineError> {
         }
         hasher.update(&[0]);
     }
+    for own in session.own_effects.iter().chain(drafts) {
+        hasher.update(OwnEffect::text_of(&own.spec)?.as_bytes());
+    }
     Ok(hasher.finalize().to_hex().to_string())
 }
 
@@ -145,14 +201,39 @@ pub(crate) fn stop(e: impl std::fmt::Display) -> StageFailure {
     StageFailure::new(e.to_string())
 }
 
+/// The study with the laws that the discovery found and with drafts as effects of its own, and where
+/// each of its own effects comes from.
+fn with_laws(
+    mut session: SubjectSession,
+    asked: &Asked,
+    drafts: &[OwnEffect],
+) -> Result<(SubjectSession, HashMap<String, From>), PipelineError> {
+    let mut origin: HashMap<String, From> =
+        session.own_effects.iter().map(|o| (o.spec.id.clone(), From::Own)).collect();
+    let laws = asked.found.iter().filter_map(|d| d.open.as_ref()).flat_map(|o| &o.laws);
+    let laws =
+        laws.map(|l| OwnEffect::described(&l.effect).map(|o| (o, From::Found))).collect::<Result<Vec<_>, _>>()?;
+    for (own, from) in laws.into_iter().chain(drafts.iter().map(|d| (d.clone(), From::Draft))) {
+        if !origin.contains_key(&own.spec.id) {
+            origin.insert(own.spec.id.clone(), from);
+            session.own_effects.push(own);
+        }
+    }
+    Ok((session, origin))
+}
+
 impl Switches {
-    /// Forms the columns of every effect that the last discovery ranked, and of the effects of the
-    /// present model. `told` receives how many trials are ready, and how many there are.
+    /// Forms the columns of every effect that the last discovery ranked, of the laws that it found, of
+    /// the pipeline's own effects and of `drafts`, and of the effects of the present model. `told` receives how many trials are ready, and how many there are.
     ///
     /// # Errors
     /// Results that are missing or damaged; rows other than weak ones, in which effects have no
     /// columns of this kind.
-    pub fn prepare(session: &SubjectSession, told: &(dyn Fn(usize, usize) + Sync)) -> Result<Self, PipelineError> {
+    pub fn prepare(
+        session: &SubjectSession,
+        drafts: &[OwnEffect],
+        told: &(dyn Fn(usize, usize) + Sync),
+    ) -> Result<Self, PipelineError> {
         if session.config.regressor.rows != Rows::Weak {
             return Err(PipelineError::request_hint(
                 "effects can be switched on weak rows only, and this pipeline identifies from acceleration rows",
@@ -162,13 +243,15 @@ impl Switches {
         let view = compare(session)?;
         let session = with_reference(session)?;
         let asked = Asked::read(&session)?;
+        let (session, origin) = with_laws(session, &asked, drafts)?;
         let scene = asked.scene(&session)?;
         let known = KnownEffects::of(&session.own_effects, &scene)?;
         let mut effects: Vec<ModelEffect> = session.effects.clone();
         let mut without_switch: Vec<WithoutSwitch> = Vec::new();
         let ranked = asked.found.iter().flat_map(|d| &d.candidates).filter(|c| !c.placebo).map(|c| c.key.clone());
         let found = asked.found.iter().flat_map(|d| &d.found).map(|f| f.key.clone());
-        for key in found.chain(ranked) {
+        let laws = session.own_effects.iter().map(|o| o.spec.id.clone());
+        for key in found.chain(laws).chain(ranked) {
             match asked.chosen(&known, &scene, &key, &[]) {
                 Ok((chosen, _)) if effects.iter().any(|e| e.key == chosen.key) => {}
                 Ok((chosen, _)) => effects.push(chosen),
@@ -198,10 +281,11 @@ impl Switches {
                 let units = choice.effect.coefficients(&scene, choice.target);
                 switches.push(Switch {
                     key: e.key.clone(),
-                    title: choice.effect.title().to_owned(),
+                    title: Some(choice.effect.title()).filter(|t| !t.is_empty()).unwrap_or(e.id()).to_owned(),
                     in_model: session.effects.contains(e),
                     coefficients: units.iter().map(|c| (c.name.to_string(), c.unit.to_string())).collect(),
                     nonlinear: e.nonlinear.iter().map(|(n, v)| (n.clone(), *v)).collect(),
+                    from: origin.get(e.id()).copied().unwrap_or(From::Catalogue),
                 });
             }
             Ok(Self {
@@ -234,6 +318,11 @@ impl Switches {
         &self.without_switch
     }
 
+    /// The study with the definitions of all laws that are among the switches.
+    pub fn session(&self) -> &SubjectSession {
+        &self.session
+    }
+
     /// The chosen effects as a model stores them, in the given order.
     ///
     /// # Errors
@@ -262,18 +351,18 @@ impl Switches {
             .then_some("with these effects contact takes part in identification, and is weighted anew"))
     }
 
-    /// The model with these effects, identified without the trials `left_out`, in the geometry of
-    /// the present results.
+    /// The model with these effects, identified and judged without `left_out`, in the geometry of the
+    /// present results.
     ///
     /// # Errors
     /// A key without a switch; rows that do not determine the parameters.
-    pub fn model(&self, keys: &[String], left_out: &[String]) -> Result<Switched, PipelineError> {
+    pub fn model(&self, keys: &[String], left_out: &LeftOut) -> Result<Switched, PipelineError> {
         let names = self.names(keys)?;
         let other;
-        let pools = if left_out.is_empty() {
+        let pools = if *left_out == LeftOut::default() {
             &self.pools
         } else {
-            let kept: Vec<&Factor> = self.training.iter().filter(|f| !left_out.contains(&f.trial)).collect();
+            let kept: Vec<&Factor> = self.training.iter().filter(|f| left_out.keeps(f, &self.trials)).collect();
             other = Pools::of(&kept).map_err(|e| PipelineError::request(e.to_string()))?;
             &other
         };
@@ -282,12 +371,14 @@ impl Switches {
         let judged: Vec<Predicted<'_>> = self
             .trials
             .par_iter()
-            .filter(|t| !left_out.contains(&t.name))
+            .filter(|t| !left_out.trials.contains(&t.name))
             .map(|trial| {
                 let (own, remark) = self.own(pools, trial, &names, &all);
                 let windows = trial.windows.as_ref();
                 let errors = windows.map_or_else(Vec::new, |w| w.errors(&own.0, &own.1, trial.offset.as_ref()));
-                Predicted { trial, errors, remark }
+                let cut = |at: f64| left_out.cuts(&trial.name).any(|c| (c.from_s..=c.to_s).contains(&at));
+                let counts = windows.iter().flat_map(|w| &w.center_s).map(|at| !cut(*at)).collect();
+                Predicted { trial, errors, counts, remark }
             })
             .collect();
         // the reading at rest of plates that were never unloaded follows from the model, frame by frame
@@ -442,6 +533,8 @@ struct Predicted<'a> {
     trial: &'a Judged,
     /// Error in each window.
     errors: Vec<Vector6<f64>>,
+    /// False for windows that were left out.
+    counts: Vec<bool>,
     remark: Option<String>,
 }
 
@@ -449,7 +542,8 @@ impl Predicted<'_> {
     /// Errors in the windows of one kind of motion.
     fn of_kind(&self, flying: bool) -> impl Iterator<Item = &Vector6<f64>> {
         let kinds = self.trial.windows.iter().flat_map(|w| &w.in_flight);
-        self.errors.iter().zip(kinds).filter(move |(_, in_flight)| **in_flight == flying).map(|(e, _)| e)
+        let all = self.errors.iter().zip(kinds).zip(&self.counts);
+        all.filter(move |((_, in_flight), counts)| **in_flight == flying && **counts).map(|((e, _), _)| e)
     }
 }
 

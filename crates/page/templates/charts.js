@@ -144,6 +144,7 @@ const Charts = (() => {
             state.window = [u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x")];
             u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
             refresh();
+            if (timed) el.dispatchEvent(new CustomEvent("stretch", { bubbles: true, detail: { recording: f.recording, from: state.window[0], to: state.window[1] } }));
           }],
           setCursor: [(u) => {
             if (!u.cursor.event || u.cursor.left < 0) return;

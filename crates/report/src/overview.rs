@@ -9,6 +9,14 @@ use super::{STUDY, ladder, lights, player, residuals, series, session};
 use aloft_analysis::freshness::Freshness;
 use aloft_page::{Block, Card, Cell, Chapter, Light, Section, Table};
 
+/// What people wrote about the study, one paragraph for each empty line.
+fn notes(story: &Story<'_>) -> Option<Section> {
+    let text = aloft_analysis::notes::read(story.session).ok()?;
+    let paragraphs = text.split("\n\n").map(str::trim).filter(|p| !p.is_empty());
+    let blocks: Vec<Block> = paragraphs.map(Block::text).collect();
+    (!blocks.is_empty()).then(|| Section::new("notes", "Notes", "Kept with the results.", blocks))
+}
+
 /// The first chapter: the headline with the ladder and the player, what remains, then the quality of
 /// the recordings.
 pub fn chapter(story: &Story<'_>) -> Chapter {
@@ -30,6 +38,7 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
         let lead = "The recording of the player above. Each recording has its curves in its own chapter.";
         sections.push(Section::new("curves", "Measured and predicted", lead, curves));
     }
+    sections.extend(notes(story));
     sections.extend(session::section(story));
     let mut details = vec![Block::Cards { cards: cards(story) }];
     details.extend(remarks(story));

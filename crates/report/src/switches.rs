@@ -88,7 +88,7 @@ pub(crate) fn sent(story: &Story<'_>) -> Option<Sent> {
 /// Results that are missing or damaged.
 pub fn numbers(session: &SubjectSession) -> Result<Option<Value>, PipelineError> {
     let session = session.refreshed()?;
-    let switches = Switches::prepare(&session, &|_, _| {})?;
+    let switches = Switches::prepare(&session, &[], &|_, _| {})?;
     if switches.switches().is_empty() {
         return Ok(None);
     }

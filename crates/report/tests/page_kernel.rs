@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests fail by panicking")]
 
 use aloft_analysis::discover::{discover, options};
-use aloft_analysis::switches::Switches;
+use aloft_analysis::switches::{LeftOut, Switches};
 use aloft_page::switches::KERNEL;
 use aloft_pipeline::runner::{Selection, Silent, run};
 use aloft_study::subject_session::{Overrides, SubjectSession};
@@ -80,7 +80,7 @@ fn validate_the_page_computes_what_the_program_computes() {
         run(&session, &Selection::default(), &Silent).unwrap();
         discover(&session, &options(Vec::new(), Vec::new(), false, None), &|_, _| {}).unwrap();
         let numbers = aloft_report::switch_numbers(&session).unwrap().expect("switches on the page");
-        let switches = Switches::prepare(&session, &|_, _| {}).unwrap();
+        let switches = Switches::prepare(&session, &[], &|_, _| {}).unwrap();
         let keys: Vec<String> = numbers["kernel"]["switches"]
             .as_array()
             .unwrap()
@@ -113,7 +113,7 @@ fn validate_the_page_computes_what_the_program_computes() {
                 assert_eq!(own["because"], why, "{data}: {words}");
                 continue;
             }
-            let expected = json!(switches.model(on, &[]).unwrap());
+            let expected = json!(switches.model(on, &LeftOut::default()).unwrap());
             let own = &own["model"];
             assert_eq!(own["effects"], expected["effects"]);
             assert!(!own["errors"].as_array().unwrap().is_empty());

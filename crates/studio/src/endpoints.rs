@@ -6,6 +6,9 @@ use crate::guard::guard;
 use crate::jobs::Job;
 use crate::state::Studio;
 use crate::view;
+use aloft_analysis::own_laws;
+use aloft_analysis::switches::LeftOut;
+use aloft_effects::FormulaEffect;
 use aloft_page::{Live, switches as panel};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use axum::Router;
@@ -33,6 +36,9 @@ pub(crate) fn router(studio: Arc<Studio>) -> Router {
         .route("/api/model", post(model))
         .route("/api/series", post(series))
         .route("/api/job", post(job))
+        .route("/api/law", post(law))
+        .route("/api/law/forget", post(forget))
+        .route("/api/notes", post(notes))
         .route("/api/events", get(listen))
         .layer(DefaultBodyLimit::max(LARGEST))
         .layer(from_fn_with_state(Arc::clone(&studio), guard))
@@ -88,7 +94,16 @@ async fn page(State(studio): State<Arc<Studio>>) -> Result<Response, Problem> {
                 include_str!("browser/more.html"),
             ),
             style: &[panel::STYLE, include_str!("browser/studio.css")].concat(),
-            script: &[panel::SCRIPT, include_str!("browser/live.js"), include_str!("browser/forces.js")].concat(),
+            script: &[
+                panel::SCRIPT,
+                include_str!("browser/live.js"),
+                include_str!("browser/law.js"),
+                include_str!("browser/notes.js"),
+                include_str!("browser/stretches.js"),
+                include_str!("browser/revisions.js"),
+                include_str!("browser/forces.js"),
+            ]
+            .concat(),
             served: true,
         };
         aloft_report::live(&(studio.open)()?, &live)
@@ -108,7 +123,7 @@ async fn state(State(studio): State<Arc<Studio>>) -> Result<Response, Problem> {
 struct Choice {
     effects: Vec<String>,
     #[serde(default)]
-    left_out: Vec<String>,
+    left_out: LeftOut,
 }
 
 /// The model with other effects, at once.
@@ -142,6 +157,55 @@ async fn series(State(studio): State<Arc<Studio>>, body: Bytes) -> Result<Respon
         Ok(view::curves(&series))
     });
     Ok(answer(&found.await?))
+}
+
+/// Takes a law that was written in the page as a switch; what is wrong in it is the answer otherwise.
+async fn law(State(studio): State<Arc<Studio>>, body: Bytes) -> Result<Response, Problem> {
+    let law: FormulaEffect = asked(&body)?;
+    let found = computed(move || {
+        let session = (studio.open)()?;
+        let own = match own_laws::checked(&session, &law) {
+            Ok(own) => own,
+            Err(wrong) => return Ok(json!({"wrong": wrong})),
+        };
+        studio.change_drafts(|all| {
+            all.retain(|d| d.spec.id != own.spec.id);
+            all.push(own);
+        });
+        studio.queue.add(Job::Prepare);
+        Ok(json!({"key": law.id}))
+    });
+    Ok(answer(&found.await?))
+}
+
+/// Name of a law.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Named {
+    key: String,
+}
+
+/// Forgets a law that was not kept.
+async fn forget(State(studio): State<Arc<Studio>>, body: Bytes) -> Result<Response, Problem> {
+    let named: Named = asked(&body)?;
+    studio.change_drafts(|all| all.retain(|d| d.spec.id != named.key));
+    studio.queue.add(Job::Prepare);
+    Ok(answer(&json!({"forgotten": named.key})))
+}
+
+/// Notes, and those that they replace.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Notes {
+    before: String,
+    after: String,
+}
+
+/// Keeps the notes.
+async fn notes(State(studio): State<Arc<Studio>>, body: Bytes) -> Result<Response, Problem> {
+    let notes: Notes = asked(&body)?;
+    computed(move || aloft_analysis::notes::write(&(studio.open)()?, &notes.before, &notes.after)).await?;
+    Ok(answer(&json!({"kept": true})))
 }
 
 /// Takes work into the queue; its progress and its result come as events.

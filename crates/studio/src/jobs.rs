@@ -5,8 +5,9 @@ use crate::events::Teller;
 use crate::state::{Bench, Studio};
 use aloft_analysis::promise::{Changes, tried};
 use aloft_analysis::switches::{Switches, fingerprint};
-use aloft_analysis::{discover, effect};
+use aloft_analysis::{discover, effect, own_laws};
 use aloft_pipeline::runner::{Selection, run};
+use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use serde::Deserialize;
 use serde_json::json;
@@ -137,8 +138,10 @@ fn work(studio: &Studio, job: Job) -> Result<(), PipelineError> {
             discover::discover(&session, &options, &|done, of| told.count("effects tried", done, of)).map(|_| ())
         }
         Job::Exact { ticket, effects, changes } => {
-            let chosen = studio.switches()?.chosen(&effects)?;
-            let found = tried(&session, chosen, &changes, &told)?;
+            let switches = studio.switches()?;
+            let chosen = switches.chosen(&effects)?;
+            let with = SubjectSession { own_effects: switches.session().own_effects.clone(), ..session };
+            let found = tried(&with, chosen, &changes, &told)?;
             studio.tell("exact", json!({"ticket": ticket, "model": found}));
             Ok(())
         }
@@ -148,7 +151,18 @@ fn work(studio: &Studio, job: Job) -> Result<(), PipelineError> {
                 effect::remove(&session, gone, false, &told)?;
             }
             for new in effects.iter().filter(|k| !held.contains(k)) {
-                effect::add(&session, new, &[], false, &told)?;
+                let drafts = studio.drafts();
+                let draft = drafts.iter().find(|d| d.spec.id == *new);
+                let written = draft.map(|d| own_laws::keep(&session, d)).transpose()?;
+                let now = if written.is_some() { session.with_own_effects_read_again()? } else { session.clone() };
+                if let Err(e) = effect::add(&now, new, &[], false, &told) {
+                    // the model does not hold it, so that it stays a draft
+                    if let Some(path) = written {
+                        std::fs::remove_file(&path).map_err(PipelineError::io("remove", &path))?;
+                    }
+                    return Err(e);
+                }
+                studio.change_drafts(|all| all.retain(|d| d.spec.id != *new));
             }
             Ok(())
         }
@@ -164,12 +178,13 @@ fn work(studio: &Studio, job: Job) -> Result<(), PipelineError> {
 fn prepare(studio: &Studio, told: &Teller<'_>) {
     let made = || {
         let session = (studio.open)()?;
-        let now = fingerprint(&session)?;
+        let drafts = studio.drafts();
+        let now = fingerprint(&session, &drafts)?;
         if matches!(studio.bench(), Bench::Ready(_, from) if from == now) {
             return Ok(None);
         }
         studio.set_bench(Bench::Preparing);
-        let ready = Switches::prepare(&session, &|done, of| told.count("recordings prepared", done, of))?;
+        let ready = Switches::prepare(&session, &drafts, &|done, of| told.count("recordings prepared", done, of))?;
         Ok::<_, PipelineError>(Some(Bench::Ready(Arc::new(ready), now)))
     };
     match made() {

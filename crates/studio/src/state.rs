@@ -3,6 +3,7 @@
 use crate::events::{BEHIND, Told};
 use crate::jobs::Queue;
 use aloft_analysis::switches::Switches;
+use aloft_study::effects::OwnEffect;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use std::sync::{Arc, Mutex};
@@ -31,12 +32,32 @@ pub(crate) struct Studio {
     pub events: broadcast::Sender<Told>,
     pub queue: Queue,
     bench: Mutex<Bench>,
+    /// Laws written in a page and not kept yet.
+    drafts: Mutex<Vec<OwnEffect>>,
 }
 
 impl Studio {
     pub fn new(open: Opener, token: String, port: u16) -> Arc<Self> {
         let (events, _) = broadcast::channel(BEHIND);
-        Arc::new(Self { open, token, port, events, queue: Queue::default(), bench: Mutex::default() })
+        Arc::new(Self {
+            open,
+            token,
+            port,
+            events,
+            queue: Queue::default(),
+            bench: Mutex::default(),
+            drafts: Mutex::default(),
+        })
+    }
+
+    /// Laws written in a page and not kept yet.
+    pub fn drafts(&self) -> Vec<OwnEffect> {
+        self.drafts.lock().map_or_else(|e| e.into_inner().clone(), |d| d.clone())
+    }
+
+    /// Changes them.
+    pub fn change_drafts(&self, change: impl FnOnce(&mut Vec<OwnEffect>)) {
+        change(&mut self.drafts.lock().unwrap_or_else(std::sync::PoisonError::into_inner));
     }
 
     pub fn bench(&self) -> Bench {

@@ -2,6 +2,7 @@
 
 use crate::state::{Bench, Studio};
 use aloft_analysis::promise::settings;
+use aloft_analysis::{notes, own_laws};
 use aloft_compare::TrialSeries;
 use aloft_workspace::error::PipelineError;
 use serde_json::{Value, json};
@@ -25,6 +26,9 @@ pub(crate) fn state(studio: &Studio) -> Result<Value, PipelineError> {
         ("settings", json!(settings(&session))),
         ("trials", json!(trials.collect::<Vec<_>>())),
         ("busy", json!(studio.queue.busy())),
+        ("law_words", json!(own_laws::vocabulary(&session)?)),
+        ("drafts", json!(studio.drafts().iter().map(|d| &d.spec).collect::<Vec<_>>())),
+        ("notes", json!(notes::read(&session)?)),
     ] {
         state[name] = value;
     }

@@ -125,7 +125,8 @@ const Studio = (() => {
         S.on = box.checked ? [...S.on, s.key] : S.on.filter((k) => k !== s.key);
         flip();
       };
-      const kind = S.state.model.includes(s.key) ? " held" : S.state.asked?.found.includes(s.key) ? " found" : "";
+      const from = { own: " own", found: " law", draft: " draft" }[s.from] ?? "";
+      const kind = S.state.model.includes(s.key) ? " held" : S.state.asked?.found.includes(s.key) ? " found" : from;
       const ratio = c && c.held_out_ratio !== null && !kind.includes("held") ? "leaves " + Math.round(100 * c.held_out_ratio) + " %" : "";
       const label = make("label", { class: "studio-switch" + kind }, box, make("span", { class: "name" }, s.title), make("span", { class: "ratio", title: "the ranking's own estimate of the error that this effect alone leaves" }, ratio), make("span", { class: "key" }, s.key));
       return make("li", {}, label);

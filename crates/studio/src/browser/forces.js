@@ -15,12 +15,12 @@
     const script = figure.querySelector("script"), el = figure.querySelector(".drawing.chart");
     figure.dataset.plain ??= script.textContent;
     const f = JSON.parse(figure.dataset.plain);
-    if (found) f.panels.forEach((panel) => {
+    for (const { name, colour, series } of found) f.panels.forEach((panel) => {
       const k = AXES.indexOf(panel.title), own = panel.series.find((s) => s.name === "identified");
-      if (k < 0 || !own) return;
+      if (k < 0 || !own || !series) return;
       const x = Numbers.list(f.lists[own.x]);
-      f.lists.push(x.map((t) => found.predicted[k][nearest(found.time_s, t)]));
-      panel.series.push({ ...own, y: f.lists.length - 1, name: NAME, colour: "effect" });
+      f.lists.push(x.map((t) => series.predicted[k][nearest(series.time_s, t)]));
+      panel.series.push({ ...own, y: f.lists.length - 1, name, colour });
     });
     script.textContent = JSON.stringify(f);
     if (el.childElementCount) Charts.draw(el);
@@ -52,17 +52,23 @@
   };
 
   const draw = async () => {
-    const on = !S.state.preparing && !(S.on.length === S.state.model.length && S.on.every((k) => S.state.model.includes(k)));
-    const key = on + S.on.join() + location.hash;
+    const on = !S.state.preparing && !Studio.same(S.on, S.state.model);
+    const key = JSON.stringify([on, S.on, S.pair, location.hash]);
     if (key === asked) return;
     asked = key;
     const all = shown(), found = {};
-    if (on) for (const name of new Set(all.map(({ f }) => f.recording))) {
-      try { found[name] = await Live.ask("/api/series", { trial: name, effects: S.on }); } catch { found[name] = null; }
+    const drawn = S.pair ? S.pair.map((m, i) => ({ ...m, colour: ["effect", "c3"][i] })) : on ? [{ effects: S.on, name: NAME, colour: "effect" }] : [];
+    for (const name of new Set(all.map(({ f }) => f.recording))) {
+      found[name] = [];
+      for (const m of drawn) {
+        let series = null;
+        try { series = await Live.ask("/api/series", { trial: name, effects: m.effects }); } catch { /* no curve of this recording */ }
+        found[name].push({ ...m, series });
+      }
     }
     if (key !== asked) return;
     for (const { g, f } of all) {
-      if (f.kind === "player") player(g.querySelector(".drawing.player"), found[f.recording]);
+      if (f.kind === "player") player(g.querySelector(".drawing.player"), on ? found[f.recording].at(-1)?.series : null);
       else curves(g, found[f.recording]);
     }
   };
@@ -73,5 +79,6 @@
     clearTimeout(due);
     due = setTimeout(() => requestAnimationFrame(() => setTimeout(draw)), 150);
   });
+  S.pairChanged = () => draw();
   window.addEventListener("hashchange", () => setTimeout(() => { if (S.shown) draw(); }, 50));
 })();

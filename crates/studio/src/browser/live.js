@@ -4,7 +4,7 @@ const Live = (() => {
   const { make } = Numbers;
   const { S, at, problem, number, flip, prose } = Studio;
   const token = new URLSearchParams(location.search).get("token");
-  Object.assign(S, { leftOut: [], takenIn: [], settings: {}, exactDue: 0 });
+  Object.assign(S, { leftOut: [], takenIn: [], cuts: [], settings: {}, exactDue: 0 });
   const changed = () => Object.keys(S.settings).length > 0 || S.takenIn.length > 0;
   Studio.others.push(() => S.leftOut.length > 0 || changed());
   Studio.recorded.without = (url) => Studio.put(url, "without", S.leftOut, []);
@@ -36,10 +36,10 @@ const Live = (() => {
 
   Studio.hooks.changed.push(() => {
     lines();
-    at("keep").disabled = !Studio.preview() || S.leftOut.length > 0 || changed() || Studio.same(S.on, S.state.model) || S.state.preparing;
+    at("keep").disabled = !Studio.preview() || S.leftOut.length > 0 || S.cuts.length > 0 || changed() || Studio.same(S.on, S.state.model) || S.state.preparing;
     at("undo").disabled = S.state.revisions.length < 2;
     at("run").hidden = S.state.current;
-    at("keep").title = S.leftOut.length > 0 || changed() ? "Effects can be kept; recordings and settings are changed in the pipeline file." : "";
+    at("keep").title = S.leftOut.length > 0 || S.cuts.length > 0 || changed() ? "Effects can be kept; recordings and settings are changed in the pipeline file." : "";
   });
 
   Studio.hooks.flipped.push((model) => {
@@ -58,14 +58,14 @@ const Live = (() => {
     model: async (on) => {
       clearTimeout(S.exactDue);
       if (changed()) return null;
-      const found = await ask("/api/model", { effects: on, left_out: S.leftOut });
-      return { ...found, words: S.leftOut.length ? ", in the geometry of all recordings" : "" };
+      const found = await ask("/api/model", { effects: on, left_out: { trials: S.leftOut, stretches: S.cuts } });
+      return { ...found, words: S.leftOut.length || S.cuts.length ? ", in the geometry of all recordings" : "" };
     },
-    plain: (on) => ask("/api/model", { effects: on, left_out: [] }),
-    next: () => "the exact number follows",
+    plain: (on) => ask("/api/model", { effects: on }),
+    next: () => (S.cuts.length ? "stretches are left out of the quick number only" : "the exact number follows"),
     later: "with the exact number",
     after: (ticket, found) => {
-      if (Studio.preview()) S.exactDue = setTimeout(() => exact(ticket), found?.model ? 450 : 0);
+      if (Studio.preview() && !S.cuts.length) S.exactDue = setTimeout(() => exact(ticket), found?.model ? 450 : 0);
     },
   };
   const exact = (ticket) => {
