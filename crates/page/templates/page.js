@@ -89,6 +89,7 @@
     const body = table.tBodies[0];
     if (body.rows.length < 3) return;
     [...table.tHead.rows[0].cells].forEach((head, i) => {
+      if (!head.textContent.trim()) return;
       const button = document.createElement("button");
       button.type = "button";
       button.className = "sort";

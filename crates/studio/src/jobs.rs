@@ -154,7 +154,7 @@ fn work(studio: &Studio, job: Job) -> Result<(), PipelineError> {
                 let drafts = studio.drafts();
                 let draft = drafts.iter().find(|d| d.spec.id == *new);
                 let written = draft.map(|d| own_laws::keep(&session, d)).transpose()?;
-                let now = if written.is_some() { session.with_own_effects_read_again()? } else { session.clone() };
+                let now = session.with_own_effects_read_again()?;
                 if let Err(e) = effect::add(&now, new, &[], false, &told) {
                     // the model does not hold it, so that it stays a draft
                     if let Some(path) = written {

@@ -77,11 +77,14 @@ impl HeatMap {
             format!("<tr><th scope=\"row\">{}</th>{cells}</tr>", escape(name))
         };
         let rows: String = self.y.iter().zip(&self.z).map(row).collect();
+        let corner = match self.x_title.as_str() {
+            "" => "<td></td>".to_owned(),
+            title => format!("<th scope=\"col\">{}</th>", escape(title)),
+        };
         format!(
-            "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{}\"><table class=\"heat\"><thead><tr><th scope=\"col\">{}</th>{head}</tr></thead>\
+            "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{}\"><table class=\"heat\"><thead><tr>{corner}{head}</tr></thead>\
              <tbody>{rows}</tbody></table></div>{}",
             escape(&self.unit),
-            escape(&self.x_title),
             self.legend()
         )
     }

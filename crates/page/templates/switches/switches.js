@@ -155,6 +155,8 @@ const Studio = (() => {
     }
     await flip();
   };
+  // a part that is opened is seen
+  document.querySelectorAll(".studio-part").forEach((d) => d.addEventListener("toggle", () => d.open && d.scrollIntoView({ block: "nearest" })));
   at("reset").onclick = () => {
     S.on = [...S.state.model];
     hooks.reset?.();

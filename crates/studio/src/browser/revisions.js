@@ -33,7 +33,7 @@
     const moved = [...base[0].values()].map((b) => [b, base[1].get(b[0])]).filter(([, b]) => b);
     moved.sort(([a, b], [c, d]) => Math.abs(d[1] - c[1]) / (scale[c[2]] || 1) - Math.abs(b[1] - a[1]) / (scale[a[2]] || 1));
     for (const [a, b] of moved.slice(0, 8)) if (a[1] !== b[1]) rows.push([`${a[0]}, ${a[2]}`, Numbers.short(a[1]), Numbers.short(b[1])]);
-    const head = make("tr", {}, make("th", { scope: "col" }, ""), ...[left, right].map((s) => make("th", { scope: "col" }, s.value === NOW ? "switches" : "revision " + s.value)));
+    const head = make("tr", {}, make("td", {}), ...[left, right].map((s) => make("th", { scope: "col" }, s.value === NOW ? "switches" : "revision " + s.value)));
     at("pair").replaceChildren(make("table", {}, make("thead", {}, head), make("tbody", {}, ...rows.map((r) => make("tr", {}, make("th", { scope: "row" }, r[0]), ...r.slice(1).map((v) => make("td", {}, v)))))));
     at("pair-told").textContent = missing.length ? `No switch for ${[...new Set(missing)].join(", ")}: of these the error alone is known.` : "";
     S.pair = draw.checked && !missing.length ? [left, right].map((s, i) => ({ effects: keys[i], name: s.value === NOW ? "switches" : "revision " + s.value })) : null;
