@@ -13,8 +13,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Pipelines with the recordings that they are run on.
-const FIXTURES: [(&str, &str); 4] =
-    [("demo", "demo"), ("demo", "demo_twin"), ("demo_human", "human_tethered"), ("demo_human", "human_twin")];
+const FIXTURES: [(&str, &str); 5] = [
+    ("demo", "demo"),
+    ("demo", "demo_twin"),
+    ("demo_human", "human_tethered"),
+    ("demo_human", "human_twin"),
+    ("robot", "robot"),
+];
 /// Largest relative difference of a held-out error, of a coefficient beside its own value, and of a
 /// base parameter beside the largest of its unit.
 const TOLERANCE: f64 = 1e-9;
