@@ -9,11 +9,11 @@
 //! Joint coordinates are the encoders' values. The drives' rates are not used: over a weak window
 //! the encoder's differences are better by an order of magnitude.
 
+use crate::combine::with_inertial_unit;
 use crate::description::{Imu, SensorNoise};
-use crate::inertial::{BETWEEN_SAMPLES, Moved, Turned, shifted, twice_integrated};
 use crate::log::{BaseLog, RobotLog};
 use crate::resample::{Grid, encoder_sd};
-use crate::smoother::{Axis, Sample, constants};
+use crate::smoother::Sample;
 use crate::{RobotError, clock};
 use aloft_body::{JointKind, Model, Motion};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
@@ -55,6 +55,10 @@ pub struct FusionReport {
     pub noise: SensorNoise,
     /// Remarks.
     pub warnings: Vec<String>,
+    /// Standard deviation of the acceleration in every step of the motion, m/s²: noise, and what the accelerometer misses
+    /// between its samples. Empty without an inertial unit.
+    #[serde(default)]
+    pub acc_sd_m_s2: Vec<f64>,
     /// When poses were measured: step of the motion and time after it, s.
     pub measured: Vec<(usize, f64)>,
 }
@@ -78,13 +82,6 @@ pub struct FuseInput<'a> {
 
 /// Poses further than this from the motion's rows do not count as measuring them, s.
 const REACH_S: f64 = 0.1;
-/// Standard deviations of the constants before the recording.
-const GYRO_BIAS_SD: f64 = 0.2;
-const ACC_BIAS_SD: f64 = 1.0;
-const OFFSET_SD_S: f64 = 0.02;
-const DELAY_SD_S: f64 = 0.005;
-/// Largest delay of the accelerometer that is believed, s.
-const MOST_DELAY_S: f64 = 0.02;
 
 /// Combines the sensors of a recording.
 ///
@@ -137,23 +134,23 @@ pub fn fuse(input: &FuseInput<'_>) -> Result<(Motion, FusionReport), RobotError>
 }
 
 /// The base over the grid.
-struct Path {
-    pose: Vec<Isometry3<f64>>,
-    valid: Vec<bool>,
-    orientation_sd: Vec<f64>,
-    position_sd: Vec<f64>,
+pub(crate) struct Path {
+    pub(crate) pose: Vec<Isometry3<f64>>,
+    pub(crate) valid: Vec<bool>,
+    pub(crate) orientation_sd: Vec<f64>,
+    pub(crate) position_sd: Vec<f64>,
 }
 
-struct Sensors<'a> {
-    gyro: &'a [Vector3<f64>],
-    acc: &'a [Vector3<f64>],
-    base: &'a BaseLog,
-    own_clock: bool,
-    start_offset: f64,
+pub(crate) struct Sensors<'a> {
+    pub(crate) gyro: &'a [Vector3<f64>],
+    pub(crate) acc: &'a [Vector3<f64>],
+    pub(crate) base: &'a BaseLog,
+    pub(crate) own_clock: bool,
+    pub(crate) start_offset: f64,
 }
 
 /// Rows of the base that fall on the grid for an offset, with their samples.
-fn samples(grid: &Grid, base: &BaseLog, offset_s: f64) -> (Vec<usize>, Vec<Sample>) {
+pub(crate) fn samples(grid: &Grid, base: &BaseLog, offset_s: f64) -> (Vec<usize>, Vec<Sample>) {
     let (mut rows, mut out) = (Vec::new(), Vec::new());
     for (row, t) in base.time_s.iter().enumerate() {
         let at = (t - offset_s - grid.start_s) / grid.dt_s;
@@ -165,7 +162,7 @@ fn samples(grid: &Grid, base: &BaseLog, offset_s: f64) -> (Vec<usize>, Vec<Sampl
     (rows, out)
 }
 
-fn too_few(base: &BaseLog, found: usize) -> RobotError {
+pub(crate) fn too_few(base: &BaseLog, found: usize) -> RobotError {
     RobotError::log(
         &base.file,
         format!("{found} poses fall into the time of the log, expected 20 at least"),
@@ -173,154 +170,8 @@ fn too_few(base: &BaseLog, found: usize) -> RobotError {
     )
 }
 
-fn with_inertial_unit(
-    input: &FuseInput<'_>,
-    grid: &Grid,
-    sensors: &Sensors<'_>,
-    report: &mut FusionReport,
-) -> Result<Path, RobotError> {
-    let (noise, base, dt) = (&input.noise, sensors.base, grid.dt_s);
-    let mount = input.imu.map_or_else(UnitQuaternion::identity, |i| {
-        UnitQuaternion::from_euler_angles(i.rpy_rad[0], i.rpy_rad[1], i.rpy_rad[2])
-    });
-    let lever = input.imu.map_or_else(Vector3::zeros, |i| Vector3::from(i.position_m));
-    let gyro: Vec<Vector3<f64>> = sensors.gyro.iter().map(|g| mount * g).collect();
-    let acc: Vec<Vector3<f64>> = sensors.acc.iter().map(|a| mount * a).collect();
-    let g = input.model.gravity_mps2;
-    let orientation_sd = noise.orientation_deg.to_radians();
-    let free = if sensors.own_clock { 1e-9 } else { OFFSET_SD_S };
-
-    // orientation: bias of the gyroscope and offset, linearised anew three times
-    let mut bias = Vector3::zeros();
-    let mut offset = sensors.start_offset;
-    let mut offset_sd = free;
-    for round in 0..3 {
-        let (rows, at) = samples(grid, base, offset);
-        if rows.len() < 20 {
-            return Err(too_few(base, rows.len()));
-        }
-        let turned = Turned::of(&gyro, &bias, dt, base, &rows, &at);
-        let axis = turned.axis(&gyro, grid, &at, noise.gyro_rad_s, orientation_sd);
-        let mut white = vec![Vec::new(); 5];
-        for k in 0..3 {
-            let column = |of: &dyn Fn(usize) -> f64| axis.innovations(&(0..at.len()).map(of).collect::<Vec<_>>());
-            white[0].extend(column(&|i| turned.difference[i][k]));
-            for (j, white) in white[1..4].iter_mut().enumerate() {
-                white.extend(column(&|i| turned.drift[i][(k, j)]));
-            }
-            white[4].extend(column(&|i| -turned.rate_in_world[i][k]));
-        }
-        let found = constants(&white[0], &white[1..], &[GYRO_BIAS_SD, GYRO_BIAS_SD, GYRO_BIAS_SD, free])
-            .ok_or_else(|| too_few(base, rows.len()))?;
-        bias += found.value.fixed_rows::<3>(0);
-        offset += found.value[3];
-        let ratio = found.mean_square.sqrt();
-        report.orientation_ratio = Some(ratio);
-        offset_sd = found.covariance[(3, 3)].sqrt() * ratio.max(1.0);
-        if round == 2 && ratio > 30.0 {
-            return Err(RobotError::log(
-                &base.file,
-                format!(
-                    "its rotation contradicts the gyroscope of {}: {ratio:.0} times the stated noise",
-                    input.log.file
-                ),
-                "check the order of the quaternion (qw, qx, qy, qz: base to world), the axes of the gyroscope and its unit",
-            ));
-        }
-    }
-    let (_, at) = samples(grid, base, offset);
-    if at.len() < 20 {
-        return Err(too_few(base, at.len()));
-    }
-
-    // position: bias of the accelerometer, and its delay against the gyroscope, which moves the path
-    // as an offset of the clock would
-    let mut acc_bias = Vector3::zeros();
-    let (mut delay, mut delay_sd) = (0.0, f64::INFINITY);
-    let mut path = None;
-    for round in 0..4 {
-        let (rows, at) = samples(grid, base, offset);
-        let turned = Turned::of(&gyro, &bias, dt, base, &rows, &at);
-        let axis = turned.axis(&gyro, grid, &at, noise.gyro_rad_s, orientation_sd);
-        let rotation = turned.smoothed(&axis);
-        let now = shifted(&acc, delay / dt);
-        let force: Vec<Vector3<f64>> = rotation.iter().zip(&now).map(|(r, a)| r * (a - acc_bias) + g).collect();
-        let moved = Moved::of(&force, &rotation, &gyro, dt, base, &rows, &at, &lever);
-        let mut variance: Vec<f64> = (0..grid.n)
-            .map(|i| {
-                let bend = |i: usize| (force[i + 1] - force[i] * 2.0 + force[i - 1]).norm();
-                let change = if i > 0 && i + 1 < grid.n { bend(i) } else { 0.0 };
-                noise.acc_m_s2.powi(2) + (BETWEEN_SAMPLES * change).powi(2)
-            })
-            .collect();
-        grid.widen(&mut variance);
-        let drifting = Axis::drifting(dt, variance, at.clone(), noise.position_m.powi(2), 100.0, 1e4);
-        if round == 3 {
-            report.orientation_sd_rad = middle(axis.smoothed_sd());
-            let position_sd = drifting.smoothed_sd();
-            report.position_sd_m = middle(position_sd.clone());
-            let correction: Vec<Vec<f64>> =
-                (0..3).map(|k| drifting.smooth(&moved.difference.iter().map(|d| d[k]).collect::<Vec<_>>())).collect();
-            let pose = (0..grid.n)
-                .map(|i| {
-                    let p = moved.path[i] + Vector3::new(correction[0][i], correction[1][i], correction[2][i]);
-                    Isometry3::from_parts((p - rotation[i] * lever).into(), rotation[i])
-                })
-                .collect();
-            report.measured = at.iter().map(|s| (s.step, s.after_s)).collect();
-            let valid = within_reach(grid, &at);
-            path = Some(Path { pose, valid, orientation_sd: axis.smoothed_sd(), position_sd });
-            break;
-        }
-        let mut white = vec![Vec::new(); 5];
-        let drift = twice_integrated(&rotation, dt, &at);
-        for k in 0..3 {
-            let column = |of: &dyn Fn(usize) -> f64| drifting.innovations(&(0..at.len()).map(of).collect::<Vec<_>>());
-            white[0].extend(column(&|i| moved.difference[i][k]));
-            for (j, white) in white[1..4].iter_mut().enumerate() {
-                white.extend(column(&|i| drift[i][(k, j)]));
-            }
-            white[4].extend(column(&|i| moved.velocity[i][k]));
-        }
-        let found = constants(&white[0], &white[1..], &[ACC_BIAS_SD, ACC_BIAS_SD, ACC_BIAS_SD, DELAY_SD_S])
-            .ok_or_else(|| too_few(base, rows.len()))?;
-        acc_bias += found.value.fixed_rows::<3>(0);
-        delay = (delay + found.value[3]).clamp(-MOST_DELAY_S, MOST_DELAY_S);
-        let ratio = found.mean_square.sqrt();
-        report.position_ratio = Some(ratio);
-        delay_sd = found.covariance[(3, 3)].sqrt() * ratio.max(1.0);
-    }
-    report.acc_delay_s = Some(delay);
-    if !sensors.own_clock {
-        report.clock_offset_s = Some(offset);
-        report.clock_offset_sd_s = Some(offset_sd);
-    }
-    if delay.abs() > dt && delay.abs() > 5.0 * delay_sd {
-        report.warnings.push(format!(
-            "the accelerometer is {:.1} ms {} the gyroscope; this is taken into account",
-            delay.abs() * 1e3,
-            if delay > 0.0 { "behind" } else { "ahead of" }
-        ));
-    }
-    for (what, ratio) in [("orientation", report.orientation_ratio), ("position", report.position_ratio)] {
-        if ratio.is_some_and(|r| r > 3.0) {
-            report.warnings.push(format!(
-                "the base's {what} misses the inertial unit by {:.1} times the stated noise",
-                ratio.unwrap_or(0.0)
-            ));
-        }
-    }
-    report.gyro_bias_rad_s = Some((mount.inverse() * bias).into());
-    report.acc_bias_m_s2 = Some((mount.inverse() * acc_bias).into());
-    path.ok_or_else(|| too_few(base, 0))
-}
-
-fn middle(mut values: Vec<f64>) -> f64 {
-    aloft_signal::median(&mut values)
-}
-
 /// Steps with a pose before and after within reach.
-fn within_reach(grid: &Grid, at: &[Sample]) -> Vec<bool> {
+pub(crate) fn within_reach(grid: &Grid, at: &[Sample]) -> Vec<bool> {
     let reach = (REACH_S / grid.dt_s).ceil() as usize;
     let mut near = vec![false; grid.n];
     for pair in at.windows(2) {

@@ -26,7 +26,7 @@ pub(crate) struct Turned {
     pub(crate) rotation: Vec<UnitQuaternion<f64>>,
     /// Rotation from the gyroscope's orientation to the pose's, world axes, rad.
     pub(crate) difference: Vec<Vector3<f64>>,
-    /// Derivative of the orientation error to the bias, at the poses.
+    /// Derivative of the orientation error to the bias, at every step.
     pub(crate) drift: Vec<nalgebra::Matrix3<f64>>,
     /// Angular velocity at the poses, world axes.
     pub(crate) rate_in_world: Vec<Vector3<f64>>,
@@ -62,9 +62,10 @@ impl Turned {
         for (row, s) in rows.iter().zip(at) {
             let modelled = align * here(s);
             out.difference.push((base.rotation[*row] * modelled.inverse()).scaled_axis());
-            out.drift.push(align.to_rotation_matrix().into_inner() * (drift_at[s.step] - centre));
             out.rate_in_world.push(modelled * rate(s.step));
         }
+        let into_world = align.to_rotation_matrix().into_inner();
+        out.drift = drift_at.iter().map(|d| into_world * (d - centre)).collect();
         out.rotation = rotation.into_iter().map(|r| align * r).collect();
         out
     }
@@ -98,7 +99,8 @@ impl Turned {
 pub(crate) struct Moved {
     pub(crate) path: Vec<Vector3<f64>>,
     pub(crate) difference: Vec<Vector3<f64>>,
-    pub(crate) velocity: Vec<Vector3<f64>>,
+    /// Its velocity at every step.
+    pub(crate) speed: Vec<Vector3<f64>>,
 }
 
 impl Moved {
@@ -137,36 +139,12 @@ impl Moved {
             p += v * dt + (force[i] * 2.0 + next) * (dt * dt / 6.0);
             v += (force[i] + next) * (0.5 * dt);
         }
-        let mut out = Self { path, difference: Vec::new(), velocity: Vec::new() };
+        let mut out = Self { path, difference: Vec::new(), speed };
         for (row, s) in rows.iter().zip(at) {
             let t = s.after_s;
-            let here = out.path[s.step] + speed[s.step] * t + force[s.step] * (0.5 * t * t);
+            let here = out.path[s.step] + out.speed[s.step] * t + force[s.step] * (0.5 * t * t);
             out.difference.push(pose(*row, s) - here);
-            // the speed of the base itself, which is what a shift of the clock moves
-            let turning = rotation[s.step] * gyro[s.step].cross(lever);
-            out.velocity.push(speed[s.step] - turning);
         }
         out
     }
-}
-
-/// Derivative of the path to the accelerometer's bias, at the samples.
-pub(crate) fn twice_integrated(
-    rotation: &[UnitQuaternion<f64>],
-    dt: f64,
-    at: &[Sample],
-) -> Vec<nalgebra::Matrix3<f64>> {
-    let matrices: Vec<_> = rotation.iter().map(|r| -r.to_rotation_matrix().into_inner()).collect();
-    let (mut p, mut v) = (nalgebra::Matrix3::zeros(), nalgebra::Matrix3::zeros());
-    let mut out = Vec::with_capacity(at.len());
-    let mut k = 0;
-    for (i, m) in matrices.iter().enumerate() {
-        while let Some(s) = at.get(k).filter(|s| s.step == i) {
-            out.push(p + v * s.after_s);
-            k += 1;
-        }
-        p += v * dt + m * (0.5 * dt * dt);
-        v += m * dt;
-    }
-    out
 }

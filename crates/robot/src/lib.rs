@@ -10,6 +10,7 @@
 
 mod check;
 mod clock;
+mod combine;
 pub mod description;
 mod error;
 mod fuse;

@@ -1,7 +1,8 @@
 //! Errors of a fused motion, drawn from the sensors' noise: what a comparison's floor is made of.
 //!
 //! Noise of the gyroscope, the accelerometer and the poses passes through the same smoothers that
-//! made the motion, so that the errors have its spectrum; encoders have white errors of their step.
+//! made the motion, so that the errors have its spectrum; encoders have white errors of their step. An
+//! error of the clocks' offset moves the base along its way against the joints.
 
 use crate::fuse::FusionReport;
 use crate::smoother::{Axis, Sample};
@@ -28,6 +29,7 @@ impl SensorErrors {
         let dt_s = 1.0 / rate_hz;
         let samples: Vec<Sample> = report.measured.iter().map(|&(step, after_s)| Sample { step, after_s }).collect();
         let (n, noise) = (report.frames, report.noise);
+        let acc_sd = |i: usize| report.acc_sd_m_s2.get(i).copied().unwrap_or(noise.acc_m_s2);
         let orientation = Axis::walk(
             dt_s,
             vec![(noise.gyro_rad_s * dt_s).powi(2); n],
@@ -37,7 +39,7 @@ impl SensorErrors {
         );
         let position = Axis::drifting(
             dt_s,
-            vec![noise.acc_m_s2.powi(2); n],
+            (0..n).map(|i| acc_sd(i).powi(2)).collect(),
             samples.clone(),
             noise.position_m.powi(2),
             100.0,
@@ -57,6 +59,8 @@ impl SensorErrors {
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
         let n = motion.n_frames();
         let errors: Vec<Vec<f64>> = (0..6).map(|k| self.path(n, k < 3, &mut normal)).collect();
+        // by how much a wrong offset of the clocks moves the base in each frame: a part of the way to the next
+        let late = self.report.clock_offset_sd_s.unwrap_or(0.0) * normal() / self.dt_s;
         let joints = motion.nq.saturating_sub(7);
         let mut q = vec![f64::NAN; motion.q.len()];
         for i in 0..n {
@@ -67,11 +71,19 @@ impl SensorErrors {
             }
             let (from, to) = (motion.q(i), &mut q[i * motion.nq..(i + 1) * motion.nq]);
             to.copy_from_slice(from);
-            for k in 0..3 {
-                to[k] += errors[k][i];
+            let turn = |q: &[f64]| UnitQuaternion::from_quaternion(Quaternion::new(q[6], q[3], q[4], q[5]));
+            let r = turn(from);
+            let mut way = Vector3::zeros();
+            let mut turned = Vector3::new(errors[3][i], errors[4][i], errors[5][i]);
+            if i + 1 < n && motion.is_valid(i + 1) {
+                let next = motion.q(i + 1);
+                way = Vector3::new(next[0] - from[0], next[1] - from[1], next[2] - from[2]) * late;
+                turned += (turn(next) * r.inverse()).scaled_axis() * late;
             }
-            let r = UnitQuaternion::from_quaternion(Quaternion::new(from[6], from[3], from[4], from[5]));
-            let turned = UnitQuaternion::from_scaled_axis(Vector3::new(errors[3][i], errors[4][i], errors[5][i])) * r;
+            for k in 0..3 {
+                to[k] += errors[k][i] + way[k];
+            }
+            let turned = UnitQuaternion::from_scaled_axis(turned) * r;
             let sign = if turned.coords.dot(&r.coords) < 0.0 { -1.0 } else { 1.0 };
             to[3..7].copy_from_slice((turned.coords * sign).as_slice());
             for (value, e) in to[7..].iter_mut().zip(encoder) {
@@ -99,10 +111,10 @@ impl SensorErrors {
         // the inertial unit's own error, then what the smoother makes of it
         let (mut value, mut rate) = (0.0, 0.0);
         let mut drifted = Vec::with_capacity(n);
-        for _ in 0..n {
+        for i in 0..n {
             drifted.push((value, rate));
             if position {
-                let a = noise.acc_m_s2 * normal();
+                let a = self.report.acc_sd_m_s2.get(i).unwrap_or(&noise.acc_m_s2) * normal();
                 value += rate * self.dt_s + 0.5 * a * self.dt_s * self.dt_s;
                 rate += a * self.dt_s;
             } else {

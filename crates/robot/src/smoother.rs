@@ -7,6 +7,7 @@
 //! white, are regressed on one another.
 
 use nalgebra::{DMatrix, DVector, Matrix2, RowVector2, Vector2};
+use std::sync::OnceLock;
 
 /// When the state is measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,6 +35,7 @@ pub struct Axis {
     gains: Vec<(Vector2<f64>, f64)>,
     /// Variances before and after each step's measurements.
     forward: Vec<(Matrix2<f64>, Matrix2<f64>)>,
+    backward: OnceLock<Vec<Matrix2<f64>>>,
 }
 
 impl Axis {
@@ -74,6 +76,7 @@ impl Axis {
             initial,
             gains: Vec::new(),
             forward: Vec::new(),
+            backward: OnceLock::new(),
         };
         let (f, mut p) = (axis.transition(), initial);
         let mut k = 0;
@@ -94,6 +97,11 @@ impl Axis {
             axis.forward.push((before, p));
         }
         axis
+    }
+
+    /// Sum of the logarithms of the innovations' variances: with their mean square it makes their likelihood.
+    pub fn log_variance(&self) -> f64 {
+        self.gains.iter().map(|g| g.1.ln()).sum()
     }
 
     fn transition(&self) -> Matrix2<f64> {
@@ -135,6 +143,11 @@ impl Axis {
 
     /// The state's value at every step, from all measurements.
     pub fn smooth(&self, values: &[f64]) -> Vec<f64> {
+        self.smooth_states(values).iter().map(|x| x[0]).collect()
+    }
+
+    /// The state's value and rate at every step, from all measurements.
+    pub fn smooth_states(&self, values: &[f64]) -> Vec<Vector2<f64>> {
         let f = self.transition();
         let n = self.forward.len();
         let mut states = Vec::with_capacity(n);
@@ -150,12 +163,18 @@ impl Axis {
             }
             states.push(x);
         }
+        let backward = self.backward();
         for i in (0..n.saturating_sub(1)).rev() {
-            let gain = self.smoother_gain(i);
+            let gain = backward[i];
             let ahead = states[i + 1] - f * states[i];
             states[i] += gain * ahead;
         }
-        states.iter().map(|x| x[0]).collect()
+        states
+    }
+
+    /// The smoother's gain at every step but the last, made once for all series.
+    fn backward(&self) -> &[Matrix2<f64>] {
+        self.backward.get_or_init(|| (0..self.forward.len().saturating_sub(1)).map(|i| self.smoother_gain(i)).collect())
     }
 
     fn smoother_gain(&self, i: usize) -> Matrix2<f64> {
@@ -176,8 +195,9 @@ impl Axis {
         let Some(last) = self.forward.last() else { return out };
         let mut p = last.1;
         out[n - 1] = p[(0, 0)].max(0.0).sqrt();
+        let backward = self.backward();
         for i in (0..n - 1).rev() {
-            let gain = self.smoother_gain(i);
+            let gain = backward[i];
             p = self.forward[i].1 + gain * (p - self.forward[i + 1].0) * gain.transpose();
             out[i] = p[(0, 0)].max(0.0).sqrt();
         }
