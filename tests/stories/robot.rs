@@ -2,6 +2,7 @@
 
 use crate::support::{expect, folder, json, repo};
 use std::fs;
+use std::io::Read as _;
 use std::path::Path;
 
 fn copy(from: &Path, to: &Path) {
@@ -110,4 +111,40 @@ fn a_log_without_a_joint_fails_with_one_line_that_names_it() {
     let (_, told) = expect(&["run", &repo("pipelines/robot.yaml"), "--data", &data, "--workspace", &ws], 1);
     let told: Vec<&str> = told.lines().filter(|l| l.contains("r_elbow")).collect();
     assert!(!told.is_empty() && told[0].contains("throw_01_robot.csv"), "{told:?}");
+}
+
+/// The encoder of one shoulder reads 0.05 rad too much in every recording: the search names it and its size.
+#[test]
+fn an_encoder_with_a_wrong_zero_is_found() {
+    let dir = folder();
+    let data = dir.path().join("lab");
+    copy(Path::new(&repo("fixtures/robot")), &data);
+    for trial in ["throw_01", "throw_02"] {
+        let packed = data.join(format!("{trial}_robot.csv.gz"));
+        let mut text = String::new();
+        let bytes = fs::read(&packed).unwrap();
+        flate2::read::GzDecoder::new(bytes.as_slice()).read_to_string(&mut text).unwrap();
+        let column = text.lines().next().unwrap().split(',').position(|c| c == "q_l_shoulder_rad").unwrap();
+        let rows = text.lines().enumerate().map(|(i, line)| {
+            let mut fields: Vec<String> = line.split(',').map(str::to_owned).collect();
+            if i > 0 {
+                fields[column] = format!("{:.6}", fields[column].parse::<f64>().unwrap() + 0.05);
+            }
+            fields.join(",") + "\n"
+        });
+        fs::remove_file(&packed).unwrap();
+        fs::write(data.join(format!("{trial}_robot.csv")), rows.collect::<String>()).unwrap();
+    }
+    let ws = dir.path().join("ws").display().to_string();
+    let (robot, data) = (repo("pipelines/robot.yaml"), data.display().to_string());
+    expect(&["run", &robot, "--data", &data, "--workspace", &ws], 0);
+    let found = json(&["discover", &robot, "--data", &data, "--workspace", &ws, "--json"]);
+    assert_eq!(found["found"][0]["key"], "encoder_offset[l_upper]", "{}", found["words"]);
+    let ranked = found["candidates"].as_array().unwrap();
+    assert_eq!(ranked[0]["key"], "encoder_offset[l_upper]", "{}", ranked[0]);
+    let (share, next) = (&ranked[0]["held_out_ratio"], &ranked[1]["held_out_ratio"]);
+    assert!(share.as_f64().unwrap() < 0.6 && next.as_f64().unwrap() > 0.85, "{share} {next}");
+    let coefficient = &ranked[0]["coefficients"][0];
+    let value = coefficient["value"].as_f64().unwrap();
+    assert!((value - 0.05).abs() < 0.01, "{coefficient}");
 }

@@ -16,6 +16,8 @@ pub struct Examples {
     pub person: Scene,
     /// Two links with one hinge.
     pub chain: Scene,
+    /// The same with an encoder on its hinge.
+    pub robot: Scene,
 }
 
 impl Examples {
@@ -24,7 +26,9 @@ impl Examples {
     /// # Errors
     /// [`PipelineError`] when a built-in model cannot be read.
     pub fn built_in() -> Result<Self, PipelineError> {
-        Ok(Self { person: scene("human34", 2)?, chain: scene("two_link", 0)? })
+        let mut robot = scene("two_link", 0)?;
+        robot.model.encoders = true;
+        Ok(Self { person: scene("human34", 2)?, chain: scene("two_link", 0)?, robot })
     }
 }
 
@@ -47,7 +51,7 @@ pub fn table(effect: &dyn Effect, examples: &Examples) -> String {
     let mut out = "## Coefficients\n\n| on | name | unit | bounds | enters |\n|---|---|---|---|---|\n".to_owned();
     let mut seen: Vec<&str> = Vec::new();
     let mut keys: Vec<String> = Vec::new();
-    for scene in [&examples.person, &examples.chain] {
+    for scene in [&examples.person, &examples.chain, &examples.robot] {
         let targets = effect.targets(scene);
         for target in &targets {
             let words = on(*target);

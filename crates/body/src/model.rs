@@ -98,6 +98,9 @@ pub struct Model {
     /// Parts that move and have no link, by the link on which they ride ([`ModelSpec::carries`]).
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub carries: BTreeMap<String, Vec<String>>,
+    /// True if encoders measure the joints (a robot), so that a joint may have a constant error of its own.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub encoders: bool,
 }
 
 impl Model {
@@ -157,7 +160,15 @@ impl Model {
             return Err(problem(format!("`carries` names the link `{link}`, which it does not have")));
         }
         let gravity_mps2 = Vector3::new(0.0, 0.0, -STANDARD_GRAVITY_MPS2);
-        Ok(Self { name: spec.name.clone(), gravity_mps2, links, nq, nv, carries: spec.carries.clone() })
+        Ok(Self {
+            name: spec.name.clone(),
+            gravity_mps2,
+            links,
+            nq,
+            nv,
+            carries: spec.carries.clone(),
+            encoders: false,
+        })
     }
 
     /// True if every moving part of the body has a link. Only then do the six equations of the base

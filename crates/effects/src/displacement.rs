@@ -13,7 +13,7 @@
 //! rotations omit that term.
 
 use crate::{Columns, EffectFrame, Series};
-use aloft_body::LinkInertia;
+use aloft_body::{LinkInertia, Model};
 use nalgebra::Vector3;
 
 /// First derivative of a sampled vector in a run by a local cubic over up to nine samples.
@@ -39,6 +39,15 @@ pub(crate) fn rate(values: &[Vector3<f64>], rate_hz: f64) -> Vec<Vector3<f64>> {
             }
         })
         .collect()
+}
+
+/// Which links a link carries, itself included.
+pub(crate) fn carried(model: &Model, link: usize) -> Vec<bool> {
+    let mut out = vec![false; model.n_links()];
+    for i in 0..out.len() {
+        out[i] = i == link || model.links[i].parent.is_some_and(|p| out[p]);
+    }
+    out
 }
 
 /// Adds the column of apparent rotations: `field(frame, link)` is the world rotation vector by

@@ -1,5 +1,6 @@
 //! What a laboratory writes down about a robot (`robot.yaml` beside the recordings).
 
+use crate::ros::Topics;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -21,6 +22,9 @@ pub struct RobotDescription {
     /// Noise of the sensors, one standard deviation.
     #[serde(default)]
     pub noise: SensorNoise,
+    /// Topics of logs in MCAP, where a file has several of one type.
+    #[serde(default)]
+    pub topics: Topics,
     /// Markers on links.
     #[serde(default)]
     pub markers: BTreeMap<String, MarkerPlace>,

@@ -79,7 +79,7 @@ pub fn bids_beside(path: &Path) -> Vec<PathBuf> {
 }
 
 /// Endings of a robot's log, and of the recording of its base beside it.
-const LOG_ENDINGS: [&str; 3] = [".csv.gz", ".csv", ".parquet"];
+const LOG_ENDINGS: [&str; 4] = [".csv.gz", ".csv", ".parquet", ".mcap"];
 
 /// The name of a robot's log without its ending: `jump_01` for `jump_01_robot.csv.gz`; none for other files and for recordings
 /// of the base.

@@ -1,6 +1,6 @@
 //! A joint centre in the wrong place.
 
-use crate::displacement::add_columns;
+use crate::displacement::{add_columns, carried};
 use crate::{About, Coefficient, Columns, Effect, EffectKind, Family, Scene, Series, Target};
 use nalgebra::Vector3;
 
@@ -47,18 +47,7 @@ impl Effect for JointCentre {
         let links = &series.scene.model.links;
         let moved = target.link();
         let Some(parent) = links.get(moved).and_then(|l| l.parent) else { return };
-        let carried: Vec<bool> = (0..links.len())
-            .map(|i| {
-                let mut at = Some(i);
-                while let Some(k) = at {
-                    if k == moved {
-                        return true;
-                    }
-                    at = links[k].parent;
-                }
-                false
-            })
-            .collect();
+        let carried = carried(&series.scene.model, moved);
         add_columns(series, out, |f, column, l| {
             if carried[l] { f.links[parent].rotation.column(column).into_owned() } else { Vector3::zeros() }
         });

@@ -3,10 +3,12 @@
 use crate::Effect;
 
 mod added_mass;
+mod base_time_offset;
 mod body_mass;
 mod camera_warp;
 mod constant_force;
 mod crane;
+mod encoder_offset;
 mod filter_attenuation;
 mod flywheel;
 mod gravity_scale;
@@ -61,6 +63,8 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &filter_attenuation::FilterAttenuation,
     &soft_tissue::SoftTissue,
     &joint_centre::JointCentre,
+    &encoder_offset::EncoderOffset,
+    &base_time_offset::BaseTimeOffset,
     &camera_warp::CameraWarp,
     &body_mass::BodyMass,
 ];

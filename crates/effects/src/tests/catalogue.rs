@@ -45,7 +45,7 @@ fn every_effect_is_described_and_bounded() {
             assert_eq!(EffectInstance::parse(&key, &fixture.scene).unwrap().target, target, "{key}");
         }
     }
-    assert_eq!(seen.len(), 29);
+    assert_eq!(seen.len(), 31);
     assert!(matches!(effect("draught"), Err(EffectsError::Unknown { .. })));
 }
 

@@ -3,7 +3,7 @@
 
 use super::{Fixture, inverse_dynamics, model, phi};
 use crate::*;
-use aloft_body::State;
+use aloft_body::{Motion, State};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3, Vector6};
 
 #[test]
@@ -46,6 +46,53 @@ fn a_displaced_joint_changes_the_wrench_as_its_columns_say() {
                 error = error.max((by_difference - Vector6::from_column_slice(columns.wrench(i, axis))).norm());
             }
             assert!(error < 0.03 * size, "{axis}: {error} of {size}");
+        }
+    });
+}
+
+/// The motion is recorded with a wrong zero of the encoder, and with the base ahead of the joints: what inverse dynamics of the
+/// whole tree changes by is the column.
+#[test]
+fn a_wrong_encoder_and_a_wrong_clock_change_the_wrench_as_their_columns_say() {
+    let fixture = Fixture::new(true);
+    let (nq, n) = (fixture.motion.nq, fixture.motion.n_frames());
+    let with = |q: Vec<f64>| Motion { q, ..fixture.motion.clone() };
+    let mut turned = fixture.motion.q.clone();
+    turned.chunks_exact_mut(nq).for_each(|q| q[7] += 1e-4);
+    // half a frame forward and back: the motion is smooth
+    let shifted = |sign: f64| {
+        let mut q = fixture.motion.q.clone();
+        for i in 1..n - 1 {
+            let (other, here) = ((i as f64 + sign) as usize, i * nq);
+            for k in 0..7 {
+                q[here + k] = fixture.motion.q[other * nq + k];
+            }
+        }
+        q
+    };
+    let wrench = |motion: &Motion| {
+        let spans = [Span { first_frame: 20, end_frame: 140, flight: true }];
+        let trial = TrialMotion { motion, spans: &spans, plates: &[], session_time_s: 0.0 };
+        inverse_dynamics(&Series::new(&fixture.scene, &trial).unwrap(), &fixture.scene.phi)
+    };
+    let (earlier, later) = (wrench(&with(shifted(-1.0))), wrench(&with(shifted(1.0))));
+    let (plain, moved) = (wrench(&fixture.motion), wrench(&with(turned)));
+    let cases = [
+        ("encoder_offset[arm]", plain, moved, 1e-4),
+        ("base_time_offset", earlier, later, 2.0 / fixture.motion.rate_hz),
+    ];
+    fixture.with(|series| {
+        for (key, before, after, step) in &cases {
+            let choice = EffectInstance::parse(key, &fixture.scene).unwrap();
+            let columns = fixture.columns(series, choice.effect, choice.target, &[]);
+            let (mut size, mut error) = (0.0f64, 0.0f64);
+            for i in 20..series.len() - 20 {
+                let of = |c: &Columns| Vector6::from_column_slice(c.wrench(i, 0));
+                let by_difference = (of(after) - of(before)) / *step;
+                size = size.max(by_difference.norm());
+                error = error.max((by_difference - of(&columns)).norm());
+            }
+            assert!(size > 0.0 && error < 0.05 * size, "{key}: {error} of {size}");
         }
     });
 }

@@ -28,7 +28,10 @@ fn model(offset: [f64; 3]) -> Model {
             inertia: None,
         },
     ];
-    Model::from_spec(&ModelSpec::new("two".into(), links)).unwrap()
+    let mut model = Model::from_spec(&ModelSpec::new("two".into(), links)).unwrap();
+    // so that effects of robots have targets, too
+    model.encoders = true;
+    model
 }
 
 fn phi() -> Vec<Phi> {

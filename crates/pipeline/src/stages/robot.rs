@@ -14,7 +14,7 @@ use aloft_regressor::{Factor, Stretch};
 use aloft_robot::joint_fit::{JointRows, joint_fit};
 use aloft_robot::noise::SensorErrors;
 use aloft_robot::torque::{Torques, torque_factor};
-use aloft_robot::{BaseLog, Columns, FuseInput, FusionReport, RobotError, RobotLog, check, fuse};
+use aloft_robot::{BaseLog, Columns, FuseInput, FusionReport, RobotError, RobotLog, check, fuse, ros};
 use aloft_study::facts::Facts;
 use aloft_study::recordings::base_beside;
 use aloft_study::robot::RobotSetup;
@@ -53,11 +53,19 @@ pub fn read(
     robot: &RobotSetup,
     recording: &Recording,
 ) -> Result<(RobotLog, Option<BaseLog>, Vec<String>), StageFailure> {
-    let log = RobotLog::of(&columns(&recording.file)?, &robot.model).map_err(|e| failed(&e))?;
-    let base = match base_beside(&recording.file) {
-        Some(file) => Some(BaseLog::of(&columns(&file)?).map_err(|e| failed(&e))?),
-        None => None,
+    let (log, poses) = if recording.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap")) {
+        let shown = recording.file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let bytes = std::fs::read(&recording.file).map_err(PipelineError::io("read", &recording.file))?;
+        ros::read(&shown, &bytes, &robot.description.topics).map_err(|e| failed(&e))?
+    } else {
+        (columns(&recording.file)?, None)
     };
+    let log = RobotLog::of(&log, &robot.model).map_err(|e| failed(&e))?;
+    let base = match base_beside(&recording.file) {
+        Some(file) => Some(columns(&file)?),
+        None => poses,
+    };
+    let base = base.map(|b| BaseLog::of(&b)).transpose().map_err(|e| failed(&e))?;
     let remarks = check(&log, base.as_ref(), &robot.model).map_err(|e| failed(&e))?;
     Ok((log, base, remarks))
 }
