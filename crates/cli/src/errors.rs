@@ -74,7 +74,11 @@ pub fn identified(view: &ComparisonView) -> [String; 2] {
     );
     let tables = p.in_all - p.from_motion;
     let rest = if tables > 0 { format!(", {tables} from tables") } else { String::new() };
-    let gate = if p.gate_passed { "gate passed" } else { "gate not passed (aloft parameters)" };
+    let gate = if p.gate_passed {
+        "gate passed"
+    } else {
+        "gate not passed: too little motion to determine the body (aloft parameters)"
+    };
     let words = format!("{} of {} parameters from motion{rest}; {gate}", p.from_motion, p.in_all);
     let signal = if p.gate_passed { Signal::Good } else { Signal::Poor };
     let identified = labelled("identified  ", &words).replacen(gate, &paint(gate, signal), 1);
@@ -88,20 +92,18 @@ pub fn worst(view: &ComparisonView) -> Option<String> {
         .worst
         .first()
         .map(|w| format!("{} {}: {} times the median {}", w.what, w.name, significant(w.times_median, 2), w.what));
-    let text = if let Some(place) = place {
-        place
+    let (label, text) = if let Some(place) = place {
+        ("worst       ", place)
     } else {
         // no place stands out: name the axis
         let errors = if c.first.held_out_weak.windows > 0 { &c.first.held_out_weak } else { &c.first.flight_weak };
         let axis = (0..3).max_by(|&a, &b| errors.force_n.rmse[a].total_cmp(&errors.force_n.rmse[b]))?;
         let value = errors.force_n.rmse.get(axis).filter(|v| v.is_finite())?;
-        format!(
-            "no trial or flight stands out; largest along world {}: {} N",
-            ["x", "y", "z"][axis],
-            significant(*value, 3)
-        )
+        let axis = ["x", "y", "z"][axis];
+        let text = format!("largest along world {axis}: {} N; no trial or flight stands out", significant(*value, 3));
+        ("where       ", text)
     };
-    Some(crate::screen::one_line("worst       ", &text))
+    Some(crate::screen::one_line(label, &text))
 }
 
 /// The body mass that the plates show, where it is not the stated one.

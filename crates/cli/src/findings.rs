@@ -68,6 +68,9 @@ pub fn discovery(view: &DiscoveryView, at: &PipelineArgs, details: bool) -> Resu
     let d = &view.discovery;
     out(labelled("verdict: ", &verdict::words(d)))?;
     errors(view)?;
+    if let Some(words) = how_sure(d) {
+        out(labelled("sure: ", &words))?;
+    }
     for found in &d.found {
         let estimates: Vec<&Estimate> = found.coefficients.iter().chain(&found.nonlinear).collect();
         let mut t = table(&[found.key.as_str(), "value", "± 95 %", "unit"]).left(&[3]);
@@ -98,6 +101,9 @@ pub fn discovery(view: &DiscoveryView, at: &PipelineArgs, details: bool) -> Resu
         let far = "fits only at the far edge of its range (a distant anchor, a very strong wind)";
         let each = if limits.len() > 1 { "each " } else { "" };
         out(labelled("not named: ", &format!("{}: {each}{far}", limits.join(", "))))?;
+    }
+    if let Some(words) = no_better(d) {
+        out(labelled("not named: ", &words))?;
     }
     for w in &d.warnings {
         out(labelled("left out: ", w))?;
@@ -169,15 +175,60 @@ fn errors(view: &DiscoveryView) -> Result<(), Stop> {
     Ok(())
 }
 
+/// Evidence for the effect found first, in one sentence.
+fn how_sure(d: &Discovery) -> Option<String> {
+    let first = d.found.first()?;
+    let c = d.candidates.iter().find(|c| c.effect == first.effect)?;
+    let round = d.rounds.iter().find(|r| r.judged_on == c.judged_on && r.effects.contains(&c.effect))?;
+    let (share, chance) = round.by_chance();
+    let unit = if c.judged_on == "contact" { "stretches of contact" } else { "flights or trials" };
+    Some(format!(
+        "it leaves {:.0} % ({:.0} to {:.0} %) of the error in {unit} that were left out; by chance the best of all candidates leaves less \
+         than {:.0} % in {:.0} of 100 cases",
+        100.0 * c.held_out_ratio,
+        100.0 * c.ci95[0],
+        100.0 * c.ci95[1],
+        100.0 * chance,
+        100.0 * share
+    ))
+}
+
+/// Generalisations of what is named that fit no better: a rotor that contains the flywheel.
+fn no_better(d: &Discovery) -> Option<String> {
+    let named = |id: &str| d.effects.iter().any(|e| e == id);
+    let ratio = |id: &str| d.candidates.iter().find(|c| c.effect == id).map(|c| c.held_out_ratio);
+    let wider: Vec<(&str, &str)> = d
+        .candidates
+        .iter()
+        .filter(|c| c.believed && !named(&c.effect))
+        .filter_map(|c| {
+            let contains = aloft_effects::effect(&c.effect).ok()?.about().contains;
+            let of = contains.iter().find(|id| named(id))?;
+            (c.held_out_ratio > 0.9 * ratio(of)?).then_some((c.effect.as_str(), *of))
+        })
+        .collect();
+    let of = wider.first()?.1;
+    let names: Vec<&str> = wider.iter().map(|w| w.0).collect();
+    let (verb, fit) = if names.len() > 1 { ("contain", "fit") } else { ("contains", "fits") };
+    Some(format!("{}: {verb} {of} as a special case and {fit} no better", names.join(", ")))
+}
+
 /// The best candidates of the ranking.
 fn candidates(d: &Discovery, shown: usize) -> Result<(), Stop> {
-    let all: Vec<&Candidate> = d.candidates.iter().filter(|c| !c.placebo).collect();
-    let header = ["candidate", "left %", "95 %", "coefficient", "± 95 %", "detectable", "unit", "confusable with"];
-    let mut t = table(&header).left(&[6]).wrapped(7).optional(&[5, 2]);
+    let mut all: Vec<&Candidate> = d.candidates.iter().filter(|c| !c.placebo).collect();
+    // shares of different errors do not stand in one order: those of the named effect's first
+    let place = d.found.first().and_then(|f| all.iter().find(|c| c.effect == f.effect));
+    let place = place.map(|c| c.judged_on.clone()).or_else(|| d.rounds.first().map(|r| r.judged_on.clone()));
+    let place = place.unwrap_or_default();
+    all.sort_by_key(|c| c.judged_on != place);
+    let header =
+        ["candidate", "in", "left %", "95 %", "coefficient", "± 95 %", "detectable", "unit", "confusable with"];
+    let mut t = table(&header).left(&[1, 7]).wrapped(8).optional(&[6, 3, 1]);
     for c in all.iter().take(shown) {
         let first = c.coefficients.first();
         t.add_row([
             c.key.clone(),
+            c.judged_on.clone(),
             format!("{:.0}", 100.0 * c.held_out_ratio),
             format!("{:.0} to {:.0}", 100.0 * c.ci95[0], 100.0 * c.ci95[1]),
             first.map_or("–".into(), |e| if e.at_bound { significant(e.value, 3) } else { beside(e.value, e.ci95) }),
@@ -188,10 +239,11 @@ fn candidates(d: &Discovery, shown: usize) -> Result<(), Stop> {
         ]);
     }
     out(t)?;
-    match all.len().saturating_sub(shown) {
-        0 => Ok(()),
-        n => out(format!("… and {n} more{}", if shown < LONG { ": --details" } else { "" })),
+    let more = all.len().saturating_sub(shown);
+    if more > 0 {
+        out(format!("… and {more} more{}", if shown < LONG { ": --details" } else { "" }))?;
     }
+    out(labelled("", &format!("left %: share of the held-out error in {place} that remains with the candidate")))
 }
 
 /// How each round was decided.

@@ -54,7 +54,7 @@ pub fn comparison(view: &ComparisonView, by: &[ByArg], details: bool, args: &Pip
             out(labelled("", errors::MEANING))?;
             out(labelled(
                 "",
-                "by phase, flight, time, axis, speed, acceleration, turning, posture, segment: --details, or --by WHAT",
+                "split the error: --by speed (or phase, flight, time, axis, acceleration, turning, posture, segment); --details: all of them",
             ))?;
         }
     }

@@ -228,7 +228,8 @@ fn warnings(summary: &Summary) -> Option<String> {
         .map(|r| format!("{} ({})", r.reason, r.trials))
         .collect();
     let n = of("warning");
-    (n > 0).then(|| one_line("warnings    ", &format!("{n} of {all} recordings: {}", reasons.join(", "))))
+    (n > 0)
+        .then(|| one_line("warnings    ", &format!("{n} of {all} recordings (aloft summary): {}", reasons.join(", "))))
 }
 
 /// One line: how many tasks ran, were up to date, failed, or were blocked by failures.

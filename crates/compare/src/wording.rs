@@ -164,8 +164,9 @@ fn offsets(model: &ModelComparison) -> Vec<String> {
     for t in model.trials.iter().filter(|t| t.untared && t.contact.frames > 0) {
         out.push(match &t.offset {
             Some(RecordingOffset { beyond: Some(beyond), force_n, moment_nm, .. }) => format!(
-                "The plates of {} were never unloaded. The model leaves a constant wrench there that the plates do not show in the other recordings: \
-                 ({}) N and ({}) N·m about the world origin were taken off, ({}) N and ({}) N·m beyond it count as error of the model (of `{}`).",
+                "The plates of {} were never unloaded, so their zero is not known. A constant of ({}) N and ({}) N·m (about the world origin) \
+                 was taken off, as much as the plates' zeros in the other recordings allow; another ({}) N and ({}) N·m remain and count as \
+                 error of the model `{}`.",
                 t.trial,
                 signed(force_n),
                 signed(moment_nm),

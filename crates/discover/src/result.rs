@@ -119,6 +119,10 @@ pub struct Candidate {
     /// Held-out error (root mean square) with the effect divided by that without it.
     #[serde(deserialize_with = "nullable")]
     pub held_out_ratio: f64,
+    /// Ratio below which it could be accepted; zero if it cannot be (an error that every recording
+    /// has, after another effect was found).
+    #[serde(default)]
+    pub accepted_below: f64,
     /// 95 % interval of the ratio over clusters.
     #[serde(deserialize_with = "nullable_all")]
     pub ci95: [f64; 2],

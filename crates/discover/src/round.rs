@@ -153,6 +153,7 @@ pub(crate) fn run_round<'a>(
                 class: score.effect.about().class.to_owned(),
                 judged_on: wording::domain(problem.domain).to_owned(),
                 held_out_ratio: ratio,
+                accepted_below: threshold.min(limit_for(score.effect)),
                 ci95,
                 chosen_share: *share,
                 family_wise_p: (beaten + 1) as f64 / (null.len() + 1) as f64,

@@ -199,12 +199,19 @@ pub(crate) fn advice(d: &Discovery, effects: &[&dyn Effect]) -> Vec<String> {
     match d.verdict {
         Verdict::OneOf => {
             for (i, a) in d.effects.iter().enumerate() {
+                // effects that the same recording tells from this one stand in one sentence
+                let mut by: Vec<(String, Vec<String>)> = Vec::new();
                 for b in &d.effects[i + 1..] {
-                    let line = format!("`{a}` and `{b}` are told apart by {}", told_apart_by(effects, a, b));
-                    if !out.contains(&line) {
-                        out.push(line);
+                    let recording = told_apart_by(effects, a, b);
+                    match by.iter_mut().find(|(r, _)| *r == recording) {
+                        Some((_, names)) => names.push(b.clone()),
+                        None => by.push((recording, vec![b.clone()])),
                     }
                 }
+                out.extend(by.into_iter().map(|(recording, names)| match names.as_slice() {
+                    [b] => format!("`{a}` and `{b}` are told apart by {recording}"),
+                    _ => format!("`{a}` is told from {} by {recording}", list(&names)),
+                }));
             }
         }
         Verdict::NotDetectable if d.candidates.iter().all(|c| c.placebo) => {}

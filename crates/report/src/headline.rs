@@ -251,7 +251,9 @@ fn missing(story: &Story<'_>) -> String {
 fn how_sure(story: &Story<'_>) -> String {
     let mut parts = Vec::new();
     if let Some(d) = asked(story) {
-        let best = d.candidates.iter().find(|c: &&Candidate| !c.placebo);
+        // candidates of flights and of contact leave shares of different errors
+        let place = d.rounds.first().map(|r| r.judged_on.as_str());
+        let best = d.candidates.iter().find(|c: &&Candidate| !c.placebo && Some(c.judged_on.as_str()) == place);
         let believed = matches!(d.verdict, Verdict::Supported | Verdict::OneOf);
         if let (Some(best), Some(round)) = (best, d.rounds.first()) {
             let falls = format!(
@@ -277,9 +279,10 @@ fn how_sure(story: &Story<'_>) -> String {
                 )
             } else {
                 format!(
-                    "The best effect, `{}`, leaves {falls} of the error; less than {:.0} % would be believed.",
+                    "The best effect, `{}`, leaves {falls} of the error in {}; it would have to leave less than {:.0} %.",
                     best.key,
-                    100.0 * round.threshold
+                    round.judged_on,
+                    100.0 * best.accepted_below
                 )
             });
         }

@@ -40,7 +40,9 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
     let offered = offers(story.session, &checked);
     if !offered.is_empty() {
         blocks.push(Block::text(
-            "These measurements offer corrections. Nothing is corrected unless the pipeline says so; each is then a rung of the ladder:",
+            "These measurements offer corrections. Nothing is corrected unless the pipeline says so; each is then a rung of the ladder. A force \
+             that acts on the body in flight (a rope, a draught) changes mass, rate and vertical as measured here, too: if `discover` names one, \
+             add it first and check again.",
         ));
         blocks.push(Block::List { items: to_yaml(&offered).lines().map(str::to_owned).collect() });
     }

@@ -87,7 +87,7 @@ reasons! {
     IkErrorLarge, "ik_error_large", Warning, "Markers miss the model by more than 20 mm (RMS).", "Look at labels and at the static trial.";
     UnsolvedFrames, "unsolved_frames", Warning, "Some frames have no posture.", "Fill gaps of the root segment's markers.";
     NoFlight, "no_flight", Warning, "No flight was found in a trial meant to identify from.", "Look at `flight` in the pipeline, or hold the trial out.";
-    FreeFallOff, "free_fall_off", Warning, "The free acceleration in flight differs from the stated gravity in size or direction, beyond its uncertainty.", "`aloft explain` names the ratio and what explains it: frame rate, unit of length, body-weight support, vertical.";
+    FreeFallOff, "free_fall_off", Warning, "The free acceleration in flight differs from the stated gravity in size or direction, beyond its uncertainty.", "`aloft explain PIPELINE TRIAL flight` names the ratio and what explains it: frame rate, unit of length, body-weight support, vertical.";
     ComparisonLarge, "comparison_large", Warning, "Model and measurement differ by more than 5 % of body weight (mean absolute force).", "See `aloft compare` and `aloft discover`.";
     WeaklyIdentified, "weakly_identified", Warning, "The flights of this session do not determine all parameters.", "Record more flights, with stronger motion of the limbs.";
     PartlyMeasured, "partly_measured", Ok, "The plates do not measure all contact in some frames under load (a foot beside them, a hold, a chair, a helper); these frames are left out.", "`aloft explain` says how many and why; nothing to do where the rest suffices.";
