@@ -74,19 +74,24 @@ const Kernel = (() => {
         for (let r = 0; r < m; r++) v[r] -= s * u[r];
       }
     };
+    // a second time only where the first left little, whose rounding would matter
+    const orthogonalise = (v, j) => {
+      if (!j) return;
+      const before = norm(v);
+      clear(v, j);
+      if (norm(v) < 0.1 * before) clear(v, j);
+    };
     const weigh = (v) => {
       for (let r = 0; r < m; r++) root[r] = 1 / Math.sqrt(r < d ? v + s2[r] : v);
       for (let j = 0; j < k; j++) {
         const own = q[j], e = effects[j];
         for (let r = 0; r < m; r++) own[r] = e[r] * root[r];
-        clear(own, j);
-        clear(own, j);
+        orthogonalise(own, j);
         length[j] = norm(own);
         for (let r = 0; r < m; r++) own[r] /= length[j];
       }
       for (let r = 0; r < m; r++) rest[r] = b[r] * root[r];
-      clear(rest, k);
-      clear(rest, k);
+      orthogonalise(rest, k);
     };
     const unlikely = (log) => {
       weigh(Math.exp(log));
