@@ -5,6 +5,7 @@
 mod batch;
 mod broken_lab;
 mod corrections;
+mod corrections_each;
 mod demo;
 mod estimators;
 mod export;
@@ -16,6 +17,7 @@ mod loop_on_people;
 mod names;
 mod one_interval;
 mod one_stage_again;
+mod osim;
 mod own_effect;
 mod part_of_a_body;
 mod report;

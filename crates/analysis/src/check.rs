@@ -2,6 +2,7 @@
 
 use crate::corrections::{Offer, offers};
 use crate::session_check::{SessionCheck, session_check};
+use aloft_pipeline::corrected::refuse_unknown_plates;
 use aloft_pipeline::graph::Recording;
 use aloft_pipeline::made::as_made;
 use aloft_pipeline::stages::filter::low_pass;
@@ -49,7 +50,14 @@ pub struct CheckRow {
 }
 
 /// Reads every recording and reports what is missing.
+///
+/// # Errors
+/// A correction that names a plate which no recording has.
 pub fn check(session: &SubjectSession) -> Result<Check, PipelineError> {
+    if session.id.subject.is_none() {
+        // in a study of several, another session may have the plate
+        refuse_unknown_plates(&[session])?;
+    }
     let trials: Vec<CheckRow> = session
         .trials
         .par_iter()
@@ -122,7 +130,11 @@ pub fn check(session: &SubjectSession) -> Result<Check, PipelineError> {
         .collect();
     let mut remarks = Vec::new();
     let count = |role: Role| session.included().filter(|t| t.role == role).count();
-    if count(Role::Static) == 0 && session.config.trials.static_frames.is_none() && session.robot.is_none() {
+    if count(Role::Static) == 0
+        && session.config.trials.static_frames.is_none()
+        && session.robot.is_none()
+        && session.osim.is_none()
+    {
         remarks.push("no static trial: name frames of a dynamic trial under `trials: {static_frames: …}`".to_owned());
     }
     let statics = trials.iter().filter(|t| t.role == Role::Static.word()).count();
@@ -151,7 +163,7 @@ pub fn check(session: &SubjectSession) -> Result<Check, PipelineError> {
     if count(Role::Identify) == 0 {
         remarks.push("no trial to identify from: see `trials: {identify: …}`".to_owned());
     }
-    if !session.is_rigid() {
+    if !session.is_rigid() && session.osim.is_none() {
         if session.facts.person.sex.is_none() {
             remarks.push("the subject's sex is not known: the mean of both sexes' tables is used".to_owned());
         }

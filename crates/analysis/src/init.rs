@@ -3,6 +3,7 @@
 
 mod choice;
 mod facts;
+mod osim;
 mod quiet;
 
 use self::facts::{StatedFacts, agreed, force_patterns};
@@ -305,6 +306,12 @@ fn write(
 ) -> Result<String, PipelineError> {
     let choice::Choice { set, model, fit, unseen } = choice::choose(seen)?;
     let is_object = model == "two_link";
+    let models = if layout.subjects.is_empty() && !is_object {
+        osim::find(folder, seen)
+    } else {
+        osim::Found { best: None, refused: Vec::new() }
+    };
+    let own_model = models.best;
     let lower = |s: &Determination| s.stem.to_lowercase();
     let calibration: Vec<&Determination> = seen.iter().filter(|s| lower(s).contains("calib")).collect();
     let mut statics: Vec<&Determination> =
@@ -367,13 +374,38 @@ fn write(
         line("# what differs for some subjects, sessions or trials:".to_owned());
         line("# overrides:\n#   - {subject: NAME, set: {filter: {cutoff_hz: 8.0}}}\n#   - {subject: NAME, trial: NAME, set: {import: {repair: true}}}".to_owned());
     }
+    if let Some(m) = &own_model {
+        line(format!(
+            "model: {}   # {} of its {} markers are in the recordings; they fit to {:.1} mm (RMS){}",
+            quote::yaml(&m.path),
+            m.markers.0,
+            m.markers.1,
+            m.rms_mm,
+            match m.others {
+                0 => String::new(),
+                1 => ", better than those of one other model here".to_owned(),
+                n => format!(", better than those of {n} other models here"),
+            }
+        ));
+        line(
+            "# the file is taken as it is: its scaling, joints, markers, and inertias as the prior. Without it:"
+                .to_owned(),
+        );
+        line(format!("#   model: {model}\n#   marker_set: {set}      # fits {:.0} %", fit * 100.0));
+    }
+    for refused in &models.refused {
+        line(format!("# not used: {}", quote::visible(refused)));
+    }
     match &unseen {
+        _ if own_model.is_some() => {}
         Some(parts) => line(format!(
             "model: {model}   # no markers on {parts}: they ride along unseen, so nothing is identified (see the book, Bodies)"
         )),
         None => line(format!("model: {model}")),
     }
-    if fit > 0.5 {
+    if own_model.is_some() {
+        // the markers are the file's
+    } else if fit > 0.5 {
         line(format!("marker_set: {set}      # fits {:.0} %", fit * 100.0));
     } else {
         line(format!(
@@ -398,6 +430,13 @@ fn write(
         }
         Some(file) => line(format!("# name, sex, height and mass come from {file} beside the recordings")),
         None if is_object => line("subject:\n  mass_kg:              # from a scale: fill in".to_owned()),
+        None if own_model.is_some() => {
+            let mass_kg = own_model.as_ref().map_or(f64::NAN, |m| m.mass_kg);
+            line(format!(
+                "subject:\n  # mass_kg:            # from a scale, kg; without it the {mass_kg:.1} kg of the model's bodies"
+            ));
+            line("  sex:                  # F or M, for the report".to_owned());
+        }
         None => {
             let of = |value: fn(&StatedFacts) -> Option<f64>| agreed(seen.iter().filter_map(|s| value(&s.stated)));
             line("subject:\n  sex:                  # F or M".to_owned());
@@ -417,6 +456,7 @@ fn write(
     line(format!("  identify: {}      # motion to identify from", list(&identify, layout)));
     line(format!("  validate: {}      # held out for comparison", list(&validate, layout)));
     if statics.is_empty()
+        && own_model.is_none()
         && layout.subjects.is_empty()
         && let Some((still, quiet)) = quiet::quietest(&rest)
     {

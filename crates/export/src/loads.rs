@@ -61,7 +61,8 @@ fn loaded(w: &Vector6<f64>) -> bool {
 /// Links that can stand on plates.
 fn feet(subject: &SubjectExport) -> Vec<usize> {
     let links = &subject.subject.model.links;
-    let feet: Vec<usize> = (0..links.len()).filter(|&i| links[i].name.starts_with("foot")).collect();
+    let feet: Vec<usize> =
+        (0..links.len()).filter(|&i| ["foot", "calcn"].iter().any(|n| links[i].name.starts_with(n))).collect();
     if feet.is_empty() { vec![0] } else { feet }
 }
 

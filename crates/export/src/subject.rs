@@ -4,6 +4,7 @@ use crate::coordinates::{Convention, Coordinates, expect_length};
 use crate::{ExportError, names};
 use aloft_body::{JointKind, LinkInertia, Phi, Subject};
 use aloft_robot::RobotModel;
+use aloft_robot::osim::{OsimModel, RigidTree};
 
 /// Source of the inertias in the exported models.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,6 +48,25 @@ pub struct SubjectExport {
     pub program: String,
     /// Model files of a robot, which are patched instead of written anew; empty for people and objects.
     pub robot_files: Vec<RobotFile>,
+    /// The OpenSim model that was imported, which is patched instead of written anew.
+    pub osim_file: Option<OsimFile>,
+}
+
+/// An imported OpenSim model.
+#[derive(Debug, Clone)]
+pub struct OsimFile {
+    /// File name.
+    pub name: String,
+    /// Its text.
+    pub text: String,
+    /// The model read from it.
+    pub model: OsimModel,
+    /// The tree of its links, those of the exported subject.
+    pub tree: RigidTree,
+    /// Mass of the body over that of the file's bodies.
+    pub scale: f64,
+    /// Comment for the patched file: how its inertias were made.
+    pub provenance: String,
 }
 
 /// A robot's model file.
@@ -86,6 +106,7 @@ impl SubjectExport {
             locked,
             program: program.to_owned(),
             robot_files: Vec::new(),
+            osim_file: None,
         })
     }
 

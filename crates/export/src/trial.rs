@@ -18,6 +18,17 @@ pub struct SourceFile {
     pub c3d: Option<Vec<u8>>,
 }
 
+/// Values of an imported model's own coordinates.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FileCoordinates {
+    /// Names in the file.
+    pub names: Vec<String>,
+    /// True for values that OpenSim's tables hold in degrees.
+    pub is_angle: Vec<bool>,
+    /// Frames × coordinates, rad and m; NaN where unsolved.
+    pub values: Vec<f64>,
+}
+
 /// One recording to be exported.
 #[derive(Debug, Clone)]
 pub struct TrialExport {
@@ -37,6 +48,8 @@ pub struct TrialExport {
     pub plates: Vec<PlateAtFrames>,
     /// The original file of the recording.
     pub source: SourceFile,
+    /// The motion in the coordinates of an imported OpenSim model.
+    pub file_coordinates: Option<FileCoordinates>,
     /// Coordinates of `motion`.
     pub solved: Option<CoordinateSeries>,
     /// Coordinates of `filtered`.

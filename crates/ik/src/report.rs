@@ -71,6 +71,14 @@ impl IkReport {
         all
     }
 
+    /// The report of a motion that other code solved, from its residuals; `n_unconverged` frames
+    /// stopped before the minimisation converged.
+    pub fn of_motion(motion: &aloft_body::Motion, n_unconverged: usize) -> Self {
+        let solved: Vec<bool> = (0..motion.n_frames()).map(|f| motion.is_valid(f)).collect();
+        let gathered = Self::gather(&motion.trial, &motion.marker_labels, &motion.residual_m, &solved);
+        Self { n_unconverged, ..gathered }
+    }
+
     /// Computes the figures from distances `residual_m[frame * n_markers + marker]` (NaN where
     /// missing).
     pub(crate) fn gather(trial: &str, labels: &[String], residual_m: &[f64], solved: &[bool]) -> Self {

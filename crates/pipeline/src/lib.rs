@@ -3,6 +3,7 @@
 //! [`runner::run_all`] runs the stages of [`stages::STAGES`] for every trial of a study, stores
 //! each result in its workspace, and computes only what is missing or stale.
 
+pub mod corrected;
 pub mod factors;
 pub mod graph;
 pub mod made;

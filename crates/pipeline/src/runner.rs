@@ -2,6 +2,7 @@
 //! other trials. Subjects and sessions run in parallel, too: the trials of all of them share one
 //! pool of threads.
 
+use crate::corrected::refuse_unknown_plates;
 use crate::graph::{self, Manifests, Stage, TaskState};
 pub use crate::progress::{Plan, Progress, Silent};
 pub use crate::run_report::{BatchReport, Ended, RunReport, StudyRun, TaskReport};
@@ -58,6 +59,7 @@ pub fn run(
 ) -> Result<RunReport, PipelineError> {
     let range = stage_range(selection)?;
     let filter = trial_filter(&[session], &selection.trials)?;
+    refuse_unknown_plates(&[session])?;
     progress.begin(&plan(&[session], range, filter.as_ref()));
     let done = run_study(session, range, filter.as_ref(), selection, &TrialThreads::new(1), progress);
     progress.end();
@@ -99,6 +101,7 @@ pub fn run_all(set: &DataSet, selection: &Selection, progress: &dyn Progress) ->
     let range = stage_range(selection)?;
     let members: Vec<&SubjectSession> = set.members.iter().collect();
     let filter = trial_filter(&members, &selection.trials)?;
+    refuse_unknown_plates(&members)?;
     let whole = Workspace::open(&set.workspace);
     let _lock = if selection.alone() { Some(whole.lock(selection.patience())?) } else { None };
     let _shared = if selection.shared && !selection.dry_run { Some(whole.lock_shared()?) } else { None };

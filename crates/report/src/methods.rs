@@ -46,7 +46,9 @@ fn paragraph(story: &Story<'_>) -> String {
             "Marker trajectories were brought to SI units and one world frame with Z up; gaps up to {} s were filled. ",
             session.config.import.fill_gaps_s
         ));
-        text.push_str(&if session.object.is_some() {
+        text.push_str(&if let Some(osim) = &session.osim {
+        osim.kinematics_in_words()
+    } else if session.object.is_some() {
         "Link frames follow the object description; the hinge was found from motion and refined over all recordings. ".to_owned()
     } else {
         format!(

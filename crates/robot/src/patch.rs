@@ -121,7 +121,7 @@ pub fn patch(
 }
 
 /// Twelve significant digits, without trailing zeros.
-fn number(x: f64) -> String {
+pub(crate) fn number(x: f64) -> String {
     let rounded: f64 = format!("{x:.11e}").parse().unwrap_or(x);
     // exponents only where plain digits would be long
     if rounded != 0.0 && rounded.abs() < 1e-5 { format!("{rounded:e}") } else { format!("{rounded}") }

@@ -49,6 +49,8 @@ pub(crate) struct FactPlaces<'a> {
     pub root: &'a Path,
     /// Subject and session.
     pub id: &'a SessionId,
+    /// A model file that states the body's mass: its name and the mass, kg.
+    pub model: Option<(&'a str, f64)>,
 }
 
 /// What `subject.yaml` or `object.yaml` beside the recordings may say; other keys are the laboratory's own business. Ranges are those of the
@@ -202,7 +204,11 @@ pub(crate) fn find_facts(
         sources.push("the pipeline".to_owned());
     }
     let gravity_in_lab = facts.lab.as_ref().and_then(|l| l.gravity_mps2().ok().flatten());
-    let mass_kg = s.mass_kg.or(facts.mass_kg).or(facts.total_mass_kg).ok_or_else(|| {
+    let stated = s.mass_kg.or(facts.mass_kg).or(facts.total_mass_kg);
+    if let (None, Some((name, _))) = (stated, at.model) {
+        sources.push(format!("{name} (body mass)"));
+    }
+    let mass_kg = stated.or(at.model.map(|m| m.1)).ok_or_else(|| {
         error_at_key(
             file,
             text,

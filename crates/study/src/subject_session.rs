@@ -7,7 +7,9 @@ use crate::data_set::DataSet;
 use crate::effects::{ModelEffects, OwnEffect, check_formulas, own_effects};
 use crate::facts::{FactPlaces, Facts, find_facts};
 use crate::inherit::{PipelineFile, TrialSettings, Whose};
+use crate::osim::{OsimSetup, is_osim};
 use crate::place::error_at_key;
+use crate::possible;
 use crate::quote;
 use crate::recordings::{SessionId, base_beside, bids_beside, fold, globs, logs_below, recordings_below, stem_of};
 use crate::robot::RobotSetup;
@@ -100,6 +102,8 @@ pub struct SubjectSession {
     pub object: Option<ObjectSpec>,
     /// The robot, for robots.
     pub robot: Option<RobotSetup>,
+    /// The OpenSim model, for bodies that one describes.
+    pub osim: Option<OsimSetup>,
     /// Effects of the model's present revision.
     pub effects: Vec<crate::revision::ModelEffect>,
     /// Base parameters of the model without effects, from which columns of effects take the centre
@@ -171,14 +175,32 @@ impl SubjectSession {
             }
             Ok(())
         };
-        let (model, marker_set): (ModelSpec, MarkerSet) = match &robot {
-            Some(robot) => (robot.model.spec.clone(), robot.no_markers()),
-            None => {
+        let osim = match &config.model {
+            name if is_osim(name) => {
+                for (key, other) in [
+                    ("robot", config.robot.is_some()),
+                    ("object", config.object.is_some()),
+                    ("marker_set", !config.marker_set.is_empty()),
+                ] {
+                    if other {
+                        let problem = format!("`{key}` beside the OpenSim model `{name}`");
+                        let hint = format!("leave `{key}` out: bodies and markers come from the model file");
+                        return Err(error_at_key(&file, text, key, problem, Some(hint)));
+                    }
+                }
+                Some(OsimSetup::load(name, &dir, &place.data, place.root).map_err(|e| at("model", e))?)
+            }
+            _ => None,
+        };
+        let (model, marker_set): (ModelSpec, MarkerSet) = match (&robot, &osim) {
+            (Some(robot), _) => (robot.model.spec.clone(), robot.no_markers()),
+            (None, Some(osim)) => (osim.tree.spec.clone(), osim.marker_set()),
+            (None, None) => {
                 named("model", &config.model)?;
                 named("marker_set", &config.marker_set)?;
                 let model = load_model(&config.model, &dir).map_err(|e| at("model", e))?;
                 let mut set: MarkerSet =
-                    catalog::load("markersets", &config.marker_set, &dir).map_err(|e| at("marker_set", e))?;
+                    possible::load_marker_set(&config.marker_set, &dir).map_err(|e| at("marker_set", e))?;
                 if !model.carries.is_empty() {
                     // a part of a body uses its part of the set
                     set.markers.retain(|m| model.links.iter().any(|l| l.name == m.link));
@@ -213,10 +235,14 @@ impl SubjectSession {
                 subject_folder: place.subject_folder.as_deref(),
                 root: place.root,
                 id: &place.id,
+                model: osim.as_ref().map(|o| (o.name.as_str(), o.tree.mass_kg())),
             },
             &file,
             text,
         )?;
+        if let Some(osim) = &osim {
+            osim.check_mass(facts.person.mass_kg).map_err(|e| at("subject", e))?;
+        }
         if let Some(mass_kg) = config.corrections.mass_kg {
             facts.stated_mass_kg = Some(std::mem::replace(&mut facts.person.mass_kg, mass_kg));
         }
@@ -242,6 +268,7 @@ impl SubjectSession {
             marker_set,
             object,
             robot,
+            osim,
             anthropometry,
         })
     }
@@ -326,18 +353,12 @@ impl SubjectSession {
 }
 
 fn load_model(name: &str, dir: &Path) -> Result<ModelSpec, PipelineError> {
-    if name.to_ascii_lowercase().ends_with(".osim") {
-        return Err(PipelineError::request_hint(
-            format!("`{name}` is an OpenSim model, which inverse kinematics here cannot track (coupled coordinates)"),
-            "`aloft audit MODEL.osim` checks it against its own motion and plates; use `model: human34` for the recordings",
-        ));
-    }
     if name.to_ascii_lowercase().ends_with(".urdf") {
         let path = dir.join(name);
         let text = std::fs::read_to_string(&path).map_err(PipelineError::io("read", &path))?;
         return ModelSpec::from_urdf(&text).map_err(|e| PipelineError::request(format!("{}: {e}", path.display())));
     }
-    catalog::load("models", name, dir)
+    possible::load_model(name, dir)
 }
 
 fn find_trials(

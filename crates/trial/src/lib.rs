@@ -6,6 +6,7 @@ pub mod artefacts;
 pub mod bids;
 pub mod corrections;
 pub mod error;
+mod fall;
 pub mod gaps;
 mod import;
 pub mod labels;

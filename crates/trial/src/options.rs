@@ -1,5 +1,6 @@
 //! Import options, and helpers shared by the readers of all formats.
 
+use crate::fall::up_axis_from_fall;
 use crate::rows::RATES_HZ;
 use crate::world::{rotate, up_axis_from_body, up_axis_from_plates};
 use crate::{Trial, TrialError, UpAxis, Warning, WarningKind};
@@ -9,7 +10,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImportOptions {
-    /// Axis of the source that points up; if absent, determined from the plates, from feet and
+    /// Axis of the source that points up; if absent, determined from the plates, from falling markers, from feet and
     /// shoulders, otherwise by the convention of the format (C3D Z, TRC Y).
     pub up_axis: Option<UpAxis>,
     /// Remove the prefix `Subject:` from labels.
@@ -60,11 +61,14 @@ pub(crate) fn disambiguate(labels: &mut [String], warnings: &mut Vec<Warning>) {
 /// options, the one found from the plates, the one from the feet to the shoulders, the axis that the
 /// file declares (without its sign), or the convention of the format.
 pub(crate) fn to_world(trial: &mut Trial, options: &ImportOptions, declared: Option<UpAxis>, habit: UpAxis) {
-    let (plates, body) = (up_axis_from_plates(trial), up_axis_from_body(trial));
+    let (plates, fall, body) = (up_axis_from_plates(trial), up_axis_from_fall(trial), up_axis_from_body(trial));
     let told = plates
+        .or(fall.map(|up| (up, "falling markers")))
         .or(body.map(|up| (up, "shoulders above feet")))
         .or(declared.map(|up| (up.positive(), "the file's screen axes")));
     if options.up_axis.is_none() {
+        // what falls does not say how the body is turned: in a somersault shoulders are below the feet
+        let body = if plates.is_none() && fall.is_some() { fall } else { body };
         match (plates, body, declared) {
             (Some((seen, by)), Some(body), _) if seen != body => trial.warn(
                 WarningKind::Axes,
@@ -73,7 +77,8 @@ pub(crate) fn to_world(trial: &mut Trial, options: &ImportOptions, declared: Opt
             // where plates are read, their reader says it
             (None, Some(body), Some(screen)) if screen != body => trial.warn(
                 WarningKind::Axes,
-                format!("POINT:Y_SCREEN says {screen}, but shoulders are above feet along {body}, which is taken as up"),
+                format!("POINT:Y_SCREEN says {screen}, but {} {body}, which is taken as up",
+                    if fall.is_some() { "markers fall against" } else { "shoulders are above feet along" }),
             ),
             (None, None, Some(screen)) if screen != screen.positive() => trial.warn(
                 WarningKind::Axes,

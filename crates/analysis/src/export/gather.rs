@@ -3,17 +3,23 @@
 use crate::parameters::parameters;
 use aloft_body::{LinkInertia, Subject};
 use aloft_compare::measured_wrench;
-use aloft_export::{Convention, InertiaSource, PlateAtFrames, RobotFile, SourceFile, SubjectExport, TrialExport};
+use aloft_export::{
+    Convention, FileCoordinates, InertiaSource, OsimFile, PlateAtFrames, RobotFile, SourceFile, SubjectExport,
+    TrialExport,
+};
 use aloft_flight::{Flight, FlightReport, PlateTare, apply_tare};
 use aloft_pipeline::selection::trial_filter;
 use aloft_pipeline::stages::STAGES;
 use aloft_pipeline::stages::filter::low_pass;
+use aloft_pipeline::stages::osim::COORDINATES;
+use aloft_robot::osim::RigidTree;
 use aloft_study::quote;
 use aloft_study::subject_session::{SubjectSession, TrialEntry};
 use aloft_workspace::artifact::{load_motion, load_trial};
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::json::read_json;
 use aloft_workspace::manifest::WHOLE_STUDY;
+use aloft_workspace::table::Table;
 use aloft_workspace::workspace::Workspace;
 
 /// Program and version, for headers.
@@ -40,6 +46,7 @@ pub(super) fn subject(
     let mut made = SubjectExport::new(subject, links, source, convention, locked, &program())
         .map_err(|e| PipelineError::request(e.to_string()))?;
     made.robot_files = robot_files(session, &made.source)?;
+    made.osim_file = osim_file(session, &made)?;
     made.of_study = [session.id.subject.clone(), session.id.session.clone()];
     Ok(made)
 }
@@ -47,6 +54,54 @@ pub(super) fn subject(
 /// The model files of a robot with the comment that says how their inertials were made.
 fn robot_files(session: &SubjectSession, source: &InertiaSource) -> Result<Vec<RobotFile>, PipelineError> {
     let Some(robot) = &session.robot else { return Ok(Vec::new()) };
+    let provenance = provenance(session, source);
+    robot
+        .files
+        .iter()
+        .map(|path| {
+            let text = std::fs::read_to_string(path).map_err(PipelineError::io("read", path))?;
+            let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+            let model =
+                aloft_robot::RobotModel::parse(&name, &text).map_err(|e| PipelineError::request(e.to_string()))?;
+            Ok(RobotFile { name, text, model, provenance: provenance.clone() })
+        })
+        .collect()
+}
+
+/// The imported OpenSim model with the tree that the results were made with.
+fn osim_file(session: &SubjectSession, made: &SubjectExport) -> Result<Option<OsimFile>, PipelineError> {
+    let Some(osim) = &session.osim else { return Ok(None) };
+    let bytes = std::fs::read(&osim.path).map_err(PipelineError::io("read", &osim.path))?;
+    let seen: Vec<String> = made.subject.markers.iter().map(|m| m.label.clone()).collect();
+    let tree = RigidTree::of(&osim.model, Some(&seen)).map_err(|e| PipelineError::request(e.to_string()))?;
+    Ok(Some(OsimFile {
+        name: osim.name.clone(),
+        text: String::from_utf8_lossy(&bytes).into_owned(),
+        model: osim.model.clone(),
+        scale: made.subject.facts.mass_kg / tree.mass_kg(),
+        tree,
+        provenance: provenance(session, &made.source),
+    }))
+}
+
+/// Values of the imported model's coordinates in a recording.
+fn file_coordinates(
+    session: &SubjectSession,
+    ws: &Workspace,
+    name: &str,
+) -> Result<Option<FileCoordinates>, PipelineError> {
+    let place = ws.place("ik", name).join(COORDINATES);
+    let Some(osim) = session.osim.as_ref().filter(|_| place.is_file()) else { return Ok(None) };
+    let table = Table::read(&place)?;
+    let names = table.names().to_vec();
+    let angle = |name: &String| osim.model.all_coordinates().iter().any(|c| c.name == *name && c.in_degrees);
+    let is_angle = names.iter().map(angle).collect();
+    let values = table.rows(0, names.len());
+    Ok(Some(FileCoordinates { names, is_angle, values }))
+}
+
+/// How inertias were identified, for a comment in a model file.
+fn provenance(session: &SubjectSession, source: &InertiaSource) -> String {
     let mut provenance = format!("Inertials identified by {} from motion in flight.\n", program());
     if let (InertiaSource::Identified { rows, .. }, Ok(found)) = (source, parameters(session, None)) {
         let p = &found.parameters;
@@ -73,17 +128,7 @@ fn robot_files(session: &SubjectSession, source: &InertiaSource) -> Result<Vec<R
             );
         }
     }
-    robot
-        .files
-        .iter()
-        .map(|path| {
-            let text = std::fs::read_to_string(path).map_err(PipelineError::io("read", path))?;
-            let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-            let model =
-                aloft_robot::RobotModel::parse(&name, &text).map_err(|e| PipelineError::request(e.to_string()))?;
-            Ok(RobotFile { name, text, model, provenance: provenance.clone() })
-        })
-        .collect()
+    provenance
 }
 
 fn inertias(session: &SubjectSession, subject: &Subject) -> (Vec<LinkInertia>, InertiaSource) {
@@ -132,6 +177,7 @@ pub(super) fn trial(
     let mut trial = load_trial(&ws.place("import", name))?;
     let motion = |stage: &str| is_ok(stage).then(|| load_motion(&ws.place(stage, name))).transpose();
     let (solved, filtered) = (motion("ik")?, motion("filter")?);
+    let solved_ok = solved.is_some();
     let mut flights = Vec::new();
     if is_ok("flight") {
         let folder = ws.place("flight", name);
@@ -167,6 +213,7 @@ pub(super) fn trial(
         flights,
         plates,
         source: SourceFile { name: file, c3d },
+        file_coordinates: if solved_ok { file_coordinates(session, ws, name)? } else { None },
         solved: None,
         smooth: None,
         forces: None,

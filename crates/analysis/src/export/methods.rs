@@ -34,9 +34,10 @@ pub(super) fn paragraph(
     ws: &Workspace,
     subject: &SubjectExport,
 ) -> Result<String, PipelineError> {
-    let mut t = match &session.robot {
-        Some(robot) => robot.kinematics_in_words(),
-        None => recordings(session, ws, subject) + &kinematics(session, ws, subject)?,
+    let mut t = match (&session.robot, &session.osim) {
+        (Some(robot), _) => robot.kinematics_in_words(),
+        (None, Some(osim)) => recordings(session, ws, subject) + " " + &osim.kinematics_in_words(),
+        (None, None) => recordings(session, ws, subject) + &kinematics(session, ws, subject)?,
     };
     t.push_str(&identification(session, ws, subject)?);
     for difference in aloft_pipeline::made::differences(session, ws) {

@@ -3,6 +3,7 @@
 use aloft_body::ModelSpec;
 use aloft_scale::landmarks::{Side, is_landmark, landmark_names};
 use aloft_study::nearest::nearest;
+use aloft_study::possible::{MARKER_RADIUS_M, MARKER_WEIGHT};
 use aloft_study::{catalog, place, ranges};
 use aloft_trial::{MarkerDefinition, MarkerSet};
 use aloft_workspace::error::PipelineError;
@@ -39,9 +40,6 @@ pub struct MarkerSetCheck {
     /// What it leaves open: joints from body proportions, links with too few markers.
     pub remarks: Vec<SetFinding>,
 }
-
-/// Largest plausible radius of a marker, m.
-const LARGEST_RADIUS_M: f64 = 0.03;
 
 /// Reads and checks a marker-set file.
 ///
@@ -88,10 +86,10 @@ fn findings(
 ) -> (Vec<SetFinding>, Vec<SetFinding>) {
     let (mut errors, mut remarks) = (Vec::new(), Vec::new());
     let whole = |problem: String, hint: Option<String>| SetFinding { line: None, problem, hint };
-    if !(0.0..=LARGEST_RADIUS_M).contains(&set.marker_radius_m) {
+    if !(0.0..=MARKER_RADIUS_M).contains(&set.marker_radius_m) {
         errors.push(SetFinding {
             line: line("marker_radius_m"),
-            problem: format!("`marker_radius_m: {}` (0 to {LARGEST_RADIUS_M} are possible)", set.marker_radius_m),
+            problem: format!("`marker_radius_m: {}` (0 to {MARKER_RADIUS_M} are possible)", set.marker_radius_m),
             hint: Some("it is in metres: 14 mm markers have 0.007".to_owned()),
         });
     }
@@ -158,6 +156,10 @@ fn of_marker(
             suggestion(&marker.link, &links)
         };
         error("link", format!("`{label}`: model `{}` has no link `{}`", model.name, marker.link), Some(hint));
+    }
+    if !(0.0..=MARKER_WEIGHT).contains(&marker.weight) {
+        let hint = Some("1 is usual; 0 leaves the marker out".to_owned());
+        error("weight", format!("`{label}`: weight {} (0 to {MARKER_WEIGHT} are possible)", marker.weight), hint);
     }
     if let Some(landmark) = &marker.landmark {
         let names = landmark_names();

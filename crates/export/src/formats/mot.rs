@@ -1,11 +1,12 @@
 //! MOT: coordinates of the exported model in degrees and metres, as solved and filtered; set-up
 //! file for OpenSim's inverse kinematics.
 
-use crate::coordinates::{CoordinateSeries, Quantity};
+use crate::coordinates::Quantity;
 use crate::number::{exact, fixed, joined};
 use crate::storage::{extent, text};
 use crate::xml::Xml;
 use crate::{ExportError, Format, OutFile, SubjectExport, TrialExport, names};
+use std::ops::Range;
 
 /// The format.
 pub static FORMAT: Format = Format {
@@ -43,11 +44,19 @@ fn write(subject: &SubjectExport, trial: &TrialExport) -> Result<Vec<OutFile>, E
     let stem = trial.stem();
     let mut out = Vec::new();
     let units = "Angles in degrees, lengths in metres.";
+    if let Some(own) = &trial.file_coordinates {
+        let frames = extent(&own.values, own.names.len());
+        return Ok(vec![
+            crate::osim_file::coordinates(trial, own),
+            setup(subject, trial, frames),
+            marker_errors(trial),
+        ]);
+    }
     if let Some(solved) = &trial.solved {
         let mot = table(subject, trial, &format!("{stem}_ik"), units, &solved.values, 8);
         let what = format!("joint coordinates of {} as inverse kinematics solved them", trial.name);
         out.push(OutFile::text(format!("IK/{stem}_ik.mot"), mot, what));
-        out.push(setup(subject, trial, solved));
+        out.push(setup(subject, trial, extent(&solved.values, solved.n)));
         out.push(marker_errors(trial));
     }
     if let Some(smooth) = &trial.smooth {
@@ -61,9 +70,8 @@ fn write(subject: &SubjectExport, trial: &TrialExport) -> Result<Vec<OutFile>, E
 
 /// Set-up of OpenSim's own inverse kinematics on our TRC and model; its output file does not
 /// overwrite ours.
-fn setup(subject: &SubjectExport, trial: &TrialExport, solved: &CoordinateSeries) -> OutFile {
+fn setup(subject: &SubjectExport, trial: &TrialExport, frames: Range<usize>) -> OutFile {
     let stem = trial.stem();
-    let frames = extent(&solved.values, solved.n);
     let times = [trial.time_s(frames.start), trial.time_s(frames.end.saturating_sub(1))];
     let mut x = Xml::new();
     x.open("OpenSimDocument", &[("Version", "40000")]);

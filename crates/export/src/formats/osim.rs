@@ -17,7 +17,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, SymmetricEigen, UnitQuaternion, Ve
 /// The format.
 pub static FORMAT: Format = Format {
     name: "osim",
-    title: "OpenSim 4 model with the exported inertias and markers; the prior's beside it",
+    title: "OpenSim 4 model with the exported inertias and markers, the prior's beside it; an imported model with identified inertias",
     readers: "OpenSim, OpenSim Moco, SCONE",
     trial: None,
     subject: Some(write),
@@ -25,10 +25,16 @@ pub static FORMAT: Format = Format {
 
 /// Path of the model.
 pub(crate) fn path(subject: &SubjectExport) -> String {
-    format!("Models/{}.osim", subject.id)
+    match &subject.osim_file {
+        Some(file) => crate::osim_file::path(subject, file),
+        None => format!("Models/{}.osim", subject.id),
+    }
 }
 
 fn write(subject: &SubjectExport) -> Result<Vec<OutFile>, ExportError> {
+    if let Some(file) = &subject.osim_file {
+        return crate::osim_file::model(subject, file);
+    }
     let from = match &subject.source {
         InertiaSource::Identified { rows, from_table, .. } if from_table.is_empty() => {
             format!("inertias identified from flights ({rows} rows)")

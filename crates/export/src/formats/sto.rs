@@ -17,6 +17,11 @@ pub static FORMAT: Format = Format {
 };
 
 fn write(subject: &SubjectExport, trial: &TrialExport) -> Result<Vec<OutFile>, ExportError> {
+    if subject.osim_file.is_some() {
+        // the coordinates of the links are not those of the imported model: OpenSim's own inverse
+        // dynamics on the exported motion gives these
+        return Ok(Vec::new());
+    }
     let stem = trial.stem();
     let mut out = Vec::new();
     if let Some(smooth) = trial.smooth.as_ref().filter(|s| !s.rates.is_empty()) {

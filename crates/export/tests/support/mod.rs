@@ -196,6 +196,7 @@ pub fn trial(subject: &SubjectExport, missing: &[usize]) -> TrialExport {
         flights: std::iter::once(25..50).collect(),
         plates: vec![PlateAtFrames { name: "FP1".into(), wrench: wrenches }],
         source: SourceFile { name: "jump01.trc".into(), c3d: None },
+        file_coordinates: None,
         solved: None,
         smooth: None,
         forces: None,

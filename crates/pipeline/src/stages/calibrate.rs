@@ -11,6 +11,7 @@ use aloft_ik::{CalibrateOptions, Calibration, Clip, IkError, IkOptions, calibrat
 use aloft_scale::{Anthropometry, JointUncertainty, ObjectSpec, StaticAnatomy, attach_prior};
 use aloft_study::config::{CalibrateConfig, Switch};
 use aloft_study::facts::Facts;
+use aloft_study::osim::OsimSetup;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::artifact::trial_length;
 use aloft_workspace::error::StageFailure;
@@ -45,6 +46,9 @@ pub struct Params {
     /// True for robots, whose geometry is that of the model file.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     is_robot: bool,
+    /// An OpenSim model, whose geometry and markers are those of the file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    osim: Option<OsimSetup>,
     facts: Facts,
     roles: Vec<(String, Role)>,
 }
@@ -61,6 +65,7 @@ impl StageWork for Work {
             anthropometry: session.anthropometry.clone(),
             object: session.object.clone(),
             is_robot: session.robot.is_some(),
+            osim: session.osim.clone(),
             facts: session.facts.clone(),
             roles: session.included().map(|t| (t.name.clone(), t.role)).collect(),
         }
@@ -74,6 +79,9 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let config = &params.calibrate;
     if let Some(object) = &params.object {
         return super::object::refine(object, &params.facts, config, inputs);
+    }
+    if let Some(osim) = &params.osim {
+        return super::osim::keep_seen(osim, &params.facts, inputs);
     }
     let subject = inputs.results.load_subject("scale")?;
     let mut done = StageReport::default();

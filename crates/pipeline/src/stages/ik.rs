@@ -6,6 +6,7 @@ use aloft_body::{Motion, Subject};
 use aloft_filter::continuous;
 use aloft_ik::{IkOptions, IkReport, LabelExchange, solve};
 use aloft_study::config::IkConfig;
+use aloft_study::osim::OsimSetup;
 use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::artifact::save_motion;
@@ -35,6 +36,8 @@ pub struct Params {
     ik: IkConfig,
     #[serde(skip_serializing_if = "Option::is_none")]
     robot: Option<RobotSetup>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    osim: Option<OsimSetup>,
 }
 
 /// Work of the stage.
@@ -44,7 +47,7 @@ pub struct Work;
 impl StageWork for Work {
     type Params = Params;
     fn params(session: &SubjectSession, trial: Option<&TrialEntry>) -> Params {
-        Params { ik: session.ik_of(trial).clone(), robot: session.robot.clone() }
+        Params { ik: session.ik_of(trial).clone(), robot: session.robot.clone(), osim: session.osim.clone() }
     }
     fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
         run(params, inputs)
@@ -86,6 +89,9 @@ pub fn track(
 fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
     if let Some(robot) = &params.robot {
         return super::robot::motion(robot, inputs);
+    }
+    if let Some(osim) = &params.osim {
+        return super::osim::motion(osim, &params.ik, inputs);
     }
     let name = inputs.trial()?;
     let subject = inputs.results.load_subject("calibrate")?;

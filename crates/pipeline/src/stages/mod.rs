@@ -11,6 +11,7 @@ pub mod identify;
 pub mod ik;
 pub mod import;
 pub mod object;
+pub mod osim;
 pub mod regressor;
 pub mod robot;
 pub mod scale;

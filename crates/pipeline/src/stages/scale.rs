@@ -5,6 +5,7 @@ use aloft_body::{ModelSpec, Subject};
 use aloft_scale::{Anthropometry, HipMethod, ObjectSpec, PersonInput, ScaleOptions, Scaled, scale_person};
 use aloft_study::config::{ScaleConfig, StaticFrames};
 use aloft_study::facts::Facts;
+use aloft_study::osim::OsimSetup;
 use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_trial::MarkerSet;
@@ -19,7 +20,7 @@ pub static STAGE: Stage = Stage {
     version: 2,
     scope: Scope::Session,
     seconds: 0.03,
-    reads: "static trial (objects: calibration trial, too), anthropometry or object description; robots: model file",
+    reads: "static trial (objects: calibration trial, too), anthropometry or object description; robots and OpenSim models: the model file",
     gives: "`Subject`: the model with this body's joint centres, marker places and prior inertias",
     needs: &[Need::EveryOrStaticFrames("import", &[Role::Static, Role::Calibration])],
     parameters: parameters_of::<Work>,
@@ -35,6 +36,8 @@ pub struct Params {
     object: Option<ObjectSpec>,
     #[serde(skip_serializing_if = "Option::is_none")]
     robot: Option<RobotSetup>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    osim: Option<OsimSetup>,
     anthropometry: Anthropometry,
     facts: Facts,
     static_frames: Option<StaticFrames>,
@@ -53,6 +56,7 @@ impl StageWork for Work {
             marker_set: session.marker_set.clone(),
             object: session.object.clone(),
             robot: session.robot.clone(),
+            osim: session.osim.clone(),
             anthropometry: session.anthropometry.clone(),
             facts: session.facts.clone(),
             static_frames: session.config.trials.static_frames.clone(),
@@ -119,6 +123,9 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     }
     if let Some(robot) = &params.robot {
         return super::robot::scale(robot, &params.facts, inputs);
+    }
+    if let Some(osim) = &params.osim {
+        return super::osim::scale(osim, &params.facts, inputs);
     }
     let (name, frames) = static_source(params, inputs)?;
     let trial = inputs.results.load_trial(&name)?;

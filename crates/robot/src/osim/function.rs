@@ -56,6 +56,34 @@ impl Function {
         }
     }
 
+    /// Derivative with respect to the coordinate.
+    pub fn slope(&self, x: f64) -> f64 {
+        match self {
+            Self::Constant(_) => 0.0,
+            Self::Polynomial(c) => {
+                let n = c.len().saturating_sub(1);
+                c.iter().take(n).enumerate().fold(0.0, |sum, (i, c)| sum * x + c * (n - i) as f64)
+            }
+            Self::Spline(s) => s.slope(x),
+            Self::Scaled(f, by) => by * f.slope(x),
+        }
+    }
+
+    /// True for the coordinate itself or its negative.
+    pub fn is_one_to_one(&self) -> bool {
+        matches!(self, Self::Polynomial(c) if matches!(c.as_slice(), [slope, 0.0] if slope.abs() == 1.0))
+    }
+
+    /// True for a value that no coordinate changes.
+    pub fn is_constant(&self) -> bool {
+        match self {
+            Self::Constant(_) => true,
+            Self::Polynomial(c) => c.iter().rev().skip(1).all(|c| *c == 0.0),
+            Self::Spline(s) => s.y.windows(2).all(|y| y[0] == y[1]),
+            Self::Scaled(f, by) => *by == 0.0 || f.is_constant(),
+        }
+    }
+
     /// True for a value that no coordinate changes and that is zero.
     pub fn is_zero(&self) -> bool {
         match self {
@@ -138,6 +166,19 @@ impl Spline {
         let h = at - self.x[i];
         self.y[i] + h * (self.b[i] + h * (self.c[i] + h * self.d[i]))
     }
+
+    fn slope(&self, at: f64) -> f64 {
+        let last = self.x.len() - 1;
+        if at < self.x[0] {
+            return self.b[0];
+        }
+        if at > self.x[last] {
+            return self.b[last];
+        }
+        let i = self.x.partition_point(|x| *x <= at).saturating_sub(1).min(last);
+        let h = at - self.x[i];
+        self.b[i] + h * (2.0 * self.c[i] + h * 3.0 * self.d[i])
+    }
 }
 
 #[cfg(test)]
@@ -153,6 +194,7 @@ mod tests {
         for k in 0..=45 {
             let at = -2.0 + 0.1 * f64::from(k);
             assert!((spline.value(at) - f(at)).abs() < 1e-12, "{at}");
+            assert!((spline.slope(at) - (0.9 * at * at - 2.0 * at + 2.0)).abs() < 1e-11, "{at}");
         }
         // straight beyond the ends
         let slope = (spline.value(4.0) - spline.value(3.0)) / 1.0;

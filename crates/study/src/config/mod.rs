@@ -32,10 +32,10 @@ pub struct PipelineConfig {
     /// Folder for results, relative to this file. `--workspace` replaces it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub workspace: Option<String>,
-    /// Model: a name in `configs/models/` or a path to a YAML or URDF file. A robot's is named by its description.
+    /// Model: a name in `configs/models/`, or a path to a YAML, URDF or OpenSim 4 (`.osim`) file. A robot's is named by its description.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub model: String,
-    /// Marker set: a name in `configs/markersets/` or a path. Robots have none.
+    /// Marker set: a name in `configs/markersets/` or a path. Robots have none; an OpenSim model brings its own.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub marker_set: String,
     /// Object description (links whose frames are defined by markers): a name in `configs/objects/` or a path. Leave out for people.
