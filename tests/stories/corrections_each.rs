@@ -1,7 +1,7 @@
 //! Every correction hidden in a simulated laboratory: the session check offers it with an interval that
 //! holds the truth; applied, it becomes a rung of the ladder and the error falls.
 
-use crate::support::{aloft, expect, folder, json};
+use crate::support::{aloft, expect, folder, json, unwrapped};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -173,7 +173,7 @@ fn a_plate_zero_is_offered_and_corrected_and_a_plate_that_is_not_there_is_refuse
     let ws = dir.path().join("ws").display().to_string();
     for command in ["check", "run"] {
         let refused = aloft(&[command, &pipeline, "--workspace", &ws]);
-        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+        let said = unwrapped(&refused.stderr);
         assert_eq!(refused.status.code(), Some(2), "{command}: {said}");
         for part in ["lab.yaml", "`FP7`, which none of the", "their plates are FP1, FP2"] {
             assert!(said.contains(part), "{command}: {said}");

@@ -1,7 +1,7 @@
 //! A laboratory with an OpenSim model: from `init` to the same file with identified inertias.
 //! `fixtures/osim` holds flights that OpenSim simulated with another body's inertias.
 
-use crate::support::{aloft, expect, folder, json, repo};
+use crate::support::{aloft, expect, folder, json, repo, unwrapped};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -118,7 +118,7 @@ fn what_does_not_fit_an_opensim_model_is_refused_with_its_place() {
         let whole = format!("name: p\ndata: .\n{text}trials:\n  identify: [\"throw*.trc\"]\n");
         fs::write(&pipeline, whole).unwrap();
         let done = aloft(&["check", &pipeline]);
-        let said = String::from_utf8_lossy(&done.stderr).into_owned();
+        let said = unwrapped(&done.stderr);
         assert_eq!(done.status.code(), Some(2), "{text}: {said}");
         said
     };

@@ -32,6 +32,12 @@ pub fn expect(words: &[&str], code: i32) -> (String, String) {
     (out, err)
 }
 
+/// What a command said, with the lines of a wrapped message joined.
+pub fn unwrapped(said: &[u8]) -> String {
+    let text = String::from_utf8_lossy(said).into_owned();
+    text.split(['\n', '│']).map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" ")
+}
+
 /// Runs a `--json` command and parses its output.
 pub fn json(words: &[&str]) -> serde_json::Value {
     let (out, _) = expect(words, 0);

@@ -208,7 +208,9 @@ pub(crate) fn find_facts(
     if let (None, Some((name, _))) = (stated, at.model) {
         sources.push(format!("{name} (body mass)"));
     }
-    let mass_kg = stated.or(at.model.map(|m| m.1)).ok_or_else(|| {
+    // no scale knows more digits
+    let of_model = at.model.map(|m| (100.0 * m.1).round() / 100.0);
+    let mass_kg = stated.or(of_model).ok_or_else(|| {
         error_at_key(
             file,
             text,

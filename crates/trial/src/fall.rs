@@ -5,21 +5,27 @@ use nalgebra::{Matrix3, Vector3};
 
 /// Length of the windows over which a fall is sought, s.
 const WINDOW_S: f64 = 0.2;
-/// Accelerations that count as free fall, m/s²: the middle of the markers is not quite the centre of mass.
-const FALL_MPS2: std::ops::Range<f64> = 8.8..10.8;
+/// Accelerations that count as free fall, m/s²: in a body that turns, the middle of the markers
+/// circles about the centre of mass.
+const FALL_MPS2: std::ops::Range<f64> = 7.5..12.5;
 /// Root mean square distance from a parabola within which a window is a fall, m.
 const PARABOLA_M: f64 = 0.003;
+/// Noise that is always there, m.
+const NOISE_M: f64 = 1e-4;
 /// Fewest markers, and fewest windows.
 const MARKERS: usize = 4;
-const WINDOWS: usize = 2;
+const WINDOWS: usize = 3;
 /// Share of the acceleration along one axis.
-const UPRIGHT: f64 = 0.95;
-/// Share of the windows that agree.
+const UPRIGHT: f64 = 0.75;
+/// Share of the windows that agree on the axis, and surplus of the weights that agree on its sign.
 const AGREE: f64 = 0.9;
+const SURPLUS: f64 = 0.5;
 
 /// Vertical axis told by free fall: the middle of the markers follows a parabola with the
-/// acceleration of gravity, downward. `None` without a fall, or where windows contradict each other
-/// (pushing off, the middle of the markers can accelerate upward as much).
+/// acceleration of gravity, downward. `None` without a fall, or where windows contradict each other.
+///
+/// Pushing off, the middle of the markers can accelerate upward as much, but not as evenly: windows
+/// count by how well a parabola fits them.
 pub(crate) fn up_axis_from_fall(trial: &Trial) -> Option<UpAxis> {
     let rate_hz = trial.markers.rate_hz;
     if !(rate_hz.is_finite() && rate_hz > 0.0) {
@@ -29,20 +35,31 @@ pub(crate) fn up_axis_from_fall(trial: &Trial) -> Option<UpAxis> {
     if n < 6 {
         return None;
     }
-    let mut votes: Vec<UpAxis> = Vec::new();
+    let mut votes: Vec<Vote> = Vec::new();
     let mut start = 0;
     while start + n <= trial.markers.n_frames {
         votes.extend(window(trial, start, n, rate_hz));
         start += (n / 2).max(1);
     }
-    let first = *votes.first()?;
-    let most = votes.iter().map(|v| (votes.iter().filter(|w| *w == v).count(), *v)).max_by_key(|v| v.0);
-    let (count, up) = most.unwrap_or((1, first));
-    (votes.len() >= WINDOWS && count as f64 >= AGREE * votes.len() as f64).then_some(up)
+    let of = |axis: usize| votes.iter().filter(move |v| v.axis == axis);
+    let axis = (0..3).max_by_key(|a| of(*a).count())?;
+    if votes.len() < WINDOWS || (of(axis).count() as f64) < AGREE * votes.len() as f64 {
+        return None;
+    }
+    let (up, all) = of(axis).fold((0.0, 0.0), |(up, all), v| (up + v.weight * v.sign, all + v.weight));
+    (up.abs() > SURPLUS * all).then(|| UpAxis::from_index(axis, up > 0.0))
+}
+
+/// What one window says.
+struct Vote {
+    axis: usize,
+    /// +1 where the axis points up.
+    sign: f64,
+    weight: f64,
 }
 
 /// The axis that points up in one window, if the markers fall in it.
-fn window(trial: &Trial, start: usize, n: usize, rate_hz: f64) -> Option<UpAxis> {
+fn window(trial: &Trial, start: usize, n: usize, rate_hz: f64) -> Option<Vote> {
     let whole = |track: &&Vec<Vector3<f64>>| {
         track.get(start..start + n).is_some_and(|w| w.iter().all(|p| p.iter().all(|x| x.is_finite())))
     };
@@ -67,8 +84,11 @@ fn window(trial: &Trial, start: usize, n: usize, rate_hz: f64) -> Option<UpAxis>
     let acceleration = 2.0 * fit.row(2).transpose();
     let axis = acceleration.iamax();
     let falls = FALL_MPS2.contains(&acceleration.norm()) && rms_m < PARABOLA_M;
-    (falls && acceleration[axis].abs() > UPRIGHT * acceleration.norm())
-        .then(|| UpAxis::from_index(axis, acceleration[axis] < 0.0))
+    (falls && acceleration[axis].abs() > UPRIGHT * acceleration.norm()).then(|| Vote {
+        axis,
+        sign: -acceleration[axis].signum(),
+        weight: 1.0 / (rms_m * rms_m + NOISE_M * NOISE_M),
+    })
 }
 
 #[cfg(test)]

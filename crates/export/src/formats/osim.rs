@@ -17,7 +17,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, SymmetricEigen, UnitQuaternion, Ve
 /// The format.
 pub static FORMAT: Format = Format {
     name: "osim",
-    title: "OpenSim 4 model with the exported inertias and markers, the prior's beside it; an imported model with identified inertias",
+    title: "OpenSim 4 model with the exported inertias and markers; the prior's beside it",
     readers: "OpenSim, OpenSim Moco, SCONE",
     trial: None,
     subject: Some(write),

@@ -1,6 +1,6 @@
 //! Poses of the bodies as functions of the file's coordinates, and what each coordinate turns and moves.
 
-use super::{Axis, Joint, OsimModel};
+use super::model::{Axis, Joint, OsimModel};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 /// What one coordinate does at one joint, in ground axes, per unit of the coordinate.

@@ -1,6 +1,6 @@
 //! The exact tree of a model: three sliders and a ball for each joint that translates.
 
-use super::{Joint, OsimModel};
+use super::model::{Joint, OsimModel};
 use aloft_body::{JointSpec, LinkInertia, LinkSpec, Model, ModelSpec};
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
 

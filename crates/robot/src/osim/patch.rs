@@ -1,7 +1,9 @@
 //! Identified inertias back into the text of an OpenSim model. Only mass, mass centre and inertia of
 //! bodies change: order, comments and layout stay.
 
-use super::{OsimModel, RigidTree, read};
+use super::model::OsimModel;
+use super::read;
+use super::rigid::RigidTree;
 use crate::RobotError;
 use crate::patch::{Patched, number};
 use aloft_body::LinkInertia;

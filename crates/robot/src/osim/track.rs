@@ -4,8 +4,8 @@
 //! Every frame starts from the one before. The first, and one whose fit is suddenly worse, starts
 //! from the posture at the defaults, put onto the markers as a whole.
 
-use super::rigid::world_from_ground;
-use super::{OsimMarker, OsimModel, RigidTree};
+use super::model::{OsimMarker, OsimModel};
+use super::rigid::{RigidTree, world_from_ground};
 use aloft_body::rigid::fit_pose_of_seen;
 use aloft_body::{ModelMarker, Motion};
 use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector3};
