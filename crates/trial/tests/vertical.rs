@@ -59,3 +59,15 @@ fn without_any_evidence_a_negative_screen_axis_does_not_turn_the_body_over() {
     let trial = Trial::from_c3d_file("stated", &file, &stated).unwrap();
     assert!((trial.markers.position(0, 0).unwrap().z - 0.5).abs() < 1e-6);
 }
+
+#[test]
+fn a_body_that_tumbles_in_the_air_falls_along_the_vertical() {
+    // in the third throw the shoulders are beside the feet on average
+    for k in 1..=6 {
+        let name = format!("throw_{k:02}");
+        let path = format!("{}/../../fixtures/osim/{name}.trc", env!("CARGO_MANIFEST_DIR"));
+        let text = std::fs::read_to_string(path).unwrap();
+        let trial = Trial::from_trc_mot(&name, &text, None, &ImportOptions::default()).unwrap();
+        assert_eq!(trial.world_from_source, UpAxis::Y.world_from_source(), "{name}");
+    }
+}
