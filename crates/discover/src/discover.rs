@@ -185,7 +185,18 @@ pub fn discover(
                     let usable: Vec<bool> =
                         scores.iter().map(|s| !s.placebo && limit(s.effect, false, options) > 0.0).collect();
                     let refit = Refit { accepted, kept: &kept, found: &found, options };
-                    pair_alone(session, &problem, &scores, &usable, &refit)
+                    let any = pair_alone(session, &problem, &scores, &usable, &refit)?;
+                    // an effect that contains another one counts only if it does better
+                    let wider = |i: usize| {
+                        let contains = scores[i].effect.about().contains;
+                        (0..scores.len()).any(|j| usable[j] && contains.contains(&scores[j].effect.id()))
+                    };
+                    let plain: Vec<bool> = (0..scores.len()).map(|i| usable[i] && !wider(i)).collect();
+                    let better = |p: &(_, _, f64, _)| (any.2 / p.2).sqrt() < options.belief;
+                    match pair_alone(session, &problem, &scores, &plain, &refit) {
+                        Some(pair) if !better(&pair) => Some(pair),
+                        _ => Some(any),
+                    }
                 });
             if let Some((a, b, error, ids)) = pair {
                 let both = two(&a, &b);
