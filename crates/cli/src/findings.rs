@@ -221,14 +221,18 @@ fn candidates(d: &Discovery, shown: usize) -> Result<(), Stop> {
     let place = place.map(|c| c.judged_on.clone()).or_else(|| d.rounds.first().map(|r| r.judged_on.clone()));
     let place = place.unwrap_or_default();
     all.sort_by_key(|c| c.judged_on != place);
-    let header =
-        ["candidate", "in", "left %", "95 %", "coefficient", "± 95 %", "detectable", "unit", "confusable with"];
-    let mut t = table(&header).left(&[1, 7]).wrapped(8).optional(&[6, 3, 1]);
+    // the column `in` only where there is something to tell apart
+    let places = usize::from(all.iter().any(|c| c.judged_on != place));
+    let mut header = vec!["candidate"];
+    header.extend(["in"].iter().take(places));
+    header.extend(["left %", "95 %", "coefficient", "± 95 %", "detectable", "unit", "confusable with"]);
+    let left: Vec<usize> = (1..=places).chain([6 + places]).collect();
+    let mut t = table(&header).left(&left).wrapped(7 + places).optional(&[5 + places, 2 + places]);
     for c in all.iter().take(shown) {
         let first = c.coefficients.first();
-        t.add_row([
-            c.key.clone(),
-            c.judged_on.clone(),
+        let mut row = vec![c.key.clone()];
+        row.extend((places > 0).then(|| c.judged_on.clone()));
+        row.extend([
             format!("{:.0}", 100.0 * c.held_out_ratio),
             format!("{:.0} to {:.0}", 100.0 * c.ci95[0], 100.0 * c.ci95[1]),
             first.map_or("–".into(), |e| if e.at_bound { significant(e.value, 3) } else { beside(e.value, e.ci95) }),
@@ -237,6 +241,7 @@ fn candidates(d: &Discovery, shown: usize) -> Result<(), Stop> {
             first.map_or(String::new(), |e| unit(&e.unit)),
             like(c).join(" "),
         ]);
+        t.add_row(row);
     }
     out(t)?;
     let more = all.len().saturating_sub(shown);

@@ -152,7 +152,9 @@ pub fn discover(
             let enough = chosen.is_some_and(|r| at_floor.as_ref().is_some_and(|f| f.reached_by(mean_square(r))));
             let pair = match chosen {
                 Some(rival) if go_on && !enough => {
-                    let named = |id: &str| round.effects.iter().any(|e| e == id);
+                    // one that stands for what is named, at the edge of its range, is named, too
+                    let limit_of_named = |id: &str| round.duels.iter().any(|d| d.only_as_limit && d.effect == id);
+                    let named = |id: &str| round.effects.iter().any(|e| e == id) || limit_of_named(id);
                     let usable: Vec<bool> = scores
                         .iter()
                         .map(|s| {

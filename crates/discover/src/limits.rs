@@ -48,6 +48,6 @@ mod tests {
             assert_eq!(found, expected, "{}", effect.id());
             seen[family] += 1;
         }
-        assert_eq!(seen, [17, 5, 7]);
+        assert_eq!(seen, [17, 7, 7]);
     }
 }

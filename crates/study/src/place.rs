@@ -157,24 +157,23 @@ pub fn error_at_key(
     problem: impl Into<String>,
     hint: Option<String>,
 ) -> PipelineError {
+    // plain, or in quotes as in JSON
+    let forms = [key.to_owned(), format!("\"{key}\""), format!("'{key}'")];
+    let is_key = |line: &str| {
+        let rest = forms.iter().find_map(|form| line.strip_prefix(form.as_str()));
+        rest.is_some_and(|rest| rest.trim_start().starts_with(':'))
+    };
     let mut offset = 0;
     let mut at = None;
     for line in text.split_inclusive('\n') {
         let trimmed = line.trim_start();
-        if trimmed.starts_with(key) && trimmed[key.len()..].trim_start().starts_with(':') {
-            let start = offset + line.len() - trimmed.len();
-            at = Some(SourceSpan::new(SourceOffset::from(start), trimmed.trim_end().len()));
+        if is_key(trimmed) {
+            at = Some((offset + line.len() - trimmed.len(), trimmed.trim_end().len()));
             break;
         }
         offset += line.len();
     }
-    PipelineError::Config {
-        file: file.to_owned(),
-        problem: problem.into(),
-        text: NamedSource::new(file, text.to_owned()),
-        at,
-        hint,
-    }
+    error_at(file, text, at, &problem.into(), hint)
 }
 
 /// A configuration error that points at an item of the list under `key:` (at the key where items do not begin lines of their own).
