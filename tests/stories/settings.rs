@@ -12,8 +12,10 @@ use std::path::Path;
 const ABSURD: [&str; 11] = [".nan", ".inf", "-.inf", "1e999", "1e38", "-1e38", "-1", "0", "abc", "\"5\"", "[1]"];
 
 /// Those of these values that are accepted, by setting: the value, and why it is meaningful.
-const ACCEPTED: [(&str, &str, &str); 27] = [
+const ACCEPTED: [(&str, &str, &str); 29] = [
     ("corrections.plate_delay_s", "0", "nothing is corrected"),
+    ("set.corrections.plate_zero.L0_1.force_n", "-1", "a reading, of a subject who is not in this session"),
+    ("set.corrections.plate_zero.L0_1.moment_nm", "-1", "a reading, of a subject who is not in this session"),
     ("corrections.vertical_deg", "0", "nothing is corrected"),
     ("corrections.vertical_deg", "-1", "an angle"),
     ("import.fill_gaps_s", "0", "no gap is filled"),
