@@ -2,7 +2,7 @@
 //! the body by itself. From them the estimate for any choice of effects takes a few small products,
 //! so that a page in a browser can do it.
 //!
-//! With `x = x₀ + L y` (as in [`crate::system`]) and `A L = U S Vᵀ`, the rows become
+//! With `x = x₀ + L y` (as in the module `system`) and `A L = U S Vᵀ`, the rows become
 //!
 //! ```text
 //! S y' + Ẽ θ ≈ b̃      one row for each direction of the body, y' = Vᵀ y
