@@ -83,6 +83,8 @@ pub(crate) fn conclude(
             once.push(id);
         }
     }
+    // what a round named was dropped again beside the effects of later rounds: nothing is named for sure
+    let lost = once.is_empty() && matches!(verdict, Verdict::Supported | Verdict::OneOf);
     let mut candidates: Vec<Candidate> = Vec::new();
     for r in &rounds {
         for c in &r.candidates {
@@ -121,7 +123,7 @@ pub(crate) fn conclude(
         let standing = session.standing[i]?;
         let share = match (i, has_flights) {
             _ if kept.is_empty() => 1.0,
-            (0, true) | (_, false) => (after / before).sqrt(),
+            (0, true) | (_, false) if !lost => (after / before).sqrt(),
             _ => error_with(places[i], &kept, &found)? / first_error[i],
         };
         share.is_finite().then_some(Standing { held_out_error: standing.held_out_error * share, ..standing })
@@ -157,13 +159,17 @@ pub(crate) fn conclude(
             let judged_here = kept.iter().any(|v| v.effect.acts().in_flight() == (i == 0));
             let misfit = judged_here && before.share_left(&after) > LACK_OF_FIT;
             // nothing is missing only where the error is at its floor
-            let remains = kept.is_empty() && verdict == Verdict::NothingMissing && after.is_above();
+            let nothing = kept.is_empty() && verdict == Verdict::NothingMissing;
+            let remains = (nothing || lost) && after.is_above();
             (after.is_far() || misfit || remains).then(|| (wording::domain(places[i]), after))
         })
         .max_by(|a, b| a.1.times_floor().total_cmp(&b.1.times_floor()));
     if far.is_some() {
         out.verdict = Verdict::Unexplained;
         out.effects.clear();
+    } else if lost {
+        out.effects = out.found.iter().map(|f| f.effect.clone()).collect();
+        out.verdict = if out.effects.is_empty() { Verdict::NothingMissing } else { Verdict::OneOf };
     }
     if has_flights && !options.closed && options.only.is_empty() {
         look_beyond(session, accepted, effects, &kept, &left, &mut out, until, options);
