@@ -164,17 +164,19 @@ pub(crate) fn conclude(
             (after.is_far() || misfit || remains).then(|| (wording::domain(places[i]), after))
         })
         .max_by(|a, b| a.1.times_floor().total_cmp(&b.1.times_floor()));
-    if far.is_some() {
+    if far.is_some() || lost {
         out.verdict = Verdict::Unexplained;
         out.effects.clear();
-    } else if lost {
-        out.effects = out.found.iter().map(|f| f.effect.clone()).collect();
-        out.verdict = if out.effects.is_empty() { Verdict::NothingMissing } else { Verdict::OneOf };
     }
     if has_flights && !options.closed && options.only.is_empty() {
         look_beyond(session, accepted, effects, &kept, &left, &mut out, until, options);
     }
-    out.words = wording::answer(&out, far);
+    out.words = if lost && far.is_none() {
+        "unexplained: the effects that a round named were dropped again beside those found later, so none is named"
+            .to_owned()
+    } else {
+        wording::answer(&out, far)
+    };
     if let Some(open) = &out.open {
         out.words = wording::with_open(&out, open, far.is_some());
     }
