@@ -4,6 +4,21 @@ use aloft_compare::significant;
 use aloft_discover::{Discovery, Verdict};
 use aloft_effects::EffectKind;
 
+/// What is missing, group by group: `one of {wind, tilt}, and flywheel`.
+pub fn groups(d: &Discovery) -> String {
+    let each: Vec<String> = d
+        .groups
+        .iter()
+        .map(|g| match (g.is_sure(), g.missing) {
+            (true, _) => g.effects.join(", "),
+            (_, 1) => format!("one of {{{}}}", g.effects.join(", ")),
+            (_, n) => format!("{n} of {{{}}}", g.effects.join(", ")),
+        })
+        .collect();
+    // results of an earlier version have no groups
+    if each.is_empty() { format!("one of {{{}}}", d.effects.join(", ")) } else { each.join(", and ") }
+}
+
 /// The verdict in a few words: `supported: tether`, `one of {wind, tilt}`, `nothing missing` …
 pub fn words(d: &Discovery) -> String {
     let kind = |id: &String| d.candidates.iter().find(|c| c.effect == *id).map(|c| c.kind);
@@ -12,7 +27,7 @@ pub fn words(d: &Discovery) -> String {
     match d.verdict {
         Verdict::Supported if artefact => format!("artefact more likely: {}", names()),
         Verdict::Supported => format!("supported: {}", names()),
-        Verdict::OneOf => format!("one of {{{}}}", names()),
+        Verdict::OneOf => groups(d),
         Verdict::NothingMissing if !d.not_tried.is_empty() => {
             let left: Vec<&str> = d.not_tried.iter().map(|n| n.effect.as_str()).collect();
             format!("nothing missing among what could be tried (not tried: {})", left.join(", "))

@@ -9,7 +9,7 @@ use crate::stop::Stop;
 use aloft_analysis::discover::DiscoveryView;
 use aloft_analysis::effect::EffectLine;
 use aloft_analysis::verdict;
-use aloft_discover::{Candidate, Discovery, Estimate, SelfTest};
+use aloft_discover::{Candidate, Discovery, Estimate, SelfTest, Verdict};
 use aloft_effects::{ActsIn, EffectKind};
 
 /// Candidates shown without `--details`, and with it.
@@ -71,6 +71,9 @@ pub fn discovery(view: &DiscoveryView, at: &PipelineArgs, details: bool) -> Resu
     if let Some(words) = how_sure(d) {
         out(labelled("sure: ", &words))?;
     }
+    if d.found.is_empty() || d.verdict == Verdict::Unexplained {
+        out(labelled("", &d.words))?;
+    }
     for found in &d.found {
         let estimates: Vec<&Estimate> = found.coefficients.iter().chain(&found.nonlinear).collect();
         let mut t = table(&[found.key.as_str(), "value", "± 95 %", "unit"]).left(&[3]);
@@ -82,9 +85,6 @@ pub fn discovery(view: &DiscoveryView, at: &PipelineArgs, details: bool) -> Resu
         if !found.trials.is_empty() {
             out(labelled("  acts in ", &names(&found.trials)))?;
         }
-    }
-    if d.found.is_empty() {
-        out(labelled("", &d.words))?;
     }
     out("")?;
     candidates(d, if details { LONG } else { SHORT })?;
@@ -177,7 +177,7 @@ fn errors(view: &DiscoveryView) -> Result<(), Stop> {
 
 /// Evidence for the effect found first, in one sentence.
 fn how_sure(d: &Discovery) -> Option<String> {
-    let first = d.found.first()?;
+    let first = d.found.first().filter(|_| d.verdict != Verdict::Unexplained)?;
     let c = d.candidates.iter().find(|c| c.effect == first.effect)?;
     let round = d.rounds.iter().find(|r| r.judged_on == c.judged_on && r.effects.contains(&c.effect))?;
     let (share, chance) = round.by_chance();

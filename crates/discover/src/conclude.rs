@@ -11,7 +11,7 @@ use crate::problem::{Domain, Problem};
 use crate::progress::Until;
 use crate::rank::judged_in;
 use crate::repeating::widen;
-use crate::result::{Candidate, Discovery, Found, Round, Verdict};
+use crate::result::{Candidate, Discovery, Found, Group, Round, Verdict};
 use crate::round::wanted;
 use crate::session::Session;
 use crate::wording;
@@ -51,6 +51,21 @@ pub(crate) fn widen_found(
     }
 }
 
+/// What the rounds named, without what was dropped again beside effects of later rounds.
+fn groups<'r>(rounds: impl Iterator<Item = &'r Round>, found: &[Found]) -> Vec<Group> {
+    let mut out: Vec<Group> = Vec::new();
+    for round in rounds {
+        let stayed: Vec<String> =
+            round.joined.iter().filter(|id| found.iter().any(|f| f.effect == **id)).cloned().collect();
+        match round.verdict {
+            _ if stayed.is_empty() => {}
+            Verdict::Supported => out.extend(stayed.into_iter().map(|id| Group { effects: vec![id], missing: 1 })),
+            _ => out.push(Group { effects: round.effects.clone(), missing: stayed.len() }),
+        }
+    }
+    out
+}
+
 /// The answer.
 pub(crate) fn conclude(
     session: &Session<'_>,
@@ -69,22 +84,22 @@ pub(crate) fn conclude(
         steps.extend(addition(session, &model, &choice, options).ok());
         model.push(choice);
     }
-    let first = rounds.iter().find(|r| matches!(r.verdict, Verdict::Supported | Verdict::OneOf));
-    let verdict = first.map_or_else(|| rounds.first().map_or(Verdict::NotDetectable, |r| r.verdict), |r| r.verdict);
-    let mut named: Vec<String> = first.map(|r| r.effects.clone()).unwrap_or_default();
-    if verdict == Verdict::Supported {
-        let sure =
-            |id: &str| rounds.iter().any(|r| r.verdict == Verdict::Supported && r.effects.iter().any(|e| e == id));
-        named = found.iter().map(|f| f.effect.clone()).filter(|id| sure(id)).collect();
-    }
+    let named = |r: &&Round| matches!(r.verdict, Verdict::Supported | Verdict::OneOf);
+    let groups = groups(rounds.iter().filter(named), &found);
+    let first = rounds.first().map_or(Verdict::NotDetectable, |r| r.verdict);
+    let verdict = match groups.first() {
+        Some(group) if group.is_sure() => Verdict::Supported,
+        Some(_) => Verdict::OneOf,
+        None => rounds.iter().find(named).map_or(first, |r| r.verdict),
+    };
     let mut once: Vec<String> = Vec::new();
-    for id in named {
-        if !once.contains(&id) {
-            once.push(id);
+    for id in groups.iter().filter(|g| verdict == Verdict::OneOf || g.is_sure()).flat_map(|g| &g.effects) {
+        if !once.contains(id) {
+            once.push(id.clone());
         }
     }
     // what a round named was dropped again beside the effects of later rounds: nothing is named for sure
-    let lost = once.is_empty() && matches!(verdict, Verdict::Supported | Verdict::OneOf);
+    let lost = groups.is_empty() && matches!(verdict, Verdict::Supported | Verdict::OneOf);
     let mut candidates: Vec<Candidate> = Vec::new();
     for r in &rounds {
         for c in &r.candidates {
@@ -133,6 +148,7 @@ pub(crate) fn conclude(
         schema: 1,
         verdict,
         effects: once,
+        groups,
         words: String::new(),
         noise_floor: standing.map_or(f64::NAN, |s| s.noise_floor),
         noise_floor_ci95: standing.and_then(|s| s.noise_floor_ci95),
@@ -167,6 +183,7 @@ pub(crate) fn conclude(
     if far.is_some() || lost {
         out.verdict = Verdict::Unexplained;
         out.effects.clear();
+        out.groups.clear();
     }
     if has_flights && !options.closed && options.only.is_empty() {
         look_beyond(session, accepted, effects, &kept, &left, &mut out, until, options);

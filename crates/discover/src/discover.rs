@@ -9,7 +9,7 @@ use crate::ladder::{Refit, as_found, extra_columns, key_of, prune, refit_found, 
 use crate::limits::limit;
 use crate::not_tried::{NotTried, not_tried};
 use crate::options::DiscoverOptions;
-use crate::pairs::{better_pair, pair_alone};
+use crate::pairs::{better_pair, pair_alone, pair_as_good};
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
 use crate::rank::judged_in;
@@ -150,6 +150,7 @@ pub fn discover(
             let go_on = matches!(round.verdict, Verdict::Supported | Verdict::OneOf);
             let sure = round.verdict == Verdict::Supported;
             let enough = chosen.is_some_and(|r| at_floor.as_ref().is_some_and(|f| f.reached_by(mean_square(r))));
+            let refit = Refit { accepted, kept: &kept, found: &found, options };
             let pair = match chosen {
                 Some(rival) if go_on && !enough => {
                     // one that stands for what is named, at the edge of its range, is named, too
@@ -162,7 +163,6 @@ pub fn discover(
                             !s.placebo && !more && !named(s.effect.id()) && limit(s.effect, false, options) > 0.0
                         })
                         .collect();
-                    let refit = Refit { accepted, kept: &kept, found: &found, options };
                     better_pair(session, &problem, &scores, rival.index, &usable, PAIR, &refit)
                 }
                 _ => None,
@@ -186,7 +186,6 @@ pub fn discover(
                     }
                     let usable: Vec<bool> =
                         scores.iter().map(|s| !s.placebo && limit(s.effect, false, options) > 0.0).collect();
-                    let refit = Refit { accepted, kept: &kept, found: &found, options };
                     let any = pair_alone(session, &problem, &scores, &usable, &refit)?;
                     // an effect that contains another one counts only if it does better
                     let wider = |i: usize| {
@@ -201,8 +200,8 @@ pub fn discover(
                     }
                 });
             if let Some((a, b, error, ids)) = pair {
-                let both = two(&a, &b);
-                let sure_of_both = ids.iter().all(|id| both.contains(id));
+                let both_ids = two(&a, &b);
+                let sure_of_both = ids.iter().all(|id| both_ids.contains(id));
                 let share = 100.0 * (error / (plain * problem.n_judged as f64)).sqrt();
                 let both = format!("`{}` and `{}`", key_of(session, &a), key_of(session, &b));
                 round.words = if go_on {
@@ -218,6 +217,7 @@ pub fn discover(
                 };
                 round.verdict = if sure_of_both { Verdict::Supported } else { Verdict::OneOf };
                 round.effects = ids;
+                round.joined = both_ids;
                 rounds.push(round);
                 first_gain = first_gain.or(Some(gain));
                 if domain == Domain::Flight || !has_flights {
@@ -228,6 +228,21 @@ pub fn discover(
                     kept.push(part.variant);
                 }
                 continue;
+            }
+            if let (true, Some(rival)) = (go_on, chosen) {
+                let usable: Vec<bool> =
+                    scores.iter().map(|s| !s.placebo && limit(s.effect, false, options) > 0.0).collect();
+                if let Some((a, b, _)) = pair_as_good(session, &problem, &scores, rival.index, &usable, &refit) {
+                    let [first, second] = [&a, &b].map(|s| key_of(session, s));
+                    round.words = wording::or_pair(&round.effects, [&first, &second], &round.candidates);
+                    for id in two(&a, &b) {
+                        if !round.effects.contains(&id) {
+                            round.effects.push(id);
+                        }
+                    }
+                    round.verdict = Verdict::OneOf;
+                }
+                round.joined.push(rival.id().to_owned());
             }
             rounds.push(round);
             if !go_on {

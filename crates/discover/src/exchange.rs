@@ -68,6 +68,12 @@ pub(crate) fn exchange(
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             rng.set_stream(draw as u64);
             let delta: Vec<DVector<f64>> = match turned(session, truth, draw) {
+                // repeating errors of a person stay as they are; an effect without a direction is added
+                // in other sizes
+                None if session.prior.is_some() => {
+                    let size = other_size(truth, draw);
+                    signal.iter().map(|s| s * (size - 1.0)).collect()
+                }
                 Some((variant, theta)) => {
                     let columns = variant.columns(session, problem)?;
                     let k = energy(problem, &fitted, &truth.theta) / energy(problem, &columns, &theta);
@@ -76,8 +82,6 @@ pub(crate) fn exchange(
                     }
                     columns.iter().zip(&signal).map(|(c, s)| c * (&theta * k.sqrt()) - s).collect()
                 }
-                // flipped residuals no longer repeat from trial to trial, as those of a person do
-                None if session.prior.is_some() => return None,
                 None => residual
                     .iter()
                     .map(|r| if rng.random_bool(0.5) { r * -2.0 } else { DVector::zeros(r.len()) })
@@ -97,6 +101,15 @@ pub(crate) fn exchange(
     let least = draws.iter().copied().fold(f64::INFINITY, f64::min);
     let most = draws.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     Some(Exchange { mean, sd, least, most })
+}
+
+/// Multiple of its size at which an effect without a direction is added in a draw; of either sign if
+/// its coefficients may have both.
+fn other_size(truth: &Scored<'_>, draw: usize) -> f64 {
+    const SIGNED: [f64; DRAWS] = [-1.4, -1.2, -1.0, -0.8, 0.8, 1.2, 1.4];
+    const ONE_SIGN: [f64; DRAWS] = [0.6, 0.7, 0.8, 0.9, 1.1, 1.25, 1.4];
+    let signed = truth.variant.coefficients.iter().all(|c| c.lower < 0.0 && c.upper > 0.0);
+    if signed { SIGNED[draw] } else { ONE_SIGN[draw] }
 }
 
 /// Sum of squares of a signal with the parameters projected out.

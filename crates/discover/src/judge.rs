@@ -19,6 +19,10 @@ use rayon::prelude::*;
 /// Where the exchange test cannot be made, the better effect must leave less than this share of the
 /// other's error.
 const NEARLY: f64 = 0.94;
+/// On a person an effect with more unknowns than another is separated from it without the exchange
+/// test only below this share of the other's error.
+const CLEARLY: f64 = 0.85;
+
 /// The best variant of every target, best first.
 pub(crate) fn alternatives(session: &Session<'_>, problem: &Problem, score: &EffectScore<'_>) -> Vec<Alternative> {
     let mut out: Vec<Alternative> = Vec::new();
@@ -281,12 +285,14 @@ fn duel(
     let of_b: Vec<f64> = b.fold_error.iter().map(|e| e / scale).collect();
     let p_value = sign_flip_p(&a.fold_error, &of_b, 2000, options.seed ^ 0xc1a5);
     let alias = is_alias(a.scored.variant.effect, a.scored.variant.target, b.id(), b.scored.variant.target);
+    // more freedom fits the repeating errors of a person better, whichever effect is true
+    let freer = session.prior.is_some() && a.scored.variant.unknowns() > b.scored.variant.unknowns();
     let mut out = RivalTest {
         effect: b.id().to_owned(),
         error_ratio: ratio,
         p_value,
         if_true: None,
-        separated: ratio < options.belief,
+        separated: ratio < if freer { CLEARLY } else { options.belief },
         only_as_limit: false,
     };
     // aliases differ in the scale of the error that they leave, which says nothing about which is

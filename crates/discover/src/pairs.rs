@@ -14,6 +14,7 @@ use crate::problem::Problem;
 use crate::rank::{EffectScore, FULL_STEPS};
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
+use aloft_effects::Effect;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
@@ -31,6 +32,46 @@ pub(crate) fn better_pair<'a>(
     usable: &[bool],
     ratio: f64,
     refit: &Refit<'_, '_>,
+) -> Option<(Scored<'a>, Scored<'a>, f64)> {
+    let (a, b, error) = best_pair(session, problem, scores, best, usable, refit, |_, _| true)?;
+    let single = &scores[best].fold_error;
+    let small = (error / single.iter().sum::<f64>()).sqrt() < ratio;
+    (small && sign_flip_p(&a.fold_error, single, 2000, refit.seed()) < 0.01).then_some((a, b, error))
+}
+
+/// A pair that explains as much as the effect `best`, with no more unknowns, and of which one is a
+/// special case of `best`: drag in still air and a tilt, where `best` is wind.
+pub(crate) fn pair_as_good<'a>(
+    session: &Session<'_>,
+    problem: &Problem,
+    scores: &[EffectScore<'a>],
+    best: usize,
+    usable: &[bool],
+    refit: &Refit<'_, '_>,
+) -> Option<(Scored<'a>, Scored<'a>, f64)> {
+    let contains = scores[best].effect.about().contains;
+    if contains.is_empty() {
+        return None;
+    }
+    let special = |x: &dyn Effect, y: &dyn Effect| contains.contains(&x.id()) || contains.contains(&y.id());
+    let (a, b, error) = best_pair(session, problem, scores, best, usable, refit, special)?;
+    let single = &scores[best].fold_error;
+    let ratio = (single.iter().sum::<f64>() / error).sqrt();
+    let same = ratio > SAME[usize::from(session.prior.is_some())];
+    (same || sign_flip_p(single, &a.fold_error, 2000, refit.seed()) >= refit.options.significance)
+        .then_some((a, b, error))
+}
+
+/// The pair of effects other than `best` that leaves the least error, of those with no more unknowns
+/// together than `best` that are `allowed`.
+fn best_pair<'a>(
+    session: &Session<'_>,
+    problem: &Problem,
+    scores: &[EffectScore<'a>],
+    best: usize,
+    usable: &[bool],
+    refit: &Refit<'_, '_>,
+    allowed: impl Fn(&dyn Effect, &dyn Effect) -> bool,
 ) -> Option<(Scored<'a>, Scored<'a>, f64)> {
     let parts: Vec<(usize, Variant<'a>, Vec<DMatrix<f64>>)> = (0..scores.len())
         .into_par_iter()
@@ -71,6 +112,7 @@ pub(crate) fn better_pair<'a>(
             let unknowns = parts[a].1.unknowns() + parts[b].1.unknowns();
             x.id() != y.id()
                 && unknowns <= most
+                && allowed(x, y)
                 // a gain of all plates with a wrong mass scales both sides of every row to zero
                 && !x.about().aliases.contains(&y.id())
                 && !x.about().contains.contains(&y.id())
@@ -86,8 +128,6 @@ pub(crate) fn better_pair<'a>(
         })
         .collect();
     gains.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
-    let single = &scores[best].fold_error;
-    let of_single: f64 = single.iter().sum();
     let judged: Vec<(Scored<'a>, usize, usize, f64)> = gains
         .into_iter()
         .take(JUDGED)
@@ -115,9 +155,6 @@ pub(crate) fn better_pair<'a>(
         if own_error < error {
             (error, fold_error, refined) = (own_error, own.fold_error, own.variant);
         }
-    }
-    if (error / of_single).sqrt() >= ratio || sign_flip_p(&fold_error, single, 2000, refit.seed()) >= 0.01 {
-        return None;
     }
     let ka = parts[a].1.coefficients.len();
     let kb = parts[b].1.coefficients.len();

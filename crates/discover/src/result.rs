@@ -223,6 +223,9 @@ pub struct Round {
     pub verdict: Verdict,
     /// Effects named by the verdict, the one with the fewest unknowns first.
     pub effects: Vec<String>,
+    /// Effects that joined the model after this round: none, one, or the two of a pair.
+    #[serde(default)]
+    pub joined: Vec<String>,
     /// Reason, in words.
     pub words: String,
     /// The best effect against every other accepted one.
@@ -240,6 +243,23 @@ impl Round {
     }
 }
 
+/// Effects of which some are missing from the model. A group of one is supported; of a larger one the
+/// recordings cannot tell which.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Group {
+    /// Identifiers, the one that joined the model first.
+    pub effects: Vec<String>,
+    /// How many of them are missing.
+    pub missing: usize,
+}
+
+impl Group {
+    /// True if every effect of the group is missing.
+    pub fn is_sure(&self) -> bool {
+        self.missing >= self.effects.len()
+    }
+}
+
 /// Result of a discovery.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Discovery {
@@ -247,8 +267,12 @@ pub struct Discovery {
     pub schema: u32,
     /// Verdict.
     pub verdict: Verdict,
-    /// Effects named by the verdict.
+    /// Effects named by the verdict: with `supported` each of them is missing, with `one_of` the members
+    /// of all `groups`.
     pub effects: Vec<String>,
+    /// What is missing, round by round: effects of which the recordings say that `missing` of them act.
+    #[serde(default)]
+    pub groups: Vec<Group>,
     /// The result in words.
     pub words: String,
     /// Noise floor of the comparison, N: held-out error over weak windows that a perfect model

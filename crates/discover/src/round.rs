@@ -215,6 +215,7 @@ pub(crate) fn run_round<'a>(
         clusters,
         verdict,
         effects,
+        joined: Vec::new(),
         words,
         duels,
         candidates,

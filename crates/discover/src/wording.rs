@@ -98,6 +98,19 @@ pub(crate) fn round(
     }
 }
 
+/// A round in which two effects together explain as much as those named.
+pub(crate) fn or_pair(effects: &[String], both: [&str; 2], candidates: &[Candidate]) -> String {
+    let [a, b] = both;
+    let with = effects.first().and_then(|e| candidates.iter().find(|c| c.effect == *e));
+    let falls = with.map_or(String::new(), |c| {
+        format!("; with `{}` held-out error falls to {:.0} %; {}", c.key, 100.0 * c.held_out_ratio, estimate(c))
+    });
+    format!(
+        "{}, or `{a}` and `{b}` together, is missing, which these recordings cannot tell apart{falls}",
+        effects.iter().map(|e| format!("`{e}`")).collect::<Vec<_>>().join(" or ")
+    )
+}
+
 /// Reason why the best candidate is not accepted.
 fn disbelief(best: &Candidate, limit: f64, candidates: &[Candidate]) -> String {
     let placebo = candidates.iter().find(|c| c.placebo);
@@ -198,10 +211,11 @@ pub(crate) fn advice(d: &Discovery, effects: &[&dyn Effect]) -> Vec<String> {
     let mut out = Vec::new();
     match d.verdict {
         Verdict::OneOf => {
-            for (i, a) in d.effects.iter().enumerate() {
+            let classes = d.groups.iter().filter(|g| !g.is_sure());
+            for (members, i, a) in classes.flat_map(|g| g.effects.iter().enumerate().map(|(i, a)| (&g.effects, i, a))) {
                 // effects that the same recording tells from this one stand in one sentence
                 let mut by: Vec<(String, Vec<String>)> = Vec::new();
-                for b in &d.effects[i + 1..] {
+                for b in &members[i + 1..] {
                     let recording = told_apart_by(effects, a, b);
                     match by.iter_mut().find(|(r, _)| *r == recording) {
                         Some((_, names)) => names.push(b.clone()),

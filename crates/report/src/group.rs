@@ -170,7 +170,10 @@ fn row(m: &Member<'_>) -> Row {
     } else {
         out.light = Light::Poor;
     }
-    out.verdict = standing::asked(&story).map(|d| (d.verdict, d.effects.join(", ")));
+    out.verdict = standing::asked(&story).map(|d| match d.verdict {
+        Verdict::OneOf => (d.verdict, aloft_analysis::verdict::groups(d)),
+        _ => (d.verdict, d.effects.join(", ")),
+    });
     out.held = standing::effects(&story).join(", ");
     for t in story.dynamic() {
         let Some(motion) = &t.motion else { continue };
@@ -295,8 +298,7 @@ fn subjects(rows: &[Row]) -> Table {
         Some((Verdict::NothingMissing, _)) => "nothing".to_owned(),
         Some((Verdict::Unexplained, _)) => "unexplained".to_owned(),
         Some((Verdict::NotDetectable, _)) => "cannot tell".to_owned(),
-        Some((Verdict::Supported, e)) => e.clone(),
-        Some((Verdict::OneOf, e)) => format!("one of {e}"),
+        Some((Verdict::Supported | Verdict::OneOf, e)) => e.clone(),
     };
     let of_prior = |v: &[Option<f64>; 2]| match v {
         [Some(own), Some(prior)] if *prior > 0.0 => format!("{:.0}", 100.0 * own / prior),
@@ -447,8 +449,7 @@ fn effects(rows: &[Row]) -> Option<Section> {
             Verdict::NothingMissing => "nothing missing".to_owned(),
             Verdict::Unexplained => "unexplained".to_owned(),
             Verdict::NotDetectable => "cannot tell".to_owned(),
-            Verdict::Supported => effects.clone(),
-            Verdict::OneOf => format!("one of {effects}"),
+            Verdict::Supported | Verdict::OneOf => effects.clone(),
         };
         named.entry(key).or_default().push(r.name.clone());
     }

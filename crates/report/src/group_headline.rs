@@ -39,8 +39,8 @@ pub(super) fn headline(rows: &[Row], light: Light, next: &str) -> Headline {
     let mut named: BTreeMap<String, usize> = BTreeMap::new();
     for (verdict, effects) in rows.iter().filter_map(|r| r.verdict.as_ref()) {
         if matches!(verdict, Verdict::Supported | Verdict::OneOf) {
-            let one_of = if *verdict == Verdict::OneOf { "one of " } else { "" };
-            *named.entry(format!("{one_of}`{effects}`")).or_default() += 1;
+            let text = if *verdict == Verdict::OneOf { effects.clone() } else { format!("`{effects}`") };
+            *named.entry(text).or_default() += 1;
         }
     }
     let asked = rows.iter().filter(|r| r.verdict.is_some()).count();

@@ -92,7 +92,10 @@ fn sentence(story: &Story<'_>, first: Option<&Standing>, other: Option<&Standing
         None => format!("{wrong}. What it is missing has not been asked."),
         Some(d) => match d.verdict {
             Verdict::Supported => format!("{wrong}, and `{}` is missing.", named(d).join("` and `")),
-            Verdict::OneOf => format!("{wrong}: one of {} effects is missing.", d.effects.len()),
+            Verdict::OneOf => match d.groups.len() {
+                0 | 1 => format!("{wrong}: one of {} effects is missing.", d.effects.len()),
+                n => format!("{wrong}: {n} effects are missing, of which not all can be told from others."),
+            },
             Verdict::Unexplained if laws(d).is_some() => {
                 format!("{wrong}, and a law outside the catalogue describes it.")
             }
@@ -106,6 +109,24 @@ fn sentence(story: &Story<'_>, first: Option<&Standing>, other: Option<&Standing
 /// Laws that explain the error where no effect of the catalogue does.
 fn laws(d: &Discovery) -> Option<&OpenWorld> {
     d.open.as_ref().filter(|o| o.complete && !o.laws.is_empty())
+}
+
+/// What is missing where the recordings cannot tell all of it apart.
+fn one_of(d: &Discovery) -> String {
+    let list = |effects: &[String]| format!("`{}`", effects.join("`, `"));
+    let each: Vec<String> = d
+        .groups
+        .iter()
+        .map(|g| match (g.is_sure(), g.missing) {
+            (true, _) => list(&g.effects),
+            (_, 1) => format!("one of {}", list(&g.effects)),
+            (_, n) => format!("{n} of {}", list(&g.effects)),
+        })
+        .collect();
+    match each.as_slice() {
+        [] | [_] => format!("One of {}; these recordings cannot tell which.", list(&d.effects)),
+        all => format!("Missing: {}; these recordings cannot tell more.", all.join(", and ")),
+    }
 }
 
 /// Keys of what was found, or else the identifiers that the verdict names.
@@ -234,7 +255,7 @@ fn missing(story: &Story<'_>) -> String {
             let all: Vec<String> = named(d).iter().map(|k| described(k, d)).collect();
             format!("{}.", all.join("; "))
         }
-        Verdict::OneOf => format!("One of `{}`; these recordings cannot tell which.", d.effects.join("`, `")),
+        Verdict::OneOf => one_of(d),
         Verdict::NothingMissing => "Nothing that these recordings could show.".to_owned(),
         Verdict::Unexplained => match (laws(d), d.open.as_ref().and_then(|o| o.diagnosis.as_ref())) {
             (Some(open), _) => {
