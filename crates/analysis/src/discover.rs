@@ -9,8 +9,8 @@ use crate::results::with_results;
 use aloft_body::{BaseParameters, Subject};
 use aloft_compare::Comparison;
 use aloft_discover::{
-    Body, DiscoverOptions, Discovery, SelfTest, SelfTestOptions, SelfTestProgress, Session, Standing, TrialInput,
-    discover as rank, scene_of,
+    Body, DiscoverOptions, Discovery, Found, FoundLaw, SelfTest, SelfTestOptions, SelfTestProgress, Session, Standing,
+    TrialInput, discover as rank, scene_of,
 };
 use aloft_effects::{Effect, EffectInstance, PlateSeries};
 use aloft_flight::FlightReport;
@@ -31,6 +31,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
 
 /// Region in which the body moved. The columns of some effects refer to it; it is stored with a
 /// discovery for `effect add`.
@@ -232,6 +233,12 @@ fn standing(session: &SubjectSession, place: &str) -> Option<Standing> {
     })
 }
 
+/// A held-out error as the ranking takes it; none without a floor.
+fn standing_of(e: &HeldOutError) -> Option<Standing> {
+    let noise_floor = e.noise_floor?;
+    Some(Standing { held_out_error: e.held_out_error, noise_floor, noise_floor_ci95: e.noise_floor_ci95 })
+}
+
 /// The discovery as `--json` shows it.
 #[derive(Debug, Clone, Serialize)]
 pub struct DiscoveryView {
@@ -283,12 +290,29 @@ fn found(
     let errors = compare(session).map(|view| view.errors).unwrap_or_default();
     let mut options = options.clone();
     let mut refused = Vec::new();
+    // the effects that were last computed by the stages, and their errors
+    let last: Mutex<Option<(Vec<Found>, Vec<HeldOutError>)>> = Mutex::new(None);
+    let by_stages = |found: &[Found]| {
+        let after = promised(session, found, &[], volume).ok()??.errors;
+        let both = ["flight", "contact"].map(|place| after.iter().find(|e| e.judged_on == place).and_then(standing_of));
+        *last.lock().unwrap_or_else(PoisonError::into_inner) = Some((found.to_vec(), after));
+        Some(both)
+    };
+    let prepared = bench.session.clone().with_stages(&by_stages);
     let (mut found, errors_after) = loop {
-        let found = rank(&bench.session, &bench.effects, &bench.accepted, &options)
+        let found = rank(&prepared, &bench.effects, &bench.accepted, &options)
             .map_err(|e| PipelineError::request(e.to_string()))?;
-        // without it the estimate of the ranking stands
-        let promised = promised(session, &found, volume).ok().flatten();
-        let after = promised.map(|view| view.errors).unwrap_or_default();
+        let laws: Vec<&FoundLaw> = found.open.iter().filter(|o| o.complete).flat_map(|o| &o.laws).collect();
+        let done = last.lock().unwrap_or_else(PoisonError::into_inner).take();
+        // where the stages cannot compute it, the estimate of the ranking stands
+        let after = match done.filter(|(effects, _)| laws.is_empty() && *effects == found.found) {
+            Some((_, errors)) => errors,
+            None => promised(session, &found.found, &laws, volume)
+                .ok()
+                .flatten()
+                .map(|view| view.errors)
+                .unwrap_or_default(),
+        };
         // what the user asks for by name is answered as asked
         match contradicted(&found, &errors, &after).filter(|_| options.only.is_empty()) {
             Some(no) => {

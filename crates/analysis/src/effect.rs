@@ -7,7 +7,7 @@ pub use crate::history::{History, HistoryCoefficient, HistoryRow, history, reach
 use crate::unknowns::{self, Examples};
 use crate::visible::refuse_invisible;
 use aloft_body::Subject;
-use aloft_discover::Discovery;
+use aloft_discover::{Discovery, Estimate, Found, FoundLaw};
 use aloft_effects::{ActsIn, EFFECTS, EffectInstance, EffectKind, Family, FormulaEffect, Scene};
 use aloft_pipeline::runner::{Ended, Progress, RunReport, TaskReport, run_held};
 use aloft_study::catalog;
@@ -309,30 +309,40 @@ fn write_law(session: &SubjectSession, key: &str) -> Result<Option<PathBuf>, Pip
     Ok(Some(path))
 }
 
-/// What the last discovery found for an effect: its key with target, its nonlinear parameters and
-/// its trials. A key with a target selects that target, and only what was found for it is used.
-pub(crate) fn suggestion(d: &Discovery, key: &str) -> Option<ModelEffect> {
-    let values = |n: &[aloft_discover::Estimate]| -> BTreeMap<String, f64> {
-        n.iter().map(|e| (e.name.clone(), e.value)).collect()
-    };
-    let made = |key: &str, nonlinear, coefficients: &[aloft_discover::Estimate], trials: &[String]| ModelEffect {
+/// An effect as the model stores it, from what a discovery estimated.
+fn stored(key: &str, nonlinear: BTreeMap<String, f64>, coefficients: &[Estimate], trials: &[String]) -> ModelEffect {
+    ModelEffect {
         key: key.to_owned(),
         nonlinear,
         trials: trials.to_vec(),
         widening: coefficients.iter().filter(|e| e.widening > 1.0).map(|e| (e.name.clone(), e.widening)).collect(),
         volume_m: None,
+    }
+}
+
+fn values(estimates: &[Estimate]) -> BTreeMap<String, f64> {
+    estimates.iter().map(|e| (e.name.clone(), e.value)).collect()
+}
+
+/// An effect that a discovery found, as the model stores it.
+pub(crate) fn of_found(f: &Found) -> ModelEffect {
+    stored(&f.key, values(&f.nonlinear), &f.coefficients, &f.trials)
+}
+
+/// A law that a discovery found, as the model stores it.
+pub(crate) fn of_law(law: &FoundLaw) -> ModelEffect {
+    stored(&law.id, values(&law.parameters), &law.coefficients, &[])
+}
+
+/// What the last discovery found for an effect: its key with target, its nonlinear parameters and
+/// its trials. A key with a target selects that target, and only what was found for it is used.
+pub(crate) fn suggestion(d: &Discovery, key: &str) -> Option<ModelEffect> {
+    let candidate = || {
+        let c = d.candidates.iter().find(|c| c.key == key || c.effect == key)?;
+        Some(stored(&c.key, values(&c.nonlinear), &c.coefficients, &c.trials))
     };
-    let of_found = |f: &&aloft_discover::Found| f.key == key || f.effect == key;
-    let of_candidate = |c: &&aloft_discover::Candidate| c.key == key || c.effect == key;
-    d.found.iter().find(of_found).map(|f| made(&f.key, values(&f.nonlinear), &f.coefficients, &f.trials)).or_else(
-        || {
-            let found = d.candidates.iter().find(of_candidate);
-            found.map(|c| made(&c.key, values(&c.nonlinear), &c.coefficients, &c.trials)).or_else(|| {
-                let law = d.open.as_ref()?.laws.iter().find(|l| l.id == key)?;
-                Some(made(&law.id, values(&law.parameters), &law.coefficients, &[]))
-            })
-        },
-    )
+    let found = d.found.iter().find(|f| f.key == key || f.effect == key).map(of_found);
+    found.or_else(candidate).or_else(|| d.open.as_ref()?.laws.iter().find(|l| l.id == key).map(of_law))
 }
 
 /// Removes an effect: a new revision without it.

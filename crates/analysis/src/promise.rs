@@ -3,11 +3,11 @@
 
 use crate::compare::{ComparisonView, compare};
 use crate::discover::Volume;
-use crate::effect::suggestion;
+use crate::effect::{of_found, of_law};
 use crate::freshness::freshness;
 use crate::held_out::HeldOutError;
 use crate::history::reached;
-use aloft_discover::{Discovery, FoundLaw};
+use aloft_discover::{Found, FoundLaw};
 use aloft_identify::EffectEstimate;
 use aloft_pipeline::progress::{Progress, Silent};
 use aloft_pipeline::runner::run_held;
@@ -27,18 +27,16 @@ use std::time::Duration;
 /// change.
 pub(crate) fn promised(
     session: &SubjectSession,
-    found: &Discovery,
+    found: &[Found],
+    laws: &[&FoundLaw],
     volume: Volume,
 ) -> Result<Option<ComparisonView>, PipelineError> {
-    let laws: Vec<&FoundLaw> = found.open.iter().filter(|o| o.complete).flat_map(|o| &o.laws).collect();
-    if (found.found.is_empty() && laws.is_empty()) || !freshness(session)?.is_current() {
+    if (found.is_empty() && laws.is_empty()) || !freshness(session)?.is_current() {
         return Ok(None);
     }
     let with = with_reference(session)?;
     let mut effects = with.effects.clone();
-    let keys = found.found.iter().map(|f| &f.key).chain(laws.iter().map(|l| &l.id));
-    for key in keys {
-        let Some(mut effect) = suggestion(found, key) else { continue };
+    for mut effect in found.iter().map(of_found).chain(laws.iter().map(|l| of_law(l))) {
         effect.volume_m = Some((volume.middle_m, volume.reach_m));
         effects.push(effect);
     }

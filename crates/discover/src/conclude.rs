@@ -60,7 +60,7 @@ fn groups<'r>(rounds: impl Iterator<Item = &'r Round>, found: &[Found]) -> Vec<G
         match round.verdict {
             _ if stayed.is_empty() => {}
             Verdict::Supported => out.extend(stayed.into_iter().map(|id| Group { effects: vec![id], missing: 1 })),
-            _ => out.push(Group { effects: round.effects.clone(), missing: stayed.len() }),
+            _ => out.push(Group { effects: round.effects.clone(), missing: round.missing.min(stayed.len()) }),
         }
     }
     out
@@ -133,8 +133,9 @@ pub(crate) fn conclude(
             round.held_out_error *= s.held_out_error / first;
         }
     }
-    // what is left with the effects found, in each domain
-    let left = |i: usize| -> Option<Standing> {
+    // what is left with the effects found, in each domain: computed by the stages, or estimated
+    let computed = if lost { None } else { session.by_stages.with(&found) };
+    let estimated = |i: usize| -> Option<Standing> {
         let standing = session.standing[i]?;
         let share = match (i, has_flights) {
             _ if kept.is_empty() => 1.0,
@@ -143,7 +144,7 @@ pub(crate) fn conclude(
         };
         share.is_finite().then_some(Standing { held_out_error: standing.held_out_error * share, ..standing })
     };
-    let left = [left(0), left(1)];
+    let left = [0, 1].map(|i| computed.and_then(|c| c[i]).or_else(|| estimated(i)));
     let mut out = Discovery {
         schema: 1,
         verdict,

@@ -25,6 +25,17 @@ use aloft_regressor::StretchKind;
 /// A pair of effects has to reduce the error below this share of that of the best single effect.
 const PAIR: f64 = 0.93;
 
+/// Two lists one after the other, each name once.
+fn in_order(lists: [Vec<String>; 2]) -> Vec<String> {
+    let mut out: Vec<String> = Vec::new();
+    for id in lists.into_iter().flatten() {
+        if !out.contains(&id) {
+            out.push(id);
+        }
+    }
+    out
+}
+
 /// All effects of the catalogue.
 pub fn catalogue() -> Vec<&'static dyn Effect> {
     aloft_effects::EFFECTS.to_vec()
@@ -217,6 +228,7 @@ pub fn discover(
                 };
                 round.verdict = if sure_of_both { Verdict::Supported } else { Verdict::OneOf };
                 round.effects = ids;
+                round.missing = both_ids.len();
                 round.joined = both_ids;
                 rounds.push(round);
                 first_gain = first_gain.or(Some(gain));
@@ -229,32 +241,40 @@ pub fn discover(
                 }
                 continue;
             }
+            let mut join: Vec<Scored<'_>> = Vec::new();
             if let (true, Some(rival)) = (go_on, chosen) {
+                join.push(rival.scored.clone());
+                round.missing = 1;
+                first_gain = first_gain.or(Some(gain));
+                let mut left = mean_square(rival);
                 let usable: Vec<bool> =
                     scores.iter().map(|s| !s.placebo && limit(s.effect, false, options) > 0.0).collect();
-                if let Some((a, b, _)) = pair_as_good(session, &problem, &scores, rival.index, &usable, &refit) {
-                    let [first, second] = [&a, &b].map(|s| key_of(session, s));
-                    round.words = wording::or_pair(&round.effects, [&first, &second], &round.candidates);
-                    for id in two(&a, &b) {
-                        if !round.effects.contains(&id) {
-                            round.effects.push(id);
-                        }
-                    }
+                if let Some((a, b, error, ids)) = pair_as_good(session, &problem, &scores, rival.index, &usable, &refit)
+                {
+                    let keys = [&a, &b].map(|s| key_of(session, s));
                     round.verdict = Verdict::OneOf;
+                    // the simpler of equals joins the model
+                    let pair_joins = error < rival.error();
+                    if pair_joins {
+                        left = error / problem.n_judged as f64;
+                        join = vec![a, b];
+                    }
+                    let share = (left / plain).sqrt();
+                    round.words = wording::or_pair(&round.effects, &keys, pair_joins, share);
+                    round.effects = in_order(if pair_joins { [ids, round.effects] } else { [round.effects, ids] });
                 }
-                round.joined.push(rival.id().to_owned());
+                if domain == Domain::Flight || !has_flights {
+                    after = left;
+                }
+                round.joined = join.iter().map(|s| s.variant.effect.id().to_owned()).collect();
             }
             rounds.push(round);
             if !go_on {
                 break;
             }
-            if let Some(rival) = chosen {
-                first_gain = first_gain.or(Some(gain));
-                if domain == Domain::Flight || !has_flights {
-                    after = mean_square(rival);
-                }
-                found.push(as_found(session, &rival.scored));
-                kept.push(rival.scored.variant.clone());
+            for scored in join {
+                found.push(as_found(session, &scored));
+                kept.push(scored.variant);
             }
             // no single effect is named, so further rounds have no definite model to extend
             if !sure && rounds.len() >= options.rounds {

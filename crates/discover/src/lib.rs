@@ -54,6 +54,7 @@
 
 mod addition;
 mod beyond;
+mod by_stages;
 mod candidate;
 mod conclude;
 mod discover;
@@ -93,6 +94,8 @@ pub use laws::{
 };
 pub use not_tried::NotTried;
 pub use options::DiscoverOptions;
-pub use result::{Addition, Alternative, Candidate, Confusion, Discovery, Estimate, Found, Group, RivalTest, Round, Verdict};
+pub use result::{
+    Addition, Alternative, Candidate, Confusion, Discovery, Estimate, Found, Group, RivalTest, Round, Verdict,
+};
 pub use self_test::{Injection, SelfTest, SelfTestOptions, SelfTestProgress, SelfTestRow, self_test};
 pub use session::{Body, Session, TrialInput, scene_of};

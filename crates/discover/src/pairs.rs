@@ -14,13 +14,14 @@ use crate::problem::Problem;
 use crate::rank::{EffectScore, FULL_STEPS};
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
-use aloft_effects::Effect;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 /// Number of variants of an effect that take part, and of pairs that are judged.
 const VARIANTS: usize = 3;
 const JUDGED: usize = 8;
+/// Number of unknowns from which an effect is compared with pairs of simpler ones.
+const MANY_UNKNOWNS: usize = 8;
 
 /// The pair that beats the effect `best`, with `ratio` and the coefficients of each; `None` if
 /// there is none.
@@ -33,14 +34,14 @@ pub(crate) fn better_pair<'a>(
     ratio: f64,
     refit: &Refit<'_, '_>,
 ) -> Option<(Scored<'a>, Scored<'a>, f64)> {
-    let (a, b, error) = best_pair(session, problem, scores, best, usable, refit, |_, _| true)?;
+    let (a, b, error, _) = best_pair(session, problem, scores, best, usable, refit)?;
     let single = &scores[best].fold_error;
     let small = (error / single.iter().sum::<f64>()).sqrt() < ratio;
     (small && sign_flip_p(&a.fold_error, single, 2000, refit.seed()) < 0.01).then_some((a, b, error))
 }
 
-/// A pair that explains as much as the effect `best`, with no more unknowns, and of which one is a
-/// special case of `best`: drag in still air and a tilt, where `best` is wind.
+/// A pair that explains as much as the effect `best`, with no more unknowns: drag in still air and a
+/// tilt, where `best` is wind. Asked of effects with many unknowns, and of those that contain others.
 pub(crate) fn pair_as_good<'a>(
     session: &Session<'_>,
     problem: &Problem,
@@ -48,22 +49,22 @@ pub(crate) fn pair_as_good<'a>(
     best: usize,
     usable: &[bool],
     refit: &Refit<'_, '_>,
-) -> Option<(Scored<'a>, Scored<'a>, f64)> {
-    let contains = scores[best].effect.about().contains;
-    if contains.is_empty() {
+) -> Option<(Scored<'a>, Scored<'a>, f64, Vec<String>)> {
+    let single = &scores[best];
+    let unknowns = single.scored[single.best].variant.unknowns();
+    if single.effect.about().contains.is_empty() && unknowns < MANY_UNKNOWNS {
         return None;
     }
-    let special = |x: &dyn Effect, y: &dyn Effect| contains.contains(&x.id()) || contains.contains(&y.id());
-    let (a, b, error) = best_pair(session, problem, scores, best, usable, refit, special)?;
+    let (a, b, error, ids) = best_pair(session, problem, scores, best, usable, refit)?;
     let single = &scores[best].fold_error;
     let ratio = (single.iter().sum::<f64>() / error).sqrt();
     let same = ratio > SAME[usize::from(session.prior.is_some())];
     (same || sign_flip_p(single, &a.fold_error, 2000, refit.seed()) >= refit.options.significance)
-        .then_some((a, b, error))
+        .then_some((a, b, error, ids))
 }
 
 /// The pair of effects other than `best` that leaves the least error, of those with no more unknowns
-/// together than `best` that are `allowed`.
+/// together than `best`. The last part are the effects of all pairs that leave nearly the same error.
 fn best_pair<'a>(
     session: &Session<'_>,
     problem: &Problem,
@@ -71,8 +72,7 @@ fn best_pair<'a>(
     best: usize,
     usable: &[bool],
     refit: &Refit<'_, '_>,
-    allowed: impl Fn(&dyn Effect, &dyn Effect) -> bool,
-) -> Option<(Scored<'a>, Scored<'a>, f64)> {
+) -> Option<(Scored<'a>, Scored<'a>, f64, Vec<String>)> {
     let parts: Vec<(usize, Variant<'a>, Vec<DMatrix<f64>>)> = (0..scores.len())
         .into_par_iter()
         .filter(|&i| i != best && usable[i] && !scores[i].effect.about().by_group)
@@ -112,7 +112,6 @@ fn best_pair<'a>(
             let unknowns = parts[a].1.unknowns() + parts[b].1.unknowns();
             x.id() != y.id()
                 && unknowns <= most
-                && allowed(x, y)
                 // a gain of all plates with a wrong mass scales both sides of every row to zero
                 && !x.about().aliases.contains(&y.id())
                 && !x.about().contains.contains(&y.id())
@@ -139,7 +138,20 @@ fn best_pair<'a>(
         })
         .collect();
     let own = |error: f64| !is_trivial(session, problem, error / problem.n_judged as f64);
-    let (scored, a, b, mut error) = judged.into_iter().filter(|j| own(j.3)).min_by(|x, y| x.3.total_cmp(&y.3))?;
+    let least = judged.iter().filter(|j| own(j.3)).map(|j| j.3).fold(f64::INFINITY, f64::min);
+    let same = SAME[usize::from(session.prior.is_some())];
+    let mut near: Vec<_> = judged.into_iter().filter(|j| own(j.3) && (least / j.3).sqrt() > same).collect();
+    near.sort_by(|x, y| x.3.total_cmp(&y.3));
+    let mut ids: Vec<String> = Vec::new();
+    let single = scores[best].effect.id();
+    for part in near.iter().flat_map(|j| [j.1, j.2]) {
+        let id = scores[parts[part].0].effect.id();
+        let wider = scores[parts[part].0].effect.about().contains.contains(&single);
+        if !wider && !ids.iter().any(|i| i == id) {
+            ids.push(id.to_owned());
+        }
+    }
+    let (scored, a, b, mut error) = near.into_iter().next()?;
     // the effect with more nonlinear parameters was fitted alone; fit it again together with the
     // other
     let nonlinear = |i: usize| parts[i].1.nonlinear.len();
@@ -172,7 +184,7 @@ fn best_pair<'a>(
         s: scored.s.view((first, first), (k, k)).into_owned(),
     };
     let of = |i: usize| if i == bent { &refined } else { &parts[i].1 };
-    Some((part(of(a), 0, ka), part(of(b), ka, kb), error))
+    Some((part(of(a), 0, ka), part(of(b), ka, kb), error, ids))
 }
 
 /// Largest share of the error of the model and of the best single effect that a pair may leave when

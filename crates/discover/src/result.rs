@@ -226,6 +226,9 @@ pub struct Round {
     /// Effects that joined the model after this round: none, one, or the two of a pair.
     #[serde(default)]
     pub joined: Vec<String>,
+    /// Number of the named effects that are missing at least: one, or two of a pair.
+    #[serde(default)]
+    pub missing: usize,
     /// Reason, in words.
     pub words: String,
     /// The best effect against every other accepted one.
@@ -249,7 +252,7 @@ impl Round {
 pub struct Group {
     /// Identifiers, the one that joined the model first.
     pub effects: Vec<String>,
-    /// How many of them are missing.
+    /// How many of them are missing at least.
     pub missing: usize,
 }
 

@@ -216,6 +216,7 @@ pub(crate) fn run_round<'a>(
         verdict,
         effects,
         joined: Vec::new(),
+        missing: 0,
         words,
         duels,
         candidates,

@@ -6,9 +6,11 @@
 //! forming the regressor again.
 
 use crate::DiscoverError;
+use crate::by_stages::ByStages;
 use crate::floor::Standing;
 use crate::problem::{Domain, Problem};
 use crate::progress::Counter;
+use crate::result::Found;
 use aloft_body::{BaseParameters, Model, Motion, Phi};
 use aloft_effects::{Columns, Effect, PlateSeries, Scene, Series, Span, Target, TrialMotion};
 use aloft_identify::Prior;
@@ -101,6 +103,7 @@ pub struct Session<'a> {
     pub(crate) standing: [Option<Standing>; 2],
     pub(crate) warnings: Vec<String>,
     pub(crate) counter: Counter<'a>,
+    pub(crate) by_stages: ByStages<'a>,
 }
 
 /// Scene of a set of trials: the body, the plates, the volume of the flights.
@@ -192,6 +195,7 @@ impl<'a> Session<'a> {
             noise: None,
             standing: [None; 2],
             counter: Counter::default(),
+            by_stages: ByStages::default(),
             warnings,
         };
         out.noise = crate::floor::white_noise(body, trials, options, &out.blocks);
@@ -255,6 +259,7 @@ impl<'a> Session<'a> {
             noise: None,
             standing: [None; 2],
             counter: Counter::default(),
+            by_stages: ByStages::default(),
             warnings: Vec::new(),
         })
     }
@@ -290,6 +295,14 @@ impl<'a> Session<'a> {
     #[must_use]
     pub fn with_standing(mut self, flight: Option<Standing>, contact: Option<Standing>) -> Self {
         self.standing = [flight, contact];
+        self
+    }
+
+    /// Computes the error with the effects found by `compute` (flight, contact) instead of estimating it
+    /// from the rows, before the verdict is given.
+    #[must_use]
+    pub fn with_stages(mut self, compute: &'a (dyn Fn(&[Found]) -> Option<[Option<Standing>; 2]> + Sync)) -> Self {
+        self.by_stages = ByStages::new(compute);
         self
     }
 

@@ -98,16 +98,15 @@ pub(crate) fn round(
     }
 }
 
-/// A round in which two effects together explain as much as those named.
-pub(crate) fn or_pair(effects: &[String], both: [&str; 2], candidates: &[Candidate]) -> String {
-    let [a, b] = both;
-    let with = effects.first().and_then(|e| candidates.iter().find(|c| c.effect == *e));
-    let falls = with.map_or(String::new(), |c| {
-        format!("; with `{}` held-out error falls to {:.0} %; {}", c.key, 100.0 * c.held_out_ratio, estimate(c))
-    });
+/// A round in which two effects together explain as much as those named; `joins` if the two join the
+/// model, `left` the share of the error that remains with what joins.
+pub(crate) fn or_pair(effects: &[String], pair: &[String; 2], joins: bool, left: f64) -> String {
+    let [a, b] = pair;
+    let single = effects.iter().map(|e| format!("`{e}`")).collect::<Vec<_>>().join(" or ");
+    let with = if joins { format!("`{a}` and `{b}`") } else { single.clone() };
     format!(
-        "{}, or `{a}` and `{b}` together, is missing, which these recordings cannot tell apart{falls}",
-        effects.iter().map(|e| format!("`{e}`")).collect::<Vec<_>>().join(" or ")
+        "{single}, or `{a}` and `{b}` together, is missing, which these recordings cannot tell apart; with {with} held-out error falls to {:.0} %",
+        100.0 * left
     )
 }
 
