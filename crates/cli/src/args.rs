@@ -3,6 +3,12 @@
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
+mod actions;
+mod values;
+
+pub use actions::{EffectAction, MarkerSetAction};
+use values::seconds;
+
 /// Learns the mass properties of a moving body from its motion in the air, and finds the physics that a model is missing.
 #[derive(Debug, Parser)]
 #[command(
@@ -102,109 +108,6 @@ fn export_help() -> String {
         text.push_str(&format!("  {:<8} {}; {}\n", format.name, format.title, format.readers));
     }
     text + "\nExamples:\n  aloft export P.yaml --to out/s01\n  aloft export P.yaml --format osim,trc,mot --trial 'jump*'\n  aloft export P.yaml --angles isb --to out/s01_isb"
-}
-
-/// What can be done with effects.
-#[derive(Debug, Subcommand)]
-pub enum EffectAction {
-    /// List the catalogue, and the effects that a pipeline defines.
-    List {
-        /// Pipeline whose own effects are listed, too.
-        pipeline: Option<PathBuf>,
-        /// Machine-readable output.
-        #[arg(long)]
-        json: bool,
-    },
-    /// Show one effect's documentation.
-    #[command(
-        after_help = "Examples:\n  aloft effect show tether\n  aloft effect show P.yaml my_drag      an effect that the pipeline defines"
-    )]
-    Show {
-        /// Identifier; before it the pipeline, for effects of your own.
-        #[arg(num_args = 1..=2, required = true, value_name = "[PIPELINE] NAME")]
-        words: Vec<String>,
-    },
-    /// Add an effect to the model: a new revision, and what depends on it again.
-    #[command(
-        after_help = "Examples:\n  aloft effect add P.yaml quadratic_drag\n  aloft effect add P.yaml tether --set anchor_x=0.5"
-    )]
-    Add {
-        /// The pipeline.
-        #[command(flatten)]
-        pipeline: PipelineArgs,
-        /// Identifier, with a target in brackets where there are several: `flywheel[torso]`; also one that the pipeline defines.
-        name: String,
-        /// Value of a nonlinear parameter, `name=value`; what the last `discover` found where not given.
-        #[arg(long, value_name = "K=V", value_parser = key_value)]
-        set: Vec<(String, f64)>,
-        /// Every warning, and more about the revisions.
-        #[arg(long)]
-        details: bool,
-        /// Wait where another process holds the workspace, instead of saying who it is.
-        #[arg(long)]
-        wait: bool,
-    },
-    /// Take an effect out of the model: a new revision without it.
-    Remove {
-        /// The pipeline.
-        #[command(flatten)]
-        pipeline: PipelineArgs,
-        /// Identifier.
-        name: String,
-        /// Every warning, and more about the revisions.
-        #[arg(long)]
-        details: bool,
-        /// Wait where another process holds the workspace, instead of saying who it is.
-        #[arg(long)]
-        wait: bool,
-    },
-}
-
-/// What can be done with marker sets.
-#[derive(Debug, Subcommand)]
-pub enum MarkerSetAction {
-    /// Check a marker-set file: links and landmarks that do not exist, labels that stand twice, what is left open.
-    #[command(after_help = "Examples:\n  aloft markerset check lab.yaml\n  aloft markerset check lab.yaml --json")]
-    Check {
-        /// The file.
-        file: PathBuf,
-        /// Machine-readable output.
-        #[arg(long)]
-        json: bool,
-    },
-    /// Propose a marker set from recordings: by labels, by which markers move together, and by their sides.
-    #[command(
-        after_help = "Examples:\n  aloft markerset draft lab/s01 --out lab.yaml\n\nEach line says what it rests on; those with CHECK need a look."
-    )]
-    Draft {
-        /// Folder of recordings of one subject, best with a static trial.
-        folder: PathBuf,
-        /// File to write (standard output where not given).
-        #[arg(long, value_name = "FILE")]
-        out: Option<PathBuf>,
-        /// Machine-readable output.
-        #[arg(long, conflicts_with = "out")]
-        json: bool,
-    },
-}
-
-fn key_value(text: &str) -> Result<(String, f64), String> {
-    let (key, value) = text.split_once('=').ok_or_else(|| format!("`{text}`: expected name=value"))?;
-    let value: f64 = value.trim().parse().map_err(|_| format!("`{value}` is not a number"))?;
-    if !value.is_finite() {
-        return Err(format!("`{value}` is not a finite number"));
-    }
-    Ok((key.trim().to_owned(), value))
-}
-
-/// A positive time in seconds, with or without its unit.
-fn seconds(text: &str) -> Result<f64, String> {
-    let number = text.trim();
-    let number = number.strip_suffix('s').unwrap_or(number).trim_end();
-    match number.parse::<f64>() {
-        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
-        _ => Err(format!("`{text}` is not a positive time in seconds, such as `10` or `10s`")),
-    }
 }
 
 /// The commands.

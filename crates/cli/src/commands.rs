@@ -1,20 +1,22 @@
 //! Each command opens the study, calls the library, and renders the answer as text or JSON.
 
-use crate::args::{AnglesArg, Cli, Command, EffectAction, EngineArg, MarkerSetAction, PipelineArgs, RowsArg};
+use crate::args::{AnglesArg, Cli, Command, EffectAction, EngineArg, PipelineArgs, RowsArg};
 use crate::each::{broken, each, each_result, fail, heading, notice};
 use crate::open::{description_of, open, open_all, opener};
 use crate::progress::{Bars, Counted, Waiting};
 use crate::render::{command, json, note, out, table};
-use crate::screen::{Cell, labelled};
+use crate::screen::Cell;
 use crate::stop::Stop;
-use crate::{Success, findings, ladder, next, residuals, run_end, show, show_estimators, show_session, workflow};
-use aloft_analysis::freshness::{Freshness, freshness};
+use crate::{
+    Success, findings, ladder, marker_sets, next, residuals, run_end, show, show_estimators, show_export, show_session,
+    show_workspace, workflow,
+};
+use aloft_analysis::freshness::freshness;
 use aloft_analysis::{
     assess, audit, check, compare, corrections, discover, effect, estimators, export, history, init, inspect,
-    inspect_values, markerset, parameters, simulate, status, summary, verify,
+    inspect_values, parameters, simulate, status, summary, verify,
 };
 use aloft_compare::Signal;
-use aloft_pipeline::graph::TaskState;
 use aloft_pipeline::runner::{self, BatchReport, Ended, RunReport, Selection};
 use aloft_study::config::{Angles, Rows};
 use aloft_study::data_set::DataSet;
@@ -48,7 +50,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
                 late.set(late.get() || !freshness(session)?.is_current());
                 status::status(session)
             };
-            Ok(strict.judge(each(&pipeline, as_json, ask, show_status)?, late.get()))
+            Ok(strict.judge(each(&pipeline, as_json, ask, show_workspace::status)?, late.get()))
         }
         Command::Verify { pipeline, strict, json: as_json } => {
             let (damaged, late) = (std::cell::Cell::new(false), std::cell::Cell::new(false));
@@ -58,7 +60,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
                 late.set(late.get() || !found.stale.is_empty());
                 Ok(found)
             };
-            let done = each(&pipeline, as_json, ask, show_verified)?;
+            let done = each(&pipeline, as_json, ask, show_workspace::verified)?;
             Ok(if damaged.get() { Success::Partial } else { strict.judge(done, late.get()) })
         }
         Command::Summary { pipeline, strict, json: as_json } => {
@@ -75,7 +77,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             Ok(strict.judge(Success::Full, !found.stale.is_empty()))
         }
         Command::Explain { pipeline, strict, trial, stage } => {
-            let done = explain(&pipeline, trial.as_deref(), stage.as_deref())?;
+            let done = show_workspace::explain(&pipeline, trial.as_deref(), stage.as_deref())?;
             let mut late = false;
             for session in &open_all(&pipeline)?.members {
                 late = late || !freshness(session)?.is_current();
@@ -201,7 +203,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             let trouble = std::cell::Cell::new(false);
             let done = each_result(&pipeline, strict, false, &[], ask, |done| {
                 trouble.set(trouble.get() || !done.failures.is_empty());
-                show_export(done)
+                show_export::exported(done)
             })?;
             Ok(if trouble.get() { Success::Partial } else { done })
         }
@@ -222,11 +224,11 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             if as_json {
                 json(&found)?
             } else {
-                show_audit(&found)?
+                show_export::audited(&found)?
             }
             Ok(Success::Full)
         }
-        Command::MarkerSet { action } => marker_sets(action),
+        Command::MarkerSet { action } => marker_sets::marker_sets(action),
         Command::Workflow { pipeline, engine: EngineArg::Snakemake, out: target, verdict } => {
             workflow::run(&pipeline, &target, verdict)
         }
@@ -251,123 +253,6 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
                 .render(&mut text)
                 .map_err(|e| Stop::Error(miette::miette!("cannot write the manual page: {e}")))?;
             out(String::from_utf8_lossy(&text).trim_end())?;
-            Ok(Success::Full)
-        }
-    }
-}
-
-fn show_export(done: &export::Exported) -> Result<(), Stop> {
-    for remark in &done.remarks {
-        note(format!("warning: {remark}"));
-    }
-    for (what, problem) in &done.failures {
-        note(format!("failed: {what}: {problem}"));
-    }
-    let mut parts = Vec::new();
-    for (count, word) in
-        [(done.added, "new"), (done.changed, "changed"), (done.unchanged, "as before"), (done.removed, "removed")]
-    {
-        if count > 0 {
-            parts.push(format!("{count} {word}"));
-        }
-    }
-    note(format!("files: {}; README.md says what each is", parts.join(", ")));
-    out(done.folder.display())
-}
-
-fn show_audit(a: &audit::Audit) -> Result<(), Stop> {
-    let figure = crate::errors::figure;
-    out(labelled("model       ", &format!("{}: {:.2} kg in {} bodies", visible(&a.file), a.mass_kg, a.bodies.len())))?;
-    let header = [
-        "recording",
-        "markers mm",
-        "flights",
-        "fall / g",
-        "in flight N",
-        "contact s",
-        "in contact N",
-        "plates / model",
-    ];
-    let mut t = table(&header);
-    for r in &a.trials {
-        t.add_row([
-            visible(&r.trial),
-            figure(r.marker_rms_mm),
-            r.flights.to_string(),
-            r.fall_over_gravity.map_or("–".to_owned(), |f| format!("{f:.3}")),
-            figure(r.flight_error_n),
-            format!("{:.2}", r.contact_s),
-            figure(r.contact_error_n),
-            r.load_ratio.map_or("–".to_owned(), |x| format!("{x:.3}")),
-        ]);
-    }
-    out(t)?;
-    if !a.segments.is_empty() {
-        let mut t =
-            table(&["body", "share of the error that a change of its inertia alone would take away"]).left(&[1]);
-        for s in a.segments.iter().take(6) {
-            t.add_row([s.link.clone(), format!("{:.0} %", 100.0 * s.inertia_share)]);
-        }
-        out(t)?;
-    }
-    for line in &a.words {
-        out(labelled("- ", line))?;
-    }
-    out(labelled(
-        "",
-        "error: root mean square over windows of force, with moment over a lever of 0.1 m; there is no noise floor, since \
-         coordinates in a file do not say how uncertain they are",
-    ))
-}
-
-fn marker_sets(action: MarkerSetAction) -> Result<Success, Stop> {
-    match action {
-        MarkerSetAction::Check { file, json: as_json } => {
-            let found = markerset::check(&file)?;
-            if as_json {
-                json(&found)?;
-            } else {
-                let line = |f: &markerset::SetFinding, word: &str| {
-                    let at = f.line.map_or(String::new(), |l| format!("line {l}: "));
-                    let hint = f.hint.as_ref().map_or(String::new(), |h| format!("; {h}"));
-                    out(labelled(&format!("{word}  "), &format!("{at}{}{hint}", f.problem)))
-                };
-                found.errors.iter().try_for_each(|f| line(f, "error "))?;
-                found.remarks.iter().try_for_each(|f| line(f, "remark"))?;
-            }
-            if found.errors.is_empty() {
-                note(format!(
-                    "{}: {} markers for the model {}; the set can be used",
-                    found.file, found.markers, found.model
-                ));
-                return Ok(Success::Full);
-            }
-            Err(PipelineError::request_hint(
-                format!("{}: the marker set cannot be used: {} errors", found.file, found.errors.len()),
-                "correct the lines that are named, and check it again",
-            )
-            .into())
-        }
-        MarkerSetAction::Draft { folder, out: target, json: as_json } => {
-            let mut found = markerset::draft(&folder)?;
-            if let Some(stem) = target.as_ref().and_then(|t| t.file_stem()) {
-                found.name = stem.to_string_lossy().into_owned();
-            }
-            if as_json {
-                json(&found)?;
-                return Ok(Success::Full);
-            }
-            let text = markerset::to_yaml(&found);
-            match target {
-                None => out(text.trim_end())?,
-                Some(target) => {
-                    markerset::write_new(&target, &text)?;
-                    note(format!("wrote {}", target.display()));
-                    command("next", &format!("aloft markerset check {}", quote::path(&target)));
-                }
-            }
-            let doubts = found.markers.iter().filter(|m| m.link.is_none() || m.because.contains("CHECK")).count();
-            note(format!("{} markers, {doubts} of them to be checked", found.markers.len()));
             Ok(Success::Full)
         }
     }
@@ -590,115 +475,6 @@ fn show_one_check(session: &SubjectSession) -> Result<bool, Stop> {
 #[derive(serde::Serialize)]
 struct Written {
     path: std::path::PathBuf,
-}
-
-fn show_verified(found: &verify::Verified) -> Result<(), Stop> {
-    if !found.damaged.is_empty() {
-        let mut t = table(&["damaged", "what is wrong", "what makes it again"]).left(&[2]).wrapped(1);
-        for d in &found.damaged {
-            t.add_row([d.place.clone(), d.problems.join("; "), d.mend.clone()]);
-        }
-        out(t)?;
-    }
-    for unused in &found.unused {
-        note(format!("not used: {unused} (the study has no such recording or stage)"));
-    }
-    for line in (Freshness { stale: found.stale.clone() }).describe() {
-        note(line);
-    }
-    let damaged = match found.damaged.len() {
-        0 => "nothing is damaged".to_owned(),
-        n => format!("{n} damaged"),
-    };
-    let megabytes = found.bytes as f64 / 1e6;
-    out(format!("{} results, {} files, {megabytes:.1} MB: {damaged}", found.results, found.files))
-}
-
-fn show_status(found: &status::Status) -> Result<(), Stop> {
-    let mut header = vec!["trial", "role"];
-    header.extend(found.stages.iter().copied());
-    let mut t = table(&header);
-    for row in &found.rows {
-        t.add_row([visible(&row.trial), row.role.clone()].into_iter().chain(row.cells.iter().cloned()));
-    }
-    out(t)
-}
-
-/// How one result was made; without trial and stage, everything that is not up to date.
-fn explain(args: &PipelineArgs, trial: Option<&str>, stage: Option<&str>) -> Result<Success, Stop> {
-    let set = open_all(args)?;
-    let mut shown = 0;
-    let mut last: Option<PipelineError> = None;
-    for session in &set.members {
-        match (trial, stage) {
-            (Some(trial), Some(stage)) => match status::explain(session, trial, stage) {
-                Ok(found) => {
-                    shown += 1;
-                    if set.several {
-                        heading(&session.id)?;
-                    }
-                    show_explanation(&found, trial, stage, true)?;
-                }
-                Err(error) => last = Some(error),
-            },
-            _ => {
-                let found = status::explain_all(session, trial)?;
-                shown += 1;
-                if set.several && !found.is_empty() {
-                    heading(&session.id)?;
-                }
-                for (stage, trial, explanation) in &found {
-                    show_explanation(explanation, trial, stage, false)?;
-                }
-                if found.is_empty() && !set.several {
-                    out("everything is up to date")?;
-                }
-            }
-        }
-    }
-    match (shown, last) {
-        (0, Some(error)) => Err(error.into()),
-        _ => Ok(Success::Full),
-    }
-}
-
-fn show_explanation(found: &status::Explanation, trial: &str, stage: &str, whole: bool) -> Result<(), Stop> {
-    out(format!("{stage} of {}: {}", visible(trial), found.standing.word()))?;
-    match &found.standing {
-        TaskState::Stale(changes) => {
-            for change in changes {
-                out(labelled("  ", change))?;
-            }
-        }
-        TaskState::Failed(failure) => {
-            out(labelled("  ", &failure.problem))?;
-            if let Some(hint) = &failure.hint {
-                out(labelled("  hint: ", hint))?;
-            }
-        }
-        TaskState::Blocked(reason) => out(labelled("  ", reason))?,
-        TaskState::Damaged(problems) => {
-            for problem in problems {
-                out(labelled("  ", problem))?;
-            }
-        }
-        _ => {}
-    }
-    for before in &found.before {
-        out(labelled("  ", &format!("will be done again, because {before}")))?;
-    }
-    let Some(m) = found.manifest.as_ref().filter(|_| whole) else { return Ok(()) };
-    for warning in &m.warnings {
-        out(labelled("  warning: ", &warning.to_string()))?;
-    }
-    for (key, value) in &m.summary {
-        out(labelled(&format!("  {key}: "), &value.to_string()))?;
-    }
-    out(format!("  made by aloft {} in {:.2} s from", m.program, m.seconds))?;
-    for (name, hash) in &m.inputs {
-        out(format!("    {name} {}", hash.get(..12).unwrap_or(hash)))?;
-    }
-    Ok(())
 }
 
 /// Serves the live page until the process ends.

@@ -8,6 +8,7 @@ mod errors;
 mod findings;
 mod ladder;
 mod laws;
+mod marker_sets;
 mod next;
 mod open;
 mod progress;
@@ -17,7 +18,9 @@ mod run_end;
 mod screen;
 mod show;
 mod show_estimators;
+mod show_export;
 mod show_session;
+mod show_workspace;
 mod stop;
 mod workflow;
 

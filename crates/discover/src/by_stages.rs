@@ -10,7 +10,7 @@ use std::fmt;
 
 /// Error and floor in flight and in contact with these effects in the model; none where it cannot be
 /// computed.
-type Compute<'a> = &'a (dyn Fn(&[Found]) -> Option<[Option<Standing>; 2]> + Sync);
+pub type Compute<'a> = &'a (dyn Fn(&[Found]) -> Option<[Option<Standing>; 2]> + Sync);
 
 /// Computes a model by all stages, if the caller can.
 #[derive(Clone, Copy, Default)]

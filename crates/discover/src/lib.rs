@@ -86,6 +86,7 @@ mod statistics;
 mod wording;
 
 pub use addition::{addition, detectable, ladder};
+pub use by_stages::Compute;
 pub use discover::{catalogue, discover};
 pub use error::DiscoverError;
 pub use floor::Standing;

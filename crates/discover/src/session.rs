@@ -6,11 +6,10 @@
 //! forming the regressor again.
 
 use crate::DiscoverError;
-use crate::by_stages::ByStages;
+use crate::by_stages::{ByStages, Compute};
 use crate::floor::Standing;
 use crate::problem::{Domain, Problem};
 use crate::progress::Counter;
-use crate::result::Found;
 use aloft_body::{BaseParameters, Model, Motion, Phi};
 use aloft_effects::{Columns, Effect, PlateSeries, Scene, Series, Span, Target, TrialMotion};
 use aloft_identify::Prior;
@@ -301,7 +300,7 @@ impl<'a> Session<'a> {
     /// Computes the error with the effects found by `compute` (flight, contact) instead of estimating it
     /// from the rows, before the verdict is given.
     #[must_use]
-    pub fn with_stages(mut self, compute: &'a (dyn Fn(&[Found]) -> Option<[Option<Standing>; 2]> + Sync)) -> Self {
+    pub fn with_stages(mut self, compute: Compute<'a>) -> Self {
         self.by_stages = ByStages::new(compute);
         self
     }
