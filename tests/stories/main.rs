@@ -15,6 +15,7 @@ mod kill;
 mod layout;
 mod loop_on_people;
 mod names;
+mod newcomer;
 mod one_interval;
 mod one_stage_again;
 mod osim;

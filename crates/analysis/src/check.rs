@@ -1,5 +1,10 @@
 //! `check`: checks configuration, labels and files; changes nothing.
 
+mod findings;
+
+pub use self::findings::Finding;
+
+use self::findings::{Remark, findings};
 use crate::corrections::{Offer, offers};
 use crate::session_check::{SessionCheck, session_check};
 use aloft_pipeline::corrected::refuse_unknown_plates;
@@ -7,9 +12,10 @@ use aloft_pipeline::graph::Recording;
 use aloft_pipeline::made::as_made;
 use aloft_pipeline::stages::filter::low_pass;
 use aloft_pipeline::stages::import::{abridged, holds_enough, read_recording};
-use aloft_study::subject_session::{Role, SubjectSession};
+use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_trial::{QualityOptions, Severity, apply_marker_set, assess};
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::error::StageFailure;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -18,8 +24,10 @@ use serde::Serialize;
 pub struct Check {
     /// Version of this structure.
     pub version: u32,
-    /// One row per recording.
+    /// One row per recording, with every remark.
     pub trials: Vec<CheckRow>,
+    /// The same remarks by kind: one line each, with the recordings that it concerns.
+    pub findings: Vec<Finding>,
     /// Remarks about the study as a whole.
     pub remarks: Vec<String>,
     /// What the recordings say about themselves; no lines before a run.
@@ -58,76 +66,10 @@ pub fn check(session: &SubjectSession) -> Result<Check, PipelineError> {
         // in a study of several, another session may have the plate
         refuse_unknown_plates(&[session])?;
     }
-    let trials: Vec<CheckRow> = session
-        .trials
-        .par_iter()
-        .map(|entry| {
-            let mut row = CheckRow {
-                name: entry.name.clone(),
-                role: entry.role.word().to_owned(),
-                frames: None,
-                rate_hz: None,
-                markers: String::new(),
-                plates: None,
-                broken: false,
-                remarks: Vec::new(),
-            };
-            if let Some(reason) = &entry.excluded {
-                row.role = "excluded".to_owned();
-                row.remarks.push(format!("excluded: {reason}"));
-                return row;
-            }
-            if let Some(robot) = &session.robot {
-                match aloft_pipeline::stages::robot::read(robot, &Recording::of(entry)) {
-                    Ok((log, _, remarks)) => {
-                        row.frames = Some(log.time_s.len());
-                        row.rate_hz = Some(1.0 / log.interval_s());
-                        row.plates = Some(0);
-                        row.remarks.extend(remarks);
-                    }
-                    Err(failure) => {
-                        row.broken = true;
-                        row.remarks.push(failure.problem);
-                    }
-                }
-                return row;
-            }
-            let mut trial = match read_recording(session.import_of(Some(entry)), &Recording::of(entry)) {
-                Ok(trial) => trial,
-                Err(failure) => {
-                    row.broken = true;
-                    row.remarks.push(failure.problem);
-                    return row;
-                }
-            };
-            if let Err(failure) = holds_enough(session.import_of(Some(entry)), &Recording::of(entry), &trial) {
-                row.broken = true;
-                row.remarks.push(failure.problem);
-                return row;
-            }
-            let matched = apply_marker_set(&mut trial, &session.marker_set, &session.import_of(Some(entry)).aliases);
-            let quality = assess(&trial, Some(&matched), &[], &[], &QualityOptions::default());
-            row.frames = Some(trial.markers.n_frames);
-            row.rate_hz = Some(trial.markers.rate_hz);
-            row.markers = format!("{}/{}", matched.present.len(), matched.present.len() + matched.missing.len());
-            row.plates = Some(trial.plates.len());
-            row.broken =
-                matched.present.is_empty() || quality.reasons.iter().any(|r| r.severity() == Severity::Unusable);
-            if entry.role.is_dynamic()
-                && let Err(e) = low_pass(&session.config.filter).describe(trial.markers.rate_hz)
-            {
-                row.broken = true;
-                row.remarks.push(format!("`filter`: {e}"));
-            }
-            row.remarks.extend(trial.warnings.iter().map(ToString::to_string));
-            row.remarks
-                .extend(quality.reasons.iter().filter(|r| r.severity() != Severity::Note).map(ToString::to_string));
-            if !matched.unknown.is_empty() {
-                row.remarks.push(format!("labels that the set does not know: {}", abridged(&matched.unknown)));
-            }
-            row
-        })
-        .collect();
+    let checked: Vec<(CheckRow, Vec<Remark>)> =
+        session.trials.par_iter().map(|entry| check_one(session, entry)).collect();
+    let findings = findings(checked.iter().map(|(row, remarks)| (row.name.as_str(), remarks.as_slice())));
+    let trials: Vec<CheckRow> = checked.into_iter().map(|(row, _)| row).collect();
     let mut remarks = Vec::new();
     let count = |role: Role| session.included().filter(|t| t.role == role).count();
     if count(Role::Static) == 0
@@ -171,13 +113,74 @@ pub fn check(session: &SubjectSession) -> Result<Check, PipelineError> {
             remarks.push("the subject's stature is not known: segment lengths come from the markers alone".to_owned());
         }
     }
-    for t in session
+    let alone: Vec<String> = session
         .included()
         .filter(|t| t.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("trc")) && t.forces.is_none())
-    {
-        remarks.push(format!("{}: no force file beside it; see `trials: {{forces: …}}`", t.name));
+        .map(|t| t.name.clone())
+        .collect();
+    if !alone.is_empty() {
+        remarks.push(format!("no force file beside {}; see `trials: {{forces: …}}`", abridged(&alone)));
     }
     let measured = session_check(session);
     let offers = offers(&as_made(session), &measured);
-    Ok(Check { version: 1, trials, remarks, session: measured, offers })
+    Ok(Check { version: 1, trials, findings, remarks, session: measured, offers })
+}
+
+/// Reads one recording; its row, and its remarks with their kinds.
+fn check_one(session: &SubjectSession, entry: &TrialEntry) -> (CheckRow, Vec<Remark>) {
+    let mut row = CheckRow {
+        name: entry.name.clone(),
+        role: entry.role.word().to_owned(),
+        frames: None,
+        rate_hz: None,
+        markers: String::new(),
+        plates: None,
+        broken: false,
+        remarks: Vec::new(),
+    };
+    let remarks = match &entry.excluded {
+        Some(reason) => {
+            row.role = "excluded".to_owned();
+            vec![Remark::Other(format!("excluded: {reason}"))]
+        }
+        None => read_one(session, entry, &mut row).unwrap_or_else(|failure| {
+            row.broken = true;
+            vec![Remark::Broken { problem: failure.problem, path: entry.file.display().to_string() }]
+        }),
+    };
+    row.remarks = remarks.iter().map(ToString::to_string).collect();
+    (row, remarks)
+}
+
+fn read_one(session: &SubjectSession, entry: &TrialEntry, row: &mut CheckRow) -> Result<Vec<Remark>, StageFailure> {
+    if let Some(robot) = &session.robot {
+        let (log, _, remarks) = aloft_pipeline::stages::robot::read(robot, &Recording::of(entry))?;
+        row.frames = Some(log.time_s.len());
+        row.rate_hz = Some(1.0 / log.interval_s());
+        row.plates = Some(0);
+        return Ok(remarks.into_iter().map(Remark::Other).collect());
+    }
+    let import = session.import_of(Some(entry));
+    let mut trial = read_recording(import, &Recording::of(entry))?;
+    holds_enough(import, &Recording::of(entry), &trial)?;
+    let matched = apply_marker_set(&mut trial, &session.marker_set, &import.aliases);
+    let quality = assess(&trial, Some(&matched), &[], &[], &QualityOptions::default());
+    row.frames = Some(trial.markers.n_frames);
+    row.rate_hz = Some(trial.markers.rate_hz);
+    row.markers = format!("{}/{}", matched.present.len(), matched.present.len() + matched.missing.len());
+    row.plates = Some(trial.plates.len());
+    row.broken = matched.present.is_empty() || quality.reasons.iter().any(|r| r.severity() == Severity::Unusable);
+    let mut remarks = Vec::new();
+    if entry.role.is_dynamic()
+        && let Err(e) = low_pass(&session.config.filter).describe(trial.markers.rate_hz)
+    {
+        row.broken = true;
+        remarks.push(Remark::Broken { problem: format!("`filter`: {e}"), path: String::new() });
+    }
+    remarks.extend(trial.warnings.into_iter().map(Remark::Import));
+    remarks.extend(quality.reasons.into_iter().filter(|r| r.severity() != Severity::Note).map(Remark::Quality));
+    if !matched.unknown.is_empty() {
+        remarks.push(Remark::UnknownLabels(matched.unknown));
+    }
+    Ok(remarks)
 }

@@ -101,6 +101,9 @@ pub struct ParametersBrief {
     pub in_all: usize,
     /// Whether the gate passed: the numbers may be reported as identified.
     pub gate_passed: bool,
+    /// What to do where the gate did not pass, in one sentence; none where it passed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub to_do: Option<String>,
     /// Body mass, kg.
     pub mass_kg: f64,
     /// Why nothing was identified, so that the compared model is the table's body; none if something
@@ -116,6 +119,7 @@ impl ParametersBrief {
             from_motion: p.base.iter().filter(|b| b.seen != Determination::Hardly).count(),
             in_all: p.base.len(),
             gate_passed: p.gate.passed,
+            to_do: to_do(p),
             mass_kg: p.mass_kg,
             sigma_ratio: p.sigma.ratio,
             sigma: p.sigma,
@@ -131,6 +135,7 @@ impl ParametersBrief {
             from_motion: 0,
             in_all: 0,
             gate_passed: false,
+            to_do: None,
             mass_kg,
             sigma_ratio: none,
             sigma: Sigma { max: none, second: none, min: none, ratio: none },
@@ -140,10 +145,21 @@ impl ParametersBrief {
     }
 }
 
+/// What to record where the motion determined too little; none where the gate passed.
+fn to_do(p: &Parameters) -> Option<String> {
+    let flights = format!("record more flights ({} now)", p.n_stretches);
+    // advice reads "motion, more of it: would show parameters"
+    let motion = p.gate.advice.first().and_then(|a| a.split([',', ':']).next()).map(str::trim);
+    (!p.gate.passed).then(|| match motion {
+        Some(motion) => format!("{flights}, first: {motion}"),
+        None => format!("{flights}, with faster motion of all limbs"),
+    })
+}
+
 /// Why nothing was identified, as the stage `identify` said it.
 pub fn nothing_identified(ws: &Workspace) -> String {
     read_json(&ws.place("identify", WHOLE_STUDY).join(NOTHING_IDENTIFIED))
-        .unwrap_or_else(|_| "nothing was identified; the masses are the table's".to_owned())
+        .unwrap_or_else(|_| "nothing was identified; the masses are from tables".to_owned())
 }
 
 /// What the comparison cannot say, because the model is not the whole body.

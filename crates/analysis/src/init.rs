@@ -5,6 +5,7 @@ mod choice;
 mod facts;
 mod osim;
 mod quiet;
+mod subjects;
 
 use self::facts::{StatedFacts, agreed, force_patterns};
 use crate::laboratories;
@@ -42,19 +43,45 @@ struct Layout {
 /// Number of recordings to read; the others are assumed to be alike.
 const LOOKED_AT: usize = 60;
 
+/// What a user knows about the folder.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct InitOptions {
+    /// All recordings are of one subject, whatever names and folders say.
+    pub one_subject: bool,
+    /// Use only the files that name this subject (SUBJECTS:NAMES).
+    pub subject: Option<String>,
+}
+
+/// Recordings that are not used, with the reason as a comment.
+struct NotUsed {
+    why: &'static str,
+    names: Vec<String>,
+}
+
 /// Inspects the recordings and writes a pipeline file; returns its path.
-pub fn init(folder: &Path, out: Option<&Path>) -> Result<PathBuf, PipelineError> {
+///
+/// # Errors
+/// A pipeline file that is there already; a folder without recordings, or with those of several
+/// laboratories or subjects.
+pub fn init(folder: &Path, out: Option<&Path>, options: &InitOptions) -> Result<PathBuf, PipelineError> {
     let target = out.map_or_else(|| PathBuf::from("aloft.yaml"), Path::to_path_buf);
     if target.exists() {
-        return Err(PipelineError::request_hint(
-            format!("{} is there already", target.display()),
-            "give another name with --out; nothing is overwritten",
-        ));
+        return Err(there_already(folder, &target));
     }
     if !folder.is_dir() {
         return Err(PipelineError::request(format!("{} is not a folder", folder.display())));
     }
-    let layout = layout(folder)?;
+    let layout = match options.one_subject {
+        true => Layout { subjects: Vec::new(), sessions: Vec::new() },
+        false => layout(folder)?,
+    };
+    if let (Some(name), Some(first)) = (&options.subject, layout.subjects.first()) {
+        let own = layout.subjects.iter().find(|s| *s == name).unwrap_or(first);
+        return Err(PipelineError::request_hint(
+            format!("--subject {name}: each subject in {} has a folder of its own", folder.display()),
+            format!("for one of them: `aloft init {}`; for all: leave `--subject` out", quote::path(&folder.join(own))),
+        ));
+    }
     let files = recordings_below(folder)?;
     let (seen, broken) = look(folder, &layout, &files);
     if seen.is_empty() {
@@ -63,32 +90,38 @@ pub fn init(folder: &Path, out: Option<&Path>) -> Result<PathBuf, PipelineError>
             broken.first().cloned().unwrap_or_else(|| "expected .c3d or .trc files".to_owned()),
         ));
     }
-    if layout.subjects.is_empty() {
-        refuse_several_subjects(folder, &seen)?;
-    }
+    let (seen, others) = match layout.subjects.is_empty() {
+        true => subjects::chosen(folder, seen, options)?,
+        false => (seen, Vec::new()),
+    };
     let (seen, strays) = one_laboratory(folder, seen)?;
-    let text = write(folder, &target, &layout, files.len(), &seen, &broken, &strays)?;
+    let not_used = [
+        NotUsed { why: "of other subjects; not used:", names: others },
+        NotUsed {
+            why: "other marker labels than the rest, so probably of another laboratory; not used:",
+            names: strays,
+        },
+        NotUsed { why: "could not be read:", names: broken },
+    ];
+    let text = write(folder, &target, &layout, files.len(), &seen, &not_used)?;
     aloft_workspace::disk::write_whole(&target, text.as_bytes())?;
     Ok(target)
 }
 
-/// Refuses a folder whose files name several subjects: they would become one body.
-fn refuse_several_subjects(folder: &Path, seen: &[Determination]) -> Result<(), PipelineError> {
-    let mut names: Vec<String> = seen.iter().filter_map(|s| s.stated.subject.clone()).collect();
-    names.sort();
-    names.dedup();
-    if names.len() < 2 {
-        return Ok(());
-    }
-    Err(PipelineError::request_hint(
+/// What to do where a pipeline file is there: use it, or write another one.
+fn there_already(folder: &Path, target: &Path) -> PipelineError {
+    let stem = target.file_stem().map_or("aloft".into(), |s| s.to_string_lossy().into_owned());
+    let ending = target.extension().map_or("yaml".into(), |e| e.to_string_lossy().into_owned());
+    let free = (2..1000).map(|n| target.with_file_name(format!("{stem}-{n}.{ending}"))).find(|p| !p.exists());
+    let fresh = free.map_or_else(|| "FILE".to_owned(), |p| quote::path(&p));
+    PipelineError::request_hint(
+        format!("{} is there already; nothing is overwritten", target.display()),
         format!(
-            "{}: the files are of {} subjects (SUBJECTS:NAMES): {}",
-            folder.display(),
-            names.len(),
-            aloft_pipeline::stages::import::abridged(&names)
+            "to use it: `aloft run {}`; for a fresh one: `aloft init {} --out {fresh}`",
+            quote::path(target),
+            quote::path(folder)
         ),
-        "put the files of each subject into a folder of its own, and give `aloft init` the folder that holds them",
-    ))
+    )
 }
 
 /// The recordings of one laboratory, and the names of those with other marker labels that lie among
@@ -301,8 +334,7 @@ fn write(
     layout: &Layout,
     n_files: usize,
     seen: &[Determination],
-    broken: &[String],
-    strays: &[String],
+    not_used: &[NotUsed],
 ) -> Result<String, PipelineError> {
     let choice::Choice { set, model, fit, unseen } = choice::choose(seen)?;
     let is_object = model == "two_link";
@@ -388,7 +420,7 @@ fn write(
             }
         ));
         line(
-            "# the file is taken as it is: its scaling, joints, markers, and inertias as the prior. Without it:"
+            "# the file is taken as it is: its scaling, joints, markers, and inertias in place of tables. Without it:"
                 .to_owned(),
         );
         line(format!("#   model: {model}\n#   marker_set: {set}      # fits {:.0} %", fit * 100.0));
@@ -471,16 +503,10 @@ fn write(
     if let Some(patterns) = force_patterns(folder, seen) {
         line(format!("  forces: {}      # ground reactions beside the markers", yaml_list(&patterns)));
     }
-    if !strays.is_empty() {
-        line("  # other marker labels than the rest, so probably of another laboratory; not used:".to_owned());
-        for stray in strays {
-            line(format!("  #   {}", quote::visible(stray)));
-        }
-    }
-    if !broken.is_empty() {
-        line("  # could not be read:".to_owned());
-        for b in broken {
-            line(format!("  #   {}", quote::visible(b)));
+    for group in not_used.iter().filter(|g| !g.names.is_empty()) {
+        line(format!("  # {}", group.why));
+        for name in &group.names {
+            line(format!("  #   {}", quote::visible(name)));
         }
     }
     line("import:".to_owned());

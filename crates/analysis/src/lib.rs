@@ -36,4 +36,5 @@ pub mod unknowns;
 pub mod verdict;
 pub mod verify;
 pub mod visible;
+pub mod words;
 pub mod workflow;

@@ -44,7 +44,10 @@ pub fn parameters(session: &SubjectSession, rows: Option<Rows>) -> Result<Parame
     if !path.is_file() && path.with_file_name(NOTHING_IDENTIFIED).is_file() {
         return Err(PipelineError::request_hint(
             nothing_identified(&ws),
-            format!("`aloft compare {}` compares the table's body with the plates", quote::path(&session.config_path)),
+            format!(
+                "`aloft compare {}` compares the body from tables with the plates",
+                quote::path(&session.config_path)
+            ),
         ));
     }
     if !path.is_file() {

@@ -81,7 +81,7 @@ pub fn refuse_invisible(
         Unseen::Body(_) => {
             "record trials with it and trials without it, so that the body's parameters cannot take its place"
         }
-        Unseen::TooFewRows => "record more flights, or identify with a prior",
+        Unseen::TooFewRows => "record more flights, or identify with tables (`estimator: regularized`)",
     };
     Err(PipelineError::request_hint(problem, hint))
 }

@@ -154,12 +154,15 @@ pub enum Command {
     },
     /// Check configuration, labels and files; changes nothing.
     #[command(
-        after_help = "Examples:\n  aloft check P.yaml\n  aloft check P.yaml --data lab/s01\n  aloft check P.yaml --subject sub-02\n\nAfter a run, the session check is shown, too: time of the plates against the cameras, weights, zeros, vertical, labels and markers, each with its interval and what it should be."
+        after_help = "Examples:\n  aloft check P.yaml\n  aloft check P.yaml --data lab/s01\n  aloft check P.yaml --details            every remark on every recording\n\nRemarks of one kind are one line, with the recordings that it concerns. After a run, the session check is shown, too: time of the plates against the cameras, weights, zeros, vertical, labels and markers, each with its interval and what it should be."
     )]
     Check {
         /// The pipeline.
         #[command(flatten)]
         pipeline: PipelineArgs,
+        /// Every remark on every recording.
+        #[arg(long)]
+        details: bool,
         /// Machine-readable output.
         #[arg(long)]
         json: bool,
@@ -240,7 +243,7 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Show the identified parameters with intervals and the prior beside them.
+    /// Show the identified parameters with intervals and those from tables beside them.
     #[command(
         after_help = "Examples:\n  aloft parameters P.yaml\n  aloft parameters P.yaml --rows acceleration\n  aloft parameters P.yaml --subject sub-02 --json"
     )]
@@ -263,7 +266,7 @@ pub enum Command {
     },
     /// Compare the model with measurement: by trial, phase, axis, segment.
     #[command(
-        after_help = "Examples:\n  aloft compare P.yaml\n  aloft compare P.yaml --by segment,posture\n  aloft compare P.yaml --estimators       rows × estimators × geometry on the same held-out motion\n  aloft compare P.yaml --leave-one-out    each trial predicted from the others: prior, flights, contact, both"
+        after_help = "Examples:\n  aloft compare P.yaml\n  aloft compare P.yaml --by segment,posture\n  aloft compare P.yaml --estimators       rows × estimators × geometry on the same held-out motion\n  aloft compare P.yaml --leave-one-out    each trial predicted from the others: tables, flights, contact, both"
     )]
     Compare {
         /// The pipeline.
@@ -272,10 +275,10 @@ pub enum Command {
         /// Results that are not up to date.
         #[command(flatten)]
         strict: StrictArgs,
-        /// Every way of identifying on the same held-out motion: rows, estimators, landmark and calibrated geometry, the prior.
+        /// Every way of identifying on the same held-out motion: rows, estimators, landmark and calibrated geometry, tables.
         #[arg(long)]
         estimators: bool,
-        /// Each trial predicted from all others, contact and flight apart: from the prior, from flights, from contact, from both.
+        /// Each trial predicted from all others, contact and flight apart: from tables, from flights, from contact, from both.
         #[arg(long, conflicts_with = "estimators")]
         leave_one_out: bool,
         /// Only these breakdowns (may be given several times, or as a list with commas).
@@ -417,7 +420,7 @@ pub enum Command {
     },
     /// Look at a folder of recordings and write a commented pipeline for it.
     #[command(
-        after_help = "Examples:\n  aloft init lab/s01\n  aloft init study --out study.yaml\n\nSubjects and sessions are recognised by participants.tsv, by folders called sub-… and ses-…, or by folders that hold recordings of the same names."
+        after_help = "Examples:\n  aloft init lab/s01\n  aloft init study --out study.yaml\n  aloft init lab --subject S07            only the files that name this subject\n\nSubjects and sessions are recognised by participants.tsv, by folders called sub-… and ses-…, or by folders that hold recordings of the same names."
     )]
     Init {
         /// Folder of recordings.
@@ -425,6 +428,12 @@ pub enum Command {
         /// Pipeline file to write (`aloft.yaml` in the current folder where not given).
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
+        /// All recordings are of one person, whatever names and folders say.
+        #[arg(long, conflicts_with = "subject")]
+        one_subject: bool,
+        /// Use only the files that name this subject (SUBJECTS:NAMES of C3D files).
+        #[arg(long, value_name = "NAME")]
+        subject: Option<String>,
     },
     /// Check whether an OpenSim model balances with its own motion, in flight and on plates.
     #[command(

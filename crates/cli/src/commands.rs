@@ -42,8 +42,8 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             let selection = Selection { from, only, until, trials: trial, dry_run, force, shared, wait };
             run(&pipeline, &selection, jobs, details)
         }
-        Command::Check { pipeline, json: true } => each(&pipeline, true, check::check, |_| Ok(())),
-        Command::Check { pipeline, json: false } => show_check(&pipeline),
+        Command::Check { pipeline, json: true, .. } => each(&pipeline, true, check::check, |_| Ok(())),
+        Command::Check { pipeline, json: false, details } => show_check(&pipeline, details),
         Command::Status { pipeline, strict, json: as_json } => {
             let late = std::cell::Cell::new(false);
             let ask = |session: &SubjectSession| {
@@ -213,8 +213,8 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             }
             Ok(Success::Full)
         }
-        Command::Init { folder, out: target } => {
-            let path = init::init(&folder, target.as_deref())?;
+        Command::Init { folder, out: target, one_subject, subject } => {
+            let path = init::init(&folder, target.as_deref(), &init::InitOptions { one_subject, subject })?;
             note(format!("wrote {}", path.display()));
             command("next", &format!("aloft check {}", quote::path(&path)));
             Ok(Success::Full)
@@ -414,14 +414,14 @@ fn show_dry_run(set: &DataSet, done: &BatchReport) -> Result<Success, Stop> {
     Ok(if broken(set) | done.runs.iter().any(|r| r.report.is_err()) { Success::Partial } else { Success::Full })
 }
 
-fn show_check(args: &PipelineArgs) -> Result<Success, Stop> {
+fn show_check(args: &PipelineArgs, details: bool) -> Result<Success, Stop> {
     let set = open_all(args)?;
     let mut trouble = broken(&set);
     for session in &set.members {
         if set.several {
             heading(&session.id)?;
         }
-        trouble |= show_one_check(session)?;
+        trouble |= show_one_check(session, args, details)?;
     }
     for (id, reason) in &set.excluded {
         note(format!("excluded: {id}: {reason}"));
@@ -435,7 +435,10 @@ fn show_check(args: &PipelineArgs) -> Result<Success, Stop> {
     Ok(if trouble { Success::Partial } else { Success::Full })
 }
 
-fn show_one_check(session: &SubjectSession) -> Result<bool, Stop> {
+/// Most kinds of remarks that a check shows.
+const FINDINGS: usize = 20;
+
+fn show_one_check(session: &SubjectSession, args: &PipelineArgs, details: bool) -> Result<bool, Stop> {
     let found = {
         let _bar = Waiting::new("reading recordings");
         check::check(session)?
@@ -460,9 +463,22 @@ fn show_one_check(session: &SubjectSession) -> Result<bool, Stop> {
     out(t)?;
     show_session::session_check(&found.session)?;
     show_session::offers(&found.offers)?;
-    for row in found.trials.iter().filter(|r| r.broken).chain(found.trials.iter().filter(|r| !r.broken)) {
-        for remark in &row.remarks {
-            note(format!("{}: {}: {remark}", if row.broken { "broken" } else { "warning" }, row.name));
+    if details {
+        for row in found.trials.iter().filter(|r| r.broken).chain(found.trials.iter().filter(|r| !r.broken)) {
+            for remark in &row.remarks {
+                note(format!("{}: {}: {remark}", if row.broken { "broken" } else { "warning" }, row.name));
+            }
+        }
+    } else {
+        for f in found.findings.iter().take(FINDINGS) {
+            note(format!("{}: {}", if f.broken { "broken" } else { "warning" }, f.words(found.trials.len())));
+        }
+        let rest = found.findings.len().saturating_sub(FINDINGS);
+        let remarks: usize = found.trials.iter().map(|t| t.remarks.len()).sum();
+        if rest > 0 || remarks > found.findings.len() {
+            let more = if rest > 0 { format!("{rest} more kinds of remarks; ") } else { String::new() };
+            let all = next::line("check", args, &["--details".to_owned()]);
+            note(format!("{more}each of the {remarks} remarks: {all}"));
         }
     }
     for remark in &found.remarks {

@@ -49,7 +49,7 @@ pub fn grid(errors: &[HeldOutError]) -> Grid {
 
 /// What the columns of [`grid`] mean.
 pub const MEANING: &str = "error: root mean square over held-out weak windows of force, with moment over a lever of 0.1 m; floor: what a \
-     perfect model would leave; tables: error of the table's body";
+     perfect model would leave; tables: error of the body from tables";
 
 /// Subject and what was identified, two lines.
 pub fn identified(view: &ComparisonView) -> [String; 2] {
@@ -74,11 +74,7 @@ pub fn identified(view: &ComparisonView) -> [String; 2] {
     );
     let tables = p.in_all - p.from_motion;
     let rest = if tables > 0 { format!(", {tables} from tables") } else { String::new() };
-    let gate = if p.gate_passed {
-        "gate passed"
-    } else {
-        "gate not passed: too little motion to determine the body (aloft parameters)"
-    };
+    let gate = if p.gate_passed { "gate passed" } else { "gate not passed: too little motion to determine the body" };
     let words = format!("{} of {} parameters from motion{rest}; {gate}", p.from_motion, p.in_all);
     let signal = if p.gate_passed { Signal::Good } else { Signal::Poor };
     let identified = labelled("identified  ", &words).replacen(gate, &paint(gate, signal), 1);
@@ -173,6 +169,15 @@ pub fn block(view: &ComparisonView) -> Result<(), Stop> {
     if !view.limits.is_empty() {
         return Ok(());
     }
-    // a wrong mass or gain comes before the place of the largest error
-    [weighed(view).or_else(|| worst(view)), constant(view)].into_iter().flatten().try_for_each(out)
+    // a wrong mass or gain, and what to record, come before the place of the largest error; two lines
+    // of all of them, so that a run ends with twelve
+    let first = [weighed(view), to_do(view)];
+    let place = if first.iter().all(Option::is_none) { worst(view) } else { None };
+    first.into_iter().chain([place, constant(view)]).flatten().take(2).try_for_each(out)
+}
+
+/// What to do about a gate that did not pass, in one line.
+fn to_do(view: &ComparisonView) -> Option<String> {
+    let text = view.parameters.to_do.as_ref()?;
+    Some(crate::screen::one_line("to do       ", &format!("{text}; all: aloft parameters")))
 }

@@ -80,7 +80,12 @@ pub fn show(
                 crate::show::frames(view)?;
             }
         }
-        many => several(many, LINES.saturating_sub(4 + failed.len().min(FAILED)))?,
+        many => {
+            several(many, LINES.saturating_sub(5 + failed.len().min(FAILED)))?;
+            if let Some(line) = to_do(many) {
+                out(line)?;
+            }
+        }
     }
     if let Some(summary) = summary {
         if let Some(line) = warnings(summary) {
@@ -213,6 +218,18 @@ fn several(views: &[(&SubjectSession, ComparisonView)], rows: usize) -> Result<(
         out(format!("… and {} nearer to their floors", order.len() - shown))?;
     }
     Ok(())
+}
+
+/// What to do about the subjects whose gate did not pass, in one line.
+fn to_do(views: &[(&SubjectSession, ComparisonView)]) -> Option<String> {
+    let short: Vec<(String, &str)> =
+        views.iter().filter_map(|(s, v)| Some((visible(&s.id.to_string()), v.parameters.to_do.as_deref()?))).collect();
+    let (first, text) = short.first()?;
+    let whose = match short.len() {
+        1 => first.clone(),
+        n => format!("{n} of {} ({first} …)", views.len()),
+    };
+    Some(one_line("to do       ", &format!("gate not passed: {whose}: {text}; all: aloft parameters")))
 }
 
 /// The recordings with warnings, by reason.

@@ -6,6 +6,7 @@ use crate::stop::Stop;
 use aloft_analysis::compare::{ComparisonView, errors_of, judged_on, mean};
 use aloft_analysis::parameters::ParametersView;
 use aloft_analysis::summary::Summary;
+use aloft_analysis::words::model_word;
 use aloft_compare::Signal;
 use aloft_study::quote::visible;
 
@@ -34,7 +35,7 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
         significant(p.sigma.min, 4),
         significant(p.sigma.ratio, 3)
     ))?;
-    let mut t = table(&["parameter", "value", "± 95 %", "prior", "unit", "seen", "regrouping"]).left(&[5]).wrapped(6);
+    let mut t = table(&["parameter", "value", "± 95 %", "tables", "unit", "seen", "regrouping"]).left(&[5]).wrapped(6);
     for b in &p.base {
         t.add_row([
             b.name.clone(),
@@ -56,9 +57,16 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
         }
     }
     if !p.links.is_empty() {
-        let mut t =
-            table(&["link", "mass kg", "prior kg", "centre of mass m", "prior m", "principal inertias kg·m²", "from"])
-                .wrapped(6);
+        let mut t = table(&[
+            "link",
+            "mass kg",
+            "tables kg",
+            "centre of mass m",
+            "tables m",
+            "principal inertias kg·m²",
+            "from",
+        ])
+        .wrapped(6);
         for l in &p.links {
             let inertia = l.inertia().inertia_com_kgm2.symmetric_eigenvalues();
             let mut principal = [inertia[0], inertia[1], inertia[2]];
@@ -109,7 +117,7 @@ pub fn frames(view: &ComparisonView) -> Result<(), Stop> {
     };
     for m in c.models() {
         let (f, n, wf, wn) = errors_of(m);
-        row(&m.model, &f, &n, &wf, &wn);
+        row(model_word(&m.model), &f, &n, &wf, &wn);
     }
     if let Some(floor) = &c.noise_floor {
         let (frames, windows) = if c.first.held_out.frames > 0 {

@@ -7,6 +7,7 @@ use crate::stop::Stop;
 use aloft_analysis::assess::Assessment;
 use aloft_analysis::compare::{CalibrationView, ImpulseMassView};
 use aloft_analysis::estimators::{ErrorsBrief, EstimatorsView, LeaveOneOutView};
+use aloft_analysis::words::model_word;
 
 fn number(value: Option<f64>) -> String {
     value.map_or("–".to_owned(), |x| significant(x, 3))
@@ -48,7 +49,7 @@ pub fn estimators(view: &EstimatorsView) -> Result<(), Stop> {
         t.add_row([
             row.geometry.to_owned(),
             row.rows.unwrap_or("–").to_owned(),
-            format!("{}{}", row.estimator.unwrap_or("prior"), if row.chosen { " *" } else { "" }),
+            format!("{}{}", model_word(row.estimator.unwrap_or("prior")), if row.chosen { " *" } else { "" }),
             by_axis(row.frames.map(|e| e.force_n)),
             by_axis(row.frames.map(|e| e.moment_nm)),
             force,
@@ -74,7 +75,12 @@ pub fn estimators(view: &EstimatorsView) -> Result<(), Stop> {
     out(t)?;
     out("mean absolute error; * the pipeline's choice")?;
     for row in &view.table {
-        let name = format!("{}, {} rows, {}", row.geometry, row.rows.unwrap_or("no"), row.estimator.unwrap_or("prior"));
+        let name = format!(
+            "{}, {} rows, {}",
+            row.geometry,
+            row.rows.unwrap_or("no"),
+            model_word(row.estimator.unwrap_or("prior"))
+        );
         if let Some(reason) = row.gate.as_ref().filter(|g| !g.passed).and_then(|g| g.reasons.last()) {
             out(labelled("refused: ", &format!("{name}: {reason}")))?;
         }
@@ -109,7 +115,7 @@ pub fn leave_one_out(view: &LeaveOneOutView) -> Result<(), Stop> {
             let [force, moment] = means(trial.contact_windows.as_ref());
             t.add_row([
                 trial.trial.clone(),
-                model.model.to_owned(),
+                model_word(&model.model).to_owned(),
                 by_axis(trial.contact.map(|e| e.force_n)),
                 by_axis(trial.contact.map(|e| e.moment_nm)),
                 force,
@@ -135,7 +141,7 @@ pub fn leave_one_out(view: &LeaveOneOutView) -> Result<(), Stop> {
             ))?;
         }
         if let Some(problem) = &model.failed {
-            out(labelled(&format!("{}: ", model.model), problem))?;
+            out(labelled(&format!("{}: ", model_word(&model.model)), problem))?;
         }
     }
     Ok(())

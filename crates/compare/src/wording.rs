@@ -152,7 +152,11 @@ pub(crate) fn describe(
         };
         let errors: Vec<String> = against.iter().filter_map(of).collect();
         if !errors.is_empty() {
-            out.push(format!("For comparison, `{}`: {}.", other.model, errors.join(", ")));
+            out.push(format!(
+                "For comparison, `{}`: {}.",
+                if other.model == "prior" { "tables" } else { &other.model },
+                errors.join(", ")
+            ));
         }
     }
     out

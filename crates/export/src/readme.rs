@@ -30,17 +30,17 @@ pub fn readme(subject: &SubjectExport, files: &[OutFile], making: &Making) -> St
     t.push_str("## Inertias\n\n");
     match &subject.source {
         InertiaSource::Identified { rows, remarks, from_table } => {
-            t.push_str(&format!("The models carry masses, centres of mass and inertias **identified** from flights ({rows} rows); `…_prior.osim` has the prior's beside them.\n"));
+            t.push_str(&format!("The models carry masses, centres of mass and inertias **identified** from flights ({rows} rows); `…_prior.osim` has those from tables beside them.\n"));
             for remark in remarks {
                 t.push_str(&format!("\n- {remark}"));
             }
             if !from_table.is_empty() {
-                t.push_str("\n- **from the table**, because motion did not determine them: ");
+                t.push_str("\n- **from tables**, because motion did not determine them: ");
                 t.push_str(&from_table.join("; "));
             }
         }
         InertiaSource::Prior { reason } => {
-            t.push_str(&format!("The models carry the **prior's** inertias, not identified ones: {reason}.\n"));
+            t.push_str(&format!("The models carry inertias **from tables**, not identified ones: {reason}.\n"));
         }
     }
     t.push_str(&inertias(subject));
@@ -70,8 +70,9 @@ fn one_line(text: &str) -> String {
 }
 
 fn inertias(subject: &SubjectExport) -> String {
-    let mut t = "\n\n| link | mass, kg | centre of mass in the link frame, m | prior mass, kg |\n|---|---|---|---|\n"
-        .to_owned();
+    let mut t =
+        "\n\n| link | mass, kg | centre of mass in the link frame, m | mass from tables, kg |\n|---|---|---|---|\n"
+            .to_owned();
     for ((link, own), prior) in subject.subject.model.links.iter().zip(&subject.links).zip(&subject.subject.prior) {
         let c = own.com_m;
         t.push_str(&format!(

@@ -45,7 +45,7 @@ impl Origin {
     pub fn describe(self) -> &'static str {
         match self {
             Self::Motion => "motion",
-            Self::Table => "from the table",
+            Self::Table => "from tables",
             Self::Scale => "scale",
             Self::NotDetermined => "not determined",
         }

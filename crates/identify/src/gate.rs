@@ -102,8 +102,8 @@ pub(crate) fn judge(
             Some(removed) if removed < limits.wrench => {
                 passed = false;
                 reasons.push(format!(
-                    "the flights remove {:.0} % of the table's variance from the wrench of a flight predicted from the others, less than {:.0} %: what is \
-                     predicted comes from the table as much as from motion",
+                    "the flights remove {:.0} % of the tables' variance from the wrench of a flight predicted from the others, less than {:.0} %: what is \
+                     predicted comes from tables as much as from motion",
                     100.0 * removed.max(0.0),
                     100.0 * limits.wrench
                 ));
@@ -117,7 +117,7 @@ pub(crate) fn judge(
         if information.parameters < limits.parameters {
             passed = false;
             reasons.push(format!(
-                "motion determines {:.0} % of the parameters, less than {:.0} %: this is the table's body, corrected by a few combinations",
+                "motion determines {:.0} % of the parameters, less than {:.0} %: this is the body from tables, corrected by a few combinations",
                 100.0 * information.parameters,
                 100.0 * limits.parameters
             ));
@@ -126,14 +126,14 @@ pub(crate) fn judge(
     match estimator {
         Estimator::Regularized { .. } if hardly_seen.is_empty() => {}
         Estimator::Regularized { .. } => reasons.push(format!(
-            "{} of {} parameters are from the table; combinations that move the whole body are known better than each of them",
+            "{} of {} parameters are from tables; combinations that move the whole body are known better than each of them",
             hardly_seen.len(),
             parameters.len()
         )),
         _ if share > limits.hardly_share => {
             passed = false;
             reasons.push(format!(
-                "{} of {} parameters are not determined (their error exceeds 7 % of the body's own scale); use the prior or add motion",
+                "{} of {} parameters are not determined (their error exceeds 7 % of the body's own scale); use tables (`estimator: regularized`) or add motion",
                 hardly_seen.len(),
                 parameters.len()
             ));

@@ -257,14 +257,14 @@ impl Counts {
         // reported next to the share: the root mean square error in half-widths, about one half for
         // normal errors
         let named = |c: &&Count| {
-            let table = if c.by_motion() { "" } else { ", from the table" };
+            let table = if c.by_motion() { "" } else { ", from tables" };
             format!("{} {:.1} at {:.2}{table}", c.name, 100.0 * c.share(), (c.squares / f64::from(c.sets)).sqrt())
         };
         let few: Vec<String> = worst.iter().take(4).chain(worst.iter().rev().take(4)).map(named).collect();
         let above = |c: &&&Count| c.share() > 0.995;
         let (by_motion, of_table): (Vec<&Count>, Vec<&Count>) = worst.iter().partition(|c| c.by_motion());
         format!(
-            "  {what}: {:.1} ± {:.1} %; by motion {}, from the table {}; above 99.5 %: {} and {} ({})\n",
+            "  {what}: {:.1} ± {:.1} %; by motion {}, from tables {}; above 99.5 %: {} and {} ({})\n",
             100.0 * self.share(),
             100.0 * self.share_se(),
             range(&by_motion),

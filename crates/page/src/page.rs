@@ -149,6 +149,11 @@ pub enum Block {
         /// Plain text.
         text: String,
     },
+    /// Lines of a file, as they are, with a button that copies them.
+    Code {
+        /// The lines.
+        text: String,
+    },
     /// Commands to type.
     Commands {
         /// One command per line.
@@ -160,6 +165,10 @@ impl Block {
     /// A paragraph.
     pub fn text(text: impl Into<String>) -> Self {
         Self::Text { text: text.into() }
+    }
+    /// Lines of a file, to be copied as they are.
+    pub fn code(text: impl Into<String>) -> Self {
+        Self::Code { text: text.into() }
     }
     /// A remark with its judgement.
     pub fn remark(light: Light, text: impl Into<String>) -> Self {

@@ -205,6 +205,18 @@ mod tests {
     }
 
     #[test]
+    fn lines_of_a_file_keep_their_indentation_and_are_copied_as_they_are() {
+        let yaml = "corrections:\n  # 5 > 3 & \"x\"\n  plate_zero:\n    `F<1>`: {force_n: [0, 0, 1]}\n";
+        let page = Page { chapters: vec![chapter("a", vec![Block::code(yaml)])], ..Page::default() };
+        let html = render(&page).unwrap();
+        let shown = html.split("<div class=\"lines\"><pre tabindex=\"0\"><code>").nth(1).unwrap();
+        let (shown, after) = shown.split_once("</code></pre>").unwrap();
+        let text = shown.replace("&lt;", "<").replace("&gt;", ">").replace("&quot;", "\"").replace("&amp;", "&");
+        assert_eq!(text.replace("&#x2f;", "/"), yaml);
+        assert!(!shown.contains('<') && after.starts_with("<button type=\"button\" class=\"copy-text\">"));
+    }
+
+    #[test]
     fn a_light_has_a_sign_and_a_word() {
         let html = render(&sample()).unwrap();
         assert!(html.contains("<use href=\"#light-poor\"/></svg><b class=\"word poor\">poor</b>"), "in the table");

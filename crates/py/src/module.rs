@@ -28,8 +28,15 @@ pub fn inspect(py: Python<'_>, file: PathBuf) -> PyResult<String> {
 
 /// As `aloft init`; returns the path of the pipeline file.
 #[pyfunction]
-pub fn init(py: Python<'_>, folder: PathBuf, out: Option<PathBuf>) -> PyResult<PathBuf> {
-    work(py, None, move |_| aloft_analysis::init::init(&folder, out.as_deref()))
+pub fn init(
+    py: Python<'_>,
+    folder: PathBuf,
+    out: Option<PathBuf>,
+    one_subject: bool,
+    subject: Option<String>,
+) -> PyResult<PathBuf> {
+    let options = aloft_analysis::init::InitOptions { one_subject, subject };
+    work(py, None, move |_| aloft_analysis::init::init(&folder, out.as_deref(), &options))
 }
 
 /// As `aloft simulate`; returns the paths written.

@@ -33,7 +33,7 @@ pub fn section(story: &Story<'_>, p: &Parameters) -> Option<Section> {
                 tables.iter().map(|(title, links)| Dots::new(title.clone(), links.iter().map(other).collect())),
             );
         } else {
-            kinds.push(Dots::new("prior", p.links.iter().map(|l| other(&l.prior)).collect()));
+            kinds.push(Dots::new("tables", p.links.iter().map(|l| other(&l.prior)).collect()));
         }
         Block::from(Figure::dots(words, unit, &names, &kinds, &[]))
     };
@@ -81,11 +81,11 @@ pub fn section(story: &Story<'_>, p: &Parameters) -> Option<Section> {
     let lead = if person {
         "The tables are means of other people, laid over this person's own joint centres; how far they lie apart is the least that one should doubt them."
     } else {
-        "The prior is what the object's description says."
+        "For an object, `tables` stands for what its description says."
     };
     Some(Section::new(
         "segments-identified",
-        if person { "Segments against the tables" } else { "Links against the prior" },
+        if person { "Segments against the tables" } else { "Links against the description" },
         lead,
         blocks,
     ))
@@ -99,7 +99,7 @@ fn tables(story: &Story<'_>) -> Vec<(String, Vec<LinkInertia>)> {
     };
     let own = &story.session.anthropometry;
     let used = TABLES.iter().find(|(name, _)| *name == own.name).map_or(own.title.as_str(), |t| t.1);
-    let mut out = vec![(format!("{used} (prior)"), subject.prior.clone())];
+    let mut out = vec![(format!("{used} (in use)"), subject.prior.clone())];
     for (name, title) in TABLES.iter().filter(|(name, _)| *name != own.name) {
         let Ok(table) = catalog::load::<Anthropometry>("anthropometry", name, Path::new(".")) else { continue };
         let mut other: Subject = subject.clone();

@@ -3,6 +3,7 @@
 use super::series::COMPONENTS;
 use super::story::{Story, TrialStory};
 use super::wording::count;
+use aloft_analysis::words::model_word;
 use aloft_body::State;
 use aloft_page::{Band, Block, Figure, Panel, Section, Words};
 use std::collections::BTreeMap;
@@ -79,7 +80,7 @@ fn residuals(story: &Story<'_>) -> Option<Figure> {
                 .into_iter()
                 .map(|(model, colour)| (model, collect(model, key), colour))
                 .filter(|(_, curves, _)| curves.len() > 1)
-                .map(|(model, curves, colour)| band(model, &curves, Some(colour)))
+                .map(|(model, curves, colour)| band(model_word(model), &curves, Some(colour)))
                 .collect();
             Panel { title: (*title).to_owned(), y: format!("{unit}, root axes"), bands, ..Panel::default() }
         })

@@ -261,13 +261,13 @@ fn overview(rows: &[Row], absent: &[Absent], next: &str) -> Chapter {
         card(
             "Force error, frame by frame",
             format!("{} N", mean_sd(rows.iter().map(|r| r.force[0]))),
-            format!("prior {} N", mean_sd(rows.iter().map(|r| r.force[1]))),
+            format!("tables {} N", mean_sd(rows.iter().map(|r| r.force[1]))),
             Light::Neutral,
         ),
         card(
             "Moment error, frame by frame",
             format!("{} N·m", mean_sd(rows.iter().map(|r| r.moment[0]))),
-            format!("prior {} N·m", mean_sd(rows.iter().map(|r| r.moment[1]))),
+            format!("tables {} N·m", mean_sd(rows.iter().map(|r| r.moment[1]))),
             Light::Neutral,
         ),
     ];
@@ -324,7 +324,7 @@ fn subjects(rows: &[Row]) -> Table {
     Table::new(
         "Subjects",
         "The model is judged by its held-out error in multiples of the noise floor. Marker error and free fall are means over recordings; force and moment \
-         errors are mean absolute errors frame by frame on held-out motion, also as a share of what the anthropometric prior leaves.",
+         errors are mean absolute errors frame by frame on held-out motion, also as a share of what the tables leave.",
         &[
             "subject",
             "model",
@@ -336,9 +336,9 @@ fn subjects(rows: &[Row]) -> Table {
             "fall against g, %",
             "σ_N−1 / σ_N",
             "force error, N",
-            "of prior's, %",
+            "of tables', %",
             "moment error, N·m",
-            "of prior's, %",
+            "of tables', %",
         ],
         rows.iter().map(cells).collect(),
     )
@@ -349,11 +349,9 @@ fn distributions(rows: &[Row]) -> Chapter {
     let values =
         |get: &dyn Fn(&Row) -> Option<f64>| rows.iter().map(|r| get(r).unwrap_or(f64::NAN)).collect::<Vec<f64>>();
     let both = |title: &str, unit: &str, get: &dyn Fn(&Row) -> [Option<f64>; 2]| {
-        let kinds = [Dots::new("identified", values(&|r| get(r)[0])), Dots::new("prior", values(&|r| get(r)[1]))];
-        let words = Words::new(
-            title,
-            "Each subject's identified model beside the anthropometric prior, on held-out motion. Left is better.",
-        );
+        let kinds = [Dots::new("identified", values(&|r| get(r)[0])), Dots::new("tables", values(&|r| get(r)[1]))];
+        let words =
+            Words::new(title, "Each subject's identified model beside the tables, on held-out motion. Left is better.");
         Block::from(Figure::dots(words, unit, &names, &kinds, &[]))
     };
     let mut sections = vec![Section::new(
@@ -397,12 +395,14 @@ fn segments(rows: &[Row]) -> Option<Section> {
         names.iter().map(|n| of(n)).unzip()
     };
     let ((own, own_sd), (prior, prior_sd)) = (over(0), over(1));
-    let kinds =
-        [Dots::with_half("identified, mean ± SD", own, &own_sd), Dots::with_half("prior, mean ± SD", prior, &prior_sd)];
+    let kinds = [
+        Dots::with_half("identified, mean ± SD", own, &own_sd),
+        Dots::with_half("tables, mean ± SD", prior, &prior_sd),
+    ];
     let labels: Vec<String> = names.iter().map(|n| n.replace('_', " ")).collect();
     let words = Words::new(
         "Mass of each segment as a share of the body",
-        "Over subjects. A group that lies to one side of the prior differs from the people whom the tables describe.",
+        "Over subjects. A group that lies to one side of the tables differs from the people whom they describe.",
     );
     let figure = Figure::dots(words, "share of the body mass, %", &labels, &kinds, &[]);
     Some(Section::new("segment-masses", "Segments", "", vec![figure.into()]))

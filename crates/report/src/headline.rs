@@ -31,7 +31,7 @@ pub fn headline(story: &Story<'_>) -> Headline {
 fn unjudged(story: &Story<'_>, view: &ComparisonView) -> Headline {
     let sentence = match story.failures.first() {
         Some((stage, f)) => format!("`{stage}` failed: {}.", f.problem.trim_end_matches('.')),
-        None => "Joint motion of a part of the body; its masses are the table's, and nothing is identified or judged."
+        None => "Joint motion of a part of the body; its masses are from tables, and nothing is identified or judged."
             .to_owned(),
     };
     let mut facts: Vec<Fact> = ["Why", "What holds"]

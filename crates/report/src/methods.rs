@@ -52,7 +52,7 @@ fn paragraph(story: &Story<'_>) -> String {
         "Link frames follow the object description; the hinge was found from motion and refined over all recordings. ".to_owned()
     } else {
         format!(
-            "A model of {} links was scaled to the static trial (hip centres after {}, inertial prior: {}) and its joint centres, hinge axes and \
+            "A model of {} links was scaled to the static trial (hip centres after {}, inertias from tables: {}) and its joint centres, hinge axes and \
              marker places were refined over the dynamic trials on markers alone. ",
             session.model.links.len(),
             capital(&session.config.scale.hip),

@@ -34,9 +34,9 @@ fn trust(p: &Parameters) -> Section {
     let table = p.base.iter().filter(|b| b.from == Origin::Table).count();
     let nothing = p.base.iter().filter(|b| b.from == Origin::NotDetermined).count();
     let rest = match (table, nothing) {
-        (n, 0) => format!("{n} from the table"),
+        (n, 0) => format!("{n} from tables"),
         (0, n) => format!("{n} not determined"),
-        (n, m) => format!("{n} from the table, {m} not determined"),
+        (n, m) => format!("{n} from tables, {m} not determined"),
     };
     let mut blocks = vec![Block::Cards {
         cards: vec![
@@ -60,7 +60,7 @@ fn trust(p: &Parameters) -> Section {
     let light = if p.gate.passed { Light::Fair } else { Light::Poor };
     blocks.extend(p.gate.reasons.iter().map(|r| Block::remark(light, r.clone())));
     blocks.push(Block::text(format!(
-        "Estimator: {}; weight of the prior {}; {} stretches of {} recordings. Intervals: {}.",
+        "Estimator: {}; weight of the tables {}; {} stretches of {} recordings. Intervals: {}.",
         p.estimator.name().replace('_', " "),
         number(p.prior_weight),
         p.n_stretches,
@@ -84,7 +84,7 @@ fn trust(p: &Parameters) -> Section {
     Section::new(
         "trust",
         "How far the numbers may be believed",
-        "Motion in the air tells combinations of mass, first moment and inertia. What it does not tell is taken from the table, and is marked so.",
+        "Motion in the air tells combinations of mass, first moment and inertia. What it does not tell is taken from tables, and is marked so.",
         blocks,
     )
 }
@@ -107,12 +107,12 @@ fn base(p: &Parameters) -> Section {
         let half: Vec<f64> = chosen.iter().map(|b| half_sd(b)).collect();
         let words = Words::new(
             "What the motion changed most",
-            "The twenty base parameters that moved farthest from the prior, in standard deviations of the prior, with 95 % intervals. An \
+            "The twenty base parameters that moved farthest from the tables, in standard deviations of the tables, with 95 % intervals. An \
              interval that excludes zero is news about this body.",
         );
         let kinds = [Dots::with_half("", values, &half)];
-        let line = aloft_page::Line { at: 0.0, upright: true, label: "prior".into() };
-        blocks.push(Figure::dots(words, "change, standard deviations of the prior", &names, &kinds, &[line]).into());
+        let line = aloft_page::Line { at: 0.0, upright: true, label: "tables".into() };
+        blocks.push(Figure::dots(words, "change, standard deviations of the tables", &names, &kinds, &[line]).into());
     }
     let rows = p
         .base
@@ -132,7 +132,7 @@ fn base(p: &Parameters) -> Section {
     let table = Table::new(
         &format!("All {} base parameters", p.base.len()),
         "With 95 % intervals, how well the motion determines each, and the regrouping formula.",
-        &["parameter", "value", "± 95 %", "prior", "unit", "seen", "regrouping"],
+        &["parameter", "value", "± 95 %", "tables", "unit", "seen", "regrouping"],
         rows,
     );
     blocks.push(if p.base.len() > 24 {
@@ -162,14 +162,14 @@ pub fn link_table(p: &Parameters) -> Table {
         .collect();
     Table::new(
         "Physically consistent links",
-        "One set of links among those that agree with the base parameters: positive masses, inertias that a body can have, nearest to the prior. \
+        "One set of links among those that agree with the base parameters: positive masses, inertias that a body can have, nearest to the tables. \
          Inertia about the centre of mass, link axes.",
         &[
             "link",
             "mass, kg",
-            "prior, kg",
+            "tables, kg",
             "centre of mass x y z, m",
-            "prior x y z, m",
+            "tables x y z, m",
             "Ixx Iyy Izz, kg·m²",
             "in words",
         ],

@@ -4,6 +4,7 @@ use super::story::Story;
 use super::wording::{number, three};
 use super::{STUDY, residuals, series};
 use aloft_analysis::compare::{ComparisonView, errors_of, judged_on, mean};
+use aloft_analysis::words::model_word;
 use aloft_page::{Block, Cell, Chapter, Section, Table};
 
 /// The chapter; none if nothing was compared.
@@ -46,8 +47,8 @@ fn curves(story: &Story<'_>, view: &ComparisonView) -> Section {
     Section::new(
         "wrench",
         "The wrench",
-        "External wrench that the recorded motion requires: of the identified model, as measured by the plates, and of the \
-         anthropometric prior. Each recording has its curves in its own chapter.",
+        "External wrench that the recorded motion requires: of the identified model, as measured by the plates, and of the body \
+         from tables. Each recording has its curves in its own chapter.",
         blocks,
     )
 }
@@ -59,7 +60,7 @@ pub fn model_table(view: &ComparisonView) -> Table {
         .models()
         .map(|m| {
             let (f, n, wf, wn) = errors_of(m);
-            vec![m.model.clone(), three(&f), three(&n), number(mean(&wf)), number(mean(&wn))]
+            vec![model_word(&m.model).to_owned(), three(&f), three(&n), number(mean(&wf)), number(mean(&wn))]
         })
         .collect();
     if let Some(floor) = &c.noise_floor {

@@ -2,6 +2,7 @@
 
 use super::standing::standings;
 use super::story::{Story, TrialStory};
+use aloft_analysis::words::model_word;
 use aloft_body::State;
 use aloft_page::{Chart, Figure, Focus, Panel, Series, Shade, Words};
 use nalgebra::Vector3;
@@ -96,7 +97,7 @@ pub fn wrench(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
                     if let (Some(offset), true) = (&offset, *model == "measured") {
                         y.iter_mut().zip(thin(&offset[k], points)).for_each(|(y, o)| *y -= o);
                     }
-                    let line = Series::line(*model, x.clone(), y).coloured(colour);
+                    let line = Series::line(model_word(model), x.clone(), y).coloured(colour);
                     Some(if *model == "prior" { line.dashed() } else { line })
                 })
                 .collect();

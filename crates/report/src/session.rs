@@ -44,7 +44,7 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
              that acts on the body in flight (a rope, a draught) changes mass, rate and vertical as measured here, too: if `discover` names one, \
              add it first and check again.",
         ));
-        blocks.push(Block::List { items: to_yaml(&offered).lines().map(str::to_owned).collect() });
+        blocks.push(Block::code(to_yaml(&offered)));
     }
     Some(Section::new("session", "What the recordings say about themselves", "", blocks))
 }

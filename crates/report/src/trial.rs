@@ -92,7 +92,7 @@ fn cards(story: &Story<'_>, t: &TrialStory<'_>) -> Vec<Card> {
         if errors(&own).frames > 0 {
             let (f, p) = (errors(&own).force_n.mean_mae(), prior.as_ref().map(|p| errors(p).force_n.mean_mae()));
             let beside =
-                |p: Option<f64>, unit: &str| p.map_or(String::new(), |p| format!("; prior {} {unit}", number(p)));
+                |p: Option<f64>, unit: &str| p.map_or(String::new(), |p| format!("; tables {} {unit}", number(p)));
             cards.push(card(
                 "Force error",
                 format!("{} N", number(f)),

@@ -237,7 +237,7 @@ impl fmt::Display for ScaleWarning {
             Self::SexUnknown => write!(f, "sex is not stated: the mean of both sexes' tables is used"),
             Self::InertiaProjected { link, smallest_eigenvalue } => write!(
                 f,
-                "{link}: the table's inertia is not physically consistent (smallest eigenvalue {smallest_eigenvalue:.2e} kg·m²); projected"
+                "{link}: the inertia from tables is not physically consistent (smallest eigenvalue {smallest_eigenvalue:.2e} kg·m²); projected"
             ),
             Self::Unobserved { link, coordinates } => {
                 write!(f, "{link}: {coordinates} of its coordinates are seen by no marker and are held")

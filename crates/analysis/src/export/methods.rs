@@ -86,7 +86,7 @@ fn kinematics(session: &SubjectSession, ws: &Workspace, subject: &SubjectExport)
         )
     } else {
         format!(
-            " A model of {} links and {degrees} joint degrees of freedom was scaled to the static trial (hip joint centres after {}; inertial prior: {}).",
+            " A model of {} links and {degrees} joint degrees of freedom was scaled to the static trial (hip joint centres after {}; inertias from tables: {}).",
             model.n_links(),
             session.config.scale.hip,
             session.anthropometry.title
@@ -169,7 +169,7 @@ fn identification(session: &SubjectSession, ws: &Workspace, subject: &SubjectExp
         InertiaSource::Identified { .. } => {
             " Links were made physically consistent (positive definite pseudo-inertia) and are the inertias of the exported models."
         }
-        InertiaSource::Prior { .. } => " The exported models carry the inertias of the prior.",
+        InertiaSource::Prior { .. } => " The exported models carry the inertias from tables.",
     });
     if ws.place("compare", WHOLE_STUDY).join("comparison.json").is_file() {
         for e in compare(session)?.errors {

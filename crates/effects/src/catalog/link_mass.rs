@@ -5,7 +5,7 @@ use aloft_body::Phi;
 
 const ABOUT: About<'static> = About {
     id: "link_mass",
-    title: "link heavier or lighter than its table values, or a load on it in every trial",
+    title: "link heavier or lighter than in the tables, or a load on it in every trial",
     separated_by: Separation::WithAndWithoutLoad,
     documentation: "\
 ## Physics
@@ -15,7 +15,7 @@ A weight is worn in every recording, or a link is not what the anthropometric ta
 Parameters of the link change by `m [1, p, |p|2 1 - p p']` and those of the whole body by `-m phi / M`, so that the body mass stays the stated one. Coefficient: mass `m` (kg, that of the load if the body was weighed with it). Nonlinear: the place p within 0.3 m of the link's centre of mass.
 
 ## Identifiability
-Only for bodies with table values (people): without a prior it is part of the inertial parameters. Flights do not show the total mass: where the body was weighed without the load m, the coefficient is `m M / (M + m)`. A load and a wrong table value are the same; a recording without the load separates them.
+Only for bodies with values from tables (people): without them it is part of the inertial parameters. Flights do not show the total mass: where the body was weighed without the load m, the coefficient is `m M / (M + m)`. A load and a wrong value in the tables are the same; a recording without the load separates them.
 
 ## References
 Own simulations (`docs/findings/labs.md`).

@@ -17,7 +17,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, SymmetricEigen, UnitQuaternion, Ve
 /// The format.
 pub static FORMAT: Format = Format {
     name: "osim",
-    title: "OpenSim 4 model with the exported inertias and markers; the prior's beside it",
+    title: "OpenSim 4 model with the exported inertias and markers; those from tables beside it",
     readers: "OpenSim, OpenSim Moco, SCONE",
     trial: None,
     subject: Some(write),
@@ -40,16 +40,16 @@ fn write(subject: &SubjectExport) -> Result<Vec<OutFile>, ExportError> {
             format!("inertias identified from flights ({rows} rows)")
         }
         InertiaSource::Identified { rows, from_table, .. } => format!(
-            "inertias identified from flights ({rows} rows); from the table, because motion did not determine them: {}",
+            "inertias identified from flights ({rows} rows); from tables, because motion did not determine them: {}",
             from_table.join("; ")
         ),
-        InertiaSource::Prior { reason } => format!("inertias of the prior: {reason}"),
+        InertiaSource::Prior { reason } => format!("inertias from tables: {reason}"),
     };
     let what = format!("OpenSim model, {from}");
     let mut out = vec![OutFile { path: path(subject), bytes: model(subject, &subject.links, &from)?, what }];
     if matches!(subject.source, InertiaSource::Identified { .. }) {
-        let bytes = model(subject, &subject.subject.prior, "inertias of the prior")?;
-        let what = "the same OpenSim model with the inertias of the prior".to_owned();
+        let bytes = model(subject, &subject.subject.prior, "inertias from tables")?;
+        let what = "the same OpenSim model with the inertias from tables".to_owned();
         out.push(OutFile { path: format!("Models/{}_prior.osim", subject.id), bytes, what });
     }
     Ok(out)

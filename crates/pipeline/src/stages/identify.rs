@@ -287,7 +287,7 @@ fn nothing_to_identify(
     if let Some(unseen) = subject.model.unseen_parts() {
         return Ok(Some(format!(
             "nothing is identified: {unseen} move unseen, so the equations of the whole body do not hold; the masses are \
-             the table's"
+             from tables"
         )));
     }
     if params.is_object || params.robot.is_some() || inputs.trials_with_role("regressor", |_| true).is_empty() {
@@ -300,7 +300,7 @@ fn nothing_to_identify(
     }
     let contact = if params.contact { "" } else { " (`identify: {contact: true}` takes contact on plates, too)" };
     Ok(Some(format!(
-        "nothing is identified: no flight in the trials to identify from{contact}; the masses are the table's"
+        "nothing is identified: no flight in the trials to identify from{contact}; the masses are from tables"
     )))
 }
 

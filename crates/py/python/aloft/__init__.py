@@ -108,9 +108,18 @@ def inspect(file: PathLike) -> Answer:
     return Answer(_aloft.inspect(Path(file)))
 
 
-def init(folder: PathLike, out: PathLike | None = None) -> Path:
-    """Inspects a folder of recordings and writes a commented pipeline file; returns its path."""
-    return Path(_aloft.init(Path(folder), None if out is None else Path(out)))
+def init(
+    folder: PathLike, out: PathLike | None = None, *, one_subject: bool = False, subject: str | None = None
+) -> Path:
+    """Inspects a folder of recordings and writes a commented pipeline file; returns its path.
+
+    Args:
+        folder: folder of recordings.
+        out: the pipeline file; ``aloft.yaml`` in the current folder where not given.
+        one_subject: all recordings are of one person, whatever names and folders say.
+        subject: use only the files that name this subject.
+    """
+    return Path(_aloft.init(Path(folder), None if out is None else Path(out), one_subject, subject))
 
 
 def simulate(scenario: PathLike, out: PathLike, *, seed: int | None = None) -> list[Path]:
