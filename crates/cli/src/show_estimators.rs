@@ -115,7 +115,7 @@ pub fn leave_one_out(view: &LeaveOneOutView) -> Result<(), Stop> {
             let [force, moment] = means(trial.contact_windows.as_ref());
             t.add_row([
                 trial.trial.clone(),
-                model_word(&model.model).to_owned(),
+                model_word(model.model).to_owned(),
                 by_axis(trial.contact.map(|e| e.force_n)),
                 by_axis(trial.contact.map(|e| e.moment_nm)),
                 force,
@@ -133,7 +133,7 @@ pub fn leave_one_out(view: &LeaveOneOutView) -> Result<(), Stop> {
                 "",
                 &format!(
                     "{}: rows of contact count {} of a row of flight (held-out error {} against {})",
-                    model.model,
+                    model_word(model.model),
                     significant(b.contact_weight, 2),
                     significant(b.contact_rms, 2),
                     significant(b.flight_rms, 2)
@@ -141,7 +141,7 @@ pub fn leave_one_out(view: &LeaveOneOutView) -> Result<(), Stop> {
             ))?;
         }
         if let Some(problem) = &model.failed {
-            out(labelled(&format!("{}: ", model_word(&model.model)), problem))?;
+            out(labelled(&format!("{}: ", model_word(model.model)), problem))?;
         }
     }
     Ok(())
