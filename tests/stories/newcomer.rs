@@ -79,7 +79,7 @@ fn what_is_alike_in_many_recordings_is_one_line_and_nothing_is_lost() {
     let (_, whole) = expect(&["check", &yaml, "--details"], 0);
     assert!(lines(&whole) >= 117, "{whole}");
 
-    let found = json(&["check", &yaml]);
+    let found = json(&["check", &yaml, "--json"]);
     let trials = found["trials"].as_array().unwrap();
     let remarks: usize = trials.iter().map(|t| t["remarks"].as_array().unwrap().len()).sum();
     let of_findings: usize =
