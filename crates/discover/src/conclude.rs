@@ -144,7 +144,8 @@ pub(crate) fn conclude(
         };
         share.is_finite().then_some(Standing { held_out_error: standing.held_out_error * share, ..standing })
     };
-    let left = [0, 1].map(|i| computed.and_then(|c| c[i]).or_else(|| estimated(i)));
+    let estimates = [estimated(0), estimated(1)];
+    let left = [0, 1].map(|i| computed.and_then(|c| c[i]).or(estimates[i]));
     let mut out = Discovery {
         schema: 1,
         verdict,
@@ -174,7 +175,9 @@ pub(crate) fn conclude(
         .filter_map(|i| {
             let (before, after) = (session.standing[i]?, left[i]?);
             let judged_here = kept.iter().any(|v| v.effect.acts().in_flight() == (i == 0));
-            let misfit = judged_here && before.share_left(&after) > LACK_OF_FIT;
+            // a lack of fit shows in the rows and in the comparison
+            let share = [Some(after), estimates[i]].into_iter().flatten().map(|s| before.share_left(&s));
+            let misfit = judged_here && share.fold(f64::INFINITY, f64::min) > LACK_OF_FIT;
             // nothing is missing only where the error is at its floor
             let nothing = kept.is_empty() && verdict == Verdict::NothingMissing;
             let remains = (nothing || lost) && after.is_above();

@@ -19,8 +19,8 @@ use rayon::prelude::*;
 /// Where the exchange test cannot be made, the better effect must leave less than this share of the
 /// other's error.
 const NEARLY: f64 = 0.94;
-/// On a person an effect with more unknowns than another is separated from it without the exchange
-/// test only below this share of the other's error.
+/// On a person an effect with more than twice the unknowns of another is separated from it without the
+/// exchange test only below this share of the other's error.
 const CLEARLY: f64 = 0.85;
 
 /// The best variant of every target, best first.
@@ -286,7 +286,7 @@ fn duel(
     let p_value = sign_flip_p(&a.fold_error, &of_b, 2000, options.seed ^ 0xc1a5);
     let alias = is_alias(a.scored.variant.effect, a.scored.variant.target, b.id(), b.scored.variant.target);
     // more freedom fits the repeating errors of a person better, whichever effect is true
-    let freer = session.prior.is_some() && a.scored.variant.unknowns() > b.scored.variant.unknowns();
+    let freer = session.prior.is_some() && a.scored.variant.unknowns() > 2 * b.scored.variant.unknowns();
     let mut out = RivalTest {
         effect: b.id().to_owned(),
         error_ratio: ratio,

@@ -20,8 +20,6 @@ use rayon::prelude::*;
 /// Number of variants of an effect that take part, and of pairs that are judged.
 const VARIANTS: usize = 3;
 const JUDGED: usize = 8;
-/// Number of unknowns from which an effect is compared with pairs of simpler ones.
-const MANY_UNKNOWNS: usize = 8;
 
 /// The pair that beats the effect `best`, with `ratio` and the coefficients of each; `None` if
 /// there is none.
@@ -41,7 +39,7 @@ pub(crate) fn better_pair<'a>(
 }
 
 /// A pair that explains as much as the effect `best`, with no more unknowns: drag in still air and a
-/// tilt, where `best` is wind. Asked of effects with many unknowns, and of those that contain others.
+/// tilt, where `best` is wind. Asked only of effects that contain another one.
 pub(crate) fn pair_as_good<'a>(
     session: &Session<'_>,
     problem: &Problem,
@@ -50,9 +48,7 @@ pub(crate) fn pair_as_good<'a>(
     usable: &[bool],
     refit: &Refit<'_, '_>,
 ) -> Option<(Scored<'a>, Scored<'a>, f64, Vec<String>)> {
-    let single = &scores[best];
-    let unknowns = single.scored[single.best].variant.unknowns();
-    if single.effect.about().contains.is_empty() && unknowns < MANY_UNKNOWNS {
+    if scores[best].effect.about().contains.is_empty() {
         return None;
     }
     let (a, b, error, ids) = best_pair(session, problem, scores, best, usable, refit)?;
