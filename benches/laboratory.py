@@ -131,7 +131,7 @@ class Laboratories:
             if done.returncode and not done.stdout:
                 raise RuntimeError(done.stderr[-500:])
             found = json.loads(done.stdout)
-        kept = {k: found.get(k) for k in ("verdict", "effects", "words", "noise_floor", "noise_floor_ci95", "held_out_error", "held_out_error_after", "open")}
+        kept = {k: found.get(k) for k in ("verdict", "effects", "words", "noise_floor", "noise_floor_ci95", "held_out_error", "held_out_error_after", "open", "groups")}
         if kept["open"]:
             kept["open"] = {**kept["open"], "atlas": (kept["open"].get("atlas") or [])[:5]}
         kept["found"] = [f["key"] for f in found.get("found", [])]

@@ -192,7 +192,7 @@ def judge(line):
     if "answer" not in line:
         return "not usable"
     found = line["answer"]
-    named = set(found["effects"])
+    named = set(found["effects"]).union(*(group["effects"] for group in found.get("groups") or []))
     if not line["truth"] and not (found.get("open") or {}).get("laws"):
         return "wrong" if named else "right"
     if (found.get("open") or {}).get("laws"):

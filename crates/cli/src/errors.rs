@@ -81,8 +81,11 @@ pub fn identified(view: &ComparisonView) -> [String; 2] {
     [subject, identified]
 }
 
-/// Where the error is largest, in one line.
+/// Where the error is largest, in one line; none of an error at its floor, where this is chance.
 pub fn worst(view: &ComparisonView) -> Option<String> {
+    if view.errors.iter().all(|e| e.at_floor == Some(true)) {
+        return None;
+    }
     let c = &view.comparison;
     let place = c
         .worst

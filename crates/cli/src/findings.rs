@@ -236,7 +236,7 @@ fn candidates(d: &Discovery, shown: usize) -> Result<(), Stop> {
             format!("{:.0}", 100.0 * c.held_out_ratio),
             format!("{:.0} to {:.0}", 100.0 * c.ci95[0], 100.0 * c.ci95[1]),
             first.map_or("–".into(), |e| if e.at_bound { significant(e.value, 3) } else { beside(e.value, e.ci95) }),
-            first.map_or("–".into(), |e| if e.at_bound { "at bound".to_owned() } else { half(e.ci95) }),
+            first.map_or("–".into(), uncertainty),
             significant(c.minimum_detectable, 2),
             first.map_or(String::new(), |e| unit(&e.unit)),
             like(c).join(" "),
@@ -249,6 +249,16 @@ fn candidates(d: &Discovery, shown: usize) -> Result<(), Stop> {
         out(format!("… and {more} more{}", if shown < LONG { ": --details" } else { "" }))?;
     }
     out(labelled("", &format!("left %: share of the held-out error in {place} that remains with the candidate")))
+}
+
+/// Half of a 95 % interval, or why there is none that says anything.
+fn uncertainty(e: &Estimate) -> String {
+    const SAYS_NOTHING: f64 = 100.0;
+    match e.ci95 {
+        _ if e.at_bound => "at bound".to_owned(),
+        Some([a, b]) if 0.5 * (b - a) > SAYS_NOTHING * e.value.abs() && e.value != 0.0 => "unknown".to_owned(),
+        ci95 => half(ci95),
+    }
 }
 
 /// How each round was decided.

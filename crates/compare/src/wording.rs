@@ -105,7 +105,13 @@ pub(crate) fn describe(
         figures(turning),
         figures(moment.bias[turn])
     ));
-    for place in worst_places(model) {
+    // of an error at its floor only noise could be described
+    let judged_here = against.iter().find(|a| (a.judged_on == "contact") == contact);
+    let noise = judged_here.is_some_and(|a| a.at_floor == Some(true));
+    if noise {
+        out.push(format!("What remains in {place} is at its noise floor: where it is largest is chance."));
+    }
+    for place in worst_places(model).into_iter().filter(|_| !noise) {
         let group = model.breakdown.iter().find(|g| word_of(g.by) == Some(place.what.as_str()) && g.name == place.name);
         let (on_frames, on_windows) = group.map_or((None, None), |g| g.explainable(floor));
         let share = on_windows.or(on_frames);
@@ -123,7 +129,10 @@ pub(crate) fn describe(
         (GroupedBy::Turning, "turning of the root"),
         (GroupedBy::Posture, "spread of the body about its centre of mass"),
     ] {
-        let sizes: Vec<f64> = of(&model.breakdown, by).map(size).collect();
+        // sizes over windows and over frames cannot be compared
+        let of_windows = of(&model.breakdown, by).all(|g| g.windows.windows >= FEWEST_WINDOWS);
+        let size = |g: &Group| if of_windows { g.windows.size() } else { g.errors.size() };
+        let sizes: Vec<f64> = of(&model.breakdown, by).filter(|_| !noise).map(size).collect();
         if let (Some(first), Some(last)) = (sizes.first(), sizes.last()) {
             if last > &(REMARKABLE * first) {
                 out.push(format!(
@@ -138,7 +147,7 @@ pub(crate) fn describe(
             }
         }
     }
-    if let Some(segment) = model.segments.first().filter(|s| s.inertia_share > LARGE_SHARE) {
+    if let Some(segment) = model.segments.first().filter(|s| !noise && s.inertia_share > LARGE_SHARE) {
         out.push(format!(
             "A change of {} alone would explain {:.0} % of the mean square error.",
             segment.link,
@@ -216,12 +225,6 @@ fn figures(x: f64) -> String {
 
 fn pair(force_n: f64, moment_nm: f64) -> String {
     format!("{} N and {} N·m", figures(force_n), figures(moment_nm))
-}
-
-/// Error over windows if there are enough: on frames the noise of second derivatives masks the
-/// model.
-fn size(g: &Group) -> f64 {
-    if g.windows.windows >= FEWEST_WINDOWS { g.windows.size() } else { g.errors.size() }
 }
 
 fn of(groups: &[Group], by: GroupedBy) -> impl Iterator<Item = &Group> {

@@ -98,9 +98,12 @@ pub fn discover(
                 at_floor = session.standing[usize::from(domain == Domain::Contact)]
                     .map(|standing| AtFloor { standing, scale: standing.held_out_error / plain.sqrt() });
             }
-            // an error at its floor leaves nothing to explain: further effects would fit errors that
-            // repeat
-            if !kept.is_empty() && at_floor.as_ref().is_some_and(|f| f.reached_by(plain)) {
+            // An error at its floor leaves nothing to explain: further effects would fit errors that
+            // repeat. A rigid body has no such errors, and a small second effect can hide within the
+            // floor's interval.
+            let rigid = session.prior.is_none() && domain == Domain::Flight;
+            let nothing_left = |f: &AtFloor| if rigid { f.times(plain) <= 1.0 } else { f.reached_by(plain) };
+            if !kept.is_empty() && at_floor.as_ref().is_some_and(nothing_left) {
                 break;
             }
             let (mut round, scores, rivals) = run_round(

@@ -129,9 +129,10 @@ fn one_of(d: &Discovery) -> String {
     }
 }
 
-/// Keys of what was found, or else the identifiers that the verdict names.
+/// Keys of what the verdict names, or else the identifiers.
 fn named(d: &Discovery) -> Vec<String> {
-    if d.found.is_empty() { d.effects.clone() } else { d.found.iter().map(|f| f.key.clone()).collect() }
+    let keys: Vec<String> = d.found.iter().filter(|f| d.effects.contains(&f.effect)).map(|f| f.key.clone()).collect();
+    if keys.is_empty() { d.effects.clone() } else { keys }
 }
 
 fn how_wrong(story: &Story<'_>, first: &Standing, other: Option<&Standing>) -> String {
@@ -252,7 +253,10 @@ fn missing(story: &Story<'_>) -> String {
     };
     match d.verdict {
         Verdict::Supported => {
-            let all: Vec<String> = named(d).iter().map(|k| described(k, d)).collect();
+            let sure = named(d).iter().map(|k| described(k, d)).collect::<Vec<_>>();
+            let unsure =
+                d.groups.iter().filter(|g| !g.is_sure()).map(|g| format!("and one of `{}`", g.effects.join("`, `")));
+            let all: Vec<String> = sure.into_iter().chain(unsure).collect();
             format!("{}.", all.join("; "))
         }
         Verdict::OneOf => one_of(d),

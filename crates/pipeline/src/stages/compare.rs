@@ -216,9 +216,16 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let mut candidates = Vec::new();
     let mut done = StageReport::default();
     let mut left_out = vec![false; names.len()];
+    let mut with_effects = false;
     for (i, rows) in [chosen, other].into_iter().enumerate() {
         let Some(parameters) = results.load_parameters(rows)? else { continue };
-        let name = if i == 0 { "identified".to_owned() } else { format!("{} rows", rows.word()) };
+        let without = with_effects && parameters.effects.is_empty();
+        with_effects |= i == 0 && !parameters.effects.is_empty();
+        let name = match (i, without) {
+            (0, _) => "identified".to_owned(),
+            (_, true) => format!("{} rows without effects", rows.word()),
+            (_, false) => format!("{} rows", rows.word()),
+        };
         let factors = training_factors(inputs, rows, params.contact)?;
         let parts = each_without(&Predicting::like(&subject, &parameters)?, &names, &factors, &parameters);
         if i == 0 {
