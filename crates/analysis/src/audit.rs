@@ -217,6 +217,7 @@ fn subject_of(osim: &OsimModel) -> Subject {
         static_q: osim.model.neutral(),
         provenance: Vec::new(),
         model: osim.model.clone(),
+        estimated: None,
     }
 }
 

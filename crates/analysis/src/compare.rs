@@ -1,7 +1,7 @@
 //! `compare`: model against measurement, read from the results of the stage `compare`.
 
 use crate::held_out::{HeldOutError, weight_n};
-use aloft_body::Subject;
+use aloft_body::{EstimatedPoints, Subject};
 use aloft_compare::{Comparison, ModelComparison};
 use aloft_flight::ImpulseMass;
 use aloft_identify::{Determination, Parameters, Sigma};
@@ -165,7 +165,11 @@ pub fn nothing_identified(ws: &Workspace) -> String {
 /// What the comparison cannot say, because the model is not the whole body.
 fn limits(ws: &Workspace, comparison: &Comparison) -> Vec<String> {
     let subject: Option<Subject> = read_json(&ws.place("calibrate", WHOLE_STUDY).join("subject.json")).ok();
-    let Some(unseen) = subject.and_then(|s| s.model.unseen_parts()) else { return Vec::new() };
+    let Some(subject) = subject else { return Vec::new() };
+    if let (None, Some(points)) = (subject.model.unseen_parts(), &subject.estimated) {
+        return of_estimates(points, smoothed_hz(ws, comparison), comparison);
+    }
+    let Some(unseen) = subject.model.unseen_parts() else { return Vec::new() };
     let mut out = vec![format!(
         "{unseen} move unseen; their mass rides rigidly, as in the static posture: the difference from the plates contains \
          their motion, so that it judges neither masses nor plates"
@@ -178,6 +182,32 @@ fn limits(ws: &Workspace, comparison: &Comparison) -> Vec<String> {
         );
     }
     out
+}
+
+/// What markerless recordings cannot say, and what they can.
+fn of_estimates(points: &EstimatedPoints, smoothed_hz: Option<f64>, comparison: &Comparison) -> Vec<String> {
+    let smooth = smoothed_hz.map_or(String::new(), |hz| {
+        format!(", and forces of movement faster than about {hz:.0} Hz were smoothed away before import")
+    });
+    let plates = if comparison.first.held_out.frames > 0 { ", the plates' times and zeros" } else { "" };
+    vec![
+        format!(
+            "{} estimates joints from videos, some {:.0} mm from the bones', alike in every recording{smooth}: the difference from \
+             plates or free fall judges neither masses nor effects",
+            points.source,
+            1e3 * points.position_sd_m
+        ),
+        format!(
+            "what holds: joint angles within some degrees{plates}, times of flights, and the mean vertical force over whole \
+             strides or from rest to rest, which is the body's weight"
+        ),
+    ]
+}
+
+/// Smallest frequency at which the recordings were smoothed before import; none if they were not.
+fn smoothed_hz(ws: &Workspace, comparison: &Comparison) -> Option<f64> {
+    let of = |trial: &str| ws.manifest("import", trial)?.summary.get("smoothed_hz")?.as_f64();
+    comparison.first.trials.iter().filter_map(|t| of(&t.trial)).min_by(f64::total_cmp)
 }
 
 /// One trial's kinematics.

@@ -120,6 +120,16 @@ impl Evidence {
                 "record markers on them, and use the model `human34`",
             ));
         }
+        if let Some(points) = &subject.estimated {
+            return Err(PipelineError::request_hint(
+                format!(
+                    "no effect can be told: {} places joints some {:.0} mm from the bones', which looks like an effect in every recording",
+                    points.source,
+                    1e3 * points.position_sd_m
+                ),
+                "record with markers where effects or masses are asked for; joint angles and times of flights hold",
+            ));
+        }
         let groups = names.iter().map(|name| session.trial(name).and_then(|t| t.group.clone())).collect();
         let base = BaseParameters::of(&subject.model);
         let wrong = |e: &dyn std::fmt::Display| PipelineError::request(e.to_string());

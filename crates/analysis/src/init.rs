@@ -336,7 +336,7 @@ fn write(
     seen: &[Determination],
     not_used: &[NotUsed],
 ) -> Result<String, PipelineError> {
-    let choice::Choice { set, model, fit, unseen } = choice::choose(seen)?;
+    let choice::Choice { set, model, fit, unseen, markerless } = choice::choose(seen)?;
     let is_object = model == "two_link";
     let models = if layout.subjects.is_empty() && !is_object {
         osim::find(folder, seen)
@@ -435,6 +435,9 @@ fn write(
         )),
         None => line(format!("model: {model}")),
     }
+    if let (true, None) = (markerless, &own_model) {
+        line("# points that software estimates from videos: joint angles hold; masses and effects cannot be told (see the book, Markerless)".to_owned());
+    }
     if own_model.is_some() {
         // the markers are the file's
     } else if fit > 0.5 {
@@ -492,12 +495,27 @@ fn write(
         && layout.subjects.is_empty()
         && let Some((still, quiet)) = quiet::quietest(&rest)
     {
+        let (why, first, last) = if markerless {
+            // lengths are alike in every frame, and the median of a moving body is no posture
+            let middle = usize::midpoint(quiet.first, quiet.last);
+            (
+                "without markers no static trial is needed: the software's lengths are the same in every frame"
+                    .to_owned(),
+                middle,
+                middle,
+            )
+        } else {
+            let moved = format!(
+                "no static trial was found; in these frames the markers move by {:.0} mm (median)",
+                1e3 * quiet.spread_m
+            );
+            (moved, quiet.first, quiet.last)
+        };
         line(format!(
-            "  # no static trial was found; in these frames the markers move by {:.0} mm (median)\n  static_frames: {{trial: {}, first: {}, last: {}}}",
-            1e3 * quiet.spread_m,
+            "  # {why}\n  static_frames: {{trial: {}, first: {}, last: {}}}",
             quote::yaml(&still.stem),
-            quiet.first + 1,
-            quiet.last + 1
+            first + 1,
+            last + 1
         ));
     }
     if let Some(patterns) = force_patterns(folder, seen) {

@@ -58,6 +58,19 @@ pub struct Subject {
     pub static_q: Vec<f64>,
     /// Sources of the prior and the geometry, for the report.
     pub provenance: Vec<String>,
+    /// What the markers are, if they are no measurements but estimates of software (markerless
+    /// capture).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub estimated: Option<EstimatedPoints>,
+}
+
+/// Points that software estimates from videos.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EstimatedPoints {
+    /// The software.
+    pub source: String,
+    /// Standard deviation of its joint centres, each axis, m; alike in every recording.
+    pub position_sd_m: f64,
 }
 
 /// Uncertainty of a prior inertia.
@@ -72,6 +85,11 @@ pub struct PriorSd {
 }
 
 impl Subject {
+    /// True if the equations of the whole body can judge a model: every part has markers, and the
+    /// markers are measurements.
+    pub fn is_judged(&self) -> bool {
+        self.model.is_whole() && self.estimated.is_none()
+    }
     /// Prior as parameter vectors.
     pub fn prior_phi(&self) -> Vec<Phi> {
         self.prior.iter().map(LinkInertia::to_phi).collect()

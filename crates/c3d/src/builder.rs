@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use crate::{
     Analog, ByteOrder, C3dError, C3dFile, FileEvent, HeaderEvent, Parameter, Parameters, PlateDescription, PlateWrench,
-    Point, PointKind, Storage, parameter_sync, unit,
+    Point, PointKind, SegmentPoses, Storage, parameter_sync, unit,
 };
 
 /// Builds a [`C3dFile`] step by step. The defaults are Intel byte order, floats and mm.
@@ -44,6 +44,7 @@ impl C3dBuilder {
             analog_rate_hz: point_rate_hz,
             events: Vec::new(),
             plates: Vec::new(),
+            poses: SegmentPoses::default(),
             warnings: Vec::new(),
             groups: Parameters::default(),
             header_events: Vec::new(),
@@ -161,6 +162,11 @@ impl C3dBuilder {
         self.file.header_events.truncate(18);
         self
     }
+    /// Poses of body segments (group ROTATION).
+    pub fn poses(mut self, poses: SegmentPoses) -> Self {
+        self.file.poses = poses;
+        self
+    }
     /// A parameter of any group.
     pub fn parameter(mut self, group: &str, parameter: Parameter) -> Self {
         self.file.groups.set(group, parameter);
@@ -197,7 +203,7 @@ impl C3dBuilder {
             (None, Some(points), Some(samples)) if points > 0 => (samples / points).max(1),
             _ => 1,
         };
-        file.n_frames = points.or_else(|| samples.map(|s| s / per_frame)).unwrap_or(0);
+        file.n_frames = points.or_else(|| samples.map(|s| s / per_frame)).unwrap_or_else(|| file.poses.n_frames());
         file.analog_rate_hz = file.point_rate_hz * per_frame as f64;
         if let Some(odd) = file.analogs.iter().find(|a| a.values.len() != file.n_frames * per_frame) {
             let problem = format!("{} values, expected {} frames of {per_frame}", odd.values.len(), file.n_frames);

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use crate::{ByteOrder, HeaderEvent, Parameters, Storage, Warning, layout::Layout};
+use crate::{ByteOrder, HeaderEvent, Parameters, SegmentPoses, Storage, Warning, layout::Layout};
 
 /// A whole C3D file.
 ///
@@ -29,6 +29,8 @@ pub struct C3dFile {
     pub events: Vec<FileEvent>,
     /// Force plates as described (not yet converted to wrenches).
     pub plates: Vec<PlateDescription>,
+    /// Poses of body segments, which markerless software stores (group ROTATION); empty in other files.
+    pub poses: SegmentPoses,
     /// Warnings.
     pub warnings: Vec<Warning>,
     /// All groups and parameters as stored.

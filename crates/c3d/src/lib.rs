@@ -49,6 +49,7 @@
 //! | `header`, `layout` | the first block; choice among the stated sizes |
 //! | `samples` | bulk conversion, one loop for each order and storage |
 //! | `read`, `events`, `plate_reader` | interpretation of the standard groups |
+//! | `poses` | poses of segments, as markerless software stores them |
 //! | `wrench` | conversion of plate channels to wrenches |
 //! | `write`, `parameter_sync`, `builder` | writing, and new files |
 
@@ -63,6 +64,7 @@ mod parameter_reader;
 mod parameter_sync;
 mod parameters;
 mod plate_reader;
+mod poses;
 mod read;
 mod samples;
 mod text;
@@ -76,6 +78,7 @@ pub use file::{Analog, C3dFile, FileEvent, PlateDescription, PlateWrench, Point,
 pub use header::HeaderEvent;
 pub use number::{ByteOrder, Storage};
 pub use parameters::{Group, Parameter, Parameters, Values};
+pub use poses::{SegmentPoses, SegmentTrack};
 pub use text::{Text, is_unlabelled, split_subject, strip_subject};
 pub use unit::metres_per;
 pub use wrench::PlateFrame;

@@ -8,6 +8,7 @@ use crate::{
     events::{events_of_group, events_of_header},
     layout::Layout,
     plate_reader::{channels_of_kind, read_plates},
+    poses,
     read::{decide_analog_rate, describe_analogs, describe_points, trial_range},
 };
 
@@ -19,12 +20,18 @@ pub(crate) fn synchronized(file: &C3dFile, layout: &Layout) -> Result<Parameters
     sync_analogs(file, layout, &mut groups)?;
     sync_events(file, &mut groups)?;
     sync_plates(file, &mut groups)?;
+    poses::sync(file, &mut groups)?;
     Ok(groups)
 }
 
 /// POINT:DATA_START.
 pub(crate) fn set_data_start(groups: &mut Parameters, block: usize) {
     set_count(groups, "POINT", "DATA_START", block);
+}
+
+/// ROTATION:DATA_START.
+pub(crate) fn set_poses_start(groups: &mut Parameters, block: usize) {
+    set_count(groups, "ROTATION", "DATA_START", block);
 }
 
 fn set_count(groups: &mut Parameters, group: &str, name: &str, count: usize) {

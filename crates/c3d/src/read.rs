@@ -14,6 +14,7 @@ use crate::{
     layout::{Fit, Layout, Statements, choose},
     parameter_reader::read_parameters,
     plate_reader::read_plates,
+    poses,
     samples::{AnalogScale, decode_analogs, decode_points},
     text,
 };
@@ -52,7 +53,8 @@ impl C3dFile {
         let groups = read_parameters(bytes, section + 4, end, order, &mut warnings)?;
 
         let start = data_start(&header, &groups, section, bytes.len(), &mut warnings)?;
-        let (layout, first_frame) = decide_layout(&header, &groups, bytes.len() - start, start, &mut warnings);
+        let samples_end = poses::start(&groups, start, bytes.len());
+        let (layout, first_frame, frames) = decide_layout(&header, &groups, samples_end - start, start, &mut warnings);
         let data = &bytes[start..start + layout.frame_bytes() * layout.n_frames];
 
         let point_scale = decide_point_scale(&header, &groups, layout.storage, &mut warnings);
@@ -78,6 +80,9 @@ impl C3dFile {
             analogs.iter().map(|a| AnalogScale { offset: a.offset, scale: a.scale * general }).collect();
         decode_analogs(data, &layout, order, unsigned, &scales, &mut analogs);
 
+        let after = (start + data.len()).div_ceil(BLOCK) * BLOCK;
+        let poses = poses::read(bytes, &groups, order, frames, point_rate_hz, after, &mut warnings);
+
         let mut events = events_of_group(&groups, &mut warnings);
         if events.is_empty() {
             events = events_of_header(&header.events);
@@ -95,13 +100,14 @@ impl C3dFile {
         Ok(Self {
             point_rate_hz,
             first_frame,
-            n_frames: layout.n_frames,
+            n_frames: if layout.n_frames > 0 { layout.n_frames } else { poses.n_frames() },
             point_unit,
             points,
             analogs,
             analog_rate_hz,
             events,
             plates,
+            poses,
             warnings,
             groups,
             header_events: header.events,
@@ -177,7 +183,7 @@ fn decide_layout(
     available: usize,
     start: usize,
     warnings: &mut Vec<Warning>,
-) -> (Layout, u32) {
+) -> (Layout, u32, usize) {
     let count = |group: &str, name: &str| groups.get(group, name).and_then(|p| p.count());
     let mut statements = Statements::default();
 
@@ -237,19 +243,18 @@ fn decide_layout(
     }
 
     let (mut layout, fit) = choose(&statements, available);
+    let stated = layout.n_frames;
     if layout.n_frames == 0 || layout.frame_bytes() == 0 {
         layout.n_frames = 0;
         layout.n_points = layout.n_points.min(groups.merged_strings("POINT", "LABELS").len());
         layout.n_channels = layout.n_channels.min(groups.merged_strings("ANALOG", "LABELS").len());
-        warnings.push(Warning::new(WarningKind::Missing, format!("byte {start}: no frames")));
+        if poses::stated(groups).is_none() {
+            warnings.push(Warning::new(WarningKind::Missing, format!("byte {start}: no frames")));
+        }
     }
-    if let Some(poses) = segment_poses(groups) {
-        let message = format!(
-            "ROTATION: {poses} segment poses a frame are not read; this reader holds points and analog channels"
-        );
-        warnings.push(Warning::new(WarningKind::Missing, message));
+    if layout.n_frames > 0 || poses::stated(groups).is_none() {
+        warn_about_layout(header, groups, &layout, fit, start, by_header, by_trial, warnings);
     }
-    warn_about_layout(header, groups, &layout, fit, start, by_header, by_trial, warnings);
 
     let by_trial_first = trial
         .filter(|_| by_trial == Some(layout.n_frames) || by_header != Some(layout.n_frames))
@@ -259,13 +264,7 @@ fn decide_layout(
         let message = "header: frames are counted from 0; the first is taken as frame 1".to_owned();
         warnings.push(Warning::new(WarningKind::Contradiction, message));
     }
-    (layout, u32::try_from(first).unwrap_or(1).max(1))
-}
-
-/// Number of segment poses per frame of a markerless recording, which are stored in a separate
-/// block of samples (ROTATION:USED); `None` without such a block.
-pub(crate) fn segment_poses(groups: &Parameters) -> Option<usize> {
-    groups.get("ROTATION", "USED").and_then(|p| p.count()).filter(|n| *n > 0)
+    (layout, u32::try_from(first).unwrap_or(1).max(1), stated)
 }
 
 /// TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD, each of two words, the lower first.

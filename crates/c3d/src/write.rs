@@ -11,8 +11,7 @@ use crate::{
     header::{BLOCK, Header},
     layout::Layout,
     number::{Dec, Intel, Mips},
-    parameter_sync,
-    read::segment_poses,
+    parameter_sync, poses,
     samples::{Floats, Integers, Quad, fourth_word},
 };
 
@@ -23,27 +22,26 @@ impl C3dFile {
     /// [`C3dError::Write`] if vectors differ in length, or something does not fit into the format:
     /// integers outside 16 bits, more than 65,535 points, parameters of more than 255 blocks.
     pub fn to_bytes(&self) -> Result<Vec<u8>, C3dError> {
-        if let Some(poses) = segment_poses(&self.groups) {
-            return Err(C3dError::Write {
-                item: "ROTATION".to_owned(),
-                problem: format!(
-                    "the recording held {poses} segment poses a frame, which were not read and would be lost"
-                ),
-            });
-        }
         let layout = self.layout()?;
         let mut groups = parameter_sync::synchronized(self, &layout)?;
         // The position of the samples does not change the size of the section.
         let section = groups.to_bytes(self.byte_order)?.len();
         let data_start = BLOCK + section;
         parameter_sync::set_data_start(&mut groups, data_start / BLOCK + 1);
+        let size = data_start + layout.frame_bytes() * layout.n_frames;
+        if !self.poses.segments.is_empty() {
+            parameter_sync::set_poses_start(&mut groups, size.div_ceil(BLOCK) + 1);
+        }
         let section = groups.to_bytes(self.byte_order)?;
 
-        let size = data_start + layout.frame_bytes() * layout.n_frames;
         let mut out = Vec::with_capacity(size.div_ceil(BLOCK) * BLOCK);
         out.extend_from_slice(&self.header_block(&layout, data_start));
         out.extend_from_slice(&section);
         self.push_samples(&layout, &mut out)?;
+        if !self.poses.segments.is_empty() {
+            out.resize(out.len().div_ceil(BLOCK) * BLOCK, 0);
+            poses::push(self, &mut out);
+        }
         // If the header cannot represent the number of frames, some readers (ezc3d) treat all
         // following bytes as frames.
         if layout.n_frames <= 65_535 {

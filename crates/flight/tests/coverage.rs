@@ -52,6 +52,7 @@ fn body() -> Subject {
         static_q: model.neutral(),
         provenance: Vec::new(),
         model,
+        estimated: None,
     }
 }
 

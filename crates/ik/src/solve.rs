@@ -480,6 +480,7 @@ pub(crate) mod tests {
             static_q: model.neutral(),
             provenance: Vec::new(),
             model,
+            estimated: None,
         };
         (subject, trial)
     }

@@ -83,6 +83,7 @@ fn validate_chain_residuals_are_the_marker_noise() {
         static_q: model.neutral(),
         provenance: Vec::new(),
         model,
+        estimated: None,
     };
     for throws in ["throws_01", "throws_03"] {
         let trial = trial(&folder.join(format!("{throws}.c3d")), None);

@@ -31,6 +31,9 @@ pub fn headline(story: &Story<'_>) -> Headline {
 fn unjudged(story: &Story<'_>, view: &ComparisonView) -> Headline {
     let sentence = match story.failures.first() {
         Some((stage, f)) => format!("`{stage}` failed: {}.", f.problem.trim_end_matches('.')),
+        None if story.subject.as_ref().is_some_and(|s| s.estimated.is_some() && s.model.is_whole()) => {
+            "Joint motion without markers; the masses are from tables, and nothing is identified or judged.".to_owned()
+        }
         None => "Joint motion of a part of the body; its masses are from tables, and nothing is identified or judged."
             .to_owned(),
     };
@@ -45,7 +48,9 @@ fn unjudged(story: &Story<'_>, view: &ComparisonView) -> Headline {
         })
         .collect();
     if let Some(e) = view.errors.first() {
-        let text = format!("{} N, the motion of the unseen parts included.", number(e.held_out_error));
+        let unseen = story.subject.as_ref().is_some_and(|s| !s.model.is_whole());
+        let more = if unseen { "the motion of the unseen parts" } else { "where software misses the joints" };
+        let text = format!("{} N, {more} included.", number(e.held_out_error));
         facts.push(Fact::new("Difference from the plates", text));
     }
     let stale = !story.freshness.is_current() || !story.failures.is_empty();

@@ -70,5 +70,6 @@ pub fn subject(
         )],
         facts,
         model,
+        estimated: None,
     })
 }

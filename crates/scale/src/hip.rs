@@ -3,10 +3,10 @@
 //! Pelvis axes: origin midway between the ASIS, z to the right along them, x forward in the plane of ASIS and PSIS, y up.
 
 use crate::ScaleError;
-use crate::geometry::{axes_z_x, reject, unit};
+use crate::geometry::{axes_z_x, axes_z_y, reject, unit};
 use crate::landmarks::{Landmarks, Side};
 use aloft_body::Sex;
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Method for hip joint centres if the recording contains no derived ones.
@@ -41,9 +41,18 @@ impl PelvisMarkers {
     /// From ASIS and PSIS; the sacrum replaces the middle of the PSIS, and a single PSIS is
     /// mirrored.
     ///
+    /// Where neither ASIS is marked, the pelvis follows from given hip centres and a point above it.
+    ///
     /// # Errors
     /// [`ScaleError::MissingLandmarks`] without both ASIS and anything behind them; [`ScaleError::Degenerate`] when they lie on a line.
     pub(crate) fn from_landmarks(landmarks: &Landmarks, trial: &str) -> Result<Self, ScaleError> {
+        let marked = |side| landmarks.side("asis", side).is_some();
+        if !marked(Side::Right)
+            && !marked(Side::Left)
+            && let Some(pelvis) = Self::from_hip_centers(landmarks)
+        {
+            return Ok(pelvis);
+        }
         let missing = || ScaleError::MissingLandmarks {
             trial: trial.into(),
             what: "the pelvis".into(),
@@ -73,7 +82,38 @@ impl PelvisMarkers {
             depth_m: (middle - back).norm(),
         })
     }
+
+    /// From given hip centres, which markerless software states, and a point above them: of the
+    /// pelvis itself, or the neck or the shoulders of a person who stands. Width and place of the ASIS
+    /// are those for which Harrington's regression gives these hip centres; their plane is tilted
+    /// forwards against the vertical of the pelvis as in standing.
+    fn from_hip_centers(landmarks: &Landmarks) -> Option<Self> {
+        let (right, left) = (landmarks.side("hip_center", Side::Right)?, landmarks.side("hip_center", Side::Left)?);
+        let middle = (right + left) / 2.0;
+        let above = landmarks
+            .get("pelvis_up")
+            .or_else(|| landmarks.get("neck_center"))
+            .or_else(|| landmarks.across("shoulder_center"))
+            .or_else(|| landmarks.across("acromion"))?;
+        let upright = axes_z_y(&(right - left), &(above - middle))?;
+        let axes = upright * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -STANDING_TILT_RAD);
+        let width_m = ((right - left).norm() / 2.0 - 0.0073) / 0.33;
+        if width_m < LEAST_WIDTH_M {
+            return None;
+        }
+        let depth_m = DEPTH_OF_WIDTH * width_m;
+        let hips = Vector3::new(-0.24 * depth_m - 0.0099, -0.30 * width_m - 0.0109, 0.0);
+        let origin = middle - axes * hips;
+        Some(Self { world_from_pelvis: Isometry3::from_parts(origin.into(), axes), width_m, depth_m })
+    }
 }
+
+/// Forward tilt of the plane of ASIS and PSIS in standing: about 10° in adults.
+const STANDING_TILT_RAD: f64 = 0.175;
+/// Depth of the pelvis (ASIS to PSIS) as a share of its width in adults, rounded.
+const DEPTH_OF_WIDTH: f64 = 0.6;
+/// Smallest width that a pelvis can have, m.
+const LEAST_WIDTH_M: f64 = 0.08;
 
 /// Hip joint centre in pelvis axes, m. `leg_length_m` runs from the ASIS to the medial malleolus; `marker_radius_m` enters Davis only.
 ///

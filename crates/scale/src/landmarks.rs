@@ -47,10 +47,11 @@ impl Side {
 }
 
 /// Landmarks that exist once.
-pub(crate) const CENTRAL_LANDMARKS: [&str; 6] = ["vertex", "c7", "t10", "suprasternale", "xiphoid", "sacrum"];
+pub(crate) const CENTRAL_LANDMARKS: [&str; 8] =
+    ["vertex", "c7", "t10", "suprasternale", "xiphoid", "sacrum", "neck_center", "pelvis_up"];
 
 /// Landmarks that exist on both sides, followed by `_r` or `_l`.
-pub(crate) const SIDED_LANDMARKS: [&str; 21] = [
+pub(crate) const SIDED_LANDMARKS: [&str; 26] = [
     "head_front",
     "head_back",
     "acromion",
@@ -63,6 +64,11 @@ pub(crate) const SIDED_LANDMARKS: [&str; 21] = [
     "asis",
     "psis",
     "hip_center",
+    "knee_center",
+    "ankle_center",
+    "shoulder_center",
+    "elbow_center",
+    "wrist_center",
     "trochanter",
     "knee_lateral",
     "knee_medial",

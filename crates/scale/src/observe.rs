@@ -59,8 +59,12 @@ pub(crate) fn unobserved(subject: &Subject) -> Result<Vec<usize>, ScaleError> {
             held[(k, k)] += 1e9;
         }
         let Some(covariance) = held.cholesky().map(|c| c.inverse()) else { break };
-        let worst =
-            (0..nv).filter(|k| !locked.contains(k)).max_by(|&a, &b| covariance[(a, a)].total_cmp(&covariance[(b, b)]));
+        // the body as a whole is never held: where the trunk of a body bends unseen, it is the joint
+        // that is held, not the pelvis in the world
+        let root = model.links.first().map_or(0, |l| l.joint.v_offset + l.joint.kind.nv());
+        let worst = (root..nv)
+            .filter(|k| !locked.contains(k))
+            .max_by(|&a, &b| covariance[(a, a)].total_cmp(&covariance[(b, b)]));
         match worst {
             Some(k) if covariance[(k, k)].sqrt() > SEEN_SD => locked.push(k),
             _ => break,

@@ -12,7 +12,7 @@ use crate::prior::{CarriedSegment, StaticAnatomy, attach_prior};
 use crate::report::{JointMethod, JointUncertainty, PlausibilityLimits, ScaleReport, ScaleWarning};
 use crate::skeleton::{Builder, PlacedLink, Skeleton};
 use crate::statics::{QuietOptions, StaticPose};
-use aloft_body::{JointKind, Model, ModelMarker, ModelSpec, PersonFacts, Subject};
+use aloft_body::{EstimatedPoints, JointKind, Model, ModelMarker, ModelSpec, PersonFacts, Subject};
 use aloft_trial::{MarkerSet, Trial};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
@@ -89,6 +89,7 @@ pub fn scale_person(
         stated_height_m: input.facts.height_m,
         marker_radius_m: input.marker_set.marker_radius_m,
         hip_method: options.hip,
+        given_sd_m: input.marker_set.markerless.as_ref().map(|m| m.position_sd_m),
     }
     .build()?;
     let (model, static_q, placed) = assemble(input.model_spec, &skeleton)?;
@@ -106,7 +107,13 @@ pub fn scale_person(
         marker_radius_m: input.marker_set.marker_radius_m,
         carried: carried(&skeleton, &model),
     };
+    let estimated = input
+        .marker_set
+        .markerless
+        .as_ref()
+        .map(|m| EstimatedPoints { source: m.source.clone(), position_sd_m: m.position_sd_m });
     let mut subject = Subject {
+        estimated,
         facts,
         model,
         markers,

@@ -87,6 +87,8 @@ pub(crate) struct Builder<'a> {
     pub stated_height_m: Option<f64>,
     pub marker_radius_m: f64,
     pub hip_method: HipMethod,
+    /// Standard deviation of joint centres that the recording gives, m; those of markers if none.
+    pub given_sd_m: Option<f64>,
 }
 
 impl Builder<'_> {
@@ -111,6 +113,7 @@ impl Builder<'_> {
                 None => leg / proportion::ASIS_TO_ANKLE,
             }
         });
+        let estimated_height_m = estimated_height_m.or_else(|| self.height_of_legs());
         let height_m = self.stated_height_m.or(estimated_height_m).unwrap_or(1.70);
         let hips = Side::BOTH.map(|s| self.hip(&pelvis, s, leg));
         let mut links = BTreeMap::new();
@@ -122,7 +125,7 @@ impl Builder<'_> {
                 world_from_link: pose(&middle, &pelvis_axes),
                 isb_axes: pelvis_axes,
                 method: hips[0].method,
-                center_sd_m: sd::HIP,
+                center_sd_m: hips[0].sd_m,
                 axis_sd_rad: None,
             },
         );
@@ -147,9 +150,43 @@ impl Builder<'_> {
         Some(knee.map_or((ankle - asis).norm(), |k| (k - asis).norm() + (ankle - k).norm()))
     }
 
+    /// Stature from given joint centres of the legs.
+    fn height_of_legs(&self) -> Option<f64> {
+        let l = self.landmarks;
+        let legs: Vec<f64> = Side::BOTH
+            .iter()
+            .filter_map(|&s| {
+                let (hip, knee, ankle) =
+                    (l.side("hip_center", s)?, l.side("knee_center", s)?, l.side("ankle_center", s)?);
+                Some((hip - knee).norm() + (knee - ankle).norm())
+            })
+            .collect();
+        let n = legs.len() as f64;
+        (n > 0.0).then(|| legs.iter().sum::<f64>() / n / (proportion::THIGH + proportion::SHANK))
+    }
+
+    /// A joint centre that the recording gives.
+    fn given(&self, name: &str, side: Side) -> Option<Center> {
+        let sd_m = self.given_sd_m.unwrap_or(sd::HINGE);
+        self.landmarks.side(name, side).map(|point| Center { point, method: JointMethod::Given, sd_m })
+    }
+
+    /// Direction to the right along the line through a lateral and a medial landmark, or through the
+    /// centre and one of them.
+    fn across_joint(&self, lateral: &str, medial: &str, center: &Vector3<f64>, side: Side) -> Option<Vector3<f64>> {
+        let l = self.landmarks;
+        let outwards = match (l.side(lateral, side), l.side(medial, side)) {
+            (Some(a), Some(b)) => a - b,
+            (Some(a), None) => a - center,
+            (None, Some(b)) => center - b,
+            (None, None) => return None,
+        };
+        unit(&(outwards * side.sign()))
+    }
+
     fn hip(&self, pelvis: &PelvisMarkers, side: Side, leg: Option<f64>) -> Center {
         if let Some(point) = self.landmarks.side("hip_center", side) {
-            return Center { point, method: JointMethod::Given, sd_m: sd::HIP };
+            return Center { point, method: JointMethod::Given, sd_m: self.given_sd_m.unwrap_or(sd::HIP) };
         }
         let local = hip_center(self.hip_method, pelvis, leg, self.marker_radius_m, side)
             .or_else(|| hip_center(HipMethod::Harrington, pelvis, leg, self.marker_radius_m, side))
@@ -157,12 +194,14 @@ impl Builder<'_> {
         Center { point: apply(&pelvis.world_from_pelvis, &local), method: JointMethod::Regression, sd_m: sd::HIP }
     }
 
-    /// Centre and right-pointing axis of a hinge from a lateral and, if available, a medial marker.
+    /// Centre and right-pointing axis of a hinge: a given centre, or from a lateral and, if
+    /// available, a medial marker.
     ///
     /// `offset` is the depth of the joint below the lateral marker (Reed 1999), `assumed` the axis
     /// if none is marked.
     fn hinge(
         &self,
+        center: &str,
         lateral: &str,
         medial: &str,
         side: Side,
@@ -170,6 +209,12 @@ impl Builder<'_> {
         assumed: &Vector3<f64>,
     ) -> Option<(Center, Vector3<f64>, f64)> {
         let l = self.landmarks;
+        if let Some(center) = self.given(center, side) {
+            return Some(match self.across_joint(lateral, medial, &center.point, side) {
+                Some(axis) => (center, axis, sd::AXIS),
+                None => (center, *assumed, sd::AXIS_ASSUMED),
+            });
+        }
         match (l.side(lateral, side), l.side(medial, side)) {
             (Some(a), Some(b)) => {
                 let axis = unit(&((a - b) * side.sign()))?;
@@ -201,9 +246,9 @@ impl Builder<'_> {
         let l = self.landmarks;
         let name = |stem: &str| format!("{stem}_{}", side.suffix());
         let down = -y_of(pelvis_axes);
-        let knee_mark = l.side("knee_lateral", side).or_else(|| l.side("knee_medial", side));
-        let ankle_mark =
-            l.side("ankle_lateral", side).or_else(|| l.side("ankle_medial", side)).or_else(|| l.side("heel", side));
+        let first = |names: &[&str]| names.iter().find_map(|name| l.side(name, side));
+        let knee_mark = first(&["knee_center", "knee_lateral", "knee_medial"]);
+        let ankle_mark = first(&["ankle_center", "ankle_lateral", "ankle_medial", "heel"]);
         // Without a medial knee marker: to the right, perpendicular to the line from hip to ankle.
         let along = unit(&(ankle_mark.or(knee_mark).unwrap_or(hip.point + down) - hip.point)).unwrap_or(down);
         let assumed = unit(&reject(right, &along)).unwrap_or(*right);
@@ -212,13 +257,13 @@ impl Builder<'_> {
             _ => None,
         };
         let (knee, axis, axis_sd) = self
-            .hinge("knee_lateral", "knee_medial", side, shank_mark.map(|d| 0.118 * d), &assumed)
+            .hinge("knee_center", "knee_lateral", "knee_medial", side, shank_mark.map(|d| 0.118 * d), &assumed)
             .unwrap_or_else(|| {
                 let point = hip.point + along * (proportion::THIGH * height_m);
                 (Center { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }, assumed, sd::AXIS_ASSUMED)
             });
         let (ankle, malleoli, _) = self
-            .hinge("ankle_lateral", "ankle_medial", side, shank_mark.map(|d| 0.085 * d), &axis)
+            .hinge("ankle_center", "ankle_lateral", "ankle_medial", side, shank_mark.map(|d| 0.085 * d), &axis)
             .unwrap_or_else(|| {
                 let point = knee.point + along * (proportion::SHANK * height_m);
                 (Center { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }, axis, sd::AXIS_ASSUMED)
@@ -260,10 +305,8 @@ impl Builder<'_> {
         let right = z_of(&frame.rotation);
         let lumbar = apply(frame, &lumbar_center(pelvis, self.sex));
         let (c7, front) = (l.get("c7"), l.get("suprasternale"));
-        let shoulders = match (l.side("acromion", Side::Right), l.side("acromion", Side::Left)) {
-            (Some(r), Some(l)) => Some((r, l)),
-            _ => None,
-        };
+        let pair = |name: &str| Some((l.side(name, Side::Right)?, l.side(name, Side::Left)?));
+        let shoulders = pair("acromion").or_else(|| pair("shoulder_center"));
         let across = shoulders.map_or(right, |(r, l)| r - l);
         // Neck (C7/T1): from C7 towards the suprasternale, turned up (Reed 1999 via Dumas and Wojtusch 2018).
         let (turn_up_deg, fraction) = match self.sex {
@@ -271,7 +314,11 @@ impl Builder<'_> {
             Some(Sex::Male) => (8.0, 0.55),
             None => (11.0, 0.54),
         };
-        let neck = match (c7, front, shoulders) {
+        let given = l.get("neck_center").map(|point| {
+            let sd_m = self.given_sd_m.unwrap_or(sd::NECK);
+            Center { point, method: JointMethod::Given, sd_m }
+        });
+        let marked = match (c7, front, shoulders) {
             (Some(c), Some(f), _) => {
                 let direction =
                     turn_down(&(f - c), &across, -turn_up_deg).ok_or_else(|| self.degenerate("the neck"))?;
@@ -305,6 +352,7 @@ impl Builder<'_> {
                 Center { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }
             }
         };
+        let neck = given.unwrap_or(marked);
         let torso_axes = axes_y_z(&(neck.point - lumbar), &across).ok_or_else(|| self.degenerate("the torso"))?;
         let lumbar = Center { point: lumbar, method: JointMethod::Regression, sd_m: sd::LUMBAR };
         links.insert("torso".into(), placed(&lumbar, &torso_axes, &torso_axes, None));
@@ -326,6 +374,9 @@ impl Builder<'_> {
 
     fn shoulder(&self, side: Side, torso: &UnitQuaternion<f64>, neck: &Vector3<f64>, height_m: f64) -> Center {
         let l = self.landmarks;
+        if let Some(center) = self.given("shoulder_center", side) {
+            return center;
+        }
         let Some(acromion) = l.side("acromion", side) else {
             let lateral = z_of(torso) * (side.sign() * proportion::SHOULDER_HALF_WIDTH * height_m);
             let point = neck + lateral - y_of(torso) * (0.03 * height_m);
@@ -352,17 +403,22 @@ impl Builder<'_> {
         let l = self.landmarks;
         let name = |stem: &str| format!("{stem}_{}", side.suffix());
         let shoulder = self.shoulder(side, torso, neck, height_m);
-        let marked_wrist = match (l.side("wrist_radial", side), l.side("wrist_ulnar", side)) {
-            (Some(a), Some(b)) => Some(Center { point: (a + b) / 2.0, method: JointMethod::Midpoint, sd_m: sd::WRIST }),
-            (Some(a), None) | (None, Some(a)) => {
-                Some(Center { point: a, method: JointMethod::Regression, sd_m: sd::WRIST_SINGLE })
+        let marked_wrist = self.given("wrist_center", side).or_else(|| {
+            match (l.side("wrist_radial", side), l.side("wrist_ulnar", side)) {
+                (Some(a), Some(b)) => {
+                    Some(Center { point: (a + b) / 2.0, method: JointMethod::Midpoint, sd_m: sd::WRIST })
+                }
+                (Some(a), None) | (None, Some(a)) => {
+                    Some(Center { point: a, method: JointMethod::Regression, sd_m: sd::WRIST_SINGLE })
+                }
+                (None, None) => {
+                    let single = l.side("wrist", side);
+                    single.map(|point| Center { point, method: JointMethod::Regression, sd_m: sd::WRIST_SINGLE })
+                }
             }
-            (None, None) => {
-                let single = l.side("wrist", side);
-                single.map(|point| Center { point, method: JointMethod::Regression, sd_m: sd::WRIST_SINGLE })
-            }
-        };
-        let elbow_mark = l.side("elbow_lateral", side).or_else(|| l.side("elbow_medial", side));
+        });
+        let first = |names: &[&str]| names.iter().find_map(|name| l.side(name, side));
+        let elbow_mark = first(&["elbow_center", "elbow_lateral", "elbow_medial"]);
         // Without a medial elbow marker: normal to the plane of upper arm and forearm if the elbow
         // is bent, otherwise to the right.
         let upper = elbow_mark.map(|e| e - shoulder.point);
@@ -377,7 +433,7 @@ impl Builder<'_> {
             .unwrap_or_else(|| z_of(torso));
         let forearm_mark = l.side("elbow_lateral", side).zip(marked_wrist).map(|(e, w)| (e - w.point).norm());
         let (elbow, axis, axis_sd) = self
-            .hinge("elbow_lateral", "elbow_medial", side, forearm_mark.map(|d| 0.155 * d), &assumed)
+            .hinge("elbow_center", "elbow_lateral", "elbow_medial", side, forearm_mark.map(|d| 0.155 * d), &assumed)
             .unwrap_or_else(|| {
                 let point = shoulder.point - y_of(torso) * (proportion::UPPER_ARM * height_m);
                 (Center { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }, assumed, sd::AXIS_ASSUMED)
@@ -395,10 +451,12 @@ impl Builder<'_> {
             axes_y_z(&(elbow.point - wrist.point), &axis).ok_or_else(|| self.degenerate(&name("forearm")))?;
         links.insert(name("upper_arm"), placed(&shoulder, &upper_axes, &upper_axes, None));
         links.insert(name("forearm"), placed(&elbow, &forearm_axes, &forearm_isb, Some(axis_sd)));
-        let styloids = match (l.side("wrist_radial", side), l.side("wrist_ulnar", side)) {
-            // Thumb side out: to the right on the right hand.
-            (Some(a), Some(b)) => (a - b) * side.sign(),
-            _ => axis,
+        // Thumb side out: to the right on the right hand.
+        let both = l.side("wrist_radial", side).is_some() && l.side("wrist_ulnar", side).is_some();
+        let styloids = if both || wrist.method == JointMethod::Given {
+            self.across_joint("wrist_radial", "wrist_ulnar", &wrist.point, side).unwrap_or(axis)
+        } else {
+            axis
         };
         let up = l.side("hand_distal", side).map_or(elbow.point - wrist.point, |h| wrist.point - h);
         let hand_axes = axes_y_z(&up, &styloids).or_else(|| axes_y_z(&up, &axis)).unwrap_or(forearm_isb);

@@ -16,6 +16,16 @@ pub(crate) fn check_capture(scenario: &Scenario) -> Result<(), SimulateError> {
     scenario.expect("capture.gap_fraction", c.gap_fraction, 0.0..=0.5, "0 to 0.5")?;
     scenario.expect("capture.plate_noise_n", c.plate_noise_n, 0.0..=1e3, "0 to 1000 N")?;
     scenario.expect("capture.plate_drift_n", c.plate_drift_n, 0.0..=1e3, "0 to 1000 N")?;
+    if let Some(m) = &c.markerless {
+        if !matches!(scenario.body, BodySpec::Human(_)) {
+            return Err(scenario.value_error("capture.markerless", "an object", "a person"));
+        }
+        scenario.expect("capture.markerless.center_sd_m", m.center_sd_m, 0.0..=0.2, "0 to 0.2 m")?;
+        scenario.expect("capture.markerless.noise_m", m.noise_m, 0.0..=0.2, "0 to 0.2 m")?;
+        scenario.expect("capture.markerless.noise_rad", m.noise_rad, 0.0..=0.5, "0 to 0.5 rad")?;
+        let nyquist = 0.49 * c.point_rate_hz;
+        scenario.expect("capture.markerless.cutoff_hz", m.cutoff_hz, 1.0..=nyquist, "1 Hz to half the rate")?;
+    }
     // without gravity objects do not come down; people's jumps are planned from their fall time
     let (least, words) = match scenario.body {
         BodySpec::Human(_) => (0.1, "0.1 to 30 m/s²"),

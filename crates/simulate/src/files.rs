@@ -10,7 +10,11 @@ pub(crate) fn c3d(scenario: &Scenario, trial: &LabTrial) -> Result<Vec<u8>, Simu
     let fail = |source| SimulateError::C3d { trial: trial.name.clone(), source };
     let capture = &scenario.capture;
     let mut builder = C3dBuilder::new(capture.point_rate_hz);
-    for (label, trajectory) in trial.markers.labels.iter().zip(&trial.markers.trajectories) {
+    if let Some(poses) = &trial.poses {
+        builder = builder.poses(poses.clone());
+    }
+    let worn = if trial.poses.is_some() { 0 } else { trial.markers.labels.len() };
+    for (label, trajectory) in trial.markers.labels.iter().zip(&trial.markers.trajectories).take(worn) {
         let xyz = trajectory.iter().map(|p| std::array::from_fn(|i| (1000.0 * p[i]) as f32)).collect();
         builder = builder.marker(label, xyz);
     }

@@ -3,6 +3,7 @@
 
 use crate::error::SimulateError;
 use crate::hidden::Hidden;
+use crate::measure::markerless::MarkerlessSpec;
 use aloft_body::{ModelSpec, Sex};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -258,6 +259,9 @@ pub struct CaptureSpec {
     pub plate_drift_n: f64,
     /// Magnitude of gravity stated by the laboratory, m/s².
     pub gravity_mps2: f64,
+    /// Poses of segments as markerless software finds them, in place of a person's markers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub markerless: Option<MarkerlessSpec>,
 }
 
 impl Default for CaptureSpec {
@@ -272,6 +276,7 @@ impl Default for CaptureSpec {
             plate_noise_n: 1.0,
             plate_drift_n: 0.8,
             gravity_mps2: 9.81,
+            markerless: None,
         }
     }
 }

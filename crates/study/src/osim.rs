@@ -91,6 +91,7 @@ impl OsimSetup {
             title: format!("the markers of {}", self.name),
             model: self.model.name.clone(),
             marker_radius_m: 0.0,
+            markerless: None,
             markers: markers.collect(),
         }
     }

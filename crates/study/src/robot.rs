@@ -88,6 +88,7 @@ impl RobotSetup {
             title: "a robot's joints are logged".to_owned(),
             model: self.model.spec.name.clone(),
             marker_radius_m: 0.0,
+            markerless: None,
             markers: Vec::new(),
         }
     }

@@ -3,6 +3,7 @@
 use crate::mot::read_ground_reactions;
 use crate::options::{disambiguate, require_content, to_world};
 use crate::recorded;
+use crate::segments::add_segments;
 use crate::trc::read_trc;
 use crate::{ComputedPoint, Event, ImportOptions, Markers, Plate, Trial, TrialError, UpAxis, Warning, WarningKind};
 use aloft_c3d::{C3dFile, PointKind, is_unlabelled, metres_per, split_subject, strip_subject};
@@ -144,6 +145,7 @@ fn read_points(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Re
     for track in &mut trial.markers.trajectories {
         track.resize(file.n_frames, Vector3::repeat(f64::NAN));
     }
+    add_segments(trial, file, metres);
     warn_of_scale(trial);
 
     for point in file.points.iter().filter(|p| p.kind != PointKind::Marker) {

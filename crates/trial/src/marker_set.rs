@@ -16,8 +16,22 @@ pub struct MarkerSet {
     /// Distance from skin to marker centre, m.
     #[serde(default)]
     pub marker_radius_m: f64,
+    /// Where the points come from, if no marker was worn: software that finds them in videos.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub markerless: Option<Markerless>,
     /// The markers.
     pub markers: Vec<MarkerDefinition>,
+}
+
+/// Points that software finds in videos.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Markerless {
+    /// The software, for messages.
+    pub source: String,
+    /// Standard deviation of its joint centres against those of the bones, each axis, m. The error
+    /// is alike in every recording: no averaging reduces it.
+    pub position_sd_m: f64,
 }
 
 /// One marker of a set.

@@ -15,6 +15,8 @@ pub(super) struct Choice {
     pub fit: f64,
     /// Parts of the body without markers, in words.
     pub unseen: Option<String>,
+    /// True if software estimates the points from videos.
+    pub markerless: bool,
 }
 
 /// A part of a body as a model: the markers of a set on its links.
@@ -66,11 +68,17 @@ pub(super) fn choose(seen: &[Determination]) -> Result<Choice, PipelineError> {
     let models: Vec<ModelSpec> = catalog::all("models")?;
     let parts: Vec<&ModelSpec> = models.iter().filter(|m| !m.carries.is_empty()).collect();
     let whole = ranked(seen, &sets);
-    let mut best = Choice { set: "plug-in-gait-35".to_owned(), model: "human34".to_owned(), fit: 0.0, unseen: None };
+    let mut best = Choice {
+        set: "plug-in-gait-35".to_owned(),
+        model: "human34".to_owned(),
+        fit: 0.0,
+        unseen: None,
+        markerless: false,
+    };
     if let Some((name, fit)) = whole.first()
         && let Some(set) = sets.iter().find(|s| s.name == *name)
     {
-        best = Choice { set: name.clone(), model: set.model.clone(), fit: *fit, unseen: None };
+        best = Choice { set: name.clone(), model: set.model.clone(), fit: *fit, unseen: None, markerless: false };
     }
     for model in parts {
         let of_part: Vec<MarkerSet> = sets
@@ -88,8 +96,9 @@ pub(super) fn choose(seen: &[Determination]) -> Result<Choice, PipelineError> {
         let complete = model.links.iter().all(|l| marked.contains(&l.name));
         if complete && !beyond && fit > best.fit {
             let unseen = aloft_body::Model::from_spec(model).ok().and_then(|m| m.unseen_parts());
-            best = Choice { set: name, model: model.name.clone(), fit, unseen };
+            best = Choice { set: name, model: model.name.clone(), fit, unseen, markerless: false };
         }
     }
+    best.markerless = sets.iter().any(|s| s.name == best.set && s.markerless.is_some());
     Ok(best)
 }

@@ -103,6 +103,7 @@ fn fit(shown: &str, model: &OsimModel, trial: &Trial) -> Option<Proposed> {
         title: String::new(),
         model: model.name.clone(),
         marker_radius_m: 0.0,
+        markerless: None,
         markers: model.markers.iter().map(|m| definition(&m.name)).collect(),
     };
     let present = apply_marker_set(&mut trial, &set, &Default::default()).present;

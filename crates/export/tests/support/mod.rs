@@ -78,6 +78,7 @@ pub fn subject(convention: Convention) -> SubjectExport {
         static_q,
         provenance: Vec::new(),
         model,
+        estimated: None,
     };
     let source = InertiaSource::Identified {
         rows: "weak".into(),

@@ -27,6 +27,7 @@ fn subject(name: &str, spec: &ModelSpec, markers: Vec<ModelMarker>) -> Subject {
         static_q,
         provenance: Vec::new(),
         model,
+        estimated: None,
     }
 }
 

@@ -247,8 +247,9 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let plain = if earlier.is_some() { None } else { plain_model(params, inputs, &subject, chosen)? };
     let floor = match &earlier {
         Some(f) => Floor::Known(&f.floor),
-        // what the unseen parts of a body do is in the error, and in no floor
-        None if !subject.model.is_whole() => Floor::Drawn(0, None),
+        // what the unseen parts of a body do, and where software misses the joints, is in the error
+        // and in no floor
+        None if !subject.is_judged() => Floor::Drawn(0, None),
         None => Floor::Drawn(CompareOptions::default().noise_draws, plain.as_ref()),
     };
     let validates = |name: &String| -> Result<bool, StageFailure> {
@@ -267,7 +268,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         let rows = TrialRows::load(results, Some(&params.filter), &calendar, name, &subject)?;
         let trial =
             ComparedTrial::of(params, results, inputs.role(name).unwrap_or(Role::Identify), name, &names, rows)?;
-        if earlier.is_some() || !subject.model.is_whole() {
+        if earlier.is_some() || !subject.is_judged() {
             Ok(trial)
         } else {
             trial.with_errors(params, results, &subject, &readings)
@@ -283,9 +284,9 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         &candidates,
         floor,
     )?;
-    if !subject.model.is_whole() {
-        // the difference is mostly the motion of parts that no marker shows: where it sits and with
-        // what it grows says nothing about the links that there are
+    if !subject.is_judged() {
+        // the difference is mostly the motion of parts that no marker shows, or where software misses
+        // the joints: where it sits and with what it grows says nothing about the links
         (comparison.words, comparison.worst) = (Vec::new(), Vec::new());
         (comparison.first.segments, comparison.first.breakdown) = (Vec::new(), Vec::new());
         done.note("judged", false);

@@ -278,7 +278,7 @@ impl Predicting {
 pub const NOTHING_IDENTIFIED: &str = "nothing_identified.json";
 
 /// Why these recordings identify nothing although every stage before succeeded: the model is not the
-/// whole body, or nothing in them is a flight. The table's body is then compared with the plates.
+/// whole body, its points are estimates, or nothing in them is a flight. The table's body is then compared with the plates.
 fn nothing_to_identify(
     params: &Params,
     inputs: &StageInputs<'_>,
@@ -288,6 +288,14 @@ fn nothing_to_identify(
         return Ok(Some(format!(
             "nothing is identified: {unseen} move unseen, so the equations of the whole body do not hold; the masses are \
              from tables"
+        )));
+    }
+    if let Some(points) = &subject.estimated {
+        return Ok(Some(format!(
+            "nothing is identified: the joints of {} lie some {:.0} mm from the bones', alike in every recording, which flights \
+             cannot tell from masses; the masses are from tables",
+            points.source,
+            1e3 * points.position_sd_m
         )));
     }
     if params.is_object || params.robot.is_some() || inputs.trials_with_role("regressor", |_| true).is_empty() {

@@ -21,7 +21,7 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "import",
-    version: 3,
+    version: 4,
     scope: Scope::Trial(&[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
     seconds: 0.03,
     reads: "C3D, TRC with MOT, or BIDS-Motion; marker set (robots: joint log, base pose)",
@@ -242,6 +242,10 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     if let Some(at) = &trial.recorded {
         done.note("recorded", json!(at));
     }
+    if let Some(found) = aloft_trial::smoothing(&trial) {
+        done.note("smoothed_hz", (10.0 * found.cutoff_hz).round() / 10.0);
+        done.warnings.push(smoothed(&found));
+    }
     done.note("gaps", quality.markers.iter().map(|m| m.gaps).sum::<usize>());
     let longest = quality.markers.iter().map(|m| m.longest_gap_frames).max().unwrap_or(0);
     done.note("longest_gap_s", longest as f64 / trial.markers.rate_hz);
@@ -265,6 +269,15 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     done.warnings.extend(told(&quality.reasons));
     write_json(&inputs.out.join("quality.json"), &ImportRecord { matched, fills, findings, quality })?;
     Ok(done)
+}
+
+/// What smoothing before import means for the results.
+pub fn smoothed(found: &aloft_trial::Smoothing) -> String {
+    format!(
+        "the markers were smoothed before they were stored (about {:.0} Hz): forces of faster movement are lost, and their \
+         noise says nothing about their error",
+        found.cutoff_hz
+    )
 }
 
 /// Share of a marker set's markers that a recording has to have.

@@ -179,6 +179,7 @@ impl RigidTree {
             )],
             facts,
             model,
+            estimated: None,
         }
     }
 

@@ -121,5 +121,6 @@ pub(super) fn name_frames(links: &Links<'_>, bundle: &Bundle, input: &ObjectInpu
             format!("geometry: {} and {} motion trials", input.static_trial.name, input.motion_trials.len()),
             "prior: size of each link's markers and joints".into(),
         ],
+        estimated: None,
     })
 }

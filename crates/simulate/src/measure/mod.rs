@@ -2,6 +2,7 @@
 
 pub mod cameras;
 pub mod feet;
+pub mod markerless;
 pub mod plates;
 
 pub use cameras::Gap;
