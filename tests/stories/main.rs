@@ -14,6 +14,7 @@ mod invisible;
 mod kill;
 mod layout;
 mod loop_on_people;
+mod markerless;
 mod names;
 mod newcomer;
 mod one_interval;

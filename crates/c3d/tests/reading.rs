@@ -222,3 +222,51 @@ fn validate_every_recording_is_read() {
     println!("{} of {} read", files.len() - failed.len(), files.len());
     assert!(failed.is_empty(), "{failed:?}");
 }
+
+/// A markerless recording: only poses of segments.
+fn poses(rate_hz: f64, n: usize) -> aloft_c3d::SegmentPoses {
+    let segment = |k: usize| aloft_c3d::SegmentTrack {
+        label: format!("segment_{k}_4X4"),
+        matrix: (0..n).map(|f| std::array::from_fn(|i| (100 * k + i) as f32 + 0.25 * f as f32)).collect(),
+        reliability: (0..n).map(|f| if f == 3 { -1.0 } else { 0.5 }).collect(),
+    };
+    aloft_c3d::SegmentPoses { rate_hz, segments: (0..3).map(segment).collect() }
+}
+
+#[test]
+fn poses_of_segments_are_read_as_they_were_written() {
+    for order in [aloft_c3d::ByteOrder::Intel, aloft_c3d::ByteOrder::Mips, aloft_c3d::ByteOrder::Dec] {
+        let alone =
+            aloft_c3d::C3dBuilder::new(85.0).stored_as(order, aloft_c3d::Storage::Float, 1.0).poses(poses(85.0, 340));
+        let bytes = alone.build().unwrap().to_bytes().unwrap();
+        let file = C3dFile::from_bytes(&bytes).unwrap();
+        assert_eq!((file.n_frames, file.points.len(), file.poses.n_frames()), (340, 0, 340));
+        assert_eq!(file.poses, poses(85.0, 340), "{order:?}");
+        assert!(file.warnings.is_empty(), "{:?}", file.warnings);
+        assert_eq!(C3dFile::from_bytes(&file.to_bytes().unwrap()).unwrap().poses, file.poses);
+
+        // beside markers, at twice their rate
+        let beside = aloft_c3d::C3dBuilder::new(50.0)
+            .stored_as(order, aloft_c3d::Storage::Float, 1.0)
+            .marker("A", vec![[1.0, 2.0, 3.0]; 100])
+            .poses(poses(100.0, 200));
+        let file = C3dFile::from_bytes(&beside.build().unwrap().to_bytes().unwrap()).unwrap();
+        assert_eq!((file.n_frames, file.points[0].xyz[99]), (100, [1.0, 2.0, 3.0]));
+        assert_eq!(file.poses, poses(100.0, 200), "{order:?}");
+
+        // cut at any place: the frames that are there
+        for cut in [bytes.len() - 600, bytes.len() / 2, bytes.len() / 3] {
+            let file = C3dFile::from_bytes(&bytes[..cut]).unwrap();
+            let truncated = file.warnings.iter().any(|w| matches!(w.kind, WarningKind::Truncated { stated: 340, .. }));
+            assert!(truncated && file.poses.n_frames() < 340, "{:?}", file.warnings);
+            let n = file.poses.n_frames();
+            assert_eq!(file.poses.segments[2].matrix[..n], poses(85.0, 340).segments[2].matrix[..n]);
+        }
+    }
+}
+
+#[test]
+fn poses_that_do_not_fit_are_not_written() {
+    let built = aloft_c3d::C3dBuilder::new(50.0).marker("A", vec![[1.0; 3]; 10]).poses(poses(50.0, 12)).build();
+    assert!(built.is_err_and(|e| e.to_string().contains("ROTATION")));
+}

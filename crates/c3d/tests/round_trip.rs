@@ -16,6 +16,7 @@ fn seen(file: &C3dFile) -> String {
     file.warnings.clear();
     // The position of the samples may change.
     file.groups.remove("POINT", "DATA_START");
+    file.groups.remove("ROTATION", "DATA_START");
     // Values that contradicted the samples are corrected.
     for (group, name) in CORRECTED {
         file.groups.remove(group, name);

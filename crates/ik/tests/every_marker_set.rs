@@ -97,9 +97,22 @@ fn worn(person: &Subject, set: &MarkerSet) -> Subject {
         let frame = &state.world_from_link[link];
         let origin =
             |name: String| person.model.link_index(&name).ok().map(|k| state.world_from_link[k].translation.vector);
-        let given = m.landmark.as_deref().and_then(|name| match name.strip_prefix("hip_center_") {
-            Some(side) => origin(format!("thigh_{side}")),
-            None => landmark(name),
+        const CENTERS: [(&str, &str); 6] = [
+            ("hip_center_", "thigh_"),
+            ("knee_center_", "shank_"),
+            ("ankle_center_", "foot_"),
+            ("shoulder_center_", "upper_arm_"),
+            ("elbow_center_", "forearm_"),
+            ("wrist_center_", "hand_"),
+        ];
+        let given = m.landmark.as_deref().and_then(|name| {
+            let center = CENTERS.iter().find_map(|(center, link)| Some((link, name.strip_prefix(center)?)));
+            match (center, name) {
+                (Some((link, side)), _) => origin(format!("{link}{side}")),
+                (None, "neck_center") => origin("head".to_owned()),
+                (None, "pelvis_up") => origin("pelvis".to_owned()).map(|p| p + Vector3::z() * 0.1),
+                (None, name) => landmark(name),
+            }
         });
         let position_m = match given {
             Some(p) => frame.inverse_transform_point(&p.into()).coords,

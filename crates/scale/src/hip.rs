@@ -84,7 +84,7 @@ impl PelvisMarkers {
     }
 
     /// From given hip centres, which markerless software states, and a point above them: of the
-    /// pelvis itself, or the neck or the shoulders of a person who stands. Width and place of the ASIS
+    /// pelvis itself, or the neck or the shoulders of a person who stands, or else the vertical. Width and place of the ASIS
     /// are those for which Harrington's regression gives these hip centres; their plane is tilted
     /// forwards against the vertical of the pelvis as in standing.
     fn from_hip_centers(landmarks: &Landmarks) -> Option<Self> {
@@ -94,7 +94,8 @@ impl PelvisMarkers {
             .get("pelvis_up")
             .or_else(|| landmarks.get("neck_center"))
             .or_else(|| landmarks.across("shoulder_center"))
-            .or_else(|| landmarks.across("acromion"))?;
+            .or_else(|| landmarks.across("acromion"))
+            .unwrap_or_else(|| middle + Vector3::z());
         let upright = axes_z_y(&(right - left), &(above - middle))?;
         let axes = upright * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -STANDING_TILT_RAD);
         let width_m = ((right - left).norm() / 2.0 - 0.0073) / 0.33;

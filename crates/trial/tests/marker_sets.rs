@@ -28,7 +28,7 @@ const LINKS: [&str; 17] = [
     "link0",
     "link1",
 ];
-const MIDLINE: [&str; 6] = ["vertex", "c7", "t10", "suprasternale", "xiphoid", "sacrum"];
+const MIDLINE: [&str; 8] = ["vertex", "c7", "t10", "suprasternale", "xiphoid", "sacrum", "neck_center", "pelvis_up"];
 const SIDED: &[&str] = &[
     "head_front",
     "head_back",
@@ -42,6 +42,11 @@ const SIDED: &[&str] = &[
     "asis",
     "psis",
     "hip_center",
+    "knee_center",
+    "ankle_center",
+    "shoulder_center",
+    "elbow_center",
+    "wrist_center",
     "trochanter",
     "knee_lateral",
     "knee_medial",

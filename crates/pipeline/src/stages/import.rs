@@ -242,7 +242,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     if let Some(at) = &trial.recorded {
         done.note("recorded", json!(at));
     }
-    if let Some(found) = aloft_trial::smoothing(&trial) {
+    if let Some(found) = aloft_trial::smoothing(&trial, marker_set.markerless.is_some()) {
         done.note("smoothed_hz", (10.0 * found.cutoff_hz).round() / 10.0);
         done.warnings.push(smoothed(&found));
     }
