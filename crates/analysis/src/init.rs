@@ -436,7 +436,7 @@ fn write(
         None => line(format!("model: {model}")),
     }
     if let (true, None) = (markerless, &own_model) {
-        line("# points that software estimates from videos: joint angles hold; masses and effects cannot be told (see the book, Markerless)".to_owned());
+        line("# points that software estimates from videos: joint angles hold; masses and effects cannot be told (see the book, Without markers)".to_owned());
     }
     if own_model.is_some() {
         // the markers are the file's

@@ -109,6 +109,9 @@ fn worn(person: &Subject, set: &MarkerSet) -> Subject {
             let center = CENTERS.iter().find_map(|(center, link)| Some((link, name.strip_prefix(center)?)));
             match (center, name) {
                 (Some((link, side)), _) => origin(format!("{link}{side}")),
+                (None, "foot_forward_r" | "foot_forward_l") => {
+                    origin(format!("foot{}", &name[name.len() - 2..])).map(|p| p + Vector3::x() * 0.1)
+                }
                 (None, "neck_center") => origin("head".to_owned()),
                 (None, "pelvis_up") => origin("pelvis".to_owned()).map(|p| p + Vector3::z() * 0.1),
                 (None, name) => landmark(name),

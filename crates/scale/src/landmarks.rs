@@ -51,7 +51,7 @@ pub(crate) const CENTRAL_LANDMARKS: [&str; 8] =
     ["vertex", "c7", "t10", "suprasternale", "xiphoid", "sacrum", "neck_center", "pelvis_up"];
 
 /// Landmarks that exist on both sides, followed by `_r` or `_l`.
-pub(crate) const SIDED_LANDMARKS: [&str; 26] = [
+pub(crate) const SIDED_LANDMARKS: [&str; 27] = [
     "head_front",
     "head_back",
     "acromion",
@@ -76,6 +76,7 @@ pub(crate) const SIDED_LANDMARKS: [&str; 26] = [
     "ankle_medial",
     "heel",
     "toe",
+    "foot_forward",
     "mt1",
     "mt5",
 ];

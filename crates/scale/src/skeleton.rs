@@ -273,7 +273,9 @@ impl Builder<'_> {
         let shank_isb = axes_y_z(&(knee.point - ankle.point), &axis).ok_or_else(|| self.degenerate(&name("shank")))?;
         links.insert(name("thigh"), placed(hip, &thigh_axes, &thigh_axes, None));
         links.insert(name("shank"), placed(&knee, &shank_axes, &shank_isb, Some(axis_sd)));
-        // Foot: heel to toe; the malleoli define the direction to the right.
+        // Foot: along its own axis where that is given, else heel to toe; the malleoli define the
+        // direction to the right.
+        let ahead = l.side("foot_forward", side).map(|p| p - ankle.point);
         let heel = l.side("heel", side);
         let toe = l
             .side("toe", side)
@@ -285,6 +287,7 @@ impl Builder<'_> {
             (None, Some(t)) => reject(&(t - ankle.point), &y_of(&shank_isb)),
             _ => reject(&x_of(&shank_isb), &Vector3::z()),
         };
+        let forward = ahead.unwrap_or(forward);
         let foot_axes = axes_x_z(&forward, &malleoli).ok_or_else(|| self.degenerate(&name("foot")))?;
         let mut foot = placed(&ankle, &foot_axes, &foot_axes, None);
         if foot.method == JointMethod::Midpoint {

@@ -54,6 +54,7 @@ const SIDED: &[&str] = &[
     "ankle_medial",
     "heel",
     "toe",
+    "foot_forward",
     "mt1",
     "mt5",
 ];

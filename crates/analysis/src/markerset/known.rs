@@ -31,7 +31,8 @@ type Known = (String, Option<String>, bool);
 impl Labels {
     pub fn of(sets: &[MarkerSet]) -> Self {
         let mut of: BTreeMap<String, BTreeMap<_, Vec<String>>> = BTreeMap::new();
-        for set in sets.iter().filter(|s| s.markers.iter().any(|m| m.link == "pelvis")) {
+        let worn = |s: &&MarkerSet| s.markerless.is_none() && s.markers.iter().any(|m| m.link == "pelvis");
+        for set in sets.iter().filter(worn) {
             for m in &set.markers {
                 for label in std::iter::once(&m.label).chain(&m.aliases) {
                     let places = of.entry(bare(label)).or_default();
