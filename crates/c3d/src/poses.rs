@@ -137,7 +137,7 @@ pub(crate) fn sync(file: &C3dFile, groups: &mut Parameters) -> Result<(), C3dErr
     }
     let ratio = (file.poses.rate_hz / file.point_rate_hz).round();
     let points = if file.points.is_empty() && file.analogs.is_empty() { n } else { file.n_frames };
-    if !(ratio >= 1.0 && ratio <= 255.0) || points * ratio as usize != n {
+    if !(1.0..=255.0).contains(&ratio) || points * ratio as usize != n {
         return Err(fail(format!(
             "{n} poses at {} Hz beside {points} frames at {} Hz",
             file.poses.rate_hz, file.point_rate_hz

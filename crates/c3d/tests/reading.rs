@@ -235,9 +235,8 @@ fn poses(rate_hz: f64, n: usize) -> aloft_c3d::SegmentPoses {
 
 #[test]
 fn poses_of_segments_are_read_as_they_were_written() {
-    for order in [aloft_c3d::ByteOrder::Intel, aloft_c3d::ByteOrder::Mips, aloft_c3d::ByteOrder::Dec] {
-        let alone =
-            aloft_c3d::C3dBuilder::new(85.0).stored_as(order, aloft_c3d::Storage::Float, 1.0).poses(poses(85.0, 340));
+    for order in [ByteOrder::Intel, ByteOrder::Mips, ByteOrder::Dec] {
+        let alone = C3dBuilder::new(85.0).stored_as(order, Storage::Float, 1.0).poses(poses(85.0, 340));
         let bytes = alone.build().unwrap().to_bytes().unwrap();
         let file = C3dFile::from_bytes(&bytes).unwrap();
         assert_eq!((file.n_frames, file.points.len(), file.poses.n_frames()), (340, 0, 340));
@@ -246,8 +245,8 @@ fn poses_of_segments_are_read_as_they_were_written() {
         assert_eq!(C3dFile::from_bytes(&file.to_bytes().unwrap()).unwrap().poses, file.poses);
 
         // beside markers, at twice their rate
-        let beside = aloft_c3d::C3dBuilder::new(50.0)
-            .stored_as(order, aloft_c3d::Storage::Float, 1.0)
+        let beside = C3dBuilder::new(50.0)
+            .stored_as(order, Storage::Float, 1.0)
             .marker("A", vec![[1.0, 2.0, 3.0]; 100])
             .poses(poses(100.0, 200));
         let file = C3dFile::from_bytes(&beside.build().unwrap().to_bytes().unwrap()).unwrap();
@@ -267,6 +266,6 @@ fn poses_of_segments_are_read_as_they_were_written() {
 
 #[test]
 fn poses_that_do_not_fit_are_not_written() {
-    let built = aloft_c3d::C3dBuilder::new(50.0).marker("A", vec![[1.0; 3]; 10]).poses(poses(50.0, 12)).build();
+    let built = C3dBuilder::new(50.0).marker("A", vec![[1.0; 3]; 10]).poses(poses(50.0, 12)).build();
     assert!(built.is_err_and(|e| e.to_string().contains("ROTATION")));
 }

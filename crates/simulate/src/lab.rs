@@ -171,75 +171,76 @@ fn human(scenario: &Scenario, lab: &HumanLab) -> Result<Lab, SimulateError> {
         &mut Stream::new(scenario.seed, "skin"),
     );
     let all = HumanTrial::all(protocol);
-    let trials: Vec<LabTrial> =
-        all.par_iter()
-            .enumerate()
-            .map(|(index, trial)| -> Result<LabTrial, SimulateError> {
-                let played = if *trial == HumanTrial::Static { still.clone() } else { plays(*trial)? };
-                let name = trial.name();
-                let motion = played.motion;
-                let stream = |purpose: &str| Stream::new(scenario.seed, &format!("{name}/{purpose}"));
-                let worn = if *trial == HumanTrial::Static { person.markers.len() } else { LABELS.len() };
-                let mut markers = cameras::record(
-                    &person.body.model,
-                    &person.markers,
-                    worn,
-                    &motion,
-                    ticks_per_frame,
-                    &tissue,
-                    capture,
-                    &scenario.hidden,
-                    &mut stream("noise"),
-                );
-                let poses = match &capture.markerless {
-                    Some(spec) => {
-                        let poses = markerless::record(
-                            &person.body.model,
-                            &motion,
-                            ticks_per_frame,
-                            capture.point_rate_hz,
-                            spec,
-                            &person.ball_m,
-                            &mut Stream::new(scenario.seed, "centres"),
-                            &mut stream("poses"),
-                        );
-                        let field = "capture.markerless.cutoff_hz";
-                        Some(poses.map_err(|e| {
-                            scenario.value_error(field, &e.to_string(), "a cut-off below half the rate")
-                        })?)
-                    }
-                    None => None,
-                };
-                let gaps = match trial {
-                    HumanTrial::Static => Vec::new(),
-                    _ => cameras::lose(&mut markers, capture, &mut stream("gaps")),
-                };
-                let (plates, true_plates) = if protocol.plates {
-                    plate_recordings(scenario, &person, &motion, markers.n_frames, ticks_per_frame, index, &name)
-                } else {
-                    (Vec::new(), Vec::new())
-                };
-                let events = match trial {
-                    HumanTrial::Jump(n) if n % 3 == 1 => {
-                        foot_events(&true_plates, capture.point_rate_hz * ticks_per_frame as f64)
-                    }
-                    _ => Vec::new(),
-                };
-                Ok(LabTrial {
-                    kind: trial.kind(),
-                    markers,
-                    poses,
-                    plates,
-                    events,
-                    gaps,
-                    motion,
-                    styles: played.styles,
-                    attempts: played.attempts,
-                    true_plates,
-                    name,
-                })
+    let trials: Vec<LabTrial> = all
+        .par_iter()
+        .enumerate()
+        .map(|(index, trial)| -> Result<LabTrial, SimulateError> {
+            let played = if *trial == HumanTrial::Static { still.clone() } else { plays(*trial)? };
+            let name = trial.name();
+            let motion = played.motion;
+            let stream = |purpose: &str| Stream::new(scenario.seed, &format!("{name}/{purpose}"));
+            let worn = if *trial == HumanTrial::Static { person.markers.len() } else { LABELS.len() };
+            let mut markers = cameras::record(
+                &person.body.model,
+                &person.markers,
+                worn,
+                &motion,
+                ticks_per_frame,
+                &tissue,
+                capture,
+                &scenario.hidden,
+                &mut stream("noise"),
+            );
+            let poses = match &capture.markerless {
+                Some(spec) => {
+                    let poses = markerless::record(
+                        &person.body.model,
+                        &motion,
+                        ticks_per_frame,
+                        capture.point_rate_hz,
+                        spec,
+                        &person.ball_m,
+                        &mut Stream::new(scenario.seed, "centres"),
+                        &mut stream("poses"),
+                    );
+                    let field = "capture.markerless.cutoff_hz";
+                    Some(
+                        poses
+                            .map_err(|e| scenario.value_error(field, e.to_string(), "a cut-off below half the rate"))?,
+                    )
+                }
+                None => None,
+            };
+            let gaps = match trial {
+                HumanTrial::Static => Vec::new(),
+                _ => cameras::lose(&mut markers, capture, &mut stream("gaps")),
+            };
+            let (plates, true_plates) = if protocol.plates {
+                plate_recordings(scenario, &person, &motion, markers.n_frames, ticks_per_frame, index, &name)
+            } else {
+                (Vec::new(), Vec::new())
+            };
+            let events = match trial {
+                HumanTrial::Jump(n) if n % 3 == 1 => {
+                    foot_events(&true_plates, capture.point_rate_hz * ticks_per_frame as f64)
+                }
+                _ => Vec::new(),
+            };
+            Ok(LabTrial {
+                kind: trial.kind(),
+                markers,
+                poses,
+                plates,
+                events,
+                gaps,
+                motion,
+                styles: played.styles,
+                attempts: played.attempts,
+                true_plates,
+                name,
             })
-            .collect::<Result<_, _>>()?;
+        })
+        .collect::<Result<_, _>>()?;
 
     let mass = scale_reading(scenario, &person.body);
     let listed: Vec<(String, &'static str)> = trials.iter().map(|t| (t.name.clone(), t.kind)).collect();

@@ -86,7 +86,7 @@ pub fn record(
         let Some(link) = index(link) else { continue };
         wanted.push((label, link, link, ball));
     }
-    let mut channels: Vec<Vec<Vec<f64>>> = vec![vec![Vec::with_capacity(n_frames); 12]; wanted.len()];
+    let mut channels: Vec<Vec<Vec<f64>>> = vec![vec![Vec::new(); 12]; wanted.len()];
     let mut state = State::new(model);
     for frame in 0..n_frames {
         state.forward_position(model, motion.q(frame * ticks_per_frame));
