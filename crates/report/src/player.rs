@@ -120,9 +120,17 @@ fn caption(a: &Animation, motion: &Motion, shown: usize, step: usize, has_model:
     text.push('.');
     if has_model {
         text.push_str(match (a.plates_complete, effects) {
-            (true, _) => " On the plates both arrows should agree; in flight the model's should vanish.",
-            (false, false) => " In flight the model's arrow should vanish.",
-            (false, true) => " In flight the model's arrow, what remains beside the effects, should vanish.",
+            (true, _) => {
+                " On the plates both arrows should agree, in flight the model's should be short. Single frames err much more than the windows of \
+                 the numbers above, because their accelerations are noisy."
+            }
+            (false, effects) => match effects {
+                false => " In flight the model's arrow should be short. Single frames err much more than the windows of the numbers above.",
+                true => {
+                    " In flight the model's arrow, what remains beside the effects, should be short. Single frames err much more than the \
+                     windows of the numbers above."
+                }
+            },
         });
     }
     text

@@ -1,5 +1,6 @@
 //! Formats numbers and names as text.
 
+use aloft_compare::significant;
 use aloft_identify::half_of;
 use aloft_page::{Card, Light};
 
@@ -19,6 +20,8 @@ pub fn number(x: f64) -> String {
         format!("{x:.4}")
     } else if a == 0.0 {
         "0".to_owned()
+    } else if a >= 1e-6 {
+        significant(x, 3)
     } else {
         format!("{x:.2e}")
     }
@@ -39,10 +42,14 @@ pub fn plus_minus(value: f64, ci95: Option<[f64; 2]>) -> String {
     half_of(ci95).map_or_else(|| number(value), |half| with_half(value, half))
 }
 
-/// Value and half-width of an interval about it. A half-width at rounding level is shown as zero.
+/// Value and half-width of an interval about it, both to the second digit of the half-width. One at
+/// rounding level is shown as zero.
 pub fn with_half(value: f64, half: f64) -> String {
-    let half = if half.abs() < 1e-9 * value.abs() { 0.0 } else { half };
-    format!("{} ± {}", number(value), number(half))
+    if !value.is_finite() || !half.is_finite() || half.abs() < 1e-9 * value.abs() {
+        return format!("{} ± {}", number(value), if half.is_finite() { "0" } else { "–" });
+    }
+    let decimals = if half > 0.0 { (1.0 - half.log10().floor()).clamp(0.0, 9.0) as usize } else { 4 };
+    format!("{value:.decimals$} ± {half:.decimals$}")
 }
 
 /// A unit in readable form: `m^2` becomes m², `N*s/m` becomes N·s/m; `1` becomes empty.
@@ -97,5 +104,8 @@ mod tests {
         assert_eq!(number(f64::NAN), "–");
         assert_eq!(plus_minus(1.0, None), "1.00");
         assert_eq!(plus_minus(1.0, Some([0.9, 1.1])), "1.00 ± 0.10");
+        assert_eq!(with_half(0.018_312, 0.000_862), "0.01831 ± 0.00086");
+        assert_eq!(with_half(51.8, 18.6), "52 ± 19");
+        assert_eq!(with_half(2.0, 1e-12), "2.00 ± 0");
     }
 }
