@@ -4,8 +4,9 @@
 //! Format: Brain Imaging Data Structure 1.9, modality-specific files, *Motion*.
 
 use crate::options::{disambiguate, require_content, to_world};
+use crate::rows::{Ending, ending};
 use crate::trc::shorten;
-use crate::{ImportOptions, Markers, Trial, TrialError, UpAxis};
+use crate::{ImportOptions, Markers, Trial, TrialError, UpAxis, WarningKind};
 use aloft_c3d::{metres_per, strip_subject};
 use nalgebra::Vector3;
 
@@ -19,6 +20,8 @@ pub struct BidsMotion<'a> {
     /// `SamplingFrequency` of `_motion.json`, Hz; if absent, the column `sampling_frequency` of the
     /// channels.
     pub rate_hz: Option<f64>,
+    /// `RecordingDuration` of `_motion.json`, s: tells whether all rows are there.
+    pub duration_s: Option<f64>,
     /// `SpatialAxes` of the reference frame (`_channels.json`), such as `ALS`: direction of each
     /// axis; if absent, Z is up.
     pub spatial_axes: Option<&'a str>,
@@ -33,7 +36,8 @@ struct Channel {
 }
 
 impl Trial {
-    /// Reads a BIDS-Motion recording. `n/a` is missing.
+    /// Reads a BIDS-Motion recording. `n/a` is missing. An incomplete last line is left out, and a
+    /// recording that is shorter than stated is reported as truncated.
     ///
     /// # Errors
     /// Malformed line (the error names it), or no frames, position channels or sampling rate.
@@ -48,8 +52,25 @@ impl Trial {
             return Err(TrialError::Rate { trial: name.to_owned(), place: "SamplingFrequency", found: rate_hz });
         }
         let mut trajectories = vec![Vec::new(); labels.len()];
-        for (index, line) in source.motion.lines().enumerate().filter(|(_, l)| !l.trim().is_empty()) {
+        let rows: Vec<(usize, &str)> =
+            source.motion.lines().enumerate().filter(|(_, l)| !l.trim().is_empty()).collect();
+        let open_end = !source.motion.ends_with(['\n', '\r']);
+        for (at, (index, line)) in rows.iter().copied().enumerate() {
             let cells: Vec<&str> = line.trim_end_matches('\r').split('\t').map(str::trim).collect();
+            let last_number = if open_end && at + 1 == rows.len() {
+                match cut(&rows, &cells, n_columns) {
+                    Ending::Whole => None,
+                    Ending::Cut => {
+                        let message =
+                            format!("_motion.tsv: the file ends inside line {}, which is left out", index + 1);
+                        trial.warn(WarningKind::Rows, message);
+                        break;
+                    }
+                    Ending::Doubtful => cells.len().checked_sub(1),
+                }
+            } else {
+                None
+            };
             if cells.len() != n_columns {
                 return Err(TrialError::Text {
                     trial: name.to_owned(),
@@ -72,9 +93,16 @@ impl Trial {
                     found: shorten(cell),
                     expected: "a number or n/a".to_owned(),
                 })?;
-                if value.is_finite() {
+                if value.is_finite() && Some(channel.column) != last_number {
                     points[channel.marker][channel.axis] = value * channel.metres;
                 }
+            }
+            if last_number.is_some() {
+                let message = format!(
+                    "_motion.tsv line {}: the file ends without a line break, so its last number may be cut; it is left out",
+                    index + 1
+                );
+                trial.warn(WarningKind::Rows, message);
             }
             for (path, mut point) in trajectories.iter_mut().zip(points) {
                 if point.iter().any(|x| x.is_nan()) {
@@ -84,10 +112,50 @@ impl Trial {
             }
         }
         let n_frames = trajectories.first().map_or(0, Vec::len);
+        warn_of_length(&mut trial, n_frames, source.duration_s.map(|s| s * rate_hz));
         trial.markers = Markers { rate_hz, first_frame: 1, n_frames, labels, trajectories };
         require_content(&trial, || "no channel of type POS".to_owned())?;
         to_world(&mut trial, options, source.spatial_axes.and_then(up_of_axes), UpAxis::Z);
         Ok(trial)
+    }
+}
+
+/// Whether the last row of an unterminated table is cut: by its number of columns, or by the length of
+/// its last number against those above it.
+fn cut(rows: &[(usize, &str)], cells: &[&str], n_columns: usize) -> Ending {
+    let (Some(last), Some(column)) = (cells.last(), cells.len().checked_sub(1)) else { return Ending::Cut };
+    if cells.len() < n_columns || last.is_empty() {
+        return Ending::Cut;
+    }
+    if last.eq_ignore_ascii_case("n/a") {
+        return Ending::Whole;
+    }
+    if last.parse::<f64>().is_err() {
+        return Ending::Cut;
+    }
+    let above = rows[..rows.len() - 1].iter().filter_map(|(_, l)| l.split('\t').nth(column).map(str::trim));
+    ending(last, above)
+}
+
+/// Compares the rows with the stated duration.
+fn warn_of_length(trial: &mut Trial, held: usize, stated: Option<f64>) {
+    let Some(stated) = stated.filter(|n| n.is_finite() && *n >= 1.0).map(|n| n.round() as usize) else {
+        let message = "_motion.json states no `RecordingDuration`: whether all frames are there is not known";
+        trial.warn(WarningKind::Missing, message);
+        return;
+    };
+    match stated.saturating_sub(held) {
+        0 if held > stated + 1 => {
+            let message =
+                format!("_motion.json states a duration of {stated} frames, {held} are in the file; all are used");
+            trial.warn(WarningKind::Contradiction, message);
+        }
+        0 => {}
+        // a duration from the first to the last sample is one interval shorter, never longer
+        _ => {
+            let message = format!("truncated: _motion.json states {stated} frames, the file ends in frame {held}");
+            trial.warn(WarningKind::Truncated { held, stated }, message);
+        }
     }
 }
 
@@ -96,6 +164,16 @@ fn up_of_axes(word: &str) -> Option<UpAxis> {
     let place = word.trim().to_ascii_uppercase().chars().position(|c| c == 'S' || c == 'I')?;
     let up = word.trim().to_ascii_uppercase().chars().nth(place) == Some('S');
     (place < 3).then(|| UpAxis::from_index(place, up))
+}
+
+/// True if the last row of an unterminated table of channels is cut: cells are missing, or the last is
+/// the beginning of one above it.
+fn is_cut(rows: &[(usize, &str)], cells: &[&str], n_columns: usize) -> bool {
+    let Some(last) = cells.last() else { return true };
+    let mut above =
+        rows[..rows.len() - 1].iter().filter_map(|(_, l)| l.split('\t').nth(cells.len() - 1).map(str::trim));
+    let begins = |whole: &str| whole.len() > last.len() && whole.starts_with(last);
+    cells.len() < n_columns || last.is_empty() || above.any(begins)
 }
 
 type Channels = (Vec<String>, Vec<Channel>, Option<f64>, usize);
@@ -122,10 +200,15 @@ fn read_channels(trial: &mut Trial, text: &str, options: &ImportOptions) -> Resu
     let mut channels: Vec<Channel> = Vec::new();
     let mut rate = None;
     let mut n_columns = 0;
-    for (index, line) in lines.enumerate().filter(|(_, l)| !l.trim().is_empty()) {
+    let rows: Vec<(usize, &str)> = lines.enumerate().filter(|(_, l)| !l.trim().is_empty()).collect();
+    let open_end = !text.ends_with(['\n', '\r']);
+    for (at, (index, line)) in rows.iter().copied().enumerate() {
         let column = n_columns;
         n_columns += 1;
         let cells: Vec<&str> = line.split('\t').map(str::trim).collect();
+        if open_end && at + 1 == rows.len() && is_cut(&rows, &cells, header.len()) {
+            return Err(broken(index + 2, line, "a whole last line; the file ends inside it: copy it again"));
+        }
         let cell = |at: usize| cells.get(at).copied().unwrap_or("");
         if !cell(type_at).eq_ignore_ascii_case("POS") {
             continue;

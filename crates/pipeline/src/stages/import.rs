@@ -150,8 +150,10 @@ fn read_bids(name: &str, file: &std::path::Path, options: &ImportOptions) -> Res
         .and_then(serde_json::Value::as_object)
         .and_then(|levels| levels.values().find_map(|l| l.get("SpatialAxes")?.as_str()));
     let (motion, channels) = (lossy(file)?, lossy(channels)?);
-    let rate_hz = json("_motion.json")?.get("SamplingFrequency").and_then(serde_json::Value::as_f64);
-    let source = BidsMotion { motion: &motion, channels: &channels, rate_hz, spatial_axes: axes };
+    let about = json("_motion.json")?;
+    let number = |key: &str| about.get(key).and_then(serde_json::Value::as_f64);
+    let (rate_hz, duration_s) = (number("SamplingFrequency"), number("RecordingDuration"));
+    let source = BidsMotion { motion: &motion, channels: &channels, rate_hz, duration_s, spatial_axes: axes };
     let mut trial = Trial::from_bids_motion(name, &source, options).map_err(|e| unreadable(name, file, &e))?;
     if let Some(scans) = ending("_scans.tsv") {
         trial.recorded = acquired(&lossy(scans)?, file);
