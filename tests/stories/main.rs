@@ -4,6 +4,7 @@
 
 mod batch;
 mod broken_lab;
+mod clusters;
 mod corrections;
 mod corrections_each;
 mod demo;

@@ -76,6 +76,13 @@ pub(super) fn groups(sd: &DMatrix<f64>, members: &[usize], limit_m: f64) -> Vec<
     groups
 }
 
+/// Mean variation of the distances within a group, m.
+pub(super) fn within(sd: &DMatrix<f64>, group: &[usize]) -> f64 {
+    let pairs = group.iter().enumerate().flat_map(|(k, i)| group[..k].iter().map(move |j| sd[(*i, *j)]));
+    let known: Vec<f64> = pairs.filter(|x| x.is_finite()).collect();
+    known.iter().sum::<f64>() / known.len().max(1) as f64
+}
+
 /// Mean variation of a marker's distances to the members of a group, m.
 pub(super) fn against(sd: &DMatrix<f64>, marker: usize, group: &[usize]) -> Option<f64> {
     let known: Vec<f64> =

@@ -6,7 +6,8 @@
 //! are on the standing body. Sides are compared with the two halves of the body. Every line says
 //! what it rests on; a person has to confirm it.
 
-use super::cluster::{against, distance_sd, groups};
+use super::axes::SegmentAxes;
+use super::cluster::{against, distance_sd, groups, within};
 use super::known::{Labels, Place, side_of};
 use aloft_pipeline::stages::import::read_file;
 use aloft_study::recordings::{recordings_below, stem_of};
@@ -24,6 +25,13 @@ use std::path::Path;
 const READ: usize = 12;
 /// Markers of one segment keep their distances to about this, m.
 const TOGETHER_M: f64 = 0.012;
+/// Markers of a rigid cluster keep their distances to about this, m; a cluster has at least three.
+const CLUSTER_M: f64 = 0.006;
+const OF_CLUSTER: usize = 3;
+/// A cluster moves with markers whose distances to it vary by less than this, m, or by less than so
+/// many times its own.
+const BELONGS_M: f64 = 0.008;
+const BELONGS: f64 = 3.0;
 /// A marker moves with another link than its label says where the other's distances vary by less
 /// than this share of its own …
 const OTHER_LINK: f64 = 0.4;
@@ -174,6 +182,7 @@ impl<'a> Work<'a> {
         let n = self.labels.len();
         let mut place: Vec<Option<Place>> = self.labels.iter().map(|l| self.known.place(l)).collect();
         self.doubt_labels(&mut place);
+        self.by_clusters(&mut place);
         self.by_rigidity(&mut place);
         self.by_position(&mut place);
         let right = self.right_of_body(&place);
@@ -259,6 +268,40 @@ impl<'a> Work<'a> {
         for (p, doubt) in place.iter_mut().zip(doubts) {
             if let (Some(p), Some(doubt)) = (p, doubt) {
                 p.how.push_str(&doubt);
+            }
+        }
+    }
+
+    /// Puts rigid clusters that labels do not explain on the segment beside whose axis they stand. The
+    /// axes come from the landmarks of the static trial, which may be seen there alone (CAST).
+    fn by_clusters(&self, place: &mut [Option<Place>]) {
+        let named = place.iter().zip(&self.at).filter_map(|(p, at)| Some((p.as_ref()?.landmark.clone()?, (*at)?)));
+        let axes = SegmentAxes::of(&named.collect());
+        let open: Vec<usize> = (0..place.len())
+            .filter(|&i| place[i].is_none() && self.at[i].is_some() && !self.statics.contains(self.labels[i].as_str()))
+            .collect();
+        let members = self.members(place);
+        for group in groups(&self.sd, &open, CLUSTER_M).into_iter().filter(|g| g.len() >= OF_CLUSTER) {
+            let own = within(&self.sd, &group);
+            let near: Vec<f64> = group.iter().filter_map(|i| self.nearest_link(*i, &members)).map(|n| n.1).collect();
+            let with_others = near.iter().sum::<f64>() / near.len().max(1) as f64;
+            if !near.is_empty() && with_others < BELONGS_M.max(BELONGS * own) {
+                // it moves with markers whose labels are understood
+                continue;
+            }
+            let points: Vec<Vector3<f64>> = group.iter().filter_map(|i| self.at[*i]).collect();
+            let center = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
+            let Some(found) = axes.nearest(&center) else { continue };
+            let doubt = found.doubtful.map_or(String::new(), |other| format!("; CHECK: {other} is nearly as near"));
+            let how = format!(
+                "rigid cluster of {} (distances vary by {:.1} mm), {:.0} mm beside the axis of {}{doubt}",
+                group.len(),
+                1e3 * own,
+                1e3 * found.distance_m,
+                found.link
+            );
+            for i in group {
+                place[i] = Some(Place { link: found.link.clone(), landmark: None, tracking: true, how: how.clone() });
             }
         }
     }

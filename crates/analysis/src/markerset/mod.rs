@@ -1,5 +1,6 @@
 //! `markerset`: checks a marker-set file, and drafts one from a laboratory's recordings.
 
+mod axes;
 mod check;
 mod cluster;
 mod draft;
