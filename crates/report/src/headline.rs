@@ -47,11 +47,13 @@ fn unjudged(story: &Story<'_>, view: &ComparisonView) -> Headline {
             Fact::new(name, format!("{first}{}.", letters.as_str()))
         })
         .collect();
-    if let Some(e) = view.errors.first() {
+    let on_plates = view.errors.iter().find(|e| e.judged_on == "contact");
+    if let Some(e) = on_plates.or(view.errors.first()) {
         let unseen = story.subject.as_ref().is_some_and(|s| !s.model.is_whole());
-        let more = if unseen { "the motion of the unseen parts" } else { "where software misses the joints" };
+        let more = if unseen { "the motion of the unseen parts" } else { "the error of the joints' places" };
         let text = format!("{} N, {more} included.", number(e.held_out_error));
-        facts.push(Fact::new("Difference from the plates", text));
+        let what = if on_plates.is_some() { "Difference from the plates" } else { "Difference from free fall" };
+        facts.push(Fact::new(what, text));
     }
     let stale = !story.freshness.is_current() || !story.failures.is_empty();
     facts.push(if stale {

@@ -41,7 +41,7 @@ pub use group::{Absent, Member};
 use rayon::prelude::*;
 pub use set::{SetReport, write_set};
 use std::path::{Path, PathBuf};
-use story::Story;
+use story::{Story, TrialStory};
 pub use switches::{numbers as switch_numbers, panel_state};
 
 /// Heading of the chapters about the whole study.
@@ -93,7 +93,9 @@ fn page(now: &SubjectSession, switches: bool) -> Result<(Page, Option<Sent>), Pi
     let recordings: Vec<Chapter> = shown.par_iter().map(|t| trial::chapter(&story, t)).collect();
     chapters.extend(recordings);
     let person = &session.facts.person;
-    let flights = story.found.as_ref().map_or(0, |f| f.parameters.n_stretches);
+    // those identified from, or else those found
+    let found = || story.dynamic().filter_map(TrialStory::n_flights).sum::<usize>();
+    let flights = story.found.as_ref().map_or_else(found, |f| f.parameters.n_stretches);
     let mut facts = vec![session.config.name.clone()];
     if wording::short(&person.name) != person.name {
         facts.push(person.name.clone());
