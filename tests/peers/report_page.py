@@ -94,7 +94,7 @@ def main():
         chapters = a.chapters or ["", *re.findall(r'<article class="chapter" id="([^"]+)"', html)]
         for chapter in chapters:
             seen = [visit(chromium, probed, chapter, told, folder) for _ in range(a.repeat)]
-            least = {k: min((s[k] for s in seen if s[k] is not None), default=None) for k in ("paint", "loaded", "drawn")}
+            least = {k: min((s[k] for s in seen if s.get(k) is not None), default=None) for k in ("paint", "loaded", "drawn")}
             show = ", ".join(f"{k} {v:.0f} ms" for k, v in least.items() if v is not None)
             trouble = {t for s in seen for t in s["errors"] + s["outside"]}
             wrong |= bool(trouble)

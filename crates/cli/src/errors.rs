@@ -81,6 +81,10 @@ pub fn identified(view: &ComparisonView) -> [String; 2] {
     [subject, identified]
 }
 
+/// Lever with which moments count in an error, m, and how many times the force they are to be most of it.
+const LEVER_M: f64 = 0.1;
+const MOSTLY: f64 = 2.0;
+
 /// Where the error is largest, in one line; none of an error at its floor, where this is chance.
 pub fn worst(view: &ComparisonView) -> Option<String> {
     if view.errors.iter().all(|e| e.at_floor == Some(true)) {
@@ -94,7 +98,16 @@ pub fn worst(view: &ComparisonView) -> Option<String> {
     let (label, text) = if let Some(place) = place {
         ("worst       ", place)
     } else {
-        // no place stands out: name the axis
+        // no place stands out: name the moment where it is most of the error, else the axis
+        let place = if c.first.held_out_weak.windows > 0 { "contact" } else { "flight" };
+        let sizes = view.errors.iter().find(|e| e.judged_on == place);
+        if let Some((force_n, moment_nm)) = sizes.and_then(|e| e.held_out_force_n.zip(e.held_out_moment_nm))
+            && moment_nm > MOSTLY * LEVER_M * force_n
+        {
+            let (moment, force) = (significant(moment_nm, 3), significant(force_n, 3));
+            let text = format!("mostly in the moment: {moment} N·m, beside {force} N; no trial or flight stands out");
+            return Some(crate::screen::one_line("where       ", &text));
+        }
         let errors = if c.first.held_out_weak.windows > 0 { &c.first.held_out_weak } else { &c.first.flight_weak };
         let axis = (0..3).max_by(|&a, &b| errors.force_n.rmse[a].total_cmp(&errors.force_n.rmse[b]))?;
         let value = errors.force_n.rmse.get(axis).filter(|v| v.is_finite())?;
