@@ -113,6 +113,10 @@ fn served(lab: &Path, dir: &Path, set: &str, source: &str, most_mm: f64) {
     expect(&["report", &pipeline, "--workspace", &ws], 0);
     let page = fs::read_to_string(format!("{ws}/report.html")).unwrap();
     assert!(page.contains("Joint motion without markers") && page.contains("nothing is identified or judged"));
+    // commands that refuse are not proposed
+    assert!(
+        page.contains("Cannot be told") && !page.contains("aloft discover ") && !page.contains("aloft parameters ")
+    );
 }
 
 #[test]

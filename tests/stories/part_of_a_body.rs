@@ -61,6 +61,10 @@ fn served(without: &[&str], model: &str, links: usize, unseen: &str) {
     expect(&["report", &pipeline, "--workspace", &ws], 0);
     let page = fs::read_to_string(format!("{ws}/report.html")).unwrap();
     assert!(page.contains("nothing is identified or judged"));
+    // commands that refuse are not proposed
+    assert!(
+        page.contains("Cannot be told") && !page.contains("aloft discover ") && !page.contains("aloft parameters ")
+    );
 }
 
 #[test]

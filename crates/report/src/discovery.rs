@@ -39,7 +39,11 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
             sections.push(Section::new("left-out", "Left out, and why", "", blocks));
         }
     }
-    if story.discoveries.is_empty() {
+    let limits = story.comparison.as_ref().and_then(|v| v.limits.first());
+    if let (Some(why), true) = (limits, story.discoveries.is_empty()) {
+        let lead = format!("No effect can be told from these recordings: {why}.");
+        sections.insert(0, Section::new("missing", "Cannot be told", &lead, Vec::new()));
+    } else if story.discoveries.is_empty() {
         sections.insert(
             0,
             Section::new(

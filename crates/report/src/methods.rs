@@ -11,12 +11,15 @@ use aloft_workspace::manifest::WHOLE_STUDY;
 /// The chapter.
 pub fn chapter(story: &Story<'_>) -> Chapter {
     let line = |words: &str, what: &str| format!("{}   # {what}", command(story.session, words, None));
-    let commands = vec![
-        line("compare", "where the model fails"),
-        line("discover", "which effect is missing"),
-        line("parameters", "every number with its interval"),
-        line("status", "what is done, stale or failed"),
-    ];
+    let judged = story.comparison.as_ref().is_none_or(|v| v.limits.is_empty());
+    let mut commands =
+        vec![line("compare", if judged { "where the model fails" } else { "beside plates and free fall" })];
+    if judged {
+        // these refuse where nothing can be told
+        commands.push(line("discover", "which effect is missing"));
+        commands.push(line("parameters", "every number with its interval"));
+    }
+    commands.push(line("status", "what is done, stale or failed"));
     let sections = vec![
         Section::new("paragraph", "A paragraph to paste", "", vec![Block::Copy { text: paragraph(story) }]),
         Section::new(

@@ -37,7 +37,7 @@ fn curves(story: &Story<'_>, view: &ComparisonView) -> Section {
     let f = &c.first.flight;
     if f.frames > 0 {
         blocks.push(Block::text(format!(
-            "In flight a perfect model needs no wrench beside its effects. The residual of the identified model there has a root mean square of {} N and {} N·m, \
+            "In flight a perfect model needs no wrench beside its effects. The residual of the model there has a root mean square of {} N and {} N·m, \
              frame by frame over {} frames.",
             three(&f.residual_force_n.rms),
             three(&f.residual_moment_nm.rms),
@@ -47,7 +47,7 @@ fn curves(story: &Story<'_>, view: &ComparisonView) -> Section {
     Section::new(
         "wrench",
         "The wrench",
-        "External wrench that the recorded motion requires: of the identified model, as measured by the plates, and of the body \
+        "External wrench that the recorded motion requires: of the identified model where there is one, as measured by the plates, and of the body \
          from tables. Each recording has its curves in its own chapter.",
         blocks,
     )

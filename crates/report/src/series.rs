@@ -105,14 +105,14 @@ pub fn wrench(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
         })
         .collect();
     let caption = if has_plates {
-        "External wrench on the root, root axes, about the root's origin. Where measured and identified coincide, the identified model explains \
+        "External wrench on the root, root axes, about the root's origin. Where the lines of model and measurement coincide, the model explains \
          the forces; in flight (shaded) both are zero for a perfect model."
     } else {
         "External wrench that the model needs for the motion, root axes, about the root's origin. In flight (shaded) it is zero for a \
          perfect model; outside, hands or ground act that no plate measured."
     };
     let taken = if offset.is_some() {
-        " The plates were never unloaded: the constant wrench that they read at rest, as the identified model finds it, is taken off."
+        " The plates were never unloaded: the constant wrench that they read at rest, as the model finds it, is taken off."
     } else {
         ""
     };
