@@ -140,11 +140,23 @@ pub(crate) fn trial_frames(
     let mut state = State::new(model);
     let frames: Vec<usize> = (0..n).filter(|&f| is_solved[f]).collect();
     let body_alone = wrenches(body, motion, &frames, &parameters);
+    // what the body's inertia changes by in this trial (a load)
+    let changes: Vec<(usize, &DVector<f64>)> = input.effects.map_or_else(Vec::new, |e| e.changes().collect());
+    let mut changed = DMatrix::zeros(body.base.len(), candidates.len());
+    for (mut column, theta) in changed.column_iter_mut().zip(&coefficients) {
+        for (e, change) in &changes {
+            column.axpy(theta[*e], change, 1.0);
+        }
+    }
+    let loads = if changes.is_empty() { None } else { Some(wrenches(body, motion, &frames, &changed)) };
     for (i, &f) in frames.iter().enumerate() {
         state.forward_acceleration(model, motion.q(f), motion.v(f), motion.a(f));
         let world_from_root = state.world_from_link[0];
         for (predicted, alone) in series.predicted.iter_mut().zip(&body_alone) {
             predicted[f] = alone[i];
+        }
+        for (predicted, load) in series.predicted.iter_mut().zip(loads.iter().flatten()) {
+            predicted[f] += load[i];
         }
         if let Some(effects) = input.effects {
             for (c, theta) in coefficients.iter().enumerate().filter(|(_, t)| t.iter().any(|x| *x != 0.0)) {

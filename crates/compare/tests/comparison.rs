@@ -98,7 +98,7 @@ fn wrench(model: &Model, phi: &[Phi], m: &Motion, drag: f64) -> (Vec<Vector6<f64
     let mut state = State::new(model);
     let mut y = DMatrix::zeros(6, 10 * model.n_links());
     let stacked = DVector::from_iterator(30, phi.iter().flat_map(|p| p.iter().copied()));
-    let mut columns = EffectColumns { names: vec!["drag".into()], wrench: Vec::new() };
+    let mut columns = EffectColumns { names: vec!["drag".into()], ..EffectColumns::none() };
     let measured = (0..m.n_frames())
         .map(|f| {
             state.forward_acceleration(model, m.q(f), m.v(f), m.a(f));

@@ -64,7 +64,7 @@ fn bench(c: &mut Criterion) {
             .collect();
         let trial = TrialMotion { motion, spans: &spans, plates: &[], session_time_s: 0.0 };
         let made = columns(&scene, &trial, std::slice::from_ref(&drag)).unwrap();
-        let effects = EffectColumns { names: made.names, wrench: made.wrench };
+        let effects = EffectColumns { names: made.names, wrench: made.wrench, ..EffectColumns::none() };
         for s in stretches {
             let acting = Acting { measured: None, effects: Some(&effects) };
             factors.push(weak_factor(model, &base, phi, motion, s, acting, &weak, None).unwrap());

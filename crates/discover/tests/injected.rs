@@ -280,7 +280,7 @@ fn stored_factors_say_the_same() {
         .collect();
     let motion = TrialMotion { motion: &lab.motion, spans: &spans, plates: &[], session_time_s: 0.0 };
     let made = columns(&scene, &motion, &choices).unwrap();
-    let effects = EffectColumns { names: made.names, wrench: made.wrench };
+    let effects = EffectColumns { names: made.names, wrench: made.wrench, ..EffectColumns::none() };
     // no window needs the frames next to the spans
     let factors: Vec<Factor> = lab
         .stretches

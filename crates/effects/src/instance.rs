@@ -2,7 +2,7 @@
 //! for columns of a factor.
 
 use crate::{Columns, Effect, EffectsError, Scene, Series, Target, TrialMotion, effect};
-use aloft_body::BaseParameters;
+use aloft_body::{BaseParameters, Phi};
 use nalgebra::DMatrix;
 
 /// An effect, its target, and the values of its nonlinear parameters.
@@ -145,6 +145,10 @@ pub struct WrenchColumns {
     /// One matrix per frame of the motion, 6 × k: world force (N per unit) and moment about the
     /// world origin (N·m per unit). Frames outside the spans are NaN, so that they give no rows.
     pub wrench: Vec<DMatrix<f64>>,
+    /// Change of the parameters φ of all links (SI units) for a unit of each coefficient, for effects
+    /// that change the body's inertia (payload, added mass, body mass) in this trial. It is no part of
+    /// `wrench`: with rows `[Y | −E]` of the body it adds `Y δφ` to the column.
+    pub inertia: Vec<Option<Vec<Phi>>>,
 }
 
 /// As [`columns_about`], about the centre of mass of the scene's parameters.
@@ -160,9 +164,7 @@ pub fn columns(
 }
 
 /// Unit wrenches of effects in every frame of a trial, with the body's centre of mass from base
-/// parameters if given. Changes of inertia (payload, added mass, body mass) enter as `−Y δφ` from
-/// the smoothed motion; if rows `[Y | …]` are available, these columns are better formed from Y
-/// itself.
+/// parameters if given, and changes of inertia beside them.
 ///
 /// # Errors
 /// As [`Series::new`].
@@ -179,6 +181,7 @@ pub fn columns_about(
     let names: Vec<String> = choices.iter().flat_map(|c| c.names(scene)).collect();
     let k = names.len();
     let mut wrench = vec![DMatrix::from_element(6, k, f64::NAN); trial.motion.n_frames()];
+    let mut inertia = Vec::with_capacity(k);
     let mut first = 0;
     for choice in choices {
         let width = choice.effect.coefficients(scene, choice.target).len();
@@ -187,16 +190,12 @@ pub fn columns_about(
         if acts {
             choice.effect.evaluate(&series, choice.target, &choice.nonlinear, &mut out);
         }
-        let inertia = choice.effect.inertia(scene, choice.target, &choice.nonlinear).filter(|_| acts);
-        if let Some(changes) = inertia {
-            for (column, change) in changes.iter().enumerate() {
-                crate::inertia::add_wrench(&series, change, -1.0, column, &mut out);
-            }
-        }
+        let changes = choice.effect.inertia(scene, choice.target, &choice.nonlinear).filter(|_| acts);
+        inertia.extend((0..width).map(|column| changes.as_ref()?.get(column).cloned()));
         for (i, &frame) in series.motion_frames().iter().enumerate() {
             wrench[frame].columns_mut(first, width).copy_from(&out.matrix(i));
         }
         first += width;
     }
-    Ok(WrenchColumns { names, wrench })
+    Ok(WrenchColumns { names, wrench, inertia })
 }

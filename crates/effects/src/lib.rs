@@ -42,6 +42,7 @@ mod displacement;
 mod effect;
 mod error;
 mod formula;
+#[cfg(test)]
 mod inertia;
 mod instance;
 mod link_resistance;

@@ -115,7 +115,7 @@ fn effects(truth: &Truth, motion: &aloft_body::Motion) -> EffectColumns {
             out
         })
         .collect();
-    EffectColumns { names: vec!["drag".to_owned(), "push".to_owned()], wrench }
+    EffectColumns { names: vec!["drag".to_owned(), "push".to_owned()], wrench, ..EffectColumns::none() }
 }
 
 #[derive(Clone, Copy)]

@@ -3,7 +3,7 @@
 
 use crate::results::Results;
 use crate::stages::filter::low_pass;
-use aloft_body::{BaseParameters, Motion, Subject};
+use aloft_body::{BaseParameters, Motion, Phi, Subject};
 use aloft_effects::{EffectInstance, PlateSeries, Scene, Span, TrialMotion, columns_about};
 use aloft_flight::{FlightReport, plate_wrench_at_marker_rate, total_wrench};
 use aloft_regressor::weak_windows::force_scale_n;
@@ -82,7 +82,7 @@ pub fn effect_columns(effects: &ModelEffects, rows: &TrialRows) -> Result<Option
         TrialMotion { motion: &rows.motion, spans: &spans, plates: &rows.plates, session_time_s: rows.session_time_s };
     let base = BaseParameters::of(&rows.subject.model);
     let about = (effects.about.len() == base.len()).then_some((&base, effects.about.as_slice()));
-    let mut out = EffectColumns { names: Vec::new(), wrench: vec![DMatrix::zeros(6, 0); rows.motion.n_frames()] };
+    let mut out = EffectColumns { wrench: vec![DMatrix::zeros(6, 0); rows.motion.n_frames()], ..EffectColumns::none() };
     // effects that refer to the same region share the series of the motion
     for group in effects.model.chunk_by(|a, b| a.volume_m == b.volume_m) {
         let mut scene = scene.clone();
@@ -103,6 +103,8 @@ pub fn effect_columns(effects: &ModelEffects, rows: &TrialRows) -> Result<Option
             }
             *all = wide;
         }
+        let change = |phi: Option<Vec<Phi>>, acts: bool| phi.filter(|_| acts).map(|phi| base.regroup(&phi));
+        out.inertia.extend(found.inertia.into_iter().zip(&acting).map(|(phi, acts)| change(phi, *acts)));
         out.names.extend(found.names);
     }
     Ok(Some(out))

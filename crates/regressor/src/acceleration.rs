@@ -131,6 +131,9 @@ pub fn acceleration_factor(
             put(p + k, 1.0, wrench.fixed_rows::<3>(0).into(), wrench.fixed_rows::<3>(3).into());
         }
     }
+    if let Some(effects) = acting.effects {
+        effects.add_changes(&mut rows, p);
+    }
     Factor::from_rows(stretch, RowKind::Acceleration, columns, rows.as_ref())
 }
 

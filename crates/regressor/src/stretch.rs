@@ -3,7 +3,8 @@
 
 use crate::RegressorError;
 use aloft_body::{Model, Motion};
-use nalgebra::{DMatrix, Vector6};
+use faer::Mat;
+use nalgebra::{DMatrix, DVector, Vector6};
 use serde::{Deserialize, Serialize};
 
 /// Forces that act on the body during a stretch.
@@ -76,6 +77,10 @@ pub struct EffectColumns {
     /// One matrix per frame of the motion, 6 × k: world force (N per unit of the coefficient) and moment about the
     /// world origin (N·m per unit). A frame with NaN gives no rows.
     pub wrench: Vec<DMatrix<f64>>,
+    /// Change of the base parameters (SI units) for a unit of each coefficient: a load, a wrong mass. Its
+    /// columns are formed from the rows of the body themselves, `−E = Y δ`. None for an effect that is a
+    /// wrench alone; empty if all are.
+    pub inertia: Vec<Option<DVector<f64>>>,
 }
 
 impl EffectColumns {
@@ -95,6 +100,14 @@ impl EffectColumns {
                 found: self.wrench.len(),
             });
         }
+        if !self.inertia.is_empty() && self.inertia.len() != self.names.len() {
+            return Err(RegressorError::Length {
+                trial: motion.trial.clone(),
+                what: "effects that change the inertia",
+                expected: self.names.len(),
+                found: self.inertia.len(),
+            });
+        }
         match self.wrench.iter().find(|w| w.nrows() != 6 || w.ncols() != self.names.len()) {
             Some(bad) => Err(RegressorError::Length {
                 trial: motion.trial.clone(),
@@ -103,6 +116,21 @@ impl EffectColumns {
                 found: bad.len(),
             }),
             None => Ok(()),
+        }
+    }
+    /// Effects that change the base parameters: index and change.
+    pub fn changes(&self) -> impl Iterator<Item = (usize, &DVector<f64>)> {
+        self.inertia.iter().enumerate().filter_map(|(e, change)| Some((e, change.as_ref()?)))
+    }
+    /// Adds `Y δ` to the columns of effects that change the inertia, in rows `[Y | −E | w]`.
+    pub(crate) fn add_changes(&self, rows: &mut Mat<f64>, n_parameters: usize) {
+        for (e, change) in self.changes() {
+            for (c, size) in change.iter().enumerate().take(n_parameters).filter(|(_, size)| **size != 0.0) {
+                for i in 0..rows.nrows() {
+                    let add = size * rows[(i, c)];
+                    rows[(i, n_parameters + e)] += add;
+                }
+            }
         }
     }
     pub(crate) fn is_finite(&self, frame: usize) -> bool {

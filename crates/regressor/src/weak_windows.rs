@@ -216,6 +216,9 @@ pub fn weak_rows(
             out.origin.push(origin);
         }
     }
+    if let Some(effects) = acting.effects {
+        effects.add_changes(&mut out.matrix, p);
+    }
     Ok(out)
 }
 

@@ -153,12 +153,37 @@ fn contact_rows_balance_a_known_wrench() {
     assert!(misfit(&factor, &d.truth.truth()) < 1e-9);
 }
 
+/// A load changes the base parameters: its column is that of the rows themselves, whatever the
+/// accelerations of the smoothed motion are.
+#[test]
+fn an_effect_that_changes_the_inertia_is_a_change_of_parameters() {
+    let d = driven(500.0, 600);
+    let p = d.truth.base.len();
+    let load = d.truth.truth() * 0.1;
+    let effects = EffectColumns {
+        names: vec!["driver".into(), "load".into()],
+        wrench: d.wrench.iter().map(|w| DMatrix::from_fn(6, 2, |i, j| if j == 0 { w[i] } else { 0.0 })).collect(),
+        inertia: vec![None, Some(load.clone())],
+    };
+    let acting = Acting { measured: None, effects: Some(&effects) };
+    let stretch = Stretch::flight("driven", 0, 10, 590);
+    let mut x = (d.truth.truth() + 3.0 * load).resize_vertically(p + 2, 0.0);
+    (x[p], x[p + 1]) = (1.0, -3.0);
+    let options = WeakOptions { window_s: Some(0.3), ..WeakOptions::default() };
+    let factor = weak(&d.truth, &d.motion, &stretch, acting, &options);
+    assert!(misfit(&factor, &x) < 1e-8, "{:e}", misfit(&factor, &x));
+    let options = AccelerationOptions::default();
+    let factor = acceleration_factor(&d.truth.model, &d.truth.base, &d.motion, &stretch, acting, &options).unwrap();
+    assert!(misfit(&factor, &x) < 1e-8, "{:e}", misfit(&factor, &x));
+}
+
 #[test]
 fn an_effect_acts_like_a_measured_wrench() {
     let d = driven(500.0, 600);
     let effects = EffectColumns {
         names: vec!["driver".into(), "nothing".into()],
         wrench: d.wrench.iter().map(|w| DMatrix::from_fn(6, 2, |i, j| if j == 0 { 0.5 * w[i] } else { 0.0 })).collect(),
+        ..EffectColumns::none()
     };
     let acting = Acting { measured: None, effects: Some(&effects) };
     let stretch = Stretch::flight("driven", 0, 10, 590);

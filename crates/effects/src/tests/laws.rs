@@ -188,7 +188,12 @@ fn a_payload_is_the_wrench_of_its_mass() {
         let com = fixture.scene.link_com_m[1];
         for (i, &frame) in series.motion_frames().iter().enumerate().step_by(11) {
             let a = series.links(i)[1].point_acceleration(&com);
-            let force = |c: usize| -> Vector3<f64> { all.wrench[frame].fixed_view::<3, 1>(0, c).into() };
+            let force = |c: usize| -> Vector3<f64> {
+                let mut turned = Columns::zeros(series.len(), 1);
+                inertia::add_wrench(series, all.inertia[c].as_ref().unwrap(), -1.0, 0, &mut turned);
+                let own: Vector3<f64> = all.wrench[frame].fixed_view::<3, 1>(0, c).into();
+                own + turned.matrix(i).fixed_view::<3, 1>(0, 0)
+            };
             assert!((force(0) + (a - fixture.scene.model.gravity_mps2)).norm() < 1e-9);
             assert!((force(1) + a).norm() < 1e-9);
         }

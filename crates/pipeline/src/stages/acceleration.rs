@@ -17,7 +17,7 @@ use serde::Serialize;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "acceleration",
-    version: 2,
+    version: 3,
     scope: Scope::Trial(&[Role::Identify, Role::Validate]),
     seconds: 0.03,
     reads: "filtered `Motion`, flights, plates",
