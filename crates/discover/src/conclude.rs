@@ -181,6 +181,11 @@ pub(crate) fn conclude(
             // nothing is missing only where the error is at its floor
             let nothing = kept.is_empty() && verdict == Verdict::NothingMissing;
             let remains = (nothing || lost) && after.is_above();
+            // plates explain nothing of flights: what is above the floor there may be in contact, too
+            let only_plates = i == 0 && !kept.is_empty() && !kept.iter().any(|v| v.effect.acts().in_flight());
+            if only_plates && has_flights && before.is_above() {
+                return Some((wording::domain(places[i]), before));
+            }
             (after.is_far() || misfit || remains).then(|| (wording::domain(places[i]), after))
         })
         .max_by(|a, b| a.1.times_floor().total_cmp(&b.1.times_floor()));
