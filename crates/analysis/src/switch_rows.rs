@@ -45,8 +45,9 @@ pub(crate) fn drop_without_numbers(
     finite: &[Vec<usize>],
     effects: &mut Vec<ModelEffect>,
 ) -> Vec<WithoutSwitch> {
-    let most: Vec<usize> = finite.iter().map(|t| t.iter().copied().max().unwrap_or(0)).collect();
-    let whole = |e: usize| finite.iter().zip(&most).all(|(t, m)| t[e] == *m);
+    let acting = |t: &Vec<usize>| t.iter().copied().filter(|n| *n != DOES_NOT_ACT).max().unwrap_or(0);
+    let most: Vec<usize> = finite.iter().map(acting).collect();
+    let whole = |e: usize| finite.iter().zip(&most).all(|(t, m)| t[e] == *m || t[e] == DOES_NOT_ACT);
     let mut out = Vec::new();
     let mut at = 0..effects.len();
     effects.retain(|e| {
@@ -60,13 +61,22 @@ pub(crate) fn drop_without_numbers(
     out
 }
 
-/// Number of frames with finite columns of each effect.
+/// Stands for the number of finite frames of an effect that does not act in a trial: its columns are
+/// zero in every frame, also in those outside flights, where nothing is computed.
+const DOES_NOT_ACT: usize = usize::MAX;
+
+/// Number of frames with finite columns of each effect, or [`DOES_NOT_ACT`].
 fn finite_frames(effects: &[ModelEffect], columns: Option<&EffectColumns>) -> Vec<usize> {
     let own = |e: &ModelEffect| -> Vec<usize> {
         let names = columns.iter().flat_map(|c| &c.names).enumerate();
         names.filter(|(_, n)| n.rsplit_once('.').is_some_and(|(key, _)| key == e.key)).map(|(i, _)| i).collect()
     };
+    let changes: Vec<usize> = columns.iter().flat_map(|c| c.changes()).map(|(i, _)| i).collect();
+    let zero = |i: usize| columns.iter().flat_map(|c| &c.wrench).all(|w| w.column(i).iter().all(|x| *x == 0.0));
     let finite = |of: Vec<usize>| {
+        if !of.is_empty() && of.iter().all(|i| !changes.contains(i) && zero(*i)) {
+            return DOES_NOT_ACT;
+        }
         let frames = columns.iter().flat_map(|c| &c.wrench);
         frames.filter(|w| of.iter().all(|i| w.column(*i).iter().all(|x| x.is_finite()))).count()
     };
@@ -167,7 +177,7 @@ pub(crate) fn rows_of(
 /// Folder of the stored rows in a workspace.
 const FOLDER: &str = "columns";
 /// Version of the stored rows; to be raised when they change.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Hash of everything that the rows of a trial depend on.
 fn made_from(made: &Made<'_>, trial: &str, role: Role, compared: bool, settings: &serde_json::Value) -> String {
@@ -182,4 +192,22 @@ fn made_from(made: &Made<'_>, trial: &str, role: Role, compared: bool, settings:
         hasher.update(made.results.manifest(stage, trial).map(|m| m.output).unwrap_or_default().as_bytes());
     }
     hasher.finalize().to_hex().to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A load that some recordings do not carry takes no switch from the effects that act in all of
+    /// them; an effect without numbers loses its own.
+    #[test]
+    fn effects_that_do_not_act_in_a_trial_cost_no_other_its_switch() {
+        let of = |key: &str| ModelEffect { key: key.to_owned(), ..ModelEffect::default() };
+        let mut effects = vec![of("drag"), of("payload[arm]"), of("law")];
+        let finite = [vec![40, DOES_NOT_ACT, 40], vec![40, 40, 39]];
+        let without = drop_without_numbers(&[], &finite, &mut effects);
+        let keys: Vec<&str> = effects.iter().map(|e| e.key.as_str()).collect();
+        assert_eq!(keys, ["drag", "payload[arm]"]);
+        assert_eq!(without.len(), 1);
+    }
 }

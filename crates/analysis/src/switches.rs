@@ -222,6 +222,12 @@ fn with_laws(
     Ok((session, origin))
 }
 
+/// Share of the noise floor below which no model of a body can stand: the effects reproduce the
+/// body's own weight, and the mass from the scale is all that is left of it.
+const IMPOSSIBLE: f64 = 0.05;
+/// The answer in such a case; the page that is sent says the same.
+const REPLACED: &str = "these effects together can replace the body's weight, so that nothing is left to judge";
+
 impl Switches {
     /// Forms the columns of every effect that the last discovery ranked, of the laws that it found, of
     /// the pipeline's own effects and of `drafts`, and of the effects of the present model. `told` receives how many trials are ready, and how many there are.
@@ -393,7 +399,10 @@ impl Switches {
         };
         let weight_n = weight_n(&self.session);
         let errors = [true, false].into_iter().filter_map(place);
-        let errors = errors.map(|a| HeldOutError::of(&a, &[], weight_n, self.gate)).collect();
+        let errors: Vec<HeldOutError> = errors.map(|a| HeldOutError::of(&a, &[], weight_n, self.gate)).collect();
+        if errors.iter().any(|e| e.noise_floor.is_some_and(|floor| e.held_out_error < IMPOSSIBLE * floor)) {
+            return Err(PipelineError::request(REPLACED));
+        }
         let trials = self.trials.iter().map(|t| {
             let own = judged.iter().find(|p| p.trial.name == t.name);
             let size = |flying: bool, counts: bool| Some(size_of_windows(own.filter(|_| counts)?.of_kind(flying))?.0);

@@ -118,21 +118,20 @@ fn laws(d: &Discovery) -> Option<&OpenWorld> {
     d.open.as_ref().filter(|o| o.complete && !o.laws.is_empty())
 }
 
-/// What is missing where the recordings cannot tell all of it apart.
+/// What is missing where the recordings cannot tell all of it apart, the sure ones first.
 fn one_of(d: &Discovery) -> String {
-    let list = |effects: &[String]| format!("`{}`", effects.join("`, `"));
-    let each: Vec<String> = d
-        .groups
-        .iter()
-        .map(|g| match (g.is_sure(), g.missing) {
-            (true, _) => list(&g.effects),
-            (_, 1) => format!("one of {}", list(&g.effects)),
-            (_, n) => format!("{n} of {}", list(&g.effects)),
-        })
-        .collect();
+    let list = |effects: &[String], word: &str| {
+        effects.iter().map(|e| format!("`{e}`")).collect::<Vec<_>>().join(&format!(" {word} "))
+    };
+    let sure = d.groups.iter().filter(|g| g.is_sure()).map(|g| list(&g.effects, "and"));
+    let unsure = d.groups.iter().filter(|g| !g.is_sure()).map(|g| match g.missing {
+        1 => format!("one of {}", list(&g.effects, "or")),
+        n => format!("{n} of {}", list(&g.effects, "and")),
+    });
+    let each: Vec<String> = sure.chain(unsure).collect();
     match each.as_slice() {
-        [] | [_] => format!("One of {}; these recordings cannot tell which.", list(&d.effects)),
-        all => format!("Missing: {}; these recordings cannot tell more.", all.join(", and ")),
+        [] | [_] => format!("One of {}; these recordings cannot tell which.", list(&d.effects, "or")),
+        all => format!("{}; these recordings cannot tell more.", all.join(", and ")),
     }
 }
 

@@ -8,6 +8,7 @@ use aloft_analysis::freshness::freshness;
 use aloft_analysis::switch_kernel::{KernelWindows, SwitchKernel};
 use aloft_analysis::switches::{Switch, Switches};
 use aloft_compare::{FAIR_TIMES_FLOOR, Floor, POOR_TIMES_FLOOR};
+use aloft_discover::Verdict;
 use aloft_identify::RotatedRows;
 use aloft_page::pack;
 use aloft_page::switches::Sent;
@@ -61,8 +62,13 @@ fn asked(session: &SubjectSession) -> Result<Value, PipelineError> {
             "believed": c.believed, "judged_on": c.judged_on, "family_wise_p": finite(c.family_wise_p),
         })
     });
+    // sizes and intervals stand beside the switches
+    let words = match d.verdict {
+        Verdict::Supported | Verdict::OneOf => format!("{}.", aloft_analysis::verdict::words(d)),
+        _ => d.words.clone(),
+    };
     Ok(json!({
-        "verdict": d.verdict, "words": d.words, "effects": d.effects,
+        "verdict": d.verdict, "words": words, "effects": d.effects,
         "found": d.found.iter().map(|f| &f.key).collect::<Vec<_>>(),
         "candidates": about.collect::<Vec<_>>(),
         "of_present_results": asked.is_of(session),

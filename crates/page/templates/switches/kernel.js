@@ -206,6 +206,8 @@ const Kernel = (() => {
       return out;
     });
     const errors = ["flight", "contact"].filter((p) => sums[p][1]).map((p) => against(k, p, Math.sqrt(sums[p][0] / sums[p][1]), sums[p][1], k[p + "_floor"]));
+    // as the program: no model of a body stands so far below the floor
+    if (errors.some((e) => e.noise_floor && e.held_out_error < 0.05 * e.noise_floor)) return { model: null, because: "these effects together can replace the body's weight, so that nothing is left to judge" };
     const names = places.flatMap((i) => k.switches[i].coefficients.map(([n]) => k.switches[i].key + "." + n));
     const base = k.base.map(([name, unit], i) => [name, k.all.mean[i] + (k.all.spread ?? []).reduce((s, c, j) => s + c[i] * all.y[j], 0), unit]);
     return { model: { effects: on, errors, coefficients: names.map((n, i) => [n, all.theta[i]]), base, trials } };
