@@ -5,19 +5,27 @@
 A trunk with two arms of two hinges each is thrown by a virtual hand (a stiff wrench towards a reference pose) three times in each
 of two recordings. Log at 250 Hz by the robot's clock: encoders of 16 bit a turn, rates, measured torques with gains off by about
 2 %, gyroscope and accelerometer with bias. Base pose at 100 Hz by a clock of its own. model/nominal.urdf and .xml have the true
-geometry and wrong inertias, truth.json the true ones.
+geometry and wrong inertias, truth.json the true ones. NAME_markers.c3d holds the same motion as markers on trunk and forearms (0.3 mm), its
+clock starting 0.07 s after the robot's; it is read where NAME_base.csv is missing.
 """
 
 import gzip
 import json
 import pathlib
 
+import ezc3d
 import mujoco
 import numpy as np
 
 OUT = pathlib.Path(__file__).resolve().parent.parent.parent / "fixtures" / "robot"
 JOINTS = ["l_shoulder", "l_elbow", "r_shoulder", "r_elbow"]
 IMU = np.array([0.02, -0.01, 0.03])
+MARKERS = {
+    "T1": ("trunk", (0.08, 0.06, 0.10)), "T2": ("trunk", (-0.07, 0.05, 0.11)), "T3": ("trunk", (0.07, -0.06, 0.12)),
+    "T4": ("trunk", (-0.08, -0.05, 0.10)), "T5": ("trunk", (0.09, 0.01, -0.09)), "T6": ("trunk", (-0.08, 0.02, -0.10)),
+    "L1": ("l_lower", (0.03, 0.0, -0.15)), "L2": ("l_lower", (-0.02, 0.02, -0.18)), "R1": ("r_lower", (0.03, 0.0, -0.15)),
+}
+LATE_FRAMES = 7
 rng = np.random.default_rng(18)
 
 # name, parent, joint, origin, axis, mass, centre of mass, principal inertia, armature, damping, friction
@@ -99,7 +107,8 @@ def record(model, name, seed, gains, gyro_bias, acc_bias):
     speed = r.uniform(4, 14, (4, 3))
     size = r.uniform(0.2, 0.5, (4, 3))
     offset = r.uniform(-0.01, 0.01)
-    rows, poses, flights = [], [], []
+    rows, poses, flights, markers = [], [], [], []
+    r_markers = np.random.default_rng(100 + seed)
     cycle, n = 1.5, int(3 * 1.5 / 0.0005) + 400
     spin = r.uniform(-4, 4, (3, 3))
     before = data.qvel.copy()
@@ -136,6 +145,11 @@ def record(model, name, seed, gains, gyro_bias, acc_bias):
             rows.append((t, data.qpos[7:].copy(), data.qvel[6:].copy(), tau.copy(), w.copy(), acc))
         if k % 20 == 0:
             poses.append((t, data.qpos[:7].copy()))
+            seen = []
+            for link, place in MARKERS.values():
+                body = model.body(link).id
+                seen.append(data.xpos[body] + data.xmat[body].reshape(3, 3) @ place + r_markers.normal(0, 0.0003, 3))
+            markers.append(seen)
         mujoco.mj_step(model, data)
     step = 2 * np.pi / 65536
     head = ["time_s"] + [f"q_{j}_rad" for j in JOINTS] + [f"dq_{j}_rad_s" for j in JOINTS] + [f"tau_meas_{j}_nm" for j in JOINTS]
@@ -159,8 +173,24 @@ def record(model, name, seed, gains, gyro_bias, acc_bias):
         x = p[:3] + r.normal(0, 0.0003, 3)
         lines.append(f"{t + offset:.5f}," + ",".join(f"{v:.5f}" for v in x) + "," + ",".join(f"{v:.6f}" for v in q))
     (OUT / f"{name}_base.csv").write_text("\n".join(lines) + "\n")
+    write_markers(OUT / f"{name}_markers.c3d", np.array(markers)[LATE_FRAMES:])
     edges = np.flatnonzero(np.diff(np.concatenate([[0], np.array(flights, int), [0]])))
     return dict(clock_offset_s=offset, flights_s=[[a * 0.0005, b * 0.0005] for a, b in edges.reshape(-1, 2)])
+
+
+def write_markers(path, seen):
+    """Markers in mm at 100 Hz, with a gap of one marker."""
+    points = np.ones((4, len(MARKERS), len(seen)))
+    points[:3] = 1000 * seen.transpose(2, 1, 0)
+    points[:3, 1, 120:150] = np.nan
+    c3d = ezc3d.c3d()
+    c3d["parameters"]["POINT"]["RATE"]["value"] = [100.0]
+    c3d["parameters"]["POINT"]["LABELS"]["value"] = list(MARKERS)
+    c3d["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    c3d.add_parameter("POINT", "X_SCREEN", ["+X"])
+    c3d.add_parameter("POINT", "Y_SCREEN", ["+Z"])
+    c3d["data"]["points"] = points
+    c3d.write(str(path))
 
 
 def main():
@@ -179,6 +209,7 @@ def main():
         "model: {urdf: model/nominal.urdf, mjcf: model/nominal.xml}\n"
         f"imu: {{link: trunk, position_m: [{', '.join(str(x) for x in IMU)}]}}\n"
         "noise: {position_m: 0.0003, orientation_deg: 0.05, dq_rad_s: 0.02, torque_nm: 0.05, gyro_rad_s: 0.004, acc_m_s2: 0.04}\n"
+        "markers:\n" + "".join(f"  {m}: {{link: {l}, position_m: {list(p)}}}\n" for m, (l, p) in MARKERS.items())
     )
     truth = dict(
         links={l[0]: dict(mass_kg=l[5], com_m=l[6], inertia_kgm2=l[7]) for l in LINKS},

@@ -5,7 +5,7 @@ use std::fs;
 use std::io::Read as _;
 use std::path::Path;
 
-fn copy(from: &Path, to: &Path) {
+pub fn copy(from: &Path, to: &Path) {
     fs::create_dir_all(to).unwrap();
     for entry in fs::read_dir(from).unwrap() {
         let path = entry.unwrap().path();
@@ -111,6 +111,59 @@ fn a_log_without_a_joint_fails_with_one_line_that_names_it() {
     let (_, told) = expect(&["run", &repo("pipelines/robot.yaml"), "--data", &data, "--workspace", &ws], 1);
     let told: Vec<&str> = told.lines().filter(|l| l.contains("r_elbow")).collect();
     assert!(!told.is_empty() && told[0].contains("throw_01_robot.csv"), "{told:?}");
+}
+
+/// Multiplies the measured torques of a recording, unpacked.
+fn torques_times(data: &Path, trial: &str, factor: f64) {
+    let packed = data.join(format!("{trial}_robot.csv.gz"));
+    let mut text = String::new();
+    let bytes = fs::read(&packed).unwrap();
+    flate2::read::GzDecoder::new(bytes.as_slice()).read_to_string(&mut text).unwrap();
+    let head: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let rows = text.lines().enumerate().map(|(i, line)| {
+        let fields = line.split(',').zip(&head).map(|(f, name)| match f.parse::<f64>() {
+            Ok(x) if i > 0 && name.starts_with("tau") => format!("{:.6}", x * factor),
+            _ => f.to_owned(),
+        });
+        fields.collect::<Vec<_>>().join(",") + "\n"
+    });
+    fs::remove_file(&packed).unwrap();
+    fs::write(data.join(format!("{trial}_robot.csv")), rows.collect::<String>()).unwrap();
+}
+
+#[test]
+fn torques_in_other_units_and_a_wrong_mass_are_named() {
+    let robot = repo("pipelines/robot.yaml");
+    for (factor, expected) in [
+        (1000.0, "those that the motion needs, expected N·m"),
+        (-1.0, "the torques have the opposite sign of those that the motion needs"),
+    ] {
+        let dir = folder();
+        let data = dir.path().join("lab");
+        copy(Path::new(&repo("fixtures/robot")), &data);
+        torques_times(&data, "throw_01", factor);
+        torques_times(&data, "throw_02", factor);
+        let (ws, data) = (dir.path().join("ws").display().to_string(), data.display().to_string());
+        let (told, said) = expect(&["run", &robot, "--data", &data, "--workspace", &ws, "--details"], 0);
+        assert!((told.clone() + &said).contains(expected), "{factor}: {told}{said}");
+        // the base rows need no torque
+        assert!(!Path::new(&format!("{ws}/identify/_study/joints.json")).exists());
+    }
+    let dir = folder();
+    let data = dir.path().join("lab");
+    copy(Path::new(&repo("fixtures/robot")), &data);
+    let described = fs::read_to_string(data.join("robot.yaml")).unwrap();
+    let run = |mass: &str, code: i32| {
+        fs::write(data.join("robot.yaml"), described.replace("total_mass_kg: 5.400", mass)).unwrap();
+        let (ws, data) = (dir.path().join("ws").display().to_string(), data.display().to_string());
+        let (told, said) = expect(&["run", &robot, "--data", &data, "--workspace", &ws, "--details"], code);
+        told + &said
+    };
+    let told = run("total_mass_kg: 5400", 1);
+    assert!(told.contains("weighs 5400 kg, and the links of model/nominal.urdf weigh 5.42 kg together"), "{told}");
+    // a quarter too heavy: the torques do not agree
+    let told = run("total_mass_kg: 6.75", 0);
+    assert!(told.contains("too small for a robot of 6.75 kg"), "{told}");
 }
 
 /// The encoder of one shoulder reads 0.05 rad too much in every recording: the search names it and its size.

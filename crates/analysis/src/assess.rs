@@ -7,6 +7,7 @@
 //! itself and therefore runs on request only; the answer is stored in the workspace and shown with
 //! the parameters until they change.
 
+use crate::next_flights::Ground;
 use crate::results::{Made, with_results};
 use aloft_body::{BaseParameters, Motion, Phi};
 use aloft_compare::noise_root;
@@ -24,7 +25,9 @@ use aloft_regressor::{
     AccelerationOptions, Acting, CoordinateNoise, Factor, RegressorError, Stretch, StretchKind, WeakOptions,
     acceleration_factor, weak_factor,
 };
-use aloft_study::config::Rows;
+use aloft_robot::next::NextFlights;
+use aloft_study::config::{RobotConfig, Rows};
+use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::manifest::WHOLE_STUDY;
@@ -103,6 +106,9 @@ pub struct Assessment {
     pub errors_in_variables: Vec<ErrorsInVariables>,
     /// Kinds of motion, most useful first.
     pub motions: Vec<MotionAdvice>,
+    /// Flights for a robot to record next; none for people and objects.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub next_flights: Option<NextFlights>,
     /// What could not be tried, and why.
     pub notes: Vec<String>,
 }
@@ -137,10 +143,14 @@ struct Setting<'a> {
     links: LinkPrior,
     prior: Prior,
     mass_kg: f64,
+    made: &'a Made<'a>,
+    /// Settings of planned flights, as they are now.
+    robot: Option<&'a RobotConfig>,
 }
 
 /// Tries window lengths, noise levels and motions, and stores the answer in the workspace.
 pub fn assess(session: &SubjectSession) -> Result<Assessment, PipelineError> {
+    let robot = session.config.robot.as_ref();
     let session = &aloft_pipeline::made::as_made(session);
     let ws = Workspace::open(&session.workspace);
     let of = identification(&ws).ok_or_else(|| {
@@ -163,6 +173,8 @@ pub fn assess(session: &SubjectSession) -> Result<Assessment, PipelineError> {
             mass_kg: subject.facts.mass_kg,
             base,
             links,
+            made,
+            robot,
         };
         setting.assess(made.results, of.clone())
     })?;
@@ -224,7 +236,34 @@ impl Setting<'_> {
             notes.push(format!("motions to add: {}", f.problem));
             Vec::new()
         });
-        Ok(Assessment { version: 1, of, window, errors_in_variables, motions, notes })
+        let next_flights = match (&self.session.robot, self.robot) {
+            (Some(setup), Some(config)) => self.next_flights(setup, config, &mut notes)?,
+            _ => None,
+        };
+        Ok(Assessment { version: 1, of, window, errors_in_variables, motions, next_flights, notes })
+    }
+
+    fn next_flights(
+        &self,
+        setup: &RobotSetup,
+        config: &RobotConfig,
+        notes: &mut Vec<String>,
+    ) -> Result<Option<NextFlights>, StageFailure> {
+        let Some(parameters) = self.made.results.load_parameters(Rows::Weak)? else { return Ok(None) };
+        let recorded: Vec<(&Motion, &[Stretch])> =
+            self.recorded.iter().map(|r| (&r.rows.motion, r.flights.as_slice())).collect();
+        let ground = Ground {
+            made: self.made,
+            setup,
+            config,
+            subject: &self.recorded[0].rows.subject,
+            base: &self.base,
+            prior: &self.prior,
+            phi: &self.phi,
+            parameters: &parameters,
+            recorded: &recorded,
+        };
+        Ok(ground.plan_or_note(notes))
     }
 
     fn base_prior(&self) -> Option<&Prior> {

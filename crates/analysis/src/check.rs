@@ -85,11 +85,11 @@ pub fn check(session: &SubjectSession) -> Result<Check, PipelineError> {
     }
     if !session.unmatched.is_empty() {
         let names: Vec<String> = session.unmatched.iter().map(|p| p.display().to_string()).collect();
-        remarks.push(format!(
-            "{} recordings match no pattern of `trials` and are not used: {}",
-            names.len(),
-            abridged(&names)
-        ));
+        let what = match names.len() {
+            1 => "1 recording matches no pattern of `trials` and is not used".to_owned(),
+            n => format!("{n} recordings match no pattern of `trials` and are not used"),
+        };
+        remarks.push(format!("{what}: {}", abridged(&names)));
     }
     for e in &session.config.trials.exclude {
         if !session.trials.iter().any(|t| t.excluded.as_ref() == Some(&e.reason)) {
@@ -154,11 +154,12 @@ fn check_one(session: &SubjectSession, entry: &TrialEntry) -> (CheckRow, Vec<Rem
 
 fn read_one(session: &SubjectSession, entry: &TrialEntry, row: &mut CheckRow) -> Result<Vec<Remark>, StageFailure> {
     if let Some(robot) = &session.robot {
-        let (log, _, remarks) = aloft_pipeline::stages::robot::read(robot, &Recording::of(entry))?;
-        row.frames = Some(log.time_s.len());
-        row.rate_hz = Some(1.0 / log.interval_s());
+        let import = session.import_of(Some(entry));
+        let read = aloft_pipeline::stages::robot::read(robot, import, &Recording::of(entry))?;
+        row.frames = Some(read.log.time_s.len());
+        row.rate_hz = Some(1.0 / read.log.interval_s());
         row.plates = Some(0);
-        return Ok(remarks.into_iter().map(Remark::Other).collect());
+        return Ok(read.remarks.into_iter().map(Remark::Other).collect());
     }
     let import = session.import_of(Some(entry));
     let mut trial = read_recording(import, &Recording::of(entry))?;

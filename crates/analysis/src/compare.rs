@@ -44,6 +44,15 @@ pub struct ComparisonView {
     pub impulse_mass: Option<ImpulseMassView>,
 }
 
+impl ComparisonView {
+    /// True where a search for what is missing has nothing to hold out: one flight or recording alone.
+    pub fn too_few_to_ask(&self) -> bool {
+        let trials = &self.comparison.first.trials;
+        let judged = trials.iter().filter(|t| t.flight_weak.windows + t.contact_weak.windows > 0).count();
+        self.parameters.flights < 2 && judged < 2
+    }
+}
+
 /// A trial that should be in the comparison and is not.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct LeftOut {
@@ -192,8 +201,8 @@ fn of_estimates(points: &EstimatedPoints, smoothed_hz: Option<f64>, comparison: 
     let plates = if comparison.first.held_out.frames > 0 { ", the plates' times and zeros" } else { "" };
     vec![
         format!(
-            "{} estimates joints from videos, some {:.0} mm from the bones', alike in every recording{smooth}: the difference from \
-             plates or free fall judges neither masses nor effects",
+            "{} estimates joints from videos: they lie about {:.0} mm off the true ones, by the same amount in every recording{smooth}. The \
+             difference from plates or free fall judges neither masses nor effects",
             points.source,
             1e3 * points.position_sd_m
         ),

@@ -48,6 +48,10 @@ pub struct Volume {
 pub struct Kept<T> {
     /// Hash of the results that the answer was computed from ([`looked_at`]).
     pub made_from: String,
+    /// Held-out errors with all effects found added to the model, in flight and in contact, as the
+    /// stages compute them; empty if none was found.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub errors_after: Vec<HeldOutError>,
     /// The answer.
     #[serde(flatten)]
     pub answer: T,
@@ -79,7 +83,7 @@ fn kept<T>(session: &SubjectSession, made_from: String, answer: T) -> Result<Kep
             "ask again when no run changes them",
         ));
     }
-    Ok(Kept { made_from, answer })
+    Ok(Kept { made_from, errors_after: Vec::new(), answer })
 }
 
 /// Results of a study, loaded for ranking.
@@ -353,7 +357,9 @@ fn found(
     if let Some(e) = errors_after.iter().find(|e| Some(&e.judged_on) == judged.as_ref()) {
         found.held_out_error_after = e.held_out_error;
     }
-    let answer = kept(session, made_from, found)?;
+    // JSON has no NaN: an error that is no number is not kept
+    let mut answer = kept(session, made_from, found)?;
+    answer.errors_after = errors_after.into_iter().filter(|e| e.held_out_error.is_finite()).collect();
     seal::write_whole(&session.workspace.join("discovery.json"), &answer)?;
     // the answer for each revision of the model is kept, so that the report can show all of them
     let revision = Revisions::load(&session.workspace)?.revisions.len().saturating_sub(1);
@@ -363,7 +369,7 @@ fn found(
     }
     seal::write_whole(&place, &answer)?;
     seal::write_whole(&session.workspace.join("discovery_volume.json"), &volume)?;
-    Ok(DiscoveryView { discovery: answer.answer, errors, errors_after })
+    Ok(DiscoveryView { discovery: answer.answer, errors, errors_after: answer.errors_after })
 }
 
 /// Free acceleration measured by the stage `flight`, if it differs from the stated gravity in most

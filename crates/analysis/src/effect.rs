@@ -9,6 +9,7 @@ use crate::visible::refuse_invisible;
 use aloft_body::Subject;
 use aloft_discover::{Discovery, Estimate, Found, FoundLaw};
 use aloft_effects::{ActsIn, EFFECTS, EffectInstance, EffectKind, Family, FormulaEffect, Scene};
+use aloft_pipeline::ready_made::Replacing;
 use aloft_pipeline::runner::{Ended, Progress, RunReport, TaskReport, run_held};
 use aloft_study::catalog;
 use aloft_study::config::PipelineConfig;
@@ -423,6 +424,8 @@ fn change(
     all.pending = Some(next.clone());
     all.save(&session.workspace)?;
     let with = SubjectSession { effects: next.effects.clone(), plain_base: all.plain_base(), ..present.clone() };
+    // the change can be taken back without computing the present results again
+    let replacing = Replacing::begin(&present, &ws);
     let done = run_held(&with, &lock, progress).and_then(|report| match no_comparison(&report) {
         None => Ok(report),
         Some(problem) => Err(problem),
@@ -439,6 +442,7 @@ fn change(
     next.reached = Some(reached(&with, &compare(&with)?)?);
     all.revisions.push(next);
     all.save(&session.workspace)?;
+    replacing.done();
     report.notes.splice(0..0, notes);
     drop(lock);
     Ok((report, history(&session.refreshed()?)?))

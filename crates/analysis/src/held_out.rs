@@ -6,10 +6,10 @@ use aloft_compare::{AgainstFloor, ModelComparison, Signal};
 use aloft_regressor::weak_windows::force_scale_n;
 use aloft_study::revision::Judged;
 use aloft_study::subject_session::SubjectSession;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Held-out error over weak windows of one kind of motion, beside the noise floor.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct HeldOutError {
     /// `flight` or `contact`.
     pub judged_on: String,

@@ -19,6 +19,7 @@ pub mod inspect;
 pub mod inspect_values;
 mod laboratories;
 pub mod markerset;
+pub mod next_flights;
 pub mod notes;
 pub mod own_laws;
 pub mod parameters;

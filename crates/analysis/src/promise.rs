@@ -10,6 +10,7 @@ use crate::history::reached;
 use aloft_discover::{Found, FoundLaw};
 use aloft_identify::EffectEstimate;
 use aloft_pipeline::progress::{Progress, Silent};
+use aloft_pipeline::ready_made::{self, FORECAST};
 use aloft_pipeline::runner::run_held;
 use aloft_study::effects::OwnEffect;
 use aloft_study::revision::{ModelEffect, ReachedCoefficient, Revisions};
@@ -44,7 +45,7 @@ pub(crate) fn promised(
     for law in laws {
         own_effects.push(OwnEffect::described(&law.effect)?);
     }
-    on_a_copy(SubjectSession { effects, own_effects, ..with }, &Silent, compare).map(Some)
+    on_a_copy(SubjectSession { effects, own_effects, ..with }, &Silent, Keep::Forecast, compare).map(Some)
 }
 
 /// What differs from the pipeline when a model is tried.
@@ -139,7 +140,8 @@ pub fn tried(
     progress: &dyn Progress,
 ) -> Result<Tried, PipelineError> {
     let with = changes.applied(&with_reference(session)?)?;
-    on_a_copy(SubjectSession { effects: effects.clone(), ..with }, progress, |done| {
+    let keep = if *changes == Changes::default() { Keep::Forecast } else { Keep::Nothing };
+    on_a_copy(SubjectSession { effects: effects.clone(), ..with }, progress, keep, |done| {
         let view = compare(done)?;
         let parameters = crate::parameters::parameters(done, None)?.parameters;
         let base = parameters.base.iter().map(|b| (b.name.clone(), b.value, b.ci95, b.unit.clone()));
@@ -166,11 +168,21 @@ pub(crate) fn with_reference(session: &SubjectSession) -> Result<SubjectSession,
     Ok(SubjectSession { effects: all.effects(), plain_base: all.plain_base(), ..session.clone() })
 }
 
+/// What of a copy outlives it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Keep {
+    /// Nothing.
+    Nothing,
+    /// The results that depend on the model's effects, so that `effect add` need not compute them again.
+    Forecast,
+}
+
 /// Brings a changed study up to date on a copy of its workspace, and reads the copy. The workspace
 /// itself stays as it is; results that the change does not concern are not computed again.
 pub(crate) fn on_a_copy<T>(
     changed: SubjectSession,
     progress: &dyn Progress,
+    keep: Keep,
     read: impl FnOnce(&SubjectSession) -> Result<T, PipelineError>,
 ) -> Result<T, PipelineError> {
     let beside = changed.workspace.parent().unwrap_or(Path::new("."));
@@ -180,10 +192,14 @@ pub(crate) fn on_a_copy<T>(
         .tempdir_in(beside)
         .map_err(PipelineError::io("create a folder in", beside))?;
     link_all(&changed.workspace, copy.path())?;
+    let original = Workspace::open(&changed.workspace);
     let with = SubjectSession { workspace: copy.path().to_path_buf(), ..changed };
     let lock = Workspace::open(copy.path()).lock(Duration::ZERO)?;
     run_held(&with, &lock, progress)?;
     let out = read(&with);
+    if keep == Keep::Forecast && out.is_ok() {
+        ready_made::keep(&with, &Workspace::open(copy.path()), &original, FORECAST);
+    }
     drop(lock);
     out
 }

@@ -152,6 +152,9 @@ fn timing(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
     });
 }
 
+/// Share of the body mass by which a reading without an interval has to be off to differ.
+const FAR: f64 = 0.1;
+
 fn weights(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
     let facts = &source.session.facts;
     let stated = facts.person.mass_kg;
@@ -211,15 +214,23 @@ fn weights(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         let expected = by_impulse.map_or(stated, |(mass, ..)| mass);
         // the impulse knows its own error; the zero of the static plates is not known
         let ci95 = by_impulse.and_then(|(_, half, _)| half).map(|h| [value - h, value + h]);
-        let standing = standing(ci95, Some(expected));
-        let by = if by_impulse.is_some() { "impulse" } else { "the stated mass" };
+        // without an interval only what no zero of a plate explains differs
+        let far = ci95.is_none() && (value / expected - 1.0).abs() > FAR;
+        let standing = if far { LineStanding::Differs } else { standing(ci95, Some(expected)) };
+        let by = if by_impulse.is_some() { "the impulse between flights" } else { "the stated mass" };
+        let off = load_n - expected * g;
         let words = format!(
-            "static plates are {:+.0} N against {by}{}",
-            load_n - expected * g,
-            if standing == LineStanding::Differs {
-                ": an offset of plates that are never unloaded there, or a part of the body beside them"
-            } else {
-                ""
+            "static plates carry {:.0} N {} than {by}{}",
+            off.abs(),
+            if off < 0.0 { "less" } else { "more" },
+            match standing {
+                LineStanding::Differs if far => {
+                    ": a part of the body beside them, a plate that was not recorded, or another body mass"
+                }
+                LineStanding::Differs => {
+                    ": an offset of plates that are never unloaded there, or a part of the body beside them"
+                }
+                _ => "",
             }
         );
         let what = format!("mass from standing still ({})", t.name);
@@ -282,7 +293,8 @@ fn tares(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         let words = if exact {
             format!("exactly zero: set to zero by an earlier program{never}")
         } else {
-            format!("taken off in {n} recordings ({low:+.1} to {high:+.1} N){never}")
+            let range = if n == 1 { format!("{low:+.1} N") } else { format!("{low:+.1} to {high:+.1} N") };
+            format!("taken off in {n} recording{} ({range}){never}", if n == 1 { "" } else { "s" })
         };
         let standing = if value.abs() > 2.0 { LineStanding::Differs } else { LineStanding::Agrees };
         lines.push(SessionLine {
@@ -481,9 +493,72 @@ fn white_noise_mm(markers: &aloft_trial::Markers) -> Option<f64> {
 }
 
 impl SessionLine {
-    /// Digits behind the point that the value deserves: one beyond the first digit of its half interval.
-    pub fn digits(&self) -> usize {
-        let half = self.ci95.map_or(self.value.abs() * 0.01, |[low, high]| 0.5 * (high - low));
-        if half.is_finite() && half > 0.0 { (1.0 - half.log10()).ceil().clamp(0.0, 4.0) as usize } else { 1 }
+    /// Digits behind the point that the value deserves: one beyond the first digit of its half interval,
+    /// three digits of a reading, none of a count, and no more than the unit can mean.
+    pub(crate) fn digits(&self) -> usize {
+        let most = match self.unit {
+            "exchanges" => 0.0,
+            "N" | "kg" | "%" | "°" => 2.0,
+            _ => 4.0,
+        };
+        let half = self.ci95.map_or(self.value.abs() * 0.05, |[low, high]| 0.5 * (high - low));
+        if half.is_finite() && half > 0.0 {
+            (1.0 - half.log10()).ceil().clamp(0.0, most) as usize
+        } else {
+            1.min(most as usize)
+        }
+    }
+
+    /// A number of this line with its digits; a dash where it is missing.
+    pub fn number(&self, x: f64) -> String {
+        if !x.is_finite() {
+            return "–".to_owned();
+        }
+        let digits = self.digits();
+        let text = format!("{x:.digits$}");
+        // a zero has no sign
+        if text.trim_start_matches('-').chars().all(|c| matches!(c, '0' | '.')) {
+            text.trim_start_matches('-').to_owned()
+        } else {
+            text
+        }
+    }
+
+    /// The value with its unit.
+    pub fn value_words(&self) -> String {
+        let unit = if self.unit == "exchanges" && self.value == 1.0 { "exchange" } else { self.unit };
+        format!("{} {unit}", self.number(self.value))
+    }
+
+    /// The 95 % interval: `5.1 to 8.9`; a dash where there is none.
+    pub fn interval_words(&self) -> String {
+        self.ci95.map_or("–".to_owned(), |[low, high]| format!("{} to {}", self.number(low), self.number(high)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(value: f64, unit: &'static str, ci95: Option<[f64; 2]>) -> SessionLine {
+        let (what, words) = (String::new(), String::new());
+        SessionLine { id: "x", what, value, unit, ci95, expected: None, n: 1, standing: LineStanding::Reading, words }
+    }
+
+    #[test]
+    fn numbers_have_the_digits_that_they_deserve() {
+        for (value, unit, ci95, text) in [
+            (7.0321, "ms", Some([5.14, 8.93]), "7.0 ms"),
+            (63.08, "kg", Some([62.04, 64.12]), "63.1 kg"),
+            (-1.3e-5, "N", Some([-0.0005, 0.0005]), "0.00 N"),
+            (1.0, "exchanges", None, "1 exchange"),
+            (0.0, "exchanges", None, "0 exchanges"),
+            (86.974, "%", None, "87.0 %"),
+            (3.396, "mm", None, "3.40 mm"),
+            (f64::NAN, "N", None, "– N"),
+        ] {
+            assert_eq!(line(value, unit, ci95).value_words(), text);
+        }
+        assert_eq!(line(0.25, "°", Some([0.0, 1.853])).interval_words(), "0.00 to 1.85");
     }
 }

@@ -324,8 +324,9 @@ fn figures(row: &mut SummaryRow, session: &SubjectSession, trial: &TrialEntry, m
     if judged && [row.contact_force_n, row.flight_force_n].iter().flatten().any(|e| *e > COMPARISON_LIMIT * weight) {
         row.reasons.push(QcReason::ComparisonLarge);
     }
-    // remarks that no reason of the list covers; import, ik and flight have their own reasons
-    let covered = |stage: &str| matches!(stage, "import" | "ik" | "flight");
+    // remarks that no reason of the list covers; import, ik and flight have their own reasons, the first two for markers only
+    let robot = session.robot.is_some();
+    let covered = |stage: &str| stage == "flight" || (!robot && matches!(stage, "import" | "ik"));
     let remarks = STAGES.iter().any(|s| {
         matches!(s.scope, Scope::Trial(_)) && !covered(s.name) && own(s.name).is_some_and(|m| !m.warnings.is_empty())
     });

@@ -260,6 +260,9 @@ pub enum Command {
         /// First try other window lengths, added noise (SIMEX) and motions that were not made; the answer stays in the workspace.
         #[arg(long)]
         assess: bool,
+        /// Robots: also write the trajectories of the flights to record next to this folder, as CSV to play.
+        #[arg(long, value_name = "DIR", requires = "assess")]
+        next_flights: Option<PathBuf>,
         /// Machine-readable output.
         #[arg(long)]
         json: bool,

@@ -14,7 +14,7 @@ use crate::{
 use aloft_analysis::freshness::freshness;
 use aloft_analysis::{
     assess, audit, check, compare, corrections, discover, effect, estimators, export, history, init, inspect,
-    inspect_values, parameters, simulate, status, summary, verify,
+    inspect_values, next_flights, parameters, simulate, status, summary, verify,
 };
 use aloft_compare::Signal;
 use aloft_pipeline::runner::{self, BatchReport, Ended, RunReport, Selection};
@@ -102,11 +102,19 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             }
             Ok(Success::Full)
         }
-        Command::Parameters { pipeline, strict, rows, assess: with_assessment, json: as_json } => {
+        Command::Parameters { pipeline, strict, rows, assess: with_assessment, next_flights: dir, json: as_json } => {
             let ask = |session: &SubjectSession| {
+                if dir.is_some() {
+                    next_flights::refuse_without_robot(session)?;
+                }
                 if with_assessment {
                     let _bar = Waiting::new("assessing");
                     assess::assess(session)?;
+                }
+                if let Some(dir) = &dir {
+                    for file in next_flights::copy_to(session, dir)? {
+                        note(format!("written: {}", file.display()));
+                    }
                 }
                 parameters::parameters(session, rows.map(Rows::from))
             };

@@ -105,7 +105,7 @@ pub fn worst(view: &ComparisonView) -> Option<String> {
             && moment_nm > MOSTLY * LEVER_M * force_n
         {
             let (moment, force) = (significant(moment_nm, 3), significant(force_n, 3));
-            let text = format!("mostly in the moment: {moment} N·m, beside {force} N; no trial or flight stands out");
+            let text = format!("mostly in the moment: {moment} N·m, beside {force} N; no trial stands out");
             return Some(crate::screen::one_line("where       ", &text));
         }
         let errors = if c.first.held_out_weak.windows > 0 { &c.first.held_out_weak } else { &c.first.flight_weak };
@@ -122,7 +122,7 @@ pub fn worst(view: &ComparisonView) -> Option<String> {
 fn weighed(view: &ComparisonView) -> Option<String> {
     let mass = view.impulse_mass.as_ref().filter(|m| m.doubt.is_some())?;
     let text = format!(
-        "{} kg by the plates' impulse between flights, {} kg stated ({:+.1} %)",
+        "{} kg by the impulse between flights, {} kg stated ({:+.1} %)",
         significant(mass.mass_kg, 3),
         significant(mass.stated_kg, 3),
         100.0 * (mass.mass_kg / mass.stated_kg - 1.0)
@@ -143,7 +143,7 @@ fn constant(view: &ComparisonView) -> Option<String> {
     let most = trials.iter().filter_map(size).fold(0.0, f64::max);
     (!large.is_empty()).then(|| {
         let text = format!(
-            "{} N taken off {} (plates never unloaded); it hides errors of that size",
+            "{} N taken off {} (never unloaded) hides errors of its size",
             significant(most, 2),
             large.join(", ")
         );
@@ -192,8 +192,8 @@ pub fn block(view: &ComparisonView) -> Result<(), Stop> {
     first.into_iter().chain([place, constant(view)]).flatten().take(2).try_for_each(out)
 }
 
-/// What to do about a gate that did not pass, in one line.
+/// What to do about a gate that did not pass.
 fn to_do(view: &ComparisonView) -> Option<String> {
     let text = view.parameters.to_do.as_ref()?;
-    Some(crate::screen::one_line("to do       ", &format!("{text}; all: aloft parameters")))
+    Some(labelled("to do       ", &format!("{text}; all: aloft parameters")))
 }

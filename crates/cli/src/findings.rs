@@ -9,7 +9,7 @@ use crate::stop::Stop;
 use aloft_analysis::discover::DiscoveryView;
 use aloft_analysis::effect::EffectLine;
 use aloft_analysis::verdict;
-use aloft_discover::{Candidate, Discovery, Estimate, SelfTest, Verdict};
+use aloft_discover::{Candidate, Discovery, Estimate, Found, SelfTest, Verdict};
 use aloft_effects::{ActsIn, EffectKind};
 
 /// Candidates shown without `--details`, and with it.
@@ -117,14 +117,16 @@ pub fn discovery(view: &DiscoveryView, at: &PipelineArgs, details: bool) -> Resu
     for a in &d.advice {
         out(labelled("advice: ", a))?;
     }
-    for (i, found) in d.found.iter().enumerate() {
+    // what is not shown to be the cause is not proposed
+    let proposed: &[Found] = if d.verdict == Verdict::Unexplained { &[] } else { &d.found };
+    for (i, found) in proposed.iter().enumerate() {
         command(if i == 0 { "next" } else { "then" }, &next::add(&found.key, at));
     }
     let laws = d.open.iter().flat_map(|o| &o.laws);
     for (i, law) in laws.enumerate() {
-        command(if i == 0 && d.found.is_empty() { "next" } else { "then" }, &next::add(&law.id, at));
+        command(if i == 0 && proposed.is_empty() { "next" } else { "then" }, &next::add(&law.id, at));
     }
-    if d.found.is_empty() && d.open.as_ref().is_none_or(|o| o.laws.is_empty()) {
+    if proposed.is_empty() && d.open.as_ref().is_none_or(|o| o.laws.is_empty()) {
         command("next", &next::line("report", at, &[]));
     }
     Ok(())
@@ -147,11 +149,12 @@ fn errors(view: &DiscoveryView) -> Result<(), Stop> {
     let laws = d.open.iter().filter(|o| o.complete).flat_map(|o| &o.laws);
     let with = names(&d.found.iter().map(|f| f.key.clone()).chain(laws.map(|l| l.id.clone())).collect::<Vec<_>>());
     let mut t = table(&["held out", "model", "error N", "% weight", "floor N", "floor 95 %", "times floor", "judged"])
-        .left(&[1, 7])
+        .left(&[1])
+        .wrapped(7)
         .optional(&[5, 3]);
     for e in &view.errors {
         let after = view.errors_after.iter().find(|a| a.judged_on == e.judged_on);
-        for (model, e) in [("now", Some(e)), (&cut(&format!("with {with}"), 24), after)] {
+        for (model, e) in [("now", Some(e)), (&cut(&format!("+ {with}"), 24), after)] {
             let Some(e) = e else { continue };
             let interval = e
                 .noise_floor_ci95

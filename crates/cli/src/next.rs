@@ -4,6 +4,7 @@ use crate::args::PipelineArgs;
 use crate::open::description_of;
 use aloft_analysis::compare::ComparisonView;
 use aloft_analysis::discover::latest;
+use aloft_discover::Verdict;
 use aloft_study::quote;
 use aloft_study::recordings::SessionId;
 use aloft_study::subject_session::SubjectSession;
@@ -57,6 +58,13 @@ pub fn after_run(
     }
     // an answer that holds for these results is not asked for again
     match latest(session) {
+        None if view.too_few_to_ask() => line("report", args, &whose),
+        // what is not shown to be the cause is not proposed
+        Some(found)
+            if found.verdict == Verdict::Unexplained && found.open.as_ref().is_none_or(|o| o.laws.is_empty()) =>
+        {
+            line("report", args, &whose)
+        }
         Some(found) => {
             let held: Vec<&str> = session.effects.iter().map(|e| e.key.as_str()).collect();
             match found.found.iter().find(|f| !held.contains(&f.key.as_str())) {

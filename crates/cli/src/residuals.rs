@@ -28,8 +28,11 @@ pub fn comparison(view: &ComparisonView, by: &[ByArg], details: bool, args: &Pip
     let c = &view.comparison;
     if by.is_empty() {
         errors::block(view)?;
-        out("")?;
-        crate::screen::list(&c.words[view.errors.len().min(c.words.len())..])?;
+        let words = &c.words[view.errors.len().min(c.words.len())..];
+        if !words.is_empty() {
+            out("")?;
+            crate::screen::list(words)?;
+        }
         trials(view)?;
         if details {
             if let Some(calibration) = &view.calibration {
@@ -81,7 +84,7 @@ pub fn comparison(view: &ComparisonView, by: &[ByArg], details: bool, args: &Pip
         }
     }
     if by.is_empty() && !details {
-        let verb = if next::is_above(view) { "discover" } else { "report" };
+        let verb = if next::is_above(view) && !view.too_few_to_ask() { "discover" } else { "report" };
         command("next", &next::line(verb, args, &[]));
     }
     Ok(())

@@ -5,7 +5,7 @@ use crate::errors::{self, figure, judgement};
 use crate::next;
 use crate::open::description_of;
 use crate::render::{brief_note, command, note, out, significant};
-use crate::screen::{Cell, one_line, table};
+use crate::screen::{Cell, columns_of, cut, labelled, table, width};
 use crate::stop::Stop;
 use aloft_analysis::compare::{ComparisonView, compare};
 use aloft_analysis::corrections::offers;
@@ -220,7 +220,7 @@ fn several(views: &[(&SubjectSession, ComparisonView)], rows: usize) -> Result<(
     Ok(())
 }
 
-/// What to do about the subjects whose gate did not pass, in one line.
+/// What to do about the subjects whose gate did not pass.
 fn to_do(views: &[(&SubjectSession, ComparisonView)]) -> Option<String> {
     let short: Vec<(String, &str)> =
         views.iter().filter_map(|(s, v)| Some((visible(&s.id.to_string()), v.parameters.to_do.as_deref()?))).collect();
@@ -229,24 +229,33 @@ fn to_do(views: &[(&SubjectSession, ComparisonView)]) -> Option<String> {
         1 => first.clone(),
         n => format!("{n} of {} ({first} …)", views.len()),
     };
-    Some(one_line("to do       ", &format!("gate not passed: {whose}: {text}; all: aloft parameters")))
+    Some(labelled("to do       ", &format!("gate not passed: {whose}: {text}; all: aloft parameters")))
 }
 
-/// The recordings with warnings, by reason.
+/// The recordings with warnings and the reasons, in one line.
 fn warnings(summary: &Summary) -> Option<String> {
     let of = |word: &str| summary.rows.iter().filter(|r| r.qc == word).count();
     let all = summary.rows.len();
-    let reasons: Vec<String> = summary
+    let reasons: Vec<&str> = summary
         .reasons
         .iter()
         .filter(|r| {
             summary.rows.iter().any(|row| row.qc == "warning" && row.reasons.iter().any(|q| q.code() == r.reason))
         })
-        .map(|r| format!("{} ({})", r.reason, r.trials))
+        .map(|r| r.reason)
         .collect();
     let n = of("warning");
-    (n > 0)
-        .then(|| one_line("warnings    ", &format!("{n} of {all} recordings (aloft summary): {}", reasons.join(", "))))
+    // as many reasons as the line takes, each whole
+    let mut line = format!("warnings    {n} of {all} recordings (aloft summary):");
+    for (i, reason) in reasons.iter().enumerate() {
+        let (space, more) = (if i > 0 { ", " } else { " " }, if i + 1 < reasons.len() { 3 } else { 0 });
+        if columns_of(&line) + space.len() + columns_of(reason) + more > width() {
+            line.push_str(" …");
+            break;
+        }
+        line = format!("{line}{space}{reason}");
+    }
+    (n > 0).then(|| cut(&line, width()))
 }
 
 /// One line: how many tasks ran, were up to date, failed, or were blocked by failures.

@@ -176,7 +176,11 @@ impl Grid {
         }
         if let Some(w) = self.wrapped.filter(|w| shown.contains(w) && total(&shown, &sizes) > width) {
             let others = total(&shown, &sizes) - sizes[w];
-            sizes[w] = width.saturating_sub(others).max(12).min(sizes[w]);
+            let words = self.rows.iter().filter_map(|r| r.get(w)).flat_map(|c| c.text.split_whitespace());
+            let longest = words.map(columns_of).fold(12, usize::max);
+            // where not even a word fits beside the others, the column continues below
+            let left = width.saturating_sub(others);
+            sizes[w] = if left < longest { width.saturating_sub(sizes[0] + GAP).max(12) } else { left }.min(sizes[w]);
         }
         if total(&shown, &sizes) > width {
             sizes[0] = sizes[0].min((width / 2).max(12));

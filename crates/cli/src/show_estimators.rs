@@ -7,6 +7,7 @@ use crate::stop::Stop;
 use aloft_analysis::assess::Assessment;
 use aloft_analysis::compare::{CalibrationView, ImpulseMassView};
 use aloft_analysis::estimators::{ErrorsBrief, EstimatorsView, LeaveOneOutView};
+use aloft_analysis::next_flights::{Expected, NextFlights};
 use aloft_analysis::words::model_word;
 
 fn number(value: Option<f64>) -> String {
@@ -147,6 +148,9 @@ pub fn leave_one_out(view: &LeaveOneOutView) -> Result<(), Stop> {
     Ok(())
 }
 
+/// Number of parameters listed with a plan.
+const WORST: usize = 8;
+
 /// Window lengths, errors in variables, motions to add.
 pub fn assessment(a: &Assessment) -> Result<(), Stop> {
     if let Some(window) = &a.window {
@@ -171,7 +175,77 @@ pub fn assessment(a: &Assessment) -> Result<(), Stop> {
         }
         out(t)?;
     }
+    if let Some(plan) = &a.next_flights {
+        next_flights(plan)?;
+    }
     for note in &a.notes {
+        out(labelled("", note))?;
+    }
+    Ok(())
+}
+
+/// Flights for a robot to record next.
+fn next_flights(plan: &NextFlights) -> Result<(), Stop> {
+    out("\nflights to record next: hold the first posture of the file, let go, and play the file from that moment")?;
+    let mut t = table(&["file", "s", "m/s up", "turn of the base rad/s", "fastest joint", "most torque"]);
+    for f in &plan.flights {
+        let [x, y, z] = f.turn_rad_s.map(|w| significant(w, 2));
+        let effort = f.effort.as_ref().map_or_else(
+            || "not checked".to_owned(),
+            |(joint, share)| format!("{joint}, {:.0} % of the limit", 100.0 * share),
+        );
+        t.add_row([
+            f.file.clone(),
+            significant(f.duration_s, 2),
+            significant(f.speed_up_m_s, 2),
+            format!("{x}, {y}, {z}"),
+            format!("{}, {}/s", f.fastest.0, significant(f.fastest.1, 2)),
+            effort,
+        ]);
+    }
+    out(t)?;
+    for f in &plan.flights {
+        let shows: Vec<String> = f
+            .shows
+            .iter()
+            .take(4)
+            .map(|(name, now, then)| format!("{name} ({} to {})", significant(*now, 2), significant(*then, 2)))
+            .collect();
+        out(labelled(&format!("{} shows: ", f.file), &shows.join(", ")))?;
+    }
+    let mut t = table(&["worst parameters", "unit", "standard error now", "after repeats", "after these flights"]);
+    for p in plan.parameters[..plan.worst.min(plan.parameters.len())].iter().take(WORST) {
+        let sd = [p.now, p.repeated, p.then].map(|x| significant(x, 2));
+        let [now, repeated, then] = sd;
+        t.add_row([p.name.clone(), p.unit.clone(), now, repeated, then]);
+    }
+    out(format!("\n{t}"))?;
+    let worst = &plan.parameters[..plan.worst.min(plan.parameters.len())];
+    let change = |of: &dyn Fn(&Expected) -> f64| {
+        let logs = worst.iter().map(|p| (of(p) / p.now).ln()).sum::<f64>();
+        100.0 * (1.0 - (logs / worst.len().max(1) as f64).exp())
+    };
+    let unmoved = worst.iter().filter(|p| p.then > 0.9 * p.now).count();
+    let limit = if unmoved == 0 {
+        String::new()
+    } else {
+        format!(
+            "; {unmoved} of these {} fall by less than a tenth: no flight was found within the limits that shows them",
+            worst.len()
+        )
+    };
+    out(labelled(
+        "expected: ",
+        &format!(
+            "the worst quarter of the standard errors falls by {:.0} %, and by {:.0} % after {} repeats of {}, the best of \
+             the recorded flights{limit}",
+            change(&|p| p.then),
+            change(&|p| p.repeated),
+            plan.flights.len(),
+            plan.repeated
+        ),
+    ))?;
+    for note in &plan.notes {
         out(labelled("", note))?;
     }
     Ok(())

@@ -14,13 +14,11 @@ pub fn session_check(checked: &SessionCheck) -> Result<(), Stop> {
     }
     let mut t = table(&["session check", "value", "95 %", "expected", "n", ""]);
     for line in &checked.lines {
-        let digits = line.digits();
-        let number = |x: f64| if x.is_finite() { format!("{x:.digits$}") } else { "–".to_owned() };
         t.add_row([
             visible(&line.what),
-            format!("{} {}", number(line.value), line.unit),
-            line.ci95.map_or("–".to_owned(), |[low, high]| format!("{} to {}", number(low), number(high))),
-            line.expected.map_or("–".to_owned(), number),
+            line.value_words(),
+            line.interval_words(),
+            line.expected.map_or("–".to_owned(), |e| line.number(e)),
             line.n.to_string(),
             line.standing.word().to_owned(),
         ]);

@@ -9,7 +9,7 @@ use crate::ladder::{Refit, as_found, extra_columns, key_of, prune, refit_found, 
 use crate::limits::limit;
 use crate::not_tried::{NotTried, not_tried};
 use crate::options::DiscoverOptions;
-use crate::pairs::{better_pair, pair_alone, pair_as_good};
+use crate::pairs::{Search, better_pair, pair_alone, pair_as_good};
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
 use crate::rank::judged_in;
@@ -177,7 +177,15 @@ pub fn discover(
                             !s.placebo && !more && !named(s.effect.id()) && limit(s.effect, false, options) > 0.0
                         })
                         .collect();
-                    better_pair(session, &problem, &scores, rival.index, &usable, PAIR, &refit)
+                    let search = Search {
+                        session,
+                        problem: &problem,
+                        scores: &scores,
+                        best: rival.index,
+                        usable: &usable,
+                        refit: &refit,
+                    };
+                    better_pair(&search, PAIR).map(|(a, b, error, _)| (a, b, error))
                 }
                 _ => None,
             };
@@ -252,8 +260,15 @@ pub fn discover(
                 let mut left = mean_square(rival);
                 let usable: Vec<bool> =
                     scores.iter().map(|s| !s.placebo && limit(s.effect, false, options) > 0.0).collect();
-                if let Some((a, b, error, ids)) = pair_as_good(session, &problem, &scores, rival.index, &usable, &refit)
-                {
+                let search = Search {
+                    session,
+                    problem: &problem,
+                    scores: &scores,
+                    best: rival.index,
+                    usable: &usable,
+                    refit: &refit,
+                };
+                if let Some((a, b, error, ids)) = pair_as_good(&search) {
                     let keys = [&a, &b].map(|s| key_of(session, s));
                     round.verdict = Verdict::OneOf;
                     // the simpler of equals joins the model

@@ -21,59 +21,53 @@ use rayon::prelude::*;
 const VARIANTS: usize = 3;
 const JUDGED: usize = 8;
 
-/// The pair that beats the effect `best`, with `ratio` and the coefficients of each; `None` if
-/// there is none.
-pub(crate) fn better_pair<'a>(
-    session: &Session<'_>,
-    problem: &Problem,
-    scores: &[EffectScore<'a>],
-    best: usize,
-    usable: &[bool],
-    ratio: f64,
-    refit: &Refit<'_, '_>,
-) -> Option<(Scored<'a>, Scored<'a>, f64)> {
-    let (a, b, error, _) = best_pair(session, problem, scores, best, usable, refit)?;
-    let single = &scores[best].fold_error;
-    let small = (error / single.iter().sum::<f64>()).sqrt() < ratio;
-    (small && sign_flip_p(&a.fold_error, single, 2000, refit.seed()) < 0.01).then_some((a, b, error))
+/// What a search of pairs is given: the ranking, the effect that a pair is compared with, and the
+/// effects that may take part.
+pub(crate) struct Search<'s, 'e> {
+    pub session: &'s Session<'s>,
+    pub problem: &'s Problem,
+    pub scores: &'s [EffectScore<'e>],
+    /// Index of the effect chosen.
+    pub best: usize,
+    pub usable: &'s [bool],
+    pub refit: &'s Refit<'s, 's>,
 }
 
-/// A pair that explains as much as the effect `best`, with no more unknowns: drag in still air and a
-/// tilt, where `best` is wind. Asked only of effects that contain another one.
-pub(crate) fn pair_as_good<'a>(
-    session: &Session<'_>,
-    problem: &Problem,
-    scores: &[EffectScore<'a>],
-    best: usize,
-    usable: &[bool],
-    refit: &Refit<'_, '_>,
-) -> Option<(Scored<'a>, Scored<'a>, f64, Vec<String>)> {
-    if scores[best].effect.about().contains.is_empty() {
+/// Two effects fitted together: the coefficients of each, their squared error on left-out rows, and
+/// the effects of all pairs that leave nearly the same error.
+pub(crate) type Pair<'e> = (Scored<'e>, Scored<'e>, f64, Vec<String>);
+
+/// The pair that beats the effect chosen, if it leaves less than `ratio` of its error.
+pub(crate) fn better_pair<'e>(search: &Search<'_, 'e>, ratio: f64) -> Option<Pair<'e>> {
+    let pair = best_pair(search)?;
+    let single = &search.scores[search.best].fold_error;
+    let small = (pair.2 / single.iter().sum::<f64>()).sqrt() < ratio;
+    (small && sign_flip_p(&pair.0.fold_error, single, 2000, search.refit.seed()) < 0.01).then_some(pair)
+}
+
+/// A pair that explains as much as the effect chosen, with no more unknowns: drag in still air and a
+/// tilt, where wind was chosen. Asked only of effects that contain another one.
+pub(crate) fn pair_as_good<'e>(search: &Search<'_, 'e>) -> Option<Pair<'e>> {
+    let chosen = &search.scores[search.best];
+    if chosen.effect.about().contains.is_empty() {
         return None;
     }
-    let (a, b, error, ids) = best_pair(session, problem, scores, best, usable, refit)?;
-    let single = &scores[best].fold_error;
-    let ratio = (single.iter().sum::<f64>() / error).sqrt();
-    let same = ratio > SAME[usize::from(session.prior.is_some())];
-    (same || sign_flip_p(single, &a.fold_error, 2000, refit.seed()) >= refit.options.significance)
-        .then_some((a, b, error, ids))
+    let pair = best_pair(search)?;
+    let (single, refit) = (&chosen.fold_error, search.refit);
+    let ratio = (single.iter().sum::<f64>() / pair.2).sqrt();
+    let same = ratio > SAME[usize::from(search.session.prior.is_some())];
+    (same || sign_flip_p(single, &pair.0.fold_error, 2000, refit.seed()) >= refit.options.significance).then_some(pair)
 }
 
-/// The pair of effects other than `best` that leaves the least error, of those with no more unknowns
-/// together than `best`. The last part are the effects of all pairs that leave nearly the same error.
-fn best_pair<'a>(
-    session: &Session<'_>,
-    problem: &Problem,
-    scores: &[EffectScore<'a>],
-    best: usize,
-    usable: &[bool],
-    refit: &Refit<'_, '_>,
-) -> Option<(Scored<'a>, Scored<'a>, f64, Vec<String>)> {
-    let parts: Vec<(usize, Variant<'a>, Vec<DMatrix<f64>>)> = (0..scores.len())
+/// The pair of effects other than the one chosen that leaves the least error, of those with no more
+/// unknowns together.
+fn best_pair<'e>(search: &Search<'_, 'e>) -> Option<Pair<'e>> {
+    let &Search { session, problem, scores, best, usable, refit } = search;
+    let parts: Vec<(usize, Variant<'e>, Vec<DMatrix<f64>>)> = (0..scores.len())
         .into_par_iter()
         .filter(|&i| i != best && usable[i] && !scores[i].effect.about().by_group)
         .flat_map_iter(|i| {
-            let mut order: Vec<&Scored<'a>> = scores[i].scored.iter().filter(|s| s.gain > 0.0).collect();
+            let mut order: Vec<&Scored<'e>> = scores[i].scored.iter().filter(|s| s.gain > 0.0).collect();
             order.sort_by(|a, b| b.gain.total_cmp(&a.gain));
             order.into_iter().take(VARIANTS).map(|s| s.variant.clone()).collect::<Vec<_>>().into_iter().filter_map(
                 move |v| {
@@ -85,7 +79,7 @@ fn best_pair<'a>(
         .collect();
     // a compromise stands for two effects with no more unknowns than itself
     let most = scores[best].scored[scores[best].best].variant.unknowns();
-    let joint = |a: usize, b: usize| -> (Variant<'a>, Vec<DMatrix<f64>>) {
+    let joint = |a: usize, b: usize| -> (Variant<'e>, Vec<DMatrix<f64>>) {
         let (ka, kb) = (parts[a].1.coefficients.len(), parts[b].1.coefficients.len());
         let columns = parts[a]
             .2
@@ -123,7 +117,7 @@ fn best_pair<'a>(
         })
         .collect();
     gains.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
-    let judged: Vec<(Scored<'a>, usize, usize, f64)> = gains
+    let judged: Vec<(Scored<'e>, usize, usize, f64)> = gains
         .into_iter()
         .take(JUDGED)
         .map(|(_, a, b)| {
@@ -166,7 +160,7 @@ fn best_pair<'a>(
     }
     let ka = parts[a].1.coefficients.len();
     let kb = parts[b].1.coefficients.len();
-    let part = |variant: &Variant<'a>, first: usize, k: usize| Scored {
+    let part = |variant: &Variant<'e>, first: usize, k: usize| Scored {
         joint_se: Vec::new(),
         freedom: scored.freedom.get(first..first + k).unwrap_or_default().to_vec(),
         widening: Vec::new(),

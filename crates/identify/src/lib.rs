@@ -19,6 +19,7 @@
 pub mod advice;
 pub mod balance;
 mod clusters;
+mod design;
 mod determination;
 mod error;
 pub mod gate;
@@ -40,6 +41,7 @@ pub mod window;
 pub use advice::{AdviceOptions, MotionAdvice, excitation_advice};
 pub use balance::{KindBalance, balanced};
 pub use clusters::{ClusterBy, WeightTrial};
+pub use design::Design;
 pub use determination::{Determination, Origin};
 pub use error::IdentifyError;
 pub use gate::{Gate, GateLimits};

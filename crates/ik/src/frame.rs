@@ -292,6 +292,12 @@ impl<'a> Solver<'a> {
         if distance > marker.huber { marker.weight * marker.huber / distance } else { marker.weight }
     }
 
+    /// Normal equations at `q`, which must be the last evaluated one.
+    pub fn equations(&mut self, q: &[f64]) -> &Packed {
+        self.linearise(q);
+        &self.normal
+    }
+
     /// Factorises the normal equations at `q`, which must be the last evaluated one. False if a
     /// coordinate is undetermined.
     pub fn prepare(&mut self, q: &[f64]) -> bool {

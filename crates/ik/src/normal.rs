@@ -144,20 +144,56 @@ impl Packed {
             if pivot.is_nan() || pivot <= 1e-13 * source.values[at + above.len()] || pivot <= 0.0 {
                 return false;
             }
-            let inverse = 1.0 / pivot;
-            let (head, row) = self.values.split_at_mut(at);
-            for (a, &i) in above.iter().enumerate().rev() {
-                let factor = row[a] * inverse;
-                if factor != 0.0 {
-                    let target = &mut head[self.start[i]..=self.start[i] + a];
-                    for (t, r) in target.iter_mut().zip(&row[..=a]) {
-                        *t -= factor * r;
-                    }
+            self.eliminate(tree, k, 1.0 / pivot);
+        }
+        true
+    }
+
+    /// Eliminates row `k`, whose inverse pivot is given, from the rows above; its entries become those of the factor.
+    #[inline]
+    fn eliminate(&mut self, tree: &Tree, k: usize, inverse: f64) {
+        let (head, row) = self.values.split_at_mut(self.start[k]);
+        for (a, &i) in tree.ancestors[k].iter().enumerate().rev() {
+            let factor = row[a] * inverse;
+            if factor != 0.0 {
+                let target = &mut head[self.start[i]..=self.start[i] + a];
+                for (t, r) in target.iter_mut().zip(&row[..=a]) {
+                    *t -= factor * r;
                 }
-                row[a] = factor;
+            }
+            row[a] = factor;
+        }
+    }
+
+    /// Eliminates the rows for which `keep` is false, which must be closed towards the leaves: the kept rows and their
+    /// gradient become those of the reduced equations, the others hold their factor. False if a pivot is not positive.
+    pub fn reduce(&mut self, tree: &Tree, keep: &[bool]) -> bool {
+        for k in (0..tree.nv).rev().filter(|&k| !keep[k]) {
+            let above = &tree.ancestors[k];
+            let at = self.start[k];
+            let pivot = self.values[at + above.len()];
+            if pivot.is_nan() || pivot <= 0.0 {
+                return false;
+            }
+            self.eliminate(tree, k, 1.0 / pivot);
+            for (&factor, &i) in self.values[at..at + above.len()].iter().zip(above) {
+                self.gradient[i] -= factor * self.gradient[k];
             }
         }
         true
+    }
+
+    /// Completes the solution `H x = −gradient` after [`Packed::reduce`], given its kept entries.
+    pub fn complete(&self, tree: &Tree, keep: &[bool], x: &mut [f64]) {
+        for k in (0..tree.nv).filter(|&k| !keep[k]) {
+            let above = &tree.ancestors[k];
+            let at = self.start[k];
+            let mut value = -self.gradient[k] / self.values[at + above.len()];
+            for (entry, &i) in self.values[at..at + above.len()].iter().zip(above) {
+                value -= entry * x[i];
+            }
+            x[k] = value;
+        }
     }
 
     /// Solves `H x = b` in place with a factor.
@@ -288,6 +324,23 @@ mod tests {
         factor.solve(&tree, &mut x);
         let inverse = dense.try_inverse().unwrap();
         let expected = &inverse * &gradient;
+        // rows at the leaves eliminated, the others solved densely
+        let keep: Vec<bool> = (0..tree.nv).map(|row| tree.column_link[row] < 3).collect();
+        let mut reduced = normal.clone();
+        assert!(reduced.reduce(&tree, &keep));
+        let kept: Vec<usize> = (0..tree.nv).filter(|&row| keep[row]).collect();
+        let entry = |row: usize, column: usize| {
+            let (low, high) = (row.max(column), row.min(column));
+            let place = tree.ancestors[low].iter().chain([&low]).position(|&c| c == high);
+            place.map_or(0.0, |k| reduced.values[reduced.start[low] + k])
+        };
+        let small = DMatrix::from_fn(kept.len(), kept.len(), |i, j| entry(kept[i], kept[j]));
+        let right = DVector::from_fn(kept.len(), |i, _| -reduced.gradient[kept[i]]);
+        let solved = small.lu().solve(&right).unwrap();
+        let mut y = vec![0.0; tree.nv];
+        kept.iter().zip(solved.iter()).for_each(|(&row, s)| y[row] = *s);
+        reduced.complete(&tree, &keep, &mut y);
+        assert!(y.iter().zip(expected.iter()).all(|(y, e)| (y + e).abs() < 1e-8));
         let mut selected = normal.clone();
         selected.invert(&tree, &factor, tree.nv);
         for row in 0..tree.nv {

@@ -50,10 +50,10 @@ fn nonce(page: &Page) -> String {
     blake3::hash(&text).to_hex()[..32].to_owned()
 }
 
-/// A judgement: its symbol, and its word if requested. The symbols differ in shape, so that colour
+/// A judgement: its symbol, and its word if requested (`word`; `sign` where the text beside it is the word). The symbols differ in shape, so that colour
 /// is not needed.
 fn light(name: &str, with_word: &str) -> Value {
-    let word = if with_word.is_empty() || name == "neutral" {
+    let word = if with_word != "word" || name == "neutral" {
         String::new()
     } else {
         format!("<b class=\"word {name}\">{name}</b> ")
@@ -221,6 +221,18 @@ mod tests {
         let html = render(&sample()).unwrap();
         assert!(html.contains("<use href=\"#light-poor\"/></svg><b class=\"word poor\">poor</b>"), "in the table");
         assert!(html.contains("role=\"img\" aria-label=\"fair\""), "in the list of chapters");
+    }
+
+    #[test]
+    fn explanations_stand_below_names_and_a_judgement_has_one_word() {
+        let rows = vec![vec![Cell::from("zero of plate").with_note("of <P>"), Cell::sign(Light::Fair, "differs")]];
+        let table = Table::new("check", "", &["measured", "judged"], rows).two_at_a_time();
+        let html = own(&Page { chapters: vec![chapter("a", vec![table.into()])], ..Page::default() });
+        assert!(
+            html.contains("zero of plate<small>of &lt;P&gt;</small>") && html.contains("figure class=\"table pair\"")
+        );
+        assert!(html.contains("<use href=\"#light-fair\"/></svg><b class=\"word fair\">differs</b>"));
+        assert!(!html.contains("<b class=\"word fair\">fair</b>"));
     }
 
     #[test]

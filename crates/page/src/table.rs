@@ -16,12 +16,24 @@ pub struct Cell {
     pub link: String,
     /// Judgement, shown as a symbol and a word before the text.
     pub light: Option<Light>,
+    /// True where the text itself is the word of the judgement.
+    pub is_word: bool,
+    /// Explanation below the text, in smaller letters; empty for none.
+    pub note: String,
 }
 
 impl Cell {
     /// The same cell with a link.
     pub fn to(self, link: impl Into<String>) -> Self {
         Self { link: link.into(), ..self }
+    }
+    /// The same cell with an explanation below it.
+    pub fn with_note(self, note: impl Into<String>) -> Self {
+        Self { note: note.into(), ..self }
+    }
+    /// A cell whose text is the word of a judgement.
+    pub fn sign(light: Light, word: impl Into<String>) -> Self {
+        Self { text: word.into(), light: Some(light), is_word: true, ..Self::default() }
     }
     /// A cell with a judgement and its word.
     pub fn light(light: Light, text: impl Into<String>) -> Self {
@@ -52,8 +64,10 @@ pub struct Table {
     pub header: Vec<String>,
     /// Rows; the first cell of each row is its name.
     pub rows: Vec<Vec<Cell>>,
+    /// True if a reader chooses two of the columns after the first; without a script all are shown.
+    pub two_at_a_time: bool,
     /// CSS class of each column: empty for numbers (right), `w` for words (left), `w n` for words
-    /// too short to wrap.
+    /// too short to wrap, `w noted` for words with explanations, which take what width is left.
     classes: Vec<&'static str>,
 }
 
@@ -65,6 +79,8 @@ impl Table {
             let cells = || rows.iter().filter_map(|r| r.get(i));
             if !cells().any(|c| c.light.is_some() || !is_number(&c.text)) {
                 ""
+            } else if cells().any(|c| !c.note.is_empty()) {
+                "w noted"
             } else if cells().all(|c| c.text.chars().count() <= SHORT) {
                 "w n"
             } else {
@@ -77,8 +93,15 @@ impl Table {
             caption: caption.to_owned(),
             header: header.iter().map(|h| (*h).to_owned()).collect(),
             rows,
+            two_at_a_time: false,
             classes,
         }
+    }
+
+    /// The same table, of which two columns beside the first are shown, as the reader chooses.
+    #[must_use]
+    pub fn two_at_a_time(self) -> Self {
+        Self { two_at_a_time: true, ..self }
     }
 }
 

@@ -78,14 +78,35 @@
     const figure = b.closest("figure"), table = figure.querySelector("script") ? null : figure.querySelector("table");
     const name = b.closest(".chapter").querySelector(".chapter-title").textContent + " " + figure.querySelector(".what").textContent;
     const rows = table
-      ? [...table.rows].map((r) => [...r.cells].map((c) => c.innerText.trim()))
+      ? [...table.rows].map((r) => [...r.cells].map((c) => c.innerText.trim().replace(/\n+/g, ": ")))
       : (figure.querySelector(".player") ? Player : figure.querySelector(".drawing.chart") ? Charts : Maps).rows(figure);
     Numbers.save(name, rows);
   }));
 
+  // two columns of a table at a time
+  document.querySelectorAll("figure.pair").forEach((figure) => {
+    const table = figure.querySelector("table"), names = [...table.tHead.rows[0].cells].slice(1).map((c) => c.textContent);
+    const chosen = [0, 1].map((start) => {
+      const select = document.createElement("select");
+      select.setAttribute("aria-label", start ? "Second subject" : "First subject");
+      names.forEach((name, i) => select.add(new Option(name, i + 1, i === start, i === start)));
+      return select;
+    });
+    const show = () => {
+      const two = chosen.map((s) => Number(s.value));
+      [...table.rows].forEach((row) => [...row.cells].forEach((cell, i) => { cell.hidden = i > 0 && !two.includes(i); }));
+    };
+    chosen.forEach((s) => s.addEventListener("change", show));
+    const line = document.createElement("p");
+    line.className = "choose";
+    line.append(chosen[0], " beside ", chosen[1]);
+    figure.querySelector(".scroll").before(line);
+    show();
+  });
+
   // a click on a head sorts by it
   const key = (cell) => { const t = cell.innerText.trim(), v = parseFloat(t.replace("−", "-")); return Number.isFinite(v) ? v : t; };
-  document.querySelectorAll("figure.table table").forEach((table) => {
+  document.querySelectorAll("figure.table:not(.pair) table").forEach((table) => {
     const body = table.tBodies[0];
     if (body.rows.length < 3) return;
     [...table.tHead.rows[0].cells].forEach((head, i) => {

@@ -10,6 +10,7 @@ pub mod made;
 pub mod merge;
 mod plate_zeros;
 pub mod progress;
+pub mod ready_made;
 pub mod results;
 pub mod run_report;
 pub mod runner;

@@ -195,7 +195,7 @@ fn run_stages(
     let mut report = RunReport::default();
     let mut would_change: Vec<(String, String)> = Vec::new();
     for stage in STAGES[from..until].iter().copied() {
-        let mut todo = Vec::new();
+        let mut due = Vec::new();
         let mut line: Vec<TaskReport> = Vec::new();
         for trial in stage.tasks(session) {
             let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
@@ -222,7 +222,7 @@ fn run_stages(
                 }
                 s if s.is_current() && !selection.force && !upstream_changes => Some(Ended::UpToDate),
                 _ if !selection.dry_run => {
-                    todo.push(Task { trial, inputs });
+                    due.push(Task { trial, inputs });
                     None
                 }
                 s => {
@@ -243,8 +243,8 @@ fn run_stages(
                 line.push(TaskReport { stage: stage.name, trial: name.to_owned(), ended, warnings, seconds: 0.0 });
             }
         }
-        progress.stage(&session.id, stage.name, line.len(), todo.len());
-        for (manifest, task, unwritten) in run_tasks(stage, &todo, session, selection, workspace, threads, progress)? {
+        progress.stage(&session.id, stage.name, line.len(), due.len());
+        for (manifest, task, unwritten) in run_tasks(stage, &due, session, selection, workspace, threads, progress)? {
             manifests.insert(manifest);
             line.push(task);
             report.unwritten.extend(unwritten);

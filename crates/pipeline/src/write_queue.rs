@@ -3,6 +3,7 @@
 
 use crate::graph::Stage;
 use crate::progress::Progress;
+use crate::ready_made;
 use crate::run_report::{Ended, TaskReport};
 use crate::selection::Selection;
 use crate::task::{Task, empty_manifest, made_meanwhile, run_task};
@@ -25,7 +26,7 @@ pub(crate) type Done = (Manifest, TaskReport, Option<String>);
 /// waiting ones at once.
 pub(crate) fn run_tasks(
     stage: &'static Stage,
-    todo: &[Task<'_>],
+    due: &[Task<'_>],
     session: &SubjectSession,
     selection: &Selection,
     workspace: &Workspace,
@@ -67,7 +68,8 @@ pub(crate) fn run_tasks(
         {
             return Ok(Some((manifest, report, None)));
         }
-        let (complete, report) = match run_task(stage, task, session, workspace) {
+        let ready = if selection.force { None } else { ready_made::take(stage, task, session, workspace) };
+        let (complete, report) = match ready.map_or_else(|| run_task(stage, task, session, workspace), Ok) {
             Ok(made) => made,
             Err(e) => return Ok(Some(tell(not_made(stage, task, session, e)))),
         };
@@ -84,7 +86,7 @@ pub(crate) fn run_tasks(
         // a separate thread, not one of rayon's: those may all be waiting for it
         let placing = std::thread::Builder::new().spawn_scoped(scope, place);
         let placing = placing.map_err(|e| PipelineError::request(format!("cannot begin a thread: {e}")))?;
-        let results: Vec<Result<Option<Done>, PipelineError>> = threads.each(todo, |task| one(task, &hand_over));
+        let results: Vec<Result<Option<Done>, PipelineError>> = threads.each(due, |task| one(task, &hand_over));
         drop(hand_over);
         let mut out = placing.join().map_err(|_| stopped())?;
         for result in results {

@@ -55,7 +55,12 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
         );
     }
     // a verdict on an earlier model is no signal of the present one
-    let light = asked(story).map_or(Light::Neutral, |d| verdict_light(d.verdict).max(Light::Neutral));
+    let passed = story.found.as_ref().is_some_and(|f| f.parameters.gate.passed);
+    let light = match asked(story).map_or(Light::Neutral, |d| verdict_light(d.verdict)) {
+        // flights that are too few to determine the body show little of what is missing
+        Light::Good if !passed => Light::Neutral,
+        light => light,
+    };
     Chapter { id: "discovery".into(), title: "What is missing".into(), group: STUDY.into(), light, sections }
 }
 

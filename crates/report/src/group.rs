@@ -71,6 +71,8 @@ pub(super) struct Row {
     pub(super) markers: BTreeMap<String, f64>,
     /// Name, judgement, marker error, flights and first remark of each recording.
     pub(super) trials: Vec<TrialLine>,
+    /// What is set side by side of two subjects: name and value.
+    pub(super) lines: Vec<(String, String)>,
     pub(super) failure: Option<String>,
 }
 
@@ -86,6 +88,13 @@ pub fn page(title: &str, members: &[Member<'_>], absent: &[Absent]) -> Result<Pa
     let next = members.first().map_or(String::new(), |m| super::commands::for_all(m.session, "discover"));
     let mut chapters = vec![overview(&rows, absent, &next)];
     chapters.push(distributions(&rows));
+    chapters.extend(super::pair::section(&rows).map(|section| Chapter {
+        id: "pair".into(),
+        title: "Two subjects".into(),
+        group: STUDY.into(),
+        light: Light::Neutral,
+        sections: vec![section],
+    }));
     chapters.push(recordings(&rows));
     let n: usize = rows.iter().map(|r| r.recordings).sum();
     Ok(Page {
@@ -124,6 +133,7 @@ fn row(m: &Member<'_>) -> Row {
         shares: Vec::new(),
         markers: BTreeMap::new(),
         trials: Vec::new(),
+        lines: Vec::new(),
         failure: None,
     };
     let made = aloft_pipeline::made::as_made(m.session);
@@ -174,6 +184,7 @@ fn row(m: &Member<'_>) -> Row {
         Verdict::OneOf => (d.verdict, aloft_analysis::verdict::groups(d)),
         _ => (d.verdict, d.effects.join(", ")),
     });
+    out.lines = super::pair::lines(&story);
     out.held = standing::effects(&story).join(", ");
     for t in story.dynamic() {
         let Some(motion) = &t.motion else { continue };

@@ -1,12 +1,14 @@
 //! The first screen: how wrong the model is, where, what is missing, how sure, what to do next.
 
 use super::commands::command;
+use super::session;
 use super::standing::{self, Standing, asked, effects, standings};
 use super::story::Story;
-use super::wording::{number, plus_minus, unit};
+use super::sureness::{how_sure, laws, missing, named};
+use super::wording::{count, number};
 use aloft_analysis::compare::ComparisonView;
 use aloft_compare::{Comparison, Group, GroupedBy};
-use aloft_discover::{Candidate, Discovery, OpenWorld, Verdict};
+use aloft_discover::Verdict;
 use aloft_page::{Fact, Headline, Light};
 
 /// The headline.
@@ -22,7 +24,8 @@ pub fn headline(story: &Story<'_>) -> Headline {
         facts.extend(place(story, first).map(|text| Fact::new("Where", text)));
     }
     facts.push(Fact::new("Missing", missing(story)));
-    facts.push(Fact::new("How sure", how_sure(story)));
+    facts.push(Fact::new("How sure", how_sure(story, all.first())));
+    facts.extend(session::brief(story).map(|text| Fact::new("Recordings", text)));
     facts.push(next(story, all.first()));
     Headline { light: standing::light(story), sentence, facts }
 }
@@ -42,9 +45,7 @@ fn unjudged(story: &Story<'_>, view: &ComparisonView) -> Headline {
         .zip(&view.limits)
         .map(|(name, text)| {
             let text = text.trim_start_matches("what holds: ");
-            let mut letters = text.chars();
-            let first = letters.next().map_or(String::new(), |c| c.to_uppercase().to_string());
-            Fact::new(name, format!("{first}{}.", letters.as_str()))
+            Fact::new(name, sentence_of(text))
         })
         .collect();
     let on_plates = view.errors.iter().find(|e| e.judged_on == "contact");
@@ -87,7 +88,14 @@ fn sentence(story: &Story<'_>, first: Option<&Standing>, other: Option<&Standing
     // the other kind of motion is told of where the model is worse there
     let worse = other.filter(|o| o.light() > first.light()).and_then(|o| Some((o.place.clone(), o.ratio?)));
     if first.at_floor {
-        let but = worse.map_or(": a perfect model could err as much".to_owned(), |(place, ratio)| {
+        let few = || match &story.found {
+            Some(found) if !found.parameters.gate.passed => {
+                format!(", but {} are too few to determine the body", count(found.parameters.n_stretches, "flight"))
+                    .replace("1 flight are too few", "1 flight is too little")
+            }
+            _ => ": a perfect model could err as much".to_owned(),
+        };
+        let but = worse.map_or_else(few, |(place, ratio)| {
             format!(", but errs by {} times its floor in {place}", super::lights::times(ratio))
         });
         return format!("{} is at its noise floor in {place}{but}.", held(story));
@@ -96,6 +104,7 @@ fn sentence(story: &Story<'_>, first: Option<&Standing>, other: Option<&Standing
     let also = worse.map_or(String::new(), |(place, ratio)| format!(" and {} times in {place}", times(ratio)));
     let wrong = format!("{} errs by {} times its noise floor in {place}{also}", held(story), times(ratio));
     match asked(story) {
+        None if story.comparison.as_ref().is_some_and(|v| v.too_few_to_ask()) => format!("{wrong}."),
         None => format!("{wrong}. What it is missing has not been asked."),
         Some(d) => match d.verdict {
             Verdict::Supported => format!("{wrong}, and `{}` is missing.", named(d).join("` and `")),
@@ -111,34 +120,6 @@ fn sentence(story: &Story<'_>, first: Option<&Standing>, other: Option<&Standing
             Verdict::NotDetectable => format!("{wrong}; the recordings cannot tell what is missing."),
         },
     }
-}
-
-/// Laws that explain the error where no effect of the catalogue does.
-fn laws(d: &Discovery) -> Option<&OpenWorld> {
-    d.open.as_ref().filter(|o| o.complete && !o.laws.is_empty())
-}
-
-/// What is missing where the recordings cannot tell all of it apart, the sure ones first.
-fn one_of(d: &Discovery) -> String {
-    let list = |effects: &[String], word: &str| {
-        effects.iter().map(|e| format!("`{e}`")).collect::<Vec<_>>().join(&format!(" {word} "))
-    };
-    let sure = d.groups.iter().filter(|g| g.is_sure()).map(|g| list(&g.effects, "and"));
-    let unsure = d.groups.iter().filter(|g| !g.is_sure()).map(|g| match g.missing {
-        1 => format!("one of {}", list(&g.effects, "or")),
-        n => format!("{n} of {}", list(&g.effects, "and")),
-    });
-    let each: Vec<String> = sure.chain(unsure).collect();
-    match each.as_slice() {
-        [] | [_] => format!("One of {}; these recordings cannot tell which.", list(&d.effects, "or")),
-        all => format!("{}; these recordings cannot tell more.", all.join(", and ")),
-    }
-}
-
-/// Keys of what the verdict names, or else the identifiers.
-fn named(d: &Discovery) -> Vec<String> {
-    let keys: Vec<String> = d.found.iter().filter(|f| d.effects.contains(&f.effect)).map(|f| f.key.clone()).collect();
-    if keys.is_empty() { d.effects.clone() } else { keys }
 }
 
 fn how_wrong(story: &Story<'_>, first: &Standing, other: Option<&Standing>) -> String {
@@ -188,11 +169,7 @@ fn place(story: &Story<'_>, first: &Standing) -> Option<String> {
             parts.push(format!("{:.0} % of it could sit in `{}`", 100.0 * s.inertia_share, s.link));
         }
     }
-    let mut text = parts.join("; ");
-    if let Some(c) = text.chars().next() {
-        text.replace_range(..c.len_utf8(), &c.to_uppercase().to_string());
-    }
-    (!text.is_empty()).then(|| text + ".")
+    (!parts.is_empty()).then(|| sentence_of(&parts.join("; ")))
 }
 
 /// Names of the axes and the error over windows along each, in multiples of the floor of the same
@@ -234,118 +211,6 @@ fn trend(c: &Comparison) -> Option<String> {
     (grown.0 > TREND).then(|| format!("grows {} times with {}", super::lights::times(grown.0), grown.1))
 }
 
-/// What a candidate is, with its coefficients.
-fn described(key: &str, d: &Discovery) -> String {
-    let of = |c: &aloft_discover::Estimate| {
-        format!("{} {} {}", c.name.replace('_', " "), plus_minus(c.value, c.ci95), unit(&c.unit))
-    };
-    let coefficients: Vec<String> =
-        d.found.iter().find(|f| f.key == key).map_or(Vec::new(), |f| f.coefficients.iter().take(2).map(of).collect());
-    if coefficients.is_empty() {
-        format!("`{key}`")
-    } else {
-        format!("`{key}`: {}", coefficients.join(", ").trim_end().to_owned())
-    }
-}
-
-fn missing(story: &Story<'_>) -> String {
-    let own = effects(story);
-    let Some(d) = asked(story) else {
-        return if own.is_empty() {
-            "Not asked: `discover` looks for the effect that the model is missing.".to_owned()
-        } else {
-            format!("`{}` was missing and is in the model now. What remains has not been asked.", own.join("`, `"))
-        };
-    };
-    match d.verdict {
-        Verdict::Supported => {
-            let sure = named(d).iter().map(|k| described(k, d)).collect::<Vec<_>>();
-            let unsure =
-                d.groups.iter().filter(|g| !g.is_sure()).map(|g| format!("and one of `{}`", g.effects.join("`, `")));
-            let all: Vec<String> = sure.into_iter().chain(unsure).collect();
-            format!("{}.", all.join("; "))
-        }
-        Verdict::OneOf => one_of(d),
-        Verdict::NothingMissing => "Nothing that these recordings could show.".to_owned(),
-        Verdict::Unexplained => match (laws(d), d.open.as_ref().and_then(|o| o.diagnosis.as_ref())) {
-            (Some(open), _) => {
-                let each: Vec<String> = open.laws.iter().map(|l| format!("`{}`: {}", l.id, l.text)).collect();
-                format!("{}.", each.join("; and "))
-            }
-            (None, Some(found)) => format!("A law that is not known: nearest is {}.", found.text),
-            (None, None) => "Something, but no effect of the catalogue explains it.".to_owned(),
-        },
-        Verdict::NotDetectable => "The recordings are too few or too noisy to tell.".to_owned(),
-    }
-}
-
-fn how_sure(story: &Story<'_>) -> String {
-    let mut parts = Vec::new();
-    if let Some(d) = asked(story) {
-        // candidates of flights and of contact leave shares of different errors
-        let place = d.rounds.first().map(|r| r.judged_on.as_str());
-        let best = d.candidates.iter().find(|c: &&Candidate| !c.placebo && Some(c.judged_on.as_str()) == place);
-        let believed = matches!(d.verdict, Verdict::Supported | Verdict::OneOf);
-        if let (Some(best), Some(round)) = (best, d.rounds.first()) {
-            let falls = format!(
-                "{:.0} % ({:.0} to {:.0} %)",
-                100.0 * best.held_out_ratio,
-                100.0 * best.ci95[0],
-                100.0 * best.ci95[1]
-            );
-            let (share, chance) = round.by_chance();
-            let law = laws(d).and_then(|o| Some((o, o.times_floor_after?, o.laws.first()?.family_wise_p)));
-            parts.push(if let Some((open, times, p)) = law {
-                format!(
-                    "With it the held-out error falls to {} times the floor; with random signs the best of {} combinations does as well with a probability of at \
-                     most {p:.3}.",
-                    super::lights::times(times),
-                    open.entries
-                )
-            } else if believed {
-                format!(
-                    "The held-out error falls to {falls}; by chance it falls below {:.0} % in {:.0} of 100 cases.",
-                    100.0 * chance,
-                    100.0 * share
-                )
-            } else {
-                format!(
-                    "The best effect, `{}`, leaves {falls} of the error in {}; it would have to leave less than {:.0} %.",
-                    best.key,
-                    round.judged_on,
-                    100.0 * best.accepted_below
-                )
-            });
-        }
-    }
-    if let Some(found) = &story.found {
-        let p = &found.parameters;
-        let mut text = super::wording::count(p.n_stretches, "flight");
-        if !p.gate.passed {
-            text.push_str(", too little to determine the parameters");
-        }
-        if let Some(reason) = p.gate.reasons.first().and_then(|r| r.split(';').next()) {
-            text.push_str(&format!(": {}", reason.trim_end_matches('.')));
-        } else if p.gate.passed {
-            text.push_str(" determine the parameters");
-        }
-        parts.push(text + ".");
-    }
-    let lost = story.trials.iter().filter(|t| !t.failures.is_empty()).count();
-    if lost > 0 {
-        parts.push(format!("{} failed and is in none of these numbers.", super::wording::count(lost, "recording")));
-    }
-    let nothing = || {
-        let why = story.comparison.as_ref().and_then(|v| v.parameters.nothing.clone());
-        let mut letters = why.unwrap_or_else(|| "nothing was identified".to_owned());
-        if let Some(first) = letters.chars().next() {
-            letters.replace_range(..first.len_utf8(), &first.to_uppercase().to_string());
-        }
-        letters + "."
-    };
-    if parts.is_empty() { nothing() } else { parts.join(" ") }
-}
-
 fn next(story: &Story<'_>, first: Option<&Standing>) -> Fact {
     let s = story.session;
     let with = |text: &str, command: String| Fact { command, ..Fact::new("Next", text) };
@@ -364,9 +229,14 @@ fn next(story: &Story<'_>, first: Option<&Standing>) -> Fact {
     if !gate.passed
         && let Some(advice) = gate.advice.first()
     {
-        return Fact::new("Next", format!("Record more: {advice}."));
+        // advice reads "motion, more of it: would show parameters"
+        let motion = advice.split(": would show").next().unwrap_or(advice);
+        return Fact::new("Next", format!("Record more flights: {motion}."));
     }
     let at_floor = first.is_some_and(|f| f.at_floor);
+    if asked(story).is_none() && story.comparison.as_ref().is_some_and(|v| v.too_few_to_ask()) {
+        return Fact::new("Next", "Record more flights.");
+    }
     match asked(story) {
         None if at_floor => with("Ask whether anything remains.", command(s, "discover", None)),
         None => with("Ask what is missing.", command(s, "discover", None)),
@@ -383,12 +253,21 @@ fn next(story: &Story<'_>, first: Option<&Standing>) -> Fact {
                 with("Add it, and rank it again on other motions.", command(s, "effect add", Some(&law.id)))
             }
             (Verdict::NothingMissing, _) if at_floor => with("Use the model.", command(s, "parameters", None)),
-            _ => match d.advice.first().or(gate.advice.first()) {
-                Some(advice) => Fact::new("Next", format!("Record more: {}.", advice.trim_end_matches('.'))),
+            _ => match d.advice.first() {
+                Some(advice) => Fact::new("Next", sentence_of(advice)),
                 None => with("See where the error sits.", command(s, "compare", None)),
             },
         },
     }
+}
+
+/// A clause as a sentence: a capital letter at its begin, a full stop at its end.
+pub(crate) fn sentence_of(clause: &str) -> String {
+    let mut text = clause.trim_end_matches('.').to_owned();
+    if let Some(first) = text.chars().next() {
+        text.replace_range(..first.len_utf8(), &first.to_uppercase().to_string());
+    }
+    text + "."
 }
 
 /// Text below the ladder: the floor in words.

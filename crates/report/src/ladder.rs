@@ -5,6 +5,7 @@ use super::headline::{floor_words, rung_light};
 use super::lights::times;
 use super::standing::{Standing, asked, standings};
 use super::story::Story;
+use super::sureness::after_all;
 use super::wording::{maybe, number, plus_minus, unit};
 use aloft_analysis::compare::JudgedOn;
 use aloft_analysis::history::HistoryRow;
@@ -32,12 +33,13 @@ pub fn picture(story: &Story<'_>) -> Option<Ladder> {
             Some(j) => (j.error_n, j.times_floor(), j.at_floor() == Some(true)),
             None => (f64::NAN, None, false),
         };
+        let light = rung_light(ratio, at_floor, r.void.is_some());
         rungs.push(Rung {
             name: name(r, i.checked_sub(1).map(|k| &rows[k])),
             size: size(r, i.checked_sub(1).map(|k| &rows[k]), &units),
             error,
             words: words(error, ratio, at_floor),
-            light: rung_light(ratio, at_floor, r.void.is_some()),
+            light: if last { behind_gate(story, light) } else { light },
             forecast: false,
         });
     }
@@ -50,6 +52,12 @@ pub fn picture(story: &Story<'_>) -> Option<Ladder> {
         floor_words: floor_words(first),
         rungs,
     })
+}
+
+/// The judgement of a model whose gate did not pass: at best fair.
+fn behind_gate(story: &Story<'_>, light: Light) -> Light {
+    let passed = story.found.as_ref().is_some_and(|f| f.parameters.gate.passed);
+    if light == Light::Good && !passed { Light::Fair } else { light }
 }
 
 fn words(error: f64, ratio: Option<f64>, at_floor: bool) -> String {
@@ -85,15 +93,15 @@ fn size(r: &HistoryRow, before: Option<&HistoryRow>, units: &HashMap<String, Str
 
 /// What `discover` promises for the effects that it found, or for laws that replace them.
 fn promised(story: &Story<'_>, first: &Standing) -> Option<Rung> {
-    let d = asked(story).filter(|d| d.held_out_error_after.is_finite())?;
+    let d = asked(story)?;
     let laws = d.open.iter().filter(|o| o.complete).flat_map(|o| &o.laws).map(|l| (l.id.as_str(), &l.coefficients));
     let parts: Vec<(&str, &Vec<aloft_discover::Estimate>)> =
         d.found.iter().map(|f| (f.key.as_str(), &f.coefficients)).chain(laws).collect();
     if parts.is_empty() {
         return None;
     }
-    let ratio = first.floor_n.map(|f| d.held_out_error_after / f);
-    let at_floor = first.interval_n.is_some_and(|[_, most]| d.held_out_error_after <= most);
+    let (error, ratio) = after_all(story, first)?;
+    let at_floor = first.interval_n.is_some_and(|[_, most]| error <= most);
     let keys: Vec<&str> = parts.iter().map(|p| p.0).collect();
     let of = |c: &aloft_discover::Estimate| {
         format!("{} {} {}", c.name.replace('_', " "), plus_minus(c.value, c.ci95), unit(&c.unit))
@@ -103,8 +111,8 @@ fn promised(story: &Story<'_>, first: &Standing) -> Option<Rung> {
     Some(Rung {
         name: format!("+ `{}`?", keys.join("` + `")),
         size: sizes.join(", "),
-        error: d.held_out_error_after,
-        words: format!("{}, forecast", words(d.held_out_error_after, ratio, at_floor)),
+        error,
+        words: format!("{}, forecast", words(error, ratio, at_floor)),
         light: Light::Neutral,
         forecast: true,
     })

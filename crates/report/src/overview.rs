@@ -174,19 +174,8 @@ fn recordings(story: &Story<'_>) -> Table {
     let rows = story.trials.iter().map(row).collect();
     Table::new(
         "Recordings",
-        "Click a name to open the recording's chapter.",
-        &[
-            "recording",
-            "judgement",
-            "part",
-            "length, s",
-            "gaps filled",
-            "missing, %",
-            "marker RMS, mm",
-            "flights",
-            "fall against g, %",
-            "reasons",
-        ],
+        "Judgement, name and reasons. Click a name to open the recording's chapter.",
+        &["recording", "part", "length, s", "missing, %", "marker RMS, mm", "flights", "fall against g, %"],
         rows,
     )
 }
@@ -206,18 +195,15 @@ fn row(t: &TrialStory<'_>) -> Vec<Cell> {
         }
     };
     let has_chapter = t.entry.role.is_dynamic() || !t.failures.is_empty();
-    let name = Cell::from(t.entry.name.clone());
+    let name = Cell::light(light, t.entry.name.clone()).with_note(reasons);
     let k = t.kinematics.as_ref();
     vec![
         if has_chapter { name.to(format!("#{}", t.anchor())) } else { name },
-        Cell::light(light, ""),
         t.entry.role.word().into(),
         t.duration_s().map_or("–".into(), |s| format!("{s:.1}").into()),
-        t.noted("filled_gaps").map_or("–".into(), |n| format!("{n:.0}").into()),
         t.missing_percent().map_or("–".into(), |p| format!("{p:.1}").into()),
         maybe(k.and_then(|k| k.marker_rms_mm)).into(),
         t.n_flights().map_or("–".into(), |n| n.to_string().into()),
         k.and_then(|k| k.gravity_error_percent).map_or("–".into(), |g| format!("{g:+.2}").into()),
-        reasons.into(),
     ]
 }

@@ -1,8 +1,10 @@
 //! What the recordings say about themselves, before any model is judged: the session check.
 
+use super::headline::sentence_of;
+use super::standing::{asked, effects};
 use super::story::Story;
 use aloft_analysis::corrections::{offers, to_yaml};
-use aloft_analysis::session_check::{LineStanding, session_check};
+use aloft_analysis::session_check::{LineStanding, SessionLine, session_check};
 use aloft_page::{Block, Cell, Light, Section, Table};
 
 /// The section of the first chapter; none before a run.
@@ -15,26 +17,21 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         .lines
         .iter()
         .map(|line| {
-            let digits = line.digits();
-            let number = |x: f64| if x.is_finite() { format!("{x:.digits$}") } else { "–".to_owned() };
             let light = match line.standing {
                 LineStanding::Agrees => Light::Good,
                 LineStanding::Differs => Light::Fair,
                 LineStanding::Reading => Light::Neutral,
             };
-            let interval =
-                line.ci95.map_or("–".to_owned(), |[low, high]| format!("{} to {}", number(low), number(high)));
             vec![
-                Cell::from(line.what.clone()),
-                format!("{} {}", number(line.value), line.unit).into(),
-                interval.into(),
-                line.expected.map_or("–".to_owned(), number).into(),
-                Cell::light(light, line.standing.word()),
-                line.words.clone().into(),
+                Cell::from(line.what.clone()).with_note(line.words.clone()),
+                line.value_words().into(),
+                line.interval_words().into(),
+                line.expected.map_or("–".to_owned(), |e| line.number(e)).into(),
+                Cell::sign(light, line.standing.word()),
             ]
         })
         .collect();
-    let header = ["measured", "value", "95 %", "expected", "", "from"];
+    let header = ["measured", "value", "95 % interval", "expected", "judged"];
     let caption = "From the recordings alone; no identified model is in it. A line without an interval is a reading.";
     let mut blocks = vec![Table::new("Session check", caption, &header, rows).into()];
     let offered = offers(story.session, &checked);
@@ -47,4 +44,37 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         blocks.push(Block::code(to_yaml(&offered)));
     }
     Some(Section::new("session", "What the recordings say about themselves", "", blocks))
+}
+
+/// Most measurements that the first screen names.
+const SHOWN: usize = 3;
+
+/// What the recordings say that differs from what was expected, in a sentence; none where nothing does.
+pub fn brief(story: &Story<'_>) -> Option<String> {
+    let checked = session_check(story.session);
+    let differs: Vec<String> = checked
+        .lines
+        .iter()
+        .filter(|l| l.standing == LineStanding::Differs)
+        .map(|l| {
+            let interval = l.ci95.map_or(String::new(), |_| format!(" ({})", l.interval_words()));
+            let expected =
+                l.expected.filter(|e| *e != 0.0).map_or(String::new(), |e| format!(", {} expected", l.number(e)));
+            format!("{} {}{interval}{expected}", l.what, l.value_words())
+        })
+        .collect();
+    let more = match differs.len().saturating_sub(SHOWN) {
+        0 => String::new(),
+        n => format!("; {n} more"),
+    };
+    let text = differs.iter().take(SHOWN).map(String::as_str).collect::<Vec<_>>().join("; ");
+    // a pull on the body shows in what assumes free fall
+    let falls = |l: &&SessionLine| {
+        l.standing == LineStanding::Differs && ["impulse_mass", "free_fall", "vertical"].contains(&l.id)
+    };
+    let pulled = checked.lines.iter().any(|l| falls(&l))
+        && (!effects(story).is_empty() || asked(story).is_some_and(|d| !d.found.is_empty()));
+    let why =
+        if pulled { " A force on the body in flight changes mass, rate and vertical as measured here." } else { "" };
+    (!differs.is_empty()).then(|| sentence_of(&format!("{text}{more}")) + why + " The session check below says more.")
 }

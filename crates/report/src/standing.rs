@@ -3,6 +3,8 @@
 
 use super::lights;
 use super::story::Story;
+use aloft_analysis::held_out::HeldOutError;
+use aloft_analysis::history::HistoryRow;
 use aloft_compare::AgainstFloor;
 use aloft_discover::{Discovery, Verdict};
 use aloft_page::Light;
@@ -55,17 +57,32 @@ impl Standing {
 pub fn standings(story: &Story<'_>) -> Vec<Standing> {
     let Some(view) = &story.comparison else { return Vec::new() };
     let mut all: Vec<Standing> = view.comparison.against_floor.iter().map(Standing::of).collect();
-    let found_in = asked(story).filter(|d| matches!(d.verdict, Verdict::Supported | Verdict::OneOf)).and_then(|d| {
-        d.ladder.first().map(|a| a.judged_on.clone()).or_else(|| d.rounds.first().map(|r| r.judged_on.clone()))
-    });
-    let last = story.history.revisions.last().filter(|r| r.revision > 0).and_then(|r| r.judged_on);
-    let changed_in = last.map(|j| if j.words().ends_with("flight") { "flight" } else { "contact" }.to_owned());
-    let place = found_in.or(changed_in);
+    let place = stated_place(asked(story), story.history.revisions.last());
     all.sort_by(|a, b| {
         let first = |s: &Standing| place.as_ref() == Some(&s.place);
         first(b).cmp(&first(a)).then(b.ratio.unwrap_or(0.0).total_cmp(&a.ratio.unwrap_or(0.0)))
     });
     all
+}
+
+/// Where the effect of the last revision acts or where `discover` found something; none if neither says.
+fn stated_place(asked: Option<&Discovery>, last: Option<&HistoryRow>) -> Option<String> {
+    let found_in = asked.filter(|d| matches!(d.verdict, Verdict::Supported | Verdict::OneOf)).and_then(|d| {
+        d.ladder.first().map(|a| a.judged_on.clone()).or_else(|| d.rounds.first().map(|r| r.judged_on.clone()))
+    });
+    let last = last.filter(|r| r.revision > 0).and_then(|r| r.judged_on);
+    let changed_in = last.map(|j| if j.words().ends_with("flight") { "flight" } else { "contact" }.to_owned());
+    found_in.or(changed_in)
+}
+
+/// The kind of motion on which the first screen judges the model, for the panel of switches.
+pub fn judged_place(asked: Option<&Discovery>, last: Option<&HistoryRow>) -> Option<String> {
+    let worst = || {
+        let ratio = |e: &&HeldOutError| e.times_floor.unwrap_or(0.0);
+        let first = last?.errors.iter().rev().max_by(|a, b| ratio(a).total_cmp(&ratio(b)))?;
+        Some(first.judged_on.clone())
+    };
+    stated_place(asked, last).or_else(worst)
 }
 
 /// The latest answer of `discover`, if it was asked of the present model and of these results.

@@ -2,7 +2,9 @@
 //! that is sent computes the model with any choice of them.
 
 use crate::commands::command;
+use crate::standing::judged_place;
 use crate::story::Story;
+use aloft_analysis::discover::latest;
 use aloft_analysis::effect::{Asked, history};
 use aloft_analysis::freshness::freshness;
 use aloft_analysis::switch_kernel::{KernelWindows, SwitchKernel};
@@ -29,6 +31,7 @@ pub fn panel_state(session: &SubjectSession, switches: &[Switch]) -> Result<Valu
     let session = session.refreshed()?;
     let fresh = freshness(&session)?;
     let history = history(&session).ok();
+    let place = judged_place(latest(&session).as_ref(), history.as_ref().and_then(|h| h.revisions.last()));
     let rungs: Vec<Value> = history
         .iter()
         .flat_map(|h| &h.revisions)
@@ -45,6 +48,7 @@ pub fn panel_state(session: &SubjectSession, switches: &[Switch]) -> Result<Valu
         "current": fresh.is_current(),
         "stale": fresh.describe(),
         "revisions": rungs,
+        "place": place,
         "switches": switches,
         "preparing": false,
         "problem": null,
@@ -67,9 +71,12 @@ fn asked(session: &SubjectSession) -> Result<Value, PipelineError> {
         Verdict::Supported | Verdict::OneOf => format!("{}.", aloft_analysis::verdict::words(d)),
         _ => d.words.clone(),
     };
+    // what removes a part of the error and is not shown to be the cause is not found
+    let sure = d.verdict != Verdict::Unexplained;
+    let found: Vec<&String> = d.found.iter().filter(|_| sure).map(|f| &f.key).collect();
     Ok(json!({
         "verdict": d.verdict, "words": words, "effects": d.effects,
-        "found": d.found.iter().map(|f| &f.key).collect::<Vec<_>>(),
+        "found": found,
         "candidates": about.collect::<Vec<_>>(),
         "of_present_results": asked.is_of(session),
     }))

@@ -14,15 +14,52 @@ const REACH: usize = 3;
 /// Checks a log and its base recording; returns remarks.
 ///
 /// # Errors
-/// [`RobotError::Log`] for joint columns in degrees, exchanged or reversed columns, a gyroscope in
+/// [`RobotError::Log`] for columns without numbers, joint columns in degrees, exchanged or reversed columns, a gyroscope in
 /// degrees, and quaternions in another order or direction than stated.
 pub fn check(log: &RobotLog, base: Option<&BaseLog>, model: &RobotModel) -> Result<Vec<String>, RobotError> {
     let mut remarks = Vec::new();
+    missing(log, model, &mut remarks)?;
     joints(log, model, &mut remarks)?;
     if let Some(base) = base.or(log.base.as_ref()) {
         rotation(log, base)?;
     }
     Ok(remarks)
+}
+
+/// Share of missing values from which a joint is named.
+const OFTEN_MISSING: f64 = 0.1;
+
+/// Joints without values: a frame needs all of them.
+fn missing(log: &RobotLog, model: &RobotModel, remarks: &mut Vec<String>) -> Result<(), RobotError> {
+    for (joint, q) in model.joints.iter().zip(&log.q) {
+        let name = &joint.name;
+        let gone = q.iter().filter(|x| !x.is_finite()).count();
+        if gone == q.len() {
+            return Err(RobotError::log(
+                &log.file,
+                format!("the column of the joint `{name}` holds no number in {gone} rows"),
+                "check the export of the log; a joint that does not move has its constant angle in every row",
+            ));
+        }
+        if gone as f64 > OFTEN_MISSING * q.len() as f64 {
+            remarks.push(format!(
+                "the joint `{name}` is missing in {gone} of {} rows; these frames are left out",
+                q.len()
+            ));
+        }
+    }
+    for (what, series) in [("gyroscope", &log.gyro), ("accelerometer", &log.acc)] {
+        if let Some(series) = series
+            && series.iter().all(|v| !v.norm().is_finite())
+        {
+            return Err(RobotError::log(
+                &log.file,
+                format!("the columns of the {what} hold no number"),
+                "check the export of the log, or leave the columns out",
+            ));
+        }
+    }
+    Ok(())
 }
 
 fn joints(log: &RobotLog, model: &RobotModel, remarks: &mut Vec<String>) -> Result<(), RobotError> {

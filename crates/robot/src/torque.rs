@@ -23,7 +23,7 @@ use aloft_regressor::{
     Columns, Factor, RegressorError, RowKind, Stretch, TestFunction, run_velocities, window_centers,
 };
 use faer::Mat;
-use nalgebra::{DMatrix, Vector3, Vector6};
+use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 
 /// Names of a joint's unknowns, in the order of their columns.
 pub const UNKNOWNS: [&str; 4] = ["armature", "damping", "friction", "gain_error"];
@@ -123,6 +123,29 @@ pub fn torque_factor(
     let effects = joints.list.iter().flat_map(|j| UNKNOWNS.iter().map(move |u| format!("{}.{u}", j.name))).collect();
     let columns = Columns { parameters: base.parameters.iter().map(|b| b.name.clone()).collect(), effects };
     Factor::from_rows(stretch, RowKind::Weak, columns, matrix.as_ref())
+}
+
+/// How large measured torques are against what a model needs for the same motion: slope and correlation over all rows. A
+/// slope far from 1 is another unit or the opposite sign. None without rows.
+pub fn size(robot: &RobotModel, base: &BaseParameters, prior: &[Phi], factors: &[Factor]) -> Option<(f64, f64)> {
+    let p = base.len();
+    let mut x = DVector::zeros(p + UNKNOWNS.len() * robot.joints.len());
+    x.rows_mut(0, p).copy_from(&base.regroup(prior));
+    for (j, joint) in robot.joints.iter().enumerate() {
+        let first = p + UNKNOWNS.len() * j;
+        (x[first], x[first + 1], x[first + 2]) = (joint.armature, joint.damping, joint.friction);
+    }
+    let (mut pp, mut pm, mut mm) = (0.0, 0.0, 0.0);
+    for factor in factors.iter().filter(|f| f.columns.len() == x.len() + 1) {
+        // a triangle has the inner products of its rows
+        let r = factor.dense();
+        let predicted = r.columns(0, x.len()) * &x;
+        let measured = r.column(x.len());
+        pp += predicted.norm_squared();
+        pm += predicted.dot(&measured);
+        mm += measured.norm_squared();
+    }
+    (pp > 0.0 && mm > 0.0).then(|| (pm / pp, pm / (pp * mm).sqrt()))
 }
 
 /// Rate below which the sign of a joint's motion is not sure, rad/s or m/s.

@@ -266,6 +266,24 @@ fn bad_logs_give_one_clear_line() {
             base.clone(),
             "line 1501: `time_s` goes from",
         ),
+        (
+            edit(&log, &|i, f| {
+                if i > 0 {
+                    f[2] = "NaN".to_owned()
+                }
+            }),
+            base.clone(),
+            "the column of the joint `extend` holds no number in 3000 rows",
+        ),
+        (
+            edit(&log, &|i, f| {
+                if i > 0 {
+                    f[8..11].fill(String::new())
+                }
+            }),
+            base.clone(),
+            "the columns of the accelerometer hold no number",
+        ),
         (log.replace("0.400,", "0.400,x"), base.clone(), "line 202: column `q_shoulder_rad` holds"),
         (
             log.clone(),

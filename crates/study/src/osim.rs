@@ -76,16 +76,7 @@ impl OsimSetup {
 
     /// The file's markers as a set.
     pub fn marker_set(&self) -> MarkerSet {
-        let markers = self.model.markers.iter().map(|m| MarkerDefinition {
-            label: m.name.clone(),
-            link: self.tree.link_of(m).to_owned(),
-            landmark: None,
-            aliases: Vec::new(),
-            weight: 1.0,
-            tracking: true,
-            static_only: false,
-            optional: false,
-        });
+        let markers = self.model.markers.iter().map(|m| MarkerDefinition::new(&m.name, self.tree.link_of(m)));
         MarkerSet {
             name: self.name.clone(),
             title: format!("the markers of {}", self.name),

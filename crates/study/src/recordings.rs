@@ -95,6 +95,13 @@ pub fn base_beside(log: &Path) -> Option<PathBuf> {
     LOG_ENDINGS.iter().map(|end| log.with_file_name(format!("{stem}_base{end}"))).find(|p| p.is_file())
 }
 
+/// Markers on a robot's links beside its log, if there are any: `jump_01_markers.c3d` for `jump_01_robot.csv.gz`. They count
+/// where there is no recording of the base.
+pub fn markers_beside(log: &Path) -> Option<PathBuf> {
+    let stem = log_stem(log)?;
+    ["c3d", "C3D"].iter().map(|end| log.with_file_name(format!("{stem}_markers.{end}"))).find(|p| p.is_file())
+}
+
 /// The name of a recording without its ending.
 pub fn stem_of(path: &Path) -> String {
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();

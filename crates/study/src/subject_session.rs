@@ -11,7 +11,9 @@ use crate::osim::{OsimSetup, is_osim};
 use crate::place::error_at_key;
 use crate::possible;
 use crate::quote;
-use crate::recordings::{SessionId, base_beside, bids_beside, fold, globs, logs_below, recordings_below, stem_of};
+use crate::recordings::{
+    SessionId, base_beside, bids_beside, fold, globs, logs_below, markers_beside, recordings_below, stem_of,
+};
 use crate::robot::RobotSetup;
 use aloft_body::ModelSpec;
 use aloft_scale::ObjectSpec;
@@ -403,7 +405,11 @@ fn find_trials(
         } else {
             None
         };
-        let beside = if is_robot { base_beside(&path).into_iter().collect() } else { bids_beside(&path) };
+        let beside = if is_robot {
+            base_beside(&path).or_else(|| markers_beside(&path)).into_iter().collect()
+        } else {
+            bids_beside(&path)
+        };
         trials.push(TrialEntry {
             name,
             role: *role,

@@ -62,6 +62,22 @@ pub struct MarkerDefinition {
     pub optional: bool,
 }
 
+impl MarkerDefinition {
+    /// A tracked marker of weight 1 without landmark or other labels.
+    pub fn new(label: impl Into<String>, link: impl Into<String>) -> Self {
+        Self {
+            label: label.into(),
+            link: link.into(),
+            landmark: None,
+            aliases: Vec::new(),
+            weight: one(),
+            tracking: yes(),
+            static_only: false,
+            optional: false,
+        }
+    }
+}
+
 fn one() -> f64 {
     1.0
 }

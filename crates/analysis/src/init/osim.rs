@@ -88,16 +88,7 @@ pub(super) fn find(folder: &Path, seen: &[Determination]) -> Found {
 
 fn fit(shown: &str, model: &OsimModel, trial: &Trial) -> Option<Proposed> {
     let mut trial = trial.clone();
-    let definition = |label: &str| MarkerDefinition {
-        label: label.to_owned(),
-        link: String::new(),
-        landmark: None,
-        aliases: Vec::new(),
-        weight: 1.0,
-        tracking: true,
-        static_only: false,
-        optional: false,
-    };
+    let definition = |label: &str| MarkerDefinition::new(label, "");
     let set = MarkerSet {
         name: shown.to_owned(),
         title: String::new(),

@@ -6,7 +6,8 @@
     if (!list) return;
     list.querySelector(".rung.preview")?.remove();
     const e = S.shown && Studio.place(S.shown.errors), last = [...list.querySelectorAll(".rung:not(.forecast)")].at(-1);
-    if (!e || !last || !Studio.preview()) return;
+    // an error of the other kind of motion is no rung of this ladder
+    if (!e || !last || !Studio.preview() || (S.state.place && e.judged_on !== S.state.place)) return;
     const row = last.cloneNode(true);
     row.className = "rung preview " + e.signal;
     row.querySelector(".name").textContent = S.shown.which.startsWith("exact") ? "with the switches" : "with the switches (quick)";

@@ -35,7 +35,8 @@ const Studio = (() => {
     if (new URL(location.href).searchParams.has("on") && known.length) S.on = list("on").filter((k) => known.includes(k));
   };
 
-  const place = (errors) => errors.find((e) => e.judged_on === "flight") || errors[0];
+  // the kind of motion that the first screen judges
+  const place = (errors) => errors.find((e) => e.judged_on === S.state.place) || errors.find((e) => e.judged_on === "flight") || errors[0];
   const present = () => S.state.revisions.at(-1)?.errors ?? [];
   // errors, which kind they are, and what came with them
   const show = (errors, which, model) => {

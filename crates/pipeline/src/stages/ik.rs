@@ -20,7 +20,7 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "ik",
-    version: 5,
+    version: 6,
     scope: Scope::Trial(&[Role::Calibration, Role::Identify, Role::Validate]),
     seconds: 0.15,
     reads: "trial, `Subject`",

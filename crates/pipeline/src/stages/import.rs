@@ -175,7 +175,7 @@ fn acquired(scans: &str, file: &std::path::Path) -> Option<aloft_trial::Recorded
 fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
     let Params { import, marker_set, corrections, robot } = params;
     if let Some(robot) = robot {
-        return super::robot::import(robot, inputs);
+        return super::robot::import(robot, import, inputs);
     }
     let recording = inputs.recording()?;
     let mut trial = read_recording(import, recording)?;

@@ -14,6 +14,7 @@ pub mod object;
 pub mod osim;
 pub mod regressor;
 pub mod robot;
+pub mod robot_torques;
 pub mod scale;
 
 use crate::graph::Stage;

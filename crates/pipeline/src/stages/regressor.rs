@@ -192,7 +192,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let mut done = StageReport { warnings: warnings.into(), ..StageReport::default() };
     save_factors(inputs.out, &factors)?;
     if let Some(robot) = &params.robot {
-        done.note("torque_rows", super::robot::save_torque_rows(robot, inputs, &rows)?);
+        super::robot_torques::save_torque_rows(robot, inputs, &rows, &mut done)?;
     }
     if person {
         save_slides(inputs.out, &slides)?;

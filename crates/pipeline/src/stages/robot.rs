@@ -1,24 +1,19 @@
 //! What `import`, `scale` and `ik` do for robots: logs in place of markers, a model file in place of landmarks, sensors combined
 //! in place of inverse kinematics.
 
-use crate::factors::{load_named, save_named};
 use crate::graph::{Recording, StageInputs, StageReport};
 use crate::results::Results;
-use crate::stages::regressor::each_stretch;
+use crate::stages::import::read_recording;
 use crate::stages::scale::save_subject;
-use crate::trial_rows::TrialRows;
-use aloft_body::{BaseParameters, Motion, Subject};
+use aloft_body::Motion;
 use aloft_compare::PoseErrors;
-use aloft_identify::{LinkPrior, Parameters};
-use aloft_regressor::{Factor, Stretch};
-use aloft_robot::joint_fit::{JointRows, joint_fit};
+use aloft_robot::markers::{BaseFromMarkers, LinkMarker, MarkerRecording, PoseNoise, base_from_markers, compare_links};
 use aloft_robot::noise::SensorErrors;
-use aloft_robot::torque::{Torques, torque_factor};
 use aloft_robot::{BaseLog, Columns, FuseInput, FusionReport, RobotError, RobotLog, check, fuse, ros};
+use aloft_study::config::ImportConfig;
 use aloft_study::facts::Facts;
-use aloft_study::recordings::base_beside;
+use aloft_study::recordings::{base_beside, markers_beside};
 use aloft_study::robot::RobotSetup;
-use aloft_study::subject_session::Role;
 use aloft_trial::{Markers, Trial};
 use aloft_workspace::artifact::{save_motion, save_trial};
 use aloft_workspace::error::{PipelineError, StageFailure};
@@ -28,10 +23,12 @@ use aloft_workspace::table::{Table, read_numbers};
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
 use std::path::Path;
 
-/// Files of torque rows.
-const TORQUE: &str = "torque_factors";
+/// Ratio of the mass from the scale to that of the model's links which cannot be one robot.
+const ANOTHER_MASS: f64 = 2.0;
+/// Noise of poses that come from markers, and markers on other links.
+const MARKERS: &str = "markers_on_links.json";
 
-fn failed(error: &RobotError) -> StageFailure {
+pub(crate) fn failed(error: &RobotError) -> StageFailure {
     match error.hint() {
         Some(hint) => StageFailure::with_hint(error.to_string(), hint),
         None => StageFailure::new(error.to_string()),
@@ -48,11 +45,20 @@ fn columns(file: &Path) -> Result<Columns, StageFailure> {
     Columns::from_csv(&shown, &bytes).map_err(|e| failed(&e))
 }
 
-/// A log with the recording of its base, and remarks.
-pub fn read(
-    robot: &RobotSetup,
-    recording: &Recording,
-) -> Result<(RobotLog, Option<BaseLog>, Vec<String>), StageFailure> {
+/// A recording as it was read.
+pub struct Logged {
+    /// The log.
+    pub log: RobotLog,
+    /// Its base, where that has a clock of its own.
+    pub base: Option<BaseLog>,
+    /// Noise of the base's poses and markers on other links, where they come from markers.
+    pub markers: Option<(PoseNoise, Vec<LinkMarker>)>,
+    /// Remarks.
+    pub remarks: Vec<String>,
+}
+
+/// Reads a log with the recording of its base: a table beside it, poses in it, or markers on the base.
+pub fn read(robot: &RobotSetup, import: &ImportConfig, recording: &Recording) -> Result<Logged, StageFailure> {
     let (log, poses) = if recording.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap")) {
         let shown = recording.file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         let bytes = std::fs::read(&recording.file).map_err(PipelineError::io("read", &recording.file))?;
@@ -61,13 +67,42 @@ pub fn read(
         (columns(&recording.file)?, None)
     };
     let log = RobotLog::of(&log, &robot.model).map_err(|e| failed(&e))?;
-    let base = match base_beside(&recording.file) {
-        Some(file) => Some(columns(&file)?),
-        None => poses,
+    let mut remarks = Vec::new();
+    let mut markers = None;
+    let base = match (base_beside(&recording.file), markers_beside(&recording.file)) {
+        (Some(file), _) => Some(BaseLog::of(&columns(&file)?).map_err(|e| failed(&e))?),
+        (None, Some(file)) if poses.is_none() && log.base.is_none() => {
+            let found = from_markers(robot, import, recording, &file, log.time_s[0])?;
+            remarks.extend(found.remarks);
+            markers = Some((found.noise, found.others));
+            Some(found.base)
+        }
+        _ => poses.map(|b| BaseLog::of(&b)).transpose().map_err(|e| failed(&e))?,
     };
-    let base = base.map(|b| BaseLog::of(&b)).transpose().map_err(|e| failed(&e))?;
-    let remarks = check(&log, base.as_ref(), &robot.model).map_err(|e| failed(&e))?;
-    Ok((log, base, remarks))
+    remarks.extend(check(&log, base.as_ref(), &robot.model).map_err(|e| failed(&e))?);
+    Ok(Logged { log, base, markers, remarks })
+}
+
+/// The base from the markers beside a log; the clock of the file starts with that of the log until the offset is known.
+fn from_markers(
+    robot: &RobotSetup,
+    import: &ImportConfig,
+    recording: &Recording,
+    file: &Path,
+    start_s: f64,
+) -> Result<BaseFromMarkers, StageFailure> {
+    let beside = Recording { file: file.to_owned(), forces: None, ..recording.clone() };
+    let trial = read_recording(import, &beside)?;
+    let shown = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let markers = MarkerRecording {
+        file: &shown,
+        rate_hz: trial.markers.rate_hz,
+        start_s,
+        labels: &trial.markers.labels,
+        trajectories: &trial.markers.trajectories,
+    };
+    let root = &robot.model.spec.links[0].name;
+    base_from_markers(&markers, &robot.description, root).map_err(|e| failed(&e))
 }
 
 /// Table of a log as it is kept: times, joints, torques, inertial unit.
@@ -142,10 +177,18 @@ pub fn load_log(
 }
 
 /// `import`: reads and checks a log and its base.
-pub fn import(robot: &RobotSetup, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
+pub fn import(
+    robot: &RobotSetup,
+    import: &ImportConfig,
+    inputs: &StageInputs<'_>,
+) -> Result<StageReport, StageFailure> {
     let recording = inputs.recording()?;
-    let (log, base, remarks) = read(robot, recording)?;
+    let Logged { log, base, markers, remarks } = read(robot, import, recording)?;
     let mut done = StageReport::default();
+    if let Some((noise, _)) = &markers {
+        done.note("marker_noise_mm", noise.marker_m * 1e3);
+        write_json(&inputs.out.join(MARKERS), &markers)?;
+    }
     kept(robot, &log).write(&inputs.out.join("log.parquet"))?;
     if let Some(base) = base.as_ref().or(log.base.as_ref()) {
         kept_base(base).write(&inputs.out.join("base.parquet"))?;
@@ -183,13 +226,24 @@ pub fn scale(robot: &RobotSetup, facts: &Facts, inputs: &StageInputs<'_>) -> Res
     let subject =
         aloft_robot::subject(&robot.model, &robot.description, facts.person.clone(), facts.gravity(), robot.spread)
             .map_err(|e| failed(&e))?;
+    let ratio = robot.model.mass_kg() / facts.person.mass_kg;
+    if !(1.0 / ANOTHER_MASS..ANOTHER_MASS).contains(&ratio) {
+        return Err(StageFailure::with_hint(
+            format!(
+                "the description says that the robot weighs {} kg, and the links of {} weigh {:.2} kg together",
+                facts.person.mass_kg,
+                robot.model.file,
+                robot.model.mass_kg()
+            ),
+            "`total_mass_kg` is the mass of the whole robot in kg, as it flew; the model's masses are in kg, too",
+        ));
+    }
     save_subject(inputs, &subject)?;
     write_json(&inputs.out.join("locked.json"), &Vec::<usize>::new())?;
     let mut done = StageReport::default();
     done.note("links", subject.model.n_links());
     done.note("joints", robot.model.joints.len());
     done.note("model_mass_kg", robot.model.mass_kg());
-    let ratio = robot.model.mass_kg() / facts.person.mass_kg;
     if (ratio - 1.0).abs() > 0.02 {
         done.warnings.push(format!(
             "the model's links weigh {:.2} kg, the scale says {:.2} kg: masses are scaled by {:.3}",
@@ -217,15 +271,18 @@ pub fn motion(robot: &RobotSetup, inputs: &StageInputs<'_>) -> Result<StageRepor
         done.warnings.push(format!("the inertial unit is on `{other}`, not on the base `{root}`: it is not used"));
         (log.gyro, log.acc) = (None, None);
     }
-    let input = FuseInput {
-        trial: name,
-        model: &subject.model,
-        log: &log,
-        base: base.as_ref(),
-        imu,
-        noise: robot.description.noise,
-    };
+    let path = inputs.results.place("import", name)?.join(MARKERS);
+    let markers: Option<(PoseNoise, Vec<LinkMarker>)> = if path.is_file() { read_json(&path)? } else { None };
+    let noise = robot.description.noise;
+    let noise = markers.as_ref().map_or(noise, |(own, _)| own.of(noise));
+    let input = FuseInput { trial: name, model: &subject.model, log: &log, base: base.as_ref(), imu, noise };
     let (motion, report) = fuse(&input).map_err(|e| failed(&e))?;
+    if let (Some((own, others)), Some(base)) = (&markers, &base) {
+        let offset_s = report.clock_offset_s.unwrap_or(0.0);
+        let (found, remarks) = compare_links(&subject.model, &motion, log.time_s[0], base, offset_s, others, own);
+        write_json(&inputs.out.join("link_markers.json"), &found)?;
+        done.warnings.extend(remarks);
+    }
     save_motion(inputs.out, &motion, &subject.model)?;
     write_json(&inputs.out.join("fusion.json"), &report)?;
     done.note("unsolved_frames", report.inner_missing_frames);
@@ -242,63 +299,6 @@ pub fn motion(robot: &RobotSetup, inputs: &StageInputs<'_>) -> Result<StageRepor
     }
     done.warnings.extend(report.warnings.iter().cloned());
     Ok(done)
-}
-
-/// Rows of the joints' torques in the flights of a recording; returns their number. Without torques nothing is written.
-pub fn save_torque_rows(robot: &RobotSetup, inputs: &StageInputs<'_>, rows: &TrialRows) -> Result<usize, StageFailure> {
-    let name = inputs.trial()?;
-    let (log, _) = load_log(robot, inputs.results, name)?;
-    let torques = log.torques_at_frames().map_err(|e| failed(&e))?;
-    let Some(values) = torques else { return Ok(0) };
-    let subject = &rows.subject;
-    let base = BaseParameters::of(&subject.model);
-    let prior = subject.prior_phi();
-    let torques = Torques { values: &values, sd_nm: robot.description.noise.torque_nm };
-    let (factors, _) = each_stretch(rows, |stretch| {
-        torque_factor(&subject.model, &robot.model, &base, &prior, &rows.motion, stretch, torques)
-    })?;
-    save_named(inputs.out, TORQUE, &factors)?;
-    Ok(factors.iter().map(|(_, f)| f.n_rows).sum())
-}
-
-/// Friction, reflected inertia and gains of the joints: `joints.json`.
-pub fn fit_joints(
-    robot: &RobotSetup,
-    inputs: &StageInputs<'_>,
-    subject: &Subject,
-    factors: &[(Stretch, Factor)],
-    parameters: &Parameters,
-    done: &mut StageReport,
-) -> Result<(), StageFailure> {
-    if !parameters.effects.is_empty() {
-        // torque rows have no columns of effects yet
-        return Ok(());
-    }
-    let mut torque = Vec::new();
-    for name in inputs.trials_with_role("regressor", |role| role == Role::Identify) {
-        let folder = inputs.results.place("regressor", &name)?;
-        if folder.join(format!("{TORQUE}.json")).is_file() {
-            torque.extend(load_named(&folder, TORQUE)?.into_iter().map(|(_, f)| f));
-        }
-    }
-    let base = BaseParameters::of(&subject.model);
-    let fail = |e: aloft_identify::IdentifyError| StageFailure::new(e.to_string());
-    let prior = LinkPrior::of_subject(subject).map_err(fail)?.base(&base).map_err(fail)?;
-    let plain: Vec<Factor> = factors.iter().map(|(_, f)| f.clone()).collect();
-    let rows = JointRows {
-        base: &plain,
-        torque: &torque,
-        base_row_sd: parameters.row_sd,
-        prior: &prior,
-        mass_kg: subject.facts.mass_kg,
-    };
-    if let Some(fit) = joint_fit(&robot.model, &rows) {
-        done.note("torque_rows", fit.rows);
-        done.note("torque_weight", fit.weight);
-        done.note("torque_ratio", fit.torque_ratio);
-        write_json(&inputs.out.join("joints.json"), &fit)?;
-    }
-    Ok(())
 }
 
 /// Errors of a robot's sensors, for the floor of a comparison.

@@ -251,6 +251,24 @@ RobotConfig {
     /// Standard deviation of a link's radii of gyration in the model file, as a share (half of that of inertias).
     #[schemars(range(min = 0.001, max = 2.0))]
     radius_rel: f64 = 0.12,
+    /// Number of flights that `parameters --assess` plans.
+    #[schemars(range(min = 1, max = 24))]
+    next_flights: usize = 3,
+    /// Duration of a planned flight, s; 0: that of the recorded flights.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    next_flight_s: f64 = 0.0,
+    /// Largest turn of the base when it is let go in a planned flight, rad/s; 0: the largest of the recordings.
+    #[schemars(range(min = 0.0, max = 50.0))]
+    next_turn_rad_s: f64 = 0.0,
+    /// Share of the stated rates and torques that planned flights use.
+    #[schemars(range(min = 0.01, max = 1.0))]
+    limit_share: f64 = 0.8,
+    /// How many times faster than in the recordings a joint may be in a planned flight.
+    #[schemars(range(min = 0.1, max = 10.0))]
+    faster: f64 = 1.5,
+    /// Distance that a planned flight keeps between links that no joint connects, m; less where the recordings have less.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    clearance_m: f64 = 0.01,
 }}
 
 /// Rows that the identification uses.

@@ -1,0 +1,122 @@
+//! What `regressor` and `identify` do with the torques in a robot's log: rows of the joints, and friction, reflected inertia and
+//! gains from them.
+
+use crate::factors::{load_named, save_named};
+use crate::graph::{StageInputs, StageReport};
+use crate::stages::regressor::each_stretch;
+use crate::stages::robot::{failed, load_log};
+use crate::trial_rows::TrialRows;
+use aloft_body::{BaseParameters, Subject};
+use aloft_identify::{LinkPrior, Parameters};
+use aloft_regressor::{Factor, Stretch};
+use aloft_robot::joint_fit::{JointRows, joint_fit};
+use aloft_robot::torque::{Torques, size, torque_factor};
+use aloft_study::robot::RobotSetup;
+use aloft_study::subject_session::Role;
+use aloft_workspace::error::StageFailure;
+use aloft_workspace::json::write_json;
+
+/// Files of torque rows.
+const TORQUE: &str = "torque_factors";
+/// Correlation of measured torques with those that the model needs from which a wrong unit is sure.
+const SURE: f64 = 0.5;
+/// Torques may be off by this factor before they count as another unit.
+const ANOTHER_UNIT: f64 = 5.0;
+
+/// Rows of the joints' torques in the flights of a recording; notes their number. Without torques, and with torques of
+/// another unit or sign, nothing is written.
+pub fn save_torque_rows(
+    robot: &RobotSetup,
+    inputs: &StageInputs<'_>,
+    rows: &TrialRows,
+    done: &mut StageReport,
+) -> Result<(), StageFailure> {
+    let name = inputs.trial()?;
+    let (log, _) = load_log(robot, inputs.results, name)?;
+    let torques = log.torques_at_frames().map_err(|e| failed(&e))?;
+    let Some(values) = torques else { return Ok(()) };
+    let subject = &rows.subject;
+    let base = BaseParameters::of(&subject.model);
+    let prior = subject.prior_phi();
+    let torques = Torques { values: &values, sd_nm: robot.description.noise.torque_nm };
+    let (factors, _) = each_stretch(rows, |stretch| {
+        torque_factor(&subject.model, &robot.model, &base, &prior, &rows.motion, stretch, torques)
+    })?;
+    let plain: Vec<Factor> = factors.iter().map(|(_, f)| f.clone()).collect();
+    if let Some((slope, correlation)) = size(&robot.model, &base, &prior, &plain)
+        && correlation.abs() > SURE
+        && !(1.0 / ANOTHER_UNIT..ANOTHER_UNIT).contains(&slope)
+    {
+        let times = if slope.abs() < 1.0 {
+            format!("1/{:.0} of", 1.0 / slope.abs())
+        } else {
+            format!("{:.0} times", slope.abs())
+        };
+        done.warnings.push(if slope < 0.0 {
+            format!(
+                "the torques have the opposite sign of those that the motion needs ({times} them); they are not used"
+            )
+        } else {
+            format!(
+                "the torques are {times} those that the motion needs, expected N·m (N·mm, kN·m?); they are not used"
+            )
+        });
+        return Ok(());
+    }
+    save_named(inputs.out, TORQUE, &factors)?;
+    done.note("torque_rows", plain.iter().map(|f| f.n_rows).sum::<usize>());
+    Ok(())
+}
+
+/// Error of the gain that all joints have in common above which it is named.
+const COMMON_GAIN: f64 = 0.1;
+
+/// Friction, reflected inertia and gains of the joints: `joints.json`.
+pub fn fit_joints(
+    robot: &RobotSetup,
+    inputs: &StageInputs<'_>,
+    subject: &Subject,
+    factors: &[(Stretch, Factor)],
+    parameters: &Parameters,
+    done: &mut StageReport,
+) -> Result<(), StageFailure> {
+    if !parameters.effects.is_empty() {
+        // torque rows have no columns of effects yet
+        return Ok(());
+    }
+    let mut torque = Vec::new();
+    for name in inputs.trials_with_role("regressor", |role| role == Role::Identify) {
+        let folder = inputs.results.place("regressor", &name)?;
+        if folder.join(format!("{TORQUE}.json")).is_file() {
+            torque.extend(load_named(&folder, TORQUE)?.into_iter().map(|(_, f)| f));
+        }
+    }
+    let base = BaseParameters::of(&subject.model);
+    let fail = |e: aloft_identify::IdentifyError| StageFailure::new(e.to_string());
+    let prior = LinkPrior::of_subject(subject).map_err(fail)?.base(&base).map_err(fail)?;
+    let plain: Vec<Factor> = factors.iter().map(|(_, f)| f.clone()).collect();
+    let rows = JointRows {
+        base: &plain,
+        torque: &torque,
+        base_row_sd: parameters.row_sd,
+        prior: &prior,
+        mass_kg: subject.facts.mass_kg,
+    };
+    if let Some(fit) = joint_fit(&robot.model, &rows) {
+        done.note("torque_rows", fit.rows);
+        done.note("torque_weight", fit.weight);
+        done.note("torque_ratio", fit.torque_ratio);
+        let mut gains: Vec<f64> = fit.joints.iter().map(|j| j.gain.value).collect();
+        let middle = aloft_signal::median(&mut gains);
+        if (middle - 1.0).abs() > COMMON_GAIN {
+            done.warnings.push(format!(
+                "the torques of all joints are {:.0} % too {} for a robot of {:.2} kg: check the mass from the scale and the torques' unit",
+                100.0 * (middle - 1.0).abs(),
+                if middle > 1.0 { "large" } else { "small" },
+                subject.facts.mass_kg
+            ));
+        }
+        write_json(&inputs.out.join("joints.json"), &fit)?;
+    }
+    Ok(())
+}
