@@ -1,17 +1,21 @@
 //! `init`: inspects a folder of recordings and writes a commented pipeline file for it. Existing
 //! files are not overwritten.
 
+mod bodies;
 mod choice;
 mod facts;
 mod osim;
 mod quiet;
+mod roles;
 mod subjects;
+mod versions;
 
 use self::facts::{StatedFacts, agreed, force_patterns};
 use crate::laboratories;
 use aloft_pipeline::stages::import::read_file;
 use aloft_study::catalog;
 use aloft_study::data_set::guess_subjects;
+use aloft_study::opencap;
 use aloft_study::quote;
 use aloft_study::recordings::{bids_beside, is_bids, recordings_below, stem_of};
 use aloft_trial::{ImportOptions, Trial};
@@ -40,6 +44,8 @@ struct Layout {
     sessions: Vec<String>,
 }
 
+/// Largest movement of the median marker in frames that can stand in for a static trial, m.
+const STANDS_M: f64 = 0.02;
 /// Number of recordings to read; the others are assumed to be alike.
 const LOOKED_AT: usize = 60;
 
@@ -58,12 +64,21 @@ struct NotUsed {
     names: Vec<String>,
 }
 
-/// Inspects the recordings and writes a pipeline file; returns its path.
+/// A pipeline file that was written.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Written {
+    /// Its path.
+    pub path: PathBuf,
+    /// What the user has to look at first, one sentence each.
+    pub notes: Vec<String>,
+}
+
+/// Inspects the recordings and writes a pipeline file.
 ///
 /// # Errors
 /// A pipeline file that is there already; a folder without recordings, or with those of several
 /// laboratories or subjects.
-pub fn init(folder: &Path, out: Option<&Path>, options: &InitOptions) -> Result<PathBuf, PipelineError> {
+pub fn init(folder: &Path, out: Option<&Path>, options: &InitOptions) -> Result<Written, PipelineError> {
     let target = out.map_or_else(|| PathBuf::from("aloft.yaml"), Path::to_path_buf);
     if target.exists() {
         return Err(there_already(folder, &target));
@@ -90,12 +105,21 @@ pub fn init(folder: &Path, out: Option<&Path>, options: &InitOptions) -> Result<
             broken.first().cloned().unwrap_or_else(|| "expected .c3d or .trc files".to_owned()),
         ));
     }
-    let (seen, others) = match layout.subjects.is_empty() {
+    let (mut seen, versions) = versions::last(seen);
+    let one = layout.subjects.is_empty();
+    if one && !options.one_subject {
+        versions::name_persons(&mut seen);
+    }
+    let (seen, others) = match one {
         true => subjects::chosen(folder, seen, options)?,
         false => (seen, Vec::new()),
     };
     let (seen, strays) = one_laboratory(folder, seen)?;
+    if one && !options.one_subject {
+        bodies::one_body(folder, &seen)?;
+    }
     let not_used = [
+        NotUsed { why: "raw or filtered versions of the same recordings; not used:", names: versions },
         NotUsed { why: "of other subjects; not used:", names: others },
         NotUsed {
             why: "other marker labels than the rest, so probably of another laboratory; not used:",
@@ -103,9 +127,9 @@ pub fn init(folder: &Path, out: Option<&Path>, options: &InitOptions) -> Result<
         },
         NotUsed { why: "could not be read:", names: broken },
     ];
-    let text = write(folder, &target, &layout, files.len(), &seen, &not_used)?;
+    let (text, notes) = write(folder, &target, &layout, files.len(), &seen, &not_used)?;
     aloft_workspace::disk::write_whole(&target, text.as_bytes())?;
-    Ok(target)
+    Ok(Written { path: target, notes })
 }
 
 /// What to do where a pipeline file is there: use it, or write another one.
@@ -335,7 +359,8 @@ fn write(
     n_files: usize,
     seen: &[Determination],
     not_used: &[NotUsed],
-) -> Result<String, PipelineError> {
+) -> Result<(String, Vec<String>), PipelineError> {
+    let mut notes = Vec::new();
     let choice::Choice { set, model, fit, unseen, markerless } = choice::choose(seen)?;
     let is_object = model == "two_link";
     let models = if layout.subjects.is_empty() && !is_object {
@@ -344,22 +369,9 @@ fn write(
         osim::Found { best: None, refused: Vec::new() }
     };
     let own_model = models.best;
-    let lower = |s: &Determination| s.stem.to_lowercase();
-    let calibration: Vec<&Determination> = seen.iter().filter(|s| lower(s).contains("calib")).collect();
-    let mut statics: Vec<&Determination> =
-        seen.iter().filter(|s| lower(s).contains("static") || lower(s).contains("cal_pose")).collect();
-    if statics.is_empty() {
-        statics = seen.iter().filter(|s| is_still(&s.trial) && !lower(s).contains("calib")).collect();
-    }
-    let is = |group: &[&Determination], s: &Determination| group.iter().any(|g| g.relative == s.relative);
-    let rest: Vec<&Determination> = seen.iter().filter(|s| !is(&statics, s) && !is(&calibration, s)).collect();
-    let held = ["exercise", "squat", "gait", "walk", "valid"];
-    let mut validate: Vec<&Determination> =
-        rest.iter().copied().filter(|s| held.iter().any(|h| lower(s).contains(h))).collect();
-    let mut identify: Vec<&Determination> = rest.iter().copied().filter(|s| !is(&validate, s)).collect();
-    if identify.is_empty() {
-        std::mem::swap(&mut identify, &mut validate);
-    }
+    let roles::Roles { statics, spare, calibration, identify, validate, apart_mm } =
+        roles::roles(seen, is_object, !layout.subjects.is_empty());
+    let rest: Vec<&Determination> = identify.iter().chain(&validate).copied().collect();
     let plates = seen.iter().map(|s| s.trial.plates.len()).max().unwrap_or(0);
     let rates: BTreeSet<String> = seen.iter().map(|s| format!("{}", s.trial.markers.rate_hz)).collect();
     let data = data_path(folder, target);
@@ -443,16 +455,35 @@ fn write(
     } else if fit > 0.5 {
         line(format!("marker_set: {set}      # fits {:.0} %", fit * 100.0));
     } else {
+        let draft = format!("aloft markerset draft {} --out my_set.yaml", quote::path(folder));
         line(format!(
-            "marker_set: {set}      # fits only {:.0} %: choose another ({}) or map labels below",
+            "marker_set: {set}      # fits only {:.0} %: choose another ({}), map labels below, or let `{}` propose one",
             fit * 100.0,
-            catalog::names("markersets").join(", ")
+            catalog::names("markersets").join(", "),
+            quote::visible(&draft)
+        ));
+        notes.push(format!(
+            "no marker set fits: `{set}` knows only {:.0} % of its markers here; `{draft}` proposes one from the recordings",
+            fit * 100.0
         ));
     }
     if is_object {
         line("object: two_link_chain   # how markers define the link frames".to_owned());
     }
+    let of_session = opencap::beside(folder).filter(|_| layout.subjects.is_empty() && has_facts.is_none());
+    let stated = of_session.as_deref().map(opencap::read).filter(|s| s.mass_kg.is_some());
     match has_facts {
+        _ if stated.is_some() => {
+            let known = stated.as_ref().is_some_and(|s| s.sex.is_some());
+            line(format!(
+                "# {}height and mass come from {} of the session",
+                if known { "sex, " } else { "" },
+                opencap::METADATA
+            ));
+            if !known {
+                line("subject:\n  sex:                  # F or M".to_owned());
+            }
+        }
         _ if !layout.subjects.is_empty() && own_facts => {
             line("# name, sex, height and mass come from each subject's subject.yaml".to_owned());
         }
@@ -487,6 +518,19 @@ fn write(
     }
     line("trials:".to_owned());
     line(format!("  static: {}", list(&statics, layout)));
+    if !spare.is_empty() {
+        let names: Vec<String> = spare.iter().map(|s| quote::visible(&s.relative)).collect();
+        let mut apart = apart_mm.iter().filter(|mm| mm.is_finite()).map(|mm| format!("{mm:.1}"));
+        let best = apart.next().unwrap_or_default();
+        let others: Vec<String> = apart.collect();
+        line(format!("  # of several static trials one is used; not used: {}", names.join(", ")));
+        if others.len() == spare.len() {
+            line(format!(
+                "  # distances between its markers differ from those in the motion by {best} mm (mean); of the others by {} mm",
+                others.join(", ")
+            ));
+        }
+    }
     line(format!("  calibration: {}", list(&calibration, layout)));
     line(format!("  identify: {}      # motion to identify from", list(&identify, layout)));
     line(format!("  validate: {}      # held out for comparison", list(&validate, layout)));
@@ -505,11 +549,16 @@ fn write(
                 middle,
             )
         } else {
-            let moved = format!(
-                "no static trial was found; in these frames the markers move by {:.0} mm (median)",
-                1e3 * quiet.spread_m
-            );
-            (moved, quiet.first, quiet.last)
+            let moved = format!("in these frames the markers move by {:.0} mm (median)", 1e3 * quiet.spread_m);
+            let why = if quiet.spread_m < STANDS_M {
+                format!("no static trial was found; {moved}")
+            } else {
+                let why =
+                    format!("no static trial was found, and nobody stands still: {moved}; joint places may be off");
+                notes.push(format!("{why}; record a static trial"));
+                why
+            };
+            (why, quiet.first, quiet.last)
         };
         line(format!(
             "  # {why}\n  static_frames: {{trial: {}, first: {}, last: {}}}",
@@ -530,9 +579,28 @@ fn write(
     line("import:".to_owned());
     line("  up_axis: auto         # x, y, z: the vertical of the recordings".to_owned());
     line("  fill_gaps_s: 0.1      # longest gap that is filled, s".to_owned());
-    line("  # aliases: {MyLabel: LASI}".to_owned());
+    let renamed = match own_model {
+        Some(_) => Vec::new(),
+        None => renamed_labels(&set, seen)?,
+    };
+    if renamed.is_empty() {
+        line("  # aliases: {MyLabel: LASI}".to_owned());
+    } else {
+        let pairs: Vec<String> =
+            renamed.iter().map(|(from, to)| format!("{}: {}", quote::yaml_quoted(from), quote::yaml(to))).collect();
+        line(format!("  aliases: {{{}}}   # by the words of the labels: look through them", pairs.join(", ")));
+        let shown: Vec<String> = renamed.iter().map(|(from, to)| format!("`{from}` as {to}")).collect();
+        notes.push(format!("labels taken by their words (`import: aliases`): {}", shown.join(", ")));
+    }
     line("filter: {order: 3, cutoff_hz: 10.0}   # per pass; two passes".to_owned());
-    Ok(t)
+    Ok((t, notes))
+}
+
+/// Labels of the recordings that name markers of the set in other words.
+fn renamed_labels(set: &str, seen: &[Determination]) -> Result<Vec<(String, String)>, PipelineError> {
+    let sets: Vec<aloft_trial::MarkerSet> = catalog::all("markersets")?;
+    let trials: Vec<&Trial> = seen.iter().map(|s| &s.trial).collect();
+    Ok(sets.iter().find(|s| s.name == set).map(|s| crate::markerset::renamed(&sets, s, &trials)).unwrap_or_default())
 }
 
 fn yaml_list(names: &[String]) -> String {

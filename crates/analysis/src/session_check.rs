@@ -368,12 +368,13 @@ fn contact(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         return;
     }
     let (kept, lost): (f64, f64) = with.iter().fold((0.0, 0.0), |s, c| (s.0 + c.complete_s(), s.1 + c.lost_s()));
-    let why: Vec<String> = [Unmeasured::FootBeside, Unmeasured::LoadMissing, Unmeasured::LoadExcess]
-        .into_iter()
-        .map(|r| (r, with.iter().map(|c| c.left_out_s(r)).sum::<f64>()))
-        .filter(|(_, s)| *s > 0.0)
-        .map(|(r, s)| format!("{} {s:.2} s", r.words()))
-        .collect();
+    let why: Vec<String> =
+        [Unmeasured::NoReading, Unmeasured::FootBeside, Unmeasured::LoadMissing, Unmeasured::LoadExcess]
+            .into_iter()
+            .map(|r| (r, with.iter().map(|c| c.left_out_s(r)).sum::<f64>()))
+            .filter(|(_, s)| *s > 0.0)
+            .map(|(r, s)| format!("{} {s:.2} s", r.words()))
+            .collect();
     let words = if why.is_empty() {
         format!("{kept:.1} s in contact, all of it measured")
     } else {

@@ -222,9 +222,10 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             Ok(Success::Full)
         }
         Command::Init { folder, out: target, one_subject, subject } => {
-            let path = init::init(&folder, target.as_deref(), &init::InitOptions { one_subject, subject })?;
-            note(format!("wrote {}", path.display()));
-            command("next", &format!("aloft check {}", quote::path(&path)));
+            let written = init::init(&folder, target.as_deref(), &init::InitOptions { one_subject, subject })?;
+            note(format!("wrote {}", written.path.display()));
+            written.notes.iter().for_each(|n| note(format!("warning: {n}")));
+            command("next", &format!("aloft check {}", quote::path(&written.path)));
             Ok(Success::Full)
         }
         Command::Audit { model, motion, markers, forces, json: as_json } => {

@@ -41,6 +41,8 @@ const WORTH_SAYING_S: f64 = 0.1;
 pub enum Unmeasured {
     /// No plate is loaded, and the body does not fly.
     NoLoad,
+    /// A plate has no reading: cut off, or at the limit of its range.
+    NoReading,
     /// A foot stands beside the plates.
     FootBeside,
     /// The plates carry less than the body's momentum requires.
@@ -54,12 +56,13 @@ impl Unmeasured {
     pub fn words(self) -> &'static str {
         match self {
             Self::NoLoad => "no plate loaded",
+            Self::NoReading => "a plate without reading (at the limit of its range, or cut off)",
             Self::FootBeside => "a foot beside the plates",
             Self::LoadMissing => "less load on the plates than the motion requires (a hold, a chair, a helper)",
             Self::LoadExcess => "more load on the plates than the motion requires (another person, an object)",
         }
     }
-    const ALL: [Self; 4] = [Self::NoLoad, Self::FootBeside, Self::LoadMissing, Self::LoadExcess];
+    const ALL: [Self; 5] = [Self::NoLoad, Self::NoReading, Self::FootBeside, Self::LoadMissing, Self::LoadExcess];
 }
 
 /// Frames `start..end` whose contact the plates do not measure completely.
@@ -169,10 +172,17 @@ pub fn coverage(
         Balance { deficit: vec![f64::NAN; n], gain: None }
     };
     out.load_ratio = balance.gain;
-    let mut reasons: Vec<Option<Unmeasured>> =
-        load.iter().map(|z| (!z.is_finite() || *z <= threshold_n).then_some(Unmeasured::NoLoad)).collect();
+    let mut reasons: Vec<Option<Unmeasured>> = load
+        .iter()
+        .map(|z| match z {
+            z if !z.is_finite() => Some(Unmeasured::NoReading),
+            z => (*z <= threshold_n).then_some(Unmeasured::NoLoad),
+        })
+        .collect();
     let reach = (0.25 * WINDOW_S * rate_hz).round() as usize;
-    let loaded = |reasons: &[Option<Unmeasured>], f: usize| reasons[f] != Some(Unmeasured::NoLoad) && !in_flight(f);
+    let loaded = |reasons: &[Option<Unmeasured>], f: usize| {
+        !matches!(reasons[f], Some(Unmeasured::NoLoad | Unmeasured::NoReading)) && !in_flight(f)
+    };
     for (reason, sign) in [(Unmeasured::LoadMissing, 1.0), (Unmeasured::LoadExcess, -1.0)] {
         for whole in &known {
             for run in runs_where(whole.len(), |f| sign * balance.deficit[whole.start + f] > MISSING) {

@@ -36,7 +36,7 @@ pub fn init(
     subject: Option<String>,
 ) -> PyResult<PathBuf> {
     let options = aloft_analysis::init::InitOptions { one_subject, subject };
-    work(py, None, move |_| aloft_analysis::init::init(&folder, out.as_deref(), &options))
+    work(py, None, move |_| aloft_analysis::init::init(&folder, out.as_deref(), &options).map(|w| w.path))
 }
 
 /// As `aloft simulate`; returns the paths written.

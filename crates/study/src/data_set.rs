@@ -9,7 +9,7 @@ use crate::inherit::{PipelineFile, fits};
 use crate::nearest::{hint, nearest};
 use crate::place::error_at_key;
 use crate::quote::visible;
-use crate::recordings::{SessionId, fold, pattern, recordings_below};
+use crate::recordings::{SessionId, fold, pattern, recordings_below, trial_name};
 use crate::subject_session::{Overrides, Place, SubjectSession};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use globset::GlobMatcher;
@@ -407,7 +407,7 @@ pub fn guess_subjects(root: &Path) -> Result<Vec<PathBuf>, PipelineError> {
         return Ok(named);
     }
     let stems = |folder: &Path| -> Result<Vec<String>, PipelineError> {
-        Ok(recordings_below(folder)?.iter().map(|p| crate::recordings::stem_of(p).to_lowercase()).collect())
+        Ok(recordings_below(folder)?.iter().map(|p| trial_name(&folder.join(p)).to_lowercase()).collect())
     };
     let mut with = Vec::new();
     for folder in folders {

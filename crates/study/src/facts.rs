@@ -2,6 +2,7 @@
 //! recordings.
 
 use crate::config::{GRAVITY_MPS2, HEIGHT_M, MASS_KG, PipelineConfig, SubjectConfig};
+use crate::opencap;
 use crate::place::error_at_key;
 use crate::place::{error_at, find};
 use crate::quote;
@@ -154,6 +155,17 @@ fn beside(at: &FactPlaces<'_>) -> Result<(FactsFile, Vec<String>), PipelineError
             let row = row_of(&parent.join(PARTICIPANTS), "participant_id", &name.to_string_lossy())?;
             found.extend(row.map(|f| (f, PARTICIPANTS.to_owned())));
         }
+    }
+    if let (true, Some(path)) = (found.is_empty(), opencap::beside(at.data)) {
+        let stated = opencap::read(&path);
+        let facts = FactsFile {
+            name: stated.name,
+            sex: stated.sex.map(str::to_owned),
+            height_m: stated.height_m,
+            mass_kg: stated.mass_kg,
+            ..FactsFile::default()
+        };
+        found.push((facts, opencap::METADATA.to_owned()));
     }
     let sources = found.iter().map(|f| f.1.clone()).collect();
     Ok((found.into_iter().fold(FactsFile::default(), |facts, (more, _)| facts.or(more)), sources))

@@ -13,6 +13,7 @@ pub mod facts;
 pub mod inherit;
 pub mod nearest;
 pub mod old_names;
+pub mod opencap;
 pub mod osim;
 pub mod place;
 pub mod possible;

@@ -114,6 +114,30 @@ pub fn stem_of(path: &Path) -> String {
     }
 }
 
+/// The parts of a name that Theia3D gives the poses of a person, `pose_filt_0`: whether they are filtered, and the
+/// person's number; none for other names. The folder names the trial.
+pub fn theia_pose(stem: &str) -> Option<(bool, &str)> {
+    let (words, person) = stem.rsplit_once('_')?;
+    let filtered = if words.eq_ignore_ascii_case("pose_filt") {
+        true
+    } else if words.eq_ignore_ascii_case("pose") {
+        false
+    } else {
+        return None;
+    };
+    (!person.is_empty() && person.chars().all(|c| c.is_ascii_digit())).then_some((filtered, person))
+}
+
+/// The name by which recordings of several subjects are compared: that of the file, or of the folder where every file in it
+/// has the same name.
+pub fn trial_name(path: &Path) -> String {
+    let stem = stem_of(path);
+    match (theia_pose(&stem), path.parent().and_then(Path::file_name)) {
+        (Some(_), Some(folder)) => folder.to_string_lossy().into_owned(),
+        _ => stem,
+    }
+}
+
 /// Recordings below a folder, relative to it, in order of names. Results (workspaces, exports, `derivatives`) and hidden folders
 /// are not looked into. Links to files count: data sets of DataLad or git-annex consist of them.
 pub fn recordings_below(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {

@@ -50,6 +50,19 @@ pub(crate) fn up_axis_from_fall(trial: &Trial) -> Option<UpAxis> {
     (up.abs() > SURPLUS * all).then(|| UpAxis::from_index(axis, up > 0.0))
 }
 
+/// True where the middle of the markers falls freely for a while, along the vertical of the world
+/// frame: a jump, or a throw.
+pub fn falls(trial: &Trial) -> bool {
+    let rate_hz = trial.markers.rate_hz;
+    let n = if rate_hz.is_finite() { (WINDOW_S * rate_hz).round() as usize } else { 0 };
+    let last = trial.markers.n_frames.checked_sub(n);
+    n >= 6
+        && last.is_some_and(|last| {
+            let mut starts = (0..=last).step_by((n / 8).max(1));
+            starts.any(|start| window(trial, start, n, rate_hz).is_some_and(|v| v.axis == 2 && v.sign > 0.0))
+        })
+}
+
 /// What one window says.
 struct Vote {
     axis: usize,
@@ -123,6 +136,15 @@ mod tests {
                 up_axis_from_fall(&trial(60, |t| Vector3::new(0.5 * t, 0.2, t) + up * (3.0 * t - 4.905 * t * t)));
             assert_eq!(found, Some(UpAxis::from_index(axis, sign > 0.0)));
         }
+    }
+
+    #[test]
+    fn a_jump_falls_along_the_vertical_and_a_step_does_not() {
+        let jump = |t: f64| Vector3::z() * if t < 0.3 { 2.0 * t - 4.905 * t * t } else { 0.16 };
+        assert!(falls(&trial(100, jump)));
+        assert!(!falls(&trial(100, |t| Vector3::x() * (2.0 * t - 4.905 * t * t))));
+        assert!(!falls(&trial(100, |t| Vector3::new(1.3 * t, 0.0, 0.03 * (12.0 * t).sin()))));
+        assert!(!falls(&trial(3, jump)));
     }
 
     #[test]

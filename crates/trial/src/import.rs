@@ -1,5 +1,6 @@
 //! Imports C3D, or TRC with MOT, as a [`Trial`] in SI units and the world frame.
 
+use crate::limits::leave_out_stuck;
 use crate::mot::read_ground_reactions;
 use crate::options::{disambiguate, require_content, to_world};
 use crate::recorded;
@@ -38,6 +39,7 @@ impl Trial {
         read_points(&mut trial, file, options)?;
         require_content(&trial, || format!("{} points, none of them a labelled marker", file.points.len()))?;
         read_plates(&mut trial, file, options);
+        leave_out_stuck(&mut trial);
         read_events(&mut trial, file);
         trial.recorded = recorded::of_c3d(file);
         trial.start_s = (f64::from(file.first_frame) - 1.0).max(0.0) / file.point_rate_hz;
@@ -67,6 +69,7 @@ impl Trial {
         trial.recorded = [Some(trc_text), mot_text].into_iter().flatten().find_map(recorded_in_header);
         if let Some(text) = mot_text {
             read_ground_reactions(&mut trial, text, start_s)?;
+            leave_out_stuck(&mut trial);
         }
         to_world(&mut trial, options, None, UpAxis::Y);
         correct_reaction_sign(&mut trial);

@@ -32,7 +32,8 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
     }
     let keys: Vec<&str> = lines.get(1).map(|l| l.split('\t').map(str::trim).collect()).unwrap_or_default();
     let values: Vec<&str> = lines.get(2).map(|l| l.split('\t').map(str::trim).collect()).unwrap_or_default();
-    let header: BTreeMap<&str, &str> = keys.iter().copied().zip(values).collect();
+    // spreadsheets put quotation marks around words
+    let header: BTreeMap<&str, &str> = keys.iter().map(|k| bare(k)).zip(values.into_iter().map(bare)).collect();
     let rate_hz = match header.get("DataRate").map(|v| v.parse::<f64>()) {
         Some(Ok(rate)) if RATES_HZ.contains(&rate) => rate,
         _ => {
@@ -54,7 +55,7 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
     };
 
     let label_line = lines.get(3).copied().unwrap_or("");
-    let mut cells = label_line.split('\t').map(str::trim);
+    let mut cells = label_line.split('\t').map(bare);
     if !cells.next().unwrap_or("").starts_with("Frame") {
         return Err(broken(3, label_line, "`Frame#`, `Time` and the labels"));
     }
@@ -177,6 +178,11 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
     trial.warnings.append(&mut warnings);
     trial.markers = Markers { rate_hz: clock.rate_hz, first_frame, n_frames: clock.n, labels, trajectories: tracks };
     Ok(stamps.first().map_or(0.0, |s| s.time_s))
+}
+
+/// A word of the header without blanks and quotation marks around it.
+fn bare(cell: &str) -> &str {
+    cell.trim().trim_matches('"').trim()
 }
 
 fn break_off(warnings: &mut Vec<Warning>, line: usize) {

@@ -12,6 +12,8 @@ pub(super) struct StatedFacts {
     pub height_m: Option<f64>,
     /// Name of the subject.
     pub subject: Option<String>,
+    /// True where the name is a number in the file's name instead.
+    pub by_number: bool,
 }
 
 const GROUPS: [&str; 6] = ["PROCESSING", "SUBJECTS", "SUBJECT", "PATIENT", "ANTHROPOMETRY", "INFO"];
@@ -37,6 +39,7 @@ impl StatedFacts {
             mass_kg: number(&MASSES, kilograms),
             height_m: number(&HEIGHTS, metres),
             subject: if let [only] = names.as_slice() { Some(only.clone()) } else { None },
+            by_number: false,
         }
     }
 }

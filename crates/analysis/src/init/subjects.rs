@@ -37,14 +37,14 @@ pub(super) fn chosen(
             return Ok((seen, Vec::new()));
         };
         let of = quote::path(folder);
+        let by_number = seen.iter().any(|s| s.stated.by_number);
+        let (say, persons) = match by_number {
+            true => ("are of", "persons (numbers in their names)"),
+            false => ("name", "subjects (SUBJECTS:NAMES)"),
+        };
         let one = quote::line(quote::option("subject", first));
         return Err(PipelineError::request_hint(
-            format!(
-                "{}: the files name {} subjects (SUBJECTS:NAMES): {}",
-                folder.display(),
-                names.len(),
-                abridged(&listed)
-            ),
+            format!("{}: the files {say} {} {persons}: {}", folder.display(), names.len(), abridged(&listed)),
             format!(
                 "one of them: `aloft init {of} {one}`; one person under several names: `aloft init {of} --one-subject`; a study of all: \
                  a folder for each subject, and `aloft init` with the folder that holds them"

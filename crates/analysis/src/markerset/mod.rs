@@ -5,6 +5,9 @@ mod check;
 mod cluster;
 mod draft;
 mod known;
+mod renamed;
 
 pub use check::{MarkerSetCheck, SetFinding, check};
+pub(crate) use renamed::renamed;
+
 pub use draft::{Draft, DraftedMarker, draft, to_yaml, write_new};

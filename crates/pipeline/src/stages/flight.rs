@@ -20,7 +20,7 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "flight",
-    version: 5,
+    version: 6,
     scope: Scope::Trial(&[Role::Identify, Role::Validate]),
     seconds: 0.03,
     reads: "`Motion`, plates, prior",

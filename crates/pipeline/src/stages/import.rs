@@ -10,7 +10,9 @@ use aloft_trial::{
     ArtefactOptions, BidsMotion, Corrections, GapOptions, ImportOptions, MarkerSet, QualityOptions, Severity, Trial,
     TrialQuality, UpAxis,
 };
-use aloft_trial::{MarkerSetMatch, QualityReason, apply_marker_set, assess, fill_gaps, find_artefacts};
+use aloft_trial::{
+    MarkerSetMatch, QualityReason, apply_marker_set, assess, fill_gaps, find_artefacts, limits_to_missing,
+};
 use aloft_workspace::artifact::save_trial;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::json::write_json;
@@ -21,7 +23,7 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "import",
-    version: 4,
+    version: 5,
     scope: Scope::Trial(&[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
     seconds: 0.03,
     reads: "C3D, TRC with MOT, or BIDS-Motion; marker set (robots: joint log, base pose)",
@@ -229,6 +231,8 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         )
         .because(reason.into()));
     }
+    let cut = limits_to_missing(&mut trial);
+    trial.warnings.extend(cut);
     save_trial(inputs.out, &trial)?;
     let mut done = StageReport::default();
     done.note("frames", trial.markers.n_frames);
