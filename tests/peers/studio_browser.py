@@ -69,13 +69,14 @@ def main():
     parser.add_argument("aloft")
     parser.add_argument("pipeline")
     parser.add_argument("--workspace")
+    parser.add_argument("--data")
     parser.add_argument("--flips", type=int, default=50)
     parser.add_argument("--shots")
     parser.add_argument("--chromium", default="/usr/bin/chromium")
     args = parser.parse_args()
     temporary = tempfile.TemporaryDirectory()
     workspace = args.workspace or str(pathlib.Path(temporary.name) / "ws")
-    words = [args.pipeline, "--workspace", workspace]
+    words = [args.pipeline, "--workspace", workspace, *(["--data", args.data] if args.data else [])]
     aloft = lambda *w: json.loads(subprocess.run([args.aloft, *w, *words, "--json"], check=True, capture_output=True, text=True).stdout)
     subprocess.run([args.aloft, "run", *words], check=True, capture_output=True)
     found = aloft("discover")

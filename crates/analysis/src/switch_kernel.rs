@@ -7,8 +7,9 @@
 //! [`Switches::model`] computes, with the same weights of prior and contact.
 
 use crate::held_out::weight_n;
+use crate::switch_pools::Merged;
 use crate::switch_rows::Judged;
-use crate::switches::{Merged, Switch, Switches};
+use crate::switches::{Switch, Switches};
 use aloft_compare::Floor;
 use aloft_identify::RotatedRows;
 use aloft_study::revision::ModelEffect;
@@ -122,9 +123,9 @@ impl Switches {
             let d = rows.min(m);
             (d, d * (k + 2) + upper(rows - d, k + 1))
         };
-        let (own, all) = of(n_rows(&self.pools.all));
+        let (own, all) = of(n_rows(&self.pools.all.merged));
         let each = self.trials.iter().map(|t| {
-            let without = self.pools.without.get(&t.name).map_or(0, n_rows);
+            let without = self.pools.without.get(&t.name).map_or(0, |pool| n_rows(&pool.merged));
             let (d, rows) = if without == 0 { (own, 0) } else { of(without) };
             let windows = |flying: bool| {
                 let kinds = t.windows.iter().flat_map(|w| &w.in_flight);
@@ -142,13 +143,14 @@ impl Switches {
     /// The first `n` switches.
     fn kernel_of(&self, n: usize, contact: bool, parameters: bool) -> Result<Option<SwitchKernel>, StageFailure> {
         let names: Vec<&str> = self.columns[..n].iter().flatten().map(String::as_str).collect();
-        let rotated = |m: &Merged| self.predicting.rotated(&self.merged(m, &names)?);
-        let Some(all) = rotated(&self.pools.all)? else { return Ok(None) };
+        let weight = self.predicting.contact_weight();
+        let rotated = |m: &Merged| self.predicting.rotated(&m.with_effects(&names, weight)?);
+        let Some(all) = rotated(&self.pools.all.merged)? else { return Ok(None) };
         let trials: Result<Vec<KernelTrial>, StageFailure> = self
             .trials
             .par_iter()
             .map(|t| {
-                let without = match self.pools.without.get(&t.name) {
+                let without = match self.pools.without.get(&t.name).map(|pool| &pool.merged) {
                     // a trial that alone identifies is predicted from itself, as the switches do
                     Some(m) if m.flights.is_some() || m.contact.is_some() => rotated(m)?,
                     _ => None,

@@ -14,6 +14,7 @@ use crate::effect::Asked;
 use crate::held_out::{HeldOutError, weight_n};
 use crate::promise::with_reference;
 use crate::results::with_results;
+use crate::switch_pools::{Merged, Pool, Pools};
 use crate::switch_rows::{Judged, drop_without_numbers, params_of, rows_of};
 use aloft_body::Subject;
 use aloft_compare::{AgainstFloor, Candidate, NoiseFloor, TrialSeries, size_of_windows};
@@ -21,7 +22,7 @@ use aloft_identify::Parameters;
 use aloft_pipeline::stages::compare::{self as stage, ComparedTrial, Floor, HeldOut};
 use aloft_pipeline::stages::identify::{PointEstimate, Predicting};
 use aloft_pipeline::trial_rows::TrialRows;
-use aloft_regressor::{Factor, StretchKind, leave_group_out};
+use aloft_regressor::{Factor, StretchKind};
 use aloft_study::config::Rows;
 use aloft_study::effects::{KnownEffects, OwnEffect};
 use aloft_study::revision::ModelEffect;
@@ -33,6 +34,7 @@ use nalgebra::Vector6;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Where an effect comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -141,19 +143,6 @@ pub struct TrialError {
     pub left_out: bool,
 }
 
-/// Merged factors of some trials: flights, and contact, which is weighted before both are merged.
-#[derive(Clone)]
-pub(crate) struct Merged {
-    pub flights: Option<Factor>,
-    pub contact: Option<Factor>,
-}
-
-/// Merged factors of all trials, and of all but each one.
-pub(crate) struct Pools {
-    pub all: Merged,
-    pub without: HashMap<String, Merged>,
-}
-
 /// The effects of a study as switches.
 pub struct Switches {
     pub(crate) session: SubjectSession,
@@ -169,6 +158,8 @@ pub struct Switches {
     pub(crate) columns: Vec<Vec<String>>,
     training: Vec<Factor>,
     pub(crate) pools: Pools,
+    /// Pools without what was left out last, for the next flip.
+    other: Mutex<Option<(LeftOut, Arc<Pools>)>>,
     pub(crate) trials: Vec<Judged>,
     pub(crate) gate: bool,
     /// Whether contact takes part in the identification of the present model.
@@ -294,9 +285,11 @@ impl Switches {
                     from: origin.get(e.id()).copied().unwrap_or(From::Catalogue),
                 });
             }
+            let predicting = Predicting::like(&subject, &parameters)?;
             Ok(Self {
-                predicting: Predicting::like(&subject, &parameters)?,
-                pools: Pools::of(&training.iter().collect::<Vec<_>>()).map_err(stop)?,
+                pools: Pools::of(&training.iter().collect::<Vec<_>>(), &predicting, &columns)?,
+                other: Mutex::default(),
+                predicting,
                 gate: parameters.gate.passed,
                 session: made.session.clone(),
                 subject,
@@ -364,15 +357,14 @@ impl Switches {
     /// A key without a switch; rows that do not determine the parameters.
     pub fn model(&self, keys: &[String], left_out: &LeftOut) -> Result<Switched, PipelineError> {
         let names = self.names(keys)?;
+        let failed = |f: StageFailure| PipelineError::Request { problem: f.problem, hint: f.hint };
         let other;
         let pools = if *left_out == LeftOut::default() {
             &self.pools
         } else {
-            let kept: Vec<&Factor> = self.training.iter().filter(|f| left_out.keeps(f, &self.trials)).collect();
-            other = Pools::of(&kept).map_err(|e| PipelineError::request(e.to_string()))?;
-            &other
+            other = self.pools_without(left_out).map_err(failed)?;
+            &*other
         };
-        let failed = |f: StageFailure| PipelineError::Request { problem: f.problem, hint: f.hint };
         let all = self.solve(&pools.all, &names).map_err(failed)?;
         let judged: Vec<Predicted<'_>> = self
             .trials
@@ -473,67 +465,30 @@ impl Switches {
         }
     }
 
-    fn solve(&self, merged: &Merged, names: &[&str]) -> Result<PointEstimate, StageFailure> {
-        let picked = self.merged(merged, names)?;
-        self.predicting.solve_merged(&picked)
+    /// Rotated rows answer at once; where there are none, or where these columns cannot be told apart,
+    /// the merged rows are solved as the stages do.
+    fn solve(&self, pool: &Pool, names: &[&str]) -> Result<PointEstimate, StageFailure> {
+        if let Some(found) = pool.estimate(names) {
+            return Ok(found);
+        }
+        self.solve_merged(&pool.merged, names)
     }
 
-    /// Flights and weighted contact with the columns of these effects.
-    pub(crate) fn merged(&self, merged: &Merged, names: &[&str]) -> Result<Factor, StageFailure> {
-        let pick = |f: &Factor| f.with_effects(names).map_err(stop);
-        let weight = self.predicting.contact_weight();
-        let contact = merged.contact.as_ref().zip(weight).map(|(c, w)| pick(c).map(|f| f.scaled(w))).transpose()?;
-        match (&merged.flights, contact) {
-            (Some(f), None) => pick(f),
-            (None, Some(c)) => Ok(c),
-            (Some(f), Some(c)) => pick(f)?.merged_with(&c).map_err(stop),
-            (None, None) => Err(stop("no flight is left to identify from")),
-        }
+    /// What [`Self::solve`] gives, without rotated rows.
+    fn solve_merged(&self, merged: &Merged, names: &[&str]) -> Result<PointEstimate, StageFailure> {
+        self.predicting.solve_merged(&merged.with_effects(names, self.predicting.contact_weight())?)
     }
-}
 
-impl Pools {
-    fn of(factors: &[&Factor]) -> Result<Self, aloft_regressor::RegressorError> {
-        let mut trials: Vec<&str> = Vec::new();
-        for f in factors {
-            if !trials.contains(&f.trial.as_str()) {
-                trials.push(&f.trial);
-            }
+    /// Pools of the trials that are left; those of the last request are kept.
+    fn pools_without(&self, left_out: &LeftOut) -> Result<Arc<Pools>, StageFailure> {
+        let mut held = self.other.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, pools)) = held.as_ref().filter(|(of, _)| of == left_out) {
+            return Ok(Arc::clone(pools));
         }
-        let nothing = Merged { flights: None, contact: None };
-        let (mut all, mut without) = (nothing.clone(), vec![nothing; trials.len()]);
-        for contact in [false, true] {
-            let own: Vec<Factor> =
-                factors.iter().filter(|f| (f.kind == StretchKind::Contact) == contact).map(|f| (*f).clone()).collect();
-            if own.is_empty() {
-                continue;
-            }
-            let merged = Factor::merge(&own)?;
-            // trials that have factors of this kind, numbered in the order of their first one
-            let mut present: Vec<&str> = Vec::new();
-            let groups: Vec<usize> = own
-                .iter()
-                .map(|f| {
-                    present.iter().position(|t| *t == f.trial).unwrap_or_else(|| {
-                        present.push(&f.trial);
-                        present.len() - 1
-                    })
-                })
-                .collect();
-            let rest: Vec<Option<Factor>> = match present.len() {
-                1 => vec![None],
-                _ => leave_group_out(&own, &groups, |_, rest| Some(rest.clone()))?,
-            };
-            for (pool, trial) in without.iter_mut().zip(&trials) {
-                let left = match present.iter().position(|t| t == trial) {
-                    Some(i) => rest[i].clone(),
-                    None => Some(merged.clone()),
-                };
-                *if contact { &mut pool.contact } else { &mut pool.flights } = left;
-            }
-            *if contact { &mut all.contact } else { &mut all.flights } = Some(merged);
-        }
-        Ok(Self { all, without: trials.into_iter().map(str::to_owned).zip(without).collect() })
+        let kept: Vec<&Factor> = self.training.iter().filter(|f| left_out.keeps(f, &self.trials)).collect();
+        let pools = Arc::new(Pools::of(&kept, &self.predicting, &self.columns)?);
+        *held = Some((left_out.clone(), Arc::clone(&pools)));
+        Ok(pools)
     }
 }
 

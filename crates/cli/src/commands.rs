@@ -1,7 +1,7 @@
 //! Each command opens the study, calls the library, and renders the answer as text or JSON.
 
 use crate::args::{AnglesArg, Cli, Command, EffectAction, EngineArg, PipelineArgs, RowsArg};
-use crate::each::{broken, each, each_result, fail, heading, notice};
+use crate::each::{broken, each, each_result, each_step, fail, heading, notice};
 use crate::open::{description_of, open, open_all, opener};
 use crate::progress::{Bars, Counted, Waiting};
 use crate::render::{command, json, note, out, table};
@@ -12,6 +12,7 @@ use crate::{
     show_workspace, workflow,
 };
 use aloft_analysis::freshness::freshness;
+use aloft_analysis::next_step::{NextStep, next_step};
 use aloft_analysis::{
     assess, audit, check, compare, corrections, discover, effect, estimators, export, history, init, inspect,
     inspect_values, next_flights, parameters, simulate, status, summary, verify,
@@ -129,8 +130,14 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             each_result(&pipeline, strict, as_json, &[], ask, show_estimators::leave_one_out)
         }
         Command::Compare { pipeline, strict, by, details, json: as_json, .. } => {
-            let show = |found: &compare::ComparisonView| residuals::comparison(found, &by, details, &pipeline);
-            each_result(&pipeline, strict, as_json, &compare::READS, compare::compare, show)
+            let show = |session: &SubjectSession, current: bool, found: &compare::ComparisonView| {
+                residuals::comparison(found, &by, details)?;
+                if by.is_empty() {
+                    next::show(&next_step(session, found, current), &session.id, &pipeline);
+                }
+                Ok(())
+            };
+            each_step(&pipeline, strict, as_json, &compare::READS, compare::compare, show)
         }
         Command::Discover { pipeline, strict, only, without, self_test: true, json: as_json, .. } => {
             let options = discover::options(only, without, true, None);
@@ -156,13 +163,22 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
                 let bar = Counted::new(&format!("discover {}", session.id));
                 discover::discover(session, &options, &|done, all| bar.at(done, all))
             };
-            let show = |found: &discover::DiscoveryView| findings::discovery(found, &pipeline, details);
-            each_result(&pipeline, strict, as_json, &[], ask, show)
+            let show = |session: &SubjectSession, current: bool, found: &discover::DiscoveryView| {
+                findings::discovery(found, details)?;
+                findings::next(found, session, current, &pipeline)
+            };
+            each_step(&pipeline, strict, as_json, &[], ask, show)
         }
         Command::Effect { action } => effects(action),
         Command::History { pipeline, strict, details, json: as_json } => {
-            let show = |found: &effect::History| ladder::history(found, details);
-            each_result(&pipeline, strict, as_json, &history::READS, effect::history, show)
+            let show = |session: &SubjectSession, current: bool, found: &effect::History| {
+                ladder::history(found, details)?;
+                // a study that was not compared yet has no next step but a run
+                let step = compare::compare(session).map_or(NextStep::Run, |view| next_step(session, &view, current));
+                next::show(&step, &session.id, &pipeline);
+                Ok(())
+            };
+            each_step(&pipeline, strict, as_json, &history::READS, effect::history, show)
         }
         Command::Report { pipeline, strict, out: target } => {
             let set = open_all(&pipeline)?;
@@ -338,7 +354,7 @@ fn change_effects(
 ) -> Result<Success, Stop> {
     let set = open_all(args)?;
     let mut trouble = broken(&set);
-    let mut next = Vec::new();
+    let mut steps = Vec::new();
     for session in &set.members {
         if set.several {
             heading(&session.id)?;
@@ -348,11 +364,13 @@ fn change_effects(
         note(run_end::totals(std::iter::once(&report), report.seconds));
         ladder::change(&history, details)?;
         trouble |= report.has_trouble();
-        let last = history.revisions.last().map_or(&[][..], |r| &r.errors);
-        next.push(if ladder::is_at_floor(last) { "report" } else { "discover" });
+        let now = session.refreshed()?;
+        steps.push((&session.id, compare::compare(&now).map_or(NextStep::Run, |view| next_step(&now, &view, true))));
     }
-    let verb = if next.contains(&"discover") { "discover" } else { "report" };
-    command("next", &next::line(verb, args, &[]));
+    if let [(_, NextStep::Advised(advice))] = steps.as_slice() {
+        note(format!("advice: {advice}"));
+    }
+    command("next", &next::for_all(&steps, args));
     Ok(if trouble { Success::Partial } else { Success::Full })
 }
 

@@ -7,7 +7,7 @@ use crate::open::open_all;
 use crate::render::json;
 use crate::render::{note, out};
 use crate::stop::Stop;
-use aloft_analysis::freshness::{Freshness, with_stale};
+use aloft_analysis::freshness::{Freshness, WithStale, with_stale};
 use aloft_study::data_set::DataSet;
 use aloft_study::quote::visible;
 use aloft_study::recordings::SessionId;
@@ -42,11 +42,21 @@ pub fn each<T: Serialize>(
     ask: impl Fn(&SubjectSession) -> Result<T, PipelineError>,
     show: impl Fn(&T) -> Result<(), Stop>,
 ) -> Result<Success, Stop> {
+    each_of(args, as_json, ask, |_, found| show(found))
+}
+
+/// The same for a command that shows an answer together with what it knows of the study.
+fn each_of<T: Serialize>(
+    args: &PipelineArgs,
+    as_json: bool,
+    ask: impl Fn(&SubjectSession) -> Result<T, PipelineError>,
+    show: impl Fn(&SubjectSession, &T) -> Result<(), Stop>,
+) -> Result<Success, Stop> {
     let set = open_all(args)?;
     if !set.several {
         for session in &set.members {
             let found = ask(session)?;
-            if as_json { json(&found)? } else { show(&found)? }
+            if as_json { json(&found)? } else { show(session, &found)? }
         }
         return Ok(Success::Full);
     }
@@ -65,7 +75,7 @@ pub fn each<T: Serialize>(
         }
         heading(&session.id)?;
         match answer {
-            Ok(found) => show(&found)?,
+            Ok(found) => show(session, &found)?,
             Err(e) => {
                 trouble = true;
                 fail(&session.id, &e.into());
@@ -95,6 +105,19 @@ pub fn each_result<T: Serialize>(
     ask: impl Fn(&SubjectSession) -> Result<T, PipelineError>,
     show: impl Fn(&T) -> Result<(), Stop>,
 ) -> Result<Success, Stop> {
+    each_step(args, strict, as_json, reads, ask, |_, _, found| show(found))
+}
+
+/// The same for a command that ends with the next step: `show` receives the study as well, and
+/// whether all results are up to date.
+pub fn each_step<T: Serialize>(
+    args: &PipelineArgs,
+    strict: StrictArgs,
+    as_json: bool,
+    reads: &[&str],
+    ask: impl Fn(&SubjectSession) -> Result<T, PipelineError>,
+    show: impl Fn(&SubjectSession, bool, &T) -> Result<(), Stop>,
+) -> Result<Success, Stop> {
     let late = Cell::new(false);
     let asked = |session: &SubjectSession| {
         let found = with_stale(session, reads, &ask)?;
@@ -103,7 +126,8 @@ pub fn each_result<T: Serialize>(
         notice(session, &fresh);
         Ok(found)
     };
-    let done = each(args, as_json, asked, |found| show(&found.answer))?;
+    let shown = |session: &SubjectSession, found: &WithStale<T>| show(session, found.stale.is_empty(), &found.answer);
+    let done = each_of(args, as_json, asked, shown)?;
     Ok(strict.judge(done, late.get()))
 }
 

@@ -142,12 +142,8 @@ fn constant(view: &ComparisonView) -> Option<String> {
         trials.iter().filter(|t| size(t).is_some_and(|n| n > floor_n)).map(|t| t.trial.as_str()).collect();
     let most = trials.iter().filter_map(size).fold(0.0, f64::max);
     (!large.is_empty()).then(|| {
-        let text = format!(
-            "{} N taken off {} (never unloaded) hides errors of its size",
-            significant(most, 2),
-            large.join(", ")
-        );
-        crate::screen::one_line("constant    ", &text)
+        let text = format!("constant errors up to {} N in {}: never unloaded", significant(most, 2), large.join(", "));
+        crate::screen::one_line("hidden      ", &text)
     })
 }
 

@@ -6,11 +6,14 @@ use crate::next;
 use crate::render::{beside, command, half, out, significant, unit};
 use crate::screen::{Cell, cut, labelled, table};
 use crate::stop::Stop;
+use aloft_analysis::compare::compare;
 use aloft_analysis::discover::DiscoveryView;
 use aloft_analysis::effect::EffectLine;
+use aloft_analysis::next_step::{self, Because, NextStep};
 use aloft_analysis::verdict;
-use aloft_discover::{Candidate, Discovery, Estimate, Found, SelfTest, Verdict};
+use aloft_discover::{Candidate, Discovery, Estimate, SelfTest, Verdict};
 use aloft_effects::{ActsIn, EffectKind};
+use aloft_study::subject_session::SubjectSession;
 
 /// Candidates shown without `--details`, and with it.
 const SHORT: usize = 6;
@@ -64,7 +67,7 @@ fn names(list: &[String]) -> String {
 }
 
 /// The discovery as text.
-pub fn discovery(view: &DiscoveryView, at: &PipelineArgs, details: bool) -> Result<(), Stop> {
+pub fn discovery(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
     let d = &view.discovery;
     out(labelled("verdict: ", &verdict::words(d)))?;
     errors(view)?;
@@ -87,7 +90,7 @@ pub fn discovery(view: &DiscoveryView, at: &PipelineArgs, details: bool) -> Resu
         }
     }
     out("")?;
-    candidates(d, if details { LONG } else { SHORT })?;
+    candidates(view, if details { LONG } else { SHORT })?;
     if let Some(open) = &d.open {
         crate::laws::laws(open)?;
     }
@@ -117,17 +120,22 @@ pub fn discovery(view: &DiscoveryView, at: &PipelineArgs, details: bool) -> Resu
     for a in &d.advice {
         out(labelled("advice: ", a))?;
     }
-    // what is not shown to be the cause is not proposed
-    let proposed: &[Found] = if d.verdict == Verdict::Unexplained { &[] } else { &d.found };
-    for (i, found) in proposed.iter().enumerate() {
-        command(if i == 0 { "next" } else { "then" }, &next::add(&found.key, at));
-    }
-    let laws = d.open.iter().flat_map(|o| &o.laws);
-    for (i, law) in laws.enumerate() {
-        command(if i == 0 && proposed.is_empty() { "next" } else { "then" }, &next::add(&law.id, at));
-    }
-    if proposed.is_empty() && d.open.as_ref().is_none_or(|o| o.laws.is_empty()) {
-        command("next", &next::line("report", at, &[]));
+    Ok(())
+}
+
+/// The next step, and every further effect or law that the answer names.
+pub fn next(view: &DiscoveryView, session: &SubjectSession, current: bool, at: &PipelineArgs) -> Result<(), Stop> {
+    let d = &view.discovery;
+    let step = compare(session).map_or(NextStep::Run, |own| next_step::next_step(session, &own, current));
+    // its advice stands above
+    command("next", &next::command_for(&step, &session.id, at));
+    if let NextStep::Add { key, because } = &step {
+        let laws = d.open.iter().flat_map(|o| &o.laws).map(|l| &l.id);
+        let all: Vec<&String> =
+            if *because == Because::Law { laws.collect() } else { d.found.iter().map(|f| &f.key).collect() };
+        for other in all.into_iter().filter(|k| *k != key) {
+            command("then", &next::add(other, &session.id, at));
+        }
     }
     Ok(())
 }
@@ -216,13 +224,24 @@ fn no_better(d: &Discovery) -> Option<String> {
     Some(format!("{}: {verb} {of} as a special case and {fit} no better", names.join(", ")))
 }
 
+/// The kind of motion whose candidates come first: where the named effect was judged, else where the
+/// model stands farthest above its floor.
+fn first_place(view: &DiscoveryView) -> String {
+    let d = &view.discovery;
+    let named = d.found.first().and_then(|f| d.candidates.iter().find(|c| c.effect == f.effect));
+    let tried = |place: &str| d.candidates.iter().any(|c| !c.placebo && c.judged_on == place);
+    let above = view.errors.iter().filter(|e| e.at_floor != Some(true) && tried(&e.judged_on));
+    let worst = above.max_by(|a, b| a.times_floor.unwrap_or(0.0).total_cmp(&b.times_floor.unwrap_or(0.0)));
+    let rounds = d.rounds.first().map(|r| &r.judged_on);
+    named.map(|c| &c.judged_on).or(worst.map(|e| &e.judged_on)).or(rounds).cloned().unwrap_or_default()
+}
+
 /// The best candidates of the ranking.
-fn candidates(d: &Discovery, shown: usize) -> Result<(), Stop> {
+fn candidates(view: &DiscoveryView, shown: usize) -> Result<(), Stop> {
+    let d = &view.discovery;
     let mut all: Vec<&Candidate> = d.candidates.iter().filter(|c| !c.placebo).collect();
-    // shares of different errors do not stand in one order: those of the named effect's first
-    let place = d.found.first().and_then(|f| all.iter().find(|c| c.effect == f.effect));
-    let place = place.map(|c| c.judged_on.clone()).or_else(|| d.rounds.first().map(|r| r.judged_on.clone()));
-    let place = place.unwrap_or_default();
+    // shares of different errors do not stand in one order
+    let place = first_place(view);
     all.sort_by_key(|c| c.judged_on != place);
     // the column `in` only where there is something to tell apart
     let places = usize::from(all.iter().any(|c| c.judged_on != place));
@@ -251,7 +270,8 @@ fn candidates(d: &Discovery, shown: usize) -> Result<(), Stop> {
     if more > 0 {
         out(format!("… and {more} more{}", if shown < LONG { ": --details" } else { "" }))?;
     }
-    out(labelled("", &format!("left %: share of the held-out error in {place} that remains with the candidate")))
+    let of = if places > 0 { "there".to_owned() } else { format!("in {place}") };
+    out(labelled("", &format!("left %: share of the held-out error {of} that remains with the candidate")))
 }
 
 /// Half of a 95 % interval, or why there is none that says anything.

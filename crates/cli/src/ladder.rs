@@ -5,7 +5,6 @@ use crate::errors::figure;
 use crate::render::{beside, half, out, significant};
 use crate::screen::{Cell, labelled, table};
 use crate::stop::Stop;
-use aloft_analysis::held_out::HeldOutError;
 use aloft_analysis::history::{History, HistoryRow};
 use aloft_compare::Signal;
 
@@ -109,9 +108,4 @@ fn whole(rows: &[HistoryRow]) -> Result<(), Stop> {
         ]);
     }
     out(t)
-}
-
-/// True if every error of a revision is at its floor.
-pub fn is_at_floor(errors: &[HeldOutError]) -> bool {
-    !errors.is_empty() && errors.iter().all(|e| e.at_floor == Some(true))
 }

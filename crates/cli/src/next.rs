@@ -2,12 +2,10 @@
 
 use crate::args::PipelineArgs;
 use crate::open::description_of;
-use aloft_analysis::compare::ComparisonView;
-use aloft_analysis::discover::latest;
-use aloft_discover::Verdict;
+use crate::render::{command, note};
+use aloft_analysis::next_step::NextStep;
 use aloft_study::quote;
 use aloft_study::recordings::SessionId;
-use aloft_study::subject_session::SubjectSession;
 
 /// `--subject` and `--session` for a member of a study of several.
 fn member(id: &SessionId) -> Vec<String> {
@@ -23,60 +21,73 @@ pub fn line(verb: &str, args: &PipelineArgs, more: &[String]) -> String {
     format!("aloft {verb} {}{rest}", description_of(args))
 }
 
-/// `aloft effect add P.yaml EFFECT …` for the subjects that were asked about.
-pub fn add(key: &str, args: &PipelineArgs) -> String {
-    let chosen =
-        |flag: &str, names: &[String]| names.iter().flat_map(|n| quote::option(flag, n)).collect::<Vec<String>>();
-    let more = [vec![key.to_owned()], chosen("subject", &args.subject), chosen("session", &args.session)].concat();
-    line("effect add", args, &more)
+/// `aloft effect add P.yaml EFFECT …` for this subject and session.
+pub fn add(key: &str, id: &SessionId, args: &PipelineArgs) -> String {
+    line("effect add", args, &[vec![key.to_owned()], member(id)].concat())
+}
+
+/// The command for a step of one subject and session. Where nothing is left to ask or to add, the
+/// report shows where the error sits.
+pub fn command_for(step: &NextStep, id: &SessionId, args: &PipelineArgs) -> String {
+    match step {
+        NextStep::Run => line("run", args, &member(id)),
+        NextStep::Discover { .. } => line("discover", args, &member(id)),
+        NextStep::Add { key, .. } => add(key, id, args),
+        NextStep::Record(_) | NextStep::Advised(_) | NextStep::Use | NextStep::Look => {
+            line("report", args, &member(id))
+        }
+    }
+}
+
+/// Shows the step of one subject and session: what the answer of `discover` advises, then the
+/// command to type.
+pub fn show(step: &NextStep, id: &SessionId, args: &PipelineArgs) {
+    if let NextStep::Advised(advice) = step {
+        note(format!("advice: {advice}"));
+    }
+    command("next", &command_for(step, id, args));
+}
+
+/// The command for several subjects and sessions: one for all of them where they have the same step.
+pub fn for_all(steps: &[(&SessionId, NextStep)], args: &PipelineArgs) -> String {
+    let of_all = |verb: &str, key: Option<&String>| {
+        let chosen = [chosen("subject", &args.subject), chosen("session", &args.session)].concat();
+        line(verb, args, &[key.cloned().into_iter().collect(), chosen].concat())
+    };
+    let any = |wanted: fn(&NextStep) -> bool| steps.iter().find(|(_, step)| wanted(step));
+    match steps {
+        [] => of_all("status", None),
+        [(id, step)] => command_for(step, id, args),
+        [(_, NextStep::Add { key, .. }), rest @ ..]
+            if rest.iter().all(|(_, s)| matches!(s, NextStep::Add { key: other, .. } if other == key)) =>
+        {
+            of_all("effect add", Some(key))
+        }
+        _ if any(|s| matches!(s, NextStep::Run)).is_some() => of_all("run", None),
+        _ if any(|s| matches!(s, NextStep::Discover { .. })).is_some() => of_all("discover", None),
+        _ => match any(|s| matches!(s, NextStep::Add { .. })) {
+            Some((id, step)) => command_for(step, id, args),
+            None => of_all("report", None),
+        },
+    }
+}
+
+/// `--subject` or `--session` as they were chosen.
+fn chosen(flag: &str, names: &[String]) -> Vec<String> {
+    names.iter().flat_map(|n| quote::option(flag, n)).collect()
 }
 
 /// After a run: what failed is explained first; then the missing effect is sought, added, reported.
 pub fn after_run(
-    views: &[(&SubjectSession, ComparisonView)],
+    steps: &[(&SessionId, NextStep)],
     failed: Option<(&SessionId, Option<(&str, &str)>)>,
     args: &PipelineArgs,
 ) -> String {
-    if let Some((id, task)) = failed {
-        let whose = member(id);
-        return match task {
-            Some((stage, trial)) => line("explain", args, &[vec![trial.to_owned(), stage.to_owned()], whose].concat()),
-            None => line("check", args, &whose),
-        };
-    }
-    let [(session, view)] = views else {
-        let far = views.iter().any(|(_, v)| is_above(v));
-        return if views.is_empty() {
-            line("status", args, &[])
-        } else {
-            line(if far { "discover" } else { "report" }, args, &[])
-        };
-    };
-    let whose = if session.id.subject.is_some() { member(&session.id) } else { Vec::new() };
-    if !is_above(view) {
-        return line("report", args, &whose);
-    }
-    // an answer that holds for these results is not asked for again
-    match latest(session) {
-        None if view.too_few_to_ask() => line("report", args, &whose),
-        // what is not shown to be the cause is not proposed
-        Some(found)
-            if found.verdict == Verdict::Unexplained && found.open.as_ref().is_none_or(|o| o.laws.is_empty()) =>
-        {
-            line("report", args, &whose)
+    match failed {
+        Some((id, Some((stage, trial)))) => {
+            line("explain", args, &[vec![trial.to_owned(), stage.to_owned()], member(id)].concat())
         }
-        Some(found) => {
-            let held: Vec<&str> = session.effects.iter().map(|e| e.key.as_str()).collect();
-            match found.found.iter().find(|f| !held.contains(&f.key.as_str())) {
-                Some(f) => line("effect add", args, &[vec![f.key.clone()], whose].concat()),
-                None => line("report", args, &whose),
-            }
-        }
-        None => line("discover", args, &whose),
+        Some((id, None)) => line("check", args, &member(id)),
+        None => for_all(steps, args),
     }
-}
-
-/// True if some error is not at its floor.
-pub fn is_above(view: &ComparisonView) -> bool {
-    view.errors.iter().any(|e| e.at_floor == Some(false))
 }

@@ -1,12 +1,12 @@
 //! The comparison as tables: the distribution of the error, and the part that noise does not
 //! explain.
 
-use crate::args::{ByArg, PipelineArgs};
-use crate::render::{command, out, significant, table};
+use crate::args::ByArg;
+use crate::errors;
+use crate::render::{out, significant, table};
 use crate::screen::labelled;
 use crate::show::three;
 use crate::stop::Stop;
-use crate::{errors, next};
 use aloft_analysis::compare::ComparisonView;
 use aloft_compare::{Group, GroupedBy, SegmentShare};
 
@@ -24,7 +24,7 @@ const ALL: [ByArg; 10] = [
 ];
 
 /// The comparison in short; with details, all breakdowns, or those requested.
-pub fn comparison(view: &ComparisonView, by: &[ByArg], details: bool, args: &PipelineArgs) -> Result<(), Stop> {
+pub fn comparison(view: &ComparisonView, by: &[ByArg], details: bool) -> Result<(), Stop> {
     let c = &view.comparison;
     if by.is_empty() {
         errors::block(view)?;
@@ -82,10 +82,6 @@ pub fn comparison(view: &ComparisonView, by: &[ByArg], details: bool, args: &Pip
             ByArg::Axis => axes(view)?,
             ByArg::Segment => segments(view)?,
         }
-    }
-    if by.is_empty() && !details {
-        let verb = if next::is_above(view) && !view.too_few_to_ask() { "discover" } else { "report" };
-        command("next", &next::line(verb, args, &[]));
     }
     Ok(())
 }

@@ -9,6 +9,7 @@ use crate::screen::{Cell, columns_of, cut, labelled, table, width};
 use crate::stop::Stop;
 use aloft_analysis::compare::{ComparisonView, compare};
 use aloft_analysis::corrections::offers;
+use aloft_analysis::next_step::{NextStep, next_step};
 use aloft_analysis::session_check::session_check;
 use aloft_analysis::summary::Summary;
 use aloft_pipeline::runner::{BatchReport, Ended, RunReport};
@@ -101,7 +102,9 @@ pub fn show(
             }
         }
     }
-    command("next", &next::after_run(&views, failed_task(&failed), args));
+    let steps: Vec<(&SessionId, NextStep)> =
+        views.iter().map(|(session, view)| (&session.id, next_step(session, view, true))).collect();
+    command("next", &next::after_run(&steps, failed_task(&failed), args));
     Ok(trouble)
 }
 
@@ -236,13 +239,13 @@ fn to_do(views: &[(&SubjectSession, ComparisonView)]) -> Option<String> {
 fn warnings(summary: &Summary) -> Option<String> {
     let of = |word: &str| summary.rows.iter().filter(|r| r.qc == word).count();
     let all = summary.rows.len();
-    let reasons: Vec<&str> = summary
+    let reasons: Vec<String> = summary
         .reasons
         .iter()
         .filter(|r| {
             summary.rows.iter().any(|row| row.qc == "warning" && row.reasons.iter().any(|q| q.code() == r.reason))
         })
-        .map(|r| r.reason)
+        .map(|r| r.reason.replace('_', " "))
         .collect();
     let n = of("warning");
     // as many reasons as the line takes, each whole

@@ -32,6 +32,7 @@ pub mod null_vector;
 pub mod parameters;
 pub mod prior;
 pub mod rotated;
+mod rotated_estimate;
 pub mod simex;
 mod system;
 mod uncertainty;
@@ -55,6 +56,7 @@ pub use parameters::{
 };
 pub use prior::{LinkPrior, PreparedPrior, Prior, Symmetry};
 pub use rotated::RotatedRows;
+pub use rotated_estimate::RotatedEstimate;
 pub use simex::{Simex, add_noise, simex};
 pub use uncertainty::jackknife_freedom;
 pub use visible::{Unseen, Visible};

@@ -159,10 +159,12 @@ const Charts = (() => {
     });
 
     // puts the cursors of all panels at an abscissa and tells the values there
+    let wide = true;
     const point = (at) => {
+      if (!wide) return;
       for (const p of plots) {
         const i = p.u.valToIdx(at), left = p.u.valToPos(at, "x");
-        const hidden = !Number.isFinite(left) || left < 0 || left > p.u.over.clientWidth;
+        const hidden = !Number.isFinite(left) || left < 0 || left > p.u.bbox.width / devicePixelRatio;
         if (!p.u.cursor.event || Math.abs((p.u.cursor.left ?? -10) - left) > 1) p.u.setCursor({ left: hidden ? -10 : left, top: hidden ? -10 : 1 }, false);
         const values = p.curves.map((c, k) => [c, p.u.data[k + 1][i]]).filter(([c, v]) => !c.edge && v !== null && v !== undefined);
         p.told.textContent = hidden ? "" : values.slice(0, 4).map(([c, v]) => (c.name ? c.name + " " : "") + Numbers.short(v)).join(" · ");
@@ -195,7 +197,7 @@ const Charts = (() => {
     const foot = Numbers.make("p", { class: "x-title" }, f.x);
     el.replaceChildren(...tools, legend, panelsEl, foot);
     el.style.minHeight = "";
-    const fit = () => plots.forEach((p) => { const width = p.place.clientWidth; if (width > 0 && width !== p.u.width) p.u.setSize({ width, height: f.panel_px }); });
+    const fit = () => { wide = el.clientWidth > 0; plots.forEach((p) => { const width = p.place.clientWidth; if (width > 0 && width !== p.u.width) p.u.setSize({ width, height: f.panel_px }); }); };
     const watch = new ResizeObserver(fit);
     watch.observe(el);
     fit();

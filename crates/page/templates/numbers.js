@@ -47,8 +47,15 @@ const Numbers = (() => {
     a.click();
     setTimeout(() => URL.revokeObjectURL(a.href), 1000);
   };
-  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+  const tones = new Map();
+  const colour = (name) => {
+    if (!tones.has(name)) tones.set(name, getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim());
+    return tones.get(name);
+  };
+  // other colours hold from now on
+  const recoloured = () => tones.clear();
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", recoloured);
   // a colour of the theme with an opacity
   const faint = (name, alpha) => colour(name) + Math.round(255 * alpha).toString(16).padStart(2, "0");
-  return { list, read, short, library, make, save, colour, faint };
+  return { list, read, short, library, make, save, colour, recoloured, faint };
 })();

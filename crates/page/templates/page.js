@@ -50,6 +50,7 @@
 
   // print what is shown, in the light theme, or everything
   const repaint = () => {
+    Numbers.recoloured();
     [...drawn].filter((d) => !d.classList.contains("player") && d.offsetParent).forEach((d) => drawer(d).draw(d));
     Player.renderAll();
   };

@@ -48,9 +48,9 @@ const Player = (() => {
     el.style.minHeight = "";
 
     // perspective: `eye` at a distance of six radii, so that one metre in the middle is `view.metre` pixels
-    let view = null, places = [];
+    let view = null, size = [canvas.clientWidth, canvas.clientHeight];
     const look_at = () => {
-      const width = canvas.clientWidth, height = canvas.clientHeight;
+      const [width, height] = size;
       const c = state.follow ? scene.com(state.frame) : bounds.middle, at = c.every(Number.isFinite) ? c : bounds.middle;
       const metre = state.zoom * (state.follow ? (0.4 * Math.min(width, height)) / bounds.reach : Math.min((0.45 * height) / (bounds.tall + 0.2 * bounds.wide), (0.46 * width) / (bounds.wide + 0.1)));
       const [sy, cy, sp, cp] = [Math.sin(state.yaw), Math.cos(state.yaw), Math.sin(state.pitch), Math.cos(state.pitch)];
@@ -73,13 +73,12 @@ const Player = (() => {
       return parts.join(" · ");
     };
     const render = () => {
-      const width = canvas.clientWidth, height = canvas.clientHeight;
+      const [width, height] = size;
       if (!width || !height) return;
       look_at();
       const w = Math.round(width * view.ratio), h = Math.round(height * view.ratio);
       if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
-      const colours = new Map(), colour = (name) => { if (!colours.has(name)) colours.set(name, Numbers.colour(name)); return colours.get(name); };
-      const g = canvas.getContext("2d"), f = state.frame;
+      const colour = Numbers.colour, g = canvas.getContext("2d"), f = state.frame;
       g.setTransform(view.ratio, 0, 0, view.ratio, 0, 0);
       g.clearRect(0, 0, width, height);
       const frame = scene.frame(f, state.show, state.scale);
@@ -97,7 +96,6 @@ const Player = (() => {
         g.fillStyle = colour(l.colour);
         g.fillText(l.text, x, y);
       }
-      places = d.markers.map((m, i) => { const seen = scene.measured(f, i), there = scene.marker(f, m); return { at: project(Number.isFinite(seen[0]) ? seen : there), name: m.name, gap: Math.hypot(...seen.map((v, k) => v - there[k])) }; });
       slider.value = f;
       time.textContent = d.t[f].toFixed(2) + " s";
       told.textContent = reading(f);
@@ -111,7 +109,7 @@ const Player = (() => {
     const tick = (now) => {
       if (!state.playing || !el.isConnected) return;
       const due = d.t[state.frame] + ((now - state.clock) / 1000) * state.speed;
-      if (el.clientWidth && due > d.t[Math.min(state.frame + 1, n - 1)]) {
+      if (size[0] && due > d.t[Math.min(state.frame + 1, n - 1)]) {
         let f = state.frame;
         while (f < n - 1 && d.t[f + 1] <= due) f++;
         state.clock = now;
@@ -135,8 +133,10 @@ const Player = (() => {
     canvas.onpointerdown = (e) => { grip = [e.clientX, e.clientY]; canvas.setPointerCapture(e.pointerId); };
     canvas.onpointerup = canvas.onpointercancel = () => { grip = null; };
     canvas.onpointermove = (e) => {
+      if (!view) return;
       if (grip) { const [x, y] = grip; grip = [e.clientX, e.clientY]; return tilt(-(e.clientX - x) * 0.008, (e.clientY - y) * 0.008); }
       const box = canvas.getBoundingClientRect(), x = e.clientX - box.left, y = e.clientY - box.top;
+      const places = d.markers.map((m, i) => { const f = state.frame, seen = scene.measured(f, i), there = scene.marker(f, m); return { at: project(Number.isFinite(seen[0]) ? seen : there), name: m.name, gap: Math.hypot(...seen.map((v, k) => v - there[k])) }; });
       const near = places.map((p) => [Math.hypot(p.at[0] - x, p.at[1] - y), p]).filter((p) => p[0] < 12).sort((a, b) => a[0] - b[0])[0];
       hint.textContent = near ? `${near[1].name}: ` + (Number.isFinite(near[1].gap) ? `${(near[1].gap * 1000).toFixed(1)} mm between measured and model` : "not seen in this frame") : words;
     };
@@ -159,7 +159,7 @@ const Player = (() => {
     const per = d.newtons_per_m, unplaced = d.unplaced.length ? ` In the model without a place: ${d.unplaced.join(", ")}.` : "";
     const words = (has.forces || has.effects ? `Arrows: 1 m for ${Numbers.short(per[0])} N` + (per[1] !== per[0] && scene.flights.length ? ` on the ground, ${Numbers.short(per[1])} N in flight` : "") + ". " : "") + "Drag to turn; click, then wheel to zoom; point at a marker for its error." + unplaced;
     hint.textContent = words;
-    new ResizeObserver(render).observe(canvas);
+    new ResizeObserver(() => { size = [canvas.clientWidth, canvas.clientHeight]; render(); }).observe(canvas);
     PLAYERS.add(render);
     OPEN.set(el, { scene, render });
     Time.on(d.recording, el, (seconds) => {

@@ -5,7 +5,7 @@ const PlayerCanvas = (() => {
   const flat = (item) => item.kind === "face" || (item.kind === "line" && item.colour !== "effect");
   // `project` gives x, y (pixels), depth, and pixels per metre there
   const draw = (g, frame, view, colour, project, turned) => {
-    const order = frame.items.filter((i) => i.kind !== "line" || i.points.length > 1).map((item) => [flat(item) ? -1e9 : project(centre(item))[2], item]).sort((a, b) => a[0] - b[0]);
+    const order = frame.items.filter((i) => i.kind !== "line" || (i.count ?? i.points.length) > 1).map((item) => [flat(item) ? -1e9 : project(centre(item))[2], item]).sort((a, b) => a[0] - b[0]);
     g.lineCap = "round";
     for (const [, item] of order) {
       const css = alpha(colour(item.colour), item.alpha ?? 1);
@@ -29,7 +29,7 @@ const PlayerCanvas = (() => {
         g.lineWidth = 2; g.beginPath(); g.arc(x, y, item.size * s, 0, 5.2); g.stroke();
       } else if (item.kind === "face" || item.kind === "line") {
         g.beginPath();
-        item.points.map(project).forEach((p, i) => (i ? g.lineTo(p[0], p[1]) : g.moveTo(p[0], p[1])));
+        (item.count === undefined ? item.points : item.points.slice(0, item.count)).map(project).forEach((p, i) => (i ? g.lineTo(p[0], p[1]) : g.moveTo(p[0], p[1])));
         g.setLineDash(item.dashed ? [5, 4] : []);
         if (item.kind === "face") { g.closePath(); g.fill(); } else { g.lineWidth = item.colour === "effect" ? 2 : 1.2; g.stroke(); }
         g.setLineDash([]);

@@ -15,9 +15,9 @@ const PlayerGl = (() => {
       const sky = new THREE.HemisphereLight(0xffffff, 0x8c96a3, 2.1), sun = new THREE.DirectionalLight(0xffffff, 1.5);
       scene.add(sky, sun);
       const shapes = {
-        ball: new THREE.SphereGeometry(1, 24, 16), rod: new THREE.CylinderGeometry(1, 1, 1, 12), head: new THREE.ConeGeometry(1, 1, 16), ring: new THREE.TorusGeometry(1, 0.035, 8, 40, 5.2),
+        ball: new THREE.SphereGeometry(1, 24, 16), dot: new THREE.SphereGeometry(1, 10, 7), rod: new THREE.CylinderGeometry(1, 1, 1, 12), head: new THREE.ConeGeometry(1, 1, 16), ring: new THREE.TorusGeometry(1, 0.035, 8, 40, 5.2),
       };
-      stage = { renderer, scene, camera, sun, shapes, pools: {}, materials: new Map(), used: {} };
+      stage = { renderer, scene, camera, sun, shapes, pools: {}, materials: new Map(), used: {}, paths: new WeakMap(), size: "" };
     } catch {
       failed = true;
     }
@@ -43,7 +43,34 @@ const PlayerGl = (() => {
     return pool[i];
   };
   const UP = [0, 1, 0], FRONT = [0, 0, 1];
-  const along = (mesh, base, v) => mesh.quaternion.setFromUnitVectors(new THREE.Vector3(...base), new THREE.Vector3(...v).normalize());
+  const along = (mesh, base, v) => {
+    const [a, b] = (stage.ends ??= [new THREE.Vector3(), new THREE.Vector3()]);
+    mesh.quaternion.setFromUnitVectors(a.set(...base), b.set(...v).normalize());
+  };
+  // the corners of a path or face; those of one that does not move are kept with its points
+  const corners = (item) => {
+    const own = item.kind === "face" ? [0, 1, 2, 0, 2, 3].map((k) => item.points[k] || item.points[0]) : item.points;
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(own.flat()), 3));
+    return geometry;
+  };
+  const shape = (mesh, item) => {
+    if (item.moves) {
+      const held = mesh.own?.getAttribute("position");
+      if (held && held.count === item.points.length) {
+        item.points.forEach((p, i) => held.setXYZ(i, ...p));
+        held.needsUpdate = true;
+      } else {
+        mesh.own?.dispose();
+        mesh.own = corners(item);
+      }
+      mesh.geometry = mesh.own;
+    } else {
+      if (!stage.paths.has(item.points)) stage.paths.set(item.points, corners(item));
+      mesh.geometry = stage.paths.get(item.points);
+    }
+    mesh.geometry.setDrawRange(0, item.count ?? Infinity);
+  };
   const rod = (from, to, thick, css, alpha) => {
     const v = to.map((x, k) => x - from[k]), length = Math.hypot(...v);
     if (!(length > 1e-6)) return;
@@ -56,7 +83,8 @@ const PlayerGl = (() => {
   const put = (item, css) => {
     const alpha = item.alpha ?? 1;
     if (item.kind === "ball") {
-      const mesh = next("ball");
+      // markers are small: fewer corners show the same
+      const mesh = next(item.radii[0] < 0.02 && item.radii[0] === item.radii[1] ? "dot" : "ball");
       mesh.material = material("ball", css, alpha);
       mesh.position.set(...item.at);
       mesh.quaternion.set(...item.turn);
@@ -78,18 +106,14 @@ const PlayerGl = (() => {
       mesh.position.set(...item.at);
       mesh.scale.set(item.size, item.size, item.size);
       along(mesh, FRONT, item.axis);
+    } else if (item.dashed) {
+      const [a, b] = item.points, at = (k) => a.map((x, i) => x + ((b[i] - x) * k) / 29);
+      for (let k = 0; k < 29; k += 2) put({ ...item, dashed: false, points: [at(k), at(k + 1)] }, css);
     } else {
-      const mesh = next(item.kind), points = item.kind === "face" ? [0, 1, 2, 0, 2, 3].map((k) => item.points[k] || item.points[0]) : item.dashed ? dashes(item.points) : item.points;
-      mesh.geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(points.flat()), 3));
-      mesh.geometry.setDrawRange(0, points.length);
+      const mesh = next(item.kind);
+      shape(mesh, item);
       mesh.material = material(item.kind, css, alpha);
     }
-  };
-  // a line that is drawn every other centimetre: the gaps are points at its ends
-  const dashes = ([a, b]) => {
-    const out = [], n = 40;
-    for (let k = 0; k <= n; k++) out.push(a.map((x, i) => x + ((b[i] - x) * (k - (k % 2) * 0.5)) / n));
-    return out;
   };
   // `view`: width and height in CSS pixels, ratio, eye, at, and the vertical angle in degrees
   const draw = (context, frame, view, colour) => {
@@ -98,8 +122,13 @@ const PlayerGl = (() => {
     stage.used = {};
     for (const pool of Object.values(pools)) for (const mesh of pool) mesh.visible = false;
     for (const item of frame.items) put(item, colour(item.colour));
-    renderer.setPixelRatio(view.ratio);
-    renderer.setSize(view.width, view.height, false);
+    // a change of size makes new buffers: only where the players differ
+    const size = [view.width, view.height, view.ratio].join();
+    if (stage.size !== size) {
+      stage.size = size;
+      renderer.setPixelRatio(view.ratio);
+      renderer.setSize(view.width, view.height, false);
+    }
     camera.fov = view.angle;
     camera.aspect = view.width / view.height;
     camera.near = view.distance / 50;

@@ -59,19 +59,28 @@ const PlayerScene = (() => {
       if (!up && from >= 0) { flights.push([from, i - 1]); from = -1; }
     }
 
+    // what does not move: made once, so that a way of drawing may keep what it made of it
+    const ground = [];
+    const grid = bounds.wide > 2 ? 1 : 0.5;
+    const [x0, x1, y0, y1] = [0, 1].flatMap((k) => [Math.floor(low[k] / grid - 1) * grid, Math.ceil(high[k] / grid + 1) * grid]);
+    // lines of the floor as two paths, whose turns lie on its borders
+    const [along, across] = [[], []];
+    for (let x = x0, k = 0; x <= x1 + 1e-6; x += grid, k++) across.push(...(k % 2 ? [[x, y1, 0], [x, y0, 0]] : [[x, y0, 0], [x, y1, 0]]));
+    for (let y = y0, k = 0; y <= y1 + 1e-6; y += grid, k++) along.push(...(k % 2 ? [[x1, y, 0], [x0, y, 0]] : [[x0, y, 0], [x1, y, 0]]));
+    ground.push({ kind: "line", points: across, colour: "floor-line" }, { kind: "line", points: along, colour: "floor-line" });
+    for (const p of d.plates) ground.push({ kind: "face", points: p.map((c) => [c[0], c[1], c[2] + 0.002]), colour: "plate", alpha: 0.9 }, { kind: "line", points: [...p, p[0]].map((c) => [c[0], c[1], c[2] + 0.004]), colour: "line" });
+    const foot = [x0, y0, 0.002], axis = 0.6 * grid, names = [];
+    [["x", [axis, 0, 0]], ["y", [0, axis, 0]], ["z", [0, 0, axis]]].forEach(([name, v]) => {
+      ground.push({ kind: "arrow", from: foot, to: add(foot, v), colour: "dim", thick: 0.6 * thick });
+      names.push({ at: add(foot, times(v, 1.18)), text: name, colour: "dim" });
+    });
+    // the way of the centre of mass, and how much of it is done in each frame
+    const path = [], done = [];
+    for (let f = 0; f < n; f++) { if (known(com(f))) path.push(com(f)); done.push(path.length); }
+
     // drawn parts of a frame; `show` says which, `scale` multiplies the length of arrows
     const frame = (f, show, scale) => {
-      const items = [], labels = [];
-      const grid = bounds.wide > 2 ? 1 : 0.5;
-      const [x0, x1, y0, y1] = [0, 1].flatMap((k) => [Math.floor(low[k] / grid - 1) * grid, Math.ceil(high[k] / grid + 1) * grid]);
-      for (let x = x0; x <= x1 + 1e-6; x += grid) items.push({ kind: "line", points: [[x, y0, 0], [x, y1, 0]], colour: "floor-line" });
-      for (let y = y0; y <= y1 + 1e-6; y += grid) items.push({ kind: "line", points: [[x0, y, 0], [x1, y, 0]], colour: "floor-line" });
-      for (const p of d.plates) items.push({ kind: "face", points: p.map((c) => [c[0], c[1], c[2] + 0.002]), colour: "plate", alpha: 0.9 }, { kind: "line", points: [...p, p[0]].map((c) => [c[0], c[1], c[2] + 0.004]), colour: "line" });
-      const foot = [x0, y0, 0.002], axis = 0.6 * grid;
-      [["x", [axis, 0, 0]], ["y", [0, axis, 0]], ["z", [0, 0, axis]]].forEach(([name, v]) => {
-        items.push({ kind: "arrow", from: foot, to: add(foot, v), colour: "dim", thick: 0.6 * thick });
-        labels.push({ at: add(foot, times(v, 1.18)), text: name, colour: "dim" });
-      });
+      const items = [...ground], labels = [...names];
 
       const skeleton = (offset, colour, alpha, ghost) => {
         d.segments.forEach((s, i) => {
@@ -97,9 +106,7 @@ const PlayerScene = (() => {
       });
 
       if (show.centre) {
-        const path = [], done = [];
-        for (let k = 0; k < n; k++) if (known(com(k))) { path.push(com(k)); if (k <= f) done.push(com(k)); }
-        items.push({ kind: "line", points: path, colour: "line" }, { kind: "line", points: done, colour: "centre" });
+        items.push({ kind: "line", points: path, colour: "line" }, { kind: "line", points: path, count: done[f], colour: "centre" });
         if (known(com(f))) items.push({ kind: "ball", at: com(f), turn: [0, 0, 0, 1], radii: [2 * thick, 2 * thick, 2 * thick], colour: "centre", alpha: 1 });
       }
 
@@ -111,7 +118,7 @@ const PlayerScene = (() => {
         for (let i = 0; i < kind.n; i++) {
           const at = triple(kind.foot, f * kind.n + i), v = triple(kind.vector, f * kind.n + i);
           if (!known(at) || !known(v)) continue;
-          if (kind.anchor) items.push({ kind: "line", points: [at, kind.anchor], colour: "effect", dashed: kind.suspected }, { kind: "ball", at: kind.anchor, turn: [0, 0, 0, 1], radii: [2.5 * thick, 2.5 * thick, 2.5 * thick], colour: "effect", alpha: 1 });
+          if (kind.anchor) items.push({ kind: "line", points: [at, kind.anchor], colour: "effect", dashed: kind.suspected, moves: true }, { kind: "ball", at: kind.anchor, turn: [0, 0, 0, 1], radii: [2.5 * thick, 2.5 * thick, 2.5 * thick], colour: "effect", alpha: 1 });
           const length = size(v);
           if (kind.of === "couple") {
             if (length > 0) items.push({ kind: "ring", at, axis: times(v, 1 / length), size: Math.min(1.2 * reach, (10 * length) / perMetre), colour: "effect", alpha: kind.suspected ? 0.5 : 1 });

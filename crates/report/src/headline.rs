@@ -7,6 +7,8 @@ use super::story::Story;
 use super::sureness::{how_sure, laws, missing, named};
 use super::wording::{count, number};
 use aloft_analysis::compare::ComparisonView;
+use aloft_analysis::next_step::{Because, NextStep, step};
+use aloft_analysis::parameters::ParametersView;
 use aloft_compare::{Comparison, Group, GroupedBy};
 use aloft_discover::Verdict;
 use aloft_page::{Fact, Headline, Light};
@@ -26,7 +28,7 @@ pub fn headline(story: &Story<'_>) -> Headline {
     facts.push(Fact::new("Missing", missing(story)));
     facts.push(Fact::new("How sure", how_sure(story, all.first())));
     facts.extend(session::brief(story).map(|text| Fact::new("Recordings", text)));
-    facts.push(next(story, all.first()));
+    facts.push(next(story));
     Headline { light: standing::light(story), sentence, facts }
 }
 
@@ -211,7 +213,7 @@ fn trend(c: &Comparison) -> Option<String> {
     (grown.0 > TREND).then(|| format!("grows {} times with {}", super::lights::times(grown.0), grown.1))
 }
 
-fn next(story: &Story<'_>, first: Option<&Standing>) -> Fact {
+fn next(story: &Story<'_>) -> Fact {
     let s = story.session;
     let with = |text: &str, command: String| Fact { command, ..Fact::new("Next", text) };
     if !story.freshness.is_current() || !story.failures.is_empty() {
@@ -225,40 +227,40 @@ fn next(story: &Story<'_>, first: Option<&Standing>) -> Fact {
             with("Find out what is missing.", command(s, "status", None))
         };
     };
-    let gate = &found.parameters.gate;
-    if !gate.passed
-        && let Some(advice) = gate.advice.first()
-    {
-        // advice reads "motion, more of it: would show parameters"
-        let motion = advice.split(": would show").next().unwrap_or(advice);
-        return Fact::new("Next", format!("Record more flights: {motion}."));
+    let Some(view) = &story.comparison else {
+        return with("Find out what is missing.", command(s, "status", None));
+    };
+    let held: Vec<&str> = effects(story).iter().map(String::as_str).collect();
+    match step(view, asked(story), &held) {
+        NextStep::Run => with("Bring the results up to date.", command(s, "run", None)),
+        NextStep::Discover { record: None } => with("Ask what is missing.", command(s, "discover", None)),
+        NextStep::Discover { record: Some(_) } => with(
+            &format!("Record more flights: {}. Then ask what is missing; these can be asked already.", motion(found)),
+            command(s, "discover", None),
+        ),
+        NextStep::Record(_) if !found.parameters.gate.passed => {
+            Fact::new("Next", format!("Record more flights: {}.", motion(found)))
+        }
+        NextStep::Record(what) => Fact::new("Next", sentence_of(&what)),
+        NextStep::Add { key, because } => {
+            let text = match because {
+                Because::Named => "Add it.",
+                Because::OneOf => "Record what tells them apart, or add the simplest.",
+                Because::Law => "Add it, and rank it again on other motions.",
+            };
+            with(text, command(s, "effect add", Some(&key)))
+        }
+        NextStep::Advised(advice) => Fact::new("Next", sentence_of(&advice)),
+        NextStep::Use => with("Use the model.", command(s, "parameters", None)),
+        NextStep::Look => with("See where the error sits.", command(s, "compare", None)),
     }
-    let at_floor = first.is_some_and(|f| f.at_floor);
-    if asked(story).is_none() && story.comparison.as_ref().is_some_and(|v| v.too_few_to_ask()) {
-        return Fact::new("Next", "Record more flights.");
-    }
-    match asked(story) {
-        None if at_floor => with("Ask whether anything remains.", command(s, "discover", None)),
-        None => with("Ask what is missing.", command(s, "discover", None)),
-        Some(d) => match (d.verdict, d.found.first()) {
-            (Verdict::Supported | Verdict::OneOf, Some(effect)) => {
-                let text = if d.verdict == Verdict::OneOf {
-                    "Record what tells them apart, or add the simplest."
-                } else {
-                    "Add it."
-                };
-                with(text, command(s, "effect add", Some(&effect.key)))
-            }
-            (Verdict::Unexplained, _) if let Some(law) = laws(d).and_then(|o| o.laws.first()) => {
-                with("Add it, and rank it again on other motions.", command(s, "effect add", Some(&law.id)))
-            }
-            (Verdict::NothingMissing, _) if at_floor => with("Use the model.", command(s, "parameters", None)),
-            _ => match d.advice.first() {
-                Some(advice) => Fact::new("Next", sentence_of(advice)),
-                None => with("See where the error sits.", command(s, "compare", None)),
-            },
-        },
-    }
+}
+
+/// The motion that would determine most of what the recordings do not.
+fn motion(found: &ParametersView) -> &str {
+    // advice reads "motion, more of it: would show parameters"
+    let first = found.parameters.gate.advice.first().and_then(|a| a.split(": would show").next());
+    first.unwrap_or("with faster motion of all limbs")
 }
 
 /// A clause as a sentence: a capital letter at its begin, a full stop at its end.

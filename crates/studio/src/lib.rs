@@ -56,7 +56,8 @@ impl Server {
         let port = listener.local_addr().map_err(taken)?.port();
         let token = guard::new_token()
             .map_err(|e| PipelineError::request(format!("the system gives no random numbers for a token: {e}")))?;
-        let studio = Studio::new(open, token, port);
+        let studio = Studio::new(open, token, port)
+            .map_err(|e| PipelineError::request(format!("the system gives no threads: {e}")))?;
         jobs::start(&studio);
         Ok(Self { listener, studio })
     }

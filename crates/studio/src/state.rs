@@ -31,23 +31,26 @@ pub(crate) struct Studio {
     pub port: u16,
     pub events: broadcast::Sender<Told>,
     pub queue: Queue,
+    /// Threads for quick numbers: those of the queue's work may be busy for seconds.
+    pub quick: rayon::ThreadPool,
     bench: Mutex<Bench>,
     /// Laws written in a page and not kept yet.
     drafts: Mutex<Vec<OwnEffect>>,
 }
 
 impl Studio {
-    pub fn new(open: Opener, token: String, port: u16) -> Arc<Self> {
+    pub fn new(open: Opener, token: String, port: u16) -> Result<Arc<Self>, rayon::ThreadPoolBuildError> {
         let (events, _) = broadcast::channel(BEHIND);
-        Arc::new(Self {
+        Ok(Arc::new(Self {
             open,
             token,
             port,
             events,
             queue: Queue::default(),
+            quick: rayon::ThreadPoolBuilder::new().thread_name(|i| format!("quick {i}")).build()?,
             bench: Mutex::default(),
             drafts: Mutex::default(),
-        })
+        }))
     }
 
     /// Laws written in a page and not kept yet.

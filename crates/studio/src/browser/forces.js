@@ -75,6 +75,7 @@
 
   // the number first; curves and player follow when it has been painted and no other flip came
   let due = 0;
+  Studio.hooks.changed.push(() => clearTimeout(due));
   Studio.hear(() => {
     clearTimeout(due);
     due = setTimeout(() => requestAnimationFrame(() => setTimeout(draw)), 150);

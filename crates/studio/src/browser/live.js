@@ -44,8 +44,9 @@ const Live = (() => {
 
   Studio.hooks.flipped.push((model) => {
     const size = (t) => t.flight ?? t.contact, most = Math.max(...(S.before?.trials ?? model.trials).map((t) => size(t) ?? 0), ...model.trials.map((t) => size(t) ?? 0));
+    const rows = new Map([...document.querySelectorAll(".studio-trial")].map((r) => [r.dataset.trial, r]));
     for (const t of model.trials) {
-      const row = [...document.querySelectorAll(".studio-trial")].find((r) => r.dataset.trial === t.trial);
+      const row = rows.get(t.trial);
       if (!row) continue;
       const v = size(t);
       row.querySelector(".bar i").style.width = v ? (100 * v) / most + "%" : "0";

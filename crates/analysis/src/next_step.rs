@@ -1,0 +1,90 @@
+//! The one step that a study proposes next: every command and the report ask here, so that they
+//! propose the same.
+
+use crate::compare::ComparisonView;
+use crate::discover::latest;
+use aloft_discover::{Discovery, Verdict};
+use aloft_study::subject_session::SubjectSession;
+
+/// What to do next.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum NextStep {
+    /// Bring the results up to date.
+    Run,
+    /// Record what the sentence says; nothing can be asked of these recordings.
+    Record(String),
+    /// Ask which effect is missing.
+    Discover {
+        /// What to record as well, where the motion determines too little of the body.
+        record: Option<String>,
+    },
+    /// Add an effect or a law that the last answer of `discover` names.
+    Add {
+        /// Key of the effect, or identifier of the law.
+        key: String,
+        /// Why this one.
+        because: Because,
+    },
+    /// Nothing was found to add: what the answer of `discover` advises.
+    Advised(String),
+    /// The model is at its floor, or nothing is missing.
+    Use,
+    /// The error is above its floor, and nothing explains it: see where it sits.
+    Look,
+}
+
+/// Why an effect is proposed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Because {
+    /// The evidence names it.
+    Named,
+    /// The recordings cannot tell it from others; it is the simplest.
+    OneOf,
+    /// A law outside the catalogue that explains the error.
+    Law,
+}
+
+/// True if some error is not at its floor.
+pub fn is_above(view: &ComparisonView) -> bool {
+    view.errors.iter().any(|e| e.at_floor == Some(false))
+}
+
+/// The next step for results that are `current`, or are not.
+pub fn next_step(session: &SubjectSession, view: &ComparisonView, current: bool) -> NextStep {
+    if !current {
+        return NextStep::Run;
+    }
+    if !view.limits.is_empty() {
+        return NextStep::Record("record markers on the whole body, and jumps, to identify masses".to_owned());
+    }
+    step(view, latest(session).as_ref(), &session.effects.iter().map(|e| e.key.as_str()).collect::<Vec<_>>())
+}
+
+/// The next step, given the answer of `discover` for the present model and results (none if it was
+/// not asked) and the keys of the effects that the model holds.
+pub fn step(view: &ComparisonView, answer: Option<&Discovery>, held: &[&str]) -> NextStep {
+    let record = view.parameters.to_do.clone();
+    let Some(d) = answer else {
+        return match (is_above(view), view.too_few_to_ask()) {
+            (_, true) => NextStep::Record(record.unwrap_or_else(|| "record more flights".to_owned())),
+            (true, false) => NextStep::Discover { record },
+            (false, false) => record.map_or(NextStep::Use, NextStep::Record),
+        };
+    };
+    let found = d.found.iter().map(|f| &f.key).find(|k| !held.contains(&k.as_str()));
+    let law = d.open.iter().filter(|o| o.complete).flat_map(|o| &o.laws).map(|l| &l.id);
+    let law = law.into_iter().find(|id| !held.contains(&id.as_str()));
+    // what is not shown to be the cause is not proposed
+    match (d.verdict, found, law) {
+        (Verdict::Supported, Some(key), _) => NextStep::Add { key: key.clone(), because: Because::Named },
+        (Verdict::OneOf, Some(key), _) => NextStep::Add { key: key.clone(), because: Because::OneOf },
+        (Verdict::Unexplained, _, Some(id)) => NextStep::Add { key: id.clone(), because: Because::Law },
+        (Verdict::NothingMissing, ..) if !is_above(view) => record.map_or(NextStep::Use, NextStep::Record),
+        _ => match (d.advice.first(), record) {
+            (Some(advice), _) => NextStep::Advised(advice.clone()),
+            (None, Some(record)) => NextStep::Record(record),
+            (None, None) if is_above(view) => NextStep::Look,
+            (None, None) => NextStep::Use,
+        },
+    }
+}
