@@ -3,16 +3,18 @@
 //! The unknowns are marker coordinates in their links, joint positions and axes, and the pose of
 //! every frame; the data are the measured markers, with equal white noise. The least-squares
 //! solution is the maximum-likelihood one. The pose of each frame is solved for and eliminated
-//! (variable projection: the Schur complement of the frame's block of the normal equations), so
-//! that only a small system over the geometry remains, however many frames there are.
+//! ([`GeometryEquations`]), so that only a small system over the geometry remains.
 //!
 //! Gauge freedoms (the placement of a link's frame relative to its markers) are held by a
 //! negligible damping and fixed afterwards by the caller, who knows the definition of the frames.
 
 use crate::ScaleError;
 use crate::geometry::apply_inverse;
-use aloft_body::{JointKind, Model, State};
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
+use aloft_body::{GeometryEquations, JointKind, Model, State};
+use nalgebra::{DMatrix, DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
+
+/// Largest number of Gauss-Newton steps of a frame's pose.
+const POSE_ITERATIONS: usize = 20;
 
 /// A marker of the bundle.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,7 +75,6 @@ struct Scratch {
     jacobian: DMatrix<f64>,
     h_qq: DMatrix<f64>,
     g_q: DVector<f64>,
-    h_qp: DMatrix<f64>,
     q_next: Vec<f64>,
 }
 
@@ -93,14 +94,13 @@ impl Bundle {
         Layout { n, joint_at }
     }
 
-    fn scratch(&self, n: usize) -> Scratch {
+    fn scratch(&self) -> Scratch {
         let nv = self.model.nv;
         Scratch {
             state: State::new(&self.model),
             jacobian: DMatrix::zeros(3, nv),
             h_qq: DMatrix::zeros(nv, nv),
             g_q: DVector::zeros(nv),
-            h_qp: DMatrix::zeros(nv, n),
             q_next: vec![0.0; self.model.nq],
         }
     }
@@ -122,12 +122,11 @@ impl Bundle {
         let layout = self.layout();
         let mut noise_m = f64::NAN;
         for iteration in 1..=max_iterations {
-            let mut scratch = self.scratch(layout.n);
-            let mut h = DMatrix::zeros(layout.n, layout.n);
-            let mut g = DVector::zeros(layout.n);
+            let mut scratch = self.scratch();
+            let mut sums = GeometryEquations::new(layout.n, self.model.nv);
             let (mut square, mut freedom) = (0.0, 0.0);
             let mut frames = std::mem::take(&mut self.frames);
-            frames.retain_mut(|frame| match self.eliminate(frame, &layout, &mut scratch, &mut h, &mut g) {
+            frames.retain_mut(|frame| match self.add_frame(frame, &layout, &mut scratch, &mut sums) {
                 Some((s, f)) => {
                     square += s;
                     freedom += f;
@@ -137,12 +136,13 @@ impl Bundle {
             });
             self.frames = frames;
             noise_m = (square / (freedom - layout.n as f64).max(1.0)).sqrt();
+            let (mut h, g) = sums.finish();
             // The damping fixes gauge freedoms and does not affect anything observable.
             let damping = 1e-7 * h.diagonal().max();
             for i in 0..layout.n {
                 h[(i, i)] += damping;
             }
-            let step = h.cholesky().map(|c| c.solve(&g)).ok_or_else(|| ScaleError::Functional {
+            let step = h.cholesky().map(|c| -c.solve(&g)).ok_or_else(|| ScaleError::Functional {
                 problem: "the geometry of the object is not determined by these frames".into(),
             })?;
             self.apply(&step, &layout);
@@ -153,30 +153,18 @@ impl Bundle {
         Ok(BundleOutcome { noise_m, iterations: max_iterations, outliers: 0 })
     }
 
-    /// Solves a frame's pose and adds its Schur complement. `None` if the frame does not determine
-    /// its pose.
-    fn eliminate(
+    /// Solves a frame's pose and adds its equations. Returns the weighted sum of squares and the
+    /// degrees of freedom; `None` if the frame does not determine its pose.
+    fn add_frame(
         &self,
         frame: &mut BundleFrame,
         layout: &Layout,
         s: &mut Scratch,
-        h: &mut DMatrix<f64>,
-        g: &mut DVector<f64>,
+        sums: &mut GeometryEquations,
     ) -> Option<(f64, f64)> {
         let model = &self.model;
-        for _ in 0..3 {
-            s.state.forward_position(model, &frame.q);
-            s.h_qq.fill(0.0);
-            s.g_q.fill(0.0);
-            for (m, p) in self.markers.iter().zip(&frame.measured) {
-                if !p.x.is_finite() {
-                    continue;
-                }
-                let r = p - s.state.point_in_world(m.link, &m.position_m);
-                s.state.point_jacobian(model, m.link, &m.position_m, &mut s.jacobian);
-                s.h_qq.gemm_tr(1.0, &s.jacobian, &s.jacobian, 1.0);
-                s.g_q.gemv_tr(1.0, &s.jacobian, &r, 1.0);
-            }
+        for _ in 0..POSE_ITERATIONS {
+            self.pose_equations(frame, s);
             let step = s.h_qq.clone().cholesky()?.solve(&s.g_q);
             model.integrate(&frame.q, step.as_slice(), &mut s.q_next);
             model.normalize(&mut s.q_next);
@@ -185,51 +173,47 @@ impl Bundle {
                 break;
             }
         }
-        s.state.forward_position(model, &frame.q);
-        s.h_qq.fill(0.0);
-        s.g_q.fill(0.0);
-        s.h_qp.fill(0.0);
+        self.pose_equations(frame, s);
         let w = frame.weight;
+        let factor = (&s.h_qq * w).cholesky()?;
         let (mut square, mut seen) = (0.0, 0usize);
-        let mut columns: Vec<(usize, Matrix3<f64>, usize)> = Vec::with_capacity(4 * model.n_links());
+        let mut columns: Vec<(usize, Vector3<f64>)> = Vec::with_capacity(3 + 4 * model.n_links());
+        let mut motions: Vec<(usize, Vector3<f64>)> = Vec::with_capacity(model.nv);
         for (k, (m, p)) in self.markers.iter().zip(&frame.measured).enumerate() {
             if !p.x.is_finite() {
                 continue;
             }
             let at = s.state.point_in_world(m.link, &m.position_m);
-            let r = p - at;
+            let residual = at - p;
             seen += 1;
-            square += w * r.norm_squared();
+            square += w * residual.norm_squared();
             s.state.point_jacobian(model, m.link, &m.position_m, &mut s.jacobian);
-            s.h_qq.gemm_tr(w, &s.jacobian, &s.jacobian, 1.0);
-            s.g_q.gemv_tr(w, &s.jacobian, &r, 1.0);
-            columns.clear();
             self.geometry_columns(&s.state, layout, k, m.link, &at, &mut columns);
-            for &(first, ref block, n) in &columns {
-                for c in 0..n {
-                    let column = block.column(c);
-                    g[first + c] += w * column.dot(&r);
-                    for v in 0..model.nv {
-                        s.h_qp[(v, first + c)] += w * s.jacobian.column(v).dot(&column);
-                    }
-                    for &(other, ref block2, n2) in &columns {
-                        for c2 in 0..n2 {
-                            h[(first + c, other + c2)] += w * column.dot(&block2.column(c2));
-                        }
-                    }
-                }
-            }
+            motions.clear();
+            motions.extend((0..model.nv).map(|v| (v, s.jacobian.fixed_view::<3, 1>(0, v).into_owned())));
+            sums.add_point(w, &residual, &columns, &motions);
         }
-        let factor = s.h_qq.clone().cholesky()?;
-        let solved = factor.solve(&s.h_qp);
-        h.gemm_tr(-1.0, &s.h_qp, &solved, 1.0);
-        let solved_g = factor.solve(&s.g_q);
-        g.gemv_tr(-1.0, &s.h_qp, &solved_g, 1.0);
+        sums.eliminate_posture(&factor);
         Some((square, 3.0 * seen as f64 - model.nv as f64))
     }
 
-    /// Derivatives of a marker's world position with respect to the geometry: (first unknown, up to
-    /// three columns, number of columns).
+    /// Normal equations of a frame's pose, without the frame's weight.
+    fn pose_equations(&self, frame: &BundleFrame, s: &mut Scratch) {
+        s.state.forward_position(&self.model, &frame.q);
+        s.h_qq.fill(0.0);
+        s.g_q.fill(0.0);
+        for (m, p) in self.markers.iter().zip(&frame.measured) {
+            if !p.x.is_finite() {
+                continue;
+            }
+            let r = p - s.state.point_in_world(m.link, &m.position_m);
+            s.state.point_jacobian(&self.model, m.link, &m.position_m, &mut s.jacobian);
+            s.h_qq.gemm_tr(1.0, &s.jacobian, &s.jacobian, 1.0);
+            s.g_q.gemv_tr(1.0, &s.jacobian, &r, 1.0);
+        }
+    }
+
+    /// Derivatives of a marker's world position with respect to the unknowns of the geometry.
     fn geometry_columns(
         &self,
         state: &State,
@@ -237,29 +221,21 @@ impl Bundle {
         marker: usize,
         link: usize,
         at: &Vector3<f64>,
-        columns: &mut Vec<(usize, Matrix3<f64>, usize)>,
+        columns: &mut Vec<(usize, Vector3<f64>)>,
     ) {
         let rotation = |q: &UnitQuaternion<f64>| q.to_rotation_matrix().into_inner();
-        columns.push((3 * marker, rotation(&state.world_from_link[link].rotation), 3));
+        let own = rotation(&state.world_from_link[link].rotation);
+        columns.clear();
+        columns.extend((0..3).map(|c| (3 * marker + c, own.column(c).into_owned())));
         let mut current = link;
         while let Some(parent) = self.model.links[current].parent {
             let joint = &self.model.links[current].joint;
-            let free = free_directions(&joint.kind);
-            if !free.is_empty() {
-                let world_from_joint = state.world_from_link[parent] * joint.parent_from_joint;
-                let axes = rotation(&world_from_joint.rotation);
-                let turning = -axes * apply_inverse(&world_from_joint, at).cross_matrix();
-                let column =
-                    |d: usize| if d < 3 { axes.column(d).into_owned() } else { turning.column(d - 3).into_owned() };
-                let mut first = layout.joint_at[current];
-                for part in free.chunks(3) {
-                    let mut block = Matrix3::zeros();
-                    for (c, &d) in part.iter().enumerate() {
-                        block.set_column(c, &column(d));
-                    }
-                    columns.push((first, block, part.len()));
-                    first += part.len();
-                }
+            let world_from_joint = state.world_from_link[parent] * joint.parent_from_joint;
+            let axes = rotation(&world_from_joint.rotation);
+            let turning = -axes * apply_inverse(&world_from_joint, at).cross_matrix();
+            for (c, &d) in free_directions(&joint.kind).iter().enumerate() {
+                let column = if d < 3 { axes.column(d) } else { turning.column(d - 3) };
+                columns.push((layout.joint_at[current] + c, column.into_owned()));
             }
             current = parent;
         }

@@ -7,9 +7,9 @@ use crate::IkError;
 use crate::frame::Solver;
 use crate::problem::Problem;
 use crate::tree::NONE;
-use aloft_body::{JointKind, Motion, Subject};
+use aloft_body::{GeometryEquations, JointKind, Motion, PostureFactor, Subject};
 use aloft_trial::Trial;
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{DVector, Matrix3, Vector3};
 use rayon::prelude::*;
 
 /// Frames whose equations are summed in one block; fixed, so that sums do not depend on the number
@@ -74,10 +74,26 @@ pub(crate) struct Bundle {
     precision: DVector<f64>,
 }
 
-/// Sums over frames, with postures eliminated.
-struct Sums {
-    matrix: DMatrix<f64>,
-    gradient: DVector<f64>,
+/// Posture of a frame at its minimum, with coordinates that are not free.
+struct Settled<'s, 'p> {
+    solver: &'s Solver<'p>,
+    locked: &'s [bool],
+}
+
+impl PostureFactor for Settled<'_, '_> {
+    // H = LᵀDL, so H_pq H⁻¹ H_qp = (L⁻ᵀH_qp)ᵀ D⁻¹ (L⁻ᵀH_qp)
+    fn half_solve(&self, x: &mut [f64]) {
+        for (value, locked) in x.iter_mut().zip(self.locked) {
+            if *locked {
+                *value = 0.0;
+            }
+        }
+        self.solver.factor.solve_upper(&self.solver.problem.tree, x);
+    }
+    fn inverse_pivot(&self, k: usize) -> f64 {
+        let factor = &self.solver.factor;
+        1.0 / factor.values[factor.diagonal(&self.solver.problem.tree, k)]
+    }
 }
 
 impl Bundle {
@@ -176,7 +192,7 @@ impl Bundle {
         let mut damping = 0.0;
         let mut steps = 0;
         while steps < options.max_iterations {
-            let Sums { mut matrix, mut gradient } = self.sums();
+            let (mut matrix, mut gradient) = self.sums().finish();
             let deviation = self.deviation();
             for i in 0..self.layout.size {
                 matrix[(i, i)] += self.precision[i];
@@ -243,13 +259,13 @@ impl Bundle {
     }
 
     /// Normal equations of the geometry, each frame's posture eliminated.
-    fn sums(&self) -> Sums {
-        let n = self.layout.size;
-        let pieces: Vec<Sums> = self
+    fn sums(&self) -> GeometryEquations {
+        let empty = || GeometryEquations::new(self.layout.size, self.moving.tree.nv);
+        let pieces: Vec<GeometryEquations> = self
             .frames
             .par_chunks(PIECE)
             .map(|piece| {
-                let mut sums = Sums { matrix: DMatrix::zeros(n, n), gradient: DVector::zeros(n) };
+                let mut sums = empty();
                 let mut scratch = Scratch::new(self);
                 for frame in piece {
                     self.add_frame(frame, &mut scratch, &mut sums);
@@ -257,18 +273,13 @@ impl Bundle {
                 sums
             })
             .collect();
-        let mut total = Sums { matrix: DMatrix::zeros(n, n), gradient: DVector::zeros(n) };
-        for piece in &pieces {
-            total.matrix += &piece.matrix;
-            total.gradient += &piece.gradient;
-        }
-        total.matrix.fill_upper_triangle_with_lower_triangle();
+        let mut total = empty();
+        pieces.iter().for_each(|piece| total.merge(piece));
         total
     }
 
-    fn add_frame(&self, frame: &Frame, scratch: &mut Scratch, sums: &mut Sums) {
+    fn add_frame(&self, frame: &Frame, scratch: &mut Scratch, sums: &mut GeometryEquations) {
         let problem = if frame.is_static { &self.standing } else { &self.moving };
-        let tree = &problem.tree;
         let mut solver = Solver::new(problem);
         solver.targets.copy_from_slice(&frame.targets);
         if !solver.look() {
@@ -282,49 +293,11 @@ impl Bundle {
         for (i, turned) in scratch.turned.iter_mut().enumerate() {
             *turned = solver.pose.rotation[i] * self.present.rotation[i].transpose();
         }
-        scratch.cross.fill(0.0);
         for &k in &solver.visible {
             self.columns_of(k, &frame.q, &solver, scratch);
-            let weight = solver.weight(k);
-            let residual = solver.residual[k];
-            for (a, &(i, column)) in scratch.columns.iter().enumerate() {
-                let weighted = column * weight;
-                sums.gradient[i] += weighted.dot(&residual);
-                for &(j, other) in &scratch.columns[..=a] {
-                    let (row, col) = if i >= j { (i, j) } else { (j, i) };
-                    sums.matrix[(row, col)] += weighted.dot(&other);
-                }
-                for &(c, motion) in &scratch.motions {
-                    scratch.cross[(c, i)] += weighted.dot(&motion);
-                }
-            }
+            sums.add_point(solver.weight(k), &solver.residual[k], &scratch.columns, &scratch.motions);
         }
-        // Schur complement: H = LᵀDL, so H_pq H⁻¹ H_qp = (L⁻ᵀH_qp)ᵀ D⁻¹ (L⁻ᵀH_qp)
-        for mut column in scratch.cross.column_iter_mut() {
-            let slice = column.as_mut_slice();
-            for (value, locked) in slice.iter_mut().zip(&problem.locked) {
-                if *locked {
-                    *value = 0.0;
-                }
-            }
-            solver.factor.solve_upper(tree, slice);
-        }
-        let n = self.layout.size;
-        for c in 0..tree.nv {
-            let inverse = 1.0 / solver.factor.values[solver.factor.diagonal(tree, c)];
-            for i in 0..n {
-                scratch.row[i] = scratch.cross[(c, i)];
-            }
-            for j in 0..n {
-                let factor = scratch.row[j] * inverse;
-                if factor != 0.0 {
-                    let target = &mut sums.matrix.as_mut_slice()[j * n + j..(j + 1) * n];
-                    for (t, r) in target.iter_mut().zip(&scratch.row[j..]) {
-                        *t -= factor * r;
-                    }
-                }
-            }
-        }
+        sums.eliminate_posture(&Settled { solver: &solver, locked: &problem.locked });
     }
 
     /// Derivatives of a marker's position with respect to each geometry unknown and each posture
@@ -418,7 +391,7 @@ impl Bundle {
     /// The calibrated subject and the uncertainty of its geometry. `like` is the subject at the
     /// start of this round.
     pub fn finish(&self, like: &Subject) -> Result<(Subject, Uncertainty), IkError> {
-        let Sums { mut matrix, .. } = self.sums();
+        let (mut matrix, _) = self.sums().finish();
         for i in 0..self.layout.size {
             matrix[(i, i)] += self.precision[i];
         }
@@ -443,8 +416,6 @@ struct Scratch {
     turned: Vec<Matrix3<f64>>,
     columns: Vec<(usize, Vector3<f64>)>,
     motions: Vec<(usize, Vector3<f64>)>,
-    cross: DMatrix<f64>,
-    row: Vec<f64>,
 }
 
 impl Scratch {
@@ -454,8 +425,6 @@ impl Scratch {
             turned: vec![Matrix3::identity(); tree.links.len()],
             columns: Vec::new(),
             motions: Vec::new(),
-            cross: DMatrix::zeros(tree.nv, bundle.layout.size),
-            row: vec![0.0; bundle.layout.size],
         }
     }
 }
