@@ -3,16 +3,18 @@
 
 use crate::candidate::Variant;
 use crate::floor::Standing;
+use crate::ladder::extra_columns;
 use crate::laws::Direction;
 use crate::options::DiscoverOptions;
+use crate::problem::{Domain, Problem};
 use crate::progress::Until;
 use crate::result::{Discovery, Verdict};
 use crate::session::Session;
 use aloft_effects::{Effect, EffectInstance};
 
 /// Searches for laws beyond the catalogue where flights leave an error above the interval of its
-/// floor, or where the catalogue needs effects of several kinds, and lets laws that convince replace
-/// what the catalogue names.
+/// floor, where the catalogue needs effects of several kinds, or where the strength of a named effect
+/// does not follow its law, and lets laws that convince replace what the catalogue names.
 pub(crate) fn look_beyond(
     session: &Session<'_>,
     accepted: &[EffectInstance<'_>],
@@ -25,7 +27,19 @@ pub(crate) fn look_beyond(
 ) {
     let above = |s: &Standing| s.noise_floor > 0.0 && !s.reached_by(s.held_out_error) && s.times_floor() > 1.2;
     let several = kept.iter().any(|v| v.effect.id() != kept[0].effect.id());
-    if !(left[0].as_ref().is_some_and(above) || (several && session.standing[0].as_ref().is_some_and(above))) {
+    let named = matches!(out.verdict, Verdict::Supported | Verdict::OneOf);
+    let with_effects = (named && !kept.is_empty() && !until.is_over())
+        .then(|| {
+            let extra = extra_columns(session, Domain::Flight, accepted, kept, &out.found);
+            Problem::new(session, Domain::Flight, &extra, options.fewest_trials, options.prior_weight).ok()
+        })
+        .flatten();
+    out.misfit = with_effects.as_ref().and_then(|problem| {
+        crate::laws::misfit(session, problem, kept, &out.found, options.belief_kinematics, options.seed)
+    });
+    let remains = left[0].as_ref().is_some_and(above);
+    let several_above = several && session.standing[0].as_ref().is_some_and(above);
+    if !(remains || several_above || out.misfit.is_some()) {
         return;
     }
     if until.is_over() {
@@ -39,10 +53,11 @@ pub(crate) fn look_beyond(
     let ratio = (out.held_out_error_after / out.held_out_error).min(single);
     let taken: Vec<&str> = effects.iter().map(|e| e.id()).collect();
     let unknowns: usize = kept.iter().map(Variant::unknowns).sum();
-    let rival = crate::laws::Rivals { ratio, single, several: several.then_some(unknowns) };
+    let errors = |p: Problem| p.folds.iter().map(|f| f.error).collect();
+    let doubted = with_effects.filter(|_| out.misfit.is_some()).map(errors);
+    let rival = crate::laws::Rivals { ratio, single, several: several.then_some(unknowns), doubted };
     out.open = crate::laws::search(session, accepted, rival, &taken, until, options);
     let Some(open) = &out.open else { return };
-    let named = matches!(out.verdict, Verdict::Supported | Verdict::OneOf);
     // a force of constant size is what the catalogue's own forces, gravity and frame rate look like
     let constant = open.laws.iter().all(|l| l.variables.is_empty() && l.direction != Direction::Towards);
     if named && (!open.complete || constant) {
@@ -59,6 +74,7 @@ pub(crate) fn look_beyond(
     }
     if open.complete {
         // effects that removed a part of the error stood in for the law
+        out.misfit = None;
         out.found.clear();
         out.ladder.clear();
         out.held_out_error_after = open.held_out_error_after;

@@ -164,6 +164,7 @@ pub(crate) fn conclude(
         advice: Vec::new(),
         warnings: session.warnings.clone(),
         not_tried: left_out,
+        misfit: None,
         open: None,
     };
     // An error that remains far above its floor is not explained, whatever was found; nor is one of

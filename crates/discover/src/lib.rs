@@ -96,7 +96,7 @@ pub use laws::{
 pub use not_tried::NotTried;
 pub use options::DiscoverOptions;
 pub use result::{
-    Addition, Alternative, Candidate, Confusion, Discovery, Estimate, Found, Group, RivalTest, Round, Verdict,
+    Addition, Alternative, Candidate, Confusion, Discovery, Estimate, Found, Group, Misfit, RivalTest, Round, Verdict,
 };
 pub use self_test::{Injection, SelfTest, SelfTestOptions, SelfTestProgress, SelfTestRow, self_test};
 pub use session::{Body, Session, TrialInput, scene_of};

@@ -309,6 +309,10 @@ pub struct Discovery {
     pub advice: Vec<String>,
     /// Data that were left out, with the reason.
     pub warnings: Vec<String>,
+    /// An effect that is named, whose strength depends on something in another way than its law says;
+    /// null where nothing shows that.
+    #[serde(default)]
+    pub misfit: Option<Misfit>,
     /// Search beyond the catalogue; null if the error is at its floor, or the catalogue explains it.
     #[serde(default)]
     pub open: Option<OpenWorld>,
@@ -316,6 +320,24 @@ pub struct Discovery {
     /// possible.
     #[serde(default)]
     pub not_tried: Vec<NotTried>,
+}
+
+/// Dependence of a named effect's strength that its law does not describe.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Misfit {
+    /// Key of the effect with its target.
+    pub effect: String,
+    /// Link whose motion the variable describes, or `body`.
+    pub carrier: String,
+    /// Variable, as formulas name it.
+    pub variable: String,
+    /// Held-out error with the effect's force times a free curve of the variable, over that with the
+    /// effect alone.
+    pub held_out_ratio: f64,
+    /// Probability that the best variable does as well under random signs of flights or trials.
+    pub family_wise_p: f64,
+    /// In words.
+    pub text: String,
 }
 
 /// An effect as stored in a model revision.

@@ -170,6 +170,9 @@ pub(crate) fn answer(d: &Discovery, far: Option<(&str, Standing)>) -> String {
     } else {
         said.join("; then ")
     };
+    if let Some(misfit) = &d.misfit {
+        text.push_str(&format!("; but {}", misfit.text));
+    }
     for left in &d.not_tried {
         text.push_str(&format!("; {left}"));
     }

@@ -8,6 +8,7 @@
 //! | atlas | `atlas` | every place, direction and variable with a free curve, ranked by held-out error |
 //! | laws | `fit`, `law` | expressions for the best entries, with point, anchor and constants fitted in every fold |
 //! | rounds | `search` | a second factor, the simplest law that is as good, and again on what remains |
+//! | form | `form` | whether the strength of an effect that the catalogue names follows its law |
 //! | advice | `next` | the recording that tells a law from the next best one |
 //! | output | `formula`, `result`, `wording` | an effect of the user's own, numbers, words |
 //!
@@ -21,6 +22,7 @@
 mod atlas;
 mod evidence;
 mod fit;
+mod form;
 mod formula;
 mod kinematics;
 mod law;
@@ -34,4 +36,5 @@ mod wording;
 pub use kinematics::{Action, Carrier, Direction, Variable};
 pub use result::{Diagnosis, Entry, FoundLaw, LawKind, NextRecording, OpenWorld, Work};
 
+pub(crate) use form::misfit;
 pub(crate) use search::{Rivals, search};

@@ -35,6 +35,8 @@ const BETTER: f64 = 0.85;
 const PRODUCT: f64 = 0.7;
 /// Share of the error that a further law may leave on a person.
 const FURTHER: f64 = 0.6;
+/// Probability by chance below which a law is better than an effect whose form is in doubt.
+const TRUER: f64 = 0.01;
 /// Largest number of laws.
 const ROUNDS: usize = 3;
 
@@ -51,7 +53,7 @@ struct Step {
 }
 
 /// What laws have to do better than.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(crate) struct Rivals {
     /// Share of the error that the best effects of the catalogue leave.
     pub ratio: f64,
@@ -60,6 +62,8 @@ pub(crate) struct Rivals {
     /// Number of unknowns if the best effects are of several kinds: a single law with fewer unknowns
     /// that leaves no more is simpler, if no single effect comes near it.
     pub several: Option<usize>,
+    /// Squared held-out error by cluster of named effects whose strength does not follow their law.
+    pub doubted: Option<Vec<f64>>,
 }
 
 /// Searches for a law beyond the catalogue on what a model leaves in flight. `taken` are
@@ -154,7 +158,15 @@ pub(crate) fn search(
         let alone = laws.len() == 1 && laws[0].fitted.unknowns < most;
         alone && ratio <= SIMPLER * catalogue.ratio && ratio < BETTER * catalogue.single
     };
-    let better = ratio < BETTER * catalogue.ratio || catalogue.several.is_some_and(simpler);
+    // a law in place of an effect whose form is in doubt has to be better flight by flight
+    let truer = |errors: &Vec<f64>| {
+        let [law] = laws.as_slice() else { return false };
+        let same = law.fitted.errors.len() == errors.len();
+        same && sign_flip_p(&law.fitted.errors, errors, 2000, options.seed ^ 0xf02a) < TRUER
+    };
+    let better = ratio < BETTER * catalogue.ratio
+        || catalogue.several.is_some_and(simpler)
+        || catalogue.doubted.as_ref().is_some_and(truer);
     let complete = complete && better;
     let named = complete || (better && ratio < PART);
     let found: Vec<FoundLaw> = if named {

@@ -113,6 +113,19 @@ pub(crate) fn law(scene: &Scene, law: &Law, nonlinear: &[f64], theta: &DVector<f
     text
 }
 
+/// "the strength of `rotational_drag` also changes with the rate of rotation of `link0`, …".
+pub(crate) fn misfit(scene: &Scene, effect: &str, place: &str, v: Variable, p: f64) -> String {
+    let of = match v {
+        Variable::SinceTakeOff | Variable::Clock | Variable::JointAngle(_) | Variable::JointRate(_) => String::new(),
+        _ => format!(" ({})", carrier(place)),
+    };
+    format!(
+        "the strength of `{effect}` changes with {}{of} in another way than its law says (p = {p:.3}): a force acts there, and the form of its law \
+         is not known",
+        variable(v, scene)
+    )
+}
+
 /// Other links that are not excluded.
 pub(crate) fn also(names: &[String]) -> String {
     match names {

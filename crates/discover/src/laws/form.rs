@@ -1,0 +1,167 @@
+//! Whether a named effect has the form that its law states.
+//!
+//! An effect can stand in for another law: a resistance proportional to speed for one that grows with
+//! its square root, a spring for a field. Its force then has the right place and direction and the
+//! wrong strength. The force of the effect, as fitted, times a free curve of each variable is added
+//! to the model that contains the effect. If the best of these products lowers the held-out error
+//! by more than random signs of the clusters do for the best of them, the strength depends on
+//! something in another way than the law says.
+
+use super::atlas::{PlaceFrames, carriers, columns, range_of, splines, stride};
+use super::evidence::Evidence;
+use super::kinematics::{Carrier, Variable};
+use crate::candidate::Variant;
+use crate::problem::Problem;
+use crate::result::{Found, Misfit};
+use crate::session::Session;
+use aloft_effects::{Columns, ParameterKind, Target};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+/// Draws of random signs.
+const DRAWS: usize = 199;
+/// Number of splines of a curve.
+const SPLINES: usize = 6;
+/// Probability by chance below which the form is in doubt.
+const SIGNIFICANT: f64 = 0.01;
+/// Share of the error that the product has to leave at most, on a rigid body.
+const LEAVES: f64 = 0.97;
+
+/// A place and a variable, with the curves' values by trial.
+struct Choice {
+    carrier: Carrier,
+    variable: Variable,
+    anchor: Vector3<f64>,
+}
+
+/// The strongest dependence of a named effect's strength on a variable that its law does not
+/// describe; none if there is none beyond chance. `problem` contains the effects; `person` is the
+/// largest share of the error that the product may leave on a person.
+pub(crate) fn misfit(
+    session: &Session<'_>,
+    problem: &Problem,
+    kept: &[Variant<'_>],
+    found: &[Found],
+    person: f64,
+    seed: u64,
+) -> Option<Misfit> {
+    if session.series.is_empty() {
+        return None;
+    }
+    let evidence = Evidence::new(problem, DRAWS, seed)?;
+    let stride = stride(session);
+    let mut null = vec![1.0_f64; DRAWS];
+    let mut best: Option<(f64, String, Carrier, Variable)> = None;
+    for (variant, found) in kept.iter().zip(found) {
+        if !(variant.effect.acts().in_flight() && variant.effect.has_wrench()) {
+            continue;
+        }
+        let unit = force_of(session, variant, found);
+        let scored: Vec<(f64, Vec<f64>, Choice)> = choices(session, variant)
+            .into_par_iter()
+            .filter_map(|choice| {
+                let frames = PlaceFrames::new(session, choice.carrier, &point(session, choice.carrier));
+                let values = frames.values(choice.variable, &choice.anchor);
+                let range = range_of(&values)?;
+                let weight: Vec<Vec<f64>> = values.iter().map(|x| splines(x, range)).collect();
+                let made = columns(session, problem, &unit, &weight, SPLINES, stride)?;
+                if !made.iter().all(|c| c.iter().all(|x| x.is_finite())) {
+                    return None;
+                }
+                let all: Vec<usize> = (0..SPLINES).collect();
+                let score = evidence.score(&evidence.prepare(&made, SPLINES), &all)?;
+                Some((score.ratio, score.null, choice))
+            })
+            .collect();
+        for (ratio, by_chance, choice) in scored {
+            for (least, x) in null.iter_mut().zip(by_chance) {
+                *least = least.min(x);
+            }
+            if best.as_ref().is_none_or(|b| ratio < b.0) {
+                best = Some((ratio, found.key.clone(), choice.carrier, choice.variable));
+            }
+        }
+    }
+    let (ratio, effect, carrier, variable) = best?;
+    let as_good = null.iter().filter(|x| **x <= ratio).count();
+    let p = (as_good + 1) as f64 / (DRAWS + 1) as f64;
+    let limit = if session.prior.is_some() { person } else { LEAVES };
+    let place = carrier.name(session.scene);
+    (p < SIGNIFICANT && ratio.sqrt() < limit).then(|| Misfit {
+        text: super::wording::misfit(session.scene, &effect, &place, variable, p),
+        effect,
+        carrier: place,
+        variable: variable.formula(session.scene),
+        held_out_ratio: ratio.sqrt(),
+        family_wise_p: p,
+    })
+}
+
+/// Force and moment about the world origin of an effect in every frame of a flight, one column.
+fn force_of(session: &Session<'_>, variant: &Variant<'_>, found: &Found) -> Vec<Vec<Vec<[f64; 6]>>> {
+    let k = variant.coefficients.len();
+    session
+        .series
+        .iter()
+        .enumerate()
+        .map(|(trial, pair)| {
+            let series = &pair[0];
+            let mut out = Columns::zeros(series.len(), k);
+            if variant.group.is_empty() || variant.group[trial] {
+                variant.effect.evaluate(series, variant.target, &variant.nonlinear, &mut out);
+            }
+            let frame = |f: usize| {
+                let mut sum = [0.0; 6];
+                for (c, estimate) in found.coefficients.iter().enumerate() {
+                    for (s, x) in sum.iter_mut().zip(out.wrench(f, c)) {
+                        *s += estimate.value * x;
+                    }
+                }
+                sum
+            };
+            vec![(0..series.len()).map(frame).collect()]
+        })
+        .collect()
+}
+
+/// The link's centre of mass; the origin for the whole body.
+fn point(session: &Session<'_>, carrier: Carrier) -> Vector3<f64> {
+    match carrier {
+        Carrier::Body => Vector3::zeros(),
+        Carrier::Link(i) => session.scene.link_com_m[i],
+    }
+}
+
+/// What the strength could depend on: variables of the effect's link, or of the whole body and, on
+/// bodies of few links, of each of them; the distance from the effect's own point of the room.
+fn choices(session: &Session<'_>, variant: &Variant<'_>) -> Vec<Choice> {
+    let scene = session.scene;
+    let none = Vector3::zeros();
+    let places: Vec<Carrier> = match variant.target {
+        Target::Link(i) => vec![Carrier::Link(i)],
+        _ if scene.model.n_links() <= FEW_LINKS => carriers(scene),
+        _ => vec![Carrier::Body],
+    };
+    let mut anchor: [Option<f64>; 3] = [None; 3];
+    for (q, value) in variant.effect.nonlinear(scene, variant.target).iter().zip(&variant.nonlinear) {
+        if let ParameterKind::PointInWorld(axis) = q.kind {
+            anchor[axis] = Some(*value);
+        }
+    }
+    let of_place = |carrier: Carrier| {
+        let mut out: Vec<Choice> = Variable::of(scene)
+            .into_iter()
+            .filter(|v| *v != Variable::None)
+            .map(|variable| Choice { carrier, variable, anchor: none })
+            .collect();
+        if let [Some(x), Some(y), Some(z)] = anchor {
+            out.push(Choice { carrier, variable: Variable::Distance, anchor: Vector3::new(x, y, z) });
+        }
+        out
+    };
+    places.into_iter().flat_map(of_place).collect()
+}
+
+/// On bodies with more links an effect on the whole body is compared with the motion of the whole
+/// body only.
+const FEW_LINKS: usize = 4;
