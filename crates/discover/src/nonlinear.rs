@@ -2,11 +2,12 @@
 //! in every fold.
 //!
 //! Starts are screened by the gain of their linear fit; the best are improved by damped Gauss-Newton steps on columns and derivatives
-//! together (Kaufman's form), within bounds. In a fold the parameters take one step from the common optimum with the derivatives there, so that a
-//! cluster's own rows do not help to predict it.
+//! together (Kaufman's form), within bounds. In a fold the parameters take one step from the common
+//! optimum with the derivatives there, so that a cluster's own rows do not help to predict it. With
+//! many clusters this step is taken on the linear model alone.
 
 use crate::candidate::{Scored, Variant, fold_freedom, is_determined, pseudo_inverse, pseudo_solve, solve};
-use crate::problem::Problem;
+use crate::problem::{Problem, ReducedFold};
 use crate::session::Session;
 use crate::statistics::jackknife_se;
 use aloft_effects::NonlinearParameter;
@@ -132,16 +133,11 @@ fn joint_se(
     problem: &Problem,
     parameters: &[NonlinearParameter],
     wide: &[DMatrix<f64>],
+    folds: &[ReducedFold],
     theta: &DVector<f64>,
 ) -> Vec<f64> {
     let variances: Vec<f64> = if is_determined(&problem.reduce_all(wide).0) {
-        let left_out: Vec<DVector<f64>> = (0..problem.folds.len())
-            .into_par_iter()
-            .map(|g| {
-                let fold = problem.reduce_fold(g, wide);
-                pseudo_solve(&fold.s, &fold.c)
-            })
-            .collect();
+        let left_out: Vec<DVector<f64>> = folds.par_iter().map(|fold| pseudo_solve(&fold.s, &fold.c)).collect();
         let of = |i| jackknife_se(&left_out.iter().map(|x| x[i]).collect::<Vec<_>>()).powi(2);
         (0..wide[0].ncols()).map(of).collect()
     } else {
@@ -153,6 +149,32 @@ fn joint_se(
         _ => v.sqrt(),
     };
     variances.iter().enumerate().map(se).collect()
+}
+
+/// Number of clusters from which on the step of a fold is linear: leaving out one of so many changes
+/// the unknowns by little, and columns computed anew for every fold would make the time grow with
+/// the square of the number of recordings.
+const MANY_CLUSTERS: usize = 60;
+
+fn is_linear_in_folds(problem: &Problem) -> bool {
+    problem.folds.len() >= MANY_CLUSTERS
+}
+
+/// The reduced columns for every fold.
+fn folds_of(problem: &Problem, wide: &[DMatrix<f64>]) -> Vec<ReducedFold> {
+    if is_linear_in_folds(problem) {
+        return problem.reduce(wide).folds;
+    }
+    (0..problem.folds.len()).into_par_iter().map(|g| problem.reduce_fold(g, wide)).collect()
+}
+
+/// The first `k` unknowns, refitted in a fold after the nonlinear parameters moved from `from` to
+/// `to`, and below them this move: the unknowns of the columns `[C | ∂(Cθ)/∂p]`.
+fn along(fold: &ReducedFold, variant: &Variant<'_>, from: &[f64], to: &[f64], k: usize) -> DVector<f64> {
+    let moved = DVector::from_iterator(to.len(), to.iter().zip(from).map(|(a, b)| a - b));
+    let right = fold.c.rows(0, k) - fold.s.view((0, k), (k, to.len())) * &moved;
+    let (theta, _) = solve(&fold.s.view((0, 0), (k, k)).into_owned(), &right, &variant.coefficients);
+    DVector::from_iterator(k + to.len(), theta.iter().chain(moved.iter()).copied())
 }
 
 /// Fit of an effect with nonlinear parameters without the rows of one fold.
@@ -184,7 +206,7 @@ pub(crate) fn joint_se_at(session: &Session<'_>, problem: &Problem, variant: &Va
     evaluate(session, problem, variant, variant.nonlinear.clone())
         .and_then(|at| {
             let wide = with_derivatives(session, problem, variant, &parameters, &at)?;
-            Some(joint_se(problem, &parameters, &wide, &at.theta))
+            Some(joint_se(problem, &parameters, &wide, &folds_of(problem, &wide), &at.theta))
         })
         .unwrap_or_default()
 }
@@ -209,18 +231,29 @@ pub(crate) fn score_fitted<'a>(session: &Session<'_>, problem: &Problem, variant
     let (s, _) = problem.reduce_all(&at.columns);
     let wide = with_derivatives(session, problem, &variant, &parameters, &at)?;
     let k = at.theta.len();
-    let joint_se = joint_se(problem, &parameters, &wide, &at.theta);
+    let reduced = folds_of(problem, &wide);
+    let joint_se = joint_se(problem, &parameters, &wide, &reduced, &at.theta);
     let (joint, _) = problem.reduce_all(&wide);
     let widening = widening(&joint, k);
-    let folds: Vec<FittedFold> = (0..problem.folds.len())
+    let linear = is_linear_in_folds(problem);
+    let folds: Vec<FittedFold> = reduced
         .into_par_iter()
-        .map(|g| {
-            let common = problem.reduce_fold(g, &wide);
+        .enumerate()
+        .map(|(g, common)| {
             let (cs, cc) = (common.s.view((0, 0), (k, k)).into_owned(), common.c.rows(0, k).into_owned());
             let (mut theta, mut gain) = solve(&cs, &cc, &variant.coefficients);
             let mut test = common.test.columns(0, k).into_owned();
             let mut p = at.p.clone();
             let moved = step(&common.s, &common.c, &parameters, &at.p, 1e-3, 2.0);
+            if linear {
+                let x = along(&common, &variant, &at.p, &moved, k);
+                let y = 2.0 * common.c.dot(&x) - x.dot(&(&common.s * &x));
+                let better = y > gain;
+                let rest = if better { &common.test * &x } else { test * &theta };
+                let (theta, nonlinear) = if better { (x.rows(0, k).into_owned(), moved) } else { (theta, p) };
+                let error = (&problem.folds[g].test - rest).norm_squared();
+                return FittedFold { theta, nonlinear, gain: gain.max(y), error, s: common.s };
+            }
             if let Some(columns) = variant.columns_at(session, problem, &moved) {
                 let own = problem.reduce_fold(g, &columns);
                 let (t, y) = solve(&own.s, &own.c, &variant.coefficients);

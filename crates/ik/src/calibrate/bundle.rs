@@ -421,11 +421,7 @@ struct Scratch {
 impl Scratch {
     fn new(bundle: &Bundle) -> Self {
         let tree = &bundle.moving.tree;
-        Self {
-            turned: vec![Matrix3::identity(); tree.links.len()],
-            columns: Vec::new(),
-            motions: Vec::new(),
-        }
+        Self { turned: vec![Matrix3::identity(); tree.links.len()], columns: Vec::new(), motions: Vec::new() }
     }
 }
 
