@@ -71,7 +71,7 @@ fn the_demonstration_goes_from_recordings_to_a_report() {
         "at the noise floor",
         "quadratic_drag",
         "Choosing the filter",
-        "Where the error sits",
+        "Location of the error",
     ] {
         assert!(html.contains(told), "the page does not tell of: {told}");
     }

@@ -30,7 +30,7 @@ pub struct Check {
     pub findings: Vec<Finding>,
     /// Remarks about the study as a whole.
     pub remarks: Vec<String>,
-    /// What the recordings say about themselves; no lines before a run.
+    /// Consistency of the recordings; no lines before a run.
     pub session: SessionCheck,
     /// Corrections that these measurements offer; applied only where the pipeline's `corrections` say so.
     pub offers: Vec<Offer>,

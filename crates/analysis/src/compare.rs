@@ -180,12 +180,12 @@ fn limits(ws: &Workspace, comparison: &Comparison) -> Vec<String> {
     }
     let Some(unseen) = subject.model.unseen_parts() else { return Vec::new() };
     let mut out = vec![format!(
-        "{unseen} move unseen; their mass rides rigidly, as in the static posture: the difference from the plates contains \
-         their motion, so that it judges neither masses nor plates"
+        "{unseen} move unseen; their mass is fixed to the neighbouring link as in the static posture: the difference from the plates contains \
+         their motion, so it is no test of masses or plates"
     )];
     if comparison.first.held_out.frames > 0 {
         out.push(
-            "what holds: joint angles, the plates' times and zeros, contact beside the plates, and the mean vertical force \
+            "still valid: joint angles, the plates' times and zeros, contact beside the plates, and the mean vertical force \
              over whole strides or from rest to rest, which is the body's weight"
                 .to_owned(),
         );
@@ -207,7 +207,7 @@ fn of_estimates(points: &EstimatedPoints, smoothed_hz: Option<f64>, comparison: 
             1e3 * points.position_sd_m
         ),
         format!(
-            "what holds: joint angles within some degrees{plates}, times of flights, and the mean vertical force over whole \
+            "still valid: joint angles within some degrees{plates}, times of flights, and the mean vertical force over whole \
              strides or from rest to rest, which is the body's weight"
         ),
     ]

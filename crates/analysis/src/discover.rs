@@ -79,8 +79,8 @@ pub fn looked_at(session: &SubjectSession) -> String {
 fn kept<T>(session: &SubjectSession, made_from: String, answer: T) -> Result<Kept<T>, PipelineError> {
     if looked_at(session) != made_from {
         return Err(PipelineError::request_hint(
-            format!("the results in {} changed while they were looked at", session.workspace.display()),
-            "ask again when no run changes them",
+            format!("the results in {} changed during the analysis", session.workspace.display()),
+            "repeat when no run is active",
         ));
     }
     Ok(Kept { made_from, errors_after: Vec::new(), answer })
@@ -390,8 +390,8 @@ fn free_fall(session: &SubjectSession) -> Result<Option<String>, PipelineError> 
     let (differing, first) = (words.len(), words.into_iter().next());
     Ok(first.filter(|_| 2 * differing > trials).map(|first| {
         format!(
-            "{differing} of {trials} trials with flights: {first}. Mend this first: \
-             `gravity_scale`, `body_mass` and a gain of all plates of the same size are then one fault, not several"
+            "{differing} of {trials} trials with flights: {first}. Correct this first: \
+             `gravity_scale`, `body_mass` and a gain of all plates of the same size then share this one cause"
         )
     }))
 }

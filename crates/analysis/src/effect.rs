@@ -206,7 +206,7 @@ pub fn add(
         let mut effects = all.effects();
         let asked = Asked::read(session)?;
         if asked.names(key) && !asked.is_of(session) {
-            notes.push(format!("the values of {key} come from a `discover` on other results; ask it again to be sure"));
+            notes.push(format!("the values of {key} come from a `discover` of other results; run `discover` again"));
         }
         let scene = asked.scene(session)?;
         let known = KnownEffects::of(&session.own_effects, &scene)?;

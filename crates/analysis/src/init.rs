@@ -443,7 +443,7 @@ fn write(
     match &unseen {
         _ if own_model.is_some() => {}
         Some(parts) => line(format!(
-            "model: {model}   # no markers on {parts}: they ride along unseen, so nothing is identified (see the book, Bodies)"
+            "model: {model}   # no markers on {parts}: these parts are not measured, so nothing is identified (see the book, Bodies)"
         )),
         None => line(format!("model: {model}")),
     }
@@ -554,7 +554,7 @@ fn write(
                 format!("no static trial was found; {moved}")
             } else {
                 let why =
-                    format!("no static trial was found, and nobody stands still: {moved}; joint places may be off");
+                    format!("no static trial was found, and no frames of quiet standing were found: {moved}; joint places may be off");
                 notes.push(format!("{why}; record a static trial"));
                 why
             };
@@ -590,7 +590,7 @@ fn write(
             renamed.iter().map(|(from, to)| format!("{}: {}", quote::yaml_quoted(from), quote::yaml(to))).collect();
         line(format!("  aliases: {{{}}}   # by the words of the labels: look through them", pairs.join(", ")));
         let shown: Vec<String> = renamed.iter().map(|(from, to)| format!("`{from}` as {to}")).collect();
-        notes.push(format!("labels taken by their words (`import: aliases`): {}", shown.join(", ")));
+        notes.push(format!("labels mapped by similar names (`import: aliases`): {}", shown.join(", ")));
     }
     line("filter: {order: 3, cutoff_hz: 10.0}   # per pass; two passes".to_owned());
     Ok((t, notes))

@@ -324,7 +324,7 @@ fn free_fall(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
     let words = if state == LineStanding::Differs {
         "free fall over stated gravity: a frame rate (½ of the difference), a length, or a steady support; see `aloft explain`"
     } else {
-        "free fall over stated gravity: rate² and length together are right"
+        "free fall over stated gravity: rate²·length is consistent"
     };
     lines.push(SessionLine {
         id: "free_fall",

@@ -100,7 +100,7 @@ impl Switches {
         for (contact, parameters) in [(true, true), (true, false), (false, false)] {
             let contact = contact && !self.reading_at_rest();
             let fits = (least..=all).take_while(|n| self.numbers(columns(*n), contact, parameters) <= most).last();
-            // more switches are worth more than the parameters of a body that has many
+            // drop the base parameters before dropping switches
             match fits {
                 Some(n) if n == all || !parameters => return self.kernel_of(n, contact, parameters).map_err(failed),
                 _ => {}

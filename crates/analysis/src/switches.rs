@@ -217,7 +217,7 @@ fn with_laws(
 /// body's own weight, and the mass from the scale is all that is left of it.
 const IMPOSSIBLE: f64 = 0.05;
 /// The answer in such a case; the page that is sent says the same.
-const REPLACED: &str = "these effects together can replace the body's weight, so that nothing is left to judge";
+const REPLACED: &str = "these effects together can replace the body's weight, so the model cannot be evaluated";
 
 impl Switches {
     /// Forms the columns of every effect that the last discovery ranked, of the laws that it found, of
@@ -347,7 +347,7 @@ impl Switches {
     pub fn only_by_a_run(&self, keys: &[String]) -> Result<Option<&'static str>, PipelineError> {
         let with = SubjectSession { effects: self.chosen(keys)?, ..self.session.clone() };
         Ok((with.identifies_from_contact() != self.contact)
-            .then_some("with these effects contact takes part in identification, and is weighted anew"))
+            .then_some("with these effects contact is used for identification and its weight is re-estimated"))
     }
 
     /// The model with these effects, identified and judged without `left_out`, in the geometry of the

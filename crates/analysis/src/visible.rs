@@ -77,7 +77,7 @@ pub fn refuse_invisible(
             "an effect of the plates needs contact in identification: take `contact: false` out of `identify`"
         }
         Unseen::Zero => "record motion in which it acts",
-        Unseen::Repeats(_) => "take the other effect out first: see `aloft history` and `aloft effect remove`",
+        Unseen::Repeats(_) => "remove the other effect first: see `aloft history` and `aloft effect remove`",
         Unseen::Body(_) => {
             "record trials with it and trials without it, so that the body's parameters cannot take its place"
         }

@@ -15,7 +15,7 @@ use values::seconds;
     name = "aloft",
     version,
     arg_required_else_help = true,
-    after_help = "The loop:\n  aloft run P.yaml           from recordings to identified mass properties\n  aloft compare P.yaml       model against measurement, and where it fails\n  aloft discover P.yaml      which effect is missing\n  aloft effect add P.yaml E  add it; the ladder shows the error fall\n  aloft report P.yaml        one page that tells the story\n  aloft status P.yaml        what is done, stale or failed\n\nExit codes: 0 all well; 1 some trials failed, the others are done and kept; 2 the command or configuration is wrong."
+    after_help = "The loop:\n  aloft run P.yaml           from recordings to identified mass properties\n  aloft compare P.yaml       model against measurement, and where it fails\n  aloft discover P.yaml      which effect is missing\n  aloft effect add P.yaml E  add it to the model and show the new error\n  aloft report P.yaml        one page that tells the story\n  aloft status P.yaml        what is done, stale or failed\n\nExit codes: 0 all well; 1 some trials failed, the others are done and kept; 2 the command or configuration is wrong."
 )]
 pub struct Cli {
     /// What to do.

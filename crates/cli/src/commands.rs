@@ -204,7 +204,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             if n > 1 && target.is_some() {
                 return Err(PipelineError::request_hint(
                     format!("--out names one file, and there are {n} subjects or sessions"),
-                    "choose one with --subject and --session, or leave --out away: each page then lies in its workspace",
+                    "choose one with --subject and --session, or omit --out: each page is then written to its workspace",
                 )
                 .into());
             }
@@ -392,7 +392,7 @@ fn run(args: &PipelineArgs, selection: &Selection, jobs: Option<usize>, details:
     if !selection.shared {
         for session in &set.members {
             if let Some(action) = corrections::add_rung(session)? {
-                note(format!("the ladder has a new rung: {action} (`aloft history` shows it)"));
+                note(format!("new model revision: {action} (`aloft history` shows it)"));
             }
         }
     }

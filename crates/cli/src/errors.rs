@@ -48,8 +48,7 @@ pub fn grid(errors: &[HeldOutError]) -> Grid {
 }
 
 /// What the columns of [`grid`] mean.
-pub const MEANING: &str = "error: root mean square over held-out weak windows of force, with moment over a lever of 0.1 m; floor: what a \
-     perfect model would leave; tables: error of the body from tables";
+pub const MEANING: &str = "error: root mean square over held-out weak windows of force, with moment over a lever of 0.1 m; floor: error of a perfect model on these recordings; tables: error of the body from tables";
 
 /// Subject and what was identified, two lines.
 pub fn identified(view: &ComparisonView) -> [String; 2] {
@@ -154,7 +153,7 @@ pub fn left_out(list: &[LeftOut]) -> Option<String> {
         .map(|l| l.stage.map_or_else(|| l.trial.clone(), |stage| format!("{} ({stage} failed)", l.trial)))
         .collect();
     (!names.is_empty())
-        .then(|| crate::screen::one_line("without     ", &format!("{}: not in these errors", names.join(", "))))
+        .then(|| crate::screen::one_line("without     ", &format!("{}: excluded from these errors", names.join(", "))))
 }
 
 /// A name short enough for a line: up to the first comma or bracket.

@@ -293,8 +293,7 @@ fn rounds(d: &Discovery) -> Result<(), Stop> {
         out(labelled(
             &format!("round {}: ", i + 1),
             &format!(
-                "judged in {} on {} flights or trials, model {model}: {}; a ratio below {:.3} is believed (by chance {:.0} % of the best \
-                 ratios fall below {:.3})",
+                "judged in {} on {} flights or trials, model {model}: {}; accepted only below a ratio of {:.3}; by chance {:.0} % of the best ratios were below {:.3}",
                 r.judged_on,
                 r.clusters,
                 r.words,
@@ -315,8 +314,8 @@ fn like(c: &Candidate) -> Vec<&str> {
 
 /// How often injected effects are identified correctly.
 pub fn self_test(s: &SelfTest) -> Result<(), Stop> {
-    out("effects injected into these recordings, at multiples of the smallest size that could be seen")?;
-    let mut t = table(&["times smallest", "injected", "right name", "right name or class", "wrong name", "missed"]);
+    out("effects injected into these recordings, at multiples of the minimum detectable size")?;
+    let mut t = table(&["× detectable", "injected", "right name", "right name or class", "wrong name", "missed"]);
     let percent = |x: f64| format!("{:.0} %", 100.0 * x);
     for row in &s.summary {
         t.add_row([
@@ -329,7 +328,7 @@ pub fn self_test(s: &SelfTest) -> Result<(), Stop> {
         ]);
     }
     out(format!("{t}\n"))?;
-    let mut t = table(&["effect", "times smallest", "size", "outcome", "named"]).left(&[3]).wrapped(4);
+    let mut t = table(&["effect", "× detectable", "size", "outcome", "named"]).left(&[3]).wrapped(4);
     for i in &s.injections {
         t.add_row([
             i.key.clone(),

@@ -96,7 +96,7 @@ fn number(v: Option<f64>) -> String {
 
 fn trials(view: &ComparisonView) -> Result<(), Stop> {
     let c = &view.comparison;
-    let header = ["trial", "role", "flights", "fall vs g %", "markers mm", "in flight N", "in contact N"];
+    let header = ["trial", "role", "flights", "free fall vs g, %", "markers mm", "in flight N", "in contact N"];
     let mut t = table(&header).left(&[1]).optional(&[4, 3]);
     for row in &view.kinematics {
         let errors = c.first.trials.iter().find(|t| t.trial == row.trial);
@@ -122,7 +122,7 @@ fn groups(view: &ComparisonView, by: GroupedBy) -> Result<(), Stop> {
     let c = &view.comparison;
     let list: Vec<&Group> = c.first.breakdown.iter().filter(|g| g.by == by).collect();
     if list.is_empty() {
-        return out(format!("by {}: nothing to tell apart\n", by.word()));
+        return out(format!("by {}: only one group\n", by.word()));
     }
     let head = format!("by {}", by.word());
     let header = [

@@ -230,7 +230,7 @@ fn next_flights(plan: &NextFlights) -> Result<(), Stop> {
         String::new()
     } else {
         format!(
-            "; {unmoved} of these {} fall by less than a tenth: no flight was found within the limits that shows them",
+            "; {unmoved} of these {} improve by less than 10 %: no planned flight within the limits excites them",
             worst.len()
         )
     };

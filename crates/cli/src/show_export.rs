@@ -56,7 +56,7 @@ pub fn audited(a: &audit::Audit) -> Result<(), Stop> {
     out(t)?;
     if !a.segments.is_empty() {
         let mut t =
-            table(&["body", "share of the error that a change of its inertia alone would take away"]).left(&[1]);
+            table(&["body", "share of the error that changing only this body's inertia would remove"]).left(&[1]);
         for s in a.segments.iter().take(6) {
             t.add_row([s.link.clone(), format!("{:.0} %", 100.0 * s.inertia_share)]);
         }

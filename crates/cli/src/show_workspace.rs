@@ -108,7 +108,7 @@ fn show_explanation(found: &status::Explanation, trial: &str, stage: &str, whole
         _ => {}
     }
     for before in &found.before {
-        out(labelled("  ", &format!("will be done again, because {before}")))?;
+        out(labelled("  ", &format!("will be recomputed: {before}")))?;
     }
     let Some(m) = found.manifest.as_ref().filter(|_| whole) else { return Ok(()) };
     for warning in &m.warnings {

@@ -64,7 +64,7 @@ fn judge(set: &DataSet, cannot: bool) -> Result<Success, Stop> {
         behind += lacking.len() - here;
     }
     if first + behind == 0 && !cannot {
-        note("everything is there and up to date");
+        note("all results are present and up to date");
         return Ok(Success::Full);
     }
     note(format!("{first} failed or missing, {behind} blocked by them; all others are done"));

@@ -133,7 +133,7 @@ pub(crate) fn conclude(
             round.held_out_error *= s.held_out_error / first;
         }
     }
-    // what is left with the effects found, in each domain: computed by the stages, or estimated
+    // remaining error with the effects found, in each domain: computed by the stages, or estimated
     let computed = if lost { None } else { session.by_stages.with(&found) };
     let estimated = |i: usize| -> Option<Standing> {
         let standing = session.standing[i]?;

@@ -167,7 +167,7 @@ pub fn discover(
             let refit = Refit { accepted, kept: &kept, found: &found, options };
             let pair = match chosen {
                 Some(rival) if go_on && !enough => {
-                    // one that stands for what is named, at the edge of its range, is named, too
+                    // an effect that reproduces the named one at the edge of its range is named, too
                     let limit_of_named = |id: &str| round.duels.iter().any(|d| d.only_as_limit && d.effect == id);
                     let named = |id: &str| round.effects.iter().any(|e| e == id) || limit_of_named(id);
                     let usable: Vec<bool> = scores

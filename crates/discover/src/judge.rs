@@ -295,8 +295,7 @@ fn duel(
         separated: ratio < if freer { CLEARLY } else { options.belief },
         only_as_limit: false,
     };
-    // aliases differ in the scale of the error that they leave, which says nothing about which is
-    // true
+    // aliases differ in the scale of the error that they leave, which is no evidence for either
     if alias || ratio > SAME[usize::from(session.prior.is_some())] || p_value >= options.significance {
         out.separated = false;
     } else if session.prior.is_none() && a.scored.variant.unknowns() <= b.scored.variant.unknowns() {

@@ -77,7 +77,7 @@ fn best_pair<'e>(search: &Search<'_, 'e>) -> Option<Pair<'e>> {
             )
         })
         .collect();
-    // a compromise stands for two effects with no more unknowns than itself
+    // a pair may not have more unknowns than the single effect
     let most = scores[best].scored[scores[best].best].variant.unknowns();
     let joint = |a: usize, b: usize| -> (Variant<'e>, Vec<DMatrix<f64>>) {
         let (ka, kb) = (parts[a].1.coefficients.len(), parts[b].1.coefficients.len());

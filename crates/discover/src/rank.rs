@@ -179,7 +179,7 @@ fn unknowns_of(s: &Scored<'_>) -> usize {
 }
 
 /// A load that was found as something taken away in some trials, as a load in the others if that fits
-/// as well: groups that nobody named have no order.
+/// as well: unnamed groups have no order.
 fn as_load<'a>(session: &Session<'_>, problem: &Problem, scored: Scored<'a>) -> Scored<'a> {
     // a prior and plates tell a load from something taken away
     let told = session.prior.is_some() || session.groups.iter().any(Option::is_some);

@@ -143,8 +143,7 @@ pub(crate) fn answer(d: &Discovery, far: Option<(&str, Standing)>) -> String {
         );
         if !part.is_empty() {
             return format!(
-                "unexplained: with {} in the model the held-out error in {place} is still {remains}; it removes part of the error and is not shown \
-                 to be the cause{left}",
+                "unexplained: with {} in the model the held-out error in {place} is still {remains}; it removes part of the error and is not established as the cause{left}",
                 list(&part),
             );
         }

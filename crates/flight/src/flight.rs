@@ -109,7 +109,7 @@ impl std::fmt::Display for RejectionReason {
                 )
             }
             Self::Gradual => write!(f, "the acceleration comes and goes gradually, as in a movement on the ground"),
-            Self::NotBounded => write!(f, "no plate is loaded up to an end of the recording; motion would tell"),
+            Self::NotBounded => write!(f, "no plate is loaded up to an end of the recording; needs a solved motion"),
             Self::PlateLoaded { force_n } => write!(f, "it looks like falling, but plates carry {force_n:.0} N"),
         }
     }

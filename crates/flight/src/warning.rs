@@ -57,17 +57,17 @@ impl std::fmt::Display for FlightWarning {
             Self::FreeFall { words } | Self::Stored(words) => f.write_str(words),
             Self::EdgesDiffer { joined, motion, plates, shared } => write!(
                 f,
-                "flight in frames {} to {}: motion says {} to {}, plates {} to {} ({shared} frames in common)",
+                "flight in frames {} to {}: motion gives {} to {}, plates {} to {} ({shared} frames in common)",
                 joined.start, joined.end, motion.start, motion.end, plates.start, plates.end
             ),
             Self::Unsolved { frames, unsolved } => write!(
                 f,
-                "flight in frames {} to {}: told by the plates alone, {unsolved} frames of the motion are not solved",
+                "flight in frames {} to {}: determined from the plates alone, {unsolved} frames of the motion are not solved",
                 frames.start, frames.end
             ),
             Self::Unsteady { frames } => write!(
                 f,
-                "flight in frames {} to {}: told by the plates alone, the motion is not steady in it",
+                "flight in frames {} to {}: determined from the plates alone, the motion is not steady in it",
                 frames.start, frames.end
             ),
         }

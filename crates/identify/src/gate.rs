@@ -110,7 +110,7 @@ pub(crate) fn judge(
             }
             None => {
                 passed = false;
-                reasons.push("a single flight cannot show what it says of another one; record more flights".to_owned());
+                reasons.push("one flight cannot be cross-validated; record more flights".to_owned());
             }
             Some(_) => {}
         }

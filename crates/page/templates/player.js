@@ -40,7 +40,7 @@ const Player = (() => {
     const told = make("p", { class: "reading" }), hint = make("p", { class: "hint" });
     const keys = make("details", { class: "keys" }, make("summary", {}, "Keys"), make("dl", {}, ...KEYS.flatMap(([k, words]) => [make("dt", {}, k), make("dd", {}, words)])));
     const hot = d.segments.some((s) => s.heat !== null && PlayerScene.shade(s.heat) > 0), rated = d.segments.some((s) => s.heat !== null);
-    const heat = rated ? make("p", { class: "shades" }, "error that a segment could carry: at the floor ", make("span", {}, ...Array.from({ length: 9 }, (_, k) => make("i", { class: k ? "h" + k : "body" }))), " 16 times the floor" + (hot ? "" : " (no single segment could carry it)")) : "";
+    const heat = rated ? make("p", { class: "shades" }, "error explainable by a segment: at the floor ", make("span", {}, ...Array.from({ length: 9 }, (_, k) => make("i", { class: k ? "h" + k : "body" }))), " 16 times the floor" + (hot ? "" : " (no single segment could carry it)")) : "";
     el.replaceChildren(told, canvas,
       make("div", { class: "controls" }, play, make("div", { class: "track" }, marks, slider), time, speed),
       make("div", { class: "controls" }, ...switches, follow),

@@ -59,7 +59,7 @@ impl Reporter {
             total,
             seconds_left: forecast.seconds_left(),
         };
-        // nobody listens any more after a second Ctrl-C
+        // the caller has gone after a second Ctrl-C
         let _ = self.steps.send(step);
     }
 

@@ -44,7 +44,7 @@ pub fn section(story: &Story<'_>, p: &Parameters) -> Option<Section> {
             Words::new(
                 "Mass of each segment",
                 "Identified value with its 95 % interval, and what the tables give for this sex, height and mass. Where the interval is as wide as \
-                 the tables are apart, motion did not decide: single masses are the least that flight can tell.",
+                 the tables are apart, the motion did not determine the value; masses of single segments are the least observable in flight.",
             ),
             "mass, kg",
             &|l| (l.mass_kg, half(l.ci95.mass_kg)),
@@ -79,7 +79,7 @@ pub fn section(story: &Story<'_>, p: &Parameters) -> Option<Section> {
     ];
     blocks.push(link_table(p).into());
     let lead = if person {
-        "The tables are means of other people, laid over this person's own joint centres; how far they lie apart is the least that one should doubt them."
+        "The tables are means of other people, applied to this person's joint centres; the spread between tables is a lower bound of their error."
     } else {
         "For an object, `tables` stands for what its description says."
     };

@@ -76,7 +76,7 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
     ];
     let words = Words::new(
         "Error of each marker before and after",
-        "Root mean square over the frames that took part and those kept aside. Calibration should move every point to the left.",
+        "Root mean square over the frames that took part and held-out frames. Calibration should move every point to the left.",
     );
     blocks.push(Figure::dots(words, "RMS, mm", &names, &kinds, &[]).into());
     let rows = r
@@ -97,7 +97,7 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
     Some(Section::new(
         "calibration",
         "What calibration gained",
-        "Joint centres, hinge axes and marker places were refined over all recordings on markers alone; frames that took no part judge.",
+        "Joint centres, hinge axes and marker places were refined over all recordings on markers alone; the error is evaluated on held-out frames.",
         blocks,
     ))
 }

@@ -43,7 +43,7 @@ fn dots(d: &Discovery, shown: &[&Candidate]) -> Block {
         values: rows.iter().map(|c| if wanted(c) { c.held_out_ratio } else { f64::NAN }).collect(),
         intervals: rows.iter().map(|c| if wanted(c) { c.ci95 } else { [f64::NAN; 2] }).collect(),
     };
-    let kinds = [of(&|c| c.believed, "believed"), of(&|c| !c.believed, "not believed")];
+    let kinds = [of(&|c| c.believed, "accepted"), of(&|c| !c.believed, "not accepted")];
     let mut lines = vec![Line { at: 1.0, upright: true, label: "explains nothing".into() }];
     let floor = d.noise_floor / d.held_out_error;
     if floor.is_finite() && floor < 0.98 {
@@ -51,8 +51,8 @@ fn dots(d: &Discovery, shown: &[&Candidate]) -> Block {
     }
     let words = Words::new(
         "Held-out error with each effect over that without",
-        "Points with 95 % intervals over flights or recordings. Left of 1 the effect explains motion that it never saw; an interval that \
-         reaches 1 explains nothing for sure. Placebos do not exist in nature: an effect that is no better is no finding.",
+        "Points with 95 % intervals over flights or recordings. Left of 1 the effect improves the prediction of held-out motion; an interval that \
+         reaches 1 is not significant. Placebos have no physical basis; an effect that does no better than a placebo is not supported.",
     );
     Figure::dots(words, "held-out ratio", &names, &kinds, &lines).into()
 }
@@ -84,7 +84,7 @@ fn table(real: &[&Candidate]) -> Table {
         .collect();
     Table::new(
         "Candidates",
-        "Coefficients with 95 % intervals. The smallest size that would be seen in four of five sessions like this one stands beside them: \
+        "Coefficients with 95 % intervals. The minimum detectable size (found in four of five such sessions) is listed beside them: \
          an effect that was not found may still be there below it.",
         &[
             "effect",
@@ -94,7 +94,7 @@ fn table(real: &[&Candidate]) -> Table {
             "minimum detectable, same unit",
             "chance of the best",
             "cannot be told from",
-            "believed",
+            "accepted",
         ],
         rows,
     )
@@ -135,8 +135,7 @@ fn confusions(shown: &[&Candidate]) -> Option<Block> {
     };
     let words = Words::new(
         "What looks alike",
-        "Cosine between the signal of an effect (rows) and what another can say (columns), mass parameters taken out. Near 1 the two are one \
-         and the same to these recordings; then the verdict names both.",
+        "Cosine between the signal of an effect (rows) and its best reproduction by another effect (columns), after projecting out the inertial parameters. Near 1 these recordings cannot distinguish the two, and the verdict names both.",
     );
     let advice: Vec<String> = rows
         .iter()

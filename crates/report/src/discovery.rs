@@ -29,14 +29,14 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
             sections.push(Section::new(
                 "next",
                 "What to record next",
-                "Motions that would tell apart what these recordings cannot, the most useful first.",
+                "Motions that would distinguish the effects that these recordings cannot, the most useful first.",
                 vec![Block::List { items: d.advice.clone() }],
             ));
         }
         let left: Vec<String> = d.warnings.iter().cloned().chain(d.not_tried.iter().map(ToString::to_string)).collect();
         if !left.is_empty() {
             let blocks = vec![Block::List { items: left }];
-            sections.push(Section::new("left-out", "Left out, and why", "", blocks));
+            sections.push(Section::new("left-out", "Data left out", "", blocks));
         }
     }
     let limits = story.comparison.as_ref().and_then(|v| v.limits.first());
@@ -96,11 +96,11 @@ fn answer(story: &Story<'_>, revision: usize, d: &Discovery, several: bool, olde
         let now = effects(story);
         let holds = if now.is_empty() { "no effects".to_owned() } else { format!("`{}`", now.join("`, `")) };
         let text =
-            format!("Asked of {model} (revision {revision}). The model is now revision {present} and holds {holds}.");
+            format!("Computed for {model} (revision {revision}). The model is now revision {present} and holds {holds}.");
         blocks.insert(0, Block::remark(Light::Neutral, text));
     }
     if older {
-        let text = "Not up to date: `discover` looked at other results than those of this page. Ask it again.";
+        let text = "Not up to date: `discover` used other results than this page. Run it again.";
         blocks.insert(0, Block::remark(Light::Poor, text));
     }
     let share = 100.0 * d.held_out_error_of_weight;
@@ -116,7 +116,7 @@ fn answer(story: &Story<'_>, revision: usize, d: &Discovery, several: bool, olde
     if !d.found.is_empty() {
         let names: Vec<&str> = d.found.iter().map(|f| f.key.as_str()).collect();
         cards.push(card(
-            "With what was found",
+            "With the effects found",
             format!("{} N", number(d.held_out_error_after)),
             format!("with {}", names.join(", ")),
             Light::Neutral,
@@ -125,16 +125,15 @@ fn answer(story: &Story<'_>, revision: usize, d: &Discovery, several: bool, olde
     cards.push(card(
         "Noise floor",
         format!("{} N", number(d.noise_floor)),
-        "what a perfect model would leave",
+        "the error of a perfect model on these recordings",
         Light::Neutral,
     ));
     blocks.push(Block::Cards { cards });
     if let Some(r) = d.rounds.first() {
         let (share, chance) = r.by_chance();
         blocks.push(Block::text(format!(
-            "Judged {} on {} groups of rows (recordings, or flights where recordings are few), each held out in its turn. With the signs of the \
-             residuals flipped at random, the best of the whole catalogue came below a ratio of {} in {:.0} % of the cases: only a ratio below {} is \
-             believed.",
+            "Judged {} on {} groups of rows (recordings, or flights where recordings are few), each held out in turn. With the signs of the \
+             residuals flipped at random, the best of the whole catalogue was below a ratio of {} in {:.0} % of draws; the acceptance limit is {}.",
             if r.judged_on == "flight" { "in flight" } else { "in contact" },
             r.clusters,
             number(chance),

@@ -29,8 +29,8 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
     };
     let words = Words::new(
         "Effect of the cut-off frequency",
-        "Root mean square of the root's path less its filtered path, one curve a recording. To the right only noise is lost and the curve is \
-         nearly level; where it bends upward the filter begins to take motion.",
+        "Root mean square of the root's path less its filtered path, one curve a recording. At high cut-offs only noise is removed and the curve is \
+         nearly level; where it rises, the filter also removes motion.",
     );
     let figure = Figure::panels(words, "cut-off, Hz", 1, &[panel], &[]);
     let rows = all
@@ -59,8 +59,7 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         rows,
     );
     let lead = format!(
-        "The filter in use: Butterworth, order {} a pass, forward and backward, {} Hz. It serves the frame-wise comparison; the weak rows that \
-         the parameters come from need no filter.",
+        "The filter in use: Butterworth, order {} a pass, forward and backward, {} Hz. It is used for the frame-wise comparison only; weak rows, which determine the parameters, are not filtered.",
         f.order, f.cutoff_hz
     );
     Some(Section::new("filter", "Choosing the filter", &lead, vec![figure.into(), table.into()]))

@@ -87,7 +87,7 @@ fn residuals(story: &Story<'_>) -> Option<Figure> {
         .collect();
     let words = Words::new(
         "Residual wrench in flight",
-        "External wrench that the models still need in flight beside their effects; zero for a perfect model. A mean away from zero is an error that all \
+        "External wrench required by the recorded motion beyond the modelled effects; zero for a perfect model. A mean away from zero is an error that all \
          flights share; a wide band is noise, or what differs from flight to flight. At the edges the filter mixes flight with contact.",
     );
     panels.iter().any(|p| !p.bands.is_empty()).then(|| Figure::panels(words, "flight, %", 2, &panels, &[]))

@@ -368,7 +368,7 @@ fn distributions(rows: &[Row]) -> Chapter {
     let mut sections = vec![Section::new(
         "errors",
         "Prediction",
-        "Does identification help every subject, or some only?",
+        "Error reduction by subject",
         vec![
             both("Force error by subject", "mean absolute error, N", &|r| r.force),
             both("Moment error by subject", "mean absolute error, N·m", &|r| r.moment),
@@ -445,7 +445,7 @@ fn markers(rows: &[Row]) -> Option<Section> {
     };
     let words = Words::new(
         "Distance of each marker from the model",
-        "Mean over recordings of the root mean square, the worst marker on top. A dark row is a marker that everybody wears badly; a dark column, a \
+        "Mean over recordings of the root mean square, the worst marker on top. A dark row is a marker that is misplaced on most subjects; a dark column, a \
          session in which something went wrong.",
     );
     Some(Section::new("group-markers", "Markers", "", vec![Figure::heat_map(words, &map).into()]))

@@ -47,7 +47,7 @@ pub(super) fn headline(rows: &[Row], light: Light, next: &str) -> Headline {
     let missing = if asked == 0 {
         "Not asked.".to_owned()
     } else if named.is_empty() {
-        format!("Nothing was named for the {} asked.", count(asked, "subject"))
+        format!("No effect was named for the {} analysed.", count(asked, "subject"))
     } else {
         let all: Vec<String> = named.iter().map(|(k, n)| format!("{k} for {n} of {}", rows.len())).collect();
         format!("{}.", all.join("; "))
@@ -61,11 +61,11 @@ pub(super) fn headline(rows: &[Row], light: Light, next: &str) -> Headline {
     }
     let failed: usize = rows.iter().map(|r| r.lost).sum();
     if failed > 0 {
-        sure.push_str(&format!(" {} failed and count nowhere.", count(failed, "recording")));
+        sure.push_str(&format!(" {} failed and are excluded.", count(failed, "recording")));
     }
     facts.push(Fact::new("How sure", sure));
     if asked < rows.len() - lost {
-        let text = if asked == 0 { "Ask what is missing." } else { "Ask the others." };
+        let text = if asked == 0 { "Run `discover`." } else { "Run `discover` for the others." };
         facts.push(Fact { command: next.to_owned(), ..Fact::new("Next", text) });
     }
     Headline { light, sentence, facts }
@@ -95,7 +95,7 @@ pub(super) fn floors(rows: &[Row]) -> Option<Figure> {
     let lines = [line(1.0, "floor"), line(3.0, "3 ×")];
     let words = Words::new(
         "Error in multiples of the noise floor",
-        "Held-out error of each subject's model where it is judged; 1 is what a perfect model would leave.",
+        "Held-out error of each subject's model where it is judged; 1 is the error of a perfect model on these recordings.",
     );
     Some(Figure::dots(words, "error / noise floor", &names, &kinds, &lines))
 }

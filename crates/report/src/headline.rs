@@ -107,7 +107,7 @@ fn sentence(story: &Story<'_>, first: Option<&Standing>, other: Option<&Standing
     let wrong = format!("{} errs by {} times its noise floor in {place}{also}", held(story), times(ratio));
     match asked(story) {
         None if story.comparison.as_ref().is_some_and(|v| v.too_few_to_ask()) => format!("{wrong}."),
-        None => format!("{wrong}. What it is missing has not been asked."),
+        None => format!("{wrong}. `discover` has not been run."),
         Some(d) => match d.verdict {
             Verdict::Supported => format!("{wrong}, and `{}` is missing.", named(d).join("` and `")),
             Verdict::OneOf => match d.groups.len() {
@@ -168,7 +168,7 @@ fn place(story: &Story<'_>, first: &Standing) -> Option<String> {
             &c.first.segments
         };
         if let Some(s) = segments.first().filter(|s| s.inertia_share > 0.3 && segments.len() > 2) {
-            parts.push(format!("{:.0} % of it could sit in `{}`", 100.0 * s.inertia_share, s.link));
+            parts.push(format!("{:.0} % of it could originate in `{}`", 100.0 * s.inertia_share, s.link));
         }
     }
     (!parts.is_empty()).then(|| sentence_of(&parts.join("; ")))
@@ -199,7 +199,7 @@ pub fn times_floor_by_axis(c: &Comparison, place: &str) -> Vec<(String, f64)> {
 fn trend(c: &Comparison) -> Option<String> {
     let kinds = [
         (GroupedBy::Speed, "the speed of the centre of mass"),
-        (GroupedBy::Turning, "the turning of the root"),
+        (GroupedBy::Turning, "angular velocity of the root"),
         (GroupedBy::TimeInFlight, "the time in flight"),
         (GroupedBy::Acceleration, "the acceleration of the centre of mass"),
     ];
@@ -224,16 +224,16 @@ fn next(story: &Story<'_>) -> Fact {
         return if compared {
             Fact::new("Next", "Record flights: jumps from and onto the plates.")
         } else {
-            with("Find out what is missing.", command(s, "status", None))
+            with("Search for missing effects.", command(s, "status", None))
         };
     };
     let Some(view) = &story.comparison else {
-        return with("Find out what is missing.", command(s, "status", None));
+        return with("Search for missing effects.", command(s, "status", None));
     };
     let held: Vec<&str> = effects(story).iter().map(String::as_str).collect();
     match step(view, asked(story), &held) {
         NextStep::Run => with("Bring the results up to date.", command(s, "run", None)),
-        NextStep::Discover { record: None } => with("Ask what is missing.", command(s, "discover", None)),
+        NextStep::Discover { record: None } => with("Run `discover`.", command(s, "discover", None)),
         NextStep::Discover { record: Some(_) } => with(
             &format!("Record more flights: {}. Then ask what is missing; these can be asked already.", motion(found)),
             command(s, "discover", None),
@@ -252,7 +252,7 @@ fn next(story: &Story<'_>) -> Fact {
         }
         NextStep::Advised(advice) => Fact::new("Next", sentence_of(&advice)),
         NextStep::Use => with("Use the model.", command(s, "parameters", None)),
-        NextStep::Look => with("See where the error sits.", command(s, "compare", None)),
+        NextStep::Look => with("Locate the error.", command(s, "compare", None)),
     }
 }
 
@@ -277,13 +277,13 @@ pub fn floor_words(first: &Standing) -> String {
     match (first.floor_n, first.interval_n) {
         (Some(floor), Some([low, high])) => {
             format!(
-                "noise floor {} N ({} to {} N, shaded): what a perfect model would leave",
+                "noise floor {} N ({} to {} N, shaded): the error of a perfect model on these recordings",
                 number(floor),
                 number(low),
                 number(high)
             )
         }
-        (Some(floor), None) => format!("noise floor {} N: what a perfect model would leave", number(floor)),
+        (Some(floor), None) => format!("noise floor {} N: the error of a perfect model on these recordings", number(floor)),
         _ => "the noise floor is not known".to_owned(),
     }
 }

@@ -19,7 +19,7 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
     sections.extend(flights::section(story));
     sections.extend(filtering::section(story));
     if sections.is_empty() {
-        let text = "No recording was brought through inverse kinematics.";
+        let text = "Inverse kinematics has no results.";
         sections.push(Section::new("markers", "Markers", "", vec![Block::remark(Light::Poor, text)]));
     }
     Chapter { id: "kinematics".into(), title: "Kinematics".into(), group: STUDY.into(), light, sections }
@@ -70,7 +70,7 @@ fn markers(story: &Story<'_>) -> Option<Section> {
     Some(Section::new(
         "markers",
         "Markers",
-        "The distance between where a marker was seen and where the model has it.",
+        "The distance between the measured and the modelled marker position.",
         vec![Figure::heat_map(words, &map).into()],
     ))
 }

@@ -151,7 +151,7 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         .collect();
     let words = Words::new(
         "Held-out error by model revision",
-        "Held-out error over weak windows (moments over a lever of 0.1 m) of each revision of the model, and what a perfect model would leave (the noise floor).",
+        "Held-out error over weak windows (moments over a lever of 0.1 m) of each revision of the model, and the error of a perfect model on these recordings (the noise floor).",
     );
     let figure = Figure::panels(words, "revision of the model", panels.len(), &panels, &[]);
     let any_void = rungs.iter().any(|r| r.void.is_some());
@@ -167,7 +167,7 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         rungs.iter().map(|r| row(r, any_void)).collect(),
     );
     let lead = format!(
-        "Each revision of the model and the error that it left on {judged}. A gain that is paid for with worse markers is void."
+        "Each revision of the model and the error that it left on {judged}. A revision that increases marker error is void."
     );
     let mut blocks: Vec<Block> = vec![figure.into(), table.into()];
     // compare the first and the last revision on the same motion: that on which the last was judged

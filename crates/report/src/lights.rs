@@ -70,7 +70,7 @@ pub fn remarks(t: &TrialStory<'_>) -> Vec<(Light, String)> {
             && free_fall(g) != Light::Good
         {
             let text =
-                format!("in flight the centre of mass falls with g {g:+.1} %: flight edges, mass model or frame rate");
+                format!("in flight the centre of mass accelerates at g {g:+.1} %: flight edges, mass model or frame rate");
             out.push((free_fall(g), text));
         }
     }
@@ -84,7 +84,7 @@ pub fn remarks(t: &TrialStory<'_>) -> Vec<(Light, String)> {
     if let Some((place, ratio)) = t.times_floor
         && against_floor(Some(ratio), None) != Light::Good
     {
-        let text = format!("the model errs by {} times its noise floor in {place}", times(ratio));
+        let text = format!("held-out error is {} times the noise floor in {place}", times(ratio));
         out.push((against_floor(Some(ratio), None), text));
     }
     // warnings of the summary that no stage has put into words

@@ -17,7 +17,7 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
     if judged {
         // these refuse where nothing can be told
         commands.push(line("discover", "which effect is missing"));
-        commands.push(line("parameters", "every number with its interval"));
+        commands.push(line("parameters", "all parameters with intervals"));
     }
     commands.push(line("status", "what is done, stale or failed"));
     let sections = vec![
@@ -25,7 +25,7 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
         Section::new(
             "provenance",
             "Where the numbers come from",
-            "Version of each stage's code, how many results it gave, how long it took, and the parameters that it saw.",
+            "Version of each stage's code, number of results, run time and parameters.",
             vec![provenance(story).into()],
         ),
         Section::new("go-on", "How to go on", "", vec![Block::Commands { lines: commands }]),
@@ -124,7 +124,7 @@ fn provenance(story: &Story<'_>) -> Table {
         .collect();
     Table::new(
         "Stages",
-        "The hash is that of the parameters that the stage saw: equal hashes, equal settings.",
+        "The hash is that of the parameters of the stage; equal hashes mean equal settings.",
         &["stage", "version", "results", "time, s", "settings", "gives"],
         rows,
     )

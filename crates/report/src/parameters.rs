@@ -83,8 +83,8 @@ fn trust(p: &Parameters) -> Section {
     }
     Section::new(
         "trust",
-        "How far the numbers may be believed",
-        "Motion in the air tells combinations of mass, first moment and inertia. What it does not tell is taken from tables, and is marked so.",
+        "Reliability of the parameters",
+        "Motion in flight determines combinations of mass, first moment and inertia. The others are taken from tables and are marked so.",
         blocks,
     )
 }

@@ -34,7 +34,7 @@ pub fn sections(c: &Comparison) -> Vec<Section> {
         blocks.push(Block::Folded { title: "The numbers".into(), blocks: vec![table(&all).into()] });
         out.push(Section::new(
             "residuals",
-            "Where the error sits",
+            "Location of the error",
             "A model that only lacks precision errs everywhere alike. A row that stands out says in which motion something is missing: \
              error that grows with speed points to drag, with time in flight to velocity or gravity, with turning to inertia.",
             blocks,
@@ -83,9 +83,9 @@ fn maps(groups: &[&Group], by: &str, floor: Option<&NoiseFloor>) -> Vec<Block> {
         recording: String::new(),
     };
     let caption = format!(
-        "Error over weak windows by {by} and world axis, in multiples of what a perfect model would leave there. A cell without colour is at its floor."
+        "Error over weak windows by {by} and world axis, in multiples of the error of a perfect model on these recordings there. A cell without colour is at its floor."
     );
-    vec![Figure::heat_map(Words::new("What is left, in multiples of the noise floor", &caption), &map).into()]
+    vec![Figure::heat_map(Words::new("Residual error in multiples of the noise floor", &caption), &map).into()]
 }
 
 /// What remains of the present model, by axis, in multiples of the floor; none if no floor is known.
@@ -105,7 +105,7 @@ pub fn remains(c: &Comparison, place: &str) -> Option<Figure> {
         scale: Scale::TimesFloor,
         recording: String::new(),
     };
-    let title = format!("What remains in {place}");
+    let title = format!("Residual error in {place}");
     Some(Figure::heat_map(Words::new(&title, "By world axis, in multiples of the noise floor."), &map))
 }
 
@@ -137,8 +137,8 @@ fn segments(c: &Comparison) -> Option<Section> {
         Dots::new("a drag force on it", s.iter().map(|x| 100.0 * x.drag_share).collect()),
     ];
     let words = Words::new(
-        "Which segment could carry the error",
-        "Share of the mean square error that a change of this one segment would explain. Shares overlap and do not add up: a large one says where to look, not what is wrong.",
+        "Segments that could explain the error",
+        "Share of the mean square error that a change of this one segment would explain. Shares overlap and do not add up: they indicate a location, not a cause.",
     );
     let figure = Figure::dots(words, "share of the mean square error, %", &names, &kinds, &[]);
     Some(Section::new("segments", "Segment by segment", "", vec![figure.into()]))

@@ -109,7 +109,7 @@ pub fn wrench(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
          the forces; in flight (shaded) both are zero for a perfect model."
     } else {
         "External wrench that the model needs for the motion, root axes, about the root's origin. In flight (shaded) it is zero for a \
-         perfect model; outside, hands or ground act that no plate measured."
+         perfect model; outside, unmeasured hand or ground contact acts."
     };
     let taken = if offset.is_some() {
         " The plates were never unloaded: the constant wrench that they read at rest, as the model finds it, is taken off."

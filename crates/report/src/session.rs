@@ -1,4 +1,4 @@
-//! What the recordings say about themselves, before any model is judged: the session check.
+//! Consistency of the recordings, before any model is judged: the session check.
 
 use super::headline::sentence_of;
 use super::standing::{asked, effects};
@@ -32,7 +32,7 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         })
         .collect();
     let header = ["measured", "value", "95 % interval", "expected", "judged"];
-    let caption = "From the recordings alone; no identified model is in it. A line without an interval is a reading.";
+    let caption = "From the recordings alone; no identified model is used. Lines without an interval are plain readings.";
     let mut blocks = vec![Table::new("Session check", caption, &header, rows).into()];
     let offered = offers(story.session, &checked);
     if !offered.is_empty() {
@@ -43,7 +43,7 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         ));
         blocks.push(Block::code(to_yaml(&offered)));
     }
-    Some(Section::new("session", "What the recordings say about themselves", "", blocks))
+    Some(Section::new("session", "Consistency of the recordings", "", blocks))
 }
 
 /// Most measurements that the first screen names.

@@ -44,7 +44,7 @@ impl Standing {
     /// `2.4 times the floor`, with what is said of an error at the floor.
     pub fn ratio_words(&self) -> String {
         match self.ratio {
-            Some(r) if self.at_floor => format!("{} × floor, at the floor", lights::times(r)),
+            Some(r) if self.at_floor => format!("{} × noise floor (within its interval)", lights::times(r)),
             Some(r) => format!("{} × floor", lights::times(r)),
             None => "floor unknown".to_owned(),
         }

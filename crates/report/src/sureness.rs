@@ -58,7 +58,7 @@ pub(crate) fn missing(story: &Story<'_>) -> String {
         } else if own.is_empty() {
             "Not asked: `discover` looks for the effect that the model is missing.".to_owned()
         } else {
-            format!("`{}` was missing and is in the model now. What remains has not been asked.", own.join("`, `"))
+            format!("`{}` was missing and is in the model now. `discover` has not been run since.", own.join("`, `"))
         };
     };
     match d.verdict {
@@ -70,18 +70,18 @@ pub(crate) fn missing(story: &Story<'_>) -> String {
             format!("{}.", all.join("; "))
         }
         Verdict::OneOf => one_of(d),
-        Verdict::NothingMissing => "Nothing that these recordings could show.".to_owned(),
+        Verdict::NothingMissing => "None that these recordings can detect.".to_owned(),
         Verdict::Unexplained => match (laws(d), d.open.as_ref().and_then(|o| o.diagnosis.as_ref())) {
             (Some(open), _) => {
                 let each: Vec<String> = open.laws.iter().map(|l| format!("`{}`: {}", l.id, l.text)).collect();
                 format!("{}.", each.join("; and "))
             }
-            (None, Some(found)) => format!("A law that is not known: nearest is {}.", found.text),
+            (None, Some(found)) => format!("No law was found; the nearest is {}.", found.text),
             (None, None) if !d.found.is_empty() => {
                 let keys: Vec<&str> = d.found.iter().map(|f| f.key.as_str()).collect();
-                format!("Not known. `{}` would remove a part and is not shown to be the cause.", keys.join("` with `"))
+                format!("Unknown. `{}` reduces the error, but is not established as the cause.", keys.join("` with `"))
             }
-            (None, None) => "Something, but no effect of the catalogue explains it.".to_owned(),
+            (None, None) => "Unknown: no effect of the catalogue explains the error.".to_owned(),
         },
         Verdict::NotDetectable => "The recordings are too few or too noisy to tell.".to_owned(),
     }
@@ -107,7 +107,7 @@ pub(crate) fn how_sure(story: &Story<'_>, first: Option<&Standing>) -> String {
     }
     let lost = story.trials.iter().filter(|t| !t.failures.is_empty()).count();
     if lost > 0 {
-        parts.push(format!("{} failed and is in none of these numbers.", count(lost, "recording")));
+        parts.push(format!("{} failed and is excluded from these numbers.", count(lost, "recording")));
     }
     let nothing = || {
         let why = story.comparison.as_ref().and_then(|v| v.parameters.nothing.clone());

@@ -180,7 +180,7 @@ fn markers(t: &TrialStory<'_>) -> Option<Figure> {
     let words = Words::new(
         "Distance of each marker from the model over time",
         "The largest in each stretch of time, the worst marker on top; blank where the marker was not seen. A dark patch in one row is a swapped or \
-         slipping marker, a dark column a frame that the model could not follow.",
+         slipping marker, a dark column a frame that inverse kinematics could not fit.",
     );
     Some(Figure::heat_map(words, &map))
 }

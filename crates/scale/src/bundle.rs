@@ -13,8 +13,9 @@ use crate::geometry::apply_inverse;
 use aloft_body::{GeometryEquations, JointKind, Model, State};
 use nalgebra::{DMatrix, DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
 
-/// Largest number of Gauss-Newton steps of a frame's pose.
-const POSE_ITERATIONS: usize = 20;
+/// Largest number of Gauss-Newton steps of a frame's pose; more of them can lead away while the
+/// geometry is still coarse.
+const POSE_STEPS: usize = 3;
 
 /// A marker of the bundle.
 #[derive(Debug, Clone, PartialEq)]
@@ -163,7 +164,7 @@ impl Bundle {
         sums: &mut GeometryEquations,
     ) -> Option<(f64, f64)> {
         let model = &self.model;
-        for _ in 0..POSE_ITERATIONS {
+        for _ in 0..POSE_STEPS {
             self.pose_equations(frame, s);
             let step = s.h_qq.clone().cholesky()?.solve(&s.g_q);
             model.integrate(&frame.q, step.as_slice(), &mut s.q_next);
@@ -193,7 +194,8 @@ impl Bundle {
             motions.extend((0..model.nv).map(|v| (v, s.jacobian.fixed_view::<3, 1>(0, v).into_owned())));
             sums.add_point(w, &residual, &columns, &motions);
         }
-        sums.eliminate_posture(&factor);
+        s.g_q *= -w;
+        sums.eliminate_posture(&factor, Some(s.g_q.as_mut_slice()));
         Some((square, 3.0 * seen as f64 - model.nv as f64))
     }
 

@@ -93,7 +93,7 @@ impl Progress for Teller<'_> {
 impl Studio {
     /// Tells all open pages.
     pub(crate) fn tell(&self, name: &'static str, data: Value) {
-        // without a page nobody listens
+        // no page is connected
         let _ = self.events.send((name, data.to_string()));
     }
 }

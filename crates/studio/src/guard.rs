@@ -1,4 +1,4 @@
-//! Who may talk to the server: the page that it served, and nobody else.
+//! Access control: only the page that this server delivered may send requests.
 //!
 //! The server listens on the loopback interface only. Other programs of the same machine, and pages
 //! of other origins in the same browser, can reach that too. Every request therefore needs the
@@ -48,7 +48,7 @@ fn refusal(studio: &Studio, method: &Method, headers: &HeaderMap, query: Option<
     let text = |name: &str| headers.get(name).and_then(|v| v.to_str().ok());
     let hosts = [format!("127.0.0.1:{}", studio.port), format!("localhost:{}", studio.port)];
     let host = text("host").filter(|h| hosts.iter().any(|own| own == h));
-    let Some(host) = host else { return Some("this server answers to its own address only") };
+    let Some(host) = host else { return Some("request refused: wrong host") };
     if headers.contains_key("origin") && text("origin") != Some(&format!("http://{host}")) {
         return Some("the request comes from another page");
     }

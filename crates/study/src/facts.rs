@@ -343,7 +343,7 @@ impl Tsv {
     }
 
     fn facts(&self, row: &(usize, Vec<String>), key: &str) -> Result<FactsFile, PipelineError> {
-        // nobody is three metres tall, so larger numbers are centimetres
+        // values above 3 are centimetres
         let metres = |h: f64| if h > 3.0 { 0.01 } else { 1.0 };
         let height = match self.number(row, &["height", "height_m", "stature"], HEIGHT_M, metres)? {
             Some(height) => Some(height),

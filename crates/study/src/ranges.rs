@@ -88,7 +88,7 @@ fn not_finite(value: &Value, path: &mut String) -> Option<Outside> {
     match value {
         Value::Number(_) => number(value).filter(|x| !x.is_finite()).map(|x| Outside {
             path: path.clone(),
-            problem: format!("`{path}` is {x}, which is no number to compute with"),
+            problem: format!("`{path}` is {x}, which is not a finite number"),
             hint: Some("give a finite number, or leave the setting out".to_owned()),
         }),
         Value::Sequence(list) => {

@@ -189,7 +189,7 @@ impl Revisions {
         let read = seal::read_if_there::<Self>(&path).map_err(|e| match e {
             PipelineError::Damaged { path, problem } => PipelineError::request_hint(
                 format!("{} is damaged: {problem}", path.display()),
-                "put back a copy of it; without the file the model is the plain one, and its effects can be added again",
+                "put back a copy of it; without the file the model has no effects, and its effects can be added again",
             ),
             other => other,
         });

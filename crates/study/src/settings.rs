@@ -71,7 +71,7 @@ pub fn with_numbers(config: &PipelineConfig, numbers: &BTreeMap<String, f64>) ->
         let mut at = &mut value;
         let keys: Vec<&str> = path.split('.').collect();
         for (i, key) in keys.iter().enumerate() {
-            let Value::Mapping(map) = at else { return Err(wrong(&format!("`{path}` is no place of a pipeline"))) };
+            let Value::Mapping(map) = at else { return Err(wrong(&format!("`{path}` is not a pipeline setting"))) };
             let empty = || if i + 1 == keys.len() { Value::Null } else { Value::Mapping(Mapping::new()) };
             at = map.entry(Value::from(*key)).or_insert_with(empty);
         }

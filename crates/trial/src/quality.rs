@@ -169,7 +169,7 @@ impl std::fmt::Display for QualityReason {
             }
             Self::NoPlates => write!(f, "no force plates"),
             Self::PlateSaturated { plate, samples } => {
-                write!(f, "plate `{plate}` stands at its extreme value for {samples} samples")
+                write!(f, "plate `{plate}` is saturated for {samples} samples")
             }
             Self::PlateIncomplete { plate, samples } => write!(f, "plate `{plate}` lacks {samples} samples"),
             Self::PlateSilent { plate } => write!(f, "plate `{plate}` records nothing"),

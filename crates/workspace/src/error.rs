@@ -83,7 +83,7 @@ pub enum PipelineError {
     Locked {
         /// The workspace.
         path: PathBuf,
-        /// Who holds it.
+        /// Process that holds the lock.
         holder: String,
     },
 }

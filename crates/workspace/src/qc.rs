@@ -63,36 +63,36 @@ macro_rules! reasons {
 
 reasons! {
     Excluded, "excluded", Excluded, "The pipeline leaves the trial, subject or session out, with a reason.", "See `exclude` in the pipeline.";
-    UnreadableFile, "unreadable_file", Failed, "The file is damaged, empty, or no recording.", "Export or copy it again; `aloft inspect FILE` says where reading stopped.";
+    UnreadableFile, "unreadable_file", Failed, "The file is damaged, empty or not a recording.", "Export or copy it again; `aloft inspect FILE` says where reading stopped.";
     NoMarkers, "no_markers", Failed, "No marker of the set is in the recording.", "Choose another `marker_set`, or map labels under `import: {aliases}`.";
-    TruncatedFile, "truncated_file", Failed, "Less than half of the frames that the file states are in it: a copy that stopped early.", "Copy it again, or set `import: {least_fraction: …}` to use what is there.";
+    TruncatedFile, "truncated_file", Failed, "File truncated: fewer than half of the declared frames are present.", "Copy it again, or set `import: {least_fraction: …}` to use what is there.";
     EmptyTrial, "empty_trial", Failed, "No marker is visible in any frame.", "Exclude the trial, or export it again.";
-    SubjectUnknown, "subject_unknown", Failed, "The subject cannot be worked on: body mass, recordings or settings are missing.", "Complete participants.tsv, subject.yaml or the pipeline.";
+    SubjectUnknown, "subject_unknown", Failed, "The subject cannot be processed: body mass, recordings or settings are missing.", "Complete participants.tsv, subject.yaml or the pipeline.";
     ScalingFailed, "scaling_failed", Failed, "The subject's model could not be made from the static trial.", "Look at the static trial; name `static_frames` of another trial.";
     IkFailed, "ik_failed", Failed, "Inverse kinematics gave no frame.", "Look at the recording: too few markers on the root segment.";
     StageFailed, "stage_failed", Failed, "Another stage failed; the message names it.", "See the message and its hint.";
-    Blocked, "blocked", Failed, "An earlier stage of this trial or of the whole subject failed.", "Mend what failed first.";
-    NotRun, "not_run", Warning, "Results are missing, or made from other inputs or parameters than there are now.", "Run again.";
-    FramesLost, "frames_lost", Warning, "The file ends before the frames that it states.", "Copy the recording again.";
-    MissingMarker, "missing_marker", Warning, "A marker of the set is missing.", "Nothing, where its segment keeps three others.";
+    Blocked, "blocked", Failed, "An earlier stage of this trial or of the whole subject failed.", "Fix the earlier failure first.";
+    NotRun, "not_run", Warning, "Results are missing, or made from other inputs or parameters than the present ones.", "Run again.";
+    FramesLost, "frames_lost", Warning, "The file ends before its declared last frame.", "Copy the recording again.";
+    MissingMarker, "missing_marker", Warning, "A marker of the set is missing.", "No action needed if the segment has three other markers.";
     LongGap, "long_gap", Warning, "A gap is too long to be filled.", "Label the trial again, or accept frames without a result.";
     Spikes, "spikes", Warning, "A marker jumps.", "Set `import: {repair: true}`, or clean the trial.";
     LabelSwap, "label_swap", Warning, "Two labels are exchanged for some frames.", "Set `import: {repair: true}`, or label the trial again.";
     LabelsExchanged, "labels_exchanged", Warning, "Labels of a rigid segment are on other markers than in the static trial; they were exchanged back.", "Check the labels that `aloft explain` names; label the trial again.";
-    NoisyMarker, "noisy_marker", Warning, "A marker is noisier than usual.", "Look at cameras and at the marker's fixation.";
+    NoisyMarker, "noisy_marker", Warning, "A marker is noisier than usual.", "Check the cameras and how the marker is attached.";
     ShortTrial, "short_trial", Warning, "The recording is very short.", "Check that it was exported whole.";
-    PlateSaturated, "plate_saturated", Warning, "A force plate stands at its extreme value.", "Raise the amplifier's range.";
+    PlateSaturated, "plate_saturated", Warning, "A force plate is saturated.", "Raise the amplifier's range.";
     PlateIncomplete, "plate_incomplete", Warning, "A force plate lacks samples.", "Export the recording again.";
-    ScalingErrorLarge, "scaling_error_large", Warning, "Markers of the static trial miss their rigid segments by more than 10 mm (RMS).", "Look for labels on wrong markers in the static trial.";
-    IkErrorLarge, "ik_error_large", Warning, "Markers miss the model by more than 20 mm (RMS).", "Look at labels and at the static trial.";
-    UnsolvedFrames, "unsolved_frames", Warning, "Some frames have no posture.", "Fill gaps of the root segment's markers.";
+    ScalingErrorLarge, "scaling_error_large", Warning, "Markers of the static trial deviate from their rigid segments by more than 10 mm (RMS).", "Look for labels on wrong markers in the static trial.";
+    IkErrorLarge, "ik_error_large", Warning, "Marker error exceeds limit: RMS more than 20 mm (RMS).", "Look at labels and at the static trial.";
+    UnsolvedFrames, "unsolved_frames", Warning, "Some frames could not be solved.", "Fill gaps of the root segment's markers.";
     NoFlight, "no_flight", Warning, "No flight was found in a trial meant to identify from.", "Look at `flight` in the pipeline, or hold the trial out.";
     FreeFallOff, "free_fall_off", Warning, "The free acceleration in flight differs from the stated gravity in size or direction, beyond its uncertainty.", "`aloft explain PIPELINE TRIAL flight` names the ratio and what explains it: frame rate, unit of length, body-weight support, vertical.";
     ComparisonLarge, "comparison_large", Warning, "Model and measurement differ by more than 5 % of body weight (mean absolute force).", "See `aloft compare` and `aloft discover`.";
     WeaklyIdentified, "weakly_identified", Warning, "The flights of this session do not determine all parameters.", "Record more flights, with stronger motion of the limbs.";
-    PartlyMeasured, "partly_measured", Ok, "The plates do not measure all contact in some frames under load (a foot beside them, a hold, a chair, a helper); these frames are left out.", "`aloft explain` says how many and why; nothing to do where the rest suffices.";
+    PartlyMeasured, "partly_measured", Ok, "The plates do not measure all contact in some frames under load (a foot beside them, a hold, a chair, a helper); these frames are left out.", "`aloft explain` says how many and why; no action needed if enough contact remains.";
     UntaredPlate, "untared_plate", Warning, "A plate is never unloaded, so that its zero is not known; the comparison takes one constant off.", "Let the subject step off the plates once in each recording.";
-    Remarks, "remarks", Warning, "A stage has remarks of its own.", "`aloft explain` shows them.";
+    Remarks, "remarks", Warning, "A stage reported other remarks.", "`aloft explain` shows them.";
 }
 
 impl From<&aloft_trial::QualityReason> for QcReason {

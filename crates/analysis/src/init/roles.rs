@@ -178,7 +178,7 @@ mod tests {
         let found = roles(&seen, false, false);
         assert_eq!((names(&found.statics), names(&found.calibration)), (vec!["Calib"], vec![]));
         assert_eq!((names(&found.identify), names(&found.validate)), (vec!["squat_jump"], vec!["slow"]));
-        // where nobody jumps, names decide
+        // without jumps, roles follow from names
         let seen = [of("walk1", squat), of("throw", squat), of("static", |_| 1.0)];
         let found = roles(&seen, false, false);
         assert_eq!((names(&found.identify), names(&found.validate)), (vec!["throw"], vec!["walk1"]));

@@ -65,7 +65,7 @@ pub(super) fn chosen(
     let (own, other): (Vec<_>, Vec<_>) = seen.into_iter().partition(own);
     let other = other.into_iter().map(|s| match s.stated.subject {
         Some(name) => format!("{} ({name})", s.relative),
-        None => format!("{} (names nobody)", s.relative),
+        None => format!("{} (no subject name)", s.relative),
     });
     Ok((own, other.collect()))
 }
@@ -108,7 +108,7 @@ mod tests {
         let named = |subject: &str| InitOptions { subject: Some(subject.to_owned()), one_subject: false };
         let one = chosen(Path::new("lab"), folder(), &named("ann b")).map(|(own, other)| (names(&own), other));
         let expected =
-            (vec!["a1".to_owned(), "a2".to_owned()], vec!["b1.c3d (Bo)".into(), "c1.c3d (names nobody)".into()]);
+            (vec!["a1".to_owned(), "a2".to_owned()], vec!["b1.c3d (Bo)".into(), "c1.c3d (no subject name)".into()]);
         assert_eq!(one.ok(), Some(expected));
         let all = chosen(Path::new("lab"), folder(), &InitOptions { one_subject: true, subject: None });
         assert_eq!(all.map(|(own, other)| (own.len(), other.len())).ok(), Some((4, 0)));

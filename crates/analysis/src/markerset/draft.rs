@@ -193,7 +193,7 @@ impl<'a> Work<'a> {
                 let found = place[i].clone();
                 let present = self.moving.iter().filter(|t| t.markers.index(&label).is_some()).count();
                 let static_only = self.statics.contains(label.as_str());
-                let mut because = found.as_ref().map_or_else(|| "nothing tells its link".to_owned(), |p| p.how.clone());
+                let mut because = found.as_ref().map_or_else(|| "link unknown".to_owned(), |p| p.how.clone());
                 let mut landmark = found.as_ref().and_then(|p| p.landmark.clone());
                 // several markers on a landmark of the middle are averaged
                 if let Some(name) = landmark.clone().filter(|n| n.ends_with("_r") || n.ends_with("_l")) {

@@ -64,7 +64,7 @@ pub enum EffectAction {
 /// What can be done with marker sets.
 #[derive(Debug, Subcommand)]
 pub enum MarkerSetAction {
-    /// Check a marker-set file: links and landmarks that do not exist, labels that stand twice, what is left open.
+    /// Check a marker-set file: links and landmarks that do not exist, duplicate labels, missing landmarks.
     #[command(after_help = "Examples:\n  aloft markerset check lab.yaml\n  aloft markerset check lab.yaml --json")]
     Check {
         /// The file.
@@ -75,7 +75,7 @@ pub enum MarkerSetAction {
     },
     /// Propose a marker set from recordings: by labels, by which markers move together, and by their sides.
     #[command(
-        after_help = "Examples:\n  aloft markerset draft lab/s01 --out lab.yaml\n\nEach line says what it rests on; those with CHECK need a look."
+        after_help = "Examples:\n  aloft markerset draft lab/s01 --out lab.yaml\n\nEach line states its evidence; review the lines marked CHECK."
     )]
     Draft {
         /// Folder of recordings of one subject, best with a static trial.

@@ -94,7 +94,7 @@ fn simplest(laws: &[Fitted], person: bool) -> Option<&Fitted> {
         let mean = d.iter().sum::<f64>() / n;
         let sd = (d.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt();
         let ratio = (f.error() / best.error()).sqrt();
-        // soft tissue imitates smooth dependences: on a person they have to earn their place
+        // soft tissue imitates smooth dependences: on a person they need stronger evidence
         let constant = f.law.factors.iter().all(|f| f.shape == Shape::Constant)
             && f.law.carrier == best.law.carrier
             && f.law.action == best.law.action

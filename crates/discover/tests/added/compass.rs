@@ -9,7 +9,7 @@ const ABOUT: About<'static> = About {
     title: "magnet in the field of the room",
     separated_by: Separation::TurnedLaboratory,
     told_from: &[("flywheel", "the same motion with the magnet taken out")],
-    unbounded: "magnets of any strength are sold",
+    unbounded: "the magnetic moment is unknown",
     documentation: "\
 ## Physics
 A magnet along the z axis of a link turns into the direction of a uniform field, as the needle of a compass does; no force comes with it.

@@ -10,7 +10,7 @@ const ABOUT: About<'static> = About {
     unbounded: "a mass is not negative; in water, or under a parachute, it exceeds that of the body",
     documentation: "\
 ## Physics
-A body that accelerates carries surrounding air or water along: inertia that weighs nothing. For limbs in air 0.1-0.5 % of the mass, for a parachute tens of kilograms.
+A body that accelerates carries surrounding air or water along: inertia without weight. For limbs in air 0.1-0.5 % of the mass, for a parachute tens of kilograms.
 
 ## Equation
 `F = -m_a a` at a point of the link, a its acceleration: a point mass whose weight is taken back. Coefficient: `m_a` (kg, positive); nonlinear: the point, within 0.3 m of the link's centre of mass.

@@ -15,7 +15,7 @@ const ABOUT: About<'static> = About {
     shows_in_free_fall: true,
     documentation: "\
 ## Physics
-The mass from the scale is wrong, or the subject wore something else that day. Flights fix the parameters only up to that mass; plates weigh the body anew.
+The mass from the scale is wrong, or the subject wore something else that day. Flights fix the parameters only up to that mass; plates measure the weight independently.
 
 ## Equation
 All parameters grow in proportion: `dphi = phi / M` a kilogram. Coefficient: the true mass less the stated one, kg (negative for a scale that reads too much).

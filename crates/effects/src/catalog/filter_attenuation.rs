@@ -23,7 +23,7 @@ Coefficient: `k` (s2, positive). A Butterworth filter errs by `(f/f_c)4` instead
 
 ## Identifiability
 On plates it shows as a part of the load in proportion to its second derivative. In the air it hardly shows: a parabola passes every zero-phase filter unchanged, and of the moments little remains \
-beside the inertial parameters. Wobbling mass and soft-tissue artefact live in the same band (46 % in common). A sweep of the cut-off is the better test.
+beside the inertial parameters. Wobbling mass and soft-tissue artefact occupy the same frequency band (46 % in common). A sweep of the cut-off is the better test.
 
 ## References
 Winter, Biomechanics and Motor Control of Human Movement (2009), ch. 3; own simulations.

@@ -9,7 +9,7 @@ const ABOUT: About<'static> = About {
     unbounded: "a wheel turns either way, at any rate",
     documentation: "\
 ## Physics
-A wheel spins at constant speed about an axis fixed in a link. Turning the link turns its momentum, and the link feels the reaction: a moment across the angular velocity that does no work.
+A wheel spins at constant speed about an axis fixed in a link. Turning the link turns its momentum, and the reaction acts on the link: a moment across the angular velocity that does no work.
 
 ## Equation
 `N = -w x (R h)`, R and w rotation and angular velocity of the link. Coefficients: the momentum `h` in link axes, N m s.

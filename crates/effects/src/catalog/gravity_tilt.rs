@@ -5,7 +5,7 @@ use crate::{About, Coefficient, Columns, Effect, EffectKind, Scene, Separation, 
 
 const ABOUT: About<'static> = About {
     id: "gravity_tilt",
-    title: "gravity leans (capture volume not level)",
+    title: "gravity tilted (capture volume not level)",
     kind: EffectKind::Artefact,
     class: "steady wind, constant force near the centre of mass",
     separated_by: Separation::TurnedLaboratory,

@@ -14,8 +14,8 @@ const ABOUT: About<'static> = About {
     unbounded: "an area is not negative, and a sail or a wing makes it any size",
     documentation: "\
 ## Physics
-A flat part (a solar panel, a wing, a paddle, a board, a skirt) is pushed along its normal: air pressure has no grip along a smooth plate. \
-Turning it edgewise to the flow makes the force vanish, which no drag of a round body does. Every link has one plate, and all of them meet the same wind.
+A flat part (a solar panel, a wing, a paddle, a board, a skirt) is pushed along its normal: a smooth plate has negligible tangential force. \
+Turning it edgewise to the flow makes the force vanish, which no drag of a round body does. Every link has one plate, and all are exposed to the same wind.
 
 ## Equation
 With n the normal of the plate of link i, u the velocity of its middle relative to the air of velocity w, and rho = 1.2 kg/m3: \

@@ -18,7 +18,7 @@ The corners of a plate were measured wrongly, or the plate was moved: its wrench
 True moment = measured moment + `d` x F of the plate. Coefficients: the shift `d` (m, world), from where the file says to where the plate is.
 
 ## Identifiability
-A moment in proportion to the force, constant over trials. All plates shifted alike look like a shifted centre of mass in contact; flights break the tie. The vertical part needs shear.
+A moment in proportion to the force, constant over trials. All plates shifted alike look like a shifted centre of mass in contact; flights distinguish them. The vertical part needs shear.
 
 ## References
 Own simulations (`docs/findings/labs.md`).

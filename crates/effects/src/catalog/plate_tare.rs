@@ -10,7 +10,7 @@ const ABOUT: About<'static> = About {
     acts: ActsIn::Contact,
     family: Family::Plates,
     separated_by: Separation::KnownWeight,
-    unbounded: "an amplifier may stand at any offset",
+    unbounded: "amplifier offsets are arbitrary",
     documentation: "\
 ## Physics
 A plate was not zeroed, or has drifted since: a constant wrench is added to what it measures.

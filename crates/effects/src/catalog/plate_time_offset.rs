@@ -17,7 +17,7 @@ The plates' samples are stamped late (or early) against the frames of the camera
 True wrench = measured wrench + `tau` d(measured)/dt. Coefficient: `tau` (s), positive when plate samples come late; for all plates or one.
 
 ## Identifiability
-Biphasic residuals in proportion to dF/dt at impacts. Quiet standing shows nothing. A drift of the clock makes it grow over the session.
+Biphasic residuals in proportion to dF/dt at impacts. Not observable in quiet standing. A drift of the clock makes it grow over the session.
 
 ## References
 Own arithmetic (`cargo test -p aloft-effects`).

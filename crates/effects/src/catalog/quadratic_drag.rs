@@ -20,7 +20,7 @@ It always takes energy from the body. A 1 kg object at 5 m/s feels 0.2-0.7 N; a 
 (ellipsoids of the same inertia). Coefficient: the drag area `C_dA` in m2, positive; with few links one area a link may be fitted instead, \
 each at a centre of its own (nonlinear, within 0.3 m of the link's centre of mass).
 
-A link that is not round meets the air differently on each side, and a body that turns in a fluid carries some of it along. With few links the target `shape` fits, for each link and in its axes (u the velocity of its centre, w its angular velocity, S_ij the symmetric matrices of unit entries): `f = -1/2 rho |u| A u - 1/2 rho (u'B u / |u|) u + (M u) x w`, `n = (M u) x u - |w| T w` about the centre, with A = sum a_ij S_ij and so on. Coefficients: `area_ij` (m2, by direction of the force) and `breadth_ij` (m2, by direction of motion; its last entry is one with `area`), `carried_ij` (kg), `turning_ij` (N m s2/rad2).
+A link that is not round has direction-dependent drag, and a body that turns in a fluid carries some of it along. With few links the target `shape` fits, for each link and in its axes (u the velocity of its centre, w its angular velocity, S_ij the symmetric matrices of unit entries): `f = -1/2 rho |u| A u - 1/2 rho (u'B u / |u|) u + (M u) x w`, `n = (M u) x u - |w| T w` about the centre, with A = sum a_ij S_ij and so on. Coefficients: `area_ij` (m2, by direction of the force) and `breadth_ij` (m2, by direction of motion; its last entry is one with `area`), `carried_ij` (kg), `turning_ij` (N m s2/rad2).
 
 ## Identifiability
 Visible to 90-99 % beside the inertial parameters. Linear drag looks alike (cosine 0.97) unless speeds span 3:1; a tether to 0.8; wind contains it. \

@@ -12,7 +12,7 @@ const ABOUT: About<'static> = About {
     unbounded: "a wheel turns either way, at any rate",
     documentation: "\
 ## Physics
-A motor turns a rotor inside a link faster and slower: beside the flywheel's moment across the angular velocity the link feels the reaction to the change of spin, even when it does not turn.
+A motor turns a rotor inside a link faster and slower: beside the flywheel's moment across the angular velocity the reaction to the change of spin acts on the link, even when the link does not turn.
 
 ## Equation
 `N = -w x (R h) - R dh/dt` with `h = h0 + hs sin(2 pi f t) + hc cos(2 pi f t)`, t since the start of the recording. Coefficients: h0, hs, hc in link axes, N m s; nonlinear: f, 0.2-12 Hz.

@@ -22,7 +22,7 @@ Coefficients (kg): mass `m` (positive), driven through the 0.4 s that lead up to
 Nonlinear: frequency f (2-20 Hz), damping ratio z (0.02-1), the point p within 0.3 m of the link's centre of mass. For w far above the motion the first is the quasi-static `-(m/w2) d2(a - g)/dt2`.
 
 ## Identifiability
-Differentiation blurs the moment of release, so that the mass is found 10-20 % too large. 35-55 % visible at best beside the inertial parameters; filter attenuation and soft-tissue artefact live in the same band. Rings of 5-15 Hz that decay after impact are its mark.
+Differentiation blurs the moment of release, so that the mass is found 10-20 % too large. 35-55 % visible at best beside the inertial parameters; filter attenuation and soft-tissue artefact occupy the same frequency band. Rings of 5-15 Hz that decay after impact are characteristic.
 
 ## References
 Gruber et al., J. Biomech. 31 (1998) 433-444; own simulations.

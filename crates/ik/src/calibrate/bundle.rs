@@ -297,7 +297,7 @@ impl Bundle {
             self.columns_of(k, &frame.q, &solver, scratch);
             sums.add_point(solver.weight(k), &solver.residual[k], &scratch.columns, &scratch.motions);
         }
-        sums.eliminate_posture(&Settled { solver: &solver, locked: &problem.locked });
+        sums.eliminate_posture(&Settled { solver: &solver, locked: &problem.locked }, None);
     }
 
     /// Derivatives of a marker's position with respect to each geometry unknown and each posture

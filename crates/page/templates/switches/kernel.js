@@ -190,7 +190,7 @@ const Kernel = (() => {
   const model = (k, on) => {
     const places = on.map((key) => k.switches.findIndex((s) => s.key === key));
     if (places.includes(-1)) return { model: null, because: `\`${on[places.indexOf(-1)]}\` is not among the switches of this page` };
-    if (places.some((i) => k.by_a_run[i])) return { model: null, because: "with these effects contact takes part in identification, and is weighted anew" };
+    if (places.some((i) => k.by_a_run[i])) return { model: null, because: "with these effects contact is used for identification and its weight is re-estimated" };
     const first = []; k.columns.reduce((sum, n, i) => { first[i] = sum; return sum + n; }, 0);
     const chosen = places.flatMap((i) => Array.from({ length: k.columns[i] }, (_, c) => first[i] + c));
     const all = solve(k.all, chosen), sums = { flight: [0, 0], contact: [0, 0] };
@@ -207,7 +207,7 @@ const Kernel = (() => {
     });
     const errors = ["flight", "contact"].filter((p) => sums[p][1]).map((p) => against(k, p, Math.sqrt(sums[p][0] / sums[p][1]), sums[p][1], k[p + "_floor"]));
     // as the program: no model of a body stands so far below the floor
-    if (errors.some((e) => e.noise_floor && e.held_out_error < 0.05 * e.noise_floor)) return { model: null, because: "these effects together can replace the body's weight, so that nothing is left to judge" };
+    if (errors.some((e) => e.noise_floor && e.held_out_error < 0.05 * e.noise_floor)) return { model: null, because: "these effects together can replace the body's weight, so the model cannot be evaluated" };
     const names = places.flatMap((i) => k.switches[i].coefficients.map(([n]) => k.switches[i].key + "." + n));
     const base = k.base.map(([name, unit], i) => [name, k.all.mean[i] + (k.all.spread ?? []).reduce((s, c, j) => s + c[i] * all.y[j], 0), unit]);
     return { model: { effects: on, errors, coefficients: names.map((n, i) => [n, all.theta[i]]), base, trials } };

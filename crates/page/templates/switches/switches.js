@@ -129,12 +129,12 @@ const Studio = (() => {
       const from = { own: " own", found: " law", draft: " draft" }[s.from] ?? "";
       const kind = S.state.model.includes(s.key) ? " held" : S.state.asked?.found.includes(s.key) ? " found" : from;
       const ratio = c && c.held_out_ratio !== null && !kind.includes("held") ? "leaves " + Math.round(100 * c.held_out_ratio) + " %" : "";
-      const label = make("label", { class: "studio-switch" + kind }, box, make("span", { class: "name" }, s.title), make("span", { class: "ratio", title: "the ranking's own estimate of the error that this effect alone leaves" }, ratio), make("span", { class: "key" }, s.key));
+      const label = make("label", { class: "studio-switch" + kind }, box, make("span", { class: "name" }, s.title), make("span", { class: "ratio", title: "estimate from the ranking of the error that this effect alone leaves" }, ratio), make("span", { class: "key" }, s.key));
       return make("li", {}, label);
     });
     at("list").replaceChildren(...rows);
     const asked = S.state.asked;
-    const said = asked ? (asked.of_present_results ? "" : "From a discovery on other results; ask it again. ") + asked.words : "It was not asked yet which effect is missing.";
+    const said = asked ? (asked.of_present_results ? "" : "From a discovery of other results; run it again. ") + asked.words : "`discover` has not been run.";
     at("verdict").replaceChildren(...prose(S.state.preparing ? "The switches are being prepared …" : said));
     if (S.state.problem) problem(S.state.problem);
   };

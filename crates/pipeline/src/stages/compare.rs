@@ -40,7 +40,7 @@ pub static STAGE: Stage = Stage {
     scope: Scope::Session,
     seconds: 0.6,
     reads: "parameters, held-out trials",
-    gives: "model against measurement, everywhere",
+    gives: "predicted against measured wrench",
     needs: &[
         // coordinates that no marker observes, needed for the errors of the markers
         Need::Once("scale"),

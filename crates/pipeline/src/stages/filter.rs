@@ -80,7 +80,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     }
     let lost = (0..motion.n_frames()).filter(|f| motion.is_valid(*f) && !smoothed.is_valid(*f)).count();
     if lost > 0 {
-        done.warnings.push(format!("{lost} frames stand in runs too short for the filter"));
+        done.warnings.push(format!("{lost} frames are in runs too short for the filter"));
     }
     Ok(done)
 }

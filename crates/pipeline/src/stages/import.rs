@@ -280,8 +280,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
 /// What smoothing before import means for the results.
 pub fn smoothed(found: &aloft_trial::Smoothing) -> String {
     format!(
-        "the markers were smoothed before they were stored (about {:.0} Hz): forces of faster movement are lost, and their \
-         noise says nothing about their error",
+        "the markers were smoothed before they were stored (about {:.0} Hz): forces of faster movement are lost, so their noise underestimates their error",
         found.cutoff_hz
     )
 }

@@ -1,4 +1,4 @@
-//! Which flight next: joint trajectories that show what the recorded flights show badly.
+//! Planning of the next flights: joint trajectories that show what the recorded flights show badly.
 //!
 //! The joints follow splines that begin and end at rest in one posture ([`Wave`]), so that a robot can
 //! hold that posture until it is let go. The base's motion follows from conserved momentum

@@ -110,7 +110,7 @@
     wrong(null);
     const missing = names().find((n) => !(units[n] ?? "").trim());
     if (missing) {
-wrong({ problem: `“${missing}” is neither a quantity nor a function, so it is a coefficient to find: state its unit`, entry: "", position: null });
+wrong({ problem: `“${missing}” is not a known quantity or function and is treated as a coefficient: enter its unit`, entry: "", position: null });
       form.elements.namedItem("unit_" + missing)?.focus();
       return;
     }

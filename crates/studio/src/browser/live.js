@@ -15,7 +15,7 @@ const Live = (() => {
     try {
       answer = await fetch(path, { ...how, headers: { ...how.headers, "x-aloft-token": token } });
     } catch {
-      throw { problem: "The server does not answer.", hint: "it has ended; start `aloft studio` again and open the address that it prints" };
+      throw { problem: "No connection to the server.", hint: "it has ended; start `aloft studio` again and open the address that it prints" };
     }
     if (answer.status === 403) throw { problem: "The server was started again, or this address is not its own.", hint: "open the address that `aloft studio` printed last" };
     const found = await answer.json();

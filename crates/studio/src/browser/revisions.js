@@ -35,7 +35,7 @@
     for (const [a, b] of moved.slice(0, 8)) if (a[1] !== b[1]) rows.push([`${a[0]}, ${a[2]}`, Numbers.short(a[1]), Numbers.short(b[1])]);
     const head = make("tr", {}, make("td", {}), ...[left, right].map((s) => make("th", { scope: "col" }, s.value === NOW ? "switches" : "revision " + s.value)));
     at("pair").replaceChildren(make("table", {}, make("thead", {}, head), make("tbody", {}, ...rows.map((r) => make("tr", {}, make("th", { scope: "row" }, r[0]), ...r.slice(1).map((v) => make("td", {}, v)))))));
-    at("pair-told").textContent = missing.length ? `No switch for ${[...new Set(missing)].join(", ")}: of these the error alone is known.` : "";
+    at("pair-told").textContent = missing.length ? `No switch for ${[...new Set(missing)].join(", ")}: only the error is stored.` : "";
     S.pair = draw.checked && !missing.length ? [left, right].map((s, i) => ({ effects: keys[i], name: s.value === NOW ? "switches" : "revision " + s.value })) : null;
     S.pairChanged?.();
   };

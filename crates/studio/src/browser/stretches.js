@@ -10,7 +10,7 @@
   const form = at("cut"), trial = form.elements.namedItem("trial"), from = form.elements.namedItem("from"), to = form.elements.namedItem("to"), told = at("cut-told");
   const show = () => {
     at("cuts").replaceChildren(...S.cuts.map((c) => {
-      const back = make("button", { type: "button", "aria-label": `Take back ${c.from_s} to ${c.to_s} s of ${c.trial}` }, "Take back");
+      const back = make("button", { type: "button", "aria-label": `Restore ${c.from_s} to ${c.to_s} s of ${c.trial}` }, "Restore");
       back.onclick = () => { S.cuts = S.cuts.filter((x) => x !== c); show(); Studio.flip(); form.querySelector("button").focus(); };
       return make("li", { class: "studio-cut" }, make("span", {}, `${c.trial}: ${c.from_s} to ${c.to_s} s`), back);
     }));
@@ -31,7 +31,7 @@
   form.onsubmit = (e) => {
     e.preventDefault();
     const [a, b] = [parseFloat(from.value), parseFloat(to.value)];
-    if (!(b > a)) { told.textContent = "A stretch ends after it begins: two times in seconds."; from.focus(); return; }
+    if (!(b > a)) { told.textContent = "The end must be after the start (seconds)."; from.focus(); return; }
     told.textContent = "";
     add({ trial: trial.value, from_s: a, to_s: b });
   };

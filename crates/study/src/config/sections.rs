@@ -135,7 +135,7 @@ ImportConfig {
     /// Fill gaps of a marker from its segment's other markers, up to this length, s.
     #[schemars(range(min = 0.0, max = 60.0))]
     rigid_fill_s: f64 = 0.25,
-    /// A file that holds less than this fraction of the frames that it states is taken for a broken copy.
+    /// A file with less than this fraction of its declared frames is rejected as truncated.
     #[schemars(range(min = 0.0, max = 1.0))]
     least_fraction: f64 = 0.5,
     /// Repair spikes and label swaps (they are reported in any case).
