@@ -9,8 +9,8 @@ use crate::results::with_results;
 use aloft_body::{BaseParameters, Subject};
 use aloft_compare::Comparison;
 use aloft_discover::{
-    Body, DiscoverOptions, Discovery, Found, FoundLaw, SelfTest, SelfTestOptions, SelfTestProgress, Session, Standing,
-    TrialInput, discover as rank, scene_of,
+    Body, DiscoverOptions, Discovery, Found, FoundLaw, HeldOutResult, SelfTest, SelfTestOptions, SelfTestProgress,
+    Session, TrialInput, discover as rank, scene_of,
 };
 use aloft_effects::{Effect, EffectInstance, PlateSeries};
 use aloft_flight::FlightReport;
@@ -235,12 +235,12 @@ fn same_plates(rows: &mut [TrialRows]) -> Vec<Vector3<f64>> {
 
 /// Held-out error and noise floor that the comparison found in flight or in contact; none without a
 /// comparison.
-fn standing(session: &SubjectSession, place: &str) -> Option<Standing> {
+fn standing(session: &SubjectSession, place: &str) -> Option<HeldOutResult> {
     let folder = Workspace::open(&session.workspace).place("compare", WHOLE_STUDY);
     let comparison = read_json::<Comparison>(&folder.join("comparison.json")).ok()?;
     let against = comparison.against_floor.iter().find(|a| a.judged_on == place)?;
     let floor = against.floor?;
-    Some(Standing {
+    Some(HeldOutResult {
         held_out_error: against.held_out_error,
         noise_floor: floor.noise_floor,
         noise_floor_ci95: floor.ci95,
@@ -248,9 +248,9 @@ fn standing(session: &SubjectSession, place: &str) -> Option<Standing> {
 }
 
 /// A held-out error as the ranking takes it; none without a floor.
-fn standing_of(e: &HeldOutError) -> Option<Standing> {
+fn standing_of(e: &HeldOutError) -> Option<HeldOutResult> {
     let noise_floor = e.noise_floor?;
-    Some(Standing { held_out_error: e.held_out_error, noise_floor, noise_floor_ci95: e.noise_floor_ci95 })
+    Some(HeldOutResult { held_out_error: e.held_out_error, noise_floor, noise_floor_ci95: e.noise_floor_ci95 })
 }
 
 /// The discovery as `--json` shows it.

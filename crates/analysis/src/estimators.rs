@@ -12,7 +12,7 @@ use aloft_body::{BaseParameters, Subject};
 use aloft_compare::{Candidate, Comparison, ModelComparison, NoiseFloor, WindowErrors, WrenchErrors};
 use aloft_filter::smooth;
 use aloft_identify::{ColumnScaling, Estimator, Gate, KindBalance, Parameters};
-use aloft_pipeline::factors::{load_factors, row_kind, stage_of};
+use aloft_pipeline::factors::{load_factors, row_kind};
 use aloft_pipeline::stages::acceleration::{self, acceleration_factors};
 use aloft_pipeline::stages::compare::{
     self, ComparedTrial, Floor, HeldOut, compare_models, has_validation, load_trials, without_each_trial,
@@ -21,6 +21,7 @@ use aloft_pipeline::stages::filter::low_pass;
 use aloft_pipeline::stages::identify::{self, estimator as default_estimator, identify_from};
 use aloft_pipeline::stages::ik::track;
 use aloft_pipeline::stages::regressor::{self, weak_factors};
+use aloft_pipeline::stages::stage_of;
 use aloft_pipeline::trial_rows::TrialRows;
 use aloft_regressor::{Factor, Stretch, StretchKind};
 use aloft_study::config::Rows;

@@ -12,7 +12,7 @@ mod versions;
 
 use self::facts::{StatedFacts, agreed, force_patterns};
 use crate::laboratories;
-use aloft_pipeline::stages::import::read_file;
+use aloft_pipeline::recording::read_file;
 use aloft_study::catalog;
 use aloft_study::data_set::guess_subjects;
 use aloft_study::opencap;
@@ -166,7 +166,7 @@ fn one_laboratory(folder: &Path, seen: Vec<Determination>) -> Result<(Vec<Determ
         let list = |names: &[&String]| {
             let names: Vec<String> =
                 names.iter().map(|n| if n.is_empty() { ".".to_owned() } else { (*n).clone() }).collect();
-            aloft_pipeline::stages::import::abridged(&names)
+            aloft_pipeline::recording::abridged(&names)
         };
         return Err(PipelineError::request_hint(
             format!(
@@ -405,7 +405,7 @@ fn write(
         shares(seen.iter().map(|s| up_axis(&s.trial)))
     ));
     if !layout.subjects.is_empty() {
-        let names = quote::visible(&aloft_pipeline::stages::import::abridged(&layout.subjects));
+        let names = quote::visible(&aloft_pipeline::recording::abridged(&layout.subjects));
         line(format!("# {} subjects: {names}", layout.subjects.len()));
         line("subjects:".to_owned());
         line(format!("  folders: {}", yaml_list(&folder_patterns(&layout.subjects))));
@@ -553,8 +553,9 @@ fn write(
             let why = if quiet.spread_m < STANDS_M {
                 format!("no static trial was found; {moved}")
             } else {
-                let why =
-                    format!("no static trial was found, and no frames of quiet standing were found: {moved}; joint places may be off");
+                let why = format!(
+                    "no static trial was found, and no frames of quiet standing were found: {moved}; joint places may be off"
+                );
                 notes.push(format!("{why}; record a static trial"));
                 why
             };

@@ -1,7 +1,7 @@
 //! `inspect`: the contents of a recording, and problems in it.
 
 use aloft_c3d::C3dFile;
-use aloft_pipeline::stages::import::{abridged, read_file};
+use aloft_pipeline::recording::{abridged, read_file};
 use aloft_signal::residual_analysis::{ResidualAnalysis, residual_analysis};
 use aloft_signal::{CutoffCorrection, LowPass};
 use aloft_study::catalog;

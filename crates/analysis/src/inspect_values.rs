@@ -1,7 +1,7 @@
 //! `inspect --values`: the values of markers, plates, computed points and analog channels of a file.
 
 use aloft_c3d::C3dFile;
-use aloft_pipeline::stages::import::read_file;
+use aloft_pipeline::recording::read_file;
 use aloft_study::nearest::hint;
 use aloft_trial::{ImportOptions, Trial};
 use aloft_workspace::error::PipelineError;

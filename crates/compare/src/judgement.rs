@@ -1,14 +1,9 @@
 //! Judgement of an error by its ratio to the noise floor, and the words for both. Text, report and
-//! JSON use these limits and words.
+//! JSON use these words; the limits are those of [`aloft_regressor`].
 
 use crate::AgainstFloor;
+use aloft_regressor::{FAIR_TIMES_FLOOR, POOR_TIMES_FLOOR};
 use serde::{Deserialize, Serialize};
-
-/// Ratio of error to floor from which an error is no longer good where the floor has no interval.
-/// Simulated bodies with nothing hidden reach 0.7 to 1.3.
-pub const FAIR_TIMES_FLOOR: f64 = 1.5;
-/// Ratio from which it is poor: above three times the floor an error is unexplained.
-pub const POOR_TIMES_FLOOR: f64 = 3.0;
 
 /// Judgement of a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]

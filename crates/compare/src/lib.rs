@@ -45,6 +45,7 @@ mod segments;
 mod windows;
 mod wording;
 
+pub use aloft_regressor::{FAIR_TIMES_FLOOR, POOR_TIMES_FLOOR};
 pub use breakdown::{Group, GroupFloor, GroupedBy};
 pub use comparison::{
     AgainstFloor, AxisRow, Comparison, Filtering, ModelComparison, Noise, TrialComparison, WorstPlace, compare,
@@ -55,7 +56,7 @@ pub use error::CompareError;
 pub use errors::{AxisErrors, AxisResidual, FlightErrors, WindowErrors, WrenchErrors};
 pub use frames::{TrialSeries, WindowSample};
 pub use input::{Body, Candidate, CompareOptions, PoseErrors, TrialInput};
-pub use judgement::{FAIR_TIMES_FLOOR, POOR_TIMES_FLOOR, Signal, floor_in_words, significant};
+pub use judgement::{Signal, floor_in_words, significant};
 pub use measured::{Measured, measured_wrench};
 pub use noise_floor::{Floor, NoiseFloor, Smooth, noise_root};
 pub use offset::{OffsetRange, RecordingOffset};

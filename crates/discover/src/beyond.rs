@@ -2,7 +2,7 @@
 //! what the catalogue names.
 
 use crate::candidate::Variant;
-use crate::floor::Standing;
+use crate::held_out::HeldOutResult;
 use crate::ladder::extra_columns;
 use crate::laws::Direction;
 use crate::options::DiscoverOptions;
@@ -20,12 +20,11 @@ pub(crate) fn look_beyond(
     accepted: &[EffectInstance<'_>],
     effects: &[&dyn Effect],
     kept: &[Variant<'_>],
-    left: &[Option<Standing>; 2],
+    left: &[Option<HeldOutResult>; 2],
     out: &mut Discovery,
     until: &Until,
     options: &DiscoverOptions,
 ) {
-    let above = |s: &Standing| s.noise_floor > 0.0 && !s.reached_by(s.held_out_error) && s.times_floor() > 1.2;
     let several = kept.iter().any(|v| v.effect.id() != kept[0].effect.id());
     let named = matches!(out.verdict, Verdict::Supported | Verdict::OneOf);
     let with_effects = (named && !kept.is_empty() && !until.is_over())
@@ -37,8 +36,8 @@ pub(crate) fn look_beyond(
     out.misfit = with_effects.as_ref().and_then(|problem| {
         crate::laws::misfit(session, problem, kept, &out.found, options.belief_kinematics, options.seed)
     });
-    let remains = left[0].as_ref().is_some_and(above);
-    let several_above = several && session.standing[0].as_ref().is_some_and(above);
+    let remains = left[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
+    let several_above = several && session.standing[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
     if !(remains || several_above || out.misfit.is_some()) {
         return;
     }

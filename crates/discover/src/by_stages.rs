@@ -4,13 +4,13 @@
 //! only estimates that of the comparison. A verdict that depends on how far the error is above its floor
 //! uses the number that the user will see after adding the effects, where it can be computed.
 
-use crate::floor::Standing;
+use crate::held_out::HeldOutResult;
 use crate::result::Found;
 use std::fmt;
 
 /// Error and floor in flight and in contact with these effects in the model; none where it cannot be
 /// computed.
-pub type Compute<'a> = &'a (dyn Fn(&[Found]) -> Option<[Option<Standing>; 2]> + Sync);
+pub type Compute<'a> = &'a (dyn Fn(&[Found]) -> Option<[Option<HeldOutResult>; 2]> + Sync);
 
 /// Computes a model by all stages, if the caller can.
 #[derive(Clone, Copy, Default)]
@@ -22,7 +22,7 @@ impl<'a> ByStages<'a> {
     }
 
     /// Error and floor with these effects in the model.
-    pub fn with(&self, found: &[Found]) -> Option<[Option<Standing>; 2]> {
+    pub fn with(&self, found: &[Found]) -> Option<[Option<HeldOutResult>; 2]> {
         if found.is_empty() { None } else { self.0?(found) }
     }
 }

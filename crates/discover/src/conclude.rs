@@ -3,15 +3,14 @@
 use crate::addition::addition;
 use crate::beyond::look_beyond;
 use crate::candidate::Variant;
-use crate::floor::{LACK_OF_FIT, Standing};
+use crate::held_out::{HeldOutResult, LACK_OF_FIT};
 use crate::ladder::extra_columns;
-use crate::not_tried::NotTried;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
 use crate::rank::judged_in;
 use crate::repeating::widen;
-use crate::result::{Candidate, Discovery, Found, Group, Round, Verdict};
+use crate::result::{Candidate, Discovery, Found, Group, NotTried, Round, Verdict};
 use crate::round::wanted;
 use crate::session::Session;
 use crate::wording;
@@ -135,14 +134,14 @@ pub(crate) fn conclude(
     }
     // remaining error with the effects found, in each domain: computed by the stages, or estimated
     let computed = if lost { None } else { session.by_stages.with(&found) };
-    let estimated = |i: usize| -> Option<Standing> {
+    let estimated = |i: usize| -> Option<HeldOutResult> {
         let standing = session.standing[i]?;
         let share = match (i, has_flights) {
             _ if kept.is_empty() => 1.0,
             (0, true) | (_, false) if !lost => (after / before).sqrt(),
             _ => error_with(places[i], &kept, &found)? / first_error[i],
         };
-        share.is_finite().then_some(Standing { held_out_error: standing.held_out_error * share, ..standing })
+        share.is_finite().then_some(HeldOutResult { held_out_error: standing.held_out_error * share, ..standing })
     };
     let estimates = [estimated(0), estimated(1)];
     let left = [0, 1].map(|i| computed.and_then(|c| c[i]).or(estimates[i]));

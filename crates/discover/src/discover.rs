@@ -3,17 +3,17 @@
 use crate::DiscoverError;
 use crate::candidate::{Scored, Variant};
 use crate::conclude::{Made, conclude, widen_found};
-use crate::floor::Standing;
+use crate::held_out::HeldOutResult;
 use crate::judge::AtFloor;
 use crate::ladder::{Refit, as_found, extra_columns, key_of, prune, refit_found, to_build_on};
 use crate::limits::limit;
-use crate::not_tried::{NotTried, not_tried};
+use crate::not_tried::not_tried;
 use crate::options::DiscoverOptions;
 use crate::pairs::{Search, better_pair, pair_alone, pair_as_good};
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
 use crate::rank::judged_in;
-use crate::result::{Discovery, FEWEST_CLUSTERS, Found, Round, Verdict};
+use crate::result::{Discovery, FEWEST_CLUSTERS, Found, NotTried, Round, Verdict};
 use crate::rivals::Rival;
 use crate::round::{run_round, wanted};
 use crate::session::Session;
@@ -193,7 +193,7 @@ pub fn discover(
             // floor, or none is accepted, pairs are tried without a winner
             let share = if go_on { ((plain - gain) / plain).max(0.0).sqrt() } else { 1.0 };
             let remains = session.standing[usize::from(domain == Domain::Contact)]
-                .map(|s| Standing { held_out_error: s.held_out_error * share, ..s });
+                .map(|s| HeldOutResult { held_out_error: s.held_out_error * share, ..s });
             let two = |a: &Scored<'_>, b: &Scored<'_>| {
                 vec![a.variant.effect.id().to_owned(), b.variant.effect.id().to_owned()]
             };

@@ -3,7 +3,7 @@
 
 use crate::candidate::Scored;
 use crate::exchange::exchange;
-use crate::floor::Standing;
+use crate::held_out::HeldOutResult;
 use crate::ladder::{is_at_bound, key_of};
 use crate::limits::SAME;
 use crate::only_as_limit::{is_at_far_edge, is_only_a_limit};
@@ -155,7 +155,7 @@ pub(crate) fn confusions(
 
 /// The floor of a comparison, for mean squares of rows.
 pub(crate) struct AtFloor {
-    pub standing: Standing,
+    pub standing: HeldOutResult,
     /// Error of the comparison, N, over the root mean square of rows, for the same model.
     pub scale: f64,
 }

@@ -62,6 +62,7 @@ mod error;
 mod exchange;
 mod floor;
 mod groups;
+mod held_out;
 mod judge;
 mod ladder;
 mod laws;
@@ -89,14 +90,14 @@ pub use addition::{addition, detectable, ladder};
 pub use by_stages::Compute;
 pub use discover::{catalogue, discover};
 pub use error::DiscoverError;
-pub use floor::Standing;
+pub use held_out::HeldOutResult;
 pub use laws::{
     Action, Carrier, Diagnosis, Direction, Entry, FoundLaw, LawKind, NextRecording, OpenWorld, Variable, Work,
 };
-pub use not_tried::NotTried;
 pub use options::DiscoverOptions;
 pub use result::{
-    Addition, Alternative, Candidate, Confusion, Discovery, Estimate, Found, Group, Misfit, RivalTest, Round, Verdict,
+    Addition, Alternative, Candidate, Confusion, Discovery, Estimate, Found, Group, Misfit, NotTried, RivalTest, Round,
+    Verdict,
 };
 pub use self_test::{Injection, SelfTest, SelfTestOptions, SelfTestProgress, SelfTestRow, self_test};
 pub use session::{Body, Session, TrialInput, scene_of};

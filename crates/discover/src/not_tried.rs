@@ -2,28 +2,9 @@
 
 use crate::candidate::is_usable;
 use crate::problem::Domain;
+use crate::result::NotTried;
 use crate::session::{Session, Word};
 use aloft_effects::Effect;
-use serde::{Deserialize, Serialize};
-
-/// An effect whose law gives NaN or infinity on these recordings, with the place where it does.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct NotTried {
-    /// Identifier.
-    pub effect: String,
-    /// Reason, in words.
-    pub because: String,
-    /// True if it was tried at some starting values of its parameters and left out at others only.
-    #[serde(default)]
-    pub in_part: bool,
-}
-
-impl std::fmt::Display for NotTried {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let how = if self.in_part { "not tried everywhere" } else { "not tried" };
-        write!(f, "`{}` was {how}, because {}", self.effect, self.because)
-    }
-}
 
 /// Largest number of combinations of target and starting values that are checked.
 const LOOKED_AT: usize = 60;

@@ -1,7 +1,6 @@
 //! Result of a discovery, as written by `aloft discover --json`.
 
 use crate::laws::OpenWorld;
-use crate::not_tried::NotTried;
 use aloft_effects::{EffectKind, Target};
 use serde::{Deserialize, Serialize};
 
@@ -389,4 +388,23 @@ pub struct Addition {
     pub coefficients: Vec<Estimate>,
     /// Trials in which it acts; empty for all.
     pub trials: Vec<String>,
+}
+
+/// An effect whose law gives NaN or infinity on these recordings, with the place where it does.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct NotTried {
+    /// Identifier.
+    pub effect: String,
+    /// Reason, in words.
+    pub because: String,
+    /// True if it was tried at some starting values of its parameters and left out at others only.
+    #[serde(default)]
+    pub in_part: bool,
+}
+
+impl std::fmt::Display for NotTried {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let how = if self.in_part { "not tried everywhere" } else { "not tried" };
+        write!(f, "`{}` was {how}, because {}", self.effect, self.because)
+    }
 }

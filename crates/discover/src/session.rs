@@ -7,7 +7,7 @@
 
 use crate::DiscoverError;
 use crate::by_stages::{ByStages, Compute};
-use crate::floor::Standing;
+use crate::held_out::HeldOutResult;
 use crate::problem::{Domain, Problem};
 use crate::progress::Counter;
 use aloft_body::{BaseParameters, Model, Motion, Phi};
@@ -99,7 +99,7 @@ pub struct Session<'a> {
     /// moment.
     pub(crate) noise: Option<[f64; 2]>,
     /// Results of a comparison, in flight and in contact.
-    pub(crate) standing: [Option<Standing>; 2],
+    pub(crate) standing: [Option<HeldOutResult>; 2],
     pub(crate) warnings: Vec<String>,
     pub(crate) counter: Counter<'a>,
     pub(crate) by_stages: ByStages<'a>,
@@ -292,7 +292,7 @@ impl<'a> Session<'a> {
     /// Sets the results of a comparison of the present model in flight and in contact, so that a
     /// discovery reports the same errors and the same floor. Ranking does not depend on it.
     #[must_use]
-    pub fn with_standing(mut self, flight: Option<Standing>, contact: Option<Standing>) -> Self {
+    pub fn with_standing(mut self, flight: Option<HeldOutResult>, contact: Option<HeldOutResult>) -> Self {
         self.standing = [flight, contact];
         self
     }

@@ -1,6 +1,6 @@
 //! The result of a discovery in words.
 
-use crate::floor::Standing;
+use crate::held_out::HeldOutResult;
 use crate::laws::OpenWorld;
 use crate::problem::Domain;
 use crate::result::{Candidate, Discovery, FEWEST_CLUSTERS, Verdict};
@@ -130,7 +130,7 @@ fn disbelief(best: &Candidate, limit: f64, candidates: &[Candidate]) -> String {
 
 /// The result in words; `far` is the domain in which the error is farthest above the noise floor,
 /// if any.
-pub(crate) fn answer(d: &Discovery, far: Option<(&str, Standing)>) -> String {
+pub(crate) fn answer(d: &Discovery, far: Option<(&str, HeldOutResult)>) -> String {
     if let (Verdict::Unexplained, Some((place, standing))) = (d.verdict, far) {
         let left: String = d.not_tried.iter().map(|n| format!("; {n}")).collect();
         let found_here = |id: &String| d.rounds.iter().any(|r| r.judged_on == place && r.effects.contains(id));

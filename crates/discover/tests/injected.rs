@@ -88,10 +88,10 @@ fn nothing_is_claimed_where_nothing_is() {
 #[test]
 fn errors_and_floor_are_those_of_the_comparison() {
     let ci = Some([0.8, 1.45]);
-    let standing = |held_out_error| Standing { held_out_error, noise_floor: 1.0, noise_floor_ci95: ci };
+    let standing = |held_out_error| HeldOutResult { held_out_error, noise_floor: 1.0, noise_floor_ci95: ci };
     // one round: with a floor known, rounds end where the error reaches it
     let options = DiscoverOptions { rounds: 1, ..only(&["quadratic_drag", "gravity_scale"]) };
-    let run = |standing: Option<Standing>, size: f64| {
+    let run = |standing: Option<HeldOutResult>, size: f64| {
         lab().with(|scene, mut session| {
             session.inject(&EffectInstance::parse("quadratic_drag", scene).unwrap(), &[size]).unwrap();
             discover(&session.with_standing(standing, None), &catalogue(), &[], &options).unwrap()

@@ -65,7 +65,7 @@ impl Lab {
             size = (strength * strength - 1.0).sqrt() * floor / error(&big);
             session.inject(&choice, &theta(size)).unwrap();
         }
-        let standing = Standing {
+        let standing = HeldOutResult {
             held_out_error: error(&session),
             noise_floor: floor,
             noise_floor_ci95: Some([0.88 * floor, 1.12 * floor]),

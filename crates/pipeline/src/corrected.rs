@@ -1,7 +1,7 @@
 //! Corrections that name what the recordings do not have.
 
 use crate::graph::Recording;
-use crate::stages::import::read_recording;
+use crate::recording::read_recording;
 use aloft_study::place::error_at_key;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;

@@ -133,11 +133,3 @@ pub fn row_kind(rows: Rows) -> RowKind {
         Rows::Weak => RowKind::Weak,
     }
 }
-
-/// Name of the stage whose results hold factors of a kind of rows.
-pub fn stage_of(rows: Rows) -> &'static str {
-    match rows {
-        Rows::Weak => crate::stages::regressor::STAGE.name,
-        Rows::Acceleration => crate::stages::acceleration::STAGE.name,
-    }
-}

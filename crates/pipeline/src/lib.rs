@@ -11,6 +11,7 @@ pub mod merge;
 mod plate_zeros;
 pub mod progress;
 pub mod ready_made;
+pub mod recording;
 pub mod results;
 pub mod run_report;
 pub mod runner;

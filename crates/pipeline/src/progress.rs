@@ -1,6 +1,6 @@
 //! Reports the progress of a run: what begins, what ended, and how long the rest will take.
 
-use crate::runner::TaskReport;
+use crate::run_report::TaskReport;
 use crate::stages::STAGES;
 use aloft_study::recordings::SessionId;
 use std::time::Instant;

@@ -1,13 +1,14 @@
 //! Everything that the rows of one trial are made from: motion, flights, contact stretches, plates,
 //! and the unit wrenches of the model's effects.
 
+use crate::factors::FactorsAndRemarks;
 use crate::results::Results;
 use crate::stages::filter::low_pass;
 use aloft_body::{BaseParameters, Motion, Phi, Subject};
 use aloft_effects::{EffectInstance, PlateSeries, Scene, Span, TrialMotion, columns_about};
 use aloft_flight::{FlightReport, plate_wrench_at_marker_rate, total_wrench};
 use aloft_regressor::weak_windows::force_scale_n;
-use aloft_regressor::{EffectColumns, Stretch, StretchKind};
+use aloft_regressor::{EffectColumns, Factor, RegressorError, Stretch, StretchKind};
 use aloft_study::calendar::Calendar;
 use aloft_study::config::FilterConfig;
 use aloft_study::effects::{KnownEffects, ModelEffects};
@@ -222,4 +223,23 @@ impl TrialRows {
             calendar,
         })
     }
+}
+
+/// Makes a factor of every stretch; stretches that are too short are left out with a remark.
+pub(crate) fn each_stretch(
+    rows: &TrialRows,
+    mut factor_of: impl FnMut(&Stretch) -> Result<Factor, RegressorError>,
+) -> Result<FactorsAndRemarks, StageFailure> {
+    let (mut factors, mut remarks) = (Vec::new(), Vec::new());
+    for stretch in &rows.stretches {
+        match factor_of(stretch) {
+            Ok(factor) => factors.push((stretch.clone(), factor)),
+            Err(RegressorError::TooShort { .. }) => remarks.push(format!(
+                "{:?} {} (frames {} to {}) is too short for rows",
+                stretch.kind, stretch.index, stretch.first_frame, stretch.end_frame
+            )),
+            Err(e) => return Err(StageFailure::new(e.to_string())),
+        }
+    }
+    Ok((factors, remarks))
 }

@@ -95,8 +95,9 @@ fn answer(story: &Story<'_>, revision: usize, d: &Discovery, several: bool, olde
     if earlier {
         let now = effects(story);
         let holds = if now.is_empty() { "no effects".to_owned() } else { format!("`{}`", now.join("`, `")) };
-        let text =
-            format!("Computed for {model} (revision {revision}). The model is now revision {present} and holds {holds}.");
+        let text = format!(
+            "Computed for {model} (revision {revision}). The model is now revision {present} and holds {holds}."
+        );
         blocks.insert(0, Block::remark(Light::Neutral, text));
     }
     if older {

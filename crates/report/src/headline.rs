@@ -283,7 +283,9 @@ pub fn floor_words(first: &Standing) -> String {
                 number(high)
             )
         }
-        (Some(floor), None) => format!("noise floor {} N: the error of a perfect model on these recordings", number(floor)),
+        (Some(floor), None) => {
+            format!("noise floor {} N: the error of a perfect model on these recordings", number(floor))
+        }
         _ => "the noise floor is not known".to_owned(),
     }
 }

@@ -69,8 +69,9 @@ pub fn remarks(t: &TrialStory<'_>) -> Vec<(Light, String)> {
         if let Some(g) = k.gravity_error_percent
             && free_fall(g) != Light::Good
         {
-            let text =
-                format!("in flight the centre of mass accelerates at g {g:+.1} %: flight edges, mass model or frame rate");
+            let text = format!(
+                "in flight the centre of mass accelerates at g {g:+.1} %: flight edges, mass model or frame rate"
+            );
             out.push((free_fall(g), text));
         }
     }

@@ -32,7 +32,8 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         })
         .collect();
     let header = ["measured", "value", "95 % interval", "expected", "judged"];
-    let caption = "From the recordings alone; no identified model is used. Lines without an interval are plain readings.";
+    let caption =
+        "From the recordings alone; no identified model is used. Lines without an interval are plain readings.";
     let mut blocks = vec![Table::new("Session check", caption, &header, rows).into()];
     let offered = offers(story.session, &checked);
     if !offered.is_empty() {

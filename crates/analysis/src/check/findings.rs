@@ -26,7 +26,7 @@ impl std::fmt::Display for Remark {
             Self::Quality(reason) => reason.fmt(f),
             Self::Import(warning) => warning.fmt(f),
             Self::UnknownLabels(labels) => {
-                write!(f, "labels that the set does not know: {}", aloft_pipeline::stages::import::abridged(labels))
+                write!(f, "labels that the set does not know: {}", aloft_pipeline::recording::abridged(labels))
             }
             Self::Broken { problem, .. } | Self::Other(problem) => f.write_str(problem),
         }

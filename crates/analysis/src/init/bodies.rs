@@ -6,7 +6,7 @@
 //! pairs are those that keep their distance within a recording.
 
 use super::Determination;
-use aloft_pipeline::stages::import::abridged;
+use aloft_pipeline::recording::abridged;
 use aloft_signal::median_and_deviation;
 use aloft_study::quote;
 use aloft_trial::Trial;

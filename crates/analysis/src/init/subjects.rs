@@ -1,7 +1,7 @@
 //! Whose recordings are looked at: files of several subjects in one folder would become one body.
 
 use super::{Determination, InitOptions};
-use aloft_pipeline::stages::import::abridged;
+use aloft_pipeline::recording::abridged;
 use aloft_study::quote;
 use aloft_workspace::error::PipelineError;
 use std::collections::BTreeMap;

@@ -9,7 +9,7 @@
 use super::axes::SegmentAxes;
 use super::cluster::{against, distance_sd, groups, within};
 use super::known::{Labels, Place, side_of};
-use aloft_pipeline::stages::import::read_file;
+use aloft_pipeline::recording::read_file;
 use aloft_study::recordings::{recordings_below, stem_of};
 use aloft_study::{catalog, quote};
 use aloft_trial::{ImportOptions, MarkerSet, Trial};

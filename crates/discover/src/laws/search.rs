@@ -11,7 +11,7 @@ use super::next::next_recording;
 use super::one_law::{OneLaw, SIMPLER, one_law};
 use super::result::{Diagnosis, Entry, FoundLaw, LawKind, OpenWorld, Work};
 use super::wording;
-use crate::floor::Standing;
+use crate::held_out::HeldOutResult;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
@@ -208,7 +208,7 @@ pub(crate) fn search(
 }
 
 /// True if a share of the squared error stands within the floor's interval.
-fn at_floor(standing: &Standing, share: f64) -> bool {
+fn at_floor(standing: &HeldOutResult, share: f64) -> bool {
     standing.reached_by(standing.held_out_error * share.sqrt())
 }
 

@@ -3,8 +3,7 @@
 
 use crate::factors::{FactorsAndRemarks, save_factors};
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
-use crate::stages::regressor::each_stretch;
-use crate::trial_rows::{TrialRows, effect_columns};
+use crate::trial_rows::{TrialRows, each_stretch, effect_columns};
 use aloft_body::BaseParameters;
 use aloft_regressor::{AccelerationOptions, Acting, acceleration_factor};
 use aloft_study::calendar::Calendar;

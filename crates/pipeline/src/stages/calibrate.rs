@@ -5,7 +5,7 @@
 
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use crate::stages::object::may_teach;
-use crate::stages::scale::save_subject;
+use crate::stages::shared::save_subject;
 use aloft_body::Subject;
 use aloft_ik::{CalibrateOptions, Calibration, Clip, IkError, IkOptions, calibrate_clips, shares};
 use aloft_scale::{Anthropometry, JointUncertainty, ObjectSpec, StaticAnatomy, attach_prior};

@@ -1,9 +1,10 @@
 //! `identify`: base parameters from the factors of all flights, with weak rows and with the paper's beside them.
 
-use crate::factors::{load_factors, load_slides, row_kind, stage_of};
+use crate::factors::{load_factors, load_slides, row_kind};
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use crate::merge;
 use crate::results::parameters_file;
+use crate::stages::stage_of;
 use aloft_body::{BaseParameters, Subject};
 use aloft_identify::{
     ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, PreparedPrior, RotatedRows, identify_with_slides,

@@ -2,9 +2,10 @@
 
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use crate::results::Results;
+use crate::stages::shared::fit_options;
 use aloft_body::{Motion, Subject};
 use aloft_filter::continuous;
-use aloft_ik::{IkOptions, IkReport, LabelExchange, solve};
+use aloft_ik::{IkReport, LabelExchange, solve};
 use aloft_study::config::IkConfig;
 use aloft_study::osim::OsimSetup;
 use aloft_study::robot::RobotSetup;
@@ -52,23 +53,6 @@ impl StageWork for Work {
     fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
         run(params, inputs)
     }
-}
-
-/// Settings for fitting the markers of a trial; marker weights stated in the pipeline are written
-/// into the subject.
-pub fn fit_options(config: &IkConfig, results: Results<'_>, subject: &mut Subject) -> Result<IkOptions, StageFailure> {
-    for (label, weight) in &config.weights {
-        match subject.markers.iter_mut().find(|m| &m.label == label) {
-            Some(marker) => marker.weight = *weight,
-            None => {
-                return Err(StageFailure::with_hint(
-                    format!("ik.weights names the marker `{label}`, which the subject does not have"),
-                    "use the canonical labels of the marker set",
-                ));
-            }
-        }
-    }
-    Ok(IkOptions { marker_sd_m: config.marker_sd_m, locked: results.load_locked()?, ..IkOptions::default() })
 }
 
 /// Tracks a trial with a subject's geometry: motion with continuous angles and quaternion signs,

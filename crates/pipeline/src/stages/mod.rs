@@ -16,8 +16,10 @@ pub mod regressor;
 pub mod robot;
 pub mod robot_torques;
 pub mod scale;
+pub mod shared;
 
 use crate::graph::Stage;
+use aloft_study::config::Rows;
 
 /// All stages in the order in which they run. Help, status, README table and conformance tests are
 /// generated from this slice.
@@ -33,3 +35,11 @@ pub static STAGES: &[&Stage] = &[
     &identify::STAGE,
     &compare::STAGE,
 ];
+
+/// Name of the stage whose results hold factors of a kind of rows.
+pub fn stage_of(rows: Rows) -> &'static str {
+    match rows {
+        Rows::Weak => regressor::STAGE.name,
+        Rows::Acceleration => acceleration::STAGE.name,
+    }
+}

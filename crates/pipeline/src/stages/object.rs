@@ -1,7 +1,7 @@
 //! What `scale` and `calibrate` do for objects: link frames as markers define them, joints found from motion.
 
 use crate::graph::{StageInputs, StageReport};
-use crate::stages::scale::save_subject;
+use crate::stages::shared::save_subject;
 use aloft_scale::{ObjectInput, ObjectOptions, ObjectSpec, ScaledObject, scale_object};
 use aloft_study::config::{CalibrateConfig, Switch};
 use aloft_study::facts::Facts;

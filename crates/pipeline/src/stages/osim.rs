@@ -2,8 +2,8 @@
 //! kinematics in the file's own coordinates.
 
 use crate::graph::{StageInputs, StageReport};
-use crate::stages::ik::fit_options;
-use crate::stages::scale::save_subject;
+use crate::stages::shared::fit_options;
+use crate::stages::shared::save_subject;
 use aloft_ik::{IkReport, MarkerFit};
 use aloft_robot::RobotError;
 use aloft_robot::osim::{OsimIk, RigidTree};
@@ -79,7 +79,7 @@ pub fn keep_seen(osim: &OsimSetup, facts: &Facts, inputs: &StageInputs<'_>) -> R
             unseen.len(),
             osim.model.markers.len(),
             osim.name,
-            super::import::abridged(&unseen)
+            crate::recording::abridged(&unseen)
         ));
     }
     let still = |m: &&aloft_robot::osim::MergedBody| m.why.starts_with("no marker");
@@ -87,7 +87,7 @@ pub fn keep_seen(osim: &OsimSetup, facts: &Facts, inputs: &StageInputs<'_>) -> R
     if !held.is_empty() {
         done.warnings.push(format!(
             "no marker beyond their joints, so held as the file has them: {}",
-            super::import::abridged(&held)
+            crate::recording::abridged(&held)
         ));
     }
     save_subject(inputs, &subject)?;

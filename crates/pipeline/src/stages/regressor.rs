@@ -3,10 +3,10 @@
 
 use crate::factors::{FactorsAndRemarks, save_factors, save_slides};
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
-use crate::trial_rows::{TrialRows, effect_columns};
+use crate::trial_rows::{TrialRows, each_stretch, effect_columns};
 use aloft_body::{BaseParameters, Subject};
 use aloft_regressor::{
-    Acting, CoordinateNoise, EffectColumns, Factor, Noise, RegressorError, Slides, Stretch, StretchKind, Tissue,
+    Acting, CoordinateNoise, EffectColumns, Noise, Slides, Stretch, StretchKind, Tissue,
     WeakOptions, weak_factor, weak_factor_with_tissue,
 };
 use aloft_study::calendar::Calendar;
@@ -139,25 +139,6 @@ fn factors_beside(
         slides.push((stretch.clone(), found));
         Ok(factor)
     })
-}
-
-/// Makes a factor of every stretch; stretches that are too short are left out with a remark.
-pub(crate) fn each_stretch(
-    rows: &TrialRows,
-    mut factor_of: impl FnMut(&Stretch) -> Result<Factor, RegressorError>,
-) -> Result<FactorsAndRemarks, StageFailure> {
-    let (mut factors, mut remarks) = (Vec::new(), Vec::new());
-    for stretch in &rows.stretches {
-        match factor_of(stretch) {
-            Ok(factor) => factors.push((stretch.clone(), factor)),
-            Err(RegressorError::TooShort { .. }) => remarks.push(format!(
-                "{:?} {} (frames {} to {}) is too short for rows",
-                stretch.kind, stretch.index, stretch.first_frame, stretch.end_frame
-            )),
-            Err(e) => return Err(StageFailure::new(e.to_string())),
-        }
-    }
-    Ok((factors, remarks))
 }
 
 /// Settings of weak rows from the pipeline.

@@ -2,9 +2,9 @@
 //! in place of inverse kinematics.
 
 use crate::graph::{Recording, StageInputs, StageReport};
+use crate::recording::read_recording;
 use crate::results::Results;
-use crate::stages::import::read_recording;
-use crate::stages::scale::save_subject;
+use crate::stages::shared::save_subject;
 use aloft_body::Motion;
 use aloft_compare::PoseErrors;
 use aloft_robot::markers::{BaseFromMarkers, LinkMarker, MarkerRecording, PoseNoise, base_from_markers, compare_links};

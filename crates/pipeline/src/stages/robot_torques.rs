@@ -3,9 +3,8 @@
 
 use crate::factors::{load_named, save_named};
 use crate::graph::{StageInputs, StageReport};
-use crate::stages::regressor::each_stretch;
 use crate::stages::robot::{failed, load_log};
-use crate::trial_rows::TrialRows;
+use crate::trial_rows::{TrialRows, each_stretch};
 use aloft_body::{BaseParameters, Subject};
 use aloft_identify::{LinkPrior, Parameters};
 use aloft_regressor::{Factor, Stretch};

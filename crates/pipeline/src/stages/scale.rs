@@ -1,7 +1,8 @@
 //! `scale`: the static trial to this body's own model, marker places and prior inertias.
 
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
-use aloft_body::{ModelSpec, Subject};
+use crate::stages::shared::save_subject;
+use aloft_body::ModelSpec;
 use aloft_scale::{Anthropometry, HipMethod, ObjectSpec, PersonInput, ScaleOptions, Scaled, scale_person};
 use aloft_study::config::{ScaleConfig, StaticFrames};
 use aloft_study::facts::Facts;
@@ -65,11 +66,6 @@ impl StageWork for Work {
     fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
         run(params, inputs)
     }
-}
-
-/// Writes `subject.json`.
-pub fn save_subject(inputs: &StageInputs<'_>, subject: &Subject) -> Result<(), StageFailure> {
-    Ok(write_json(&inputs.out.join("subject.json"), subject)?)
 }
 
 fn hip_method(hip: &str) -> Result<HipMethod, StageFailure> {
