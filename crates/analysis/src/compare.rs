@@ -157,9 +157,7 @@ impl ParametersBrief {
 /// What to record where the motion determined too little; none where the gate passed.
 fn to_do(p: &Parameters) -> Option<String> {
     let flights = format!("record more flights ({} now)", p.n_stretches);
-    // advice reads "motion, more of it: would show parameters"
-    let motion = p.gate.advice.first().and_then(|a| a.split([',', ':']).next()).map(str::trim);
-    (!p.gate.passed).then(|| match motion {
+    (!p.gate.passed).then(|| match &p.gate.next_motion {
         Some(motion) => format!("{flights}, first: {motion}"),
         None => format!("{flights}, with faster motion of all limbs"),
     })

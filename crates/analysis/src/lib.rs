@@ -19,6 +19,7 @@ pub mod inspect;
 pub mod inspect_values;
 mod laboratories;
 pub mod markerset;
+pub mod methods;
 pub mod next_flights;
 pub mod next_step;
 pub mod notes;

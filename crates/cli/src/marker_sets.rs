@@ -56,7 +56,7 @@ pub fn marker_sets(action: MarkerSetAction) -> Result<Success, Stop> {
                     command("next", &format!("aloft markerset check {}", quote::path(&target)));
                 }
             }
-            let doubts = found.markers.iter().filter(|m| m.link.is_none() || m.because.contains("CHECK")).count();
+            let doubts = found.markers.iter().filter(|m| m.link.is_none() || !m.doubts.is_empty()).count();
             note(format!("{} markers, {doubts} of them to be checked", found.markers.len()));
             Ok(Success::Full)
         }

@@ -14,6 +14,7 @@ use crate::result::{Alternative, Candidate, Confusion, Estimate, RivalTest, Verd
 use crate::rivals::{Rival, is_alias};
 use crate::session::Session;
 use crate::statistics::{jackknife_se, sign_flip_p};
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 /// Where the exchange test cannot be made, the better effect must leave less than this share of the
@@ -122,6 +123,16 @@ pub(crate) fn confusions(
     candidates: &mut [Candidate],
     options: &DiscoverOptions,
 ) {
+    // columns and fitted signal of each
+    let made: Vec<Option<(Vec<DMatrix<f64>>, Vec<DVector<f64>>)>> = scores
+        .par_iter()
+        .map(|s| {
+            let best = &s.scored[s.best];
+            let columns = best.variant.columns(session, problem).filter(|_| !s.placebo)?;
+            let signal = columns.iter().map(|c| c * &best.theta).collect();
+            Some((columns, signal))
+        })
+        .collect();
     let all: Vec<Vec<Confusion>> = (0..scores.len())
         .into_par_iter()
         .map(|a| {
@@ -130,8 +141,8 @@ pub(crate) fn confusions(
             }
             let mut out = Vec::new();
             for b in (0..scores.len()).filter(|&b| b != a && !scores[b].placebo) {
-                let (x, y) = (&scores[a].scored[scores[a].best], &scores[b].scored[scores[b].best]);
-                let cosine = cosine(session, problem, x, y);
+                let (Some((_, signal)), Some((columns, _))) = (&made[a], &made[b]) else { continue };
+                let cosine = cosine(problem, signal, columns);
                 if cosine > 0.9 {
                     let (ea, eb) = (&scores[a].fold_error, &scores[b].fold_error);
                     let ahead = ea.iter().sum::<f64>() <= eb.iter().sum::<f64>();

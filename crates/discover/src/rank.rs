@@ -390,20 +390,17 @@ pub(crate) fn null_ratios(problem: &Problem, scores: &[EffectScore<'_>], draws: 
         .collect()
 }
 
-/// Cosine of the fitted signal of `a` with its best approximation by `b`, inertial parameters
-/// projected out: 1 if `b` can reproduce it.
-pub(crate) fn cosine(session: &Session<'_>, problem: &Problem, a: &Scored<'_>, b: &Scored<'_>) -> f64 {
-    let (Some(ca), Some(cb)) = (a.variant.columns(session, problem), b.variant.columns(session, problem)) else {
-        return 0.0;
-    };
+/// Cosine of a fitted signal (by cluster) with its best approximation by columns, inertial parameters
+/// projected out: 1 if they can reproduce it.
+pub(crate) fn cosine(problem: &Problem, signal: &[DVector<f64>], cb: &[DMatrix<f64>]) -> f64 {
     let k = cb[0].ncols();
-    let both: Vec<DMatrix<f64>> = ca
+    let both: Vec<DMatrix<f64>> = signal
         .iter()
-        .zip(&cb)
+        .zip(cb)
         .map(|(x, y)| {
             let mut wide = DMatrix::zeros(y.nrows(), k + 1);
             wide.columns_mut(0, k).copy_from(y);
-            wide.set_column(k, &(x * &a.theta));
+            wide.set_column(k, x);
             wide
         })
         .collect();

@@ -338,33 +338,30 @@ impl<'a> Session<'a> {
         }
         let inertia = effect.inertia(self.scene, target, nonlinear).map(|changes| self.regrouped(&changes));
         let wrench = effect.has_wrench();
-        let mut made: Vec<[Option<Columns>; 2]> = Vec::with_capacity(self.series.len());
-        for pair in &self.series {
-            let of = |i: usize| {
-                (wrench && (i == 0 || domain == Domain::Contact)).then(|| {
-                    let mut out = Columns::zeros(pair[i].len(), k);
-                    effect.evaluate(&pair[i], target, nonlinear, &mut out);
-                    out
-                })
-            };
-            made.push([of(0), of(1)]);
+        let mut out: Vec<DMatrix<f64>> = self.blocks.iter().map(|b| DMatrix::zeros(b.y.nrows(), k)).collect();
+        // one buffer for all trials: memory taken anew for each would cost more than the sums
+        let mut made = Columns::zeros(0, k);
+        for (trial, pair) in self.series.iter().enumerate().filter(|_| wrench) {
+            for (of, series) in pair.iter().enumerate() {
+                let its = |b: &Block| b.trial == trial && usize::from(b.kind != StretchKind::Flight) == of;
+                if (of == 1 && domain != Domain::Contact) || !self.blocks.iter().any(its) {
+                    continue;
+                }
+                made.reset(series.len(), k);
+                effect.evaluate(series, target, nonlinear, &mut made);
+                for (block, rows) in self.blocks.iter().zip(&mut out).filter(|(b, _)| its(b)) {
+                    if let Some(windows) = &block.windows {
+                        windows.apply(series, &made, rows);
+                    }
+                }
+            }
         }
-        Some(
-            self.blocks
-                .iter()
-                .map(|block| {
-                    let mut rows = DMatrix::zeros(block.y.nrows(), k);
-                    let of = usize::from(block.kind != StretchKind::Flight);
-                    if let (Some(columns), Some(windows)) = (&made[block.trial][of], &block.windows) {
-                        windows.apply(&self.series[block.trial][of], columns, &mut rows);
-                    }
-                    if let Some(change) = &inertia {
-                        rows += &block.y * change;
-                    }
-                    rows
-                })
-                .collect(),
-        )
+        if let Some(change) = &inertia {
+            for (block, rows) in self.blocks.iter().zip(&mut out) {
+                *rows += &block.y * change;
+            }
+        }
+        Some(out)
     }
 
     /// Rows that a choice adds to each block, zero in trials in which it does not act. An effect
@@ -512,22 +509,27 @@ impl Session<'_> {
 impl Windows {
     /// `−Σ ψ (f, n₀ − o × f)` in the rows' weights.
     fn apply(&self, series: &Series<'_>, columns: &Columns, rows: &mut DMatrix<f64>) {
+        let frames = series.motion_frames();
         for (w, &center) in self.centers.iter().enumerate() {
             let first = center - self.half;
             let Some(start) = series.index_of(first) else { continue };
-            for (i, (psi, at)) in self.psi.iter().zip(&self.origin[w]).enumerate() {
-                // frames of a window are contiguous, so their indices are too
-                let index = start + i;
-                if index >= series.len() || series.motion_frames()[index] != first + i {
-                    continue;
-                }
-                for c in 0..columns.k {
+            for c in 0..columns.k {
+                let mut sum = [0.0; 6];
+                for (i, (psi, at)) in self.psi.iter().zip(&self.origin[w]).enumerate() {
+                    // frames of a window are contiguous, so their indices are too
+                    let index = start + i;
+                    if frames.get(index) != Some(&(first + i)) {
+                        continue;
+                    }
                     let force = columns.force(index, c);
                     let moment = columns.moment(index, c) - at.position.cross(&force);
                     for axis in 0..3 {
-                        rows[(6 * w + axis, c)] -= psi * self.force_weight * force[axis];
-                        rows[(6 * w + 3 + axis, c)] -= psi * self.moment_weight * moment[axis];
+                        sum[axis] -= psi * self.force_weight * force[axis];
+                        sum[3 + axis] -= psi * self.moment_weight * moment[axis];
                     }
+                }
+                for (axis, s) in sum.iter().enumerate() {
+                    rows[(6 * w + axis, c)] += s;
                 }
             }
         }

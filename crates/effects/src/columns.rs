@@ -47,25 +47,36 @@ impl Columns {
     pub fn applied(&self) -> &[Applied] {
         self.applied.as_deref().unwrap_or_default()
     }
+    /// Makes this as [`Columns::zeros`] does, in the memory that it has.
+    pub fn reset(&mut self, n: usize, k: usize) {
+        self.data.clear();
+        self.data.resize(6 * n * k, 0.0);
+        (self.n, self.k) = (n, k);
+        self.applied.iter_mut().for_each(Vec::clear);
+    }
     /// Sets everything to zero.
     pub fn clear(&mut self) {
         self.data.fill(0.0);
         self.applied.iter_mut().for_each(Vec::clear);
     }
     /// The six numbers of a column in a frame.
+    #[inline]
     pub fn wrench(&self, frame: usize, column: usize) -> &[f64] {
         let at = 6 * (frame * self.k + column);
         &self.data[at..at + 6]
     }
     /// Force of a column in a frame.
+    #[inline]
     pub fn force(&self, frame: usize, column: usize) -> Vector3<f64> {
         Vector3::from_column_slice(&self.wrench(frame, column)[..3])
     }
     /// Moment about the world origin of a column in a frame.
+    #[inline]
     pub fn moment(&self, frame: usize, column: usize) -> Vector3<f64> {
         Vector3::from_column_slice(&self.wrench(frame, column)[3..])
     }
     /// Adds a wrench.
+    #[inline]
     pub fn add(&mut self, frame: usize, column: usize, force: &Vector3<f64>, moment_about_origin: &Vector3<f64>) {
         let at = 6 * (frame * self.k + column);
         let out = &mut self.data[at..at + 6];
@@ -75,15 +86,18 @@ impl Columns {
         }
     }
     /// Adds a force acting at a point in the world.
+    #[inline]
     pub fn force_at(&mut self, frame: usize, column: usize, force: &Vector3<f64>, point: &Vector3<f64>) {
         self.add(frame, column, force, &point.cross(force));
         self.keep(Applied { frame, column, at_m: Some(*point), vector: *force });
     }
     /// Adds a free moment.
+    #[inline]
     pub fn couple(&mut self, frame: usize, column: usize, moment: &Vector3<f64>) {
         self.add(frame, column, &Vector3::zeros(), moment);
         self.keep(Applied { frame, column, at_m: None, vector: *moment });
     }
+    #[inline]
     fn keep(&mut self, applied: Applied) {
         if let Some(list) = &mut self.applied {
             list.push(applied);

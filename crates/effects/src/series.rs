@@ -64,14 +64,17 @@ pub struct LinkFrame {
 
 impl LinkFrame {
     /// World position of a point of the link.
+    #[inline]
     pub fn point(&self, in_link: &Vector3<f64>) -> Vector3<f64> {
         self.origin + self.rotation * in_link
     }
     /// Velocity of a point of the link.
+    #[inline]
     pub fn point_velocity(&self, in_link: &Vector3<f64>) -> Vector3<f64> {
         self.velocity + self.omega.cross(&(self.rotation * in_link))
     }
     /// Acceleration of a point of the link.
+    #[inline]
     pub fn point_acceleration(&self, in_link: &Vector3<f64>) -> Vector3<f64> {
         let arm = self.rotation * in_link;
         self.acceleration + self.alpha.cross(&arm) + self.omega.cross(&self.omega.cross(&arm))
@@ -259,6 +262,7 @@ impl<'a> Series<'a> {
     }
 
     /// Number of frames.
+    #[inline]
     pub fn len(&self) -> usize {
         self.frames.len()
     }
@@ -267,6 +271,7 @@ impl<'a> Series<'a> {
         self.frames.is_empty()
     }
     /// Frames of the motion, one for each frame of the series.
+    #[inline]
     pub fn motion_frames(&self) -> &[usize] {
         &self.frames
     }
@@ -275,6 +280,7 @@ impl<'a> Series<'a> {
         self.spans.iter().copied()
     }
     /// Index in the series of a frame of the motion.
+    #[inline]
     pub fn index_of(&self, frame: usize) -> Option<usize> {
         self.frames.binary_search(&frame).ok()
     }
@@ -314,6 +320,7 @@ impl<'a> Series<'a> {
         (0..self.len()).map(|i| (i, self.frame(i)))
     }
     /// Frame `i` of the series.
+    #[inline]
     pub fn frame(&self, i: usize) -> EffectFrame<'_> {
         let model = &self.scene.model;
         let p = if self.frames.is_empty() { 0 } else { self.plates.len() / self.frames.len() };

@@ -17,10 +17,19 @@ use serde::{Deserialize, Serialize};
 /// Largest number of lines of advice in words.
 const LINES: usize = 5;
 
+/// A motion to record next.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Advice {
+    /// The motion in a few words.
+    pub motion: String,
+    /// The motion and the parameters that it would determine.
+    pub text: String,
+}
+
 /// Advice from how well each parameter is observed: links with most hardly observed parameters
 /// first. Turning over in the air is recommended only where it is safe.
-pub(crate) fn in_words(model: &Model, parameters: &[(String, Determination)], turning_over: bool) -> Vec<String> {
-    let mut lines: Vec<(usize, String)> = Vec::new();
+pub(crate) fn in_words(model: &Model, parameters: &[(String, Determination)], turning_over: bool) -> Vec<Advice> {
+    let mut lines: Vec<(usize, Advice)> = Vec::new();
     for (i, link) in model.links.iter().enumerate() {
         let own: Vec<&str> = parameters
             .iter()
@@ -34,26 +43,27 @@ pub(crate) fn in_words(model: &Model, parameters: &[(String, Determination)], tu
         if own.is_empty() {
             continue;
         }
-        let how = match &link.joint.kind {
-            JointKind::Free if !turning_over => {
-                "jump with quarter turns to both sides, and tip the trunk forwards, backwards and sideways in the air, as far as is \
-                 safe for the subject"
-                    .to_owned()
-            }
-            JointKind::Free => {
-                "turn the whole body in the air, about each of its axes and both ways (somersault, side tilt, twist)"
-                    .to_owned()
-            }
-            JointKind::Spherical => {
-                format!("swing `{}` in the air, to and fro and sideways, and roll it about its own axis", link.name)
-            }
+        let (motion, more) = match &link.joint.kind {
+            JointKind::Free if !turning_over => (
+                "jump with quarter turns to both sides".to_owned(),
+                ", and tip the trunk forwards, backwards and sideways in the air, as far as is safe for the subject",
+            ),
+            JointKind::Free => (
+                "turn the whole body in the air".to_owned(),
+                ", about each of its axes and both ways (somersault, side tilt, twist)",
+            ),
+            JointKind::Spherical => (
+                format!("swing `{}` in the air", link.name),
+                ", to and fro and sideways, and roll it about its own axis",
+            ),
             JointKind::Revolute(_) => {
-                format!("bend and stretch `{}` quickly in the air, while its parent turns", link.name)
+                (format!("bend and stretch `{}` quickly in the air", link.name), ", while its parent turns")
             }
-            JointKind::Prismatic(_) => format!("slide `{}` to and fro in the air", link.name),
+            JointKind::Prismatic(_) => (format!("slide `{}` to and fro in the air", link.name), ""),
             JointKind::Fixed => continue,
         };
-        lines.push((own.len(), format!("{how}: would show {}", own.join(", "))));
+        let text = format!("{motion}{more}: would show {}", own.join(", "));
+        lines.push((own.len(), Advice { motion, text }));
     }
     // stable sort: links of equal rank stay in model order
     lines.sort_by_key(|l| std::cmp::Reverse(l.0));

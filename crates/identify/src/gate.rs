@@ -1,6 +1,7 @@
 //! Gate: decides which numbers are results, which come from the prior and which are undetermined,
 //! with reasons and advice on what to record next.
 
+use crate::advice::Advice;
 use crate::determination::Determination;
 use crate::information::Information;
 use crate::{Estimator, Sigma};
@@ -46,6 +47,9 @@ pub struct Gate {
     pub hardly_seen: Vec<String>,
     /// What to record next, the most useful first.
     pub advice: Vec<String>,
+    /// The first of these motions in a few words.
+    #[serde(default)]
+    pub next_motion: Option<String>,
 }
 
 /// How well one parameter is determined: its standard error relative to the prior's standard
@@ -71,7 +75,7 @@ pub(crate) fn judge(
     n_stretches: usize,
     deficient: usize,
     limits: &GateLimits,
-    advice: Vec<String>,
+    advice: Vec<Advice>,
 ) -> Gate {
     let hardly_seen: Vec<String> =
         parameters.iter().filter(|(_, s)| *s == Determination::Hardly).map(|(name, _)| name.clone()).collect();
@@ -140,5 +144,6 @@ pub(crate) fn judge(
         }
         _ => {}
     }
-    Gate { passed, reasons, hardly_seen, advice }
+    let next_motion = advice.first().map(|a| a.motion.clone());
+    Gate { passed, reasons, hardly_seen, advice: advice.into_iter().map(|a| a.text).collect(), next_motion }
 }

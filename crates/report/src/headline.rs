@@ -258,9 +258,7 @@ fn next(story: &Story<'_>) -> Fact {
 
 /// The motion that would determine most of what the recordings do not.
 fn motion(found: &ParametersView) -> &str {
-    // advice reads "motion, more of it: would show parameters"
-    let first = found.parameters.gate.advice.first().and_then(|a| a.split(": would show").next());
-    first.unwrap_or("with faster motion of all limbs")
+    found.parameters.gate.next_motion.as_deref().unwrap_or("with faster motion of all limbs")
 }
 
 /// A clause as a sentence: a capital letter at its begin, a full stop at its end.

@@ -90,7 +90,7 @@ fn page(now: &SubjectSession, switches: bool) -> Result<(Page, Option<Sent>), Pi
     chapters.push(discovery::chapter(&story));
     chapters.extend(parameters::chapter(&story));
     chapters.push(kinematics::chapter(&story));
-    chapters.push(methods::chapter(&story));
+    chapters.push(methods::chapter(&story)?);
     let shown: Vec<_> = story.trials.iter().filter(|t| t.entry.role.is_dynamic() || !t.failures.is_empty()).collect();
     let recordings: Vec<Chapter> = shown.par_iter().map(|t| trial::chapter(&story, t)).collect();
     chapters.extend(recordings);

@@ -6,10 +6,14 @@ use super::commands::command;
 use super::story::Story;
 use aloft_page::{Block, Chapter, Light, Section, Table};
 use aloft_pipeline::stages::STAGES;
+use aloft_workspace::error::PipelineError;
 use aloft_workspace::manifest::WHOLE_STUDY;
 
 /// The chapter.
-pub fn chapter(story: &Story<'_>) -> Chapter {
+///
+/// # Errors
+/// Results that are damaged.
+pub fn chapter(story: &Story<'_>) -> Result<Chapter, PipelineError> {
     let line = |words: &str, what: &str| format!("{}   # {what}", command(story.session, words, None));
     let judged = story.comparison.as_ref().is_none_or(|v| v.limits.is_empty());
     let mut commands =
@@ -21,7 +25,7 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
     }
     commands.push(line("status", "what is done, stale or failed"));
     let sections = vec![
-        Section::new("paragraph", "A paragraph to paste", "", vec![Block::Copy { text: paragraph(story) }]),
+        Section::new("paragraph", "A paragraph to paste", "", vec![Block::Copy { text: paragraph(story)? }]),
         Section::new(
             "provenance",
             "Where the numbers come from",
@@ -30,64 +34,15 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
         ),
         Section::new("go-on", "How to go on", "", vec![Block::Commands { lines: commands }]),
     ];
-    Chapter { id: "methods".into(), title: "Methods".into(), group: STUDY.into(), light: Light::Neutral, sections }
+    Ok(Chapter { id: "methods".into(), title: "Methods".into(), group: STUDY.into(), light: Light::Neutral, sections })
 }
 
-fn paragraph(story: &Story<'_>) -> String {
-    let session = story.session;
-    let f = &session.config.filter;
-    let mut text = String::new();
-    if let Some(robot) = &session.robot {
-        text = format!(
-            "{} For frame-wise comparison they were filtered forward and backward (Butterworth, order {} a pass, {} Hz). ",
-            robot.kinematics_in_words(),
-            f.order,
-            f.cutoff_hz
-        );
-    } else {
-        text.push_str(&format!(
-            "Marker trajectories were brought to SI units and one world frame with Z up; gaps up to {} s were filled. ",
-            session.config.import.fill_gaps_s
-        ));
-        text.push_str(&if let Some(osim) = &session.osim {
-        osim.kinematics_in_words()
-    } else if session.object.is_some() {
-        "Link frames follow the object description; the hinge was found from motion and refined over all recordings. ".to_owned()
-    } else {
-        format!(
-            "A model of {} links was scaled to the static trial (hip centres after {}, inertias from tables: {}) and its joint centres, hinge axes and \
-             marker places were refined over the dynamic trials on markers alone. ",
-            session.model.links.len(),
-            capital(&session.config.scale.hip),
-            session.anthropometry.title
-        )
-    });
-        text.push_str(&format!(
-        "Joint coordinates were found frame by frame by weighted non-linear least squares and, for frame-wise comparison, filtered forward and \
-         backward (Butterworth, order {} a pass, {} Hz). ",
-        f.order, f.cutoff_hz
-    ));
-    }
-    if let Some(found) = &story.found {
-        let p = &found.parameters;
-        text.push_str(&format!(
-            "Base parameters were identified from {} flights with {} rows ({}), after Ayusawa, Venture and Nakamura (2010); the body mass of {} kg \
-             fixed the scale. ",
-            p.n_stretches,
-            found.rows_used,
-            p.estimator.name().replace('_', " "),
-            session.facts.person.mass_kg
-        ));
-        if !p.effects.is_empty() {
-            let names: Vec<&str> = p.effects.iter().map(|e| e.name.as_str()).collect();
-            text.push_str(&format!("Fitted with them: {}. ", names.join(", ")));
-        }
-    }
-    for difference in aloft_pipeline::made::differences(session, &story.ws) {
-        text.push_str(&format!("{difference}. "));
-    }
-    text.push_str(&format!("Software: aloft {}.", programs(story)));
-    text
+fn paragraph(story: &Story<'_>) -> Result<String, PipelineError> {
+    let text = match &story.subject {
+        Some(subject) => aloft_analysis::methods::paragraph(story.session, &story.ws, subject)?,
+        None => String::new(),
+    };
+    Ok(format!("{text} Software: aloft {}.", programs(story)).trim_start().to_owned())
 }
 
 /// Versions of the program that produced the results.
@@ -128,10 +83,4 @@ fn provenance(story: &Story<'_>) -> Table {
         &["stage", "version", "results", "time, s", "settings", "gives"],
         rows,
     )
-}
-
-/// An author's name, capitalised.
-fn capital(name: &str) -> String {
-    let mut letters = name.chars();
-    letters.next().map_or(String::new(), |c| c.to_uppercase().chain(letters).collect())
 }

@@ -3,6 +3,7 @@
 
 use super::lights;
 use super::story::Story;
+use aloft_analysis::compare::JudgedOn;
 use aloft_analysis::held_out::HeldOutError;
 use aloft_analysis::history::HistoryRow;
 use aloft_compare::AgainstFloor;
@@ -71,7 +72,13 @@ fn stated_place(asked: Option<&Discovery>, last: Option<&HistoryRow>) -> Option<
         d.ladder.first().map(|a| a.judged_on.clone()).or_else(|| d.rounds.first().map(|r| r.judged_on.clone()))
     });
     let last = last.filter(|r| r.revision > 0).and_then(|r| r.judged_on);
-    let changed_in = last.map(|j| if j.words().ends_with("flight") { "flight" } else { "contact" }.to_owned());
+    let changed_in = last.map(|j| {
+        match j {
+            JudgedOn::Flight => "flight",
+            JudgedOn::Contact => "contact",
+        }
+        .to_owned()
+    });
     found_in.or(changed_in)
 }
 

@@ -94,7 +94,7 @@ pub(crate) fn how_sure(story: &Story<'_>, first: Option<&Standing>) -> String {
         let p = &found.parameters;
         let flights = count(p.n_stretches, "flight");
         let brief = story.comparison.as_ref().map(|v| &v.parameters).filter(|b| b.in_all > 0);
-        parts.push(match (p.gate.passed, p.gate.reasons.first().and_then(|r| r.split(';').next()), brief) {
+        parts.push(match (p.gate.passed, p.gate.reasons.first(), brief) {
             (true, None, _) => format!("{flights} determine the parameters."),
             (true, Some(reason), _) => format!("{flights}: {}.", reason.trim_end_matches('.')),
             (false, _, Some(b)) => {

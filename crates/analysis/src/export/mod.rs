@@ -3,12 +3,11 @@
 
 mod folder;
 mod gather;
-mod methods;
 
 use crate::freshness::{Freshness, freshness};
 use crate::status::status;
 use aloft_export::readme::{Making, readme};
-use aloft_export::{Convention, Format, OutFile, SubjectExport, names};
+use aloft_export::{Convention, Format, InertiaSource, OutFile, SubjectExport, names};
 use aloft_study::config::Angles;
 use aloft_study::recordings::{SessionId, fold};
 use aloft_study::subject_session::{SubjectSession, TrialEntry};
@@ -175,7 +174,17 @@ fn describe(
     files: &mut Vec<Kept>,
     done: &mut Exported,
 ) -> Result<(), PipelineError> {
-    let methods = methods::paragraph(session, ws, subject)?;
+    let mut methods = crate::methods::paragraph(session, ws, &subject.subject)?;
+    methods.push_str(match &subject.source {
+        InertiaSource::Identified { .. } => {
+            " Links were made physically consistent (positive definite pseudo-inertia) and are the inertias of the exported models."
+        }
+        InertiaSource::Prior { .. } => " The exported models carry the inertias from tables.",
+    });
+    methods.push_str(&format!(
+        " Angles in the exported files follow the convention `{}`.",
+        subject.coordinates.convention.word()
+    ));
     let making = Making {
         program: program(),
         pipeline: session.config.name.clone(),

@@ -55,6 +55,8 @@ pub struct DraftedMarker {
     pub tracking: bool,
     /// What the proposal rests on, and doubts.
     pub because: String,
+    /// The doubts; none where the proposal is clear.
+    pub doubts: Vec<String>,
 }
 
 /// A proposed marker set.
@@ -204,8 +206,10 @@ impl<'a> Work<'a> {
                         taken.insert(name, label.clone());
                     }
                 }
-                if let Some(doubt) = self.side_doubt(i, found.as_ref(), right) {
-                    because.push_str(&doubt);
+                let mut doubts = found.as_ref().map(|p| p.doubts.clone()).unwrap_or_default();
+                doubts.extend(self.side_doubt(i, found.as_ref(), right));
+                for doubt in &doubts {
+                    let _ = write!(because, "; CHECK: {doubt}");
                 }
                 DraftedMarker {
                     label,
@@ -215,6 +219,7 @@ impl<'a> Work<'a> {
                     optional: !static_only && present < self.moving.len(),
                     tracking: found.as_ref().is_none_or(|p| p.tracking),
                     because,
+                    doubts,
                 }
             })
             .collect()
@@ -257,7 +262,7 @@ impl<'a> Work<'a> {
                 let elsewhere = link != p.link && other < OTHER_LINK * own && own > LOOSE_M;
                 elsewhere.then(|| {
                     format!(
-                        "; CHECK: it moves with {link} (distances vary by {:.0} mm, to {} by {:.0} mm)",
+                        "it moves with {link} (distances vary by {:.0} mm, to {} by {:.0} mm)",
                         1e3 * other,
                         p.link,
                         1e3 * own
@@ -267,7 +272,7 @@ impl<'a> Work<'a> {
             .collect();
         for (p, doubt) in place.iter_mut().zip(doubts) {
             if let (Some(p), Some(doubt)) = (p, doubt) {
-                p.how.push_str(&doubt);
+                p.doubts.push(doubt);
             }
         }
     }
@@ -292,16 +297,22 @@ impl<'a> Work<'a> {
             let points: Vec<Vector3<f64>> = group.iter().filter_map(|i| self.at[*i]).collect();
             let center = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
             let Some(found) = axes.nearest(&center) else { continue };
-            let doubt = found.doubtful.map_or(String::new(), |other| format!("; CHECK: {other} is nearly as near"));
+            let doubts: Vec<String> = found.doubtful.iter().map(|other| format!("{other} is nearly as near")).collect();
             let how = format!(
-                "rigid cluster of {} (distances vary by {:.1} mm), {:.0} mm beside the axis of {}{doubt}",
+                "rigid cluster of {} (distances vary by {:.1} mm), {:.0} mm beside the axis of {}",
                 group.len(),
                 1e3 * own,
                 1e3 * found.distance_m,
                 found.link
             );
             for i in group {
-                place[i] = Some(Place { link: found.link.clone(), landmark: None, tracking: true, how: how.clone() });
+                place[i] = Some(Place {
+                    link: found.link.clone(),
+                    landmark: None,
+                    tracking: true,
+                    how: how.clone(),
+                    doubts: doubts.clone(),
+                });
             }
         }
     }
@@ -319,7 +330,7 @@ impl<'a> Work<'a> {
             }
             let beside = next.map_or(String::new(), |n| format!(" (next link {:.0} mm)", 1e3 * n));
             let how = format!("moves with {link}: distances vary by {:.0} mm{beside}", 1e3 * own);
-            place[i] = Some(Place { link, landmark: None, tracking: true, how });
+            place[i] = Some(Place { link, landmark: None, tracking: true, how, doubts: Vec::new() });
         }
         // markers of the static trial sit where their nearest neighbours do
         for i in 0..place.len() {
@@ -333,7 +344,7 @@ impl<'a> Work<'a> {
                 .min_by(|a, b| a.1.total_cmp(&b.1));
             if let Some((link, distance)) = near.filter(|(_, d)| *d < 0.12) {
                 let how = format!("static only; {:.0} mm from a marker of {link}", 1e3 * distance);
-                place[i] = Some(Place { link: link.clone(), landmark: None, tracking: true, how });
+                place[i] = Some(Place { link: link.clone(), landmark: None, tracking: true, how, doubts: Vec::new() });
             }
         }
     }
@@ -370,12 +381,18 @@ impl<'a> Work<'a> {
                 _ => "head".to_owned(),
             };
             let how = format!(
-                "CHECK: placed by height ({:.0} % of the markers' extent) and side; moves together with {} others",
+                "placed by height ({:.0} % of the markers' extent) and side; moves together with {} others",
                 100.0 * height,
                 group.len() - 1
             );
             for i in group {
-                place[i] = Some(Place { link: link.clone(), landmark: None, tracking: true, how: how.clone() });
+                place[i] = Some(Place {
+                    link: link.clone(),
+                    landmark: None,
+                    tracking: true,
+                    how: how.clone(),
+                    doubts: vec!["nothing else says where it is".to_owned()],
+                });
             }
         }
     }
@@ -434,7 +451,7 @@ impl<'a> Work<'a> {
         let middle = seen.iter().sum::<Vector3<f64>>() / seen.len() as f64;
         let lateral = Vector2::new(at.x - middle.x, at.y - middle.y).dot(&right);
         (stated * lateral < -0.04)
-            .then(|| format!("; CHECK: it stands {:.0} mm on the other side of the body", 1e3 * lateral.abs()))
+            .then(|| format!("it stands {:.0} mm on the other side of the body", 1e3 * lateral.abs()))
     }
 }
 

@@ -12,6 +12,8 @@ pub(super) struct Place {
     pub tracking: bool,
     /// The source, for the comment beside the marker.
     pub how: String,
+    /// Doubts about the proposal.
+    pub doubts: Vec<String>,
 }
 
 /// The label reduced to lower-case letters and digits.
@@ -62,7 +64,7 @@ impl Labels {
             String::new()
         };
         let how = format!("label of {}{doubt}", sets.join(", "));
-        Some(Place { link: link.clone(), landmark: landmark.clone(), tracking: *tracking, how })
+        Some(Place { link: link.clone(), landmark: landmark.clone(), tracking: *tracking, how, doubts: Vec::new() })
     }
 }
 
@@ -128,11 +130,17 @@ fn words(label: &str) -> Option<Place> {
         let link = if central { link.to_owned() } else { format!("{link}_{side}") };
         let landmark = landmark.map(|l| if l == "sacrum" { l.to_owned() } else { format!("{l}_{side}") });
         let tracking = !patella && landmark.as_deref().is_none_or(|l| !l.starts_with("hip_center"));
-        return Some(Place { link, landmark, tracking, how: format!("`{word}` in the label") });
+        return Some(Place { link, landmark, tracking, how: format!("`{word}` in the label"), doubts: Vec::new() });
     }
     let (word, link, landmark) = found(CENTRAL, &text)?;
     let how = format!("`{word}` in the label");
-    Some(Place { link: link.to_owned(), landmark: landmark.map(str::to_owned), tracking: true, how })
+    Some(Place {
+        link: link.to_owned(),
+        landmark: landmark.map(str::to_owned),
+        tracking: true,
+        how,
+        doubts: Vec::new(),
+    })
 }
 
 /// Side that a label states, `l` or `r`, and the label without it, lower-case letters and digits.

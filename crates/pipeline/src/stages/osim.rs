@@ -82,7 +82,7 @@ pub fn keep_seen(osim: &OsimSetup, facts: &Facts, inputs: &StageInputs<'_>) -> R
             crate::recording::abridged(&unseen)
         ));
     }
-    let still = |m: &&aloft_robot::osim::MergedBody| m.why.starts_with("no marker");
+    let still = |m: &&aloft_robot::osim::MergedBody| m.unseen;
     let held: Vec<String> = tree.merged.iter().filter(still).map(|m| m.body.clone()).collect();
     if !held.is_empty() {
         done.warnings.push(format!(

@@ -6,8 +6,8 @@ use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, para
 use crate::trial_rows::{TrialRows, each_stretch, effect_columns};
 use aloft_body::{BaseParameters, Subject};
 use aloft_regressor::{
-    Acting, CoordinateNoise, EffectColumns, Noise, Slides, Stretch, StretchKind, Tissue,
-    WeakOptions, weak_factor, weak_factor_with_tissue,
+    Acting, CoordinateNoise, EffectColumns, Noise, Slides, Stretch, StretchKind, Tissue, WeakOptions, weak_factor,
+    weak_factor_with_tissue,
 };
 use aloft_study::calendar::Calendar;
 use aloft_study::config::Weighting;

@@ -55,7 +55,7 @@ pub(super) struct Moves {
 
 /// What becomes of a joint of the file.
 pub(super) enum Kind {
-    Rides(String),
+    Rides { why: String, unseen: bool },
     Moves(Moves),
 }
 
@@ -81,20 +81,22 @@ impl Builder<'_> {
         if !self.marked[index] {
             let own = joint.axes().filter_map(|a| a.coordinate).collect::<Vec<_>>();
             let coupled = !own.is_empty() && own.iter().all(|c| self.osim.all[*c].follows.is_some());
-            return Kind::Rides(if own.is_empty() {
-                "welded".to_owned()
+            let (why, unseen) = if own.is_empty() {
+                ("welded", false)
             } else if coupled {
-                "it follows another joint and carries no marker".to_owned()
+                ("it follows another joint and carries no marker", false)
             } else {
-                "no marker is on it or beyond".to_owned()
-            });
+                ("no marker is on it or beyond", true)
+            };
+            return Kind::Rides { why: why.to_owned(), unseen };
         }
         let turning: Vec<usize> =
             (0..joint.rotations.len()).filter(|a| self.moved_by(&joint.rotations[*a]).is_some()).collect();
         let sliding = joint.translations.iter().any(|a| self.moved_by(a).is_some());
         if turning.is_empty() && !sliding {
             let welded = joint.axes().all(|a| a.coordinate.is_none_or(|_| a.function.is_constant()));
-            return Kind::Rides(if welded { "welded" } else { "its joint is locked in the file" }.to_owned());
+            let why = if welded { "welded" } else { "its joint is locked in the file" };
+            return Kind::Rides { why: why.to_owned(), unseen: false };
         }
         let at_rest = joint.body_in_parent(self.rest);
         let (in_parent, center, stray_m) = if sliding {

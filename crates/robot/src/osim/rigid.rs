@@ -26,6 +26,8 @@ pub struct MergedBody {
     pub link: String,
     /// Why, in words.
     pub why: String,
+    /// True if it could move, but no marker is on it or beyond.
+    pub unseen: bool,
 }
 
 /// A link of the rigid tree.
@@ -81,12 +83,12 @@ impl RigidTree {
             };
             let (carrier, link_from_parent) = home[parent];
             match tree.kind(index) {
-                Kind::Rides(why) => {
+                Kind::Rides { why, unseen } => {
                     let place = link_from_parent * joint.body_in_parent(&rest);
                     sums[carrier] += joint.inertia.transformed(&place).to_phi();
                     home.push((carrier, place));
                     let link = specs.get(carrier).map_or(String::new(), |s: &aloft_body::LinkSpec| s.name.clone());
-                    merged.push(MergedBody { body: joint.child.clone(), link, why });
+                    merged.push(MergedBody { body: joint.child.clone(), link, why, unseen });
                 }
                 Kind::Moves(moves) => {
                     let at = link_from_parent * moves.parent_from_link;

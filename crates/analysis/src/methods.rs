@@ -3,7 +3,7 @@
 
 use crate::compare::compare;
 use crate::parameters::parameters;
-use aloft_export::{InertiaSource, SubjectExport};
+use aloft_body::Subject;
 use aloft_flight::FlightReport;
 use aloft_pipeline::stages::filter::low_pass;
 use aloft_study::subject_session::SubjectSession;
@@ -28,29 +28,35 @@ fn listed(values: &BTreeSet<String>) -> String {
     values.iter().cloned().collect::<Vec<_>>().join(" and ")
 }
 
-/// Writes the paragraph.
-pub(super) fn paragraph(
-    session: &SubjectSession,
-    ws: &Workspace,
-    subject: &SubjectExport,
-) -> Result<String, PipelineError> {
+/// The paragraph; `subject` is the model after calibration.
+///
+/// # Errors
+/// Results that are damaged.
+pub fn paragraph(session: &SubjectSession, ws: &Workspace, subject: &Subject) -> Result<String, PipelineError> {
     let mut t = match (&session.robot, &session.osim) {
-        (Some(robot), _) => robot.kinematics_in_words(),
-        (None, Some(osim)) => recordings(session, ws, subject) + " " + &osim.kinematics_in_words(),
+        (Some(robot), _) => robot.kinematics_in_words() + &filtering(session, ""),
+        (None, Some(osim)) => {
+            recordings(session, ws, subject) + " " + osim.kinematics_in_words().trim_end() + &filtering(session, "")
+        }
         (None, None) => recordings(session, ws, subject) + &kinematics(session, ws, subject)?,
     };
-    t.push_str(&identification(session, ws, subject)?);
+    t.push_str(&identification(session, ws)?);
     for difference in aloft_pipeline::made::differences(session, ws) {
         t.push_str(&format!(" {difference}."));
     }
-    t.push_str(&format!(
-        " Angles in the exported files follow the convention `{}`.",
-        subject.coordinates.convention.word()
-    ));
     Ok(t)
 }
 
-fn recordings(session: &SubjectSession, ws: &Workspace, subject: &SubjectExport) -> String {
+/// Filter of the frame-wise comparison; `more` stands before the closing bracket.
+fn filtering(session: &SubjectSession, more: &str) -> String {
+    let spec = low_pass(&session.config.filter);
+    format!(
+        " For frame-wise comparison joint motion was filtered forward and backward with a Butterworth low-pass (order {} a pass, {} Hz{more}).",
+        spec.order, spec.cutoff_hz
+    )
+}
+
+fn recordings(session: &SubjectSession, ws: &Workspace, subject: &Subject) -> String {
     let (mut rates, mut plates, mut frames) = (BTreeSet::new(), 0, 0);
     let mut trials = 0;
     for trial in session.included().filter(|t| t.role.is_dynamic()) {
@@ -70,14 +76,14 @@ fn recordings(session: &SubjectSession, ws: &Workspace, subject: &SubjectExport)
         "{trials} dynamic trials ({frames} frames at {} Hz) of {} markers were recorded with {with}. Marker trajectories were brought to SI units and one world frame \
          with Z up; gaps of up to {} s were filled by cubic curves and of up to {} s from the other markers of the segment.",
         listed(&rates),
-        subject.subject.markers.len(),
+        subject.markers.len(),
         session.config.import.fill_gaps_s,
         session.config.import.rigid_fill_s
     )
 }
 
-fn kinematics(session: &SubjectSession, ws: &Workspace, subject: &SubjectExport) -> Result<String, PipelineError> {
-    let model = &subject.subject.model;
+fn kinematics(session: &SubjectSession, ws: &Workspace, subject: &Subject) -> Result<String, PipelineError> {
+    let model = &subject.model;
     let degrees = model.nv.saturating_sub(6);
     let mut t = if session.object.is_some() {
         format!(
@@ -88,7 +94,7 @@ fn kinematics(session: &SubjectSession, ws: &Workspace, subject: &SubjectExport)
         format!(
             " A model of {} links and {degrees} joint degrees of freedom was scaled to the static trial (hip joint centres after {}; inertias from tables: {}).",
             model.n_links(),
-            session.config.scale.hip,
+            capital(&session.config.scale.hip),
             session.anthropometry.title
         )
     };
@@ -121,19 +127,19 @@ fn kinematics(session: &SubjectSession, ws: &Workspace, subject: &SubjectExport)
     if !rms.is_empty() {
         t.push_str(&format!(" (marker RMS {} mm over trials)", mean_sd(&rms, 1)));
     }
+    t.push('.');
     let spec = low_pass(&session.config.filter);
-    t.push_str(&format!(
-        " and filtered forward and backward with a Butterworth low-pass (order {} a pass, {} Hz",
-        spec.order, spec.cutoff_hz
-    ));
-    if let Some(facts) = rates.first().and_then(|r| spec.describe(*r as f64 / 1e3).ok()) {
-        t.push_str(&format!("; effective order {}, −3 dB at {:.2} Hz", facts.effective_order, facts.true_minus3db_hz));
-    }
+    let facts = rates.first().and_then(|r| spec.describe(*r as f64 / 1e3).ok());
+    let facts =
+        facts.map(|f| format!("; effective order {}, −3 dB at {:.2} Hz", f.effective_order, f.true_minus3db_hz));
+    t.push_str(&filtering(session, &facts.unwrap_or_default()));
     let has_plates = session.included().any(|t| {
         let imported = ws.manifest("import", &t.name);
         imported.and_then(|m| m.summary.get("plates")?.as_u64()).is_some_and(|n| n > 0)
     });
-    t.push_str(if has_plates { "); plate forces went through the same filter." } else { ")." });
+    if has_plates {
+        t.push_str(" Plate forces went through the same filter.");
+    }
     if !durations.is_empty() {
         t.push_str(&format!(
             " {} flights of {} s, in which gravity alone acts, were found from {}.",
@@ -145,7 +151,7 @@ fn kinematics(session: &SubjectSession, ws: &Workspace, subject: &SubjectExport)
     Ok(t)
 }
 
-fn identification(session: &SubjectSession, ws: &Workspace, subject: &SubjectExport) -> Result<String, PipelineError> {
+fn identification(session: &SubjectSession, ws: &Workspace) -> Result<String, PipelineError> {
     let mut t = String::new();
     if let Ok(found) = parameters(session, None) {
         let p = &found.parameters;
@@ -165,12 +171,6 @@ fn identification(session: &SubjectSession, ws: &Workspace, subject: &SubjectExp
             t.push_str(&format!(" The model includes {}.", listed(&names)));
         }
     }
-    t.push_str(match &subject.source {
-        InertiaSource::Identified { .. } => {
-            " Links were made physically consistent (positive definite pseudo-inertia) and are the inertias of the exported models."
-        }
-        InertiaSource::Prior { .. } => " The exported models carry the inertias from tables.",
-    });
     if ws.place("compare", WHOLE_STUDY).join("comparison.json").is_file() {
         for e in compare(session)?.errors {
             let mut parts = Vec::new();
@@ -201,4 +201,10 @@ fn identification(session: &SubjectSession, ws: &Workspace, subject: &SubjectExp
         }
     }
     Ok(t)
+}
+
+/// An author's name, capitalised.
+fn capital(name: &str) -> String {
+    let mut letters = name.chars();
+    letters.next().map_or(String::new(), |c| c.to_uppercase().chain(letters).collect())
 }
