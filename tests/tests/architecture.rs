@@ -3,7 +3,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// Crates from bottom to top: each may use only those listed before it.
@@ -154,4 +154,105 @@ fn discovery_knows_no_effect_by_its_name() {
             assert!(at.is_none(), "{file}:{} takes a name apart (`{guess}`)", at.unwrap_or(0) + 1);
         }
     }
+}
+
+/// Paths that begin with `crate::`, `super::` or `self::`; those in braces one by one.
+fn paths_in(code: &str) -> Vec<String> {
+    let part_of_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let mut out = Vec::new();
+    for start in ["crate::", "super::", "self::"] {
+        for (at, _) in code.match_indices(start) {
+            if code[..at].ends_with(|c: char| part_of_word(c) || c == ':') {
+                continue;
+            }
+            let rest = &code[at..];
+            let end = rest.find(|c: char| !part_of_word(c) && c != ':').unwrap_or(rest.len());
+            let path = rest[..end].trim_end_matches(':');
+            if rest[end..].starts_with('{') && rest[..end].ends_with("::") {
+                let list = &rest[end..rest.find(';').unwrap_or(rest.len())];
+                let names = list.split(|c: char| !part_of_word(c) && c != ':').filter(|w| !w.is_empty());
+                out.extend(names.map(|w| format!("{path}::{}", w.trim_end_matches(':'))));
+            } else {
+                out.push(path.to_owned());
+            }
+        }
+    }
+    out
+}
+
+/// Modules of a crate with the modules that each names by `crate::`, `super::` or `self::`.
+fn module_uses(src: &Path) -> BTreeMap<Vec<String>, BTreeSet<Vec<String>>> {
+    let modules: BTreeMap<Vec<String>, String> = sources(src)
+        .into_iter()
+        .map(|(file, text)| {
+            let relative = Path::new(&file).strip_prefix(src).unwrap().with_extension("");
+            let mut path: Vec<String> = relative.iter().map(|p| p.to_str().unwrap().to_owned()).collect();
+            if path.last().is_some_and(|l| l == "mod") || path.len() == 1 && ["lib", "main"].contains(&path[0].as_str())
+            {
+                path.pop();
+            }
+            // comments and tests inside the file do not count
+            let code = text.split("#[cfg(test)]\nmod").next().unwrap();
+            (path, code.lines().map(|l| l.split("//").next().unwrap()).collect::<Vec<_>>().join("\n"))
+        })
+        .collect();
+    let mut uses = BTreeMap::new();
+    for (own, code) in &modules {
+        let named = paths_in(code);
+        let mut to = BTreeSet::new();
+        for name in named {
+            let parts: Vec<&str> = name.split("::").collect();
+            let mut full: Vec<String> = if parts[0] == "crate" { Vec::new() } else { own.clone() };
+            for part in parts.iter().skip(usize::from(parts[0] == "crate")) {
+                match *part {
+                    "super" => drop(full.pop()),
+                    "self" => {}
+                    part => full.push(part.to_owned()),
+                }
+            }
+            // the longest beginning that is a module
+            while !full.is_empty() && !modules.contains_key(&full) {
+                full.pop();
+            }
+            if !full.is_empty() && full != *own {
+                to.insert(full);
+            }
+        }
+        uses.insert(own.clone(), to);
+    }
+    uses
+}
+
+/// Files that name each other in a circle are read together; more than three are too many.
+#[test]
+fn no_import_circle_has_more_than_three_files() {
+    let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates");
+    let mut checked = 0;
+    for name in ORDER {
+        let uses = module_uses(&crates.join(name).join("src"));
+        let reached = |from: &Vec<String>| {
+            let mut seen: BTreeSet<Vec<String>> = BTreeSet::new();
+            let mut open = vec![from.clone()];
+            while let Some(next) = open.pop() {
+                for to in uses.get(&next).into_iter().flatten() {
+                    if seen.insert(to.clone()) {
+                        open.push(to.clone());
+                    }
+                }
+            }
+            seen
+        };
+        let reach: BTreeMap<_, _> = uses.keys().map(|m| (m.clone(), reached(m))).collect();
+        for module in uses.keys() {
+            let circle: Vec<String> = uses
+                .keys()
+                .filter(|m| reach[module].contains(*m) && reach[*m].contains(module))
+                .map(|m| m.join("::"))
+                .collect();
+            assert!(circle.len() <= 3, "{name}: {circle:?} name each other in a circle");
+        }
+        checked += uses.values().map(BTreeSet::len).sum::<usize>();
+    }
+    // the search for names works
+    assert!(checked > 500, "{checked} uses");
 }

@@ -6,6 +6,8 @@ use aloft_pipeline::graph::{Need, Stage};
 use aloft_pipeline::stages::STAGES;
 use aloft_study::catalog;
 use aloft_study::subject_session::{Overrides, SubjectSession};
+use serde_json::{Value, json};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 fn document(name: &str) -> String {
@@ -98,7 +100,7 @@ fn a_new_cut_off_leaves_weak_rows_and_what_they_need_alone() {
     let before = SubjectSession::open(&root.join("pipelines/demo.yaml"), &Overrides::default()).unwrap();
     let mut after = before.clone();
     after.config.filter.cutoff_hz *= 0.5;
-    let parameters = |stage: &Stage, session: &SubjectSession| -> Vec<serde_json::Value> {
+    let parameters = |stage: &Stage, session: &SubjectSession| -> Vec<Value> {
         stage.tasks(session).into_iter().map(|t| (stage.parameters)(session, t)).collect()
     };
     let changed = |stage: &Stage| parameters(stage, &before) != parameters(stage, &after);
@@ -123,4 +125,106 @@ fn a_new_cut_off_leaves_weak_rows_and_what_they_need_alone() {
         at += 1;
     }
     assert!(needed.iter().all(|n| !stale.contains(n)), "{needed:?}");
+}
+
+/// Other values for a setting, from its schema: each variant of a choice, a number or a word that
+/// is not the default.
+fn others(schema: &Value, root: &Value) -> Vec<Value> {
+    let target = schema["$ref"].as_str().and_then(|r| root.pointer(r.trim_start_matches('#'))).unwrap_or(schema);
+    let default = schema.get("default").unwrap_or(&Value::Null);
+    let choices: Vec<Value> = target["oneOf"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(|c| c.get("const").cloned())
+        .chain(target["enum"].as_array().into_iter().flatten().cloned())
+        .filter(|c| c != default)
+        .collect();
+    if !choices.is_empty() {
+        return choices;
+    }
+    let kind = target["type"].as_str().or_else(|| target["type"][0].as_str()).unwrap_or_default();
+    match (kind, default) {
+        ("boolean", Value::Bool(b)) => vec![Value::Bool(!b)],
+        ("integer", Value::Number(n)) => vec![Value::from(n.as_u64().unwrap() + 1)],
+        ("number", Value::Number(n)) if n.as_f64() == Some(0.0) => vec![Value::from(0.2)],
+        ("number", Value::Number(n)) => vec![Value::from(n.as_f64().unwrap() * 0.75)],
+        ("number", _) => vec![Value::from(0.1)],
+        _ => Vec::new(),
+    }
+}
+
+/// Every setting of the stages' sections with other values, and settings of the subject.
+fn changes() -> Vec<(String, Value)> {
+    let schema = aloft_study::config_schema().to_value();
+    let mut out = Vec::new();
+    for section in ["import", "scale", "calibrate", "ik", "filter", "flight", "regressor", "identify", "compare"] {
+        let reference = schema["properties"][section].to_string();
+        let name = reference.split("#/$defs/").nth(1).and_then(|r| r.split('"').next()).unwrap();
+        for (key, own) in schema["$defs"][name]["properties"].as_object().unwrap() {
+            out.extend(others(own, &schema).into_iter().map(|v| (format!("{section}.{key}"), v)));
+        }
+    }
+    for (key, value) in [("mass_kg", 61.5), ("height_m", 1.7), ("gravity_mps2", 9.7)] {
+        out.push((format!("subject.{key}"), Value::from(value)));
+    }
+    out.push(("scale.hip".into(), "bell".into()));
+    out.push(("scale.anthropometry".into(), "dumas".into()));
+    out.push(("ik.weights".into(), json!({"LASI": 0.5})));
+    out.push(("import.aliases".into(), json!({"nothing": "LASI"})));
+    out
+}
+
+/// The stages whose parameters a setting changes, for two pipelines: an object and a person. A
+/// setting that a stage does not read may not make its results stale, and one that it reads must.
+#[test]
+fn each_setting_makes_exactly_the_stages_stale_that_read_it() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let folder = tempfile::tempdir().unwrap();
+    let mut table: BTreeMap<String, BTreeSet<&str>> = BTreeMap::new();
+    for name in ["demo", "demo_human"] {
+        let text = std::fs::read_to_string(root.join(format!("pipelines/{name}.yaml"))).unwrap();
+        let data = root.join(if name == "demo" { "fixtures/demo" } else { "fixtures/human_tethered" });
+        let mut plain: Value = aloft_study::ranges::parse_yaml::<Value>(name, &text).unwrap();
+        plain["data"] = data.display().to_string().into();
+        let open = |pipeline: &Value| {
+            let file = folder.path().join("p.yaml");
+            // JSON is valid YAML
+            std::fs::write(&file, pipeline.to_string()).unwrap();
+            SubjectSession::open(&file, &Overrides::default())
+        };
+        let parameters = |session: &SubjectSession| -> Vec<Vec<Value>> {
+            let of = |s: &&Stage| s.tasks(session).into_iter().map(|t| (s.parameters)(session, t)).collect();
+            STAGES.iter().map(of).collect()
+        };
+        let before = parameters(&open(&plain).unwrap());
+        for (setting, value) in changes() {
+            let (section, key) = setting.split_once('.').unwrap();
+            let mut changed = plain.clone();
+            if changed[section].is_null() {
+                changed[section] = json!({});
+            }
+            changed[section][key] = value;
+            let Ok(session) = open(&changed) else { continue };
+            let stale = STAGES.iter().zip(before.iter().zip(parameters(&session))).filter(|(_, (a, b))| **a != *b);
+            table.entry(setting).or_default().extend(stale.map(|(s, _)| s.name));
+        }
+    }
+    assert!(table.len() >= 30, "{} settings", table.len());
+    let text: String = table
+        .iter()
+        .map(|(setting, stages)| {
+            let read: Vec<&str> = STAGES.iter().map(|s| s.name).filter(|s| stages.contains(s)).collect();
+            format!("{setting}\t{}\n", read.join(" "))
+        })
+        .collect();
+    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/settings_and_stages.tsv");
+    if std::env::var_os("ALOFT_UPDATE_GOLDENS").is_some() {
+        std::fs::write(&golden, &text).unwrap();
+    }
+    let expected = std::fs::read_to_string(&golden).unwrap_or_default();
+    for (now, then) in text.lines().zip(expected.lines()) {
+        assert_eq!(now, then, "a stage reads other settings; if that is intended: ALOFT_UPDATE_GOLDENS=1");
+    }
+    assert_eq!(text.lines().count(), expected.lines().count());
 }
