@@ -7,7 +7,7 @@
 //! itself and therefore runs on request only; the answer is stored in the workspace and shown with
 //! the parameters until they change.
 
-use crate::next_flights::Ground;
+use crate::next_flights::PlanInputs;
 use crate::results::{Made, with_results};
 use aloft_body::{BaseParameters, Motion, Phi};
 use aloft_compare::noise_root;
@@ -252,7 +252,7 @@ impl Setting<'_> {
         let Some(parameters) = self.made.results.load_parameters(Rows::Weak)? else { return Ok(None) };
         let recorded: Vec<(&Motion, &[Stretch])> =
             self.recorded.iter().map(|r| (&r.rows.motion, r.flights.as_slice())).collect();
-        let ground = Ground {
+        let inputs = PlanInputs {
             made: self.made,
             setup,
             config,
@@ -263,7 +263,7 @@ impl Setting<'_> {
             parameters: &parameters,
             recorded: &recorded,
         };
-        Ok(ground.plan_or_note(notes))
+        Ok(inputs.plan_or_note(notes))
     }
 
     fn base_prior(&self) -> Option<&Prior> {

@@ -320,8 +320,7 @@ pub fn impulse_mass(session: &SubjectSession, ws: &Workspace) -> Option<ImpulseM
         .collect();
     masses.sort_by(f64::total_cmp);
     let (first, last) = (*masses.first()?, *masses.last()?);
-    let middle = masses.len() / 2;
-    let mass_kg = if masses.len() % 2 == 1 { masses[middle] } else { 0.5 * (masses[middle - 1] + masses[middle]) };
+    let mass_kg = aloft_signal::median(&mut masses);
     let stated_kg = session.facts.person.mass_kg;
     let off = mass_kg / stated_kg - 1.0;
     // effects of the model act on the impulse, too, and may account for the difference

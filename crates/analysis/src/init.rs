@@ -326,8 +326,7 @@ fn is_still(trial: &Trial) -> bool {
             })
         })
         .collect();
-    spreads.sort_by(f64::total_cmp);
-    spreads.get(spreads.len() / 2).is_some_and(|s| *s < 0.02)
+    aloft_signal::upper_median(&mut spreads).is_some_and(|s| s < 0.02)
 }
 
 /// Recordings with one role: by name for one subject, by pattern for several.
@@ -361,7 +360,7 @@ fn write(
     not_used: &[NotUsed],
 ) -> Result<(String, Vec<String>), PipelineError> {
     let mut notes = Vec::new();
-    let choice::Choice { set, model, fit, unseen, markerless } = choice::choose(seen)?;
+    let choice::FittedSet { set, model, fit, unseen, markerless } = choice::choose(seen)?;
     let is_object = model == "two_link";
     let models = if layout.subjects.is_empty() && !is_object {
         osim::find(folder, seen)

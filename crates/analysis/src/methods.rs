@@ -6,6 +6,7 @@ use crate::parameters::parameters;
 use aloft_body::Subject;
 use aloft_flight::FlightReport;
 use aloft_pipeline::stages::filter::low_pass;
+use aloft_signal::mean_and_deviation;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::json::read_json;
@@ -15,13 +16,11 @@ use std::collections::BTreeSet;
 
 /// Mean and standard deviation as text.
 fn mean_sd(values: &[f64], decimals: usize) -> String {
-    let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    if values.len() < 2 {
-        return format!("{mean:.decimals$}");
+    match mean_and_deviation(values) {
+        Some((mean, sd)) if sd.is_finite() => format!("{mean:.decimals$} ± {sd:.decimals$}"),
+        Some((mean, _)) => format!("{mean:.decimals$}"),
+        None => "–".to_owned(),
     }
-    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    format!("{mean:.decimals$} ± {:.decimals$}", variance.sqrt())
 }
 
 fn listed(values: &BTreeSet<String>) -> String {

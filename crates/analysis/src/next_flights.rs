@@ -32,7 +32,7 @@ const MOST: usize = 999;
 const NOTE: &str = "flights to record next";
 
 /// Everything that a plan needs.
-pub(crate) struct Ground<'a> {
+pub(crate) struct PlanInputs<'a> {
     pub made: &'a Made<'a>,
     pub setup: &'a RobotSetup,
     pub config: &'a RobotConfig,
@@ -54,7 +54,7 @@ fn folder(session: &SubjectSession) -> PathBuf {
     session.workspace.join("next_flights")
 }
 
-impl Ground<'_> {
+impl PlanInputs<'_> {
     /// The plan, or none with a note why.
     pub fn plan_or_note(&self, notes: &mut Vec<String>) -> Option<NextFlights> {
         let why = match self.plan() {

@@ -7,6 +7,7 @@
 use aloft_flight::{Coverage, FlightReport, ImpulseMass, PlateDelay, PlateTare, TareSource, Unmeasured};
 use aloft_identify::half95;
 use aloft_ik::{IkReport, LabelExchange};
+use aloft_signal::mean_and_deviation;
 use aloft_study::subject_session::{Role, SubjectSession};
 use aloft_workspace::artifact::{load_markers, load_trial_without_points};
 use aloft_workspace::json::read_json;
@@ -67,12 +68,10 @@ pub struct SessionCheck {
     pub lines: Vec<SessionLine>,
 }
 
-/// Mean, standard error of the mean, number.
+/// Mean, standard error of the mean (NaN for one value), number.
 fn mean(values: &[f64]) -> Option<(f64, f64, usize)> {
-    let n = values.len();
-    let mean = values.iter().sum::<f64>() / n as f64;
-    let square: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-    (n > 0).then(|| (mean, if n > 1 { (square / (n - 1) as f64 / n as f64).sqrt() } else { f64::NAN }, n))
+    let (mean, deviation) = mean_and_deviation(values)?;
+    Some((mean, deviation / (values.len() as f64).sqrt(), values.len()))
 }
 
 fn standing(ci95: Option<[f64; 2]>, expected: Option<f64>) -> LineStanding {
@@ -124,8 +123,8 @@ fn timing(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
     let Some((value, se, n)) = mean(&values) else { return };
     let common = 1e3 * delays.iter().map(|d| d.posture_s).sum::<f64>() / n as f64;
     let own = 1e3 * delays.iter().map(|d| d.scatter_s.powi(2)).sum::<f64>().sqrt() / n as f64;
-    let scatter = if n > 1 { half95(se, (n - 1) as f64) } else { Some(1.96 * own) };
-    let half = scatter.map(|s| s.hypot(1.96 * common));
+    let scatter = if n > 1 { half95(se, (n - 1) as f64) } else { half95(own, f64::INFINITY) };
+    let half = scatter.zip(half95(common, f64::INFINITY)).map(|(s, c)| s.hypot(c));
     let ci95 = half.map(|h| [value - h, value + h]);
     let standing = standing(ci95, Some(0.0));
     let spread = scatter.filter(|_| n > 1).map_or(String::new(), |s| format!("; contact to contact ± {s:.1} ms"));
@@ -288,7 +287,7 @@ fn tares(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         };
         let (low, high) = known.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |r, x| (r.0.min(*x), r.1.max(*x)));
         let noise = of().map(|(_, t)| t.noise_n / (t.samples.max(1) as f64).sqrt()).fold(0.0, f64::max);
-        let ci95 = Some([low - 1.96 * noise, high + 1.96 * noise]);
+        let ci95 = half95(noise, f64::INFINITY).map(|h| [low - h, high + h]);
         let exact = known.iter().all(|k| *k == 0.0);
         let words = if exact {
             format!("exactly zero: set to zero by an earlier program{never}")
@@ -318,7 +317,8 @@ fn free_fall(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
     let Some((value, se, n)) = mean(&ratios) else { return };
     // one percent is common to all flights of a person (masses of a table, soft tissue)
     let common = if source.session.object.is_some() { 0.003 } else { 0.01 };
-    let half = half95(se, n.saturating_sub(1) as f64).filter(|h| h.is_finite()).unwrap_or(0.0).hypot(1.96 * common);
+    let half = half95(se, n.saturating_sub(1) as f64).filter(|h| h.is_finite()).unwrap_or(0.0);
+    let half = half.hypot(half95(common, f64::INFINITY).unwrap_or(0.0));
     let ci95 = Some([value - half, value + half]);
     let state = standing(ci95, Some(1.0));
     let words = if state == LineStanding::Differs {

@@ -55,7 +55,7 @@ fn stand(
 ) -> Result<TaskState, PipelineError> {
     let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
     let inputs = graph::inputs(stage, trial, session, ws, manifests)?;
-    Ok(graph::standing(stage, trial, session, &inputs, manifests.get(stage.name, name)))
+    Ok(graph::task_state(stage, trial, session, &inputs, manifests.get(stage.name, name)))
 }
 
 /// The grid. A stage downstream of a stale one is stale, too.

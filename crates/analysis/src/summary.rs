@@ -11,6 +11,7 @@ use aloft_study::recordings::SessionId;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::disk::{self, Temporary};
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::limits;
 use aloft_workspace::manifest::{Manifest, Outcome, WHOLE_STUDY};
 use aloft_workspace::qc::{QcLevel, QcReason};
 use aloft_workspace::table::{write_csv, write_frame};
@@ -19,12 +20,6 @@ use polars::prelude::{Column, DataFrame, PolarsError};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Marker error above which a trial is flagged, mm (RMS over markers and frames).
-const IK_LIMIT_MM: f64 = 20.0;
-/// Scaling error above which a session is flagged, mm.
-const SCALING_LIMIT_MM: f64 = 10.0;
-/// Deviation of the free-fall acceleration from g above which a trial is flagged, percent.
-const FREE_FALL_LIMIT_PERCENT: f64 = 10.0;
 /// Error as a share of body weight above which the comparison is flagged (Hicks et al., J. Biomech.
 /// Eng. 137, 2015, section 4).
 const COMPARISON_LIMIT: f64 = 0.05;
@@ -280,13 +275,13 @@ fn figures(row: &mut SummaryRow, session: &SubjectSession, trial: &TrialEntry, m
         row.reasons.extend(serde_json::from_value::<Vec<QcReason>>(list.clone()).unwrap_or_default());
     }
     row.scaling_error_mm = number(once("scale"), "scaling_error_mm");
-    if trial.role == Role::Static && row.scaling_error_mm.is_some_and(|e| e > SCALING_LIMIT_MM) {
+    if trial.role == Role::Static && row.scaling_error_mm.is_some_and(|e| e > limits::SCALING_MM) {
         row.reasons.push(QcReason::ScalingErrorLarge);
     }
     let ik = own("ik");
     row.ik_error_mm = number(ik, "marker_rms_mm");
     row.unsolved_frames = count(ik, "unsolved_frames");
-    if row.ik_error_mm.is_some_and(|e| e > IK_LIMIT_MM) {
+    if row.ik_error_mm.is_some_and(|e| e > limits::MARKER_RMS_MM[1]) {
         row.reasons.push(QcReason::IkErrorLarge);
     }
     if row.unsolved_frames.is_some_and(|n| n > 0) {
@@ -299,7 +294,7 @@ fn figures(row: &mut SummaryRow, session: &SubjectSession, trial: &TrialEntry, m
     row.flights = count(flight, "flights");
     row.flight_s = number(flight, "flight_s");
     row.free_fall_error_percent = number(flight, "gravity_error_percent");
-    if row.free_fall_error_percent.is_some_and(|e| e.abs() > FREE_FALL_LIMIT_PERCENT) {
+    if row.free_fall_error_percent.is_some_and(|e| e.abs() > limits::FREE_FALL_PERCENT[1]) {
         row.reasons.push(QcReason::FreeFallOff);
     }
     let rows = session.config.regressor.rows.word();

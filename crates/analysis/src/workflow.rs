@@ -444,7 +444,7 @@ pub fn verdict(session: &SubjectSession) -> Result<Vec<Lacking>, PipelineError> 
             let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
             let inputs = graph::inputs(stage, trial, session, &workspace, &manifests)?;
             let (failure, first) =
-                match graph::standing(stage, trial, session, &inputs, manifests.get(stage.name, name)) {
+                match graph::task_state(stage, trial, session, &inputs, manifests.get(stage.name, name)) {
                     TaskState::Ok | TaskState::Warning => continue,
                     TaskState::Failed(failure) => (failure, true),
                     TaskState::Missing => (StageFailure::new("has not run"), true),

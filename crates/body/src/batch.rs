@@ -5,7 +5,7 @@
 //! the root for forces, world axes about a fixed point for momenta), so that the recursion needs no
 //! change of axes and each link's ten columns follow from its own pose, twist and acceleration.
 //!
-//! Lanes are independent and multiplications are not fused with additions: a frame gives the same
+//! FrameBlock are independent and multiplications are not fused with additions: a frame gives the same
 //! numbers in any lane, on every processor.
 
 use crate::base_parameters::BaseParameters;
@@ -18,7 +18,7 @@ use nalgebra::{Matrix3, Vector3};
 pub const LANES: usize = 8;
 
 /// One number per frame.
-pub type Lanes = [f64; LANES];
+pub type FrameBlock = [f64; LANES];
 
 /// Scratch memory for eight frames. Nothing allocates after [`FrameBatch::new`].
 #[derive(Debug, Clone)]
@@ -31,20 +31,20 @@ pub struct FrameBatch {
 #[derive(Debug, Clone, Copy)]
 struct LinkFrames {
     /// Columns of the rotation from link axes.
-    axes: [[Lanes; 3]; 3],
+    axes: [[FrameBlock; 3]; 3],
     /// Origin of the link relative to the common origin, m.
-    position: [Lanes; 3],
+    position: [FrameBlock; 3],
     /// Velocity of the origin, m/s.
-    velocity: [Lanes; 3],
+    velocity: [FrameBlock; 3],
     /// Angular velocity, rad/s.
-    omega: [Lanes; 3],
+    omega: [FrameBlock; 3],
     /// Acceleration of the origin minus gravity, m/s².
-    acceleration: [Lanes; 3],
+    acceleration: [FrameBlock; 3],
     /// Angular acceleration, rad/s².
-    alpha: [Lanes; 3],
+    alpha: [FrameBlock; 3],
 }
 
-const ZEROS: [Lanes; 3] = [[0.0; LANES]; 3];
+const ZEROS: [FrameBlock; 3] = [[0.0; LANES]; 3];
 
 impl FrameBatch {
     /// Scratch memory for a model with this number of links. It stores no data of the model.
@@ -96,10 +96,10 @@ impl FrameBatch {
     ///
     /// # Panics
     /// If `out` does not have 6 n_base entries.
-    pub fn base_wrench_rows(&self, base: &BaseParameters, out: &mut [Lanes]) {
+    pub fn base_wrench_rows(&self, base: &BaseParameters, out: &mut [FrameBlock]) {
         assert_eq!(out.len(), 6 * base.len(), "length of the base-wrench rows");
         let links = self.links.as_slice();
-        dispatch!(self.level, simd => write_base::<60, Lanes>(
+        dispatch!(self.level, simd => write_base::<60, FrameBlock>(
             base,
             out,
             #[inline(always)]
@@ -112,10 +112,10 @@ impl FrameBatch {
     ///
     /// # Panics
     /// If `out` does not have 6 n_base entries.
-    pub fn momentum_rows(&self, base: &BaseParameters, out: &mut [Lanes]) {
+    pub fn momentum_rows(&self, base: &BaseParameters, out: &mut [FrameBlock]) {
         assert_eq!(out.len(), 6 * base.len(), "length of the momentum rows");
         let links = self.links.as_slice();
-        dispatch!(self.level, simd => write_base::<60, Lanes>(
+        dispatch!(self.level, simd => write_base::<60, FrameBlock>(
             base,
             out,
             #[inline(always)]
@@ -128,10 +128,10 @@ impl FrameBatch {
     ///
     /// # Panics
     /// If `out` does not have 3 n_base entries.
-    pub fn first_moment_rows(&self, base: &BaseParameters, out: &mut [Lanes]) {
+    pub fn first_moment_rows(&self, base: &BaseParameters, out: &mut [FrameBlock]) {
         assert_eq!(out.len(), 3 * base.len(), "length of the first-moment rows");
         let links = self.links.as_slice();
-        write_base::<30, Lanes>(base, out, |i, block| first_moment_block(&links[i], block));
+        write_base::<30, FrameBlock>(base, out, |i, block| first_moment_block(&links[i], block));
     }
 
     /// Centre of mass of every frame relative to the common origin, common axes, m.
@@ -162,7 +162,7 @@ struct V<S: Simd> {
 
 impl<S: Simd> V<S> {
     #[inline(always)]
-    fn load(simd: S, from: &[Lanes; 3]) -> Self {
+    fn load(simd: S, from: &[FrameBlock; 3]) -> Self {
         Self {
             x: f64x8::load_array_ref(simd, &from[0]),
             y: f64x8::load_array_ref(simd, &from[1]),
@@ -170,7 +170,7 @@ impl<S: Simd> V<S> {
         }
     }
     #[inline(always)]
-    fn store(self, to: &mut [Lanes; 3]) {
+    fn store(self, to: &mut [FrameBlock; 3]) {
         self.x.store_array(&mut to[0]);
         self.y.store_array(&mut to[1]);
         self.z.store_array(&mut to[2]);
@@ -375,7 +375,7 @@ fn forward<S: Simd, const ACCELERATION: bool>(
 }
 
 #[inline(always)]
-fn put<S: Simd>(out: &mut [Lanes; 60], column: usize, upper: V<S>, lower: V<S>) {
+fn put<S: Simd>(out: &mut [FrameBlock; 60], column: usize, upper: V<S>, lower: V<S>) {
     let to = &mut out[6 * column..6 * column + 6];
     upper.x.store_array(&mut to[0]);
     upper.y.store_array(&mut to[1]);
@@ -389,7 +389,7 @@ fn put<S: Simd>(out: &mut [Lanes; 60], column: usize, upper: V<S>, lower: V<S>) 
 const PRODUCTS: [(usize, usize); 3] = [(1, 2), (2, 0), (0, 1)];
 
 #[inline(always)]
-fn wrench_block<S: Simd>(simd: S, link: &LinkFrames, out: &mut [Lanes; 60]) {
+fn wrench_block<S: Simd>(simd: S, link: &LinkFrames, out: &mut [FrameBlock; 60]) {
     let zero = V::constant(simd, &Vector3::zeros());
     let e: Axes<S> = std::array::from_fn(|k| V::load(simd, &link.axes[k]));
     let arm = V::load(simd, &link.position);
@@ -416,7 +416,7 @@ fn wrench_block<S: Simd>(simd: S, link: &LinkFrames, out: &mut [Lanes; 60]) {
 }
 
 #[inline(always)]
-fn momentum_block<S: Simd>(simd: S, link: &LinkFrames, out: &mut [Lanes; 60]) {
+fn momentum_block<S: Simd>(simd: S, link: &LinkFrames, out: &mut [FrameBlock; 60]) {
     let zero = V::constant(simd, &Vector3::zeros());
     let e: Axes<S> = std::array::from_fn(|k| V::load(simd, &link.axes[k]));
     let arm = V::load(simd, &link.position);
@@ -437,7 +437,7 @@ fn momentum_block<S: Simd>(simd: S, link: &LinkFrames, out: &mut [Lanes; 60]) {
     }
 }
 
-fn first_moment_block(link: &LinkFrames, out: &mut [Lanes; 30]) {
+fn first_moment_block(link: &LinkFrames, out: &mut [FrameBlock; 30]) {
     out[..3].copy_from_slice(&link.position);
     for k in 0..3 {
         out[3 + 3 * k..6 + 3 * k].copy_from_slice(&link.axes[k]);

@@ -57,7 +57,7 @@ pub mod subject;
 mod urdf;
 
 pub use base_parameters::{BaseParameter, BaseParameters};
-pub use batch::{FrameBatch, LANES, Lanes};
+pub use batch::{FrameBatch, FrameBlock, LANES};
 pub use error::BodyError;
 pub use geometry_equations::{GeometryEquations, PostureFactor};
 pub use inertia::{LinkInertia, PHI_NAMES, Phi};

@@ -3,13 +3,13 @@
 
 mod common;
 
-use aloft_body::{BaseParameters, FrameBatch, LANES, Lanes, Model, State};
+use aloft_body::{BaseParameters, FrameBatch, FrameBlock, LANES, Model, State};
 use common::{Random, close, human};
 use nalgebra::{DMatrix, Vector3};
 use proptest::prelude::*;
 
 /// Rows of one lane as a matrix of `rows` rows.
-fn lane_of(rows: usize, values: &[Lanes], lane: usize) -> DMatrix<f64> {
+fn lane_of(rows: usize, values: &[FrameBlock], lane: usize) -> DMatrix<f64> {
     DMatrix::from_fn(rows, values.len() / rows, |i, j| values[rows * j + i][lane])
 }
 

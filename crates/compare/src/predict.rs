@@ -1,7 +1,7 @@
 //! Predicts the wrench from parameters, eight frames at a time.
 
 use crate::Body;
-use aloft_body::{FrameBatch, LANES, Lanes, Motion};
+use aloft_body::{FrameBatch, FrameBlock, LANES, Motion};
 use nalgebra::{DMatrix, Vector6};
 use std::array::from_fn;
 
@@ -14,7 +14,7 @@ pub(crate) fn wrenches(
 ) -> Vec<Vec<Vector6<f64>>> {
     let mut out = vec![Vec::with_capacity(frames.len()); parameters.ncols()];
     let mut batch = FrameBatch::new(body.model);
-    let mut rows: Vec<Lanes> = vec![[0.0; LANES]; 6 * body.base.len()];
+    let mut rows: Vec<FrameBlock> = vec![[0.0; LANES]; 6 * body.base.len()];
     for group in frames.chunks(LANES) {
         // the last frame fills the unused lanes of the last batch
         let frame = |lane: usize| group[lane.min(group.len() - 1)];
@@ -26,7 +26,7 @@ pub(crate) fn wrenches(
         );
         batch.base_wrench_rows(body.base, &mut rows);
         for (out, parameters) in out.iter_mut().zip(parameters.column_iter()) {
-            let mut sums: [Lanes; 6] = [[0.0; LANES]; 6];
+            let mut sums: [FrameBlock; 6] = [[0.0; LANES]; 6];
             for (columns, x) in rows.chunks_exact(6).zip(parameters.iter()) {
                 for (sum, entries) in sums.iter_mut().zip(columns) {
                     for (s, e) in sum.iter_mut().zip(entries) {

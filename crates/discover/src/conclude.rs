@@ -17,7 +17,7 @@ use crate::wording;
 use aloft_effects::{Effect, EffectInstance};
 
 /// What the rounds of a discovery made.
-pub(crate) struct Made<'a> {
+pub(crate) struct RoundResults<'a> {
     /// Rounds in their order.
     pub rounds: Vec<Round>,
     /// Effects found, and for each the variant that is in the model.
@@ -70,11 +70,11 @@ pub(crate) fn conclude(
     session: &Session<'_>,
     effects: &[&dyn Effect],
     accepted: &[EffectInstance<'_>],
-    made: Made<'_>,
+    made: RoundResults<'_>,
     until: &Until,
     options: &DiscoverOptions,
 ) -> Discovery {
-    let Made { mut rounds, found, kept, left_out, errors: [before, after], has_flights } = made;
+    let RoundResults { mut rounds, found, kept, left_out, errors: [before, after], has_flights } = made;
     let mut model: Vec<EffectInstance<'_>> = accepted.to_vec();
     let mut steps = Vec::new();
     for (v, f) in kept.iter().zip(&found) {

@@ -2,7 +2,7 @@
 
 use crate::DiscoverError;
 use crate::candidate::{Scored, Variant};
-use crate::conclude::{Made, conclude, widen_found};
+use crate::conclude::{RoundResults, conclude, widen_found};
 use crate::held_out::HeldOutResult;
 use crate::judge::AtFloor;
 use crate::ladder::{Refit, as_found, extra_columns, key_of, prune, refit_found, to_build_on};
@@ -303,6 +303,6 @@ pub fn discover(
     prune(session, accepted, &mut kept, &mut found, options);
     refit_found(session, accepted, &kept, &mut found, options);
     widen_found(session, accepted, &kept, &mut found, options);
-    let made = Made { rounds, found, kept, left_out, errors: [before, after], has_flights };
+    let made = RoundResults { rounds, found, kept, left_out, errors: [before, after], has_flights };
     Ok(conclude(session, effects, accepted, made, &until, options))
 }

@@ -3,6 +3,7 @@
 
 use crate::explain::{self, Clues, Explanation, number};
 use crate::{Flight, FlightOptions};
+use aloft_signal::t975;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -85,7 +86,7 @@ impl FreeFall {
             let square = n * known.iter().map(|(a, w)| w * (of(a) - center).powi(2)).sum::<f64>() / frames;
             let freedom = PRIOR_FREEDOM + known.len() - 1;
             let variance = (PRIOR_FREEDOM as f64 * usual * usual + square) / freedom as f64;
-            (t_quantile(freedom) * (variance / n).sqrt()).hypot(1.96 * usual)
+            (t975(freedom as f64) * (variance / n).sqrt()).hypot(t975(f64::INFINITY) * usual)
         };
         let toward = mean / size;
         let ratio = size / stated;
@@ -152,19 +153,4 @@ fn axis(toward: &Vector3<f64>, tilt_deg: f64, sideways: &Vector3<f64>) -> String
     let v = if tilt_deg > 45.0 { toward } else { sideways };
     let k = v.iamax();
     format!("{}{}", if v[k] < 0.0 { "−" } else { "+" }, ["X", "Y", "Z"][k])
-}
-
-/// 97.5 % quantile of Student's t (Cornish-Fisher expansion, exact for one and two degrees).
-fn t_quantile(freedom: usize) -> f64 {
-    const Z: f64 = 1.959_963_984_540_054;
-    match freedom {
-        0 => f64::INFINITY,
-        1 => 12.706_204_736,
-        2 => 4.302_652_730,
-        n => {
-            let n = n as f64;
-            let (z3, z5) = (Z.powi(3), Z.powi(5));
-            Z + (z3 + Z) / (4.0 * n) + (5.0 * z5 + 16.0 * z3 + 3.0 * Z) / (96.0 * n * n)
-        }
-    }
 }

@@ -431,7 +431,7 @@ impl TaskState {
 }
 
 /// Compares a task's manifest with its present inputs.
-pub fn standing(
+pub fn task_state(
     stage: &Stage,
     trial: Option<&TrialEntry>,
     session: &SubjectSession,

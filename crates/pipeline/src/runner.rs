@@ -206,7 +206,7 @@ fn run_stages(
             }
             let inputs = graph::inputs(stage, trial, session, workspace, &manifests)?;
             let manifest = manifests.get(stage.name, name);
-            let standing = graph::standing(stage, trial, session, &inputs, manifest);
+            let standing = graph::task_state(stage, trial, session, &inputs, manifest);
             let upstream_changes = upstream_will_change(stage, trial, session, &would_change);
             if let TaskState::Damaged(problems) = &standing {
                 let whose = if trial.is_some() { format!(" of {name}") } else { String::new() };
@@ -323,7 +323,7 @@ fn refuse_if_not_current(
         }
         let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
         let inputs = graph::inputs(stage, trial, session, workspace, manifests)?;
-        let problem = match graph::standing(stage, trial, session, &inputs, manifests.get(stage.name, name)) {
+        let problem = match graph::task_state(stage, trial, session, &inputs, manifests.get(stage.name, name)) {
             TaskState::Missing => "has not run".to_owned(),
             TaskState::Stale(changes) => format!("is stale ({})", changes.join("; ")),
             TaskState::Damaged(problems) => format!("is damaged ({})", problems.join("; ")),

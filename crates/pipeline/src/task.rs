@@ -30,7 +30,7 @@ pub(crate) fn made_meanwhile(
     workspace.forget(stage.name, name);
     let manifest = workspace.manifest(stage.name, name)?;
     let inputs = graph::TaskInputs { own_damage: workspace.damage(stage.name, name), ..task.inputs.clone() };
-    if !graph::standing(stage, task.trial, session, &inputs, Some(&manifest)).is_current() {
+    if !graph::task_state(stage, task.trial, session, &inputs, Some(&manifest)).is_current() {
         return None;
     }
     let (trial, warnings) = (name.to_owned(), manifest.warnings.clone());

@@ -20,7 +20,7 @@ pub(crate) const TO_THE_DISK: &str = "make room on the disk or make it writable,
 
 /// A completed task: its manifest, its report, and the reason if its result could not be put in
 /// place.
-pub(crate) type Done = (Manifest, TaskReport, Option<String>);
+pub(crate) type FinishedTask = (Manifest, TaskReport, Option<String>);
 
 /// Runs the tasks of a stage. While the next tasks run, finished results are written to disk, all
 /// waiting ones at once.
@@ -32,11 +32,11 @@ pub(crate) fn run_tasks(
     workspace: &Workspace,
     threads: &TrialThreads,
     progress: &dyn Progress,
-) -> Result<Vec<Done>, PipelineError> {
+) -> Result<Vec<FinishedTask>, PipelineError> {
     // each waiting result holds an open file, and some systems allow only 256 of them
     let at_once = threads.share(32);
     let syncs = threads.share(disk::SYNCS);
-    let tell = |done: Done| {
+    let tell = |done: FinishedTask| {
         progress.task(&session.id, &done.1);
         done
     };
@@ -56,7 +56,7 @@ pub(crate) fn run_tasks(
     // returns none if the result was handed over
     let one = |task: &Task<'_>,
                hand_over: &mpsc::SyncSender<(Complete, TaskReport)>|
-     -> Result<Option<Done>, PipelineError> {
+     -> Result<Option<FinishedTask>, PipelineError> {
         if progress.stops() {
             return Err(PipelineError::Stopped);
         }
@@ -86,7 +86,7 @@ pub(crate) fn run_tasks(
         // a separate thread, not one of rayon's: those may all be waiting for it
         let placing = std::thread::Builder::new().spawn_scoped(scope, place);
         let placing = placing.map_err(|e| PipelineError::request(format!("cannot begin a thread: {e}")))?;
-        let results: Vec<Result<Option<Done>, PipelineError>> = threads.each(due, |task| one(task, &hand_over));
+        let results: Vec<Result<Option<FinishedTask>, PipelineError>> = threads.each(due, |task| one(task, &hand_over));
         drop(hand_over);
         let mut out = placing.join().map_err(|_| stopped())?;
         for result in results {
@@ -106,7 +106,7 @@ fn stopped() -> PipelineError {
 
 /// A task after its result was put in place. If that went wrong, the task counts as failed, also
 /// for tasks of this run that read it.
-fn in_place(mut manifest: Manifest, mut report: TaskReport, done: Result<(), PipelineError>) -> Done {
+fn in_place(mut manifest: Manifest, mut report: TaskReport, done: Result<(), PipelineError>) -> FinishedTask {
     let Err(e) = done else { return (manifest, report, None) };
     let problem = format!("the result could not be written: {e}");
     let unwritten = format!("{} of {}: {problem}", manifest.stage, manifest.trial);
@@ -118,7 +118,7 @@ fn in_place(mut manifest: Manifest, mut report: TaskReport, done: Result<(), Pip
 }
 
 /// A task whose result could not be written at all.
-fn not_made(stage: &'static Stage, task: &Task<'_>, session: &SubjectSession, error: PipelineError) -> Done {
+fn not_made(stage: &'static Stage, task: &Task<'_>, session: &SubjectSession, error: PipelineError) -> FinishedTask {
     let manifest = empty_manifest(stage, task, session);
     let trial = manifest.trial.clone();
     let report = TaskReport { stage: stage.name, trial, ended: Ended::Ran, warnings: Vec::new(), seconds: 0.0 };

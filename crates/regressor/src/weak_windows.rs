@@ -22,7 +22,7 @@ use crate::stretch::Acting;
 use crate::test_function::{MIN_HALF_WINDOW, TestFunction, window_centers};
 use crate::velocities::{run_velocities, valid_runs};
 use crate::{RegressorError, Stretch, StretchKind};
-use aloft_body::{BaseParameters, FrameBatch, LANES, Lanes, Model, Motion, Phi, State};
+use aloft_body::{BaseParameters, FrameBatch, FrameBlock, LANES, Model, Motion, Phi, State};
 use faer::Mat;
 use fearless_simd::{Level, Simd, SimdBase, dispatch, f64x8};
 use nalgebra::{DMatrix, Vector3, Vector6};
@@ -318,17 +318,17 @@ pub(crate) fn fit_origin(
 #[derive(Debug, Clone, Copy)]
 struct Weights {
     /// ψ̈
-    second: Lanes,
+    second: FrameBlock,
     /// −ψ̇
-    first: Lanes,
+    first: FrameBlock,
     /// ψ̇ d: the moment arm that transfers H from the fixed point to the moving origin
-    arm: [Lanes; 3],
+    arm: [FrameBlock; 3],
     /// ψ (g − ö) − ψ̇ ȯ
-    turn: [Lanes; 3],
+    turn: [FrameBlock; 3],
     /// d, subtracted from the first moment of the whole mass
-    shift: [Lanes; 3],
+    shift: [FrameBlock; 3],
     /// ψ (g − ö), added to the force by the whole mass
-    fall: [Lanes; 3],
+    fall: [FrameBlock; 3],
 }
 
 const NO_WEIGHTS: Weights = Weights {
@@ -377,7 +377,7 @@ fn window_sums(run: &RunRows, c: usize, begin: usize, weights: &[Weights]) -> [f
         let first = (9 * c + r) * run.stride + begin;
         run.series[first..first + weights.len() * LANES].as_chunks::<LANES>().0
     };
-    let frames: [&[Lanes]; 9] = from_fn(series);
+    let frames: [&[FrameBlock]; 9] = from_fn(series);
     let mut sums = [[0.0; LANES]; 6];
     dispatch!(Level::new(), simd => if c == 0 {
         sum_lanes::<_, true>(simd, &frames, weights, &mut sums);
@@ -390,12 +390,12 @@ fn window_sums(run: &RunRows, c: usize, begin: usize, weights: &[Weights]) -> [f
 #[inline(always)]
 fn sum_lanes<S: Simd, const WHOLE_MASS: bool>(
     simd: S,
-    frames: &[&[Lanes]; 9],
+    frames: &[&[FrameBlock]; 9],
     weights: &[Weights],
-    sums: &mut [Lanes; 6],
+    sums: &mut [FrameBlock; 6],
 ) {
     let zero = f64x8::splat(simd, 0.0);
-    let load = |lanes: &[Lanes; 3]| -> [f64x8<S>; 3] { from_fn(|axis| f64x8::load_array_ref(simd, &lanes[axis])) };
+    let load = |lanes: &[FrameBlock; 3]| -> [f64x8<S>; 3] { from_fn(|axis| f64x8::load_array_ref(simd, &lanes[axis])) };
     let (mut force, mut moment) = ([zero; 3], [zero; 3]);
     for (i, w) in weights.iter().enumerate() {
         let at = |r: usize| f64x8::load_array_ref(simd, &frames[r][i]);

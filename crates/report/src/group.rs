@@ -8,8 +8,10 @@ use super::{STUDY, group_headline, lights};
 use aloft_analysis::compare::{errors_of, mean};
 use aloft_discover::Verdict;
 use aloft_page::{Block, Cell, Chapter, Columns, Dots, Figure, HeatMap, Light, Line, Page, Section, Table, Words};
+use aloft_signal::mean_and_deviation;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::limits::SIGMA_RATIO;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -219,12 +221,6 @@ fn row(m: &Member<'_>) -> Row {
     out
 }
 
-fn spread(values: &[f64]) -> (f64, f64) {
-    let n = values.len() as f64;
-    let m = values.iter().sum::<f64>() / n;
-    (m, (values.iter().map(|v| (v - m).powi(2)).sum::<f64>() / (n - 1.0)).sqrt())
-}
-
 /// `mean ± SD` of the values that exist.
 fn mean_sd(values: impl Iterator<Item = Option<f64>>) -> String {
     let values: Vec<f64> = values.flatten().filter(|v| v.is_finite()).collect();
@@ -232,7 +228,7 @@ fn mean_sd(values: impl Iterator<Item = Option<f64>>) -> String {
         0 => "–".to_owned(),
         1 => number(values[0]),
         _ => {
-            let (m, sd) = spread(&values);
+            let (m, sd) = mean_and_deviation(&values).unwrap_or((f64::NAN, f64::NAN));
             with_half(m, sd)
         }
     }
@@ -374,11 +370,12 @@ fn distributions(rows: &[Row]) -> Chapter {
             both("Moment error by subject", "mean absolute error, N·m", &|r| r.moment),
         ],
     )];
-    let gap = Words::new(
-        "Singular-value gap by subject",
-        "How clearly each subject's motion determines the parameters: 20 is clear, below 3 they are not determined.",
+    let meaning = format!(
+        "How clearly each subject's motion determines the parameters: {} is clear, below {} they are not determined.",
+        SIGMA_RATIO[1], SIGMA_RATIO[0]
     );
-    let lines = [3.0, 20.0].map(|at| Line { at, upright: true, label: number(at) });
+    let gap = Words::new("Singular-value gap by subject", &meaning);
+    let lines = SIGMA_RATIO.map(|at| Line { at, upright: true, label: number(at) });
     let figure = Figure::dots(gap, "σ_N−1 / σ_N", &names, &[Dots::new("", values(&|r| r.gap))], &lines);
     sections.push(Section::new("gaps", "Excitation", "", vec![figure.into()]));
     sections.extend(segments(rows));
@@ -401,7 +398,8 @@ fn segments(rows: &[Row]) -> Option<Section> {
     let over = |which: usize| -> (Vec<f64>, Vec<f64>) {
         let of = |name: &str| {
             let all = rows.iter().flat_map(|r| &r.shares).filter(|s| s.0 == name);
-            spread(&all.map(|s| if which == 0 { s.1 } else { s.2 }).collect::<Vec<_>>())
+            let values: Vec<f64> = all.map(|s| if which == 0 { s.1 } else { s.2 }).collect();
+            mean_and_deviation(&values).unwrap_or((f64::NAN, f64::NAN))
         };
         names.iter().map(|n| of(n)).unzip()
     };

@@ -20,7 +20,7 @@ pub(super) fn headline(rows: &[Row], light: Light, next: &str) -> Headline {
     let mut facts = Vec::new();
     if !known.is_empty() {
         let (low, high) = known.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), v| (l.min(*v), h.max(*v)));
-        let median = middle(known.clone());
+        let median = aloft_signal::median(&mut known.clone());
         let text = format!(
             "{} to {} times the floor, median {}.",
             lights::times(low),
@@ -69,13 +69,6 @@ pub(super) fn headline(rows: &[Row], light: Light, next: &str) -> Headline {
         facts.push(Fact { command: next.to_owned(), ..Fact::new("Next", text) });
     }
     Headline { light, sentence, facts }
-}
-
-/// The median.
-fn middle(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    if n % 2 == 1 { values[n / 2] } else { 0.5 * (values[n / 2 - 1] + values[n / 2]) }
 }
 
 /// Error of each subject's model in multiples of its floor.

@@ -2,7 +2,7 @@
 
 use super::commands::command;
 use super::session;
-use super::standing::{self, Standing, asked, effects, standings};
+use super::standing::{self, PlaceError, asked, effects, standings};
 use super::story::Story;
 use super::sureness::{how_sure, laws, missing, named};
 use super::wording::{count, number};
@@ -72,7 +72,7 @@ fn held(story: &Story<'_>) -> String {
     if effects.is_empty() { "The model".to_owned() } else { format!("With `{}` the model", effects.join("`, `")) }
 }
 
-fn sentence(story: &Story<'_>, first: Option<&Standing>, other: Option<&Standing>) -> String {
+fn sentence(story: &Story<'_>, first: Option<&PlaceError>, other: Option<&PlaceError>) -> String {
     if let Some((stage, f)) = story.failures.first() {
         return format!("`{stage}` failed: {}.", f.problem.trim_end_matches('.'));
     }
@@ -124,7 +124,7 @@ fn sentence(story: &Story<'_>, first: Option<&Standing>, other: Option<&Standing
     }
 }
 
-fn how_wrong(story: &Story<'_>, first: &Standing, other: Option<&Standing>) -> String {
+fn how_wrong(story: &Story<'_>, first: &PlaceError, other: Option<&PlaceError>) -> String {
     let weight = story.session.facts.person.mass_kg * story.session.facts.gravity_mps2;
     let share = if weight > 0.0 {
         format!(" ({} % of body weight)", number(100.0 * first.error_n / weight))
@@ -150,7 +150,7 @@ const TREND: f64 = 1.5;
 /// Fewest windows of a group that is used.
 const FEWEST_WINDOWS: usize = 4;
 
-fn place(story: &Story<'_>, first: &Standing) -> Option<String> {
+fn place(story: &Story<'_>, first: &PlaceError) -> Option<String> {
     let c = &story.comparison.as_ref()?.comparison;
     let mut parts = Vec::new();
     if let Some((axis, ratio)) = times_floor_by_axis(c, &first.place)
@@ -271,7 +271,7 @@ pub(crate) fn sentence_of(clause: &str) -> String {
 }
 
 /// Text below the ladder: the floor in words.
-pub fn floor_words(first: &Standing) -> String {
+pub fn floor_words(first: &PlaceError) -> String {
     match (first.floor_n, first.interval_n) {
         (Some(floor), Some([low, high])) => {
             format!(

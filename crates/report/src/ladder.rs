@@ -3,7 +3,7 @@
 use super::drawn_effects::units;
 use super::headline::{floor_words, rung_light};
 use super::lights::times;
-use super::standing::{Standing, asked, standings};
+use super::standing::{PlaceError, asked, standings};
 use super::story::Story;
 use super::sureness::after_all;
 use super::wording::{maybe, number, plus_minus, unit};
@@ -92,7 +92,7 @@ fn size(r: &HistoryRow, before: Option<&HistoryRow>, units: &HashMap<String, Str
 }
 
 /// What `discover` promises for the effects that it found, or for laws that replace them.
-fn promised(story: &Story<'_>, first: &Standing) -> Option<Rung> {
+fn promised(story: &Story<'_>, first: &PlaceError) -> Option<Rung> {
     let d = asked(story)?;
     let laws = d.open.iter().filter(|o| o.complete).flat_map(|o| &o.laws).map(|l| (l.id.as_str(), &l.coefficients));
     let parts: Vec<(&str, &Vec<aloft_discover::Estimate>)> =

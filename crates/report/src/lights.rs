@@ -5,32 +5,36 @@ use super::story::{Story, TrialStory};
 use super::wording::number;
 use aloft_compare::Signal;
 use aloft_page::Light;
+use aloft_workspace::limits::{FREE_FALL_PERCENT, MARKER_RMS_MM, MISSING_PERCENT, SIGMA_RATIO};
 use aloft_workspace::qc::QcLevel;
 
-/// Marker error, RMS, mm: 20 mm is the usual limit for inverse kinematics (OpenSim's best
-/// practices).
+/// Marker error, RMS, mm.
 pub fn marker_rms(mm: f64) -> Light {
-    Light::below(mm, 10.0, 20.0)
+    Light::below(mm, MARKER_RMS_MM[0], MARKER_RMS_MM[1])
 }
 
-/// Deviation of the acceleration of the centre of mass in flight from g, percent: table inertias
-/// alone reach one or two percent.
+/// The limit of the marker error in words.
+pub fn usual_limit() -> String {
+    format!("usual limit {} mm", MARKER_RMS_MM[1])
+}
+
+/// Deviation of the acceleration of the centre of mass in flight from g, percent.
 pub fn free_fall(percent: f64) -> Light {
-    Light::below(percent.abs(), 3.0, 10.0)
+    Light::below(percent.abs(), FREE_FALL_PERCENT[0], FREE_FALL_PERCENT[1])
 }
 
 /// Share of marker samples that were never measured, percent.
 pub fn missing(percent: f64) -> Light {
-    Light::below(percent, 5.0, 20.0)
+    Light::below(percent, MISSING_PERCENT[0], MISSING_PERCENT[1])
 }
 
 /// Singular-value gap σ_N−1/σ_N.
 pub fn gap(ratio: f64) -> Light {
     if !ratio.is_finite() {
         Light::Neutral
-    } else if ratio >= 20.0 {
+    } else if ratio >= SIGMA_RATIO[1] {
         Light::Good
-    } else if ratio >= 3.0 {
+    } else if ratio >= SIGMA_RATIO[0] {
         Light::Fair
     } else {
         Light::Poor
@@ -64,7 +68,7 @@ pub fn remarks(t: &TrialStory<'_>) -> Vec<(Light, String)> {
         if let Some(mm) = k.marker_rms_mm
             && marker_rms(mm) != Light::Good
         {
-            out.push((marker_rms(mm), format!("marker error {} mm (usual limit 20 mm)", number(mm))));
+            out.push((marker_rms(mm), format!("marker error {} mm ({})", number(mm), usual_limit())));
         }
         if let Some(g) = k.gravity_error_percent
             && free_fall(g) != Light::Good

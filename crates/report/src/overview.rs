@@ -91,7 +91,7 @@ fn cards(story: &Story<'_>) -> Vec<Card> {
     cards.push(card(
         "Marker error, RMS",
         format!("{} mm", number(mean_rms)),
-        "mean over recordings; usual limit 20 mm",
+        format!("mean over recordings; {}", lights::usual_limit()),
         quiet(lights::marker_rms(mean_rms)),
     ));
     let fall: Vec<f64> = story.dynamic().filter_map(|t| t.kinematics.as_ref()?.gravity_error_percent).collect();

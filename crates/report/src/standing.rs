@@ -12,7 +12,7 @@ use aloft_page::Light;
 
 /// The error of the present model on one kind of motion.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Standing {
+pub struct PlaceError {
     /// `flight` or `contact`.
     pub place: String,
     /// Held-out error, N.
@@ -27,7 +27,7 @@ pub struct Standing {
     pub at_floor: bool,
 }
 
-impl Standing {
+impl PlaceError {
     fn of(a: &AgainstFloor) -> Self {
         Self {
             place: a.judged_on.clone(),
@@ -55,12 +55,12 @@ impl Standing {
 /// Errors on both kinds of motion, the one on which the model is judged first: where the effect of
 /// its last revision acts, where `discover` found something, or else where the error is farthest
 /// above its floor.
-pub fn standings(story: &Story<'_>) -> Vec<Standing> {
+pub fn standings(story: &Story<'_>) -> Vec<PlaceError> {
     let Some(view) = &story.comparison else { return Vec::new() };
-    let mut all: Vec<Standing> = view.comparison.against_floor.iter().map(Standing::of).collect();
+    let mut all: Vec<PlaceError> = view.comparison.against_floor.iter().map(PlaceError::of).collect();
     let place = stated_place(asked(story), story.history.revisions.last());
     all.sort_by(|a, b| {
-        let first = |s: &Standing| place.as_ref() == Some(&s.place);
+        let first = |s: &PlaceError| place.as_ref() == Some(&s.place);
         first(b).cmp(&first(a)).then(b.ratio.unwrap_or(0.0).total_cmp(&a.ratio.unwrap_or(0.0)))
     });
     all
@@ -107,7 +107,7 @@ pub fn effects<'s>(story: &'s Story<'_>) -> &'s [String] {
 /// Judgement of the model: the worst of its errors against their floors and of the gate. Without a
 /// floor nothing is good.
 pub fn light(story: &Story<'_>) -> Light {
-    let errors = standings(story).iter().map(Standing::light).max().unwrap_or(Light::Neutral);
+    let errors = standings(story).iter().map(PlaceError::light).max().unwrap_or(Light::Neutral);
     let unjudged = story.comparison.as_ref().is_some_and(|v| !v.limits.is_empty());
     let gate = match &story.found {
         Some(found) if !found.parameters.gate.passed => Light::Poor,

@@ -2,7 +2,7 @@
 
 use super::headline::sentence_of;
 use super::lights::times;
-use super::standing::{Standing, asked, effects};
+use super::standing::{PlaceError, asked, effects};
 use super::story::Story;
 use super::wording::{count, number, plus_minus, unit};
 use aloft_discover::{Candidate, Discovery, OpenWorld, Round, Verdict};
@@ -88,7 +88,7 @@ pub(crate) fn missing(story: &Story<'_>) -> String {
 }
 
 /// How sure the answers are: what the best effect leaves, and how much of the body the flights determine.
-pub(crate) fn how_sure(story: &Story<'_>, first: Option<&Standing>) -> String {
+pub(crate) fn how_sure(story: &Story<'_>, first: Option<&PlaceError>) -> String {
     let mut parts: Vec<String> = asked(story).and_then(|d| evidence(story, d, first)).into_iter().collect();
     if let Some(found) = &story.found {
         let p = &found.parameters;
@@ -117,7 +117,7 @@ pub(crate) fn how_sure(story: &Story<'_>, first: Option<&Standing>) -> String {
 }
 
 /// What the discovery rests on, in a sentence.
-fn evidence(story: &Story<'_>, d: &Discovery, first: Option<&Standing>) -> Option<String> {
+fn evidence(story: &Story<'_>, d: &Discovery, first: Option<&PlaceError>) -> Option<String> {
     if let Some((open, after, p)) = laws(d).and_then(|o| Some((o, o.times_floor_after?, o.laws.first()?.family_wise_p)))
     {
         return Some(format!(
@@ -165,7 +165,7 @@ fn evidence(story: &Story<'_>, d: &Discovery, first: Option<&Standing>) -> Optio
 
 /// Error that the stages found with all effects of the last discovery in the model, where the model is
 /// judged, N, and its ratio to the floor; none where it was not computed.
-pub(crate) fn after_all(story: &Story<'_>, first: &Standing) -> Option<(f64, Option<f64>)> {
+pub(crate) fn after_all(story: &Story<'_>, first: &PlaceError) -> Option<(f64, Option<f64>)> {
     let d = asked(story)?;
     let kept = story.discoveries.last().map(|(_, kept)| kept)?;
     if let Some(e) = kept.errors_after.iter().find(|e| e.judged_on == first.place) {

@@ -57,7 +57,7 @@ fn cards(story: &Story<'_>, t: &TrialStory<'_>) -> Vec<Card> {
         cards.push(card(
             "Marker error, RMS",
             format!("{} mm", number(mm)),
-            "usual limit 20 mm",
+            lights::usual_limit(),
             lights::marker_rms(mm),
         ));
     }

@@ -1,4 +1,4 @@
-//! Medians and quantiles of plain samples.
+//! Medians, quantiles, means and deviations of plain samples.
 //!
 //! Two medians are in use, and they differ for an even number of values: [`median`] is the mean of the two middle values,
 //! [`upper_median`] the upper one of them, which is always a value of the sample.
@@ -35,6 +35,15 @@ pub fn median_and_deviation(values: &mut Vec<f64>) -> Option<(f64, f64)> {
         *value = (*value - center).abs();
     }
     Some((center, upper_median(values)?))
+}
+
+/// Mean and standard deviation of a sample (`n − 1` in the denominator, NaN for one value); `None`
+/// without values.
+pub fn mean_and_deviation(values: &[f64]) -> Option<(f64, f64)> {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let square: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+    (n > 0.0).then(|| (mean, if n > 1.0 { (square / (n - 1.0)).sqrt() } else { f64::NAN }))
 }
 
 /// The value below which `part` of `of` equal parts of an ascending sample lie, rounded down to a

@@ -3,7 +3,7 @@
 
 use crate::events;
 use crate::guard::guard;
-use crate::jobs::Job;
+use crate::jobs::Request;
 use crate::state::Studio;
 use crate::view;
 use aloft_analysis::own_laws;
@@ -86,7 +86,7 @@ async fn computed<T: Send + 'static>(
 /// The report as a live page.
 async fn page(State(studio): State<Arc<Studio>>) -> Result<Response, Problem> {
     let html = computed(move || {
-        studio.queue.add(Job::Prepare);
+        studio.queue.add(Request::Prepare);
         let live = Live {
             panel: &panel::live_panel(
                 include_str!("browser/actions.html"),
@@ -120,7 +120,7 @@ async fn state(State(studio): State<Arc<Studio>>) -> Result<Response, Problem> {
 /// A choice of effects and of recordings.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Choice {
+struct SwitchRequest {
     effects: Vec<String>,
     #[serde(default)]
     left_out: LeftOut,
@@ -128,7 +128,7 @@ struct Choice {
 
 /// The model with other effects, at once.
 async fn model(State(studio): State<Arc<Studio>>, body: Bytes) -> Result<Response, Problem> {
-    let choice: Choice = asked(&body)?;
+    let choice: SwitchRequest = asked(&body)?;
     let found = computed(move || {
         let started = Instant::now();
         let switches = studio.switches()?;
@@ -172,7 +172,7 @@ async fn law(State(studio): State<Arc<Studio>>, body: Bytes) -> Result<Response,
             all.retain(|d| d.spec.id != own.spec.id);
             all.push(own);
         });
-        studio.queue.add(Job::Prepare);
+        studio.queue.add(Request::Prepare);
         Ok(json!({"key": law.id}))
     });
     Ok(answer(&found.await?))
@@ -189,7 +189,7 @@ struct Named {
 async fn forget(State(studio): State<Arc<Studio>>, body: Bytes) -> Result<Response, Problem> {
     let named: Named = asked(&body)?;
     studio.change_drafts(|all| all.retain(|d| d.spec.id != named.key));
-    studio.queue.add(Job::Prepare);
+    studio.queue.add(Request::Prepare);
     Ok(answer(&json!({"forgotten": named.key})))
 }
 
@@ -210,7 +210,7 @@ async fn notes(State(studio): State<Arc<Studio>>, body: Bytes) -> Result<Respons
 
 /// Takes work into the queue; its progress and its result come as events.
 async fn job(State(studio): State<Arc<Studio>>, body: Bytes) -> Result<Response, Problem> {
-    let job: Job = asked(&body)?;
+    let job: Request = asked(&body)?;
     let name = job.name();
     studio.queue.add(job);
     Ok(answer(&json!({"accepted": name})))

@@ -34,7 +34,7 @@ pub(crate) fn stream(from: broadcast::Receiver<Told>) -> impl Stream<Item = Resu
 }
 
 /// Tells all pages how far a job is.
-pub(crate) struct Teller<'a> {
+pub(crate) struct ProgressSender<'a> {
     studio: &'a Studio,
     job: &'static str,
     forecast: Mutex<Option<Forecast>>,
@@ -44,7 +44,7 @@ pub(crate) struct Teller<'a> {
 /// Shortest time between two messages about the same job.
 const PAUSE: Duration = Duration::from_millis(80);
 
-impl<'a> Teller<'a> {
+impl<'a> ProgressSender<'a> {
     pub fn new(studio: &'a Studio, job: &'static str) -> Self {
         Self { studio, job, forecast: Mutex::new(None), last: Mutex::new(None) }
     }
@@ -74,7 +74,7 @@ impl<'a> Teller<'a> {
     }
 }
 
-impl Progress for Teller<'_> {
+impl Progress for ProgressSender<'_> {
     fn begin(&self, plan: &Plan) {
         if let Ok(mut forecast) = self.forecast.lock() {
             *forecast = Some(Forecast::new(plan));

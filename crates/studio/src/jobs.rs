@@ -1,8 +1,8 @@
 //! Work that takes longer than an answer. One worker does one piece after the other, so that no two
 //! of them change or copy the workspace at the same time; pages hear of the progress and the result.
 
-use crate::events::Teller;
-use crate::state::{Bench, Studio};
+use crate::events::ProgressSender;
+use crate::state::{Studio, SwitchState};
 use aloft_analysis::promise::{Changes, tried};
 use aloft_analysis::switches::{Switches, fingerprint};
 use aloft_analysis::{discover, effect, own_laws};
@@ -17,7 +17,7 @@ use std::sync::{Arc, Condvar, Mutex};
 /// A piece of work.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(tag = "job", rename_all = "snake_case", deny_unknown_fields)]
-pub(crate) enum Job {
+pub(crate) enum Request {
     /// Bring all results up to date.
     Run,
     /// Ask which effects are missing.
@@ -44,7 +44,7 @@ pub(crate) enum Job {
     Prepare,
 }
 
-impl Job {
+impl Request {
     /// Its name in messages to the page.
     pub fn name(&self) -> &'static str {
         match self {
@@ -66,16 +66,16 @@ impl Job {
 /// Work to do, oldest first, and what is being done.
 #[derive(Default)]
 pub(crate) struct Queue {
-    waiting: Mutex<(VecDeque<Job>, Option<&'static str>)>,
+    waiting: Mutex<(VecDeque<Request>, Option<&'static str>)>,
     more: Condvar,
 }
 
 impl Queue {
     /// Adds work. Of several exact computations only the newest counts; of equal ones, one.
-    pub fn add(&self, job: Job) {
+    pub fn add(&self, job: Request) {
         let mut state = self.waiting.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        if matches!(job, Job::Exact { .. }) {
-            state.0.retain(|j| !matches!(j, Job::Exact { .. }));
+        if matches!(job, Request::Exact { .. }) {
+            state.0.retain(|j| !matches!(j, Request::Exact { .. }));
         }
         if !state.0.contains(&job) {
             state.0.push_back(job);
@@ -86,10 +86,10 @@ impl Queue {
     /// Name of the work that is being done, and of what waits.
     pub fn busy(&self) -> Vec<&'static str> {
         let state = self.waiting.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        state.1.into_iter().chain(state.0.iter().map(Job::name)).collect()
+        state.1.into_iter().chain(state.0.iter().map(Request::name)).collect()
     }
 
-    fn next(&self) -> Job {
+    fn next(&self) -> Request {
         let mut state = self.waiting.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         state.1 = None;
         loop {
@@ -104,7 +104,7 @@ impl Queue {
 
 /// Starts the worker, with the switches as its first work. It ends with the process.
 pub(crate) fn start(studio: &Arc<Studio>) {
-    studio.queue.add(Job::Prepare);
+    studio.queue.add(Request::Prepare);
     let studio = Arc::clone(studio);
     std::thread::spawn(move || {
         loop {
@@ -122,22 +122,22 @@ pub(crate) fn start(studio: &Arc<Studio>) {
                 studio.tell("changed", json!({"job": name}));
             }
             if changes {
-                studio.queue.add(Job::Prepare);
+                studio.queue.add(Request::Prepare);
             }
         }
     });
 }
 
-fn work(studio: &Studio, job: Job) -> Result<(), PipelineError> {
+fn work(studio: &Studio, job: Request) -> Result<(), PipelineError> {
     let session = (studio.open)()?;
-    let told = Teller::new(studio, job.name());
+    let told = ProgressSender::new(studio, job.name());
     match job {
-        Job::Run => run(&session, &Selection::default(), &told).map(|_| ()),
-        Job::Discover => {
+        Request::Run => run(&session, &Selection::default(), &told).map(|_| ()),
+        Request::Discover => {
             let options = discover::options(Vec::new(), Vec::new(), false, None);
             discover::discover(&session, &options, &|done, of| told.count("effects tried", done, of)).map(|_| ())
         }
-        Job::Exact { ticket, effects, changes } => {
+        Request::Exact { ticket, effects, changes } => {
             let switches = studio.switches()?;
             let chosen = switches.chosen(&effects)?;
             let with = SubjectSession { own_effects: switches.session().own_effects.clone(), ..session };
@@ -145,7 +145,7 @@ fn work(studio: &Studio, job: Job) -> Result<(), PipelineError> {
             studio.tell("exact", json!({"ticket": ticket, "model": found}));
             Ok(())
         }
-        Job::Keep { effects } => {
+        Request::Keep { effects } => {
             let held: Vec<String> = session.refreshed()?.effects.iter().map(|e| e.key.clone()).collect();
             for gone in held.iter().filter(|k| !effects.contains(k)) {
                 effect::remove(&session, gone, false, &told)?;
@@ -166,8 +166,8 @@ fn work(studio: &Studio, job: Job) -> Result<(), PipelineError> {
             }
             Ok(())
         }
-        Job::Undo => effect::undo(&session, false, &told).map(|_| ()),
-        Job::Prepare => {
+        Request::Undo => effect::undo(&session, false, &told).map(|_| ()),
+        Request::Prepare => {
             prepare(studio, &told);
             Ok(())
         }
@@ -175,24 +175,24 @@ fn work(studio: &Studio, job: Job) -> Result<(), PipelineError> {
 }
 
 /// Prepares the switches, unless they are ready for the present results.
-fn prepare(studio: &Studio, told: &Teller<'_>) {
+fn prepare(studio: &Studio, told: &ProgressSender<'_>) {
     let made = || {
         let session = (studio.open)()?;
         let drafts = studio.drafts();
         let now = fingerprint(&session, &drafts)?;
-        if matches!(studio.bench(), Bench::Ready(_, from) if from == now) {
+        if matches!(studio.switch_state(), SwitchState::Ready(_, from) if from == now) {
             return Ok(None);
         }
-        studio.set_bench(Bench::Preparing);
+        studio.set_switch_state(SwitchState::Preparing);
         let ready = Switches::prepare(&session, &drafts, &|done, of| told.count("recordings prepared", done, of))?;
-        Ok::<_, PipelineError>(Some(Bench::Ready(Arc::new(ready), now)))
+        Ok::<_, PipelineError>(Some(SwitchState::Ready(Arc::new(ready), now)))
     };
     match made() {
         Ok(None) => {}
-        Ok(Some(bench)) => studio.set_bench(bench),
+        Ok(Some(switch_state)) => studio.set_switch_state(switch_state),
         Err(e) => {
             let failure = StageFailure::from(e);
-            studio.set_bench(Bench::Without(failure.problem, failure.hint));
+            studio.set_switch_state(SwitchState::Without(failure.problem, failure.hint));
         }
     }
     studio.tell("ready", json!({}));

@@ -14,7 +14,7 @@ pub type Opener = Box<dyn Fn() -> Result<SubjectSession, PipelineError> + Send +
 
 /// The switches, or why there are none.
 #[derive(Clone, Default)]
-pub(crate) enum Bench {
+pub(crate) enum SwitchState {
     /// They are being prepared.
     #[default]
     Preparing,
@@ -33,7 +33,7 @@ pub(crate) struct Studio {
     pub queue: Queue,
     /// Threads for quick numbers: those of the queue's work may be busy for seconds.
     pub quick: rayon::ThreadPool,
-    bench: Mutex<Bench>,
+    switch_state: Mutex<SwitchState>,
     /// Laws written in a page and not kept yet.
     drafts: Mutex<Vec<OwnEffect>>,
 }
@@ -48,7 +48,7 @@ impl Studio {
             events,
             queue: Queue::default(),
             quick: rayon::ThreadPoolBuilder::new().thread_name(|i| format!("quick {i}")).build()?,
-            bench: Mutex::default(),
+            switch_state: Mutex::default(),
             drafts: Mutex::default(),
         }))
     }
@@ -63,25 +63,25 @@ impl Studio {
         change(&mut self.drafts.lock().unwrap_or_else(std::sync::PoisonError::into_inner));
     }
 
-    pub fn bench(&self) -> Bench {
-        self.bench.lock().map_or_else(|e| e.into_inner().clone(), |b| b.clone())
+    pub fn switch_state(&self) -> SwitchState {
+        self.switch_state.lock().map_or_else(|e| e.into_inner().clone(), |b| b.clone())
     }
 
-    pub fn set_bench(&self, bench: Bench) {
-        match self.bench.lock() {
-            Ok(mut b) => *b = bench,
-            Err(e) => *e.into_inner() = bench,
+    pub fn set_switch_state(&self, switch_state: SwitchState) {
+        match self.switch_state.lock() {
+            Ok(mut b) => *b = switch_state,
+            Err(e) => *e.into_inner() = switch_state,
         }
     }
 
     /// The switches, if they are ready.
     pub fn switches(&self) -> Result<Arc<Switches>, PipelineError> {
-        match self.bench() {
-            Bench::Ready(switches, _) => Ok(switches),
-            Bench::Preparing => {
+        match self.switch_state() {
+            SwitchState::Ready(switches, _) => Ok(switches),
+            SwitchState::Preparing => {
                 Err(PipelineError::request_hint("the switches are being prepared", "this takes a few seconds"))
             }
-            Bench::Without(problem, hint) => Err(PipelineError::Request { problem, hint }),
+            SwitchState::Without(problem, hint) => Err(PipelineError::Request { problem, hint }),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! What the panel shows, as JSON.
 
-use crate::state::{Bench, Studio};
+use crate::state::{Studio, SwitchState};
 use aloft_analysis::promise::settings;
 use aloft_analysis::{notes, own_laws};
 use aloft_compare::TrialSeries;
@@ -10,10 +10,12 @@ use serde_json::{Value, json};
 /// Subject, model, switches with what the last discovery said about each, settings, recordings, work.
 pub(crate) fn state(studio: &Studio) -> Result<Value, PipelineError> {
     let session = (studio.open)()?.refreshed()?;
-    let (switches, without, preparing, problem) = match studio.bench() {
-        Bench::Ready(s, _) => (s.switches().to_vec(), json!(s.without_switch()), false, Value::Null),
-        Bench::Preparing => (Vec::new(), json!([]), true, Value::Null),
-        Bench::Without(problem, hint) => (Vec::new(), json!([]), false, json!({"problem": problem, "hint": hint})),
+    let (switches, without, preparing, problem) = match studio.switch_state() {
+        SwitchState::Ready(s, _) => (s.switches().to_vec(), json!(s.without_switch()), false, Value::Null),
+        SwitchState::Preparing => (Vec::new(), json!([]), true, Value::Null),
+        SwitchState::Without(problem, hint) => {
+            (Vec::new(), json!([]), false, json!({"problem": problem, "hint": hint}))
+        }
     };
     let mut state = aloft_report::panel_state(&session, &switches)?;
     let trials = session.trials.iter().filter(|t| t.role.is_dynamic());

@@ -11,6 +11,7 @@ mod fingerprint;
 pub mod format;
 pub mod json;
 pub mod key;
+pub mod limits;
 pub mod lock;
 pub mod manifest;
 pub mod qc;

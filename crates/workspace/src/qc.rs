@@ -84,7 +84,7 @@ reasons! {
     PlateSaturated, "plate_saturated", Warning, "A force plate is saturated.", "Raise the amplifier's range.";
     PlateIncomplete, "plate_incomplete", Warning, "A force plate lacks samples.", "Export the recording again.";
     ScalingErrorLarge, "scaling_error_large", Warning, "Markers of the static trial deviate from their rigid segments by more than 10 mm (RMS).", "Look for labels on wrong markers in the static trial.";
-    IkErrorLarge, "ik_error_large", Warning, "Marker error exceeds limit: RMS more than 20 mm (RMS).", "Look at labels and at the static trial.";
+    IkErrorLarge, "ik_error_large", Warning, "Marker error exceeds its limit of 20 mm (RMS).", "Look at labels and at the static trial.";
     UnsolvedFrames, "unsolved_frames", Warning, "Some frames could not be solved.", "Fill gaps of the root segment's markers.";
     NoFlight, "no_flight", Warning, "No flight was found in a trial meant to identify from.", "Look at `flight` in the pipeline, or hold the trial out.";
     FreeFallOff, "free_fall_off", Warning, "The free acceleration in flight differs from the stated gravity in size or direction, beyond its uncertainty.", "`aloft explain PIPELINE TRIAL flight` names the ratio and what explains it: frame rate, unit of length, body-weight support, vertical.";

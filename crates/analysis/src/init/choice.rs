@@ -8,7 +8,7 @@ use aloft_workspace::error::PipelineError;
 use std::collections::BTreeSet;
 
 /// The choice, with the reason where the model is not the whole body.
-pub(super) struct Choice {
+pub(super) struct FittedSet {
     pub set: String,
     pub model: String,
     /// Fit, 0 to 1.
@@ -63,12 +63,12 @@ fn links_with_markers(seen: &[Determination], set: &MarkerSet) -> BTreeSet<Strin
 
 /// Chooses marker set and model. A model of a part of the body is chosen only where the recordings
 /// have no marker on the others: on no arm, and for legs and pelvis alone on no trunk either.
-pub(super) fn choose(seen: &[Determination]) -> Result<Choice, PipelineError> {
+pub(super) fn choose(seen: &[Determination]) -> Result<FittedSet, PipelineError> {
     let sets: Vec<MarkerSet> = catalog::all("markersets")?;
     let models: Vec<ModelSpec> = catalog::all("models")?;
     let parts: Vec<&ModelSpec> = models.iter().filter(|m| !m.carries.is_empty()).collect();
     let whole = ranked(seen, &sets);
-    let mut best = Choice {
+    let mut best = FittedSet {
         set: "plug-in-gait-35".to_owned(),
         model: "human34".to_owned(),
         fit: 0.0,
@@ -78,7 +78,7 @@ pub(super) fn choose(seen: &[Determination]) -> Result<Choice, PipelineError> {
     if let Some((name, fit)) = whole.first()
         && let Some(set) = sets.iter().find(|s| s.name == *name)
     {
-        best = Choice { set: name.clone(), model: set.model.clone(), fit: *fit, unseen: None, markerless: false };
+        best = FittedSet { set: name.clone(), model: set.model.clone(), fit: *fit, unseen: None, markerless: false };
     }
     for model in parts {
         let of_part: Vec<MarkerSet> = sets
@@ -96,7 +96,7 @@ pub(super) fn choose(seen: &[Determination]) -> Result<Choice, PipelineError> {
         let complete = model.links.iter().all(|l| marked.contains(&l.name));
         if complete && !beyond && fit > best.fit {
             let unseen = aloft_body::Model::from_spec(model).ok().and_then(|m| m.unseen_parts());
-            best = Choice { set: name, model: model.name.clone(), fit, unseen, markerless: false };
+            best = FittedSet { set: name, model: model.name.clone(), fit, unseen, markerless: false };
         }
     }
     best.markerless = sets.iter().any(|s| s.name == best.set && s.markerless.is_some());

@@ -192,7 +192,7 @@ pub(crate) fn carriers(scene: &Scene) -> Vec<Carrier> {
     std::iter::once(Carrier::Body).chain(links).collect()
 }
 
-struct Job {
+struct Placement {
     carrier: Carrier,
     point: Vector3<f64>,
     first_point: bool,
@@ -201,16 +201,16 @@ struct Job {
 /// Scores the whole atlas on the residuals.
 pub(crate) fn atlas(session: &Session<'_>, problem: &Problem, evidence: &Evidence) -> Atlas {
     let scene = session.scene;
-    let jobs: Vec<Job> = carriers(scene)
+    let jobs: Vec<Placement> = carriers(scene)
         .into_iter()
         .flat_map(|carrier| {
-            let of = move |(i, point)| Job { carrier, point, first_point: i == 0 };
+            let of = move |(i, point)| Placement { carrier, point, first_point: i == 0 };
             points(scene, carrier).into_iter().enumerate().map(of)
         })
         .collect();
     let draws = evidence.plain.len() - 1;
     session.counter.expect(jobs.len());
-    let one = |job: &Job| {
+    let one = |job: &Placement| {
         let made = place(session, problem, evidence, job);
         session.counter.one();
         made
@@ -234,7 +234,7 @@ fn sort(groups: &mut Vec<Group>) {
 }
 
 /// Entries of one place.
-fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Job) -> Atlas {
+fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Placement) -> Atlas {
     let scene = session.scene;
     let frames = PlaceFrames::new(session, job.carrier, &job.point);
     let none = Vector3::zeros();

@@ -28,7 +28,7 @@ const SIGNIFICANT: f64 = 0.01;
 const LEAVES: f64 = 0.97;
 
 /// A place and a variable, with the curves' values by trial.
-struct Choice {
+struct CurveCandidate {
     carrier: Carrier,
     variable: Variable,
     anchor: Vector3<f64>,
@@ -57,7 +57,7 @@ pub(crate) fn misfit(
             continue;
         }
         let unit = force_of(session, variant, found);
-        let scored: Vec<(f64, Vec<f64>, Choice)> = choices(session, variant)
+        let scored: Vec<(f64, Vec<f64>, CurveCandidate)> = choices(session, variant)
             .into_par_iter()
             .filter_map(|choice| {
                 let frames = PlaceFrames::new(session, choice.carrier, &point(session, choice.carrier));
@@ -134,7 +134,7 @@ fn point(session: &Session<'_>, carrier: Carrier) -> Vector3<f64> {
 
 /// What the strength could depend on: variables of the effect's link, or of the whole body and, on
 /// bodies of few links, of each of them; the distance from the effect's own point of the room.
-fn choices(session: &Session<'_>, variant: &Variant<'_>) -> Vec<Choice> {
+fn choices(session: &Session<'_>, variant: &Variant<'_>) -> Vec<CurveCandidate> {
     let scene = session.scene;
     let none = Vector3::zeros();
     let places: Vec<Carrier> = match variant.target {
@@ -149,13 +149,13 @@ fn choices(session: &Session<'_>, variant: &Variant<'_>) -> Vec<Choice> {
         }
     }
     let of_place = |carrier: Carrier| {
-        let mut out: Vec<Choice> = Variable::of(scene)
+        let mut out: Vec<CurveCandidate> = Variable::of(scene)
             .into_iter()
             .filter(|v| *v != Variable::None)
-            .map(|variable| Choice { carrier, variable, anchor: none })
+            .map(|variable| CurveCandidate { carrier, variable, anchor: none })
             .collect();
         if let [Some(x), Some(y), Some(z)] = anchor {
-            out.push(Choice { carrier, variable: Variable::Distance, anchor: Vector3::new(x, y, z) });
+            out.push(CurveCandidate { carrier, variable: Variable::Distance, anchor: Vector3::new(x, y, z) });
         }
         out
     };

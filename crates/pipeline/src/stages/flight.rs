@@ -20,7 +20,7 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "flight",
-    version: 6,
+    version: 7,
     scope: Scope::Trial(&[Role::Identify, Role::Validate]),
     seconds: 0.03,
     reads: "`Motion`, plates, prior",

@@ -13,6 +13,7 @@ use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::artifact::save_motion;
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::json::write_json;
+use aloft_workspace::limits::MARKER_RMS_MM;
 use aloft_workspace::qc::QcReason;
 use aloft_workspace::warning::StageWarning;
 use serde::Serialize;
@@ -105,10 +106,15 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         let of = |m: &&aloft_ik::MarkerFit| format!("{} {:.0} mm", m.label, m.rms_m * 1e3);
         report.worst(4).iter().map(of).collect::<Vec<_>>().join(", ")
     };
-    if report.rms_m > 0.02 {
+    if 1e3 * report.rms_m > MARKER_RMS_MM[1] {
         done.warnings.push(StageWarning::new(
             QcReason::IkErrorLarge,
-            format!("marker RMS {:.1} mm (usual limit 20 mm); worst: {}", report.rms_m * 1e3, worst()),
+            format!(
+                "marker RMS {:.1} mm (usual limit {} mm); worst: {}",
+                report.rms_m * 1e3,
+                MARKER_RMS_MM[1],
+                worst()
+            ),
         ));
     }
     if report.n_turned > 0 {

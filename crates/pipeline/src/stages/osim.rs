@@ -14,6 +14,7 @@ use aloft_study::subject_session::Role;
 use aloft_workspace::artifact::save_motion;
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::json::write_json;
+use aloft_workspace::limits::MARKER_RMS_MM;
 use aloft_workspace::qc::QcReason;
 use aloft_workspace::table::Table;
 use aloft_workspace::warning::StageWarning;
@@ -21,8 +22,6 @@ use aloft_workspace::warning::StageWarning;
 /// Table of the file's coordinates in the results of `ik`.
 pub const COORDINATES: &str = "coordinates.parquet";
 
-/// Marker error above which the fit is remarked upon, m.
-const LARGE_M: f64 = 0.02;
 /// Share of the frames at an end of its range from which a coordinate is remarked upon.
 const OFTEN: f64 = 0.05;
 
@@ -134,14 +133,15 @@ pub fn motion(osim: &OsimSetup, config: &IkConfig, inputs: &StageInputs<'_>) -> 
     if found.unsolved > 0 {
         done.warnings.push(format!("{} of {frames} frames could not be solved", found.unsolved));
     }
-    if found.rms_m > LARGE_M {
+    if 1e3 * found.rms_m > MARKER_RMS_MM[1] {
         let of = |m: &&MarkerFit| format!("{} {:.0} mm", m.label, m.rms_m * 1e3);
         let worst = report.worst(4).iter().map(of).collect::<Vec<_>>().join(", ");
         done.warnings.push(StageWarning::new(
             QcReason::IkErrorLarge,
             format!(
-                "marker RMS {:.1} mm (usual limit 20 mm) with the model as it is in the file; worst: {worst}",
-                found.rms_m * 1e3
+                "marker RMS {:.1} mm (usual limit {} mm) with the model as it is in the file; worst: {worst}",
+                found.rms_m * 1e3,
+                MARKER_RMS_MM[1]
             ),
         ));
     }
