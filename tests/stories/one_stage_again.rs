@@ -41,7 +41,7 @@ fn only_what_follows_from_a_change_is_done_again() {
     assert!(explained.contains("stale") && explained.contains("cutoff_hz"), "{explained}");
     // `explain` of a later result also names the change
     let (explained, _) = expect(&[&["explain", &p], &base[..], &["throws_01"]].concat(), 0);
-    assert!(explained.contains("acceleration of throws_01") && explained.contains("will be done again"), "{explained}");
+    assert!(explained.contains("acceleration of throws_01") && explained.contains("will be recomputed"), "{explained}");
     assert!(!explained.lines().any(|l| l.starts_with("ik ") || l.starts_with("regressor ")), "{explained}");
     run(&["--only", "filter"]);
     let (_, err) = expect(&[&["run", &p], &base[..], &["--only", "identify"]].concat(), 2);

@@ -107,17 +107,19 @@ fn page(now: &SubjectSession, switches: bool) -> Result<(Page, Option<Sent>), Pi
     facts.push(format!("mass {} kg", person.mass_kg));
     facts.extend(person.height_m.map(|h| format!("height {h} m")));
     let sources = &session.facts.sources;
-    let sent = if switches { switches::sent(&story) } else { None };
+    let (sent, without) = if switches { switches::sent(&story) } else { (None, None) };
+    let mut footer = vec![format!(
+        "aloft {} · pipeline {} · facts from {} · every number of a figure or table: its CSV button; full rate: the Parquet tables of the workspace",
+        env!("CARGO_PKG_VERSION"),
+        session.config.name,
+        if sources.is_empty() { "the pipeline".to_owned() } else { sources.join(" and ") }
+    )];
+    footer.extend(without);
     let page = Page {
         title: format!("{}: mass properties from flight", wording::short(&person.name)),
         subtitle: facts.join(" · "),
         chapters,
-        footer: vec![format!(
-            "aloft {} · pipeline {} · facts from {} · every number of a figure or table: its CSV button; full rate: the Parquet tables of the workspace",
-            env!("CARGO_PKG_VERSION"),
-            session.config.name,
-            if sources.is_empty() { "the pipeline".to_owned() } else { sources.join(" and ") }
-        )],
+        footer,
     };
     Ok((page, sent))
 }

@@ -86,13 +86,21 @@ fn finite(x: f64) -> Option<f64> {
     Some(x).filter(|x| x.is_finite())
 }
 
-/// The switches of a page that is sent; none where there is nothing to switch: no discovery yet,
-/// results that are not up to date, an estimator that is no least squares.
-pub(crate) fn sent(story: &Story<'_>) -> Option<Sent> {
+/// The switches of a page that is sent, or why it has none, where they could be expected; neither
+/// before a discovery and where results are not up to date.
+pub(crate) fn sent(story: &Story<'_>) -> (Option<Sent>, Option<String>) {
     if !story.freshness.is_current() || story.discoveries.is_empty() {
-        return None;
+        return (None, None);
     }
-    numbers(story.session).ok().flatten().map(|n| Sent::new(&n))
+    let without =
+        |why: &str| (None, Some(format!("this page has no switches, because {why}; `aloft studio` has them")));
+    match numbers(story.session) {
+        Ok(Some(n)) => (Some(Sent::new(&n)), None),
+        Ok(None) => {
+            without("the rows of these recordings are too many for a page, or the parameters are no least squares")
+        }
+        Err(e) => without(&e.to_string()),
+    }
 }
 
 /// Everything that the panel of a sent page needs.

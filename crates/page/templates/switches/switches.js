@@ -70,6 +70,8 @@ const Studio = (() => {
 
   const buttons = () => {
     at("reset").disabled = !preview();
+    // the headline keeps describing the model as it is
+    document.documentElement.classList.toggle("switched", preview());
     hooks.changed.forEach((hear) => hear());
   };
 
