@@ -28,10 +28,13 @@ mod report;
 mod right_results;
 mod robot;
 mod robot_coverage;
+mod robot_joints;
 mod robot_markers;
 mod robot_next;
 mod settings;
 mod several_effects;
+#[path = "../shared_data.rs"]
+mod shared;
 mod stated_mass;
 mod studio;
 mod support;

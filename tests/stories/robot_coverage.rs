@@ -17,7 +17,7 @@ use std::path::Path;
 const SPREAD: [f64; 3] = [0.15, 0.012, 0.12];
 const FLIGHTS: usize = 3;
 
-struct Draws(ChaCha8Rng);
+pub struct Draws(pub ChaCha8Rng);
 
 impl Draws {
     fn normal(&mut self) -> f64 {
@@ -39,7 +39,7 @@ impl Draws {
         LinkInertia { mass_kg, com_m, inertia_com_kgm2: Matrix3::identity() * spread.trace() - spread }
     }
 
-    fn flight(&mut self, joints: usize) -> (Wave, Vector3<f64>) {
+    pub fn flight(&mut self, joints: usize) -> (Wave, Vector3<f64>) {
         let control = (0..joints).map(|_| (0..4).map(|_| 0.6 * self.normal()).collect()).collect();
         let wave = Wave { hold: vec![0.1; joints], control, duration_s: 0.5 };
         (wave, Vector3::from_fn(|_, _| 2.0 * self.normal()))

@@ -4,6 +4,7 @@
 use crate::compare::compare;
 use crate::contradiction::contradicted;
 use crate::held_out::HeldOutError;
+use crate::joint_laws::joint_laws;
 use crate::promise::promised;
 use crate::results::with_results;
 use aloft_body::{BaseParameters, Subject};
@@ -197,6 +198,8 @@ impl Evidence {
             Session::new(&body, &scene, &trials, &self.weak).map_err(|e| PipelineError::request(e.to_string()))?;
         let known = KnownEffects::of(&session.own_effects, &scene)?;
         let accepted = session.effects.iter().map(|e| known.choice(&scene, e)).collect::<Result<Vec<_>, _>>()?;
+        // laws of joints exert nothing on the body as a whole
+        let accepted = accepted.into_iter().filter(|c| !c.effect.acts().in_joints()).collect();
         let prepared =
             prepared.with_standing(standing(session, "flight"), standing(session, "contact")).with_progress(told);
         with(&RankingInputs { session: prepared, effects: known.all(), accepted })
@@ -357,6 +360,7 @@ fn found(
     if let Some(e) = errors_after.iter().find(|e| Some(&e.judged_on) == judged.as_ref()) {
         found.held_out_error_after = e.held_out_error;
     }
+    found.joints = joint_laws(session, &found, &options)?;
     // JSON has no NaN: an error that is no number is not kept
     let mut answer = kept(session, made_from, found)?;
     answer.errors_after = errors_after.into_iter().filter(|e| e.held_out_error.is_finite()).collect();

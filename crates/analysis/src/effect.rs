@@ -4,6 +4,7 @@
 use crate::compare::compare;
 use crate::discover::{Kept, Volume, looked_at};
 pub use crate::history::{History, HistoryCoefficient, HistoryRow, history, reached};
+use crate::joint_laws::{joint_errors, refuse_without_torques};
 use crate::unknowns::{self, Examples};
 use crate::visible::refuse_invisible;
 use aloft_body::Subject;
@@ -88,6 +89,7 @@ fn family(family: Family) -> &'static str {
         Family::Forces => "forces",
         Family::Kinematics => "kinematics",
         Family::Plates => "plates",
+        Family::Joints => "joints",
     }
 }
 
@@ -220,7 +222,11 @@ pub fn add(
         crate::discover::refuse_without_numbers(session, &chosen)?;
         let action = format!("add {}", chosen.key);
         effects.push(chosen);
-        refuse_invisible(session, &effects, &choice, &scene)?;
+        if choice.effect.acts().in_joints() {
+            refuse_without_torques(session, &choice.key(&scene))?;
+        } else {
+            refuse_invisible(session, &effects, &choice, &scene)?;
+        }
         Ok(all.next(action, effects))
     })
 }
@@ -343,7 +349,15 @@ pub(crate) fn suggestion(d: &Discovery, key: &str) -> Option<ModelEffect> {
         Some(stored(&c.key, values(&c.nonlinear), &c.coefficients, &c.trials))
     };
     let found = d.found.iter().find(|f| f.key == key || f.effect == key).map(of_found);
-    found.or_else(candidate).or_else(|| d.open.as_ref()?.laws.iter().find(|l| l.id == key).map(of_law))
+    let joint = || {
+        let j = d.joints.as_ref()?;
+        let named = j.found.iter().find(|f| f.key == key).map(of_found);
+        named.or_else(|| {
+            let c = j.joints.iter().flat_map(|j| &j.candidates).find(|c| c.key == key)?;
+            Some(stored(&c.key, values(&c.nonlinear), &c.coefficients, &[]))
+        })
+    };
+    found.or_else(candidate).or_else(joint).or_else(|| d.open.as_ref()?.laws.iter().find(|l| l.id == key).map(of_law))
 }
 
 /// Removes an effect: a new revision without it.
@@ -412,7 +426,9 @@ fn change(
         all.save(&session.workspace)?;
         return Err(problem);
     }
-    let now = reached(&present, &compare(&present)?)?;
+    let mut now = reached(&present, &compare(&present)?)?;
+    // the torques' errors of the present model, as long as its results are in place
+    now.joints = joint_errors(&present)?;
     if let Some(last) = all.revisions.last_mut() {
         last.reached = Some(now);
     }
@@ -439,7 +455,9 @@ fn change(
             return Err(error);
         }
     };
-    next.reached = Some(reached(&with, &compare(&with)?)?);
+    let mut then = reached(&with, &compare(&with)?)?;
+    then.joints = joint_errors(&with)?;
+    next.reached = Some(then);
     all.revisions.push(next);
     all.save(&session.workspace)?;
     replacing.done();

@@ -6,7 +6,8 @@ use aloft_effects::ActsIn;
 use aloft_identify::Parameters;
 use aloft_pipeline::made::{compared_effects, made_with};
 use aloft_pipeline::results::parameters_file;
-use aloft_study::revision::{Judged, ModelEffect, Reached, ReachedCoefficient, Revision, Revisions};
+use aloft_robot::joint_fit::JointFit;
+use aloft_study::revision::{JointReached, Judged, ModelEffect, Reached, ReachedCoefficient, Revision, Revisions};
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::json::read_json;
@@ -73,12 +74,27 @@ pub struct HistoryRow {
     pub marker_rms_before_mm: Option<f64>,
     /// Coefficients.
     pub coefficients: Vec<HistoryCoefficient>,
+    /// Held-out errors of the torques of joints whose laws this revision changed, now and before.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub joints: Vec<HistoryJoint>,
     /// Largest change of a base parameter against the revision before: name and change.
     pub largest_change: Option<(String, f64)>,
     /// Change of every base parameter against the revision before: name and change.
     pub base_change: Vec<(String, f64)>,
     /// Reason why the gain does not count; none if it counts.
     pub void: Option<String>,
+}
+
+/// Torque of a joint whose laws a revision changed.
+#[derive(Debug, Clone, Serialize)]
+pub struct HistoryJoint {
+    /// Held-out error and floor.
+    #[serde(flatten)]
+    pub now: JointReached,
+    /// Held-out error divided by the floor.
+    pub times_floor: Option<f64>,
+    /// Held-out error of the revision before.
+    pub held_out_error_before: Option<f64>,
 }
 
 /// One coefficient with its interval.
@@ -108,7 +124,9 @@ pub fn history(session: &SubjectSession) -> Result<History, PipelineError> {
         && made_for(&ws, &last.effects)
         && aloft_pipeline::made::as_made(session).config.corrections == last.corrections
     {
-        let now = reached(session, &compare(session)?)?;
+        let mut now = reached(session, &compare(session)?)?;
+        // errors of torques are those of the moment when the revision was made, if its results are still the same
+        now.joints = last.reached.iter().filter(|r| r.from == now.from).flat_map(|r| r.joints.clone()).collect();
         since_made = last.reached.as_ref().and_then(|made| trials_changed(made, &now, "when it was made"));
         last.reached = Some(now);
     }
@@ -149,6 +167,8 @@ fn judged(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsI
     if kinds.is_empty() && a.corrections != b.corrections {
         return Some(a.corrections.act_in_flight() || b.corrections.act_in_flight());
     }
+    // laws of joints act in no motion of the body; they are judged on torques
+    let kinds: Vec<ActsIn> = kinds.into_iter().filter(|k| !k.in_joints()).collect();
     (!kinds.is_empty()).then(|| kinds.iter().any(|k| k.in_flight()))
 }
 
@@ -242,10 +262,26 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn, 
                 n.coefficients.iter().map(of).collect()
             })
             .unwrap_or_default(),
+        joints: joints_changed(revisions, i),
         largest_change,
         base_change,
         void,
     }
+}
+
+/// Errors of the joints whose laws differ from those of the revision before.
+fn joints_changed(revisions: &[Revision], i: usize) -> Vec<HistoryJoint> {
+    let Some(before) = i.checked_sub(1).map(|j| &revisions[j]) else { return Vec::new() };
+    let now = &revisions[i];
+    let differs = |joint: &str| {
+        let place = format!("[{joint}]");
+        let of = |r: &Revision| r.effects.iter().filter(|e| e.key.ends_with(&place) && e.is_of_joints()).count();
+        of(now) != of(before)
+    };
+    let old = |joint: &str| before.reached.as_ref()?.joints.iter().find(|j| j.joint == joint).map(|j| j.held_out_error);
+    let all = now.reached.iter().flat_map(|r| &r.joints).filter(|j| differs(&j.joint));
+    all.map(|j| HistoryJoint { times_floor: j.times_floor(), held_out_error_before: old(&j.joint), now: j.clone() })
+        .collect()
 }
 
 /// What the present results reached.
@@ -267,6 +303,16 @@ pub fn reached(session: &SubjectSession, view: &ComparisonView) -> Result<Reache
             gate_passed: Some(view.parameters.gate_passed),
         })
     };
+    // laws of joints stand beside the parameters of the body, in the fit of the torques
+    let fit = ws.place("identify", WHOLE_STUDY).join("joints.json");
+    let laws = if fit.is_file() { read_json::<JointFit>(&fit)?.laws } else { Vec::new() };
+    let half = |ci: [f64; 2]| 0.5 * (ci[1] - ci[0]);
+    let laws = laws.into_iter().map(|l| ReachedCoefficient {
+        name: l.name,
+        value: l.value,
+        se: half(l.ci95) / 1.96,
+        ci95: Some(l.ci95),
+    });
     let mut trials: Vec<String> = c.first.trials.iter().map(|t| t.trial.clone()).collect();
     trials.sort();
     Ok(Reached {
@@ -282,9 +328,11 @@ pub fn reached(session: &SubjectSession, view: &ComparisonView) -> Result<Reache
             .flat_map(|p| &p.effects)
             .filter(|e| e.not_determined.is_none())
             .map(|e| ReachedCoefficient { name: e.name.clone(), value: e.value, se: e.se, ci95: e.ci95 })
+            .chain(laws)
             .collect(),
         base: parameters.iter().flat_map(|p| &p.base).map(|b| (b.name.clone(), b.value)).collect(),
         trials: Some(trials),
+        joints: Vec::new(),
     })
 }
 
@@ -314,6 +362,7 @@ mod tests {
             }],
             base: vec![("M".into(), 60.0), ("MCx".into(), 0.01 * flight_n)],
             trials: Some(vec!["jump01".into(), "jump02".into()]),
+            joints: Vec::new(),
         }
     }
 

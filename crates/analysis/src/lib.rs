@@ -17,6 +17,7 @@ pub mod history;
 pub mod init;
 pub mod inspect;
 pub mod inspect_values;
+mod joint_laws;
 mod laboratories;
 pub mod markerset;
 pub mod methods;

@@ -74,11 +74,20 @@ pub fn step(view: &ComparisonView, answer: Option<&Discovery>, held: &[&str]) ->
     let found = d.found.iter().map(|f| &f.key).find(|k| !held.contains(&k.as_str()));
     let law = d.open.iter().filter(|o| o.complete).flat_map(|o| &o.laws).map(|l| &l.id);
     let law = law.into_iter().find(|id| !held.contains(&id.as_str()));
+    let joint = d.joints.as_ref().and_then(|j| {
+        let key = j.found.iter().map(|f| &f.key).find(|k| !held.contains(&k.as_str()))?;
+        let finding = j.joints.iter().find(|f| key.ends_with(&format!("[{}]", f.joint)))?;
+        let because = if finding.verdict == Verdict::OneOf { Because::OneOf } else { Because::Named };
+        Some(NextStep::Add { key: key.clone(), because })
+    });
     // what is not shown to be the cause is not proposed
     match (d.verdict, found, law) {
         (Verdict::Supported, Some(key), _) => NextStep::Add { key: key.clone(), because: Because::Named },
         (Verdict::OneOf, Some(key), _) => NextStep::Add { key: key.clone(), because: Because::OneOf },
         (Verdict::Unexplained, _, Some(id)) => NextStep::Add { key: id.clone(), because: Because::Law },
+        (Verdict::NothingMissing | Verdict::NotDetectable, None, None) if joint.is_some() => {
+            joint.unwrap_or(NextStep::Look)
+        }
         (Verdict::NothingMissing, ..) if !is_above(view) => record.map_or(NextStep::Use, NextStep::Record),
         _ => match (d.advice.first(), record) {
             (Some(advice), _) => NextStep::Advised(advice.clone()),

@@ -243,7 +243,8 @@ impl Switches {
         let (session, origin) = with_laws(session, &asked, drafts)?;
         let scene = asked.scene(&session)?;
         let known = KnownEffects::of(&session.own_effects, &scene)?;
-        let mut effects: Vec<ModelEffect> = session.effects.clone();
+        // laws of joints change nothing in the rows of the body
+        let mut effects: Vec<ModelEffect> = session.effects.iter().filter(|e| !e.is_of_joints()).cloned().collect();
         let mut without_switch: Vec<WithoutSwitch> = Vec::new();
         let ranked = asked.found.iter().flat_map(|d| &d.candidates).filter(|c| !c.placebo).map(|c| c.key.clone());
         let found = asked.found.iter().flat_map(|d| &d.found).map(|f| f.key.clone());
@@ -302,7 +303,7 @@ impl Switches {
                 training,
                 trials,
                 contact,
-                present: session.effects.iter().map(|e| e.key.clone()).collect(),
+                present: session.effects.iter().filter(|e| !e.is_of_joints()).map(|e| e.key.clone()).collect(),
             })
         })
     }

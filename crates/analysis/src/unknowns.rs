@@ -89,6 +89,7 @@ fn on(target: Target) -> &'static str {
         Target::Shape => "the shape of every link",
         Target::Link(_) => "one link",
         Target::Plate(_) => "one plate",
+        Target::Joint(_) => "one joint",
     }
 }
 

@@ -25,8 +25,17 @@ pub fn groups(d: &Discovery) -> String {
     if each.is_empty() { format!("one of {{{}}}", d.effects.join(", ")) } else { each.join(", and ") }
 }
 
-/// The verdict in a few words: `supported: tether`, `one of {wind, tilt}`, `nothing missing` …
+/// The verdict in a few words: `supported: tether`, `one of {wind, tilt}`, `nothing missing` …, and that on the torques of
+/// joints where they were logged.
 pub fn words(d: &Discovery) -> String {
+    match &d.joints {
+        Some(j) => format!("{}; in the torques of joints: {}", of_body(d), j.short()),
+        None => of_body(d),
+    }
+}
+
+/// The verdict on the rows of the body.
+fn of_body(d: &Discovery) -> String {
     let kind = |id: &String| d.candidates.iter().find(|c| c.effect == *id).map(|c| c.kind);
     let artefact = !d.effects.is_empty() && d.effects.iter().all(|e| kind(e) == Some(EffectKind::Artefact));
     let names = || d.effects.join(", ");

@@ -101,6 +101,9 @@ pub struct Model {
     /// True if encoders measure the joints (a robot), so that a joint may have a constant error of its own.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub encoders: bool,
+    /// Names of the hinges and slides of a robot, by the name of the link that each carries.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub joint_names: BTreeMap<String, String>,
 }
 
 impl Model {
@@ -168,6 +171,7 @@ impl Model {
             nv,
             carries: spec.carries.clone(),
             encoders: false,
+            joint_names: BTreeMap::new(),
         })
     }
 

@@ -11,7 +11,7 @@ use aloft_analysis::discover::DiscoveryView;
 use aloft_analysis::effect::EffectLine;
 use aloft_analysis::next_step::{self, Because, NextStep};
 use aloft_analysis::verdict;
-use aloft_discover::{Candidate, Discovery, Estimate, SelfTest, Verdict};
+use aloft_discover::{Candidate, Discovery, Estimate, JointDiscovery, JointFinding, SelfTest, Verdict};
 use aloft_effects::{ActsIn, EffectKind};
 use aloft_study::subject_session::SubjectSession;
 
@@ -25,6 +25,7 @@ pub fn effects(list: &[EffectLine]) -> Result<(), Stop> {
         ("forces", "Forces, masses and gravity"),
         ("kinematics", "Errors of cameras, markers and skeleton"),
         ("plates", "Errors of force plates and of the weight"),
+        ("joints", "Friction and drives of a robot's joints"),
         ("own", "Written as formulas"),
     ] {
         let of: Vec<&EffectLine> = list.iter().filter(|e| e.family == family).collect();
@@ -59,6 +60,7 @@ fn acts(acts: ActsIn) -> &'static str {
         ActsIn::Flight => "flight",
         ActsIn::Contact => "contact",
         ActsIn::Both => "both",
+        ActsIn::Joints => "joints",
     }
 }
 
@@ -88,6 +90,9 @@ pub fn discovery(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
         if !found.trials.is_empty() {
             out(labelled("  acts in ", &names(&found.trials)))?;
         }
+    }
+    if let Some(j) = &d.joints {
+        joints(j, details)?;
     }
     out("")?;
     candidates(view, if details { LONG } else { SHORT })?;
@@ -123,6 +128,67 @@ pub fn discovery(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
     Ok(())
 }
 
+/// What the torques of a robot's joints leave, the joints farthest above their floor first.
+fn joints(j: &JointDiscovery, details: bool) -> Result<(), Stop> {
+    out("")?;
+    out(labelled("torques: ", &j.words))?;
+    if !j.judged {
+        return Ok(());
+    }
+    let mut all: Vec<&JointFinding> = j.joints.iter().collect();
+    let ratio = |j: &JointFinding| if j.times_floor().is_finite() { j.times_floor() } else { 0.0 };
+    all.sort_by(|a, b| ratio(b).total_cmp(&ratio(a)));
+    let mut t =
+        table(&["joint", "error", "with found", "floor", "unit", "times floor", "verdict", "best law", "left %"])
+            .left(&[4, 6, 7])
+            .optional(&[8, 7]);
+    let shown = if details { all.len() } else { SHORT };
+    for (i, f) in all.iter().enumerate() {
+        if i >= shown && matches!(f.verdict, Verdict::NothingMissing | Verdict::NotDetectable) {
+            continue;
+        }
+        let best = f.candidates.first();
+        let keys: Vec<&str> =
+            j.found.iter().filter(|k| k.key.ends_with(&format!("[{}]", f.joint))).map(|k| k.effect.as_str()).collect();
+        t.add_row([
+            f.joint.clone(),
+            figure(Some(f.held_out_error).filter(|e| e.is_finite())),
+            if keys.is_empty() { "–".to_owned() } else { figure(Some(f.held_out_error_after)) },
+            figure(Some(f.noise_floor).filter(|e| e.is_finite())),
+            f.unit.clone(),
+            if f.times_floor().is_finite() { significant(f.times_floor(), 2) } else { "–".to_owned() },
+            word(f.verdict).to_owned(),
+            best.map_or("–".to_owned(), |c| c.effect.clone()),
+            best.map_or("–".to_owned(), |c| format!("{:.0}", 100.0 * c.held_out_ratio)),
+        ]);
+    }
+    out(t)?;
+    let more = all.len().saturating_sub(shown);
+    if more > 0 {
+        out(format!("… and {more} more: --details"))?;
+    }
+    for found in &j.found {
+        let estimates: Vec<&Estimate> = found.coefficients.iter().chain(&found.nonlinear).collect();
+        let mut t = table(&[found.key.as_str(), "value", "± 95 %", "unit"]).left(&[3]);
+        for c in estimates {
+            let half = if c.at_bound { "at its bound".to_owned() } else { half(c.ci95) };
+            t.add_row([format!("  {}", c.name), beside(c.value, c.ci95), half, unit(&c.unit)]);
+        }
+        out(t)?;
+    }
+    Ok(())
+}
+
+fn word(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Supported => "supported",
+        Verdict::OneOf => "one of several",
+        Verdict::NothingMissing => "nothing missing",
+        Verdict::Unexplained => "unexplained",
+        Verdict::NotDetectable => "–",
+    }
+}
+
 /// The next step, and every further effect or law that the answer names.
 pub fn next(view: &DiscoveryView, session: &SubjectSession, current: bool, at: &PipelineArgs) -> Result<(), Stop> {
     let d = &view.discovery;
@@ -131,8 +197,12 @@ pub fn next(view: &DiscoveryView, session: &SubjectSession, current: bool, at: &
     command("next", &next::command_for(&step, &session.id, at));
     if let NextStep::Add { key, because } = &step {
         let laws = d.open.iter().flat_map(|o| &o.laws).map(|l| &l.id);
-        let all: Vec<&String> =
-            if *because == Because::Law { laws.collect() } else { d.found.iter().map(|f| &f.key).collect() };
+        let in_joints = d.joints.iter().flat_map(|j| &j.found);
+        let all: Vec<&String> = if *because == Because::Law {
+            laws.collect()
+        } else {
+            d.found.iter().chain(in_joints).map(|f| &f.key).collect()
+        };
         for other in all.into_iter().filter(|k| *k != key) {
             command("then", &next::add(other, &session.id, at));
         }

@@ -14,6 +14,9 @@ pub fn history(h: &History, details: bool) -> Result<(), Stop> {
     for r in &h.revisions {
         remarks(r)?;
     }
+    for r in &h.revisions {
+        joints(r)?;
+    }
     if let Some(last) = h.revisions.last() {
         coefficients(last)?;
     }
@@ -26,6 +29,7 @@ pub fn change(h: &History, details: bool) -> Result<(), Stop> {
     rungs(&h.revisions[from..])?;
     if let Some(last) = h.revisions.last() {
         remarks(last)?;
+        joints(last)?;
         coefficients(last)?;
     }
     if details { whole(&h.revisions) } else { Ok(()) }
@@ -67,6 +71,26 @@ fn remarks(r: &HistoryRow) -> Result<(), Stop> {
         out(labelled(&label, &crate::screen::paint(text, Signal::Fair)))?;
     }
     Ok(())
+}
+
+/// Torques of the joints whose laws a revision changed, before and after.
+fn joints(r: &HistoryRow) -> Result<(), Stop> {
+    if r.joints.is_empty() {
+        return Ok(());
+    }
+    let head = format!("torques held out, revision {}", r.revision);
+    let mut t = table(&[head.as_str(), "error before", "error", "floor", "unit", "times floor"]).left(&[4]);
+    for j in &r.joints {
+        t.add_row([
+            format!("  {}", j.now.joint),
+            figure(j.held_out_error_before),
+            figure(Some(j.now.held_out_error)),
+            figure(j.now.noise_floor),
+            j.now.unit.clone(),
+            j.times_floor.map_or("–".to_owned(), |t| significant(t, 2)),
+        ]);
+    }
+    out(t)
 }
 
 fn coefficients(r: &HistoryRow) -> Result<(), Stop> {

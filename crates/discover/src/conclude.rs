@@ -165,6 +165,7 @@ pub(crate) fn conclude(
         not_tried: left_out,
         misfit: None,
         open: None,
+        joints: None,
     };
     // An error that remains far above its floor is not explained, whatever was found; nor is one of
     // which effects leave a share that the noise does not account for. Effects found
@@ -208,7 +209,10 @@ pub(crate) fn conclude(
     }
     out.advice = wording::advice(&out, effects);
     if !has_flights {
-        let untried = effects.iter().filter(|e| wanted(**e, options) && !judged_in(**e, Domain::Contact)).count();
+        let untried = effects
+            .iter()
+            .filter(|e| wanted(**e, options) && !judged_in(**e, Domain::Contact) && !e.acts().in_joints())
+            .count();
         out.warnings.push(wording::no_flights(untried));
     }
     out

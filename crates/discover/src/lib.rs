@@ -17,6 +17,7 @@
 //! | judgement | `discover`, `ladder`, `pairs` | rounds, pruning, pairs of effects |
 //! | beyond the catalogue | `laws` | where and how an unexplained error acts, and by which law |
 //! | judgement | `judge`, `exchange` | accepted effects, effects that cannot be told apart |
+//! | joints | `joints` | laws of a robot's joints, from what held-out flights leave in their torques |
 //! | judgement | `words` | the result in words |
 //! | intervals | `repeating` | wider intervals for errors that repeat from trial to trial |
 //! | ladder | `addition` | held-out error before and after one more effect |
@@ -63,6 +64,7 @@ mod exchange;
 mod floor;
 mod groups;
 mod held_out;
+mod joints;
 mod judge;
 mod ladder;
 mod laws;
@@ -91,6 +93,7 @@ pub use by_stages::Compute;
 pub use discover::{catalogue, discover};
 pub use error::DiscoverError;
 pub use held_out::HeldOutResult;
+pub use joints::{JointCandidate, JointDiscovery, JointFinding, JointInput, JointSearch, discover_joints};
 pub use laws::{
     Action, Carrier, Diagnosis, Direction, Entry, FoundLaw, LawKind, NextRecording, OpenWorld, Variable, Work,
 };

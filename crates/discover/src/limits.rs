@@ -14,7 +14,7 @@ pub(crate) fn limit(effect: &dyn Effect, first_round: bool, options: &DiscoverOp
         Family::Kinematics if first_round => options.belief_kinematics,
         Family::Kinematics => 0.0,
         Family::Plates => options.belief_plates,
-        Family::Forces => options.belief,
+        Family::Forces | Family::Joints => options.belief,
     }
 }
 
@@ -37,13 +37,14 @@ mod tests {
     #[test]
     fn belief_has_a_limit_for_each_family() {
         let options = DiscoverOptions::default();
-        let mut seen = [0; 3];
+        let mut seen = [0; 4];
         for effect in aloft_effects::EFFECTS {
             let found = [true, false].map(|first| limit(*effect, first, &options));
             let (family, expected) = match effect.about().family {
                 Family::Forces => (0, [options.belief; 2]),
                 Family::Kinematics => (1, [options.belief_kinematics, 0.0]),
                 Family::Plates => (2, [options.belief_plates; 2]),
+                Family::Joints => (3, [options.belief; 2]),
             };
             assert_eq!(found, expected, "{}", effect.id());
             seen[family] += 1;

@@ -1,5 +1,6 @@
 //! Result of a discovery, as written by `aloft discover --json`.
 
+use crate::joints::JointDiscovery;
 use crate::laws::OpenWorld;
 use aloft_effects::{EffectKind, Target};
 use serde::{Deserialize, Serialize};
@@ -63,12 +64,14 @@ impl Estimate {
 }
 
 /// JSON has no NaN and no infinity: both are written as null, and null is read as NaN.
-fn nullable<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+pub(crate) fn nullable<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
     Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::NAN))
 }
 
 /// The same for a list of fixed length.
-fn nullable_all<'de, D: serde::Deserializer<'de>, const N: usize>(deserializer: D) -> Result<[f64; N], D::Error> {
+pub(crate) fn nullable_all<'de, D: serde::Deserializer<'de>, const N: usize>(
+    deserializer: D,
+) -> Result<[f64; N], D::Error> {
     let values = Vec::<Option<f64>>::deserialize(deserializer)?;
     let found = values.len();
     let values: Vec<f64> = values.into_iter().map(|v| v.unwrap_or(f64::NAN)).collect();
@@ -315,6 +318,9 @@ pub struct Discovery {
     /// Search beyond the catalogue; null if the error is at its floor, or the catalogue explains it.
     #[serde(default)]
     pub open: Option<OpenWorld>,
+    /// Laws of joints, from the torques in a robot's log; null without torques.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joints: Option<JointDiscovery>,
     /// Effects whose law gives no numbers on these recordings, so that no conclusion about them is
     /// possible.
     #[serde(default)]

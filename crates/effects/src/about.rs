@@ -23,16 +23,22 @@ pub enum ActsIn {
     Contact,
     /// Always.
     Both,
+    /// Between two links: no force on the body as a whole. It shows in the torques of a robot's joints only.
+    Joints,
 }
 
 impl ActsIn {
     /// True when the effect acts in flights.
     pub fn in_flight(self) -> bool {
-        self != Self::Contact
+        matches!(self, Self::Flight | Self::Both)
     }
     /// True when the effect acts in contact.
     pub fn in_contact(self) -> bool {
-        self != Self::Flight
+        matches!(self, Self::Contact | Self::Both)
+    }
+    /// True when the effect shows in the torques of joints, and nowhere else.
+    pub fn in_joints(self) -> bool {
+        self == Self::Joints
     }
 }
 
@@ -46,6 +52,8 @@ pub enum Family {
     Kinematics,
     /// Errors of force plates, and of the scale that weighed the body.
     Plates,
+    /// Friction and drives of a robot's joints, judged on its torques.
+    Joints,
 }
 
 /// The additional recording that distinguishes an effect from others.
@@ -72,6 +80,8 @@ pub enum Separation {
     KnownWeight,
     /// More of the same motion, longer and faster.
     LongerFlights,
+    /// One joint moved alone, slowly and fast, in both directions, with stops.
+    JointAlone,
 }
 
 impl Separation {
@@ -89,6 +99,7 @@ impl Separation {
             Self::Impacts => "a motion without impacts beside one with them, and markers on bone",
             Self::KnownWeight => "standing still on each plate in turn with a certified weight",
             Self::LongerFlights => "longer flights with spin in both senses and at several speeds",
+            Self::JointAlone => "moving the joint alone, slowly and fast, in both directions and with stops",
         }
     }
 }

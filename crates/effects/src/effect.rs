@@ -1,7 +1,7 @@
 //! The common interface of all effects: those of the catalogue, and formulas written by users in a
 //! pipeline or in a file.
 
-use crate::{About, ActsIn, Coefficient, Columns, EffectKind, NonlinearParameter, Scene, Series, Target};
+use crate::{About, ActsIn, Coefficient, Columns, EffectKind, JointSeries, NonlinearParameter, Scene, Series, Target};
 use aloft_body::Phi;
 
 /// An effect that may be missing from a model: its properties, its unknowns, and the columns that
@@ -21,9 +21,9 @@ pub trait Effect: Sync {
     fn starts(&self, _scene: &Scene, _target: Target) -> Vec<Vec<f64>> {
         vec![Vec::new()]
     }
-    /// True if it has a wrench (not only a change of inertia).
+    /// True if it has a wrench (not only a change of inertia, or a torque of a joint).
     fn has_wrench(&self) -> bool {
-        true
+        !self.acts().in_joints()
     }
     /// Adds the unit wrenches in every frame of a series to `out`: world force (N per unit) and
     /// moment about the world origin (N·m per unit), one column per coefficient. `nonlinear` holds
@@ -33,6 +33,12 @@ pub trait Effect: Sync {
     /// coefficient; they add the wrench `−Y δφ` to the body. `None` if there is none.
     fn inertia(&self, _scene: &Scene, _target: Target, _nonlinear: &[f64]) -> Option<Vec<Vec<Phi>>> {
         None
+    }
+
+    /// Torque that a joint takes from its drive for a unit of each coefficient, N·m (N for a slide), in
+    /// every frame of its series. Empty for effects that act on the body as a whole.
+    fn torque(&self, _series: &JointSeries<'_>, _nonlinear: &[f64]) -> Vec<Vec<f64>> {
+        Vec::new()
     }
 
     /// Identifier in YAML and JSON.

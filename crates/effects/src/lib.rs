@@ -45,6 +45,7 @@ mod formula;
 #[cfg(test)]
 mod inertia;
 mod instance;
+mod joint;
 mod link_resistance;
 mod scene;
 mod series;
@@ -63,6 +64,7 @@ pub use formula::{
     FormulaPoint,
 };
 pub use instance::{EffectInstance, WrenchColumns, columns, columns_about};
+pub use joint::{JointSeries, SURE_OF_SIGN};
 pub use scene::{AIR_DENSITY_KGPM3, Scene};
 pub use series::{EffectFrame, LinkFrame, PlateFrame, PlateSeries, Series, Span, TrialMotion};
 pub use target::Target;

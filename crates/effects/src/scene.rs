@@ -1,7 +1,7 @@
 //! Constants of all frames: the prior body, gravity, plates, the volume of the motion.
 
 use crate::Target;
-use aloft_body::{LinkInertia, Model, Phi};
+use aloft_body::{JointKind, LinkInertia, Model, Phi};
 use nalgebra::{SymmetricEigen, Vector3};
 
 /// Air density that drag areas refer to, kg/m³ (20 °C at sea level).
@@ -57,6 +57,17 @@ impl Scene {
             self.volume_reach_m = spread.sqrt().max(0.05);
         }
         self
+    }
+
+    /// Name of the joint that carries a link, where a robot's model names it.
+    pub fn joint_name(&self, link: usize) -> Option<&str> {
+        let link = self.model.links.get(link)?;
+        self.model.joint_names.get(&link.name).map(String::as_str)
+    }
+
+    /// True if the joint that carries a link slides.
+    pub fn slides(&self, link: usize) -> bool {
+        matches!(self.model.links.get(link).map(|l| l.joint.kind), Some(JointKind::Prismatic(_)))
     }
 
     /// Number of plates.

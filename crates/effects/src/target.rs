@@ -17,11 +17,13 @@ pub enum Target {
     Link(usize),
     /// One plate, by index.
     Plate(usize),
+    /// One joint of a robot, by the index of the link that it carries.
+    Joint(usize),
 }
 
 impl Target {
-    /// Short name for columns and reports: empty for the body, `links`, `shape`, a link's name,
-    /// `plate1` …
+    /// Short name for columns and reports: empty for the body, `links`, `shape`, a link's or joint's
+    /// name, `plate1` …
     pub fn label(&self, scene: &Scene) -> String {
         match self {
             Self::Body => String::new(),
@@ -29,13 +31,14 @@ impl Target {
             Self::Shape => "shape".to_owned(),
             Self::Link(i) => scene.model.links.get(*i).map_or_else(|| format!("link{i}"), |l| l.name.clone()),
             Self::Plate(i) => format!("plate{}", i + 1),
+            Self::Joint(i) => scene.joint_name(*i).map_or_else(|| format!("joint{i}"), str::to_owned),
         }
     }
 
     /// Index of its link; the root's if the target has no link.
     pub fn link(self) -> usize {
         match self {
-            Self::Link(i) => i,
+            Self::Link(i) | Self::Joint(i) => i,
             _ => 0,
         }
     }
@@ -56,6 +59,11 @@ impl Target {
     /// Every link.
     pub fn links(scene: &Scene) -> Vec<Self> {
         (0..scene.model.n_links()).map(Self::Link).collect()
+    }
+
+    /// Every hinge and slide whose torque a robot's log may hold.
+    pub fn joints(scene: &Scene) -> Vec<Self> {
+        (1..scene.model.n_links()).filter(|i| scene.joint_name(*i).is_some()).map(Self::Joint).collect()
     }
 
     /// The whole body, and one coefficient per link if there are two or three links.

@@ -6,6 +6,7 @@
 pub mod corrected;
 pub mod factors;
 pub mod graph;
+pub mod joint_torques;
 pub mod made;
 pub mod merge;
 mod plate_zeros;

@@ -91,6 +91,8 @@ pub fn effect_columns(effects: &ModelEffects, rows: &TrialRows) -> Result<Option
             (scene.volume_center_m, scene.volume_reach_m) = (middle.into(), reach);
         }
         let choices = group.iter().map(|e| known.choice(&scene, e)).collect::<Result<Vec<_>, _>>()?;
+        // laws of joints exert nothing on the body as a whole
+        let choices: Vec<_> = choices.into_iter().filter(|c| !c.effect.acts().in_joints()).collect();
         // effects that act only in other trials do not act here
         let acts = |c: &EffectInstance<'_>| vec![c.acts_in(&rows.motion.trial); c.names(&scene).len()];
         let acting: Vec<bool> = choices.iter().flat_map(acts).collect();
@@ -108,7 +110,7 @@ pub fn effect_columns(effects: &ModelEffects, rows: &TrialRows) -> Result<Option
         out.inertia.extend(found.inertia.into_iter().zip(&acting).map(|(phi, acts)| change(phi, *acts)));
         out.names.extend(found.names);
     }
-    Ok(Some(out))
+    Ok((!out.names.is_empty()).then_some(out))
 }
 
 /// Everything that the rows of one trial are computed from.

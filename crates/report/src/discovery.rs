@@ -4,6 +4,7 @@
 use super::STUDY;
 use super::candidates;
 use super::commands::command;
+use super::joints;
 use super::ladder;
 use super::standing::{asked, effects};
 use super::story::Story;
@@ -21,6 +22,7 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
         sections.push(answer(story, *revision, d, last > 1, older));
         if i + 1 == last || last <= 2 {
             sections.push(candidates::ranking(d, &format!("-{revision}")));
+            sections.extend(d.joints.as_ref().map(|j| joints::section(j, &format!("-{revision}"))));
         }
     }
     sections.extend(ladder::section(story));
@@ -56,7 +58,8 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
     }
     // a verdict on an earlier model is no signal of the present one
     let passed = story.found.as_ref().is_some_and(|f| f.parameters.gate.passed);
-    let light = match asked(story).map_or(Light::Neutral, |d| verdict_light(d.verdict)) {
+    let of_joints = |d: &Discovery| d.joints.as_ref().map_or(Light::Neutral, |j| verdict_light(j.verdict));
+    let light = match asked(story).map_or(Light::Neutral, |d| verdict_light(d.verdict).max(of_joints(d))) {
         // flights that are too few to determine the body show little of what is missing
         Light::Good if !passed => Light::Neutral,
         light => light,
@@ -74,7 +77,7 @@ pub fn verdict_light(v: Verdict) -> Light {
     }
 }
 
-fn verdict_word(v: Verdict) -> &'static str {
+pub fn verdict_word(v: Verdict) -> &'static str {
     match v {
         Verdict::NothingMissing => "nothing missing",
         Verdict::Unexplained => "unexplained",

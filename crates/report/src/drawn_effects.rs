@@ -24,7 +24,8 @@ pub struct Valued {
 
 /// Effects of the model; without any, the effects that `discover` found missing.
 pub fn valued(story: &Story<'_>) -> Vec<Valued> {
-    let own = &story.session.effects;
+    // laws of joints have no force on the body as a whole
+    let own: Vec<&ModelEffect> = story.session.effects.iter().filter(|e| !e.is_of_joints()).collect();
     if !own.is_empty() {
         let Some(found) = &story.found else { return Vec::new() };
         let all: HashMap<String, f64> = found.parameters.coefficients().into_iter().collect();
@@ -33,7 +34,7 @@ pub fn valued(story: &Story<'_>) -> Vec<Valued> {
             let own = all.iter().filter_map(|(name, v)| Some((name.strip_prefix(&prefix)?.to_owned(), *v)));
             Valued { effect: e.clone(), coefficients: own.collect(), suspected: false }
         };
-        return own.iter().map(of).collect();
+        return own.into_iter().map(of).collect();
     }
     let of = |f: &aloft_discover::Found| {
         let values = |list: &[aloft_discover::Estimate]| list.iter().map(|e| (e.name.clone(), e.value)).collect();

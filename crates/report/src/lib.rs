@@ -15,6 +15,7 @@ mod flights;
 mod group;
 mod group_headline;
 mod headline;
+mod joints;
 mod kinematics;
 mod ladder;
 mod lights;

@@ -38,8 +38,9 @@ pub fn figure(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
     let centre = |c: &Vec<[f64; 3]>| c.iter().map(|p| Vector3::from(*p)).sum::<Vector3<f64>>() / c.len() as f64;
     let centres: Vec<Vector3<f64>> = plates.iter().map(centre).collect();
     let drawn = drawn_effects::drawn(story, subject, motion, flights, &centres);
-    let ghost = (!story.session.effects.is_empty())
-        .then(|| drawn_effects::ghost(&drawn.total_n, flights, subject.facts.mass_kg, motion.rate_hz));
+    let with_forces = story.session.effects.iter().any(|e| !e.is_of_joints());
+    let ghost =
+        with_forces.then(|| drawn_effects::ghost(&drawn.total_n, flights, subject.facts.mass_kg, motion.rate_hz));
     let (range, step) = window(story, t, subject, motion, &drawn);
     let frames: Vec<usize> = range.clone().step_by(step).filter(|f| motion.is_valid(*f)).collect();
     if frames.is_empty() {
@@ -107,7 +108,7 @@ pub fn figure(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
         let own: Vec<_> = frames.iter().map(|f| kind.frames[*f].clone()).collect();
         a.arrows.push(Arrows { frames: own, ..kind });
     }
-    let caption = caption(&a, motion, range.len(), step, has_model, !story.session.effects.is_empty());
+    let caption = caption(&a, motion, range.len(), step, has_model, with_forces);
     Some(Figure::animation(Words::new(&format!("{}: motion and forces", t.entry.name), &caption), &a))
 }
 

@@ -5,7 +5,8 @@
 //! the weight at which whole recordings left out are predicted best by the base rows alone. That
 //! weight is zero where the law of friction or the gains are wrong.
 
-use crate::model::RobotModel;
+use crate::model::{RobotJoint, RobotModel};
+use crate::normal::Normal;
 use crate::torque::UNKNOWNS;
 use aloft_identify::Prior;
 use aloft_regressor::Factor;
@@ -16,6 +17,10 @@ use serde::{Deserialize, Serialize};
 const WEIGHTS: [f64; 5] = [0.0, 0.03, 0.1, 0.3, 1.0];
 /// Standard deviation of a torque's gain about 1 before any motion.
 const GAIN_SD: f64 = 0.05;
+/// Standard deviation of a torque's delay before any motion, s.
+const DELAY_SD_S: f64 = 0.005;
+/// Standard deviation of an effect's coefficient before any motion, SI units.
+pub(crate) const EFFECT_SD: f64 = 1e3;
 /// Standard deviation of the mass from the scale, as a share.
 const MASS_SD: f64 = 1e-4;
 
@@ -43,6 +48,9 @@ pub struct JointEstimate {
     pub friction: Estimate,
     /// Gain of the measured torque: reading over torque.
     pub gain: Estimate,
+    /// Time by which the measured torque is later than the encoders, s; half a step of a drive that holds its torque from step
+    /// to step, with the opposite sign.
+    pub delay_s: Estimate,
 }
 
 /// Held-out error of the base rows for one weight of the torque rows.
@@ -54,11 +62,25 @@ pub struct Tried {
     pub held_out_rms: f64,
 }
 
+/// A coefficient of a law of a joint that the model holds.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LawEstimate {
+    /// Effect, joint and coefficient: `stribeck[l_knee].extra`.
+    pub name: String,
+    /// Value.
+    pub value: f64,
+    /// 95 % interval.
+    pub ci95: [f64; 2],
+}
+
 /// Result of the fit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct JointFit {
     /// The joints, in the model's order.
     pub joints: Vec<JointEstimate>,
+    /// Laws of joints in the model.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub laws: Vec<LawEstimate>,
     /// Weight of the torque rows for the inertial parameters.
     pub weight: f64,
     /// Weights that were tried.
@@ -91,64 +113,45 @@ pub struct JointRows<'a> {
     pub mass_kg: f64,
 }
 
-struct Normal {
-    matrix: DMatrix<f64>,
-    right: DVector<f64>,
-}
-
-impl Normal {
-    fn zeros(n: usize) -> Self {
-        Self { matrix: DMatrix::zeros(n, n), right: DVector::zeros(n) }
-    }
-    /// Adds the rows of a factor; its columns are the first ones.
-    fn add(&mut self, factor: &Factor, weight: f64) {
-        let r = factor.dense();
-        let n = r.ncols() - 1;
-        let product = r.transpose() * &r * weight;
-        let mut view = self.matrix.view_mut((0, 0), (n, n));
-        view += product.view((0, 0), (n, n));
-        let mut right = self.right.rows_mut(0, n);
-        right += product.view((0, n), (n, 1)).column(0);
-    }
-    fn plus(&self, other: &Self, weight: f64) -> Self {
-        Self { matrix: &self.matrix + &other.matrix * weight, right: &self.right + &other.right * weight }
-    }
-    /// Solution and covariance.
-    fn solve(&self) -> Option<(DVector<f64>, DMatrix<f64>)> {
-        let n = self.right.len();
-        let scale = self.matrix.diagonal().map(|d| d.max(f64::MIN_POSITIVE).sqrt().recip());
-        let scaled = DMatrix::from_fn(n, n, |i, j| self.matrix[(i, j)] * scale[i] * scale[j]);
-        let inverse = scaled.cholesky()?.inverse();
-        let covariance = DMatrix::from_fn(n, n, |i, j| inverse[(i, j)] * scale[i] * scale[j]);
-        Some((&covariance * &self.right, covariance))
-    }
-}
-
-/// What is known before any motion: the prior of the base parameters, the mass, the model file's
-/// joints.
-fn before(robot: &RobotModel, rows: &JointRows<'_>) -> Option<(Normal, Vec<f64>)> {
-    let p = rows.prior.mean.len();
-    let n = p + UNKNOWNS.len() * robot.joints.len();
+/// The prior of the base parameters and the mass from the scale, as the first of `n` unknowns.
+pub(crate) fn body_prior(prior: &Prior, mass_kg: f64, n: usize) -> Option<Normal> {
+    let p = prior.mean.len();
     let mut out = Normal::zeros(n);
-    let sd = DVector::from_fn(p, |i, _| rows.prior.covariance[(i, i)].max(0.0).sqrt().max(1e-12));
+    let sd = DVector::from_fn(p, |i, _| prior.covariance[(i, i)].max(0.0).sqrt().max(1e-12));
     let correlation = DMatrix::from_fn(p, p, |i, j| {
-        let c = rows.prior.covariance[(i, j)] / (sd[i] * sd[j]);
+        let c = prior.covariance[(i, j)] / (sd[i] * sd[j]);
         if i == j { 1.0 + 1e-9 } else { c }
     });
     let inverse = correlation.cholesky()?.inverse();
     let information = DMatrix::from_fn(p, p, |i, j| inverse[(i, j)] / (sd[i] * sd[j]));
-    out.right.rows_mut(0, p).copy_from(&(&information * &rows.prior.mean));
+    out.right.rows_mut(0, p).copy_from(&(&information * &prior.mean));
     out.matrix.view_mut((0, 0), (p, p)).copy_from(&information);
-    let mass = (MASS_SD * rows.mass_kg).powi(-2);
+    let mass = (MASS_SD * mass_kg).powi(-2);
     out.matrix[(0, 0)] += mass;
-    out.right[0] += mass * rows.mass_kg;
+    out.right[0] += mass * mass_kg;
+    Some(out)
+}
+
+/// Standard deviations of a joint's own unknowns before any motion. Wide: data sheets of friction are off by half, and a model
+/// without them says zero.
+pub(crate) fn spread(joint: &RobotJoint) -> [f64; 5] {
+    [joint.armature.max(0.02), joint.damping.max(0.5), joint.friction.max(0.5), GAIN_SD, DELAY_SD_S]
+}
+
+/// What is known before any motion: the prior of the base parameters, the mass, the model file's
+/// joints.
+fn before(robot: &RobotModel, rows: &JointRows<'_>, first: usize, n: usize) -> Option<(Normal, Vec<f64>)> {
+    let p = rows.prior.mean.len();
+    let mut out = body_prior(rows.prior, rows.mass_kg, n)?;
+    // coefficients of effects: any value that a robot can have
+    for at in (p..first).chain(first + UNKNOWNS.len() * robot.joints.len()..n) {
+        out.matrix[(at, at)] += EFFECT_SD.powi(-2);
+    }
     let mut nominal = Vec::new();
     for (j, joint) in robot.joints.iter().enumerate() {
-        let values = [joint.armature, joint.damping, joint.friction, 0.0];
-        // wide: data sheets of friction are off by half, and a model without them says zero
-        let sds = [values[0].max(0.02), values[1].max(0.5), values[2].max(0.5), GAIN_SD];
-        for (k, (value, sd)) in values.iter().zip(sds).enumerate() {
-            let at = p + UNKNOWNS.len() * j + k;
+        let values = [joint.armature, joint.damping, joint.friction, 0.0, 0.0];
+        for (k, (value, sd)) in values.iter().zip(spread(joint)).enumerate() {
+            let at = first + UNKNOWNS.len() * j + k;
             out.matrix[(at, at)] += sd.powi(-2);
             out.right[at] += value * sd.powi(-2);
         }
@@ -168,11 +171,18 @@ fn squares(factors: &[&Factor], x: &DVector<f64>) -> (f64, usize) {
 /// torques.
 pub fn joint_fit(robot: &RobotModel, rows: &JointRows<'_>) -> Option<JointFit> {
     let p = rows.prior.mean.len();
-    let n = p + UNKNOWNS.len() * robot.joints.len();
-    if rows.torque.is_empty() || rows.torque.iter().any(|f| f.columns.len() != n + 1) {
+    let columns = &rows.torque.first()?.columns;
+    let n = columns.len() - 1;
+    if rows.torque.iter().any(|f| f.columns != *columns) {
         return None;
     }
-    let (prior, nominal) = before(robot, rows)?;
+    // effects of the base rows stand before the joints' own unknowns, laws of joints after them
+    let own = format!("{}.{}", robot.joints.first()?.name, UNKNOWNS[0]);
+    let first_own = p + columns.effects.iter().position(|name| *name == own)?;
+    if rows.base.iter().any(|f| f.columns.len() != first_own + 1) {
+        return None;
+    }
+    let (prior, nominal) = before(robot, rows, first_own, n)?;
     let base_weight = rows.base_row_sd.powi(-2);
     let sum = |factors: &[Factor], weight: f64, keep: &dyn Fn(&Factor) -> bool| {
         let mut out = Normal::zeros(n);
@@ -232,7 +242,7 @@ pub fn joint_fit(robot: &RobotModel, rows: &JointRows<'_>) -> Option<JointFit> {
         .enumerate()
         .map(|(j, joint)| {
             let estimate = |k: usize| {
-                let at = p + UNKNOWNS.len() * j + k;
+                let at = first_own + UNKNOWNS.len() * j + k;
                 let half = 1.96 * OVERLAP * covariance[(at, at)].max(0.0).sqrt();
                 Estimate { value: x[at], ci95: [x[at] - half, x[at] + half], nominal: nominal[UNKNOWNS.len() * j + k] }
             };
@@ -248,11 +258,20 @@ pub fn joint_fit(robot: &RobotModel, rows: &JointRows<'_>) -> Option<JointFit> {
                     ci95: [gain(error.ci95[1]), gain(error.ci95[0])],
                     nominal: 1.0,
                 },
+                delay_s: estimate(4),
             }
+        })
+        .collect();
+    let of_laws = first_own + UNKNOWNS.len() * robot.joints.len();
+    let laws = (of_laws..n)
+        .map(|at| {
+            let half = 1.96 * OVERLAP * covariance[(at, at)].max(0.0).sqrt();
+            LawEstimate { name: columns.effects[at - p].clone(), value: x[at], ci95: [x[at] - half, x[at] + half] }
         })
         .collect();
     Some(JointFit {
         joints,
+        laws,
         weight: best,
         tried,
         base_names: rows.torque[0].columns.parameters.clone(),

@@ -53,8 +53,7 @@ impl SensorErrors {
     /// are filled, all others are NaN.
     pub fn draw(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, seed: u64, draw: u64) -> Motion {
         // another stream for every recording: its sensors' noise is its own
-        let name = motion.trial.bytes().fold(seed, |h, b| h.wrapping_mul(0x100_0000_01b3) ^ u64::from(b));
-        let mut rng = ChaCha8Rng::seed_from_u64(name);
+        let mut rng = ChaCha8Rng::seed_from_u64(of_recording(&motion.trial, seed));
         rng.set_stream(draw);
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
         let n = motion.n_frames();
@@ -134,6 +133,41 @@ impl SensorErrors {
     }
 }
 
+/// Torques with one draw of white noise, `[joint][frame]`; `sd` is that of each joint. Every recording has noise of its own.
+pub fn noisy_torques(torques: &[Vec<f64>], sd: &[f64], trial: &str, seed: u64, draw: u64) -> Vec<Vec<f64>> {
+    let mut rng = ChaCha8Rng::seed_from_u64(of_recording(trial, !seed));
+    rng.set_stream(draw);
+    let mut noisy = |values: &Vec<f64>, sd: f64| -> Vec<f64> {
+        values
+            .iter()
+            .map(|t| {
+                let e: f64 = StandardNormal.sample(&mut rng);
+                t + sd * e
+            })
+            .collect()
+    };
+    torques.iter().zip(sd).map(|(values, sd)| noisy(values, *sd)).collect()
+}
+
+/// Variance of the fourth difference of white noise of variance 1.
+const FOURTH_DIFFERENCE: f64 = 70.0;
+
+/// Standard deviation of the white noise in pieces of a signal, from the median size of their fourth differences, to which slow
+/// changes contribute nothing. It is an upper limit where the signal itself changes from sample to sample. None for fewer than 50.
+pub fn white_sd(pieces: &[Vec<f64>]) -> Option<f64> {
+    const FEWEST: usize = 50;
+    /// Median of the absolute value of a standard normal variable.
+    const MEDIAN: f64 = 0.674_489_75;
+    let fourth = |w: &[f64]| (w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]).abs();
+    let mut all: Vec<f64> = pieces.iter().flat_map(|p| p.windows(5).map(fourth)).filter(|d| d.is_finite()).collect();
+    (all.len() >= FEWEST).then(|| aloft_signal::median(&mut all) / MEDIAN / FOURTH_DIFFERENCE.sqrt())
+}
+
+/// Another seed for every recording.
+fn of_recording(trial: &str, seed: u64) -> u64 {
+    trial.bytes().fold(seed, |h, b| h.wrapping_mul(0x100_0000_01b3) ^ u64::from(b))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -179,5 +213,14 @@ mod tests {
         assert!((rms(o) / stated_o - 1.0).abs() < 0.35, "{} {stated_o}", rms(o));
         assert!((rms(j) / 1e-5 - 1.0).abs() < 0.05);
         assert_eq!(errors.draw(&motion, &|_| true, 1, 3).q, errors.draw(&motion, &|_| true, 1, 3).q);
+    }
+
+    #[test]
+    fn white_noise_of_a_torque_is_found_beside_its_motion() {
+        let slow: Vec<f64> = (0..2000).map(|i| 8.0 * (0.02 * f64::from(i)).sin()).collect();
+        let noisy = noisy_torques(&[slow], &[0.1], "a", 3, 0);
+        let found = white_sd(&noisy).unwrap_or(f64::NAN);
+        assert!((found - 0.1).abs() < 0.01, "{found}");
+        assert!(white_sd(&[vec![0.0; 20]]).is_none());
     }
 }

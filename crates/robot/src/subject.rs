@@ -33,6 +33,7 @@ pub fn subject(
     let mut model = Model::from_spec(&robot.spec).map_err(|e| RobotError::model(&robot.file, e.to_string()))?;
     model.gravity_mps2 = gravity_mps2;
     model.encoders = true;
+    model.joint_names = robot.joints.iter().map(|j| (j.link.clone(), j.name.clone())).collect();
     let root = &model.links[0].name;
     if let Some(base) = description.base_link.as_ref().filter(|b| *b != root) {
         return Err(RobotError::model(

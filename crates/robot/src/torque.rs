@@ -5,12 +5,13 @@
 //! carries, in a frame that falls with the body, where gravity vanishes:
 //!
 //! ```text
-//!  −∫ (ψ̇ S + ψ Ṡ)ᵀ h dt + Ia ∫ψ̈ q dt − d ∫ψ̇ q dt + c ∫ψ sgn(q̇) dt  =  (1 + κ) ∫ψ τ dt
+//!  −∫ (ψ̇ S + ψ Ṡ)ᵀ h dt + Ia ∫ψ̈ q dt − d ∫ψ̇ q dt + c ∫ψ sgn(q̇) dt  =  (1 + κ) ∫ψ τ dt − δ ∫ψ̇ τ dt
 //! ```
 //!
 //! with the torque τ at the motor's side, reflected inertia Ia, viscous friction d, Coulomb friction
-//! c and the error κ of the torque's gain. As in the base's weak rows no acceleration is formed.
-//! Rows are linear in φ, Ia, d, c and κ. The same regrouping into base parameters holds as for the
+//! c, the error κ of the torque's gain and its delay δ against the encoders (a drive that holds its torque from step to step
+//! has one of half a step). As in the base's weak rows no acceleration is formed.
+//! Rows are linear in φ, Ia, d, c, κ and δ. The same regrouping into base parameters holds as for the
 //! base rows.
 //!
 //! Rows are weighted by constants: the torque sensor's noise and a share of the torque's own size.
@@ -18,6 +19,7 @@
 
 use crate::model::RobotModel;
 use aloft_body::{BaseParameters, JointKind, Model, Motion, Phi, State};
+use aloft_effects::{EffectInstance, JointSeries, SURE_OF_SIGN, Scene, Target};
 use aloft_regressor::test_function::MIN_HALF_WINDOW;
 use aloft_regressor::{
     Columns, Factor, RegressorError, RowKind, Stretch, TestFunction, run_velocities, window_centers,
@@ -26,10 +28,13 @@ use faer::Mat;
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 
 /// Names of a joint's unknowns, in the order of their columns.
-pub const UNKNOWNS: [&str; 4] = ["armature", "damping", "friction", "gain_error"];
+pub const UNKNOWNS: [&str; 5] = ["armature", "damping", "friction", "gain_error", "delay"];
 
 /// Share of a joint's torque (root mean square over the stretch) by which a row may be wrong in any case.
 const MODEL_SHARE: f64 = 0.01;
+
+/// Rate below which a joint may stick, rad/s (m/s).
+const NEAR_REST: f64 = 2.0 * SURE_OF_SIGN;
 
 /// Torques of a recording at the frames of its motion.
 #[derive(Debug, Clone, Copy)]
@@ -40,99 +45,263 @@ pub struct Torques<'a> {
     pub sd_nm: f64,
 }
 
-/// Factor of one flight from the torques of all joints; columns `[φ_B | joint.armature … | τ]`.
-/// Windows are as long as those of weak rows (0.6 of the flight, 0.15 to 0.4 s).
+/// Effects of the model in the rows of torques.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct TorqueEffects<'a> {
+    /// Effects that are a change of the body's inertia: names and base parameters of a unit, none in recordings in which they
+    /// do not act. They are columns of the base rows, too.
+    pub carried: &'a [(String, Option<DVector<f64>>)],
+    /// Laws of joints.
+    pub joints: &'a [EffectInstance<'a>],
+}
+
+/// Factor of one flight from the torques of all joints; columns `[φ_B | carried | joint.armature … | laws | τ]`. Windows are as long as those of weak rows (0.6 of the flight, 0.15 to 0.4 s).
 ///
 /// # Errors
 /// [`RegressorError::TooShort`] if no window fits, [`RegressorError::Numeric`] for numbers that are
 /// not finite.
 pub fn torque_factor(
-    model: &Model,
     robot: &RobotModel,
     base: &BaseParameters,
-    prior: &[Phi],
-    motion: &Motion,
-    stretch: &Stretch,
-    torques: Torques<'_>,
+    source: TorqueSource<'_>,
+    effects: TorqueEffects<'_>,
 ) -> Result<Factor, RegressorError> {
-    let (start, end) = (stretch.first_frame, stretch.end_frame);
-    let n = end - start;
-    let joints = Joints::of(model, robot);
-    let duration_s = n as f64 / motion.rate_hz;
-    let window_s = (0.6 * duration_s).clamp(0.15, 0.4).min(duration_s);
-    let half = ((window_s * motion.rate_hz / 2.0).round() as usize).saturating_sub(4).max(MIN_HALF_WINDOW);
-    let test = TestFunction::new(half, 5, motion.rate_hz)?;
-    let hop = ((0.25 * test.length_s() * motion.rate_hz) as usize).max(1);
-    // three frames at both ends have velocities of lower order
-    let centers = window_centers(3, n.saturating_sub(3), half, hop);
-    let measured = |t: &Vec<f64>| t.get(start..end).is_some_and(|t| t.iter().all(|x| x.is_finite()));
-    let usable = (start..end).all(|f| motion.is_valid(f))
-        && torques.values.len() == joints.list.len()
-        && torques.values.iter().all(measured);
-    if centers.is_empty() || !usable {
-        return Err(RegressorError::TooShort {
-            trial: stretch.trial.clone(),
-            stretch: stretch.index,
-            frames: n,
-            needed: test.n_frames() + 6,
-        });
-    }
-    let frames = Frames::of(model, &joints, prior, motion, start, end);
-    let wide = 10 * model.n_links();
-    let extra = UNKNOWNS.len() * joints.list.len();
+    let stretch = source.stretch;
+    let duration_s = (stretch.end_frame - stretch.first_frame) as f64 / source.motion.rate_hz;
+    let rows = TorqueRows::of(robot, source, (0.6 * duration_s).clamp(0.15, 0.4).min(duration_s))?;
     let p = base.len();
-    let mut full = DMatrix::zeros(centers.len() * joints.list.len(), wide);
-    let mut rest = DMatrix::<f64>::zeros(full.nrows(), extra + 1);
-    let mut weight = vec![0.0; full.nrows()];
-    let area = test.integral_s();
-    for (w, &center) in centers.iter().enumerate() {
-        for (j, joint) in joints.list.iter().enumerate() {
-            let row = w * joints.list.len() + j;
-            let first = UNKNOWNS.len() * j;
-            let torque = &torques.values[j];
-            let (mut squares, mut noise) = (0.0, 0.0);
-            for i in 0..test.n_frames() {
-                let f = center - half + i;
-                let (psi, psi_dot, psi_ddot) = (test.psi[i], test.psi_dot[i], test.psi_ddot[i]);
+    let extra = effects.carried.len() + UNKNOWNS.len() * rows.n_joints();
+    let laws: Vec<Vec<(usize, DVector<f64>)>> = effects.joints.iter().map(|e| rows.law(e)).collect();
+    let wide: usize = laws.iter().map(Vec::len).sum();
+    let mut whole = DMatrix::zeros(rows.n_joints() * rows.n_windows(), p + extra + wide + 1);
+    for j in 0..rows.n_joints() {
+        let weight = rows.weights(j);
+        let mut put = |column: usize, values: &DVector<f64>| {
+            for (w, value) in values.iter().enumerate() {
+                whole[(w * rows.n_joints() + j, column)] = weight[w] * value;
+            }
+        };
+        let body = rows.body(j, base);
+        (0..p).for_each(|c| put(c, &body.column(c).into_owned()));
+        for (c, (_, change)) in effects.carried.iter().enumerate() {
+            if let Some(change) = change {
+                put(p + c, &(&body * change));
+            }
+        }
+        for (k, column) in rows.own(j).iter().enumerate() {
+            put(p + effects.carried.len() + UNKNOWNS.len() * j + k, column);
+        }
+        for (c, (joint, column)) in laws.iter().flatten().enumerate() {
+            if *joint == j {
+                put(p + extra + c, column);
+            }
+        }
+        put(p + extra + wide, &rows.measured(j));
+    }
+    let carried = effects.carried.iter().map(|c| c.0.clone());
+    let own = rows.joints.list.iter().flat_map(|j| UNKNOWNS.iter().map(move |u| format!("{}.{u}", j.name)));
+    let names = effects.joints.iter().flat_map(|e| e.names(source.scene));
+    let columns = Columns {
+        parameters: base.parameters.iter().map(|b| b.name.clone()).collect(),
+        effects: carried.chain(own).chain(names).collect(),
+    };
+    let matrix = Mat::from_fn(whole.nrows(), whole.ncols(), |i, k| whole[(i, k)]);
+    Factor::from_rows(stretch, RowKind::Weak, columns, matrix.as_ref())
+}
+
+/// Everything that the rows of one flight's torques are formed from.
+#[derive(Debug, Clone, Copy)]
+pub struct TorqueSource<'a> {
+    /// The body with the names of its joints.
+    pub scene: &'a Scene,
+    /// Motion of the recording.
+    pub motion: &'a Motion,
+    /// The flight.
+    pub stretch: &'a Stretch,
+    /// Torques at the frames of the motion.
+    pub torques: Torques<'a>,
+}
+
+/// Rows of one flight, joint by joint: windows × columns, in N·m·s.
+#[derive(Debug)]
+pub struct TorqueRows {
+    joints: Joints,
+    frames: Frames,
+    test: TestFunction,
+    centers: Vec<usize>,
+    n_links: usize,
+    rate_hz: f64,
+    /// `[joint][frame of the flight]`.
+    q: Vec<Vec<f64>>,
+    v: Vec<Vec<f64>>,
+    torque: Vec<Vec<f64>>,
+    sd_nm: f64,
+}
+
+impl TorqueRows {
+    /// Rows with windows of a length.
+    ///
+    /// # Errors
+    /// As [`torque_factor`].
+    pub fn of(robot: &RobotModel, source: TorqueSource<'_>, window_s: f64) -> Result<Self, RegressorError> {
+        let TorqueSource { scene, motion, stretch, torques } = source;
+        let model = &scene.model;
+        let (start, end) = (stretch.first_frame, stretch.end_frame);
+        let n = end - start;
+        let joints = Joints::of(model, robot);
+        let half = ((window_s * motion.rate_hz / 2.0).round() as usize).saturating_sub(4).max(MIN_HALF_WINDOW);
+        let test = TestFunction::new(half, 5, motion.rate_hz)?;
+        let hop = ((0.25 * test.length_s() * motion.rate_hz) as usize).max(1);
+        // three frames at both ends have velocities of lower order
+        let centers = window_centers(3, n.saturating_sub(3), half, hop);
+        let measured = |t: &Vec<f64>| t.get(start..end).is_some_and(|t| t.iter().all(|x| x.is_finite()));
+        let usable = (start..end).all(|f| motion.is_valid(f))
+            && torques.values.len() == joints.list.len()
+            && torques.values.iter().all(measured);
+        if centers.is_empty() || !usable {
+            return Err(RegressorError::TooShort {
+                trial: stretch.trial.clone(),
+                stretch: stretch.index,
+                frames: n,
+                needed: test.n_frames() + 6,
+            });
+        }
+        let frames = Frames::of(model, &joints, &scene.phi, motion, start, end);
+        let q = joints.list.iter().map(|j| (start..end).map(|f| motion.q(f)[j.q_offset]).collect()).collect();
+        let rate = |j: &Carried| (0..n).map(|f| frames.velocities[f * model.nv + j.v_offset]).collect();
+        let v = joints.list.iter().map(rate).collect();
+        let torque = torques.values.iter().map(|t| t[start..end].to_vec()).collect();
+        let (n_links, rate_hz) = (model.n_links(), motion.rate_hz);
+        Ok(Self { joints, frames, test, centers, n_links, rate_hz, q, v, torque, sd_nm: torques.sd_nm })
+    }
+
+    /// Number of joints.
+    pub fn n_joints(&self) -> usize {
+        self.joints.list.len()
+    }
+
+    /// Number of windows, which are the rows of each joint.
+    pub fn n_windows(&self) -> usize {
+        self.centers.len()
+    }
+
+    /// Name of a joint, and the index of the link that it carries.
+    pub fn joint(&self, j: usize) -> (&str, usize) {
+        (&self.joints.list[j].name, self.joints.list[j].link)
+    }
+
+    /// Coordinate, rate and torque of a joint.
+    pub fn series(&self, j: usize) -> JointSeries<'_> {
+        JointSeries { rate_hz: self.rate_hz, q: &self.q[j], v: &self.v[j], torque: &self.torque[j] }
+    }
+
+    /// Sums over the windows of what `of` gives for a frame and the test function's values there.
+    fn sums(&self, of: impl Fn(usize, [f64; 3]) -> f64) -> DVector<f64> {
+        let half = self.test.n_frames() / 2;
+        let window = |center: &usize| -> f64 {
+            (0..self.test.n_frames())
+                .map(|i| of(center - half + i, [self.test.psi[i], self.test.psi_dot[i], self.test.psi_ddot[i]]))
+                .sum()
+        };
+        DVector::from_iterator(self.centers.len(), self.centers.iter().map(window))
+    }
+
+    /// Columns of the base parameters.
+    pub fn body(&self, j: usize, base: &BaseParameters) -> DMatrix<f64> {
+        self.links(j) * &base.to_full
+    }
+
+    /// Columns of φ of all links, ten a link.
+    pub fn links(&self, j: usize) -> DMatrix<f64> {
+        let joint = &self.joints.list[j];
+        let half = self.test.n_frames() / 2;
+        let mut full = DMatrix::zeros(self.centers.len(), 10 * self.n_links);
+        for (w, center) in self.centers.iter().enumerate() {
+            for i in 0..self.test.n_frames() {
+                let (psi, psi_dot) = (self.test.psi[i], self.test.psi_dot[i]);
+                let begin = (center - half + i) * self.joints.width + joint.offset;
                 for &link in &joint.carried {
-                    for c in 10 * link..10 * link + 10 {
-                        let at = f * joints.width + joint.offset + joints.place[j][link] + (c - 10 * link);
-                        full[(row, c)] -= psi_dot * frames.along[at] + psi * frames.turning[at];
+                    let from = begin + self.joints.place[j][link];
+                    for c in 0..10 {
+                        full[(w, 10 * link + c)] -=
+                            psi_dot * self.frames.along[from + c] + psi * self.frames.turning[from + c];
                     }
                 }
-                let q = motion.q(start + f)[joint.q_offset];
-                let v = frames.velocities[f * model.nv + joint.v_offset];
-                let tau = torque[start + f];
-                rest[(row, first)] += psi_ddot * q;
-                rest[(row, first + 1)] -= psi_dot * q;
-                rest[(row, first + 2)] += psi * (v / STANDSTILL).tanh();
-                rest[(row, first + 3)] -= psi * tau;
-                rest[(row, extra)] += psi * tau;
-                squares += psi * tau * tau;
-                noise += psi * psi;
             }
-            let sensor = torques.sd_nm * noise.sqrt() / area;
-            let size = MODEL_SHARE * (squares / area).sqrt();
-            weight[row] = (sensor * sensor + size * size).sqrt().recip() / area;
         }
+        full
     }
-    let regrouped = &full * &base.to_full;
-    let matrix = Mat::from_fn(full.nrows(), p + extra + 1, |i, k| {
-        weight[i] * if k < p { regrouped[(i, k)] } else { rest[(i, k - p)] }
-    });
-    let effects = joints.list.iter().flat_map(|j| UNKNOWNS.iter().map(move |u| format!("{}.{u}", j.name))).collect();
-    let columns = Columns { parameters: base.parameters.iter().map(|b| b.name.clone()).collect(), effects };
-    Factor::from_rows(stretch, RowKind::Weak, columns, matrix.as_ref())
+
+    /// Columns of the joint's own unknowns ([`UNKNOWNS`]).
+    pub fn own(&self, j: usize) -> [DVector<f64>; 5] {
+        let (q, v, torque) = (&self.q[j], &self.v[j], &self.torque[j]);
+        [
+            self.sums(|f, [_, _, bend]| bend * q[f]),
+            self.sums(|f, [_, slope, _]| -slope * q[f]),
+            self.sums(|f, [psi, _, _]| psi * (v[f] / SURE_OF_SIGN).tanh()),
+            self.sums(|f, [psi, _, _]| -psi * torque[f]),
+            self.sums(|f, [_, slope, _]| slope * torque[f]),
+        ]
+    }
+
+    /// Share of each window in which the joint is near rest. There its friction is that of sticking, which no rate determines.
+    pub fn at_rest(&self, j: usize) -> DVector<f64> {
+        let v = &self.v[j];
+        self.sums(|f, [psi, _, _]| if v[f].abs() < NEAR_REST { psi } else { 0.0 }) / self.area_s()
+    }
+
+    /// The measured torque.
+    pub fn measured(&self, j: usize) -> DVector<f64> {
+        self.column(&self.torque[j])
+    }
+
+    /// A torque given at the frames of the flight.
+    pub fn column(&self, values: &[f64]) -> DVector<f64> {
+        self.sums(|f, [psi, _, _]| psi * values.get(f).copied().unwrap_or(0.0))
+    }
+
+    /// Columns of an effect, each with the index of its joint; none if it acts on no joint.
+    pub fn law(&self, effect: &EffectInstance<'_>) -> Vec<(usize, DVector<f64>)> {
+        let Target::Joint(link) = effect.target else { return Vec::new() };
+        let Some(j) = self.joints.list.iter().position(|joint| joint.link == link) else { return Vec::new() };
+        effect.effect.torque(&self.series(j), &effect.nonlinear).iter().map(|c| (j, self.column(c))).collect()
+    }
+
+    /// Integral of the test function, s: rows over it are torques.
+    pub fn area_s(&self) -> f64 {
+        self.test.integral_s()
+    }
+
+    /// Weight of each row: the sensor's noise, and a share of the torque's own size.
+    pub fn weights(&self, j: usize) -> DVector<f64> {
+        let area = self.area_s();
+        let torque = &self.torque[j];
+        let squares = self.sums(|f, [psi, _, _]| psi * torque[f] * torque[f]);
+        let sensor = self.sensor_sd_nm();
+        squares.map(|s| {
+            let size = MODEL_SHARE * (s / area).sqrt();
+            (sensor * sensor + size * size).sqrt().recip() / area
+        })
+    }
+
+    /// Standard deviation of a row, as a torque, that the torque sensor's noise causes, N·m.
+    pub fn sensor_sd_nm(&self) -> f64 {
+        let noise: f64 = self.test.psi.iter().map(|p| p * p).sum();
+        self.sd_nm * noise.sqrt() / self.area_s()
+    }
 }
 
 /// How large measured torques are against what a model needs for the same motion: slope and correlation over all rows. A
 /// slope far from 1 is another unit or the opposite sign. None without rows.
 pub fn size(robot: &RobotModel, base: &BaseParameters, prior: &[Phi], factors: &[Factor]) -> Option<(f64, f64)> {
     let p = base.len();
-    let mut x = DVector::zeros(p + UNKNOWNS.len() * robot.joints.len());
+    // unknowns of effects are zero: a wrong unit shows without them
+    let columns = &factors.first()?.columns;
+    let mut x = DVector::zeros(columns.len() - 1);
     x.rows_mut(0, p).copy_from(&base.regroup(prior));
-    for (j, joint) in robot.joints.iter().enumerate() {
-        let first = p + UNKNOWNS.len() * j;
+    for joint in &robot.joints {
+        let first = format!("{}.{}", joint.name, UNKNOWNS[0]);
+        let first = p + columns.effects.iter().position(|n| *n == first)?;
         (x[first], x[first + 1], x[first + 2]) = (joint.armature, joint.damping, joint.friction);
     }
     let (mut pp, mut pm, mut mm) = (0.0, 0.0, 0.0);
@@ -148,9 +317,7 @@ pub fn size(robot: &RobotModel, base: &BaseParameters, prior: &[Phi], factors: &
     (pp > 0.0 && mm > 0.0).then(|| (pm / pp, pm / (pp * mm).sqrt()))
 }
 
-/// Rate below which the sign of a joint's motion is not sure, rad/s or m/s.
-const STANDSTILL: f64 = 0.05;
-
+#[derive(Debug)]
 struct Carried {
     name: String,
     link: usize,
@@ -164,6 +331,7 @@ struct Carried {
     offset: usize,
 }
 
+#[derive(Debug)]
 struct Joints {
     list: Vec<Carried>,
     /// For each joint: where a link's ten columns begin within its part of the buffer.
@@ -211,6 +379,7 @@ impl Joints {
 }
 
 /// What the windows add up: for every frame and joint Sᵀh and Ṡᵀh, by columns of the links carried.
+#[derive(Debug)]
 struct Frames {
     velocities: Vec<f64>,
     along: Vec<f64>,

@@ -3,9 +3,10 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
 use aloft_body::{BaseParameters, Model, Motion, Phi, State};
+use aloft_effects::Scene;
 use aloft_regressor::{Stretch, run_velocities};
 use aloft_robot::RobotModel;
-use aloft_robot::torque::{Torques, torque_factor};
+use aloft_robot::torque::{TorqueEffects, TorqueSource, Torques, torque_factor};
 use nalgebra::{DVector, Vector3};
 
 const RATE_HZ: f64 = 1000.0;
@@ -30,6 +31,7 @@ fn rows_vanish_for_true_inertias_friction_armature_and_gains() {
     model.gravity_mps2 = Vector3::new(0.0, 0.0, -9.81);
     let phi: Vec<Phi> = robot.spec.links.iter().map(|l| l.inertia.unwrap().to_phi()).collect();
     let base = BaseParameters::of(&model);
+    let scene = Scene::new(&model, &phi, &[]);
     // armature, damping, friction, gain of the reading
     let joints = [[0.02, 0.3, 0.4, 1.03], [0.5, 4.0, 1.5, 0.97]];
     for seed in [0.4, 1.1] {
@@ -54,12 +56,13 @@ fn rows_vanish_for_true_inertias_friction_armature_and_gains() {
         }
         let stretch = Stretch::flight("a", 0, 10, n - 10);
         let given = Torques { values: &torques, sd_nm: 0.001 };
-        let factor = torque_factor(&model, &robot, &base, &phi, &motion, &stretch, given).unwrap();
+        let source = TorqueSource { scene: &scene, motion: &motion, stretch: &stretch, torques: given };
+        let factor = torque_factor(&robot, &base, source, TorqueEffects::default()).unwrap();
         assert_eq!(factor.columns.effects[3], "shoulder.gain_error");
         let stacked = DVector::from_iterator(30, phi.iter().flat_map(|p| p.iter().copied()));
         let mut x: Vec<f64> = (&base.from_full * stacked).iter().copied().collect();
         for [armature, damping, friction, gain] in joints {
-            x.extend([armature, damping, friction, 1.0 / gain - 1.0]);
+            x.extend([armature, damping, friction, 1.0 / gain - 1.0, 0.0]);
         }
         // rows are in units of one per cent of the torque
         let rms = |x: Vec<f64>| (factor.sum_of_squares(&DVector::from_vec(x)) / factor.n_rows as f64).sqrt();

@@ -34,6 +34,11 @@ impl ModelEffect {
     pub fn id(&self) -> &str {
         self.key.split('[').next().unwrap_or(&self.key)
     }
+
+    /// True for a law of a joint, which exerts nothing on the body as a whole.
+    pub fn is_of_joints(&self) -> bool {
+        aloft_effects::effect(self.id()).is_ok_and(|e| e.acts().in_joints())
+    }
 }
 
 /// Results of a revision.
@@ -65,6 +70,31 @@ pub struct Reached {
     /// stored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trials: Option<Vec<String>>,
+    /// A robot's joints, where laws of joints were added or removed; empty otherwise.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub joints: Vec<JointReached>,
+}
+
+/// What the torque rows of one joint leave in flights that were left out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct JointReached {
+    /// Name of the joint.
+    pub joint: String,
+    /// Unit of the errors: N·m, or N for a slide.
+    pub unit: String,
+    /// Held-out error.
+    pub held_out_error: f64,
+    /// What a perfect model would leave; none if it is not known.
+    pub noise_floor: Option<f64>,
+    /// Its 95 % interval.
+    pub noise_floor_ci95: Option<[f64; 2]>,
+}
+
+impl JointReached {
+    /// Held-out error divided by the floor.
+    pub fn times_floor(&self) -> Option<f64> {
+        self.noise_floor.filter(|f| *f > 0.0).map(|f| self.held_out_error / f)
+    }
 }
 
 /// A coefficient of an effect, as identified.

@@ -3,19 +3,24 @@
 use crate::Effect;
 
 mod added_mass;
+mod asymmetric_friction;
 mod base_time_offset;
 mod body_mass;
 mod camera_warp;
+mod cogging;
 mod constant_force;
 mod crane;
 mod encoder_offset;
 mod filter_attenuation;
 mod flywheel;
+mod gain_curve;
 mod gravity_scale;
 mod gravity_tilt;
 mod joint_centre;
+mod joint_spring;
 mod linear_drag;
 mod link_mass;
+mod load_friction;
 mod panels;
 mod payload;
 mod plate_clock_drift;
@@ -25,12 +30,15 @@ mod plate_rotation;
 mod plate_tare;
 mod plate_time_offset;
 mod quadratic_drag;
+mod quadratic_friction;
 mod residual_contact;
 mod rotational_drag;
 mod rotor;
 mod soft_tissue;
+mod stribeck;
 mod tether;
 mod thrust;
+mod torque_offset;
 mod wind;
 mod wobbling_mass;
 
@@ -67,4 +75,12 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &base_time_offset::BaseTimeOffset,
     &camera_warp::CameraWarp,
     &body_mass::BodyMass,
+    &stribeck::Stribeck,
+    &asymmetric_friction::AsymmetricFriction,
+    &quadratic_friction::QuadraticFriction,
+    &load_friction::LoadFriction,
+    &joint_spring::JointSpring,
+    &cogging::Cogging,
+    &torque_offset::TorqueOffset,
+    &gain_curve::GainCurve,
 ];

@@ -187,3 +187,30 @@ fn columns_are_finite_and_act_where_they_say() {
         });
     }
 }
+
+/// Laws of joints give a torque for each coefficient, finite, as long as the motion, and nowhere a wrench.
+#[test]
+fn laws_of_joints_have_torques_and_no_wrench() {
+    let fixture = Fixture::new(true);
+    let n = 200;
+    let of = |f: &dyn Fn(f64) -> f64| (0..n).map(|i| f(0.005 * f64::from(i))).collect::<Vec<f64>>();
+    let (q, v, torque) =
+        (of(&|t| 0.8 * (5.0 * t).sin()), of(&|t| 4.0 * (5.0 * t).cos()), of(&|t| 2.0 + 3.0 * (4.0 * t).sin()));
+    let series = JointSeries { rate_hz: 200.0, q: &q, v: &v, torque: &torque };
+    let laws: Vec<_> = EFFECTS.iter().filter(|e| e.acts().in_joints()).collect();
+    assert_eq!(laws.len(), 8);
+    for law in laws {
+        for target in law.targets(&fixture.scene) {
+            assert!(matches!(target, Target::Joint(_)), "{} {target:?}", law.id());
+            let coefficients = law.coefficients(&fixture.scene, target);
+            for p in law.starts(&fixture.scene, target) {
+                let columns = law.torque(&series, &p);
+                assert_eq!(columns.len(), coefficients.len(), "{}", law.id());
+                for column in columns {
+                    assert!(column.len() == q.len() && column.iter().all(|x| x.is_finite()), "{}", law.id());
+                    assert!(column.iter().any(|x| x.abs() > 1e-3), "{}: a column of zeros", law.id());
+                }
+            }
+        }
+    }
+}

@@ -31,6 +31,7 @@ fn model(offset: [f64; 3]) -> Model {
     let mut model = Model::from_spec(&ModelSpec::new("two".into(), links)).unwrap();
     // so that effects of robots have targets, too
     model.encoders = true;
+    let _ = model.joint_names.insert("arm".into(), "elbow".into());
     model
 }
 

@@ -343,7 +343,15 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
             Ok(parameters) => {
                 write_json(&inputs.out.join(parameters_file(rows)), &parameters)?;
                 if let (Some(robot), Rows::Weak) = (&params.robot, rows) {
-                    super::robot_torques::fit_joints(robot, inputs, &subject, &factors, &parameters, &mut done)?;
+                    super::robot_torques::fit_joints(
+                        robot,
+                        inputs,
+                        &subject,
+                        &factors,
+                        &parameters,
+                        &params.widening,
+                        &mut done,
+                    )?;
                 }
                 if rows == chosen {
                     let unseen = parameters.effects.iter().filter_map(|e| Some((&e.name, e.not_determined.as_ref()?)));

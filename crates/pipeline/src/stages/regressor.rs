@@ -22,7 +22,7 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "regressor",
-    version: 6,
+    version: 7,
     scope: Scope::Trial(&[Role::Identify, Role::Validate]),
     seconds: 0.15,
     reads: "`Motion`, flights, plates",
@@ -168,12 +168,12 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let mut slides = Vec::new();
     // only identification uses the slides
     let person = !params.is_object && params.role == Some(Role::Identify);
-    let (factors, warnings) =
-        factors_beside(params, &rows, effect_columns(&params.effects, &rows)?.as_ref(), &mut slides, person)?;
+    let effects = effect_columns(&params.effects, &rows)?;
+    let (factors, warnings) = factors_beside(params, &rows, effects.as_ref(), &mut slides, person)?;
     let mut done = StageReport { warnings: warnings.into(), ..StageReport::default() };
     save_factors(inputs.out, &factors)?;
     if let Some(robot) = &params.robot {
-        super::robot_torques::save_torque_rows(robot, inputs, &rows, &mut done)?;
+        super::robot_torques::save_torque_rows(robot, inputs, &rows, &params.effects, effects.as_ref(), &mut done)?;
     }
     if person {
         save_slides(inputs.out, &slides)?;

@@ -6,21 +6,51 @@ use crate::graph::{StageInputs, StageReport};
 use crate::stages::robot::{failed, load_log};
 use crate::trial_rows::{TrialRows, each_stretch};
 use aloft_body::{BaseParameters, Subject};
+use aloft_effects::{EffectInstance, Scene};
 use aloft_identify::{LinkPrior, Parameters};
-use aloft_regressor::{Factor, Stretch};
+use aloft_regressor::{EffectColumns, Factor, Stretch};
 use aloft_robot::joint_fit::{JointRows, joint_fit};
-use aloft_robot::torque::{Torques, size, torque_factor};
+use aloft_robot::torque::{TorqueEffects, TorqueSource, Torques, size, torque_factor};
+use aloft_study::effects::{KnownEffects, ModelEffects};
 use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::Role;
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::json::write_json;
+use nalgebra::DVector;
 
 /// Files of torque rows.
-const TORQUE: &str = "torque_factors";
+pub(crate) const TORQUE: &str = "torque_factors";
 /// Correlation of measured torques with those that the model needs from which a wrong unit is sure.
 const SURE: f64 = 0.5;
 /// Torques may be off by this factor before they count as another unit.
 const ANOTHER_UNIT: f64 = 5.0;
+
+/// Laws of joints in a model.
+pub(crate) fn laws_of_joints<'k>(
+    known: &'k KnownEffects,
+    scene: &Scene,
+    model: &ModelEffects,
+) -> Result<Vec<EffectInstance<'k>>, StageFailure> {
+    let all = model.model.iter().map(|e| known.choice(scene, e)).collect::<Result<Vec<_>, _>>()?;
+    Ok(all.into_iter().filter(|c| c.effect.acts().in_joints()).collect())
+}
+
+/// Effects of the base rows as changes of the body's parameters, each with its name; none if one of them is a force from
+/// outside, of which the rows of joints do not know where it enters.
+pub(crate) fn carried(
+    rows: &TrialRows,
+    columns: Option<&EffectColumns>,
+) -> Option<Vec<(String, Option<DVector<f64>>)>> {
+    let Some(columns) = columns else { return Some(Vec::new()) };
+    let outside = |c: usize| {
+        rows.flights.iter().any(|r| columns.wrench[r.clone()].iter().any(|w| w.column(c).iter().any(|x| *x != 0.0)))
+    };
+    let one = |(c, name): (usize, &String)| {
+        let change = columns.inertia.get(c).cloned().flatten();
+        (change.is_some() || !outside(c)).then(|| (name.clone(), change))
+    };
+    columns.names.iter().enumerate().map(one).collect()
+}
 
 /// Rows of the joints' torques in the flights of a recording; notes their number. Without torques, and with torques of
 /// another unit or sign, nothing is written.
@@ -28,18 +58,29 @@ pub fn save_torque_rows(
     robot: &RobotSetup,
     inputs: &StageInputs<'_>,
     rows: &TrialRows,
+    model: &ModelEffects,
+    columns: Option<&EffectColumns>,
     done: &mut StageReport,
 ) -> Result<(), StageFailure> {
     let name = inputs.trial()?;
     let (log, _) = load_log(robot, inputs.results, name)?;
     let torques = log.torques_at_frames().map_err(|e| failed(&e))?;
     let Some(values) = torques else { return Ok(()) };
+    let Some(carried) = carried(rows, columns) else {
+        done.note("torques", "not judged: an effect of the model acts from outside the body, and where it enters the joints is not known");
+        return Ok(());
+    };
     let subject = &rows.subject;
     let base = BaseParameters::of(&subject.model);
     let prior = subject.prior_phi();
+    let scene = Scene::new(&subject.model, &prior, &[]);
+    let known = KnownEffects::of(&model.own, &scene)?;
+    let joints = laws_of_joints(&known, &scene, model)?;
+    let effects = TorqueEffects { carried: &carried, joints: &joints };
     let torques = Torques { values: &values, sd_nm: robot.description.noise.torque_nm };
     let (factors, _) = each_stretch(rows, |stretch| {
-        torque_factor(&subject.model, &robot.model, &base, &prior, &rows.motion, stretch, torques)
+        let source = TorqueSource { scene: &scene, motion: &rows.motion, stretch, torques };
+        torque_factor(&robot.model, &base, source, effects)
     })?;
     let plain: Vec<Factor> = factors.iter().map(|(_, f)| f.clone()).collect();
     if let Some((slope, correlation)) = size(&robot.model, &base, &prior, &plain)
@@ -77,12 +118,9 @@ pub fn fit_joints(
     subject: &Subject,
     factors: &[(Stretch, Factor)],
     parameters: &Parameters,
+    widening: &[(String, f64)],
     done: &mut StageReport,
 ) -> Result<(), StageFailure> {
-    if !parameters.effects.is_empty() {
-        // torque rows have no columns of effects yet
-        return Ok(());
-    }
     let mut torque = Vec::new();
     for name in inputs.trials_with_role("regressor", |role| role == Role::Identify) {
         let folder = inputs.results.place("regressor", &name)?;
@@ -101,7 +139,12 @@ pub fn fit_joints(
         prior: &prior,
         mass_kg: subject.facts.mass_kg,
     };
-    if let Some(fit) = joint_fit(&robot.model, &rows) {
+    if let Some(mut fit) = joint_fit(&robot.model, &rows) {
+        // nonlinear parameters of laws were fitted to the same recordings
+        for law in &mut fit.laws {
+            let by = widening.iter().find(|w| w.0 == law.name).map_or(1.0, |w| w.1);
+            law.ci95 = law.ci95.map(|end| law.value + by * (end - law.value));
+        }
         done.note("torque_rows", fit.rows);
         done.note("torque_weight", fit.weight);
         done.note("torque_ratio", fit.torque_ratio);
