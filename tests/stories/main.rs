@@ -27,6 +27,7 @@ mod ready_made;
 mod report;
 mod right_results;
 mod robot;
+mod robot_contact;
 mod robot_coverage;
 mod robot_joints;
 mod robot_markers;

@@ -90,9 +90,15 @@ impl PlanInputs<'_> {
         let sd = self.deviations();
         let noise =
             row_noise(&params, self.subject).map(|n| FrameErrors { sd: &sd, slow: n.slow, slow_time_s: n.slow_time_s });
-        let (limits, notes) = JointLimits::of(robot, &self.seen()?, self.config.limit_share, self.config.faster);
+        let (limits, mut notes) = JointLimits::of(robot, &self.seen()?, self.config.limit_share, self.config.faster);
         let links: Vec<_> = self.parameters.links.iter().map(aloft_identify::LinkEstimate::inertia).collect();
-        let mut extents = Extents::of(model, &links, self.config.clearance_m);
+        let mut extents = Extents::of(model, &links, &robot.collision, self.config.clearance_m);
+        if !robot.collision_meshes.is_empty() {
+            notes.push(format!(
+                "collision meshes are not read ({}): links without other collision geometry are spheres as thick as their mass and inertia",
+                robot.collision_meshes.join(", ")
+            ));
+        }
         let mut state = State::new(model);
         for (motion, flights) in self.recorded {
             for frame in flights.iter().flat_map(|s| (s.first_frame..s.end_frame).step_by(EVERY)) {

@@ -12,6 +12,8 @@ pub enum EdgeSource {
     Plates,
     /// The acceleration of the centre of mass.
     Motion,
+    /// A contact sensor of the log.
+    Contact,
     /// The recording (or the solved part of it) ends there.
     Recording,
 }

@@ -8,6 +8,7 @@
 
 mod center_of_mass;
 mod combine;
+mod contact;
 mod coverage;
 mod error;
 mod explain;
@@ -26,6 +27,7 @@ mod warning;
 mod wrench;
 
 pub use combine::{combine, find_flights};
+pub use contact::{ContactSensor, bounded_by_contact};
 pub use coverage::{Coverage, LeftOut, Unmeasured, coverage};
 pub use error::FlightError;
 pub use explain::{Cause, Evidence, Explanation};

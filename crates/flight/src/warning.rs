@@ -46,6 +46,15 @@ pub enum FlightWarning {
         /// The flight.
         frames: Range<usize>,
     },
+    /// A contact sensor says contact while the body falls freely.
+    ContactInFlight {
+        /// Name of the sensor.
+        sensor: String,
+        /// Number of flights in which it says so most of the time.
+        wrong: usize,
+        /// Number of flights.
+        flights: usize,
+    },
     /// Read from a stored report.
     Stored(String),
 }
@@ -64,6 +73,10 @@ impl std::fmt::Display for FlightWarning {
                 f,
                 "flight in frames {} to {}: determined from the plates alone, {unsolved} frames of the motion are not solved",
                 frames.start, frames.end
+            ),
+            Self::ContactInFlight { sensor, wrong, flights } => write!(
+                f,
+                "`{sensor}` says contact in {wrong} of {flights} flights, in which the body falls freely: it is not used"
             ),
             Self::Unsteady { frames } => write!(
                 f,

@@ -31,7 +31,7 @@ use rayon::prelude::*;
 /// Draws of the sensors' errors for the floors.
 const DRAWS: u64 = 8;
 /// Seed of the draws.
-const SEED: u64 = 0x7035_0e;
+const SEED: u64 = 20_261_123;
 
 /// A recording with everything that its torque rows are formed from.
 struct Recorded {
@@ -65,6 +65,15 @@ pub struct JointError {
     pub floor: Option<(f64, [f64; 2])>,
     /// Number of rows.
     pub rows: usize,
+}
+
+/// A joint fitted beside the body to all flights.
+struct Fitted {
+    held_out: f64,
+    rows: usize,
+    solution: DVector<f64>,
+    /// What it leaves in each flight, N·m (N).
+    left: Vec<DVector<f64>>,
 }
 
 impl<'a> JointTorques<'a> {
@@ -193,7 +202,7 @@ impl<'a> JointTorques<'a> {
         laws: &[EffectInstance<'_>],
     ) -> Vec<Option<JointError>> {
         let n = self.sensor_sd.len();
-        let found: Vec<Option<(f64, usize, DVector<f64>, Vec<DVector<f64>>)>> = (0..n)
+        let found: Vec<Option<Fitted>> = (0..n)
             .into_par_iter()
             .map(|j| {
                 if !wanted(j) {
@@ -201,10 +210,10 @@ impl<'a> JointTorques<'a> {
                 }
                 let evidence = self.evidence(j, &self.of_joint(j, laws), &[]);
                 let folds = JointFolds::of(&evidence, &self.body, &self.robot.model)?;
-                let x = folds.solution().clone();
+                let solution = folds.solution().clone();
                 let own = self.of_joint(j, laws);
-                let left = self.flights.iter().map(|f| f.left(j, &self.base, &own, &x)).collect();
-                Some((folds.held_out_nm()?, folds.rows(), x, left))
+                let left = self.flights.iter().map(|f| f.left(j, &self.base, &own, &solution)).collect();
+                Some(Fitted { held_out: folds.held_out_nm()?, rows: folds.rows(), solution, left })
             })
             .collect();
         let jobs: Vec<(usize, u64)> = (0..DRAWS).flat_map(|d| (0..self.recorded.len()).map(move |r| (r, d))).collect();
@@ -213,14 +222,14 @@ impl<'a> JointTorques<'a> {
         let known = self.recorded.iter().all(|r| r.errors.is_some());
         (0..n)
             .map(|j| {
-                let (held_out, rows, ..) = found[j].as_ref()?;
+                let fitted = found[j].as_ref()?;
                 let of_draw = |d: u64| {
                     let own = jobs.iter().zip(&drawn).filter(|(job, _)| job.1 == d).map(|(_, sums)| sums[j]);
                     own.fold((0.0, 0), |s, x| (s.0 + x.0, s.1 + x.1))
                 };
                 let draws: Vec<(f64, usize)> = (0..DRAWS).map(of_draw).collect();
                 let floor = floor_of_draws(&draws).filter(|_| known);
-                Some(JointError { held_out: *held_out, floor, rows: *rows })
+                Some(JointError { held_out: fitted.held_out, floor, rows: fitted.rows })
             })
             .collect()
     }
@@ -237,7 +246,7 @@ impl<'a> JointTorques<'a> {
         recording: usize,
         draw: u64,
         laws: &[EffectInstance<'_>],
-        found: &[Option<(f64, usize, DVector<f64>, Vec<DVector<f64>>)>],
+        found: &[Option<Fitted>],
     ) -> Vec<(f64, usize)> {
         let mut out = vec![(0.0, 0); found.len()];
         let of = &self.recorded[recording];
@@ -252,7 +261,7 @@ impl<'a> JointTorques<'a> {
             let Some(at) = self.flights.iter().position(same) else { continue };
             flight.moving.clone_from(&self.flights[at].moving);
             for (j, found) in found.iter().enumerate() {
-                let Some((_, _, x, left)) = found else { continue };
+                let Some(Fitted { solution: x, left, .. }) = found else { continue };
                 let changed = flight.left(j, &self.base, &self.of_joint(j, laws), x) - &left[at];
                 out[j].0 += changed.norm_squared() + flight.sticking(j, x[friction]);
                 out[j].1 += changed.len();

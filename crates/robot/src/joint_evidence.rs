@@ -307,8 +307,7 @@ impl<'a> JointFolds<'a> {
     fn without(&self, cluster: Option<usize>) -> Normal {
         let out = self.prior.plus(&self.all_body, 1.0).plus(&self.all_own, self.weight);
         let Some(g) = cluster else { return out };
-        let out = out.plus(&self.body[g], -1.0).plus(&self.own[g], -self.weight);
-        out
+        out.plus(&self.body[g], -1.0).plus(&self.own[g], -self.weight)
     }
 
     /// What the whole fit leaves, by cluster.

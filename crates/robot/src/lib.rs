@@ -10,6 +10,7 @@
 
 mod check;
 mod clock;
+mod collision;
 mod combine;
 pub mod description;
 mod error;
@@ -36,10 +37,11 @@ pub mod torque;
 
 pub use check::check;
 pub use clock::{RoughOffset, rough_offset};
+pub use collision::{LinkSpheres, Solid};
 pub use description::{Imu, MarkerPlace, ModelFiles, RobotDescription, SensorNoise};
 pub use error::RobotError;
 pub use fuse::{FuseInput, FusionReport, fuse};
-pub use log::{BaseLog, RobotLog};
+pub use log::{BaseLog, RobotLog, unknown_contacts};
 pub use model::{Format, Merged, RobotJoint, RobotModel};
 pub use subject::{PriorSpread, subject};
 pub use table::Columns;

@@ -42,6 +42,8 @@ pub struct RobotLog {
     pub gyro: Option<Vec<Vector3<f64>>>,
     /// Specific force in the sensor's axes, m/s².
     pub acc: Option<Vec<Vector3<f64>>>,
+    /// Contact of links: the column's name and, for each row, 1 in contact and 0 without; NaN where missing.
+    pub contact: Vec<(String, Vec<f64>)>,
     /// Pose of the base by the same clock, if the log holds it.
     pub base: Option<BaseLog>,
 }
@@ -101,6 +103,34 @@ fn vectors(columns: &Columns, names: [&str; 3]) -> Option<Vec<Vector3<f64>>> {
     Some((0..columns.height()).map(|i| Vector3::new(x[i], y[i], z[i])).collect())
 }
 
+/// Force on a link that counts as contact, as a share of the model's weight.
+const CONTACT_SHARE: f64 = 0.02;
+
+/// Columns of contact: `contact_LINK`, 1 in contact, and `force_z_LINK_n`, the load of a foot's sensor. Of a link with both the
+/// flag is taken.
+fn contacts(columns: &Columns, model: &RobotModel) -> Vec<(String, Vec<f64>)> {
+    let limit_n = CONTACT_SHARE * model.mass_kg() * 9.81;
+    let as_flag = |c: &[f64], above: f64| -> Vec<f64> {
+        c.iter().map(|x| if x.is_finite() { f64::from(u8::from(x.abs() > above)) } else { f64::NAN }).collect()
+    };
+    let of = |link: &str| {
+        let (flag, force) = (format!("contact_{link}"), format!("force_z_{link}_n"));
+        match (columns.get(&flag), columns.get(&force)) {
+            (Some(c), _) => Some((flag, as_flag(c, 0.5))),
+            (None, Some(c)) => Some((force, as_flag(c, limit_n))),
+            (None, None) => None,
+        }
+    };
+    model.spec.links.iter().filter_map(|l| of(&l.name)).collect()
+}
+
+/// Columns that are named as contact and belong to no link of the model.
+pub fn unknown_contacts<'c>(columns: &'c Columns, model: &RobotModel) -> Vec<&'c str> {
+    let link = |n: &'c str| n.strip_prefix("contact_").or_else(|| n.strip_prefix("force_z_")?.strip_suffix("_n"));
+    let unknown = |n: &&'c String| link(n).is_some_and(|l| !model.spec.links.iter().any(|own| own.name == l));
+    columns.names.iter().filter(unknown).map(String::as_str).collect()
+}
+
 fn abridged(names: &[String]) -> String {
     let shown: Vec<&str> = names.iter().take(6).map(String::as_str).collect();
     if names.len() > 6 { format!("{} … ({} columns)", shown.join(", "), names.len()) } else { shown.join(", ") }
@@ -146,6 +176,7 @@ impl RobotLog {
             log.torque.push(named(columns, &MEASURED, name).map(<[f64]>::to_vec).unwrap_or_default());
             log.command.push(named(columns, &COMMANDED, name).map(<[f64]>::to_vec).unwrap_or_default());
         }
+        log.contact = contacts(columns, model);
         log.gyro = vectors(columns, ["gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"])
             .or_else(|| vectors(columns, ["gyro_x", "gyro_y", "gyro_z"]))
             .or_else(|| vectors(columns, ["angular_velocity.x", "angular_velocity.y", "angular_velocity.z"]));
@@ -181,6 +212,20 @@ impl RobotLog {
         };
         let as_joints = Self { q: source.clone(), gyro: None, acc: None, ..self.clone() };
         Ok(Some(crate::resample::Grid::of(&as_joints)?.q))
+    }
+
+    /// Contact at the frames of the motion, as [`RobotLog::contact`].
+    ///
+    /// # Errors
+    /// As [`crate::fuse`].
+    pub fn contact_at_frames(&self) -> Result<Vec<(String, Vec<f64>)>, RobotError> {
+        if self.contact.is_empty() {
+            return Ok(Vec::new());
+        }
+        let q = self.contact.iter().map(|c| c.1.clone()).collect();
+        let as_joints = Self { q, gyro: None, acc: None, ..self.clone() };
+        let frames = crate::resample::Grid::of(&as_joints)?.q;
+        Ok(self.contact.iter().map(|c| c.0.clone()).zip(frames).collect())
     }
 
     /// Median interval of the rows, s.

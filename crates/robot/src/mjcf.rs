@@ -7,6 +7,7 @@
 //! compiled model with `mj_saveLastXML` first).
 
 use crate::RobotError;
+use crate::collision::{Shape, Solid};
 use crate::model::{Raw, RobotJoint, SCALAR, parse};
 use aloft_body::{JointSpec, LinkInertia, LinkSpec, ModelSpec};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Unit, UnitQuaternion, Vector3};
@@ -20,6 +21,7 @@ struct Reader<'a, 't> {
     links: Vec<LinkSpec>,
     joints: Vec<RobotJoint>,
     moved: Vec<(String, [f64; 3])>,
+    shapes: Vec<Shape>,
 }
 
 /// Reads MJCF.
@@ -36,6 +38,7 @@ pub(crate) fn read(file: &str, text: &str) -> Result<Raw, RobotError> {
         links: Vec::new(),
         joints: Vec::new(),
         moved: Vec::new(),
+        shapes: Vec::new(),
     };
     for name in ["include", "attach", "frame", "replicate", "composite", "flexcomp"] {
         if let Some(node) = root.descendants().find(|n| n.has_tag_name(name)) {
@@ -57,8 +60,8 @@ pub(crate) fn read(file: &str, text: &str) -> Result<Raw, RobotError> {
     let name = root.attribute("model").unwrap_or("robot").to_owned();
     let class = top.parent().and_then(|w| w.attribute("childclass")).map(str::to_owned);
     reader.body(*top, None, class.as_deref(), Vector3::zeros())?;
-    let Reader { links, joints, moved, .. } = reader;
-    Ok(Raw { spec: ModelSpec::new(name, links), joints, moved })
+    let Reader { links, joints, moved, shapes, .. } = reader;
+    Ok(Raw { spec: ModelSpec::new(name, links), joints, moved, shapes })
 }
 
 impl Reader<'_, '_> {
@@ -131,6 +134,11 @@ impl Reader<'_, '_> {
 
     /// An attribute of a joint: its own, or that of its default class and the classes above.
     fn joint_attribute<'n>(&'n self, joint: Node<'n, 'n>, class: Option<&str>, name: &str) -> Option<&'n str> {
+        self.attribute("joint", joint, class, name)
+    }
+
+    /// The same of any element with default classes.
+    fn attribute<'n>(&'n self, element: &str, joint: Node<'n, 'n>, class: Option<&str>, name: &str) -> Option<&'n str> {
         if let Some(own) = joint.attribute(name) {
             return Some(own);
         }
@@ -146,7 +154,7 @@ impl Reader<'_, '_> {
         start
             .ancestors()
             .filter(|n| n.has_tag_name("default"))
-            .find_map(|d| d.children().find(|n| n.has_tag_name("joint")).and_then(|j| j.attribute(name)))
+            .find_map(|d| d.children().find(|n| n.has_tag_name(element)).and_then(|j| j.attribute(name)))
     }
 
     /// `up` is the origin of the parent's link frame in the frame of the parent's body.
@@ -184,6 +192,7 @@ impl Reader<'_, '_> {
                 );
             }
             self.links.push(link(&name, None, JointSpec::Free, &Isometry3::identity(), inertia));
+            self.collision(body, &name, own_class, Vector3::zeros())?;
             return self.children(body, &name, own_class, Vector3::zeros());
         };
         let mut above = parent.to_owned();
@@ -249,7 +258,67 @@ impl Reader<'_, '_> {
         if moved != Vector3::zeros() {
             self.moved.push((name.clone(), moved.into()));
         }
+        self.collision(body, &name, own_class, moved)?;
         self.children(body, &name, own_class, moved)
+    }
+
+    /// Collision geometry of a body; geoms that collide with nothing are drawings. `moved` is the origin of the link's frame in
+    /// the frame of the body.
+    fn collision(
+        &mut self,
+        body: Node<'_, '_>,
+        link: &str,
+        class: Option<&str>,
+        moved: Vector3<f64>,
+    ) -> Result<(), RobotError> {
+        let mut found = Vec::new();
+        for geom in body.children().filter(|n| n.has_tag_name("geom")) {
+            let attribute = |n: &str| self.attribute("geom", geom, class, n);
+            let list = |n: &str| -> Result<Option<Vec<f64>>, RobotError> {
+                let Some(text) = attribute(n) else { return Ok(None) };
+                let values: Option<Vec<f64>> =
+                    text.split_whitespace().map(|w| w.parse().ok().filter(|x: &f64| x.is_finite())).collect();
+                values.map(Some).ok_or_else(|| self.at(geom, format!("`{n}` is `{text}`, expected numbers")))
+            };
+            if attribute("contype") == Some("0") && attribute("conaffinity") == Some("0") {
+                continue;
+            }
+            let size = list("size")?.unwrap_or_default();
+            let short = |count: usize| self.at(geom, format!("`size` has {} numbers, expected {count}", size.len()));
+            let of = |i: usize| size.get(i).copied().ok_or_else(|| short(i + 1));
+            let three = || Ok(Vector3::new(of(0)?, of(1)?, of(2)?));
+            let mut pose = Isometry3::from_parts(
+                list("pos")?
+                    .filter(|p| p.len() == 3)
+                    .map_or(Vector3::zeros(), |p| Vector3::new(p[0], p[1], p[2]))
+                    .into(),
+                self.orientation(geom)?,
+            );
+            let mut half = None;
+            if let Some(ends) = list("fromto")?.filter(|f| f.len() == 6) {
+                let (a, b) = (Vector3::new(ends[0], ends[1], ends[2]), Vector3::new(ends[3], ends[4], ends[5]));
+                let turn = UnitQuaternion::rotation_between(&Vector3::z(), &(b - a))
+                    .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+                pose = Isometry3::from_parts(((a + b) * 0.5).into(), turn);
+                half = Some(0.5 * (b - a).norm());
+            }
+            let along = || half.map_or_else(|| of(1), Ok);
+            let solid = match attribute("type").unwrap_or("sphere") {
+                "sphere" => Some(Solid::Sphere(of(0)?)),
+                "capsule" => Some(Solid::Capsule(of(0)?, along()?)),
+                "cylinder" => Some(Solid::Cylinder(of(0)?, along()?)),
+                "box" => Some(Solid::Box(three()?)),
+                "ellipsoid" => Some(Solid::Ellipsoid(three()?)),
+                _ => None,
+            };
+            if let Some(bad) = solid.filter(|s| !s.is_sound()) {
+                return Err(self.at(geom, format!("collision geometry {bad:?}, expected sizes of zero or more")));
+            }
+            pose.translation.vector -= moved;
+            found.push(Shape { link: link.to_owned(), pose, solid });
+        }
+        self.shapes.extend(found);
+        Ok(())
     }
 
     fn children(

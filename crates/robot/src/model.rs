@@ -3,6 +3,7 @@
 //! Links that are fixed to their parents are merged with them: no motion can tell them apart. What
 //! was merged is kept, so that identified inertias can be written back ([`crate::patch`]).
 
+use crate::collision::{LinkSpheres, Shape, Solid, link_spheres};
 use crate::{RobotError, mjcf};
 use aloft_body::{JointSpec, LinkInertia, LinkSpec, Model, ModelSpec};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
@@ -96,6 +97,12 @@ pub struct RobotModel {
     /// where these differ (MJCF joints that are not at the origin of their body).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub moved: Vec<(String, [f64; 3])>,
+    /// Spheres about the collision geometry of links that have some.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub collision: Vec<LinkSpheres>,
+    /// Links with collision meshes, which are not read.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub collision_meshes: Vec<String>,
 }
 
 impl RobotModel {
@@ -144,6 +151,7 @@ pub(crate) struct Raw {
     pub spec: ModelSpec,
     pub joints: Vec<RobotJoint>,
     pub moved: Vec<(String, [f64; 3])>,
+    pub shapes: Vec<Shape>,
 }
 
 fn placement(link: &LinkSpec) -> Isometry3<f64> {
@@ -194,7 +202,9 @@ impl Raw {
             home.push((own, kept, here));
         }
         let spec = ModelSpec::new(self.spec.name, links);
-        RobotModel { file: file.to_owned(), format, spec, joints: self.joints, merged, moved: self.moved }
+        let (collision, collision_meshes) = link_spheres(&self.shapes, &home);
+        let (file, joints, moved) = (file.to_owned(), self.joints, self.moved);
+        RobotModel { file, format, spec, joints, merged, moved, collision, collision_meshes }
     }
 }
 
@@ -226,7 +236,29 @@ fn from_urdf(file: &str, text: &str) -> Result<Raw, RobotError> {
             armature: 0.0,
         });
     }
-    Ok(Raw { spec, joints, moved: Vec::new() })
+    let mut shapes = Vec::new();
+    for link in &robot.links {
+        for collision in &link.collision {
+            let (at, turn) = (collision.origin.xyz.0, collision.origin.rpy.0);
+            let pose = Isometry3::from_parts(
+                Vector3::from(at).into(),
+                UnitQuaternion::from_euler_angles(turn[0], turn[1], turn[2]),
+            );
+            let solid = match &collision.geometry {
+                urdf_rs::Geometry::Box { size } => Some(Solid::Box(Vector3::from(size.0) * 0.5)),
+                urdf_rs::Geometry::Cylinder { radius, length } => Some(Solid::Cylinder(*radius, 0.5 * length)),
+                urdf_rs::Geometry::Capsule { radius, length } => Some(Solid::Capsule(*radius, 0.5 * length)),
+                urdf_rs::Geometry::Sphere { radius } => Some(Solid::Sphere(*radius)),
+                urdf_rs::Geometry::Mesh { .. } => None,
+            };
+            if let Some(bad) = solid.filter(|s| !s.is_sound()) {
+                let problem = format!("collision geometry of `{}`: {bad:?}, expected sizes of zero or more", link.name);
+                return Err(RobotError::model(file, problem));
+            }
+            shapes.push(Shape { link: link.name.clone(), pose, solid });
+        }
+    }
+    Ok(Raw { spec, joints, moved: Vec::new(), shapes })
 }
 
 /// Why a joint with several coordinates cannot be used.

@@ -170,3 +170,51 @@ fn validate_base_parameters_of_random_trees_against_pinocchio() {
         assert_eq!(base.len() as u64, case["torque_rank"].as_u64().unwrap(), "tree {i}: all rows");
     }
 }
+
+/// Collision geometry of the two formats gives the same spheres, on links and on what is fixed to them; drawings and meshes none.
+#[test]
+fn collision_geometry_of_both_formats_is_the_same() {
+    let urdf = URDF
+        .replace(
+            "<visual><geometry><mesh filename=\"package://small/arm.stl\"/></geometry></visual>",
+            "<collision><origin xyz=\"0.1 0 0.02\" rpy=\"0.2 0.5 -0.3\"/><geometry><box size=\"0.2 0.06 0.04\"/></geometry></collision>
+             <collision><origin xyz=\"0.2 0 0\"/><geometry><mesh filename=\"arm.stl\"/></geometry></collision>",
+        )
+        .replace(
+            "<link name=\"battery\">",
+            "<link name=\"battery\"><collision><origin xyz=\"0.03 0 0\"/><geometry><cylinder radius=\"0.03\" length=\"0.1\"/></geometry></collision>",
+        );
+    let mjcf = MJCF
+        .replace(
+            "<default class=\"arm\">",
+            "<geom type=\"box\"/><default class=\"drawn\"><geom contype=\"0\" conaffinity=\"0\"/></default><default class=\"arm\">",
+        )
+        // roll, pitch, yaw about fixed axes
+        .replace(
+            "<geom type=\"mesh\" mesh=\"arm\"/>",
+            "<geom type=\"mesh\" mesh=\"arm\"/><geom class=\"drawn\" size=\"1 1 1\"/>
+             <geom pos=\"0.1 0 0.02\" euler=\"11.459155902616464 28.64788975654116 -17.188733853924695\" size=\"0.1 0.03 0.02\"/>",
+        )
+        .replace(
+            "mass=\"0.5\" diaginertia=\"0.001 0.001 0.001\"/>",
+            "mass=\"0.5\" diaginertia=\"0.001 0.001 0.001\"/><geom type=\"cylinder\" fromto=\"0.03 0 -0.05 0.03 0 0.05\" size=\"0.03\"/>",
+        );
+    let (a, b) = (RobotModel::parse("robot.urdf", &urdf).unwrap(), RobotModel::parse("robot.xml", &mjcf).unwrap());
+    for (robot, other) in [(&a, &b), (&b, &a)] {
+        assert_eq!(robot.collision_meshes, ["arm"]);
+        for own in &robot.collision {
+            let of = &other.collision.iter().find(|c| c.link == own.link).unwrap().spheres;
+            assert_eq!(own.spheres.len(), of.len(), "{}", own.link);
+            for (x, y) in own.spheres.iter().zip(of) {
+                let apart = (0..3).map(|k| (x.0[k] - y.0[k]).abs()).fold((x.1 - y.1).abs(), f64::max);
+                assert!(apart < 1e-9, "{}: {x:?} {y:?}", own.link);
+            }
+        }
+    }
+    // the battery is part of the base
+    let base = a.collision.iter().find(|c| c.link == "base").unwrap();
+    assert!(base.spheres.iter().all(|(at, _)| (at[2] + 0.1).abs() < 0.06), "{base:?}");
+    let wrong = urdf.replace("0.2 0.06 0.04", "0.2 -0.06 0.04");
+    let told = RobotModel::parse("robot.urdf", &wrong).unwrap_err().to_string();
+    assert!(told.contains("collision geometry of `arm`"), "{told}");
+}

@@ -102,7 +102,7 @@ fn a_rehearsed_log_gives_its_motion_and_clock_back() {
 fn links_that_overlap_in_recordings_may_overlap_again_but_not_more() {
     let (robot, model, _) = robot();
     let links: Vec<LinkInertia> = robot.spec.links.iter().map(|l| l.inertia.unwrap()).collect();
-    let mut extents = Extents::of(&model, &links, 0.01);
+    let mut extents = Extents::of(&model, &links, &[], 0.01);
     let posture = |shoulder: f64, extend: f64| {
         let mut q = model.neutral();
         (q[7], q[8]) = (shoulder, extend);

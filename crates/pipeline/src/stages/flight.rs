@@ -1,11 +1,12 @@
 //! `flight`: the intervals in which nothing touches the body, and what the plates read when nothing stands on them.
 
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
+use crate::stages::robot::CONTACT;
 use aloft_body::{Motion, Subject};
 use aloft_flight::{
-    Coverage, FlightError, FlightMethod, FlightOptions, FlightReport, FlightWarning, ImpulseMass, PlateDelay,
-    PlateTare, TareSource, coverage, find_flights, impulse_masses, plate_delays, plate_wrench_at_marker_rate, tare,
-    total_wrench,
+    ContactSensor, Coverage, FlightError, FlightMethod, FlightOptions, FlightReport, FlightWarning, ImpulseMass,
+    PlateDelay, PlateTare, TareSource, bounded_by_contact, coverage, find_flights, impulse_masses, plate_delays,
+    plate_wrench_at_marker_rate, tare, total_wrench,
 };
 use aloft_study::config::{FlightConfig, FlightSource};
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
@@ -13,6 +14,7 @@ use aloft_trial::Trial;
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::json::write_json;
 use aloft_workspace::qc::QcReason;
+use aloft_workspace::table::Table;
 use aloft_workspace::warning::StageWarning;
 use serde::Serialize;
 use serde_json::json;
@@ -110,6 +112,8 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     } else {
         unloaded_only(&trial, &motion, &options).map_err(|e| StageFailure::new(e.to_string()))?
     };
+    let sensors = contact_sensors(inputs, name)?;
+    let report = if sensors.is_empty() { report } else { bounded_by_contact(report, &sensors, config.min_duration_s) };
     let tares = tare(&mut trial, &report.flights);
     write_json(&inputs.out.join("flights.json"), &report)?;
     write_json(&inputs.out.join("tare.json"), &tares)?;
@@ -164,6 +168,20 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         ));
     }
     Ok(done)
+}
+
+/// Contact sensors of a robot's log; none where it has none.
+fn contact_sensors(inputs: &StageInputs<'_>, name: &str) -> Result<Vec<ContactSensor>, StageFailure> {
+    let path = inputs.results.place("import", name)?.join(CONTACT);
+    if !path.is_file() {
+        return Ok(Vec::new());
+    }
+    let columns = Table::read(&path)?.into_columns();
+    let of = |(name, values): (String, Vec<f64>)| ContactSensor {
+        name,
+        touching: values.iter().map(|v| *v > 0.5).collect(),
+    };
+    Ok(columns.into_iter().map(of).collect())
 }
 
 /// Stretches between loads of the plates in which the markers fall, for the plates' tare: all that a

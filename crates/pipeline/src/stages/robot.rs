@@ -9,7 +9,9 @@ use aloft_body::Motion;
 use aloft_compare::PoseErrors;
 use aloft_robot::markers::{BaseFromMarkers, LinkMarker, MarkerRecording, PoseNoise, base_from_markers, compare_links};
 use aloft_robot::noise::SensorErrors;
-use aloft_robot::{BaseLog, Columns, FuseInput, FusionReport, RobotError, RobotLog, check, fuse, ros};
+use aloft_robot::{
+    BaseLog, Columns, FuseInput, FusionReport, RobotError, RobotLog, check, fuse, ros, unknown_contacts,
+};
 use aloft_study::config::ImportConfig;
 use aloft_study::facts::Facts;
 use aloft_study::recordings::{base_beside, markers_beside};
@@ -27,6 +29,9 @@ use std::path::Path;
 const ANOTHER_MASS: f64 = 2.0;
 /// Noise of poses that come from markers, and markers on other links.
 const MARKERS: &str = "markers_on_links.json";
+
+/// Contact of links at the frames of the motion.
+pub(crate) const CONTACT: &str = "contact.parquet";
 
 pub(crate) fn failed(error: &RobotError) -> StageFailure {
     match error.hint() {
@@ -66,8 +71,11 @@ pub fn read(robot: &RobotSetup, import: &ImportConfig, recording: &Recording) ->
     } else {
         (columns(&recording.file)?, None)
     };
+    let mut remarks: Vec<String> = Vec::new();
+    if let Some(first) = unknown_contacts(&log, &robot.model).first() {
+        remarks.push(format!("the column `{first}` names no link of {}: it is not read", robot.model.file));
+    }
     let log = RobotLog::of(&log, &robot.model).map_err(|e| failed(&e))?;
-    let mut remarks = Vec::new();
     let mut markers = None;
     let base = match (base_beside(&recording.file), markers_beside(&recording.file)) {
         (Some(file), _) => Some(BaseLog::of(&columns(&file)?).map_err(|e| failed(&e))?),
@@ -161,7 +169,18 @@ pub fn load_log(
     };
     let (q, dq, torque, command) = (of("q"), of("dq"), of("torque"), of("command"));
     let time_s = map.remove("time_s").unwrap_or_default();
-    let log = RobotLog { file: format!("{name} (log)"), time_s, q, dq, torque, command, gyro, acc, base: None };
+    let log = RobotLog {
+        file: format!("{name} (log)"),
+        time_s,
+        q,
+        dq,
+        torque,
+        command,
+        gyro,
+        acc,
+        contact: Vec::new(),
+        base: None,
+    };
     let path = place.join("base.parquet");
     if !path.is_file() {
         return Ok((log, None));
@@ -192,6 +211,14 @@ pub fn import(
     kept(robot, &log).write(&inputs.out.join("log.parquet"))?;
     if let Some(base) = base.as_ref().or(log.base.as_ref()) {
         kept_base(base).write(&inputs.out.join("base.parquet"))?;
+    }
+    let contact = log.contact_at_frames().map_err(|e| failed(&e))?;
+    if !contact.is_empty() {
+        let mut table = Table::default();
+        for (name, values) in contact {
+            table.push(name, values);
+        }
+        table.write(&inputs.out.join(CONTACT))?;
     }
     write_json(&inputs.out.join("clock.json"), &base.is_none())?;
     let (n, rate_hz) = log.frames().map_err(|e| failed(&e))?;

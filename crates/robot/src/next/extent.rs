@@ -1,10 +1,12 @@
 //! Where links are, as spheres: a check that a planned motion keeps links apart.
 //!
-//! The spheres of a link are strung from its origin to the origins of its children, or, at the end of a
+//! A link with collision geometry (boxes, spheres, cylinders, capsules, ellipsoids) has the spheres that enclose it. The spheres of
+//! any other link are strung from its origin to the origins of its children, or, at the end of a
 //! limb, to twice the distance of its centre of mass. Their radius is that of a homogeneous cylinder with
 //! the link's mass and smallest moment of inertia (`r² = 2 I/m`). This is rough. A pair of links is
 //! therefore judged by comparison: it may come as close as the margin, or as close as it came in the recordings.
 
+use crate::LinkSpheres;
 use aloft_body::{LinkInertia, Model, State};
 use nalgebra::Vector3;
 
@@ -23,9 +25,13 @@ const MOST: usize = 8;
 
 impl Extents {
     /// Spheres of a model's links, with a smallest distance of `margin_m` between links that no joint connects.
-    pub fn of(model: &Model, links: &[LinkInertia], margin_m: f64) -> Self {
+    pub fn of(model: &Model, links: &[LinkInertia], collision: &[LinkSpheres], margin_m: f64) -> Self {
         let mut spheres = Vec::new();
         for (i, inertia) in links.iter().enumerate() {
+            if let Some(own) = collision.iter().find(|c| c.link == model.links[i].name) {
+                spheres.extend(own.spheres.iter().map(|(at, r)| (i, Vector3::from(*at), *r)));
+                continue;
+            }
             let principal = inertia.inertia_com_kgm2.symmetric_eigenvalues();
             let radius = (2.0 * principal.min().max(0.0) / inertia.mass_kg).sqrt();
             let mut ends: Vec<Vector3<f64>> = model
